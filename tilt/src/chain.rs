@@ -1,0 +1,413 @@
+//! The whole way from counts to a reading: filter, temperature, correction, angle, uncertainty.
+//!
+//! In: [`Counts`] with the time of their capture, and now and then a [`Temperature`]. Out, at any
+//! instant asked for: a [`Reading`], which is a [`Measurement`] or an [`Invalid`] reason per axis.
+//!
+//! R7 fixes the order: acquisition, low-pass, temperature, table (or vector), angle.
+//!
+//! # Time
+//! What comes out of a filter is old by its delay, and two channels with clocks of their own
+//! differ in age. [`Timing::Aligned`] therefore interpolates between the last two filtered
+//! samples so that the reading belongs to exactly `now - latency`, the same instant in every
+//! channel (erratum E11: 5 ms of skew alone fires the paper's rule at 80 deg/s).
+//! [`Timing::AsItArrives`] is the paper: the newest sample, whatever its age. Both declare their
+//! latency (erratum E2: at 80 deg/s the paper's filter alone lags 0.64 deg).
+//!
+//! The part's rate is off by several per cent, so the period is measured by capture times.
+//!
+//! Left out: reading the part, and judging one channel by the other (`cross_check`).
+
+use crate::angle::{Angle, Axes, Harmonics, hypot, slopes, turn};
+use crate::filter::{FilterState, Filtered, LowPass, scale};
+use crate::sample::{Counts, FullScale, Instant, Temperature};
+use crate::table::{Rule, Table};
+use crate::temperature::{Compensated, TemperatureModel};
+use crate::uncertainty::{Budget, Uncertainty};
+use crate::vector::Vector;
+
+/// Why there is no angle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Invalid {
+    /// No sample has come since the start.
+    NoSample,
+    /// The filter has not settled since the start, or since a gap.
+    Settling,
+    /// Samples have stopped coming: the newest is older than four periods.
+    Stale,
+    /// The part was at its full scale within the filter's memory, so the mean is not to be had.
+    OverRange,
+    /// The temperature is not known yet.
+    NoTemperature,
+    /// This instrument does not measure this axis.
+    NotMeasured,
+    /// The part has lost its set-up: a brown-out or an upset. Needs a reset.
+    PartReset,
+    /// The part does not answer as itself on its bus.
+    Bus,
+}
+
+impl Invalid {
+    /// True for what passes by itself within the filter's memory and accuses nobody.
+    pub const fn is_transient(self) -> bool {
+        matches!(
+            self,
+            Self::NoSample | Self::Settling | Self::OverRange | Self::NoTemperature
+        )
+    }
+}
+
+/// One axis measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measurement {
+    /// The angle.
+    pub angle: Angle,
+    /// Its standard uncertainty (k = 1).
+    pub uncertainty: Uncertainty,
+    /// The instant that the angle belongs to, on the device's clock.
+    pub at: Instant,
+    /// From `at` to when the reading was asked for, in microseconds.
+    pub latency_us: u32,
+}
+
+/// What one channel says at one instant.
+pub type Reading = Axes<Result<Measurement, Invalid>>;
+
+/// How the compensated acceleration becomes an angle.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "lives in flash or on a host; there is no heap"
+)]
+pub enum Correction {
+    /// Paper mode: a table for each axis, z ignored (R5, R6).
+    Tables {
+        /// One table per axis.
+        tables: Axes<Table>,
+        /// How they are read.
+        rule: Rule,
+    },
+    /// Product mode, two axes: twelve parameters, three harmonics per axis.
+    TwoAxis {
+        /// The affine correction.
+        vector: Vector,
+        /// Harmonics of slope X and slope Y.
+        harmonics: Axes<Harmonics>,
+    },
+    /// Product mode, one axis over 360 deg: reported as axis X, axis Y is not measured.
+    OneAxis {
+        /// The affine correction.
+        vector: Vector,
+        /// Harmonics of the turn.
+        harmonics: Harmonics,
+    },
+}
+
+/// What a calibration leaves behind: the part of the configuration that belongs to one sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibration {
+    /// Temperature compensation.
+    pub temperature: TemperatureModel,
+    /// Acceleration to angle.
+    pub correction: Correction,
+    /// Where the uncertainty comes from.
+    pub budget: Budget,
+}
+
+/// Which instant a reading belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Timing {
+    /// The newest filtered sample, whatever its age: paper mode.
+    AsItArrives,
+    /// Exactly this many microseconds before the reading is asked for.
+    Aligned {
+        /// The declared latency; must cover the delay of filter and part, about 24 ms at 400 Hz.
+        latency_us: u32,
+    },
+}
+
+/// The configuration of one channel's signal chain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    /// The low-pass.
+    pub filter: LowPass,
+    /// Range of the part.
+    pub full_scale: FullScale,
+    /// Nominal time between samples.
+    pub period_us: u32,
+    /// Delay inside the part, in 1/65536 sample.
+    pub part_delay_q16: u32,
+    /// Which instant readings belong to.
+    pub timing: Timing,
+    /// Correction for this part.
+    pub calibration: Calibration,
+}
+
+/// Delay of the part's internal second-order low-pass at ODR/2: sqrt(2) / pi sample \[ASSUME\].
+///
+/// 9.0 ms at 25 Hz (50 samples/s) and 1.13 ms at 200 Hz (400 samples/s).
+pub const PART_DELAY_Q16: u32 = 29_502;
+
+/// Samples after a start before a reading is valid: 0.32 s at 400 Hz, 0.64 s at 50 Hz.
+const fn settling_samples(period_us: u32) -> u32 {
+    if period_us > 10_000 { 32 } else { 128 }
+}
+
+/// Samples missing in a row that are filled by holding the last; more, and the filter restarts.
+const MOST_FILLED: i64 = 3;
+
+#[derive(Clone, Copy, Debug)]
+struct Stamped {
+    filtered: Filtered,
+    at: Instant,
+}
+
+/// What a chain remembers between samples.
+#[derive(Clone, Debug, Default)]
+pub struct State {
+    filter: FilterState,
+    latest: Option<Stamped>,
+    previous: Option<Stamped>,
+    input: [i32; 3],
+    /// Measured time between samples in 1/256 us, 0 before the second sample.
+    period_q8: u32,
+    settling: u32,
+    over_range: u32,
+    /// Smoothed temperature in 1/65536 degC.
+    temperature_q16: Option<i32>,
+    filled: u32,
+}
+
+impl State {
+    /// The temperature that compensation uses, once one has been read.
+    pub fn temperature(&self) -> Option<Temperature> {
+        self.temperature_q16.map(|t| Temperature((t + 128) >> 8))
+    }
+
+    /// The newest filtered acceleration with its capture time: what a calibration memorises.
+    pub fn filtered(&self) -> Option<(Filtered, Instant)> {
+        self.latest.map(|s| (s.filtered, s.at))
+    }
+
+    /// Missing samples that were filled by holding the one before, since the start.
+    pub fn filled(&self) -> u32 {
+        self.filled
+    }
+
+    /// The measured time between samples in 1/256 us; 0 before the second sample.
+    pub fn period_q8(&self) -> u32 {
+        self.period_q8
+    }
+}
+
+impl Chain {
+    /// Takes in one temperature reading; smoothed over about eight readings.
+    pub fn temperature(&self, state: &mut State, reading: Temperature) {
+        let new = reading.0.clamp(-128 * 256, 127 * 256) << 8;
+        state.temperature_q16 = Some(match state.temperature_q16 {
+            None => new,
+            Some(old) => old + (new - old) / 8,
+        });
+    }
+
+    /// Takes in one sample captured at `at`.
+    ///
+    /// A sample that is not newer than the last is ignored. Up to three missing ones are filled by
+    /// holding the last; a longer gap starts the filter anew.
+    pub fn sample(&self, state: &mut State, counts: Counts, at: Instant) {
+        let input = scale(counts, self.full_scale);
+        match state.latest.map(|s| at.micros_since(s.at)) {
+            Some(elapsed) if elapsed <= 0 => return,
+            Some(elapsed) => self.account(state, elapsed, input),
+            None => self.start(state, input),
+        }
+        self.note_range(state, counts);
+        state.input = input;
+        state.previous = state.latest;
+        state.latest = Some(Stamped {
+            filtered: self.filter.step(&mut state.filter, input),
+            at,
+        });
+        state.settling = state.settling.saturating_sub(1);
+    }
+
+    fn start(&self, state: &mut State, input: [i32; 3]) {
+        state.filter = FilterState::standing_at(input);
+        state.settling = settling_samples(self.period_us);
+        state.period_q8 = self.period_us.saturating_mul(256);
+        state.latest = None;
+    }
+
+    /// Follows the period and mends gaps; `elapsed` is positive.
+    fn account(&self, state: &mut State, elapsed: i64, input: [i32; 3]) {
+        let elapsed_q8 = elapsed.saturating_mul(256);
+        let period = i64::from(state.period_q8.max(1));
+        let missing = elapsed_q8.saturating_add(period / 2) / period - 1;
+        if missing > MOST_FILLED {
+            return self.start(state, input);
+        }
+        if missing == 0 {
+            // The first differences count more, so that the measured period is there in time.
+            let weight = if state.settling > 96 { 8 } else { 32 };
+            let change = (elapsed_q8 - period) / weight;
+            state.period_q8 = u32::try_from(period + change).unwrap_or(state.period_q8);
+        }
+        for _ in 0..missing.max(0) {
+            self.filter.step(&mut state.filter, state.input);
+            state.filled = state.filled.saturating_add(1);
+        }
+    }
+
+    fn note_range(&self, state: &mut State, counts: Counts) {
+        // The top code of a 12-bit left-justified reading; 14-bit ones clip above it.
+        const TOP: i16 = 32_752;
+        let memory = settling_samples(self.period_us) / 2;
+        let clipped = counts.0.iter().any(|&c| c >= TOP || c == i16::MIN);
+        state.over_range = if clipped {
+            memory
+        } else {
+            state.over_range.saturating_sub(1)
+        };
+    }
+
+    /// Delay of part and filter in microseconds, by the measured period.
+    pub fn delay_us(&self, state: &State) -> i64 {
+        let samples = i64::from(self.filter.delay_q16()) + i64::from(self.part_delay_q16);
+        (samples * i64::from(state.period_q8) + (1 << 23)) >> 24
+    }
+
+    /// The reading at `now`, belonging to the instant that [`Timing`] says.
+    pub fn reading(&self, state: &State, now: Instant) -> Reading {
+        match self.take(state, now) {
+            Err(reason) => Axes {
+                x: Err(reason),
+                y: Err(reason),
+            },
+            Ok((filtered, temperature, at)) => {
+                let latency_us = u32::try_from(now.micros_since(at)).unwrap_or(0);
+                self.evaluate(filtered, temperature)
+                    .map(|(angle, uncertainty)| Measurement {
+                        angle,
+                        uncertainty,
+                        at,
+                        latency_us,
+                    })
+            }
+        }
+    }
+
+    fn take(
+        &self,
+        state: &State,
+        now: Instant,
+    ) -> Result<(Filtered, Temperature, Instant), Invalid> {
+        let latest = state.latest.ok_or(Invalid::NoSample)?;
+        let age = now.micros_since(latest.at);
+        if age > 4 * i64::from(self.period_us) {
+            return Err(Invalid::Stale);
+        }
+        if state.settling > 0 {
+            return Err(Invalid::Settling);
+        }
+        if state.over_range > 0 {
+            return Err(Invalid::OverRange);
+        }
+        let temperature = match self.calibration.temperature {
+            TemperatureModel::None => state.temperature().unwrap_or(Temperature::REFERENCE),
+            _ => state.temperature().ok_or(Invalid::NoTemperature)?,
+        };
+        let delay = self.delay_us(state);
+        match self.timing {
+            Timing::AsItArrives => Ok((latest.filtered, temperature, latest.at.offset(-delay))),
+            Timing::Aligned { latency_us } => {
+                let previous = state.previous.ok_or(Invalid::Settling)?;
+                let at = now.offset(-i64::from(latency_us));
+                let filtered = interpolate(previous, latest, at.offset(delay));
+                Ok((filtered.ok_or(Invalid::Stale)?, temperature, at))
+            }
+        }
+    }
+
+    /// Angle and uncertainty of one filtered acceleration: everything behind the low-pass.
+    pub fn evaluate(
+        &self,
+        filtered: Filtered,
+        temperature: Temperature,
+    ) -> Axes<Result<(Angle, Uncertainty), Invalid>> {
+        let compensated = self.calibration.temperature.apply(filtered, temperature);
+        let accel = self.calibration.budget.accel(&self.filter, temperature);
+        self.calibration.correct(compensated, accel)
+    }
+}
+
+impl<T, E> Axes<Result<T, E>> {
+    /// Applies `f` to whichever axes have a value.
+    pub fn map<U>(self, f: impl Fn(T) -> U) -> Axes<Result<U, E>> {
+        Axes {
+            x: self.x.map(&f),
+            y: self.y.map(&f),
+        }
+    }
+}
+
+impl Calibration {
+    fn correct(
+        &self,
+        input: Compensated,
+        accel: u32,
+    ) -> Axes<Result<(Angle, Uncertainty), Invalid>> {
+        let budget = &self.budget;
+        match &self.correction {
+            Correction::Tables { tables, rule } => {
+                let read = |table: &Table, a| {
+                    let u = budget.of_table(table, *rule, a, accel);
+                    Ok((table.look_up(a, *rule), u))
+                };
+                let [x, y, _] = input.accel;
+                Axes {
+                    x: read(&tables.x, x),
+                    y: read(&tables.y, y),
+                }
+            }
+            Correction::TwoAxis { vector, harmonics } => {
+                let v = vector.apply(input);
+                let [x, y, z] = v.accel;
+                let raw = slopes(v);
+                let u = |beside| budget.of_vector(v, beside, accel);
+                Axes {
+                    x: Ok((harmonics.x.apply_to_slope(raw.x), u(hypot(y, z)))),
+                    y: Ok((harmonics.y.apply_to_slope(raw.y), u(hypot(x, z)))),
+                }
+            }
+            Correction::OneAxis { vector, harmonics } => {
+                let v = vector.apply(input);
+                let u = budget.of_vector(v, ONE_AXIS_NEVER_FOLDS, accel);
+                Axes {
+                    x: Ok((harmonics.apply(turn(v)), u)),
+                    y: Err(Invalid::NotMeasured),
+                }
+            }
+        }
+    }
+}
+
+/// atan2(x, z) goes all the way round: there is no vertical at which it folds.
+const ONE_AXIS_NEVER_FOLDS: i32 = i32::MAX;
+
+/// The filtered acceleration at `at` on the line through the last two samples.
+///
+/// `None` when `at` is more than two periods before the first or three after the second.
+fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filtered> {
+    let span = latest.at.micros_since(previous.at);
+    let way = at.micros_since(previous.at);
+    let weight_q16 = way.checked_mul(1 << 16)?.checked_div(span)?;
+    if !(-2 << 16..=4 << 16).contains(&weight_q16) {
+        return None;
+    }
+    let mut accel = previous.filtered.accel;
+    for (a, &b) in accel.iter_mut().zip(&latest.filtered.accel) {
+        let step = (i64::from(b) - i64::from(*a)) * weight_q16;
+        let value = i64::from(*a) + (step >> 16);
+        *a = value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+    }
+    Some(Filtered { accel })
+}

@@ -1,0 +1,331 @@
+//! The paper's look-up table: acceleration of one axis to angle (R5, R6).
+//!
+//! In: the compensated acceleration of one axis. Out: the angle memorised for it. Three rules:
+//! - [`Rule::Nearest`] is the paper: the angle of the nearer of the two neighbouring points,
+//!   switching in the middle between them;
+//! - [`Rule::Linear`] interpolates and is the better instrument with the same table;
+//! - [`Rule::PrintedQuarter`] is eq 7 to the letter, for analysis only.
+//!
+//! # Errata
+//! - E3: eq 7 halves the distance and its conditions halve it again, so the printed rule switches
+//!   at a quarter of the step: 0.38 deg rms and 0.25 deg of bias away from zero, where the middle,
+//!   which the text describes, gives 0.289.
+//! - E4: a 1 deg table read by the nearest rule is 0.289 deg rms between its knots. It can be
+//!   neither +-0.2 deg nor resolve 0.001 deg.
+//! - E5: a static test in 10 deg steps stands on knots only and does not see that error.
+//! - E6: one axis loses its sensitivity as the cosine of the angle; at 90 deg the last degree
+//!   spans 0.6 LSB. The noise makes neighbouring points change places there, so the table is
+//!   made monotone by pooling such neighbours; where points share an acceleration, the end of the
+//!   pool nearer to the reading answers.
+//! - E7: ignoring z couples the axes: a true roll of 10 deg reads 7.05 deg at 45 deg pitch.
+
+use crate::angle::Angle;
+
+/// Most points a table holds: -90 to 90 deg in steps of 1 deg (R5).
+pub const MAX_POINTS: usize = 181;
+
+/// One memorised pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Point {
+    /// Filtered, compensated acceleration of the axis, 2^-26 g per step.
+    pub accel: i32,
+    /// The reference's angle.
+    pub angle: Angle,
+}
+
+/// How a reading between two points becomes an angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rule {
+    /// The nearer point, switching at the middle (the text of section III): paper mode.
+    #[default]
+    Nearest,
+    /// A straight line between the two points.
+    Linear,
+    /// Eq 7 as printed, switching at a quarter of the step counted from the point nearer zero.
+    PrintedQuarter,
+}
+
+/// Why points do not make a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableError {
+    /// Fewer than two points.
+    TooFew,
+    /// More than [`MAX_POINTS`].
+    TooMany,
+    /// Angles must rise from point to point.
+    NotRising,
+    /// The acceleration hardly changes over the whole table: wrong axis, or a dead part.
+    Flat,
+}
+
+/// A table of up to [`MAX_POINTS`] points, rising in angle and not falling in acceleration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Table {
+    points: [Point; MAX_POINTS],
+    len: usize,
+}
+
+impl Table {
+    /// Builds a table from memorised points with rising angles.
+    ///
+    /// Accelerations that fall from one point to the next are pooled to their mean. Errors: see
+    /// [`TableError`].
+    pub fn new(memorised: &[Point]) -> Result<Self, TableError> {
+        let mut points = [Point::default(); MAX_POINTS];
+        let slots = points
+            .get_mut(..memorised.len())
+            .ok_or(TableError::TooMany)?;
+        slots.copy_from_slice(memorised);
+        if memorised.len() < 2 {
+            return Err(TableError::TooFew);
+        }
+        if memorised
+            .iter()
+            .zip(memorised.iter().skip(1))
+            .any(|(a, b)| a.angle >= b.angle)
+        {
+            return Err(TableError::NotRising);
+        }
+        pool(slots);
+        let table = Self {
+            points,
+            len: memorised.len(),
+        };
+        let span = i64::from(table.last().accel) - i64::from(table.first().accel);
+        if span < i64::from(crate::ONE_G / 100) {
+            return Err(TableError::Flat);
+        }
+        Ok(table)
+    }
+
+    /// The points in use, rising.
+    pub fn points(&self) -> &[Point] {
+        self.points.get(..self.len).unwrap_or(&[])
+    }
+
+    fn first(&self) -> Point {
+        self.points().first().copied().unwrap_or_default()
+    }
+
+    fn last(&self) -> Point {
+        self.points().last().copied().unwrap_or_default()
+    }
+
+    /// The two neighbouring points: the last not above `accel` and the first above it.
+    fn neighbours(&self, accel: i32) -> (Point, Point) {
+        let points = self.points();
+        let above = points.partition_point(|p| p.accel <= accel);
+        let high = points.get(above).copied().unwrap_or(self.last());
+        let low = above.checked_sub(1).and_then(|i| points.get(i)).copied();
+        (low.unwrap_or(self.first()), high)
+    }
+
+    /// The angle for `accel` by `rule`; beyond the ends, the end's angle.
+    pub fn look_up(&self, accel: i32, rule: Rule) -> Angle {
+        let (low, high) = self.neighbours(accel);
+        let step = i64::from(high.accel) - i64::from(low.accel);
+        if step <= 0 {
+            return low.angle;
+        }
+        let way = i64::from(accel) - i64::from(low.accel);
+        match rule {
+            Rule::Nearest if 2 * way < step => low.angle,
+            Rule::Nearest => high.angle,
+            Rule::Linear => {
+                let rise = i64::from(high.angle.minus(low.angle).0);
+                Angle(low.angle.0.wrapping_add((rise * way / step) as i32))
+            }
+            // "Previous" is the point nearer to zero, so that the sizes in eq 7 make sense for
+            // negative accelerations too.
+            Rule::PrintedQuarter if i64::from(low.accel) + i64::from(high.accel) >= 0 => {
+                if 4 * way < step {
+                    low.angle
+                } else {
+                    high.angle
+                }
+            }
+            Rule::PrintedQuarter => {
+                if 4 * (step - way) < step {
+                    high.angle
+                } else {
+                    low.angle
+                }
+            }
+        }
+    }
+
+    /// Angle between the two points around `accel`: the width of the table's step there.
+    pub fn step_at(&self, accel: i32) -> Angle {
+        let (low, high) = self.neighbours(accel);
+        high.angle.minus(low.angle)
+    }
+}
+
+/// Makes accelerations non-falling by replacing each falling stretch by its mean.
+///
+/// Pool-adjacent-violators, in place: whenever a point lies below the mean of the stretch before
+/// it, it joins that stretch, which may then join the one before.
+fn pool(points: &mut [Point]) {
+    let mut end = 1;
+    while end < points.len() {
+        let mut begin = end;
+        while let Some((first, joined)) = falls(points, begin, end) {
+            begin = first;
+            for point in points.iter_mut().take(end + 1).skip(begin) {
+                point.accel = joined;
+            }
+        }
+        end += 1;
+    }
+}
+
+/// Where the stretch `begin..=end` lies below the one before it: the first index and the mean of
+/// both together.
+fn falls(points: &[Point], begin: usize, end: usize) -> Option<(usize, i32)> {
+    let last_before = begin.checked_sub(1)?;
+    let before = points.get(last_before)?.accel;
+    if before <= mean(points, begin, end)? {
+        return None;
+    }
+    let run = points
+        .iter()
+        .take(begin)
+        .rev()
+        .take_while(|p| p.accel == before)
+        .count();
+    let first = begin.saturating_sub(run);
+    Some((first, mean(points, first, end)?))
+}
+
+fn mean(points: &[Point], begin: usize, end: usize) -> Option<i32> {
+    let slice = points.get(begin..=end)?;
+    let sum: i64 = slice.iter().map(|p| i64::from(p.accel)).sum();
+    sum.checked_div(slice.len() as i64).map(|m| m as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ONE_G;
+    use std::f64::consts::PI;
+    use std::vec::Vec;
+
+    fn sine(degrees: f64) -> i32 {
+        ((degrees * PI / 180.0).sin() * f64::from(ONE_G)).round() as i32
+    }
+
+    fn perfect() -> Table {
+        let points: Vec<_> = (-90..=90)
+            .map(|d| Point {
+                accel: sine(f64::from(d)),
+                angle: Angle::from_degrees(f64::from(d)),
+            })
+            .collect();
+        Table::new(&points).unwrap()
+    }
+
+    /// (rms, mean in the direction away from zero) over off-knot angles up to +-`reach`.
+    fn errors(rule: Rule, reach: f64) -> (f64, f64) {
+        let table = perfect();
+        let (mut square, mut outward, mut n) = (0.0, 0.0, 0.0);
+        for i in -8994..=8994 {
+            let t = (f64::from(i) * 0.01 + 0.0037) * reach / 90.0;
+            let e = table.look_up(sine(t), rule).degrees() - t;
+            square += e * e;
+            outward += e * t.signum();
+            n += 1.0;
+        }
+        ((square / n as f64).sqrt(), outward / n)
+    }
+
+    #[test]
+    fn e4_nearest_is_0_289_deg_off_knots() {
+        let (rms, bias) = errors(Rule::Nearest, 90.0);
+        assert!((rms - 0.289).abs() < 0.005, "{rms}");
+        assert!(bias.abs() < 0.01, "{bias}");
+    }
+
+    #[test]
+    fn e3_printed_rule_is_0_38_deg_with_a_quarter_of_bias() {
+        // sqrt(1/12 + 1/16) = 0.3819 where the sine is nearly straight; 0.385 over all +-90.
+        let (rms, bias) = errors(Rule::PrintedQuarter, 80.0);
+        assert!((rms - 0.3819).abs() < 0.002, "{rms}");
+        assert!((bias - 0.25).abs() < 0.003, "{bias}");
+        assert!((errors(Rule::PrintedQuarter, 90.0).0 - 0.385).abs() < 0.001);
+    }
+
+    #[test]
+    fn linear_is_far_better() {
+        assert!(errors(Rule::Linear, 90.0).0 < 0.02);
+    }
+
+    #[test]
+    fn e5_knots_do_not_see_the_table_error() {
+        let table = perfect();
+        for d in (-90..=90).step_by(10) {
+            let got = table.look_up(sine(f64::from(d)), Rule::Nearest).degrees();
+            assert!((got - f64::from(d)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn e6_the_last_degree_spans_0_6_lsb() {
+        let last = f64::from(sine(90.0) - sine(89.0)) / f64::from(ONE_G) * 1000.0;
+        assert!((last / 0.244 - 0.62).abs() < 0.01, "{last} mg");
+    }
+
+    #[test]
+    fn middle_switches_exactly_in_the_middle() {
+        let points = [(0, 0), (ONE_G / 2, 10), (ONE_G, 20)].map(|(accel, d)| Point {
+            accel,
+            angle: Angle::from_degrees(f64::from(d)),
+        });
+        let table = Table::new(&points).unwrap();
+        let degrees = |a| table.look_up(a, Rule::Nearest).degrees().round() as i32;
+        assert_eq!(degrees(ONE_G / 4 - 1), 0);
+        assert_eq!(degrees(ONE_G / 4), 10);
+        assert_eq!(degrees(i32::MIN), 0);
+        assert_eq!(degrees(i32::MAX), 20);
+        assert_eq!(
+            table.look_up(ONE_G / 4, Rule::Linear).degrees().round() as i32,
+            5
+        );
+    }
+
+    #[test]
+    fn refuses_what_is_no_table() {
+        let p = |accel, d: f64| Point {
+            accel,
+            angle: Angle::from_degrees(d),
+        };
+        assert_eq!(Table::new(&[p(0, 0.0)]), Err(TableError::TooFew));
+        assert_eq!(Table::new(&[p(0, 0.0); 182]), Err(TableError::TooMany));
+        assert_eq!(
+            Table::new(&[p(0, 1.0), p(ONE_G, 1.0)]),
+            Err(TableError::NotRising)
+        );
+        assert_eq!(Table::new(&[p(0, 1.0), p(9, 2.0)]), Err(TableError::Flat));
+    }
+
+    #[test]
+    fn noisy_points_are_pooled_monotone() {
+        let mut points: Vec<_> = (-90..=90)
+            .map(|d| Point {
+                accel: sine(f64::from(d)),
+                angle: Angle::from_degrees(f64::from(d)),
+            })
+            .collect();
+        let total: i64 = points.iter().map(|p| i64::from(p.accel)).sum();
+        for (i, p) in points.iter_mut().enumerate() {
+            p.accel += if i % 3 == 0 { 30_000 } else { -15_000 };
+        }
+        let table = Table::new(&points).unwrap();
+        assert!(table.points().windows(2).all(|w| w[0].accel <= w[1].accel));
+        let noisy: i64 = points.iter().map(|p| i64::from(p.accel)).sum();
+        let pooled: i64 = table.points().iter().map(|p| i64::from(p.accel)).sum();
+        assert!(
+            (noisy - pooled).abs() < 400,
+            "pooling keeps the mean: {noisy} {pooled} {total}"
+        );
+    }
+}

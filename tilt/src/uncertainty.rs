@@ -1,0 +1,239 @@
+//! Standard uncertainty of each angle, from a budget kept with the calibration.
+//!
+//! In: the budget, the acceleration an angle came from, its temperature. Out: [`Uncertainty`],
+//! one standard deviation (k = 1) in steps of [`Angle`]. It combines, as independent:
+//! noise behind the filter, repeatability (turn-on and 1/f floor), thermal hysteresis away from
+//! the calibration temperature, the reference's own uncertainty and the residual of the fit.
+//!
+//! In product mode the sensitivity is 1/g rad per unit of acceleration at every tilt (E6 explains
+//! why all three axes are used); only within a few standard deviations of the vertical does the
+//! fold of the square root add. In paper mode the table itself propagates the noise: it is read
+//! at the acceleration and at +-sqrt(3) standard deviations (a three-point Gauss-Hermite rule,
+//! which copes with the steep and saturating ends), and the width of its step is added.
+//!
+//! Acceleration of the machine is no tilt (E15). What of it shows in the length of the vector is
+//! added; what does not show, no accelerometer can know, and the figure does not contain it.
+
+use crate::ONE_G;
+use crate::angle::{Angle, hypot};
+use crate::filter::LowPass;
+use crate::sample::Temperature;
+use crate::table::{Rule, Table};
+use crate::vector::Corrected;
+
+/// A standard uncertainty in steps of [`Angle`] (2^-32 of a circle).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Uncertainty(pub u32);
+
+impl Uncertainty {
+    /// In degrees.
+    pub const fn degrees(self) -> f64 {
+        self.0 as f64 / crate::angle::STEPS_PER_DEGREE
+    }
+
+    /// The nearest uncertainty to `degrees`, 0 to 180.
+    pub const fn from_degrees(degrees: f64) -> Self {
+        Self((degrees * crate::angle::STEPS_PER_DEGREE + 0.5) as u32)
+    }
+
+    /// Root of the sum of two squares.
+    pub fn combined_with(self, other: Self) -> Self {
+        root(square(self.0).saturating_add(square(other.0)))
+    }
+}
+
+/// What is known of the spread of one channel; all k = 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Budget {
+    /// White noise of one axis, standard deviation of single samples, 2^-26 g per step.
+    pub noise: u32,
+    /// Turn-on repeatability and 1/f floor of one axis, 2^-26 g per step.
+    pub repeatability: u32,
+    /// Thermal hysteresis of one axis, reached 10 degC away from 25 degC, 2^-26 g per step.
+    pub hysteresis: u32,
+    /// The calibration reference's own uncertainty.
+    pub reference: Uncertainty,
+    /// What the fit left.
+    pub residual: Uncertainty,
+}
+
+/// Angle steps per acceleration step, in 1/65536: (2^32 / 2 pi) / 2^26.
+const STEPS_PER_ACCEL_Q16: u64 = 667_544;
+
+fn square(value: u32) -> u64 {
+    u64::from(value) * u64::from(value)
+}
+
+fn root(value: u64) -> Uncertainty {
+    Uncertainty(u32::try_from(value.isqrt()).unwrap_or(u32::MAX))
+}
+
+impl Budget {
+    /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
+    pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
+        let noise = ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15;
+        let distance = t.0.abs_diff(Temperature::REFERENCE.0).min(2560);
+        let hysteresis = u64::from(self.hysteresis) * u64::from(distance) / 2560;
+        let sum = noise
+            .saturating_add(square(self.repeatability))
+            .saturating_add(hysteresis.saturating_mul(hysteresis));
+        root(sum).0
+    }
+
+    /// Noise alone behind `filter`: what scatters from reading to reading at a standstill.
+    pub fn noise_only(&self, filter: &LowPass) -> Uncertainty {
+        let only = Self {
+            noise: self.noise,
+            ..Self::default()
+        };
+        accel_to_angle(only.accel(filter, Temperature::REFERENCE))
+    }
+
+    fn systematic(&self) -> u64 {
+        square(self.reference.0).saturating_add(square(self.residual.0))
+    }
+
+    /// Uncertainty of a slope or turn that a three-axis formula found.
+    ///
+    /// `accel` is [`Budget::accel`]; `beside` is the length of what the angle's own axis does not
+    /// take part in (hypot(y, z) for slope X).
+    pub fn of_vector(&self, vector: Corrected, beside: i32, accel: u32) -> Uncertainty {
+        let [x, y, z] = vector.accel;
+        let excess = hypot(hypot(x, y), z)
+            .abs_diff(ONE_G)
+            .saturating_sub(accel.saturating_mul(4));
+        let mut variance = square(accel).saturating_add(square(excess));
+        if beside.unsigned_abs() < accel.saturating_mul(2) {
+            variance = variance.saturating_mul(2);
+        }
+        let from_accel = accel_to_angle(root(variance).0);
+        root(square(from_accel.0).saturating_add(self.systematic()))
+    }
+
+    /// Uncertainty of an angle that `table` gave for `reading` by `rule`; `accel` as above.
+    pub fn of_table(&self, table: &Table, rule: Rule, reading: i32, accel: u32) -> Uncertainty {
+        // sqrt(3) = 1.7320508.
+        let reach = i32::try_from((u64::from(accel) * 113_512) >> 16).unwrap_or(i32::MAX);
+        let at = |a| i64::from(table.look_up(a, Rule::Linear).0);
+        let middle = at(reading);
+        let below = at(reading.saturating_sub(reach)) - middle;
+        let above = at(reading.saturating_add(reach)) - middle;
+        let mean = (below + above) / 6;
+        let spread = (below * below + above * above) / 6 - mean * mean;
+        let step = table.step_at(reading);
+        let table_error = match rule {
+            Rule::Linear => 0,
+            Rule::Nearest => square(step.magnitude()) / 12,
+            // A quarter of a step of bias beside the spread (E3).
+            Rule::PrintedQuarter => square(step.magnitude()) * 7 / 48,
+        };
+        let spread = u64::try_from(spread).unwrap_or(0);
+        root(
+            spread
+                .saturating_add(table_error)
+                .saturating_add(self.systematic()),
+        )
+    }
+}
+
+fn accel_to_angle(accel: u32) -> Uncertainty {
+    let steps = (u64::from(accel) * STEPS_PER_ACCEL_Q16) >> 16;
+    Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
+}
+
+/// How far `a` and `b` are apart, in [`Angle`] steps without sign.
+pub const fn distance(a: Angle, b: Angle) -> u32 {
+    a.minus(b).magnitude()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::Point;
+    use std::f64::consts::PI;
+    use std::vec::Vec;
+
+    const MG: f64 = ONE_G as f64 / 1000.0;
+
+    #[test]
+    fn one_milli_g_is_0_0573_deg() {
+        let u = accel_to_angle(MG as u32).degrees();
+        assert!((u - 0.057_296).abs() < 1e-5, "{u}");
+    }
+
+    #[test]
+    fn noise_behind_the_paper_filter_is_0_019_deg() {
+        // 90 ug/rtHz over 25 Hz (E6): 0.45 mg before, 0.019 deg behind the one-pole.
+        let budget = Budget {
+            noise: (0.45 * MG) as u32,
+            ..Budget::default()
+        };
+        let u = budget.noise_only(&LowPass::PAPER).degrees();
+        assert!((u - 0.0192).abs() < 0.0003, "{u}");
+    }
+
+    #[test]
+    fn the_single_axis_loses_its_sensitivity_e6() {
+        let points: Vec<_> = (-90..=90)
+            .map(|d| Point {
+                accel: ((f64::from(d) * PI / 180.0).sin() * f64::from(ONE_G)) as i32,
+                angle: Angle::from_degrees(f64::from(d)),
+            })
+            .collect();
+        let table = Table::new(&points).unwrap();
+        let u = |degrees: f64| {
+            let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            let accel = (0.335 * MG) as u32;
+            Budget::default()
+                .of_table(&table, Rule::Linear, reading, accel)
+                .degrees()
+        };
+        assert!((u(0.0) - 0.0192).abs() < 0.001, "{}", u(0.0));
+        assert!((u(80.0) - 0.11).abs() < 0.005, "{}", u(80.0));
+        // Linear propagation would say 1.1 deg at 89; the end of the table at 90 cuts it.
+        assert!(u(89.0) > 0.5 && u(89.0) < 1.1, "{}", u(89.0));
+    }
+
+    #[test]
+    fn nearest_table_adds_its_step() {
+        let points = [0, 1, 2].map(|d| Point {
+            accel: d * ONE_G / 50,
+            angle: Angle::from_degrees(f64::from(d)),
+        });
+        let table = Table::new(&points).unwrap();
+        let u = Budget::default()
+            .of_table(&table, Rule::Nearest, ONE_G / 75, 0)
+            .degrees();
+        assert!((u - 1.0 / 12f64.sqrt()).abs() < 1e-4, "{u}");
+    }
+
+    #[test]
+    fn motion_that_shows_in_the_norm_is_added() {
+        let budget = Budget {
+            noise: MG as u32,
+            ..Budget::default()
+        };
+        let still = Corrected {
+            accel: [0, 0, ONE_G],
+        };
+        let moved = Corrected {
+            accel: [0, 0, ONE_G + (50.0 * MG) as i32],
+        };
+        let accel = budget.accel(&LowPass::PRODUCT, Temperature::REFERENCE);
+        assert!(budget.of_vector(still, ONE_G, accel).degrees() < 0.02);
+        assert!(budget.of_vector(moved, ONE_G, accel).degrees() > 2.5);
+    }
+
+    #[test]
+    fn hysteresis_grows_to_10_degc_away() {
+        let budget = Budget {
+            hysteresis: 1000,
+            ..Budget::default()
+        };
+        let at = |t: i16| budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
+        assert_eq!(
+            [at(25), at(30), at(35), at(70), at(-10)],
+            [0, 500, 1000, 1000, 1000]
+        );
+    }
+}
