@@ -1,2 +1,13 @@
-//! device
+//! The instrument: sensor driver, channel and node, without a board and without a bus.
+//!
+//! In: an `embedded-hal` SPI device and delay, data-ready edges with their capture time, and the
+//! peer's reading. Out: readings and verdicts. The world is reached through those traits only, so
+//! the same code runs on the chip, in emulation and in the simulation, bit for bit.
+//!
+//! This is the only crate in which the leaves meet: `tilt` today; `canopen` (the object
+//! dictionary and the bus) and `flash` (storage and update) will join here.
 #![no_std]
+
+pub mod channel;
+pub mod node;
+pub mod sensor;

@@ -1,1 +1,26 @@
-//! sim
+//! The virtual bench: sensors, motor, chamber, excavator and supply, in virtual time.
+//!
+//! In: one seed. Out: what the device code, run as it will be flashed, makes of the world. There
+//! is no wall clock and no thread in a world, so the same seed gives the same bits; many worlds
+//! may run side by side.
+//!
+//! The world moves in ticks of 1 ms. On each tick a [`motion::Mover`] says what the housing feels,
+//! each part filters that with its own analogue low-pass, samples it by its own clock, adds its
+//! errors ([`error_model`]), and raises data-ready; then the device code reads it over SPI from a
+//! register-level model ([`lis2dw12`]). [`instrument`] puts that together, [`bench`] works with it.
+
+pub mod bench;
+pub mod chamber;
+pub mod error_model;
+pub mod excavator;
+pub mod instrument;
+pub mod lis2dw12;
+pub mod low_pass;
+pub mod motion;
+pub mod motor;
+pub mod rig;
+pub mod rng;
+pub mod supply;
+
+/// Length of one tick of the world, s.
+pub const TICK_S: f64 = 0.001;

@@ -180,7 +180,6 @@ mod tests {
         let ba = filter
             .biquad
             .ba
-            .clone()
             .map(|q| f64::from(q.into_bits()) / 2f64.powi(30));
         let at = |n: f64| ((TAU * f / fs * n).cos(), -(TAU * f / fs * n).sin());
         let (c1, s1) = at(1.0);

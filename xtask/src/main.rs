@@ -1,2 +1,48 @@
-//! xtask
-fn main() {}
+//! The project's own commands: what cargo alone cannot say.
+//!
+//! `cargo xtask test` is the one test command; the others are its parts and conveniences. In: a
+//! sub-command. Out: exit status 0 when all is well, 1 when something failed, 2 when the
+//! sub-command is not known. Nothing here is shipped and nothing depends on it.
+
+mod accuracy;
+mod command;
+mod difference;
+mod steps;
+mod tidy;
+mod workspace;
+
+use std::process::ExitCode;
+
+use workspace::Workspace;
+
+const HELP: &str = "\
+usage: cargo xtask COMMAND
+
+  test                everything CI runs, in order, stopping at the first failure
+  tidy                the house rules alone: imports, sizes, words, documents
+  fmt                 format every crate
+  accuracy [--write]  compare docs/accuracy.md with the generator, or write it anew
+  fuzz-long           the property tests with 100 000 cases each
+  help                this text";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let workspace = Workspace::locate();
+    match words.as_slice() {
+        ["test"] => steps::test(&workspace),
+        ["tidy"] => steps::alone(&steps::TIDY, &workspace),
+        ["fmt"] => steps::alone(&steps::FORMAT, &workspace),
+        ["accuracy"] => steps::alone(&steps::ACCURACY, &workspace),
+        ["accuracy", "--write"] => steps::alone(&steps::ACCURACY_WRITE, &workspace),
+        ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
+        ["help" | "--help" | "-h"] => {
+            println!("{HELP}");
+            ExitCode::SUCCESS
+        }
+        _ => {
+            eprintln!("no such command: {:?}\n\n{HELP}", words.join(" "));
+            ExitCode::from(2)
+        }
+    }
+}

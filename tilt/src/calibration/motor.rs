@@ -61,6 +61,36 @@ impl VectorFit {
     }
 }
 
+/// Accumulates readings of a one-axis 360 deg instrument: six parameters in the plane of x and z.
+#[derive(Clone, Debug, Default)]
+pub struct PlaneFit {
+    /// reading = M (sin, cos) + b for the part's x and z.
+    normal: Normal<3, 2>,
+}
+
+impl PlaneFit {
+    /// Adds a reading, compensated for temperature, for the sine and cosine of the reference.
+    pub fn add(&mut self, sin: f64, cos: f64, reading: Compensated) {
+        let [x, _, z] = reading.accel.map(|a| f64::from(a) / f64::from(ONE_G));
+        self.normal.add([sin, cos, 1.0], [x, z], 1.0);
+    }
+
+    /// The six parameters, as a correction that leaves y alone. Errors: as [`VectorFit::solve`].
+    pub fn solve(&self) -> Result<FittedVector, FitError> {
+        let ([[a, b, bias_x], [c, d, bias_z]], condition) = self.normal.solve()?;
+        let forward = [[a, 0.0, b], [0.0, 1.0, 0.0], [c, 0.0, d]];
+        let matrix = invert(forward).ok_or(FitError::Implausible)?;
+        let offset_g = times(&matrix, [bias_x, 0.0, bias_z]).map(|v| -v);
+        let vector = Vector::from_real(matrix, offset_g).ok_or(FitError::Implausible)?;
+        Ok(FittedVector {
+            vector,
+            matrix,
+            offset_g,
+            condition,
+        })
+    }
+}
+
 /// Accumulates what is left of the angle after the affine correction.
 #[derive(Clone, Debug, Default)]
 pub struct HarmonicFit {
@@ -160,6 +190,21 @@ mod tests {
             }
         }
         assert_eq!(fit.solve(), Err(FitError::Implausible));
+    }
+
+    #[test]
+    fn six_parameters_give_the_turn() {
+        let mut fit = PlaneFit::default();
+        for d in -180..180 {
+            let (s, c) = (f64::from(d) * PI / 180.0).sin_cos();
+            fit.add(s, c, feel([s, 0.0, c]));
+        }
+        let vector = fit.solve().unwrap().vector;
+        for d in [-179.0, -90.0, -3.3, 45.0, 90.0, 170.0] {
+            let (s, c) = (d * PI / 180.0f64).sin_cos();
+            let got = crate::angle::turn(vector.apply(feel([s, 0.0, c]))).degrees();
+            assert!((got - d).abs() < 2e-4, "{d}: {got}");
+        }
     }
 
     #[test]

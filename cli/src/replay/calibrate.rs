@@ -1,0 +1,318 @@
+//! From standstills to a calibration: by gravity's length, or by the recording's reference.
+//!
+//! In: [`Segment`]s. Out: [`Fit`], an affine correction in real numbers with the figures that say
+//! how good it is. By poses: nine parameters from |a| = 1 g (`tilt::calibration::poses`), which
+//! leave the mounting open. By reference: a rotation and three offsets, nothing that would bend
+//! the sensor's axes to a reference that may itself be off by degrees.
+
+use std::fmt;
+
+use tilt::calibration::least_squares::times;
+use tilt::calibration::{FitError, poses};
+use tilt::vector::Vector;
+
+use super::calibration_file::Method;
+use super::reference::{angle_between_deg, slopes_deg};
+use super::rotation::best_rotation;
+use super::segments::Segment;
+use super::windows::norm;
+
+/// A calibration in real numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// How it was come by.
+    pub method: Method,
+    /// Housing axis by sensor axis, g per g.
+    pub matrix: [[f64; 3]; 3],
+    /// Added after the matrix, g.
+    pub offset_g: [f64; 3],
+    /// Standstills used.
+    pub poses: usize,
+    /// Root mean square of the length at standstill minus 1 g, in mg.
+    pub norm_residual_mg: f64,
+    /// Root mean square angle to the reference, deg; `None` without a reference.
+    pub angle_residual_deg: Option<f64>,
+    /// Condition figure; 1 is best, over 1e6 is refused.
+    pub condition: f64,
+}
+
+impl Fit {
+    /// The correction in the chain's integers; `None` when it doesn't fit them.
+    pub fn vector(&self) -> Option<Vector> {
+        Vector::from_real(self.matrix, self.offset_g)
+    }
+
+    /// The corrected acceleration, g.
+    pub fn apply(&self, accel_g: [f64; 3]) -> [f64; 3] {
+        add(times(&self.matrix, accel_g), self.offset_g)
+    }
+
+    /// Slope X and slope Y of a mean acceleration, deg.
+    pub fn slopes_deg(&self, accel_g: [f64; 3]) -> [f64; 2] {
+        slopes_deg(self.apply(accel_g))
+    }
+
+    fn norm_residual(&self, accel_g: impl Iterator<Item = [f64; 3]>) -> f64 {
+        1000.0 * rms(accel_g.map(|a| norm(self.apply(a)) - 1.0))
+    }
+}
+
+/// Why standstills don't make a calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CalibrateError {
+    /// Too few standstills; the directions that no standstill comes near.
+    TooFew {
+        /// Standstills there are.
+        have: usize,
+        /// Standstills needed.
+        need: usize,
+        /// Directions of gravity in the sensor's axes that are missing, as in `+x`.
+        missing: Vec<&'static str>,
+    },
+    /// Too few of the standstills have a reference.
+    NoReference {
+        /// Those that have one.
+        have: usize,
+        /// Those needed.
+        need: usize,
+    },
+    /// Enough standstills, but too alike.
+    IllConditioned {
+        /// Condition figure; 1 is best, over 1e6 is refused.
+        condition: f64,
+        /// Directions of gravity in the sensor's axes that are missing.
+        missing: Vec<&'static str>,
+    },
+    /// The fit didn't settle or is not what a working sensor can have.
+    Implausible(FitError),
+}
+
+impl std::error::Error for CalibrateError {}
+
+impl fmt::Display for CalibrateError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let listed = |missing: &[&str]| match missing {
+            [] => "in directions between those there are".to_owned(),
+            some => format!("with gravity near {}", some.join(", ")),
+        };
+        match self {
+            Self::TooFew { have, need, missing } => write!(
+                f,
+                "{have} standstills are too few, it takes {need}; add poses {}",
+                listed(missing)
+            ),
+            Self::NoReference { have, need } => write!(
+                f,
+                "{have} standstills with a reference are too few, it takes {need}; record more \
+                 plateaus or calibrate from poses"
+            ),
+            Self::IllConditioned { condition, missing } => write!(
+                f,
+                "the standstills are too alike (condition {condition:.3e}); add poses {}",
+                listed(missing)
+            ),
+            Self::Implausible(why) => write!(f, "{why}"),
+        }
+    }
+}
+
+/// The six directions in which gravity should lie once, in the sensor's axes.
+const DIRECTIONS: [(&str, [f64; 3]); 6] = [
+    ("+x", [1.0, 0.0, 0.0]),
+    ("-x", [-1.0, 0.0, 0.0]),
+    ("+y", [0.0, 1.0, 0.0]),
+    ("-y", [0.0, -1.0, 0.0]),
+    ("+z", [0.0, 0.0, 1.0]),
+    ("-z", [0.0, 0.0, -1.0]),
+];
+
+/// The directions that no reading comes within 45 deg of.
+fn missing(readings: &[[f64; 3]]) -> Vec<&'static str> {
+    let far = |direction: [f64; 3]| {
+        readings.iter().all(|reading| angle_between_deg(*reading, direction) > 45.0)
+    };
+    DIRECTIONS.into_iter().filter(|(_, d)| far(*d)).map(|(name, _)| name).collect()
+}
+
+/// One reading for each direction: standstills within 1 deg of an earlier one add to its mean.
+fn distinct(segments: &[Segment]) -> Vec<[f64; 3]> {
+    let mut groups: Vec<([f64; 3], f64)> = Vec::new();
+    for segment in segments {
+        let known = groups.iter_mut().find(|(m, _)| angle_between_deg(*m, segment.mean_g) < 1.0);
+        match known {
+            Some((mean, count)) => {
+                *count += 1.0;
+                for (m, new) in mean.iter_mut().zip(segment.mean_g) {
+                    *m += (new - *m) / *count;
+                }
+            }
+            None => groups.push((segment.mean_g, 1.0)),
+        }
+    }
+    groups.into_iter().map(|(mean, _)| mean).collect()
+}
+
+/// Nine parameters from standstills by gravity's length alone.
+///
+/// It takes at least nine poses that differ by more than 1 deg, spread over the sphere.
+pub fn calibrate_from_poses(segments: &[Segment]) -> Result<Fit, CalibrateError> {
+    let readings = distinct(segments);
+    let fitted = poses::fit(&readings).map_err(|error| match error {
+        FitError::TooFew { have, need } => {
+            CalibrateError::TooFew { have, need, missing: missing(&readings) }
+        }
+        FitError::IllConditioned { condition } => {
+            CalibrateError::IllConditioned { condition, missing: missing(&readings) }
+        }
+        other => CalibrateError::Implausible(other),
+    })?;
+    let mut fit = Fit {
+        method: Method::Poses,
+        matrix: fitted.matrix,
+        offset_g: fitted.offset_g,
+        poses: segments.len(),
+        norm_residual_mg: 0.0,
+        angle_residual_deg: None,
+        condition: fitted.condition,
+    };
+    fit.norm_residual_mg = fit.norm_residual(segments.iter().map(|s| s.mean_g));
+    Ok(fit)
+}
+
+/// Fewest plateaus for a rotation and three offsets: three directions not on one line.
+pub const FEWEST_PLATEAUS: usize = 3;
+
+/// Directions of the reference that lie closer together than this condition are too alike.
+const WORST_CONDITION: f64 = 1e3;
+
+/// A rotation and three offsets that bring the sensor onto the recording's reference.
+///
+/// Least squares over the plateaus, all of the same weight. The scale of the axes stays nominal.
+pub fn calibrate_from_reference(plateaus: &[Segment]) -> Result<Fit, CalibrateError> {
+    let with = plateaus.iter().filter_map(|p| Some((p.mean_g, p.reference?.up)));
+    let (readings, ups): (Vec<_>, Vec<_>) = with.unzip();
+    if readings.len() < FEWEST_PLATEAUS {
+        let (have, need) = (readings.len(), FEWEST_PLATEAUS);
+        return Err(CalibrateError::NoReference { have, need });
+    }
+    let (middle, up_middle) = (mean(&readings), mean(&ups));
+    let centred = |v: &[[f64; 3]], m| v.iter().map(|&v| minus(v, m)).collect::<Vec<_>>();
+    let found = best_rotation(&centred(&readings, middle), &centred(&ups, up_middle));
+    if found.condition.is_nan() || found.condition > WORST_CONDITION {
+        let (condition, missing) = (found.condition, missing(&readings));
+        return Err(CalibrateError::IllConditioned { condition, missing });
+    }
+    let mut fit = Fit {
+        method: Method::Reference,
+        matrix: found.rotation,
+        offset_g: minus(up_middle, times(&found.rotation, middle)),
+        poses: readings.len(),
+        norm_residual_mg: 0.0,
+        angle_residual_deg: None,
+        condition: found.condition,
+    };
+    fit.norm_residual_mg = fit.norm_residual(readings.iter().copied());
+    let pairs = readings.iter().zip(&ups);
+    let angles = pairs.map(|(reading, up)| angle_between_deg(fit.apply(*reading), *up));
+    fit.angle_residual_deg = Some(rms(angles));
+    if fit.vector().is_none() {
+        return Err(CalibrateError::Implausible(FitError::Implausible));
+    }
+    Ok(fit)
+}
+
+/// Turns one channel's fit so that its frame becomes the other channel's.
+///
+/// `pairs` are mean readings of both channels over the same standstills: this one's, then the
+/// other's. Gravity's length leaves the mounting open; two channels on one board need this before
+/// their angles can be compared. Returns the turned fit with the angle that is left, deg rms.
+pub fn align(
+    fit: &Fit,
+    other: &Fit,
+    pairs: &[([f64; 3], [f64; 3])],
+) -> Result<Fit, CalibrateError> {
+    if pairs.len() < FEWEST_PLATEAUS {
+        let (have, need) = (pairs.len(), FEWEST_PLATEAUS);
+        let readings: Vec<_> = pairs.iter().map(|(reading, _)| *reading).collect();
+        return Err(CalibrateError::TooFew { have, need, missing: missing(&readings) });
+    }
+    let (from, to): (Vec<_>, Vec<_>) =
+        pairs.iter().map(|(a, b)| (fit.apply(*a), other.apply(*b))).unzip();
+    let found = best_rotation(&from, &to);
+    if found.condition.is_nan() || found.condition > WORST_CONDITION {
+        let (condition, missing) = (found.condition, missing(&from));
+        return Err(CalibrateError::IllConditioned { condition, missing });
+    }
+    let left = from.iter().zip(&to).map(|(a, b)| angle_between_deg(times(&found.rotation, *a), *b));
+    Ok(Fit {
+        matrix: poses::product(&found.rotation, &fit.matrix),
+        offset_g: times(&found.rotation, fit.offset_g),
+        angle_residual_deg: Some(rms(left)),
+        ..fit.clone()
+    })
+}
+
+/// Pairs of standstills of two recordings that overlap by more than half of the shorter one.
+pub fn overlapping(one: &[Segment], other: &[Segment]) -> Vec<([f64; 3], [f64; 3])> {
+    let overlap = |a: &Segment, b: &Segment| {
+        let both = a.end_us.min(b.end_us).saturating_sub(a.start_us.max(b.start_us));
+        let shorter = (a.end_us - a.start_us).min(b.end_us - b.start_us);
+        2 * both > shorter
+    };
+    let partner = |a: &Segment| other.iter().find(|b| overlap(a, b)).map(|b| b.mean_g);
+    one.iter().filter_map(|a| Some((a.mean_g, partner(a)?))).collect()
+}
+
+/// Plateaus of two runs of the same path, paired in order by the reference's attitude.
+///
+/// The attitudes (or up vectors, where the reference gives no more) must agree within 5 deg. A
+/// plateau that only one of the runs shows is passed over.
+pub fn matching(one: &[Segment], other: &[Segment]) -> Vec<(Segment, Segment)> {
+    let alike = |a: &Segment, b: &Segment| match (a.reference, b.reference) {
+        (Some(a), Some(b)) => match (a.attitude, b.attitude) {
+            (Some(a), Some(b)) => a.angle_to_deg(&b) < 5.0,
+            _ => angle_between_deg(a.up, b.up) < 5.0,
+        },
+        _ => false,
+    };
+    let mut pairs = Vec::new();
+    let mut next = 0;
+    for a in one {
+        let rest = other.iter().enumerate().skip(next);
+        if let Some((i, b)) = rest.into_iter().find(|(_, b)| alike(a, b)) {
+            pairs.push((*a, *b));
+            next = i + 1;
+        }
+    }
+    pairs
+}
+
+/// How well slopes come back: root mean square over both slopes of all pairs, deg.
+pub fn repeatability_deg(fit: &Fit, pairs: &[(Segment, Segment)]) -> f64 {
+    rms(pairs.iter().flat_map(|(a, b)| {
+        let (a, b) = (fit.slopes_deg(a.mean_g), fit.slopes_deg(b.mean_g));
+        [a[0] - b[0], a[1] - b[1]]
+    }))
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v * v, n + 1));
+    (sum / f64::from(count.max(1))).sqrt()
+}
+
+fn mean(vectors: &[[f64; 3]]) -> [f64; 3] {
+    let sum = vectors.iter().fold([0.0; 3], |sum, v| add(sum, *v));
+    sum.map(|c| c / vectors.len().max(1) as f64)
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+#[cfg(test)]
+#[path = "calibrate_tests.rs"]
+mod tests;

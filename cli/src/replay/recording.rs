@@ -1,0 +1,469 @@
+//! A recording of one channel: checked samples in g, and what was left out of the file.
+//!
+//! In: a CSV file, plain or gzip, whose header names the columns and their units (`columns`).
+//! Out: [`Recording`]: rows with strictly rising time from 0, with the nominal period, the gaps
+//! and the count of every row that was skipped; or one [`RecordingError`]. Comment lines (`#`)
+//! and blank lines don't count as rows. A row stands by its time and its accelerations alone: a
+//! temperature or reference that can't be read is left out of the row and counted apart.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use tilt::sample::{Counts, FullScale};
+
+use super::columns::{Columns, ReferenceColumns, clean};
+use super::lines::{LineError, Lines};
+use super::recording_error::{Problem, RecordingError};
+use super::reference::{Attitude, Reference};
+use super::scale::{Scale, scale, standstill_norm};
+use super::skips::{Count, Reason, Skips};
+use super::windows::quantile;
+
+/// Fewest rows that are worth looking at.
+pub const FEWEST_ROWS: usize = 50;
+
+/// Most rows of one file: over a day at 100 samples per second.
+pub const MOST_ROWS: usize = 10_000_000;
+
+/// More periods than this between two rows is a gap, after which the chain starts anew.
+pub const GAP_PERIODS: u64 = 5;
+
+/// The largest acceleration of an axis that is believed, g.
+const FULL_SCALE_G: f64 = 16.0;
+
+/// Rates that are believed, samples per second.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 25.0..=10_000.0;
+
+/// What the caller says beside the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Counts per g of `_lsb` columns; found by the length at standstill when not given.
+    pub lsb_per_g: Option<f64>,
+}
+
+/// One sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Its line in the file, counted from 1.
+    pub line: u64,
+    /// Microseconds since the first row.
+    pub time_us: u64,
+    /// Acceleration in the sensor's axes, nominal g.
+    pub accel_g: [f64; 3],
+    /// Temperature in degC, if recorded.
+    pub temperature_c: Option<f64>,
+    /// The reference, if recorded.
+    pub reference: Option<Reference>,
+    /// True for the first row and for one that follows a gap: the chain must start anew.
+    pub starts_anew: bool,
+}
+
+/// A recording that passed the checks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// The file as the caller named it.
+    pub file: String,
+    /// What the header said.
+    pub columns: Columns,
+    /// The samples, time strictly rising.
+    pub rows: Vec<Row>,
+    /// How the recording's numbers became g.
+    pub scale: Scale,
+    /// Median time between rows, microseconds.
+    pub period_us: u64,
+    /// Spans of over [`GAP_PERIODS`] periods without a row, with the line after the first.
+    pub gaps: Count,
+    /// Lines of data in the file: kept and skipped.
+    pub data_lines: u64,
+    /// The rows left out.
+    pub skips: Skips,
+    /// Rows kept without their temperature or reference, which could not be read.
+    pub unread_extras: Count,
+}
+
+impl Recording {
+    /// Reads a file.
+    pub fn open(path: &Path, options: Options) -> Result<Self, RecordingError> {
+        let name = path.display().to_string();
+        let refuse = |why: String| RecordingError::of_file(&name, Problem::NotReadable(why));
+        let file = File::open(path).map_err(|error| refuse(plain(&error)))?;
+        if file.metadata().is_ok_and(|about| about.is_dir()) {
+            return Err(refuse("it is a folder".to_owned()));
+        }
+        Self::read(&name, file, options)
+    }
+
+    /// Reads any stream; `name` is what errors call it.
+    pub fn read(name: &str, source: impl Read, options: Options) -> Result<Self, RecordingError> {
+        Parser::run(name, source)?.finish(options)
+    }
+
+    /// Nominal samples per second.
+    pub fn rate_hz(&self) -> f64 {
+        1e6 / self.period_us as f64
+    }
+
+    /// Time from the first row to the last, seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.rows.last().map_or(0.0, |row| row.time_us as f64 / 1e6)
+    }
+
+    /// The smallest range of the chain that holds every sample.
+    pub fn full_scale(&self) -> FullScale {
+        let largest = self.rows.iter().flat_map(|row| row.accel_g).fold(0.0, |m: f64, a| m.max(a.abs()));
+        let holds = |range: &FullScale| largest < f64::from(range.g()) * (32_767.0 / 32_768.0);
+        let ranges = [FullScale::G2, FullScale::G4, FullScale::G8];
+        ranges.into_iter().find(holds).unwrap_or(FullScale::G16)
+    }
+
+    /// True when some row has a reference.
+    pub fn has_reference(&self) -> bool {
+        self.rows.iter().any(|row| row.reference.is_some())
+    }
+}
+
+impl Row {
+    /// The sample as the chain takes it: left-justified counts of the range, clipped at its ends.
+    pub fn counts(&self, range: FullScale) -> Counts {
+        let per_g = f64::from(range.counts_per_g());
+        // A float to integer cast stops at the ends of the range.
+        Counts(self.accel_g.map(|a| (a * per_g).round() as i16))
+    }
+}
+
+fn plain(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),
+        _ => error.to_string(),
+    }
+}
+
+/// A row as it stands in the file, before the scale is known.
+struct Raw {
+    line: u64,
+    time: f64,
+    accel: [f64; 3],
+    temperature: Option<f64>,
+    reference: Option<Reference>,
+    extras_read: bool,
+}
+
+struct Parser<'a> {
+    name: &'a str,
+    columns: Columns,
+    header_line: u64,
+    times_us: Vec<u64>,
+    raws: Vec<Raw>,
+    data_lines: u64,
+    skips: Skips,
+    unread_extras: Count,
+}
+
+impl<'a> Parser<'a> {
+    fn run(name: &'a str, source: impl Read + 'a) -> Result<Self, RecordingError> {
+        let fail = |line, error: LineError| explain(name, line, error, 0);
+        let mut lines = Lines::new(source).map_err(|error| fail(0, error))?;
+        let (columns, header_line) = header(name, &mut lines)?;
+        let mut parser = Self {
+            name,
+            columns,
+            header_line,
+            times_us: Vec::new(),
+            raws: Vec::new(),
+            data_lines: 0,
+            skips: Skips::default(),
+            unread_extras: Count::default(),
+        };
+        loop {
+            let line = lines.number() + 1;
+            match lines.next_line() {
+                Ok(Some(bytes)) => parser.take(line, bytes)?,
+                Ok(None) => return Ok(parser),
+                Err(error) => return Err(explain(name, line, error, parser.raws.len())),
+            }
+        }
+    }
+
+    fn take(&mut self, line: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+        if is_silent(bytes) {
+            return Ok(());
+        }
+        self.data_lines += 1;
+        let raw = match self.parse(line, bytes) {
+            Ok(raw) => raw,
+            Err(reason) => {
+                self.skips.add(reason, line);
+                return Ok(());
+            }
+        };
+        self.take_back_jump(&raw);
+        match self.place(&raw) {
+            Err(reason) => self.skips.add(reason, line),
+            Ok(_) if self.raws.len() >= MOST_ROWS => {
+                let problem = Problem::TooManyRows(MOST_ROWS);
+                return Err(RecordingError::of_line(self.name, line, problem));
+            }
+            Ok(time_us) => {
+                self.times_us.push(time_us);
+                self.raws.push(raw);
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops the last row when its time leaps ahead of what follows.
+    ///
+    /// One wrong digit in a time would otherwise make all rows up to that time backward ones.
+    fn take_back_jump(&mut self, next: &Raw) {
+        let Some(last) = self.raws.last() else { return };
+        let leaps = next.time < last.time
+            && match self.raws.len().checked_sub(2).and_then(|i| self.raws.get(i)) {
+                None => true,
+                Some(before) => {
+                    let step = next.time - before.time;
+                    step > 0.0 && last.time - before.time > GAP_PERIODS as f64 * step
+                }
+            };
+        if leaps {
+            self.skips.add(Reason::ForwardJump, last.line);
+            self.raws.pop();
+            self.times_us.pop();
+        }
+    }
+
+    fn parse(&self, line: u64, bytes: &[u8]) -> Result<Raw, Reason> {
+        let text = std::str::from_utf8(bytes).map_err(|_| Reason::UnparsableCell)?;
+        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        if cells.len() != self.columns.width {
+            return Err(Reason::CellCount);
+        }
+        let cell = |place: usize| cells.get(place).copied().unwrap_or_default();
+        let time = required(cell(self.columns.time))?;
+        let [x, y, z] = self.columns.accel.map(|place| required(cell(place)));
+        let accel = [x?, y?, z?];
+        if accel == [0.0; 3] {
+            return Err(Reason::AllZero);
+        }
+        let temperature = match self.columns.temperature {
+            Some(place) => optional(cell(place)),
+            None => Ok(None),
+        };
+        let reference = match self.columns.reference {
+            Some(places) => reference(places, cell),
+            None => Ok(None),
+        };
+        let extras_read = temperature.is_ok() && reference.is_ok();
+        let (temperature, reference) = (temperature.unwrap_or(None), reference.unwrap_or(None));
+        Ok(Raw { line, time, accel, temperature, reference, extras_read })
+    }
+
+    /// Microseconds since the first row, later than the row before.
+    fn place(&self, raw: &Raw) -> Result<u64, Reason> {
+        let (Some(first), Some(&before)) = (self.raws.first(), self.times_us.last()) else {
+            return Ok(0);
+        };
+        let elapsed = (raw.time - first.time) * self.columns.time_unit.micros();
+        // Past this, steps of a microsecond are lost; no recording lasts 285 years.
+        if elapsed.abs() > 9e15 {
+            return Err(Reason::UnparsableCell);
+        }
+        match elapsed.round() as i64 - before as i64 {
+            0 => Err(Reason::RepeatedTime),
+            ..0 => Err(Reason::BackwardTime),
+            _ => Ok(elapsed.round() as u64),
+        }
+    }
+
+    fn finish(mut self, options: Options) -> Result<Recording, RecordingError> {
+        self.check_rows(self.raws.len())?;
+        let accel: Vec<[f64; 3]> = self.raws.iter().map(|raw| raw.accel).collect();
+        let period_us = self.period_us()?;
+        let norm = standstill_norm(&self.times_us, &accel).unwrap_or(0.0);
+        let scale = scale(self.columns.unit, norm, options.lsb_per_g)
+            .map_err(|problem| RecordingError::of_line(self.name, self.header_line, problem))?;
+        let mut rows = self.rows(scale.per_g);
+        self.check_rows(rows.len())?;
+        let gaps = mark_gaps(&mut rows, period_us);
+        Ok(Recording {
+            file: self.name.to_owned(),
+            columns: self.columns,
+            rows,
+            scale,
+            period_us,
+            gaps,
+            data_lines: self.data_lines,
+            skips: self.skips,
+            unread_extras: self.unread_extras,
+        })
+    }
+
+
+    fn check_rows(&self, rows: usize) -> Result<(), RecordingError> {
+        let skips = self.skips.clone();
+        if skips.total() > rows as u64 {
+            let line = skips.worst().map(|(_, count)| count.first_line);
+            let problem = Problem::MostlySkipped { rows, skips };
+            return Err(RecordingError { file: self.name.to_owned(), line, problem });
+        }
+        if rows < FEWEST_ROWS {
+            return Err(RecordingError::of_file(self.name, Problem::TooFewRows { rows, skips }));
+        }
+        Ok(())
+    }
+
+    fn period_us(&self) -> Result<u64, RecordingError> {
+        let steps = self.times_us.iter().zip(self.times_us.iter().skip(1));
+        let steps = steps.map(|(before, after)| (after - before) as f64).collect();
+        let period = quantile(steps, 0.5).unwrap_or(0.0).max(1.0);
+        let hz = 1e6 / period;
+        if RATES_HZ.contains(&hz) {
+            return Ok(period as u64);
+        }
+        let fits = fitting_time(period / self.columns.time_unit.micros());
+        let problem = Problem::Rate { hz, fits };
+        Err(RecordingError::of_line(self.name, self.header_line, problem))
+    }
+
+    /// The rows in g, without those beyond full scale.
+    fn rows(&mut self, per_g: f64) -> Vec<Row> {
+        let mut rows: Vec<Row> = Vec::with_capacity(self.raws.len());
+        for (raw, &time_us) in self.raws.drain(..).zip(&self.times_us) {
+            let accel_g = raw.accel.map(|a| a / per_g);
+            if accel_g.iter().any(|a| a.abs() > FULL_SCALE_G) {
+                self.skips.add(Reason::OverRange, raw.line);
+                continue;
+            }
+            if !raw.extras_read {
+                self.unread_extras.add(raw.line);
+            }
+            rows.push(Row {
+                line: raw.line,
+                time_us,
+                accel_g,
+                temperature_c: raw.temperature,
+                reference: raw.reference,
+                starts_anew: false,
+            });
+        }
+        let first = rows.first().map_or(0, |row| row.time_us);
+        rows.iter_mut().for_each(|row| row.time_us -= first);
+        rows
+    }
+}
+
+/// A blank line or a comment.
+fn is_silent(bytes: &[u8]) -> bool {
+    let text = bytes.trim_ascii_start();
+    text.is_empty() || text.starts_with(b"#")
+}
+
+fn header(name: &str, lines: &mut Lines) -> Result<(Columns, u64), RecordingError> {
+    loop {
+        let line = lines.number() + 1;
+        let bytes = match lines.next_line() {
+            Ok(Some(bytes)) => bytes,
+            Ok(None) => return Err(RecordingError::of_file(name, Problem::Empty)),
+            Err(LineError::TooLong) if is_binary(lines.partial()) => {
+                return Err(RecordingError::of_line(name, line, Problem::Binary));
+            }
+            Err(error) => return Err(explain(name, line, error, 0)),
+        };
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        if is_binary(bytes) {
+            return Err(RecordingError::of_line(name, line, Problem::Binary));
+        }
+        if is_silent(bytes) {
+            continue;
+        }
+        let text = String::from_utf8_lossy(bytes);
+        let names: Vec<String> = text.split(',').map(clean).collect();
+        let columns = Columns::from_names(&names)
+            .map_err(|problem| RecordingError::of_line(name, line, problem))?;
+        return Ok((columns, line));
+    }
+}
+
+/// True for what no text editor writes. A character cut off at the end is let pass.
+fn is_binary(bytes: &[u8]) -> bool {
+    let is_cut = |error: std::str::Utf8Error| error.error_len().is_none();
+    bytes.contains(&0) || std::str::from_utf8(bytes).is_err_and(|error| !is_cut(error))
+}
+
+fn explain(name: &str, line: u64, error: LineError, rows: usize) -> RecordingError {
+    match error {
+        LineError::TooLong => RecordingError::of_line(name, line, Problem::LineTooLong),
+        LineError::Truncated => RecordingError::of_line(name, line, Problem::GzipTruncated(rows)),
+        LineError::Corrupt => RecordingError::of_line(name, line, Problem::GzipCorrupt(rows)),
+        LineError::Io(error) => {
+            RecordingError::of_file(name, Problem::NotReadable(plain(&error)))
+        }
+    }
+}
+
+fn required(cell: &str) -> Result<f64, Reason> {
+    if cell.is_empty() {
+        return Err(Reason::MissingCell);
+    }
+    let value: f64 = cell.parse().map_err(|_| Reason::UnparsableCell)?;
+    if value.is_finite() { Ok(value) } else { Err(Reason::NotFinite) }
+}
+
+/// A cell that may be empty.
+fn optional(cell: &str) -> Result<Option<f64>, Reason> {
+    match required(cell) {
+        Err(Reason::MissingCell) => Ok(None),
+        other => other.map(Some),
+    }
+}
+
+fn reference<'a>(
+    places: ReferenceColumns,
+    cell: impl Fn(usize) -> &'a str,
+) -> Result<Option<Reference>, Reason> {
+    let read = |place| optional(cell(place));
+    match places {
+        ReferenceColumns::Quaternion([w, x, y, z]) => {
+            match (read(w)?, read(x)?, read(y)?, read(z)?) {
+                (None, None, None, None) => Ok(None),
+                (Some(w), Some(x), Some(y), Some(z)) => Attitude::new([w, x, y, z])
+                    .map(|attitude| Some(Reference::Attitude(attitude)))
+                    .ok_or(Reason::UnparsableCell),
+                _ => Err(Reason::MissingCell),
+            }
+        }
+        ReferenceColumns::Slopes([x, y]) => {
+            let read = |place: Option<usize>| place.map_or(Ok(None), read);
+            let slopes = [read(x)?, read(y)?];
+            Ok(slopes.iter().any(Option::is_some).then_some(Reference::Slopes(slopes)))
+        }
+    }
+}
+
+/// The header of time by which a period of this many units would be believable.
+fn fitting_time(period: f64) -> Option<&'static str> {
+    let fits = |micros: f64| (10.0..=1000.0).contains(&(1e6 / (period * micros)));
+    [("time_s", 1e6), ("time_ms", 1e3), ("time_us", 1.0)]
+        .into_iter()
+        .find(|(_, micros)| fits(*micros))
+        .map(|(name, _)| name)
+}
+
+fn mark_gaps(rows: &mut [Row], period_us: u64) -> Count {
+    let mut gaps = Count::default();
+    let mut before = None;
+    for row in rows {
+        let gap = before.is_some_and(|time| row.time_us - time > GAP_PERIODS * period_us);
+        if gap {
+            gaps.add(row.line);
+        }
+        row.starts_anew = gap || before.is_none();
+        before = Some(row.time_us);
+    }
+    gaps
+}
+
+#[cfg(test)]
+#[path = "recording_tests.rs"]
+mod tests;

@@ -1,0 +1,410 @@
+//! From a chart to SVG elements.
+//!
+//! In: a chart and the ranges of its data. Out: one `svg` element. Lengths are units of the view
+//! box; the text is larger on narrow screens (the style sheet does that), so the margins leave
+//! room for 17 units.
+
+use std::fmt::Write;
+
+use super::thin::{self, thin};
+use super::ticks::{Range, Tick, drawable, ticks};
+use super::{Chart, Ink, Plot, Shape};
+use crate::report::html::escape;
+use crate::text_table::format_number;
+
+/// Width and height of the view box.
+const SIZE: (f64, f64) = (520.0, 300.0);
+/// Margins above, right of and below the plot; the left one fits the labels.
+const ABOVE: f64 = 30.0;
+const RIGHT: f64 = 18.0;
+const BELOW: f64 = 50.0;
+/// Space that one character of a tick label may take.
+const CHARACTER: f64 = 9.5;
+/// Bars get their value written above them up to this many.
+const MOST_BAR_LABELS: usize = 16;
+
+/// At most this many places of bars are labelled.
+const MOST_BAR_TICKS: usize = 12;
+
+/// The plot area and its ranges.
+struct Frame {
+    left: f64,
+    x: Range,
+    y: Range,
+    x_ticks: Vec<Tick>,
+    y_ticks: Vec<Tick>,
+}
+
+impl Frame {
+    fn new(chart: &Chart, x: Range, y: Range) -> Self {
+        let y = chart
+            .y_range
+            .map_or(y, |range| range.join(y))
+            .widened()
+            .to_ticks(5);
+        let x = padded(chart, x).widened();
+        let y_ticks = ticks(y, 5);
+        let longest = y_ticks.iter().map(|tick| tick.label.chars().count()).max();
+        let left = 14.0 + CHARACTER * longest.unwrap_or(1) as f64;
+        Self {
+            left,
+            x,
+            y,
+            x_ticks: x_ticks(chart, x),
+            y_ticks,
+        }
+    }
+
+    fn right(&self) -> f64 {
+        SIZE.0 - RIGHT
+    }
+
+    fn bottom(&self) -> f64 {
+        SIZE.1 - BELOW
+    }
+
+    fn x(&self, value: f64) -> f64 {
+        self.left + self.x.share(value) * (self.right() - self.left)
+    }
+
+    fn y(&self, value: f64) -> f64 {
+        self.bottom() - self.y.share(value) * (self.bottom() - ABOVE)
+    }
+}
+
+/// Bars need half a slot at each end, markers a little air; lines fill the width.
+fn padded(chart: &Chart, x: Range) -> Range {
+    let has = |wanted: fn(&Shape) -> bool| chart.plots.iter().any(|plot| wanted(&plot.shape));
+    let air = if has(|shape| matches!(shape, Shape::Bars(_))) {
+        0.5 * slot(chart)
+    } else if has(|shape| matches!(shape, Shape::Markers(_))) {
+        0.03 * (x.to - x.from)
+    } else {
+        0.0
+    };
+    Range {
+        from: x.from - air,
+        to: x.to + air,
+    }
+}
+
+/// Bars are labelled at their own places only; other axes get round ticks.
+fn x_ticks(chart: &Chart, x: Range) -> Vec<Tick> {
+    let places = bar_places(chart);
+    if places.is_empty() {
+        return ticks(x, 6);
+    }
+    let every = places.len().div_ceil(MOST_BAR_TICKS);
+    let labelled = places.into_iter().step_by(every);
+    labelled
+        .map(|at| Tick {
+            at,
+            label: format_number(Some(at), 0),
+        })
+        .collect()
+}
+
+/// Where bars stand, in order, each place once.
+fn bar_places(chart: &Chart) -> Vec<f64> {
+    let of = |plot: &Plot| match plot.shape {
+        Shape::Bars(_) => plot.xs(),
+        _ => Vec::new(),
+    };
+    let mut places: Vec<f64> = chart
+        .plots
+        .iter()
+        .flat_map(of)
+        .filter(|x| drawable(*x))
+        .collect();
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    places
+}
+
+/// Width of one bar group: the least distance between two places.
+fn slot(chart: &Chart) -> f64 {
+    let places = bar_places(chart);
+    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps
+        .fold(f64::INFINITY, f64::min)
+        .clamp(1e-3, 1e6)
+        .min(if places.len() < 2 { 1.0 } else { 1e6 })
+}
+
+/// The drawing.
+pub fn svg(chart: &Chart, x: Range, y: Range) -> String {
+    let frame = Frame::new(chart, x, y);
+    let id = escape(&chart.id);
+    let mut out = format!(
+        "<svg role=\"img\" viewBox=\"0 0 {} {}\" aria-labelledby=\"{id}-t {id}-d\">\
+         <title id=\"{id}-t\">{}</title><desc id=\"{id}-d\">{}</desc>",
+        SIZE.0,
+        SIZE.1,
+        escape(&chart.title),
+        escape(&chart.description)
+    );
+    push_shaded(chart, &frame, &mut out);
+    push_axes(chart, &frame, &mut out);
+    push_levels(chart, &frame, &mut out);
+    let bars = chart
+        .plots
+        .iter()
+        .filter(|plot| matches!(plot.shape, Shape::Bars(_)))
+        .count();
+    let mut bar = 0;
+    for plot in &chart.plots {
+        if let Shape::Bars(points) = &plot.shape {
+            push_bars(points, plot.ink, (bar, bars), slot(chart), &frame, &mut out);
+            bar += 1;
+        } else {
+            push_plot(plot, &frame, &mut out);
+        }
+    }
+    push_level_names(chart, &frame, &mut out);
+    out.push_str("</svg>");
+    out
+}
+
+fn push_shaded(chart: &Chart, frame: &Frame, out: &mut String) {
+    for &(from, to) in &chart.shaded {
+        if !drawable(from) || !drawable(to) || to < frame.x.from || from > frame.x.to {
+            continue;
+        }
+        let (left, right) = (frame.x(from.max(frame.x.from)), frame.x(to.min(frame.x.to)));
+        let (width, height) = ((right - left).max(1.0), frame.bottom() - ABOVE);
+        let _ = write!(
+            out,
+            "<rect class=\"shaded\" x=\"{left:.1}\" y=\"{ABOVE}\" width=\"{width:.1}\" \
+             height=\"{height}\"/>"
+        );
+    }
+}
+
+fn push_axes(chart: &Chart, frame: &Frame, out: &mut String) {
+    let (left, right, bottom) = (frame.left, frame.right(), frame.bottom());
+    for tick in &frame.y_ticks {
+        let y = frame.y(tick.at);
+        let class = if tick.at.abs() < 1e-12 {
+            "zero"
+        } else {
+            "grid"
+        };
+        let _ = write!(
+            out,
+            "<path class=\"{class}\" d=\"M{left:.1} {y:.1}H{right:.1}\"/>\
+             <text class=\"tick end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+            left - 6.0,
+            y + 4.5,
+            tick.label
+        );
+    }
+    for tick in &frame.x_ticks {
+        let x = frame.x(tick.at);
+        let _ = write!(
+            out,
+            "<path class=\"axis\" d=\"M{x:.1} {bottom:.1}v4\"/>\
+             <text class=\"tick mid\" x=\"{x:.1}\" y=\"{:.1}\">{}</text>",
+            bottom + 20.0,
+            tick.label
+        );
+    }
+    let _ = write!(
+        out,
+        "<path class=\"axis\" d=\"M{left:.1} {bottom:.1}H{right:.1}\"/>\
+         <text class=\"name\" x=\"4\" y=\"16\">{}</text>\
+         <text class=\"name end\" x=\"{right:.1}\" y=\"{:.1}\">{}</text>",
+        escape(&chart.y_label),
+        SIZE.1 - 7.0,
+        escape(&chart.x_label)
+    );
+}
+
+fn push_levels(chart: &Chart, frame: &Frame, out: &mut String) {
+    for level in chart.levels.iter().filter(|level| drawable(level.at)) {
+        let (left, right, y) = (frame.left, frame.right(), frame.y(level.at));
+        let _ = write!(
+            out,
+            "<path class=\"level\" d=\"M{left:.1} {y:.1}H{right:.1}\"/>"
+        );
+    }
+}
+
+/// The names of the levels come last, above the data; a name that would run into the one before
+/// it is left out.
+fn push_level_names(chart: &Chart, frame: &Frame, out: &mut String) {
+    let mut taken: Vec<f64> = Vec::new();
+    for level in chart.levels.iter().filter(|level| drawable(level.at)) {
+        // Below zero the name hangs under its line, so that both stay clear of the data between.
+        let y = frame.y(level.at) + if level.at < 0.0 { 15.0 } else { -5.0 };
+        if taken.iter().any(|other| (other - y).abs() < 17.0) || level.name.is_empty() {
+            continue;
+        }
+        taken.push(y);
+        let _ = write!(
+            out,
+            "<text class=\"name end halo\" x=\"{:.1}\" y=\"{y:.1}\">{}</text>",
+            frame.right() - 3.0,
+            escape(&level.name)
+        );
+    }
+}
+
+fn push_plot(plot: &Plot, frame: &Frame, out: &mut String) {
+    let class = plot.ink.class();
+    match &plot.shape {
+        Shape::Line(points) => {
+            let path = line_path(&thin(points, frame.x), frame);
+            let _ = write!(out, "<path class=\"line {class}\" d=\"{path}\"/>");
+        }
+        Shape::Markers(points) => {
+            let points = thin(points, frame.x);
+            let path = line_path(&points, frame);
+            let marks: String = points
+                .iter()
+                .filter(|point| !point.1.is_nan())
+                .map(|point| marker(plot.ink, frame.x(point.0), frame.y(point.1)))
+                .collect();
+            let _ = write!(
+                out,
+                "<path class=\"line thin {class}\" d=\"{path}\"/>\
+                 <path class=\"mark {class}\" d=\"{marks}\"/>"
+            );
+        }
+        Shape::Band(bins) => {
+            let path = band_path(bins, frame);
+            let _ = write!(out, "<path class=\"band {class}\" d=\"{path}\"/>");
+        }
+        Shape::Bars(_) => {}
+    }
+}
+
+/// Lines through the points, interrupted at gaps; a lone point becomes a dot.
+fn line_path(points: &[(f64, f64)], frame: &Frame) -> String {
+    let mut path = String::new();
+    for run in points.split(|point| point.1.is_nan()) {
+        for (index, point) in run.iter().enumerate() {
+            let command = if index == 0 { 'M' } else { 'L' };
+            let _ = write!(
+                path,
+                "{command}{:.1} {:.1}",
+                frame.x(point.0),
+                frame.y(point.1)
+            );
+        }
+        if run.len() == 1 {
+            path.push_str("h0");
+        }
+    }
+    path
+}
+
+/// The area between least and greatest, closed at each gap.
+fn band_path(bins: &[(f64, f64, f64)], frame: &Frame) -> String {
+    let most: Vec<_> = bins.iter().map(|bin| (bin.0, bin.2)).collect();
+    let least: Vec<_> = bins.iter().map(|bin| (bin.0, bin.1)).collect();
+    let (most, least) = (
+        band_edge(&most, &least, frame),
+        band_edge(&least, &most, frame),
+    );
+    let mut path = String::new();
+    let upper = most.split(|point| point.1.is_nan());
+    for (upper, lower) in upper.zip(least.split(|point| point.1.is_nan())) {
+        let around = upper.iter().chain(lower.iter().rev());
+        for (index, point) in around.enumerate() {
+            let command = if index == 0 { 'M' } else { 'L' };
+            let _ = write!(
+                path,
+                "{command}{:.1} {:.1}",
+                frame.x(point.0),
+                frame.y(point.1)
+            );
+        }
+        if !upper.is_empty() {
+            path.push('Z');
+        }
+    }
+    path
+}
+
+/// One edge of a band with the gaps of both edges, so that the two stay alike.
+fn band_edge(edge: &[(f64, f64)], other: &[(f64, f64)], frame: &Frame) -> Vec<(f64, f64)> {
+    let both = edge.iter().zip(other).map(
+        |(point, other)| {
+            if drawable(other.1) { *point } else { thin::GAP }
+        },
+    );
+    thin(&both.collect::<Vec<_>>(), frame.x)
+}
+
+/// A marker around a place, as a closed path.
+fn marker(ink: Ink, x: f64, y: f64) -> String {
+    match ink {
+        Ink::First => {
+            format!(
+                "M{:.1} {y:.1}a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0 -6.8 0Z",
+                x - 3.4
+            )
+        }
+        Ink::Second => format!("M{:.1} {y:.1}l4.8 -4.8 4.8 4.8 -4.8 4.8Z", x - 4.8),
+        Ink::Reference | Ink::Other => {
+            format!("M{:.1} {:.1}h6v6h-6Z", x - 3.0, y - 3.0)
+        }
+    }
+}
+
+/// Bars of one series; `place` is its number among the series of bars and how many there are.
+fn push_bars(
+    points: &[(f64, f64)],
+    ink: Ink,
+    place: (usize, usize),
+    slot: f64,
+    frame: &Frame,
+    out: &mut String,
+) {
+    let group = 0.8 * (frame.x(slot) - frame.x(0.0));
+    let width = group / place.1.max(1) as f64;
+    let labelled = points.len() * place.1 <= MOST_BAR_LABELS;
+    for &(at, value) in points
+        .iter()
+        .filter(|point| drawable(point.0) && drawable(point.1))
+    {
+        let left = frame.x(at) - 0.5 * group + width * place.0 as f64;
+        let (zero, top) = (frame.y(0.0), frame.y(value));
+        let (upper, height) = (zero.min(top), (zero - top).abs().max(1.0));
+        let _ = write!(
+            out,
+            "<rect class=\"bar {}\" x=\"{left:.1}\" y=\"{upper:.1}\" width=\"{:.1}\" \
+             height=\"{height:.1}\"/>",
+            ink.class(),
+            (width - 1.0).max(0.5)
+        );
+        if labelled {
+            let _ = write!(
+                out,
+                "<text class=\"count mid\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                left + 0.5 * width,
+                upper - 4.0,
+                format_number(Some(value), if value.fract() == 0.0 { 0 } else { 2 })
+            );
+        }
+    }
+}
+
+/// The entry of one series in the legend, drawn as the series is.
+pub fn legend_entry(plot: &Plot) -> String {
+    let class = plot.ink.class();
+    let key = match plot.shape {
+        Shape::Line(_) => format!("<path class=\"line {class}\" d=\"M1 7H27\"/>"),
+        Shape::Markers(_) => {
+            let mark = marker(plot.ink, 14.0, 7.0);
+            let line = format!("<path class=\"line thin {class}\" d=\"M1 7H27\"/>");
+            format!("{line}<path class=\"mark {class}\" d=\"{mark}\"/>")
+        }
+        Shape::Bars(_) => {
+            format!("<rect class=\"bar {class}\" x=\"7\" width=\"14\" height=\"14\"/>")
+        }
+        Shape::Band(_) => format!("<path class=\"band {class}\" d=\"M1 2H27V12H1Z\"/>"),
+    };
+    let view = "<svg class=\"key\" viewBox=\"0 0 28 14\" aria-hidden=\"true\">";
+    format!("<li>{view}{key}</svg>{}</li>", escape(&plot.name))
+}

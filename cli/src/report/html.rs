@@ -1,0 +1,283 @@
+//! Pieces of HTML: escaped text, tables and the frame of a page.
+//!
+//! In: plain text and [`Table`]s. Out: HTML that needs nothing from outside: the style sheet is
+//! part of the page, there is no script, no font and no picture to fetch.
+
+use std::fmt::Write;
+
+use crate::text_table::{Align, Cell, Column, Table, Tone};
+
+/// The style sheet, part of every page.
+const STYLE: &str = include_str!("style.css");
+
+/// Text that is safe between tags and inside a quoted attribute. Characters that HTML does not
+/// allow (controls) become spaces.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            character if character.is_control() => out.push(' '),
+            character => out.push(character),
+        }
+    }
+    out
+}
+
+/// A whole page with this title and this body, which is HTML.
+pub fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
+        escape(title)
+    )
+}
+
+/// A paragraph.
+pub fn paragraph(text: &str) -> String {
+    format!("<p>{}</p>\n", escape(text))
+}
+
+/// A line of small facts: name and value.
+pub fn facts(pairs: &[(&str, String)]) -> String {
+    let entries: String = pairs
+        .iter()
+        .map(|(name, value)| {
+            format!(
+                "<div><dt>{}</dt><dd>{}</dd></div>",
+                escape(name),
+                escape(value)
+            )
+        })
+        .collect();
+    format!("<dl class=\"facts\">{entries}</dl>\n")
+}
+
+/// The verdict of a page, in a word and a colour.
+pub fn verdict(pass: bool, text: &str) -> String {
+    let class = if pass { "pass" } else { "fail" };
+    format!("<p class=\"verdict {class}\">{}</p>\n", escape(text))
+}
+
+/// A table under its title; it scrolls sideways where it is too wide. A table without rows is a
+/// sentence that says so.
+pub fn table(table: &Table) -> String {
+    let title = escape(&table.title);
+    let mut out = format!("<h3>{title}</h3>\n");
+    if table.rows.is_empty() {
+        out.push_str("<p class=\"empty\">Not run.</p>\n");
+        return out;
+    }
+    let _ = write!(
+        out,
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{title}\"><table>\n\
+         <thead>\n{}</thead>\n<tbody>\n",
+        head(table)
+    );
+    for row in &table.rows {
+        let cells: String = table
+            .columns
+            .iter()
+            .enumerate()
+            .map(|(index, _)| body_cell(table, row.get(index), index))
+            .collect();
+        let _ = writeln!(out, "<tr>{cells}</tr>");
+    }
+    out.push_str("</tbody>\n</table></div>\n");
+    for note in &table.notes {
+        let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(note));
+    }
+    out
+}
+
+/// One or two rows of column heads.
+fn head(table: &Table) -> String {
+    let mut out = String::new();
+    if table.columns.iter().any(|column| !column.group.is_empty()) {
+        out.push_str("<tr>");
+        let mut first = 0;
+        for (name, count) in table.groups() {
+            let class = classes(table, first, Align::Left, "");
+            let tag = if name.is_empty() {
+                "td"
+            } else {
+                "th scope=\"colgroup\""
+            };
+            let end = if name.is_empty() { "td" } else { "th" };
+            let _ = write!(
+                out,
+                "<{tag} colspan=\"{count}\"{class}>{}</{end}>",
+                escape(name)
+            );
+            first += count;
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("<tr>");
+    for (index, column) in table.columns.iter().enumerate() {
+        let class = classes(table, index, column.align, "");
+        let _ = write!(
+            out,
+            "<th scope=\"col\"{class}>{}</th>",
+            escape(&column.name)
+        );
+    }
+    out.push_str("</tr>\n");
+    out
+}
+
+fn body_cell(table: &Table, cell: Option<&Cell>, index: usize) -> String {
+    let (text, tone) = cell.map_or(("", Tone::Plain), |cell| (&cell.text, cell.tone));
+    let extra = match tone {
+        Tone::Pass => "pass",
+        Tone::Fail => "fail",
+        Tone::Plain if text.chars().count() > 28 => "long",
+        Tone::Plain => "",
+    };
+    let align = table
+        .columns
+        .get(index)
+        .map_or(Align::Left, |column| column.align);
+    let class = classes(table, index, align, extra);
+    let (open, close) = if index == 0 {
+        ("th scope=\"row\"", "th")
+    } else {
+        ("td", "td")
+    };
+    format!("<{open}{class}>{}</{close}>", escape(text))
+}
+
+/// The class attribute: alignment, a rule before a new group, and what the cell means.
+fn classes(table: &Table, index: usize, align: Align, extra: &str) -> String {
+    let group = |index: usize| {
+        table
+            .columns
+            .get(index)
+            .map(|column: &Column| &column.group)
+    };
+    let mut classes = Vec::new();
+    if align == Align::Right {
+        classes.push("number");
+    }
+    if index > 0 && group(index) != group(index - 1) {
+        classes.push("first");
+    }
+    if !extra.is_empty() {
+        classes.push(extra);
+    }
+    if classes.is_empty() {
+        String::new()
+    } else {
+        format!(" class=\"{}\"", classes.join(" "))
+    }
+}
+
+#[cfg(test)]
+pub mod check {
+    //! Checks that tests of pages share.
+
+    /// Elements that have no end tag.
+    const VOID: [&str; 1] = ["meta"];
+
+    /// Panics unless every tag that is opened is closed in order.
+    pub fn assert_balanced(html: &str) {
+        let mut open: Vec<&str> = Vec::new();
+        let body = html.strip_prefix("<!doctype html>").expect("a doctype");
+        for piece in body.split('<').skip(1) {
+            let (tag, _) = piece.split_once('>').expect("a tag that ends");
+            let name = tag.split([' ', '/']).find(|part| !part.is_empty()).unwrap();
+            if tag.starts_with('/') {
+                assert_eq!(open.pop(), Some(name), "<{tag}>");
+            } else if !tag.ends_with('/') && !VOID.contains(&name) {
+                open.push(name);
+            }
+        }
+        assert!(open.is_empty(), "{open:?}");
+    }
+
+    /// Panics when the page would fetch or run anything, or when two elements share an id.
+    pub fn assert_stands_alone(html: &str) {
+        for fetch in [
+            "http", "src=", "href=", "<script", "<link", "@import", "url(", "onload",
+        ] {
+            assert!(!html.contains(fetch), "{fetch}");
+        }
+        let ids = html
+            .match_indices(" id=\"")
+            .map(|(at, _)| html[at + 5..].split('"').next());
+        let mut ids: Vec<_> = ids.collect();
+        let count = ids.len();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), count, "an id is used twice");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn markup_in_text_is_only_text() {
+        assert_eq!(
+            escape("<i a='x'>\"&\u{0}"),
+            "&lt;i a=&#39;x&#39;&gt;&quot;&amp; "
+        );
+        let page = page("</title><script>", &paragraph("</p><script>"));
+        assert!(!page.contains("<script"));
+        check::assert_balanced(&page);
+    }
+
+    #[test]
+    fn a_table_says_pass_and_fail_in_word_and_class() {
+        let columns = vec![
+            Column::text("What"),
+            Column::number("Value"),
+            Column::text("Result"),
+        ];
+        let mut made = Table::new("Limits", columns);
+        let verdicts = [true, false].map(|pass| Cell::verdict(pass, "pass", "FAIL"));
+        for verdict in verdicts {
+            made.rows.push(vec![
+                Cell::text("a<b"),
+                Cell::number(Some(0.25), 2),
+                verdict,
+            ]);
+        }
+        let html = table(&made);
+        assert!(html.contains("<td class=\"number\">0.25</td><td class=\"pass\">pass</td>"));
+        assert!(html.contains("<td class=\"fail\">FAIL</td>"));
+        assert!(html.contains("<th scope=\"row\">a&lt;b</th>"));
+    }
+
+    #[test]
+    fn groups_span_their_columns() {
+        let columns = vec![
+            Column::text("Axis"),
+            Column::number("1").under("Published"),
+            Column::number("2").under("Published"),
+        ];
+        let mut made = Table::new("T", columns);
+        made.rows.push(vec![Cell::text("X")]);
+        let html = table(&made);
+        let spans = "<td colspan=\"1\"></td>\
+            <th scope=\"colgroup\" colspan=\"2\" class=\"first\">Published</th>";
+        assert!(html.contains(spans), "{html}");
+        assert_eq!(
+            html.matches("<td class=\"number").count(),
+            2,
+            "a short row is filled"
+        );
+    }
+
+    #[test]
+    fn a_table_without_rows_is_a_sentence() {
+        let html = table(&Table::new("Week", vec![Column::text("Day")]));
+        assert!(html.contains("Not run.") && !html.contains("<table"));
+    }
+}

@@ -1,0 +1,113 @@
+//! What the terminal shows at the end of a run.
+//!
+//! In: a report. Out: one string of plain text, tables aligned, the verdict as its last line.
+//! Printing it, and progress on the way, are the caller's.
+
+use super::data::DemoReport;
+use super::replay_data::ReplayReport;
+use super::{replay_tables, tables};
+use crate::text_table::{Table, wrap};
+
+/// Tables I, II, III, the week, the specification and the verdict of a demo run.
+pub fn print_demo(report: &DemoReport) -> String {
+    let mut out = wrap(
+        &format!(
+            "Plumb {}, simulated bench: seed {}, {} units, {} days",
+            report.plumb_version, report.seed, report.units, report.days
+        ),
+        96,
+    );
+    let shown = [
+        tables::calibration(report),
+        tables::table_two(report),
+        tables::table_three(report),
+        tables::one_axis(report),
+        tables::table_one(report),
+        tables::week(report),
+        tables::specification(report),
+    ];
+    push_tables(&shown, &mut out);
+    out.push('\n');
+    out.push_str(verdict(report));
+    out.push('\n');
+    out
+}
+
+/// The verdict in one sentence.
+pub fn verdict(report: &DemoReport) -> &'static str {
+    if report.within_specification {
+        "Product mode is WITHIN its specification."
+    } else {
+        "Product mode is OUTSIDE its specification."
+    }
+}
+
+/// Recordings, calibration, accuracy, comparison and verdicts of a replay.
+pub fn print_replay(report: &ReplayReport) -> String {
+    let mode = replay_tables::mode_words(report);
+    let mut out = format!("Plumb {}, replay in {mode}\n", report.plumb_version);
+    push_tables(&replay_tables::all(report), &mut out);
+    if !report.notes.is_empty() {
+        out.push('\n');
+    }
+    for note in &report.notes {
+        out.push_str(&wrap(note, 96));
+    }
+    out
+}
+
+/// Tables with an empty line before each; those without rows are left out.
+fn push_tables(tables: &[Table], out: &mut String) {
+    for table in tables.iter().filter(|table| !table.rows.is_empty()) {
+        out.push('\n');
+        out.push_str(&table.to_text());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample;
+    use super::*;
+
+    #[test]
+    fn the_demo_ends_with_its_verdict_and_holds_every_table() {
+        let mut report = sample::demo();
+        let text = print_demo(&report);
+        for title in [
+            "Table I:",
+            "Table II:",
+            "Table III:",
+            "Excavator week",
+            "Specification",
+        ] {
+            assert!(text.contains(title), "{title}");
+        }
+        assert!(text.ends_with("Product mode is WITHIN its specification.\n"));
+        report.within_specification = false;
+        assert!(print_demo(&report).ends_with("OUTSIDE its specification.\n"));
+    }
+
+    #[test]
+    fn no_line_is_wider_than_103_columns_or_ends_in_a_space() {
+        for text in [print_demo(&sample::demo()), print_replay(&sample::replay())] {
+            for line in text.lines() {
+                assert!(line.chars().count() <= 103, "{line}");
+                assert_eq!(line, line.trim_end());
+            }
+        }
+    }
+
+    #[test]
+    fn a_week_that_was_not_run_is_left_out() {
+        let mut report = sample::demo();
+        report.week.clear();
+        assert!(!print_demo(&report).contains("Excavator week"));
+    }
+
+    #[test]
+    fn the_replay_prints_its_notes() {
+        let text = print_replay(&sample::replay());
+        assert!(text.starts_with("Plumb "));
+        assert!(text.contains("2048 LSB per g was taken"));
+    }
+}

@@ -1,0 +1,345 @@
+//! The motor (R5): memorise angle and acceleration step by step, fit, and verify (R15).
+//!
+//! In: an instrument with its temperature model. Out: its correction and uncertainty budget, set
+//! in both nodes, and a [`CalibrationReport`]. The motor turns 1 deg every 1500 ms from -90 to
+//! 90 deg, once in each mount; a one-axis 360 deg instrument turns the whole circle in one.
+//!
+//! The paper's node memorises its filtered acceleration at the end of each step; the product's
+//! takes the mean of the last half second, and its motor sweeps back as well, so that the motor's
+//! direction error (+-0.0083 deg by the side it comes from) averages out. All twelve parameters are fitted from both mounts
+//! together. The verification round turns once more; above the tolerance of 0.20 deg the
+//! calibration is made anew, three times at most, and what it ended with is reported.
+
+use tilt::angle::{Angle, Axes, Harmonics};
+use tilt::calibration::motor::{FittedVector, HarmonicFit, PlaneFit, VectorFit};
+use tilt::chain::Correction;
+use tilt::sample::Temperature;
+use tilt::table::{Point, Rule, Table};
+use tilt::temperature::Compensated;
+use tilt::uncertainty::{Budget, Uncertainty};
+
+use super::characterise::mean_of_both;
+use super::statistics::Tally;
+use super::{Bench, BenchError, Mode};
+use crate::rig::Mount;
+
+/// R5: one step of the motor.
+pub const STEP_S: f64 = 1.5;
+
+/// How long the motor stands within a step: 0.11 s of it go into the turn of 1 deg.
+const DWELL_S: f64 = STEP_S - 0.12;
+
+/// R15: the largest error that the verification round may show.
+pub const TOLERANCE_DEG: f64 = 0.20;
+
+/// How often a calibration is made anew before it is left as it is.
+const MOST_ROUNDS: u32 = 3;
+
+/// Speed between two steps of 1 deg, deg/s.
+const STEP_SPEED: f64 = 10.0;
+
+/// What is memorised at one step for one node.
+#[derive(Clone, Copy, Debug)]
+struct Memory {
+    mount: Mount,
+    reference_deg: f64,
+    compensated: Compensated,
+}
+
+/// How a calibration went, for one node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CalibrationReport {
+    /// Calibrations made, 1 to 3.
+    pub rounds: u32,
+    /// Errors of the verification round against the motor, deg.
+    pub verification: Tally,
+    /// Condition figure of the fit; 0 in paper mode.
+    pub condition: f64,
+    /// Rms of what the fit left at the memorised points, deg; 0 in paper mode.
+    pub residual_deg: f64,
+}
+
+impl CalibrationReport {
+    /// Whether the verification round stayed within [`TOLERANCE_DEG`].
+    pub fn passed(&self) -> bool {
+        self.verification.largest() <= TOLERANCE_DEG
+    }
+}
+
+impl Bench {
+    /// Calibrates, verifies, and repeats while the verification round is above the tolerance.
+    ///
+    /// Errors: a fit or a table that is refused, a silent node.
+    pub fn calibrate(&mut self) -> Result<[CalibrationReport; 2], BenchError> {
+        let mut round = 0;
+        loop {
+            round += 1;
+            let memories = self.memorise()?;
+            let mut reports = [CalibrationReport::default(); 2];
+            for node in 0..2 {
+                reports[node] = self.fit(node, &memories[node])?;
+                reports[node].rounds = round;
+            }
+            let verified = self.verify();
+            for (report, verification) in reports.iter_mut().zip(verified) {
+                report.verification = verification;
+            }
+            if round >= MOST_ROUNDS || reports.iter().all(CalibrationReport::passed) {
+                return Ok(reports);
+            }
+        }
+    }
+
+    fn mounts(&self) -> &'static [Mount] {
+        if self.mode == Mode::OneAxis {
+            &[Mount::X]
+        } else {
+            &[Mount::X, Mount::Y]
+        }
+    }
+
+    fn range_deg(&self) -> i32 {
+        if self.mode == Mode::OneAxis { 180 } else { 90 }
+    }
+
+    fn memorise(&mut self) -> Result<[Vec<Memory>; 2], BenchError> {
+        let mut memories = [Vec::new(), Vec::new()];
+        let range = self.range_deg();
+        for &mount in self.mounts() {
+            self.mount(mount, 0.0, 0.0);
+            self.turn_to(f64::from(-range - 1), 40.0, 2.0);
+            self.sweep(mount, &mut (-range..=range), &mut memories)?;
+            if self.mode != Mode::Paper {
+                self.turn_to(f64::from(range + 1), STEP_SPEED, 1.0);
+                self.sweep(mount, &mut (-range..=range).rev(), &mut memories)?;
+            }
+        }
+        Ok(memories)
+    }
+
+    fn sweep(
+        &mut self,
+        mount: Mount,
+        degrees: &mut dyn Iterator<Item = i32>,
+        memories: &mut [Vec<Memory>; 2],
+    ) -> Result<(), BenchError> {
+        for degrees in degrees {
+            let compensated = self.memorise_step(f64::from(degrees))?;
+            let reference_deg = self.rig.reference_deg();
+            for (list, compensated) in memories.iter_mut().zip(compensated) {
+                list.push(Memory {
+                    mount,
+                    reference_deg,
+                    compensated,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the housing on the motor in another way.
+    pub fn mount(&mut self, mount: Mount, wedge_deg: f64, lever_arm_m: f64) {
+        self.rig.remount(mount, wedge_deg, lever_arm_m);
+        self.run(0.5);
+    }
+
+    fn memorise_step(&mut self, degrees: f64) -> Result<[Compensated; 2], BenchError> {
+        let mean_s = if self.mode == Mode::Paper { 0.02 } else { 0.5 };
+        self.turn_to(degrees, STEP_SPEED, DWELL_S - mean_s);
+        let Self {
+            instrument, rig, ..
+        } = self;
+        let means = mean_of_both(instrument, rig, 0.0, mean_s, "motor calibration")?;
+        Ok([0, 1].map(|i| {
+            let calibration = &instrument.sides[i].settings.chain.calibration;
+            let accel = means[i].accel.map(|a| a.round() as i32);
+            let filtered = tilt::filter::Filtered { accel };
+            calibration
+                .temperature
+                .apply(filtered, means[i].temperature)
+        }))
+    }
+
+    fn fit(&mut self, node: usize, memories: &[Memory]) -> Result<CalibrationReport, BenchError> {
+        let fit_error = |error| BenchError::Fit {
+            step: "motor calibration",
+            node: node + 1,
+            error,
+        };
+        let (correction, condition) = match self.mode {
+            Mode::Paper => {
+                let tables = paper_tables(memories).map_err(|error| BenchError::Table {
+                    node: node + 1,
+                    error,
+                })?;
+                (
+                    Correction::Tables {
+                        tables,
+                        rule: Rule::Nearest,
+                    },
+                    0.0,
+                )
+            }
+            Mode::Product => fit_two_axis(memories).map_err(fit_error)?,
+            Mode::OneAxis => fit_one_axis(memories).map_err(fit_error)?,
+        };
+        let chain = &mut self.instrument.sides[node].settings.chain;
+        chain.calibration.correction = correction;
+        let residual_deg = if self.mode == Mode::Paper {
+            0.0
+        } else {
+            residual(chain, memories)
+        };
+        chain.calibration.budget = budget(self.mode, residual_deg);
+        Ok(CalibrationReport {
+            condition,
+            residual_deg,
+            ..CalibrationReport::default()
+        })
+    }
+
+    /// Turns the round of R15 and compares with the motor's own angle.
+    fn verify(&mut self) -> [Tally; 2] {
+        let mut tallies = [Tally::default(); 2];
+        let range = self.range_deg();
+        for &mount in self.mounts() {
+            self.mount(mount, 0.0, 0.0);
+            self.turn_to(f64::from(-range - 1), 40.0, 2.0);
+            for degrees in -range..=range {
+                self.turn_to(f64::from(degrees), STEP_SPEED, DWELL_S);
+                let reference = Angle::from_degrees(self.rig.reference_deg());
+                let pair = self.instrument.sync();
+                for (tally, reading) in tallies.iter_mut().zip(pair.readings) {
+                    let axis = if mount == Mount::X {
+                        reading.x
+                    } else {
+                        reading.y
+                    };
+                    if let Ok(m) = axis {
+                        tally.add(m.angle.minus(reference).degrees());
+                    }
+                }
+            }
+        }
+        tallies
+    }
+}
+
+fn paper_tables(memories: &[Memory]) -> Result<Axes<Table>, tilt::table::TableError> {
+    let table = |mount: Mount, axis: usize| {
+        let points: Vec<_> = memories
+            .iter()
+            .filter(|m| m.mount == mount)
+            .map(|m| Point {
+                accel: m.compensated.accel[axis],
+                angle: Angle::from_degrees(m.reference_deg),
+            })
+            .collect();
+        Table::new(&points)
+    };
+    Ok(Axes {
+        x: table(Mount::X, 0)?,
+        y: table(Mount::Y, 1)?,
+    })
+}
+
+fn reference_g(memory: &Memory) -> [f64; 3] {
+    let (sin, cos) = memory.reference_deg.to_radians().sin_cos();
+    match memory.mount {
+        Mount::X => [sin, 0.0, cos],
+        Mount::Y => [0.0, sin, cos],
+    }
+}
+
+/// Beyond this the fold at the vertical bends what the harmonics would follow.
+const HARMONICS_UP_TO_DEG: f64 = 86.0;
+
+/// Variance of one memorised point over that expected of a harmonic: (0.012 / 0.04)^2.
+const HARMONIC_RIDGE: f64 = 0.09;
+
+type Fitted = Result<(Correction, f64), tilt::calibration::FitError>;
+
+fn fit_two_axis(memories: &[Memory]) -> Fitted {
+    let mut fit = VectorFit::default();
+    memories
+        .iter()
+        .for_each(|m| fit.add(reference_g(m), m.compensated));
+    let FittedVector {
+        vector, condition, ..
+    } = fit.solve()?;
+    let mut left = Axes::<HarmonicFit>::default();
+    for m in memories
+        .iter()
+        .filter(|m| m.reference_deg.abs() <= HARMONICS_UP_TO_DEG)
+    {
+        let found = tilt::angle::slopes(vector.apply(m.compensated));
+        let reference = Angle::from_degrees(m.reference_deg);
+        match m.mount {
+            Mount::X => left.x.add(found.x, reference),
+            Mount::Y => left.y.add(found.y, reference),
+        }
+    }
+    let harmonics = Axes::<Harmonics> {
+        x: left.x.solve(HARMONIC_RIDGE)?,
+        y: left.y.solve(HARMONIC_RIDGE)?,
+    };
+    Ok((Correction::TwoAxis { vector, harmonics }, condition))
+}
+
+fn fit_one_axis(memories: &[Memory]) -> Fitted {
+    let mut fit = PlaneFit::default();
+    for m in memories {
+        let [sin, _, cos] = reference_g(m);
+        fit.add(sin, cos, m.compensated);
+    }
+    let FittedVector {
+        vector, condition, ..
+    } = fit.solve()?;
+    let mut left = HarmonicFit::default();
+    for m in memories {
+        let found = tilt::angle::turn(vector.apply(m.compensated));
+        left.add(found, Angle::from_degrees(m.reference_deg));
+    }
+    let harmonics = left.solve(0.0)?;
+    Ok((Correction::OneAxis { vector, harmonics }, condition))
+}
+
+/// Rms of what the chain finds at the memorised points, deg, the fold at +-90 deg left out.
+fn residual(chain: &tilt::chain::Chain, memories: &[Memory]) -> f64 {
+    let mut tally = Tally::default();
+    let mut bare = chain.clone();
+    bare.calibration.temperature = tilt::temperature::TemperatureModel::None;
+    for m in memories {
+        let filtered = tilt::filter::Filtered {
+            accel: m.compensated.accel,
+        };
+        let found = bare.evaluate(filtered, Temperature::REFERENCE);
+        let axis = if m.mount == Mount::X {
+            found.x
+        } else {
+            found.y
+        };
+        let folds = chain.period_us < 10_000 && (m.reference_deg.abs() - 90.0).abs() < 1.0;
+        if let (Ok((angle, _)), false) = (axis, folds) {
+            tally.add(angle.minus(Angle::from_degrees(m.reference_deg)).degrees());
+        }
+    }
+    tally.rms()
+}
+
+/// The budget: data-sheet noise, the assumptions of the sensor specification, and the fit.
+///
+/// Turn-on repeatability 0.3 mg and 1/f floor 0.04 mg; thermal hysteresis 0.5 mg half-loop, of
+/// which the lens-shaped loop leaves 0.73 on the average; reference: harmonics of 0.05 deg peak to
+/// peak and direction and repeatability errors of 0.0083 and 0.0042 deg.
+fn budget(mode: Mode, residual_deg: f64) -> Budget {
+    let mg = f64::from(tilt::ONE_G) / 1000.0;
+    let noise_mg = 0.090 * (mode.rate_hz() / 2.0).sqrt();
+    Budget {
+        noise: (noise_mg * mg) as u32,
+        repeatability: (0.3f64.hypot(0.04) * mg) as u32,
+        hysteresis: (0.5 * 0.73 * mg) as u32,
+        reference: Uncertainty::from_degrees(0.0150),
+        residual: Uncertainty::from_degrees(residual_deg),
+    }
+}

@@ -1,0 +1,224 @@
+//! The climatic chamber (R4): the paper's profile, run twice, and what each mode fits to it.
+//!
+//! In: an instrument. Out: its temperature model, set in both nodes. The hours between the
+//! measurements are stepped over: the dies follow the chamber in steps of 10 s, and samples are
+//! taken only at the end of each dwell.
+//!
+//! At every dwell the product's fixture holds the instrument in four orientations, in which each
+//! axis sees both signs of gravity (E12); the paper's holds it level. The paper's stairs only rise,
+//! so nearly all of its points lie on one branch of the thermal hysteresis; the product's run goes
+//! down the stairs again, and the fit comes out between the branches.
+//!
+//! Afterwards the part is conditioned: it passes 25 degC by 10 degC and comes back, which leaves
+//! the hysteresis in the middle of its loop whichever branch the run ended on.
+
+use tilt::calibration::thermal::{Dwell, ORIENTATIONS, QuadraticFit, piecewise};
+use tilt::sample::Temperature;
+use tilt::temperature::{KNOTS, TemperatureModel};
+
+use super::{Bench, BenchError, Mode, run};
+use crate::chamber::{Dwell as Step, Profile, Program};
+use crate::instrument::Instrument;
+use crate::motion::Mover;
+use crate::rig::Fixture;
+
+/// How long one mean reading takes, behind a second for the filter.
+const MEAN_S: f64 = 1.0;
+
+/// Steps of the profile before the nine stairs from -10 to 70 degC.
+const BEFORE_STAIRS: usize = 3;
+
+/// A mean of what a node's filter puts out.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mean {
+    /// 2^-26 g per step.
+    pub accel: [f64; 3],
+    /// The part's temperature.
+    pub temperature: Temperature,
+}
+
+/// Means of both nodes over `duration_s`, after `settle_s`.
+///
+/// Errors: [`BenchError::Silent`] when a node gives nothing.
+pub fn mean_of_both(
+    instrument: &mut Instrument,
+    mover: &mut impl Mover,
+    settle_s: f64,
+    duration_s: f64,
+    step: &'static str,
+) -> Result<[Mean; 2], BenchError> {
+    run(instrument, mover, settle_s);
+    let mut sums = [[0.0; 3]; 2];
+    let mut counts = [0.0; 2];
+    let mut last = [None; 2];
+    for _ in 0..(duration_s / crate::TICK_S) as u32 {
+        run(instrument, mover, crate::TICK_S);
+        for (i, side) in instrument.sides.iter().enumerate() {
+            let Some((filtered, at)) = side.node.channel.filtered() else {
+                continue;
+            };
+            if last[i] == Some(at) {
+                continue;
+            }
+            last[i] = Some(at);
+            counts[i] += 1.0;
+            for (sum, a) in sums[i].iter_mut().zip(filtered.accel) {
+                *sum += f64::from(a);
+            }
+        }
+    }
+    let mut means = [Mean::default(); 2];
+    for (i, mean) in means.iter_mut().enumerate() {
+        let temperature = instrument.sides[i].node.channel.temperature();
+        let (Some(temperature), true) = (temperature, counts[i] > 0.0) else {
+            return Err(BenchError::Silent { step, node: i + 1 });
+        };
+        *mean = Mean {
+            accel: sums[i].map(|s| s / counts[i]),
+            temperature,
+        };
+    }
+    Ok(means)
+}
+
+/// The product's way back: 60 to -10 degC in steps of 10, as long at each as on the way up.
+fn down_the_stairs() -> Profile {
+    let stairs = (-1..=6).rev().map(|tens| f64::from(tens) * 10.0);
+    Profile {
+        steps: stairs
+            .map(|set_point_c| Step {
+                set_point_c,
+                dwell_min: 40.0,
+            })
+            .collect(),
+    }
+}
+
+/// Mean of what was read at one stair, over the two runs.
+#[derive(Clone, Copy, Default)]
+struct Stair {
+    accel: [f64; 3],
+    temperature: f64,
+    count: f64,
+}
+
+impl Stair {
+    fn add(&mut self, mean: &Mean) {
+        for (sum, a) in self.accel.iter_mut().zip(mean.accel) {
+            *sum += a;
+        }
+        self.temperature += f64::from(mean.temperature.0);
+        self.count += 1.0;
+    }
+
+    fn dwell(&self) -> Dwell {
+        let count = self.count.max(1.0);
+        Dwell {
+            temperature: Temperature((self.temperature / count) as i32),
+            accel: self.accel.map(|a| a / count),
+        }
+    }
+}
+
+/// What is gathered while the profile runs.
+#[derive(Default)]
+struct Gathered {
+    stairs: [[Stair; KNOTS]; 2],
+    fits: [QuadraticFit; 2],
+}
+
+impl Bench {
+    /// Runs the profile twice, fits, and sets the temperature model in both nodes.
+    ///
+    /// Errors: a fit that is refused, or a silent node.
+    pub fn characterise(&mut self) -> Result<(), BenchError> {
+        let mut gathered = Gathered::default();
+        for _ in 0..2 {
+            self.run_profile(Profile::paper(), &mut gathered)?;
+        }
+        if self.mode == Mode::Paper {
+            self.bring_to(15.0);
+        } else {
+            self.run_profile(down_the_stairs(), &mut gathered)?;
+            self.bring_to(35.0);
+        }
+        self.bring_to(25.0);
+        self.fit_temperature(&gathered)
+    }
+
+    /// Runs one profile and measures at the end of each of its dwells.
+    fn run_profile(&mut self, profile: Profile, into: &mut Gathered) -> Result<(), BenchError> {
+        let mut program = Program::new(profile);
+        while let Some((index, ..)) = program.now() {
+            let passed_s = program.step(&mut self.chamber, 10.0);
+            self.pass(passed_s);
+            if program.now().map(|(index, ..)| index) != Some(index) {
+                self.measure(index, into)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets chamber time pass without sampling.
+    fn pass(&mut self, passed_s: f64) {
+        self.instrument.skip(passed_s);
+        self.instrument.set_die_temperature(self.chamber.die_c);
+    }
+
+    /// Brings chamber and dies to `celsius`, in steps of 10 s, and waits until they are there.
+    pub fn bring_to(&mut self, celsius: f64) {
+        self.chamber.set_point(celsius);
+        while (self.chamber.die_c - celsius).abs() > 0.02 {
+            self.chamber.step(10.0);
+            self.pass(10.0);
+        }
+    }
+
+    fn measure(&mut self, index: usize, gathered: &mut Gathered) -> Result<(), BenchError> {
+        const STEP: &str = "climatic chamber";
+        if self.mode == Mode::Paper {
+            let level = &mut Fixture::level();
+            let means = mean_of_both(&mut self.instrument, level, 1.0, MEAN_S, STEP)?;
+            for (stairs, mean) in gathered.stairs.iter_mut().zip(&means) {
+                let stair = index
+                    .checked_sub(BEFORE_STAIRS)
+                    .and_then(|i| stairs.get_mut(i));
+                if let Some(stair) = stair {
+                    stair.add(mean);
+                }
+            }
+            return Ok(());
+        }
+        for which in 0..ORIENTATIONS {
+            let pose = &mut Fixture::tetrahedral(which);
+            let share_g = pose.step(self.instrument.time_s()).force_g;
+            let means = mean_of_both(&mut self.instrument, pose, 1.0, MEAN_S, STEP)?;
+            for (fit, mean) in gathered.fits.iter_mut().zip(&means) {
+                let dwell = Dwell {
+                    temperature: mean.temperature,
+                    accel: mean.accel,
+                };
+                fit.add(which, share_g, dwell);
+            }
+        }
+        Ok(())
+    }
+
+    fn fit_temperature(&mut self, gathered: &Gathered) -> Result<(), BenchError> {
+        for (i, side) in self.instrument.sides.iter_mut().enumerate() {
+            let model = if self.mode == Mode::Paper {
+                let dwells = gathered.stairs[i].map(|s| s.dwell());
+                piecewise(&dwells).map(TemperatureModel::Piecewise)
+            } else {
+                gathered.fits[i].solve().map(TemperatureModel::Quadratic)
+            };
+            side.settings.chain.calibration.temperature =
+                model.map_err(|error| BenchError::Fit {
+                    step: "climatic chamber",
+                    node: i + 1,
+                    error,
+                })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,225 @@
+//! The virtual bench: what a laboratory does with an instrument, step by step.
+//!
+//! In: a seed, a unit's number, a mode and the error models. Out: figures. One [`Bench`] holds one
+//! instrument on one rig; its steps are the paper's: chamber (`characterise`, R4), motor
+//! (`calibrate`, R5; verification, R15), static and dynamic test (`static_test` R16,
+//! `dynamic_test` R17), and the week on the excavator (`week`, R18).
+//!
+//! Everything is measured through the device code; the truth comes from the rig, never from the
+//! device.
+
+pub mod calibrate;
+pub mod characterise;
+pub mod dynamic_test;
+pub mod static_test;
+pub mod statistics;
+pub mod thermal_test;
+pub mod week;
+
+use device::channel::Settings;
+use device::sensor::Config;
+use tilt::angle::Axes;
+use tilt::angle::Harmonics;
+use tilt::calibration::FitError;
+use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
+use tilt::cross_check::CrossCheck;
+use tilt::filter::LowPass;
+use tilt::sample::FullScale;
+use tilt::temperature::TemperatureModel;
+use tilt::uncertainty::Budget;
+use tilt::vector::Vector;
+
+use crate::chamber::Chamber;
+use crate::error_model::ErrorModel;
+use crate::instrument::Instrument;
+use crate::motion::Mover;
+use crate::rig::{Rig, RigSetup};
+use crate::rng::Rng;
+
+/// Which instrument is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// The paper's: 50 samples/s, one pole, one-axis tables, nearest point.
+    Paper,
+    /// Two axes, 400 samples/s, Butterworth, twelve parameters.
+    Product,
+    /// One axis over 360 deg, otherwise as the product.
+    OneAxis,
+}
+
+/// Latency that the product declares: delay of filter (22.4 ms) and part (1.1 ms), and what the
+/// interpolation to a common instant needs.
+pub const PRODUCT_LATENCY_US: u32 = 25_000;
+
+impl Mode {
+    /// Part and chain of this mode, not yet calibrated.
+    pub fn settings(self) -> Settings {
+        let paper = self == Self::Paper;
+        let part = if paper {
+            Config::PAPER
+        } else {
+            Config::PRODUCT
+        };
+        let timing = if paper {
+            Timing::AsItArrives
+        } else {
+            Timing::Aligned {
+                latency_us: PRODUCT_LATENCY_US,
+            }
+        };
+        let chain = Chain {
+            filter: if paper {
+                LowPass::PAPER
+            } else {
+                LowPass::PRODUCT
+            },
+            full_scale: FullScale::G2,
+            period_us: part.rate.period_us(),
+            part_delay_q16: PART_DELAY_Q16,
+            timing,
+            calibration: Calibration {
+                temperature: TemperatureModel::None,
+                correction: Correction::TwoAxis {
+                    vector: Vector::IDENTITY,
+                    harmonics: Axes::<Harmonics>::default(),
+                },
+                budget: Budget::default(),
+            },
+        };
+        Settings { part, chain }
+    }
+
+    /// The cross-check of this mode, fresh.
+    pub fn check(self) -> CrossCheck {
+        if self == Self::Paper {
+            CrossCheck::paper()
+        } else {
+            CrossCheck::product()
+        }
+    }
+
+    /// Sampling rate of the part, nominal, in Hz.
+    pub fn rate_hz(self) -> f64 {
+        if self == Self::Paper { 50.0 } else { 400.0 }
+    }
+}
+
+/// What the world is made of: the error models of parts and rig.
+#[derive(Clone, Copy, Debug)]
+pub struct World {
+    /// The parts.
+    pub parts: ErrorModel,
+    /// The rig.
+    pub rig: RigSetup,
+}
+
+impl World {
+    /// The nominal models of the sensor specification.
+    pub const NOMINAL: Self = Self {
+        parts: ErrorModel::NOMINAL,
+        rig: RigSetup::NOMINAL,
+    };
+}
+
+/// One instrument on one rig.
+#[derive(Debug)]
+pub struct Bench {
+    /// The instrument under test.
+    pub instrument: Instrument,
+    /// The rig it is mounted on.
+    pub rig: Rig,
+    /// The mode it was built for.
+    pub mode: Mode,
+    /// The chamber around both.
+    pub chamber: Chamber,
+    /// For the choice of test angles.
+    pub rng: Rng,
+}
+
+/// Why an instrument could not be brought up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BenchError {
+    /// A fit was refused, with the step and the node (1 or 2).
+    Fit {
+        /// The bench's step.
+        step: &'static str,
+        /// Node 1 or 2.
+        node: usize,
+        /// Why.
+        error: FitError,
+    },
+    /// A table could not be built.
+    Table {
+        /// Node 1 or 2.
+        node: usize,
+        /// Why.
+        error: tilt::table::TableError,
+    },
+    /// A node gave no reading where it should have.
+    Silent {
+        /// The bench's step.
+        step: &'static str,
+        /// Node 1 or 2.
+        node: usize,
+    },
+}
+
+impl std::fmt::Display for BenchError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fit { step, node, error } => write!(f, "{step}, node {node}: {error}"),
+            Self::Table { node, error } => write!(f, "calibration, node {node}: {error:?}"),
+            Self::Silent { step, node } => write!(f, "{step}: node {node} gives no samples"),
+        }
+    }
+}
+
+impl std::error::Error for BenchError {}
+
+impl Bench {
+    /// A new instrument of `mode`, with part-to-part errors drawn from `seed` and `unit`, started.
+    pub fn new(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
+        let mut rng = Rng::stream(seed, &format!("unit {unit} bench"));
+        let rig = Rig::new(&world.rig, &mut rng);
+        let settings = mode.settings();
+        let mut instrument = Instrument::new(&settings, &mode.check(), &world.parts, seed, unit);
+        instrument.power_cycle();
+        Self {
+            instrument,
+            rig,
+            mode,
+            chamber: Chamber::at(25.0),
+            rng,
+        }
+    }
+
+    /// Lets the rig run for `duration_s`.
+    pub fn run(&mut self, duration_s: f64) {
+        let Self {
+            instrument, rig, ..
+        } = self;
+        run(instrument, rig, duration_s);
+    }
+
+    /// Turns the motor to `target_deg` and lets it stand there for `dwell_s`.
+    pub fn turn_to(&mut self, target_deg: f64, speed_deg_s: f64, dwell_s: f64) {
+        // The motor stands whenever the bench commands it, and the numbers are finite.
+        let arrival_s = self.rig.command(target_deg, speed_deg_s).unwrap_or(0.0);
+        self.run((arrival_s - self.instrument.time_s()).max(0.0) + dwell_s);
+    }
+
+    /// Power off and on: new turn-on offsets, code started anew.
+    pub fn power_cycle(&mut self) {
+        self.instrument.power_cycle();
+        self.run(1.0);
+    }
+}
+
+/// Lets `mover` move the instrument for `duration_s`.
+pub fn run(instrument: &mut Instrument, mover: &mut impl Mover, duration_s: f64) {
+    let ticks = (duration_s / crate::TICK_S).round().max(0.0) as u64;
+    for _ in 0..ticks {
+        let motion = mover.step(instrument.time_s() + crate::TICK_S);
+        instrument.tick(&motion);
+    }
+}

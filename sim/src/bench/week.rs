@@ -1,0 +1,275 @@
+//! The week on the excavator (R18): days of digging, one of them with an unstable supply.
+//!
+//! In: a calibrated instrument and the number of days. Out: one [`Day`] each, handed to the caller
+//! as it ends, so that memory does not grow with the days. Every day has three hours; the readings
+//! are compared 50 times a second; the supply of node 2 becomes unstable an hour into day 5.
+//!
+//! The world obeys the instrument: it stops the arm for the 45 s that the paper's rule asks for,
+//! and on a fault it stands until the supply has been checked (and mended, if it was the cause)
+//! and the instrument reset, after which work goes on (Table I). Between a fault and the reset no
+//! warnings are counted: the instrument has said what it has to say.
+//!
+//! Left out: the operator's own mistakes, and what the machine does with the angle.
+
+use tilt::chain::Invalid;
+use tilt::cross_check::{Judgement, Node};
+
+use super::statistics::Tally;
+use super::{Bench, run};
+use crate::TICK_S;
+use crate::excavator::{Excavator, ExcavatorSetup};
+use crate::instrument::Pair;
+use crate::motion::Mover;
+use crate::rng::Rng;
+use crate::supply::Supply;
+
+/// R18: working time of a day.
+pub const HOURS_PER_DAY: f64 = 3.0;
+/// R18: the day with the unstable supply.
+pub const FAULT_DAY: u32 = 5;
+/// The supply becomes unstable this long after the day's start \[ASSUME\].
+pub const UNSTABLE_FROM_S: f64 = 3600.0;
+/// Checking the supply takes this long \[ASSUME\].
+pub const SUPPLY_CHECK_S: f64 = 300.0;
+/// Readings are compared every 20 ms (50 samples per second).
+const SYNC_TICKS: u64 = 20;
+/// Width of one bin of the trace, s.
+pub const BIN_S: f64 = 10.0;
+
+/// What the instrument's most serious message of the day led to (Table I).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Outcome {
+    /// Nothing happened.
+    #[default]
+    None,
+    /// Single warnings, never enough to act.
+    Warnings,
+    /// Stopped for 45 s, then the nodes agreed: delayed data, work resumed.
+    DataDelay,
+    /// A fault was reported; the supply was found good; reset.
+    FaultWithoutCause,
+    /// A fault was reported; the supply was found unstable, mended, and the instrument reset.
+    SupplyFault,
+}
+
+/// Extremes of the difference between the nodes in one bin of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bin {
+    /// Since the start of the day, s.
+    pub time_s: f64,
+    /// Smallest and largest difference on slope Y, deg.
+    pub range_deg: [f64; 2],
+}
+
+/// One day.
+#[derive(Clone, Debug, Default)]
+pub struct Day {
+    /// 1 is the first.
+    pub day: u32,
+    /// Pairs compared.
+    pub pairs: u64,
+    /// Pairs of which at least one node had no reading for a passing reason (over range, settling).
+    pub waiting: u64,
+    /// Warnings.
+    pub warnings: u64,
+    /// Stops of 45 s asked for.
+    pub stops: u64,
+    /// Faults reported.
+    pub faults: u64,
+    /// Faults in which the instrument itself named node 2, whose supply it was.
+    pub named: u64,
+    /// From the first bad sample of the supply to the first fault, s.
+    pub detection_s: Option<f64>,
+    /// Faults after a reset that followed a mended supply: 0 means that the reset cured it.
+    pub after_cure: u64,
+    /// What it led to.
+    pub outcome: Outcome,
+    /// Difference between the nodes on slope Y, deg.
+    pub difference: Tally,
+    /// The difference over the day, in bins of [`BIN_S`]; their number depends on the hours only.
+    pub trace: Vec<Bin>,
+}
+
+/// What the world is doing for the instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Doing {
+    Digging,
+    Stopped,
+    Checking { until_s: f64 },
+}
+
+struct DayRun<'a> {
+    bench: &'a mut Bench,
+    arm: &'a mut Excavator,
+    day: Day,
+    start_s: f64,
+    doing: Doing,
+    bin: Option<Bin>,
+    unstable: bool,
+    cured: bool,
+}
+
+impl Bench {
+    /// Digs for `days` days; `done` gets each day as it ends, and `progress` the share of the day.
+    pub fn week(
+        &mut self,
+        days: u32,
+        seed: u64,
+        mut progress: impl FnMut(f64),
+        mut done: impl FnMut(Day),
+    ) {
+        let mut rng = Rng::stream(seed, "week");
+        let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
+        for day in 1..=days {
+            let unstable = day == FAULT_DAY;
+            arm.stop(self.instrument.time_s());
+            run(&mut self.instrument, &mut arm, 3.0);
+            self.instrument.power_cycle();
+            run(&mut self.instrument, &mut arm, 1.5);
+            let start_s = self.instrument.time_s();
+            arm.resume(start_s);
+            if unstable {
+                let supply = Supply::unstable(start_s + UNSTABLE_FROM_S, &mut rng);
+                self.instrument.sides[1].supply = supply;
+            }
+            let day = Day {
+                day,
+                ..Day::default()
+            };
+            let mut run = DayRun {
+                bench: self,
+                arm: &mut arm,
+                day,
+                start_s,
+                doing: Doing::Digging,
+                bin: None,
+                unstable,
+                cured: false,
+            };
+            run.whole_day(&mut progress);
+            done(run.day);
+        }
+    }
+}
+
+impl DayRun<'_> {
+    fn now_s(&self) -> f64 {
+        self.bench.instrument.time_s()
+    }
+
+    fn whole_day(&mut self, progress: &mut impl FnMut(f64)) {
+        let syncs = (HOURS_PER_DAY * 3600.0 / (TICK_S * SYNC_TICKS as f64)) as u64;
+        for sync in 0..syncs {
+            for _ in 0..SYNC_TICKS {
+                let motion = self.arm.step(self.now_s() + TICK_S);
+                self.bench.instrument.tick(&motion);
+            }
+            let pair = self.bench.instrument.sync();
+            self.note(&pair);
+            self.obey(pair.verdict.judgement());
+            if sync % 5000 == 0 {
+                progress(sync as f64 / syncs as f64);
+            }
+        }
+        self.day.trace.extend(self.bin.take());
+    }
+
+    fn note(&mut self, pair: &Pair) {
+        self.day.pairs += 1;
+        let Some(delta) = pair.verdict.delta().y else {
+            return;
+        };
+        let delta_deg = delta.degrees();
+        self.day.difference.add(delta_deg);
+        let since_s = self.now_s() - self.start_s;
+        match &mut self.bin {
+            Some(bin) if since_s - bin.time_s < BIN_S => {
+                bin.range_deg[0] = bin.range_deg[0].min(delta_deg);
+                bin.range_deg[1] = bin.range_deg[1].max(delta_deg);
+            }
+            _ => {
+                self.day.trace.extend(self.bin.take());
+                self.bin = Some(Bin {
+                    time_s: since_s,
+                    range_deg: [delta_deg; 2],
+                });
+            }
+        }
+    }
+
+    fn obey(&mut self, judgement: Judgement) {
+        match self.doing {
+            Doing::Checking { until_s } if self.now_s() < until_s => {}
+            Doing::Checking { .. } => self.reset(),
+            _ if judgement.is_fault() => self.fault(judgement),
+            Doing::Digging if judgement == Judgement::StopMotion => {
+                self.day.stops += 1;
+                self.day.warnings += 1;
+                self.arm.stop(self.now_s());
+                self.doing = Doing::Stopped;
+            }
+            Doing::Stopped if judgement == Judgement::DataDelay => {
+                self.outcome(Outcome::DataDelay);
+                self.arm.resume(self.now_s());
+                self.doing = Doing::Digging;
+            }
+            Doing::Stopped => {}
+            Doing::Digging => self.count(judgement),
+        }
+    }
+
+    fn count(&mut self, judgement: Judgement) {
+        if matches!(judgement, Judgement::Waiting(_)) {
+            self.day.waiting += 1;
+        }
+        if judgement.is_warning() {
+            self.day.warnings += 1;
+            self.outcome(Outcome::Warnings);
+        }
+    }
+
+    fn fault(&mut self, judgement: Judgement) {
+        let now_s = self.now_s();
+        self.day.warnings += 1;
+        self.day.faults += 1;
+        self.day.after_cure += u64::from(self.cured);
+        if let Judgement::OneChannel {
+            ill: Node::Peer,
+            reason: Invalid::PartReset,
+        } = judgement
+        {
+            self.day.named += 1;
+        }
+        if self.unstable && !self.cured {
+            let from_s = self.start_s + UNSTABLE_FROM_S;
+            self.day.detection_s.get_or_insert(now_s - from_s);
+        }
+        self.arm.stop(now_s);
+        self.doing = Doing::Checking {
+            until_s: now_s + SUPPLY_CHECK_S,
+        };
+    }
+
+    /// The supply has been checked: mend it if it was the cause, reset, and go on.
+    fn reset(&mut self) {
+        let now_s = self.now_s();
+        let unstable_now = self.unstable && !self.cured && now_s > self.start_s + UNSTABLE_FROM_S;
+        if unstable_now {
+            self.bench.instrument.sides[1].supply.repair(now_s);
+            self.cured = true;
+            self.outcome(Outcome::SupplyFault);
+        } else {
+            self.outcome(Outcome::FaultWithoutCause);
+        }
+        // A tick with the mended supply comes first, so that the reset finds it good.
+        run(&mut self.bench.instrument, self.arm, 0.1);
+        self.bench.instrument.power_cycle();
+        run(&mut self.bench.instrument, self.arm, 1.5);
+        self.arm.resume(self.now_s());
+        self.doing = Doing::Digging;
+    }
+
+    fn outcome(&mut self, outcome: Outcome) {
+        self.day.outcome = self.day.outcome.max(outcome);
+    }
+}

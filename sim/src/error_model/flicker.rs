@@ -1,0 +1,136 @@
+//! Slow random processes: the 1/f floor and the wander of a sagging supply.
+//!
+//! In: the time since the last sample, s. Out: a force per axis, g, mean 0. The floor is the sum
+//! of three first-order Gauss-Markov processes with time constants of 1, 10 and 100 s and equal
+//! power, which is roughly 1/f from 2 mHz to 0.2 Hz. Each moves on when a hundredth of its time
+//! constant has passed, exactly for the time that did pass, so samples far apart are as right
+//! as samples close together, and the fast path draws one number a sample rather than nine.
+
+use crate::rng::Rng;
+
+/// A first-order Gauss-Markov process on three axes, rms 1 when it has settled.
+#[derive(Clone, Debug)]
+pub(super) struct Markov {
+    tau_s: f64,
+    waited_s: f64,
+    /// The present value on each axis.
+    pub(super) value: [f64; 3],
+}
+
+impl Markov {
+    /// A process that starts at zero.
+    pub(super) fn at_rest(tau_s: f64) -> Markov {
+        Markov {
+            tau_s,
+            waited_s: 0.0,
+            value: [0.0; 3],
+        }
+    }
+
+    /// A process that has run for ever: its start is drawn.
+    pub(super) fn settled(tau_s: f64, rng: &mut Rng) -> Markov {
+        Markov {
+            value: rng.normals(),
+            ..Markov::at_rest(tau_s)
+        }
+    }
+
+    /// Lets `dt_s` pass; true when the value has changed.
+    #[inline]
+    pub(super) fn step(&mut self, dt_s: f64, rng: &mut Rng) -> bool {
+        self.waited_s += dt_s;
+        if self.waited_s < 0.01 * self.tau_s {
+            return false;
+        }
+        let keep = (-self.waited_s / self.tau_s).exp();
+        let drive = (1.0 - keep * keep).sqrt();
+        let normals = rng.normals();
+        self.value = [0, 1, 2].map(|i| keep * self.value[i] + drive * normals[i]);
+        self.waited_s = 0.0;
+        true
+    }
+}
+
+/// The 1/f floor.
+#[derive(Clone, Debug)]
+pub(super) struct Flicker {
+    each_g: f64,
+    processes: [Markov; 3],
+    /// The present sum on each axis, g.
+    pub(super) sum_g: [f64; 3],
+}
+
+/// Time constants of the floor's processes, s. `[ASSUME]`
+const TAUS_S: [f64; 3] = [1.0, 10.0, 100.0];
+
+impl Flicker {
+    /// A floor of this rms, g, that has run for ever.
+    pub(super) fn settled(rms_g: f64, rng: &mut Rng) -> Flicker {
+        let processes = TAUS_S.map(|tau_s| Markov::settled(tau_s, rng));
+        let each_g = rms_g / (TAUS_S.len() as f64).sqrt();
+        let mut flicker = Flicker {
+            each_g,
+            processes,
+            sum_g: [0.0; 3],
+        };
+        flicker.add_up();
+        flicker
+    }
+
+    #[inline]
+    pub(super) fn step(&mut self, dt_s: f64, rng: &mut Rng) {
+        let mut changed = false;
+        for process in &mut self.processes {
+            changed |= process.step(dt_s, rng);
+        }
+        if changed {
+            self.add_up();
+        }
+    }
+
+    fn add_up(&mut self) {
+        let [a, b, c] = &self.processes;
+        self.sum_g = [0, 1, 2].map(|i| self.each_g * (a.value[i] + b.value[i] + c.value[i]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_floor_has_its_rms_whatever_the_step() {
+        for dt_s in [0.0025, 0.02, 1.0, 60.0] {
+            let mut rng = Rng::stream(1, "flicker");
+            // Many short records and not a long one: 100 s processes average slowly.
+            let mut power = 0.0;
+            for _ in 0..3000 {
+                let mut flicker = Flicker::settled(40e-6, &mut rng);
+                (0..20).for_each(|_| flicker.step(dt_s, &mut rng));
+                power += flicker.sum_g.iter().map(|g| g * g).sum::<f64>() / 9000.0;
+            }
+            assert!(
+                (power.sqrt() / 40e-6 - 1.0).abs() < 0.03,
+                "{dt_s}: {}",
+                power.sqrt()
+            );
+        }
+    }
+
+    #[test]
+    fn a_process_forgets_with_its_time_constant() {
+        for (dt_s, steps) in [(0.0025, 400), (0.1, 10), (1.0, 1)] {
+            let mut rng = Rng::stream(2, "markov");
+            let mut product = 0.0;
+            for _ in 0..4000 {
+                let mut process = Markov::settled(1.0, &mut rng);
+                let before = process.value;
+                (0..steps).for_each(|_| {
+                    process.step(dt_s, &mut rng);
+                });
+                product += (0..3).map(|i| before[i] * process.value[i]).sum::<f64>() / 12_000.0;
+            }
+            assert!((product - (-1f64).exp()).abs() < 0.03, "{dt_s}: {product}");
+        }
+    }
+}

@@ -1,0 +1,356 @@
+//! Vibration: noise in a band, a steady tone, and ringing that dies away.
+//!
+//! In: amplitudes in g, frequencies in Hz, one call per tick of [`crate::TICK_S`]. Out: force on
+//! three axes in g, mean 0. Nothing here takes a sine per tick: tones and rings turn a phasor by
+//! a fixed step, noise runs through two second-order sections. Left out: how vibration travels
+//! through the structure; each axis gets its share as its owner says.
+
+use crate::TICK_S;
+use crate::rng::Rng;
+use std::f64::consts::{PI, SQRT_2, TAU};
+
+/// A second-order section in transposed direct form II: b0, b1, b2, a1, a2.
+#[derive(Clone, Copy, Debug)]
+struct Section([f64; 5]);
+
+type SectionState = [f64; 2];
+
+impl Section {
+    /// Butterworth low-pass, -3 dB at `corner_hz`, by the pre-warped bilinear transform.
+    fn low_pass(corner_hz: f64, rate_hz: f64) -> Section {
+        let c = (PI * corner_hz / rate_hz).tan();
+        let norm = 1.0 / (1.0 + SQRT_2 * c + c * c);
+        let b0 = c * c * norm;
+        Section([
+            b0,
+            2.0 * b0,
+            b0,
+            2.0 * (c * c - 1.0) * norm,
+            (1.0 - SQRT_2 * c + c * c) * norm,
+        ])
+    }
+
+    /// Butterworth high-pass, otherwise like [`Section::low_pass`].
+    fn high_pass(corner_hz: f64, rate_hz: f64) -> Section {
+        let Section([_, _, _, a1, a2]) = Section::low_pass(corner_hz, rate_hz);
+        let b0 = (1.0 - a1 + a2) / 4.0;
+        Section([b0, -2.0 * b0, b0, a1, a2])
+    }
+
+    #[inline]
+    fn step(&self, state: &mut SectionState, x: f64) -> f64 {
+        let [b0, b1, b2, a1, a2] = self.0;
+        let y = b0 * x + state[0];
+        state[0] = b1 * x - a1 * y + state[1];
+        state[1] = b2 * x - a2 * y;
+        y
+    }
+}
+
+/// Noise between two frequencies, independent on each axis.
+///
+/// White noise through a second-order high-pass and low-pass, scaled so that the output has the
+/// wanted rms. With `every` above 1 the noise is made at every n-th tick and joined by straight
+/// lines, which saves time for low bands; the rms allows for the lines.
+#[derive(Clone, Debug)]
+pub struct BandNoise {
+    high_pass: Section,
+    low_pass: Section,
+    gain_g: f64,
+    every: u32,
+    state: [[SectionState; 2]; 3],
+    tick: u32,
+    from_g: [f64; 3],
+    step_g: [f64; 3],
+}
+
+impl BandNoise {
+    /// Noise of `rms_g` per axis from `low_hz` to `high_hz` (both above 0 and below half the
+    /// rate 1 kHz / `every`), made at every `every`-th tick (0 counts as 1).
+    pub fn new(rms_g: f64, low_hz: f64, high_hz: f64, every: u32) -> BandNoise {
+        let every = every.max(1);
+        let rate_hz = 1.0 / (TICK_S * f64::from(every));
+        let mut noise = BandNoise {
+            high_pass: Section::high_pass(low_hz, rate_hz),
+            low_pass: Section::low_pass(high_hz, rate_hz),
+            gain_g: 1.0,
+            every,
+            state: Default::default(),
+            tick: 0,
+            from_g: [0.0; 3],
+            step_g: [0.0; 3],
+        };
+        let ring_out = (20.0 * rate_hz / low_hz) as usize;
+        noise.gain_g = rms_g / noise.power_gain(ring_out).sqrt();
+        noise
+    }
+
+    /// Mean square of the output when white noise of unit variance goes in: from the impulse
+    /// response's correlation at lags 0 and 1, averaged over the points of the joining line.
+    fn power_gain(&self, length: usize) -> f64 {
+        let mut state = [SectionState::default(); 2];
+        let (mut lag_0, mut lag_1, mut before) = (0.0, 0.0, 0.0);
+        for n in 0..length {
+            let h = self.pass(&mut state, if n == 0 { 1.0 } else { 0.0 });
+            lag_0 += h * h;
+            lag_1 += h * before;
+            before = h;
+        }
+        let points = f64::from(self.every);
+        let at = |k: u32| {
+            let f = f64::from(k) / points;
+            ((1.0 - f) * (1.0 - f) + f * f) * lag_0 + 2.0 * f * (1.0 - f) * lag_1
+        };
+        (0..self.every).map(at).sum::<f64>() / points
+    }
+
+    #[inline]
+    fn pass(&self, state: &mut [SectionState; 2], x: f64) -> f64 {
+        let high = self.high_pass.step(&mut state[0], x);
+        self.low_pass.step(&mut state[1], high)
+    }
+
+    /// The next tick's force, g.
+    #[inline]
+    pub fn step(&mut self, rng: &mut Rng) -> [f64; 3] {
+        if self.tick == 0 {
+            self.renew(rng);
+        }
+        let k = f64::from(self.tick);
+        self.tick = if self.tick + 1 == self.every {
+            0
+        } else {
+            self.tick + 1
+        };
+        [0, 1, 2].map(|i| self.from_g[i] + k * self.step_g[i])
+    }
+
+    fn renew(&mut self, rng: &mut Rng) {
+        let points = f64::from(self.every);
+        for axis in 0..3 {
+            let mut state = self.state[axis];
+            let next_g = self.gain_g * self.pass(&mut state, rng.normal());
+            self.state[axis] = state;
+            // The line that ends now started at `from`; the new one starts where it ended.
+            self.from_g[axis] += points * self.step_g[axis];
+            self.step_g[axis] = (next_g - self.from_g[axis]) / points;
+        }
+    }
+}
+
+/// A complex number that turns by a fixed step at each tick, and shrinks when damped.
+#[derive(Clone, Copy, Debug, Default)]
+struct Phasor {
+    re: f64,
+    im: f64,
+    turn_re: f64,
+    turn_im: f64,
+}
+
+impl Phasor {
+    /// Turns at `frequency_hz`, dies away by 1/e every `decay_s` (infinite for a steady one).
+    fn new(frequency_hz: f64, decay_s: f64) -> Phasor {
+        let (sin, cos) = (TAU * frequency_hz * TICK_S).sin_cos();
+        let keep = (-TICK_S / decay_s).exp();
+        Phasor {
+            re: 0.0,
+            im: 0.0,
+            turn_re: keep * cos,
+            turn_im: keep * sin,
+        }
+    }
+
+    #[inline]
+    fn step(&mut self) {
+        let re = self.re * self.turn_re - self.im * self.turn_im;
+        self.im = self.re * self.turn_im + self.im * self.turn_re;
+        self.re = re;
+    }
+}
+
+/// A steady sine, such as an engine's, with a phase of its own on each axis.
+#[derive(Clone, Debug)]
+pub struct Tone {
+    phasor: Phasor,
+    share_g: [[f64; 2]; 3],
+}
+
+impl Tone {
+    /// A sine of `rms_g` on each axis at `frequency_hz` (below 500), phases drawn from `rng`.
+    pub fn new(rms_g: f64, frequency_hz: f64, rng: &mut Rng) -> Tone {
+        let mut phasor = Phasor::new(frequency_hz, f64::INFINITY);
+        phasor.re = 1.0;
+        let share_g = [0; 3].map(|_| {
+            let (sin, cos) = rng.range(0.0, TAU).sin_cos();
+            [rms_g * SQRT_2 * cos, rms_g * SQRT_2 * sin]
+        });
+        Tone { phasor, share_g }
+    }
+
+    /// The next tick's force, g.
+    #[inline]
+    pub fn step(&mut self) -> [f64; 3] {
+        self.phasor.step();
+        // Rounding would let the length wander over a week; one Newton step holds it at 1.
+        let length_2 = self.phasor.re * self.phasor.re + self.phasor.im * self.phasor.im;
+        let hold = 1.5 - 0.5 * length_2;
+        self.phasor.re *= hold;
+        self.phasor.im *= hold;
+        self.share_g
+            .map(|[re, im]| re * self.phasor.re + im * self.phasor.im)
+    }
+}
+
+/// A resonance that rings after each kick; output on one line, to be spread by its owner.
+#[derive(Clone, Debug, Default)]
+pub struct Ring {
+    phasor: Phasor,
+}
+
+impl Ring {
+    /// A resonance at `frequency_hz` with this damping ratio (0.03 for 3 %).
+    pub fn damped(frequency_hz: f64, damping_ratio: f64) -> Ring {
+        let natural = frequency_hz / (1.0 - damping_ratio * damping_ratio).sqrt();
+        Ring {
+            phasor: Phasor::new(frequency_hz, 1.0 / (TAU * damping_ratio * natural)),
+        }
+    }
+
+    /// A burst at `frequency_hz` whose envelope is down to 5 % after `duration_s` and whose
+    /// highest peak is `peak_g`. It has started.
+    pub fn burst(peak_g: f64, frequency_hz: f64, duration_s: f64) -> Ring {
+        let decay_s = duration_s / 3.0;
+        let mut ring = Ring {
+            phasor: Phasor::new(frequency_hz, decay_s),
+        };
+        // exp(-t/d) sin(wt) is highest where tan(wt) = wd.
+        let wd = TAU * frequency_hz * decay_s;
+        let peak = (-wd.atan() / wd).exp() * wd / (1.0 + wd * wd).sqrt();
+        ring.kick(peak_g / peak);
+        ring
+    }
+
+    /// Adds a sine of this amplitude that starts at zero now, g; the sign is its direction.
+    pub fn kick(&mut self, amplitude_g: f64) {
+        self.phasor.re += amplitude_g;
+    }
+
+    /// Whether the ring is still worth a step (envelope above 1 ug).
+    #[inline]
+    pub fn sounds(&self) -> bool {
+        self.phasor.re.abs() + self.phasor.im.abs() > 1e-6
+    }
+
+    /// The next tick's force along the ring's line, g; exactly 0 once it has died away.
+    #[inline]
+    pub fn step(&mut self) -> f64 {
+        if !self.sounds() {
+            self.phasor.re = 0.0;
+            self.phasor.im = 0.0;
+            return 0.0;
+        }
+        self.phasor.step();
+        self.phasor.im
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Power at one frequency of a signal sampled at 1 kHz, and the rms of the whole.
+    fn power_at(signal: &[f64], frequency_hz: f64) -> f64 {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, x) in signal.iter().enumerate() {
+            let (sin, cos) = (TAU * frequency_hz * TICK_S * n as f64).sin_cos();
+            re += x * cos;
+            im += x * sin;
+        }
+        (re * re + im * im) / signal.len() as f64
+    }
+
+    fn rms(signal: &[f64]) -> f64 {
+        (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
+    }
+
+    /// Mean power near a frequency, to smooth one noise record's scatter.
+    fn density(signal: &[f64], around_hz: f64) -> f64 {
+        let share = 40;
+        (0..share)
+            .map(|k| power_at(signal, around_hz * (0.95 + 0.1 * k as f64 / share as f64)))
+            .sum::<f64>()
+            / share as f64
+    }
+
+    fn axis_of(mut noise: BandNoise, axis: usize, ticks: usize) -> Vec<f64> {
+        let mut rng = Rng::stream(5, "band noise");
+        (0..ticks).map(|_| noise.step(&mut rng)[axis]).collect()
+    }
+
+    #[test]
+    fn band_noise_has_its_rms_on_every_axis() {
+        for (low, high, every) in [(20.0, 200.0, 1), (3.0, 25.0, 5)] {
+            for axis in 0..3 {
+                let signal = axis_of(BandNoise::new(0.030, low, high, every), axis, 400_000);
+                let got = rms(&signal);
+                assert!(
+                    (got / 0.030 - 1.0).abs() < 0.05,
+                    "{low} Hz, axis {axis}: {got}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn band_noise_stays_in_its_band() {
+        for (low, high, every) in [(20.0, 200.0, 1), (3.0, 25.0, 5)] {
+            let signal = axis_of(BandNoise::new(1.0, low, high, every), 0, 100_000);
+            let middle = density(&signal, f64::sqrt(low * high));
+            for outside in [low / 4.0, (high * 3.0f64).min(450.0)] {
+                let ratio = density(&signal, outside) / middle;
+                assert!(ratio < 0.05, "{outside} Hz: {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_tone_keeps_its_rms_and_frequency_for_an_hour() {
+        let mut tone = Tone::new(0.050, 80.0, &mut Rng::stream(1, "tone"));
+        (0..3_600_000).for_each(|_| {
+            tone.step();
+        });
+        let signal: Vec<f64> = (0..10_000).map(|_| tone.step()[2]).collect();
+        assert!((rms(&signal) - 0.050).abs() < 1e-6, "{}", rms(&signal));
+        let share = power_at(&signal, 80.0) * 2.0 / (rms(&signal).powi(2) * signal.len() as f64);
+        assert!((share - 1.0).abs() < 1e-3, "{share}");
+    }
+
+    #[test]
+    fn a_ring_dies_away_as_its_damping_says() {
+        let mut ring = Ring::damped(25.0, 0.03);
+        ring.kick(0.005);
+        let signal: Vec<f64> = (0..8000).map(|_| ring.step()).collect();
+        let peak = |from: usize| {
+            signal[from..from + 40]
+                .iter()
+                .fold(0.0, |m: f64, x| m.max(*x))
+        };
+        // One period is 40 ticks and shrinks the ring by exp(-2 pi 0.03 / sqrt(1 - 0.03^2)).
+        assert!((peak(40) / peak(0) - (-TAU * 0.03f64).exp()).abs() < 0.002);
+        assert!((peak(0) - 0.005 * 0.954).abs() < 2e-5, "{}", peak(0));
+        assert_eq!(signal[7999], 0.0);
+    }
+
+    #[test]
+    fn a_burst_reaches_its_peak_and_is_over_after_its_duration() {
+        for (frequency_hz, duration_s) in [(30.0, 0.020), (60.0, 0.060), (45.0, 0.040)] {
+            let mut ring = Ring::burst(3.0, frequency_hz, duration_s);
+            let signal: Vec<f64> = (0..400).map(|_| ring.step().abs()).collect();
+            let peak = signal.iter().fold(0.0, |m: f64, x| m.max(*x));
+            assert!((2.9..=3.0001).contains(&peak), "{frequency_hz} Hz: {peak}");
+            let end = (duration_s / TICK_S) as usize;
+            let late = signal[end..].iter().fold(0.0, |m: f64, x| m.max(*x));
+            assert!(late < 0.12 * peak, "{frequency_hz} Hz: {late}");
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! Documents that make claims about the code name the test that holds each claim.
+//!
+//! In: ARCHITECTURE.md, docs/paper.md, README.md and docs/accuracy.md. Out: a finding for an
+//! invariant without an existing test, for a row of the paper without an existing module and
+//! test, and for a figure in prose that the generated accuracy document doesn't hold.
+
+use std::collections::BTreeSet;
+
+use super::Finding;
+use super::tree::Tree;
+use crate::accuracy::DOCUMENT as ACCURACY;
+
+const ARCHITECTURE: &str = "ARCHITECTURE.md";
+const PAPER: &str = "docs/paper.md";
+const README: &str = "README.md";
+
+/// A block of lines in README.md that are copied from the accuracy document.
+const FIGURES: &str = "<!-- figures -->";
+const FIGURES_END: &str = "<!-- end of figures -->";
+
+/// Requirements R1 to R18 and errata E1 to E16.
+const ROWS: [(char, u32); 2] = [('R', 18), ('E', 16)];
+
+/// Applies the rules; a document that is missing is a finding too.
+pub fn check(tree: &Tree) -> Vec<Finding> {
+    let documents = [ARCHITECTURE, PAPER, README, ACCURACY];
+    let missing = documents.iter().filter(|path| tree.text(path).is_none());
+    let mut findings: Vec<Finding> = missing
+        .map(|path| Finding::new(path, 0, "this document is missing"))
+        .collect();
+    let tests = tree.test_names();
+    findings.extend(invariants(
+        tree.text(ARCHITECTURE).unwrap_or_default(),
+        &tests,
+    ));
+    findings.extend(paper(tree, &tests));
+    findings.extend(figures(tree));
+    findings
+}
+
+/// Each numbered row under the heading "Invariants" names a test in its last cell.
+fn invariants(text: &str, tests: &BTreeSet<String>) -> Vec<Finding> {
+    let mut inside = false;
+    let mut rows = 0;
+    let mut findings = Vec::new();
+    for (line, number) in text.lines().zip(1..) {
+        if line.starts_with("## ") {
+            inside = line.trim() == "## Invariants";
+        }
+        let cells = cells(line);
+        if inside
+            && cells
+                .first()
+                .is_some_and(|first| first.parse::<u32>().is_ok())
+        {
+            rows += 1;
+            let named = cells.last().copied().unwrap_or_default();
+            findings.extend(tests_exist(ARCHITECTURE, number, named, tests));
+        }
+    }
+    if rows == 0 && !text.is_empty() {
+        findings.push(Finding::new(
+            ARCHITECTURE,
+            0,
+            "no table under the heading `## Invariants`",
+        ));
+    }
+    findings
+}
+
+/// Every requirement and erratum stands in one row, which names modules and tests that exist.
+fn paper(tree: &Tree, tests: &BTreeSet<String>) -> Vec<Finding> {
+    let text = tree.text(PAPER).unwrap_or_default();
+    let mut findings = Vec::new();
+    for (letter, count) in ROWS {
+        for label in (1..=count).map(|number| format!("{letter}{number}")) {
+            let numbered = text.lines().zip(1..);
+            let rows: Vec<_> = numbered
+                .filter(|(line, _)| cells(line).first() == Some(&label.as_str()))
+                .collect();
+            match rows.as_slice() {
+                [(line, number)] => findings.extend(paper_row(tree, *number, line, tests)),
+                [] if text.is_empty() => {}
+                rows => {
+                    let text = format!("{label} stands in {} rows instead of one", rows.len());
+                    findings.push(Finding::new(PAPER, 0, text));
+                }
+            }
+        }
+    }
+    findings
+}
+
+/// Cells: label, what is asked, module, test, figure. A row that waits for something that isn't
+/// built yet says "with `path`" in place of the module; once the path exists it is due.
+fn paper_row(tree: &Tree, line: usize, row: &str, tests: &BTreeSet<String>) -> Vec<Finding> {
+    let cells = cells(row);
+    let &[label, _, module, test, figure] = cells.as_slice() else {
+        let text = "a row has five cells: label, what is asked, module, test, figure";
+        return vec![Finding::new(PAPER, line, text)];
+    };
+    if let Some(waits) = module.strip_prefix("with ") {
+        let due = quoted(waits).into_iter().filter(|folder| tree.has(folder));
+        let text = |folder| format!("{label} waits for `{folder}`, which is there: fill the row");
+        return due
+            .map(|folder| Finding::new(PAPER, line, text(folder)))
+            .collect();
+    }
+    let mut findings = tests_exist(PAPER, line, test, tests);
+    let modules = quoted(module);
+    if modules.is_empty() {
+        findings.push(Finding::new(
+            PAPER,
+            line,
+            format!("{label} names no module"),
+        ));
+    }
+    for path in modules.iter().filter(|path| !tree.has(path)) {
+        findings.push(Finding::new(PAPER, line, format!("`{path}` doesn't exist")));
+    }
+    let printed = tree.text(ACCURACY).unwrap_or_default();
+    for figure in quoted(figure)
+        .into_iter()
+        .filter(|figure| !printed.contains(figure))
+    {
+        findings.push(Finding::new(
+            PAPER,
+            line,
+            format!("`{figure}` is not in {ACCURACY}"),
+        ));
+    }
+    findings
+}
+
+fn tests_exist(path: &str, line: usize, cell: &str, tests: &BTreeSet<String>) -> Vec<Finding> {
+    let names = quoted(cell);
+    if names.is_empty() {
+        return vec![Finding::new(path, line, "names no test")];
+    }
+    let short = |name: &str| name.rsplit("::").next().unwrap_or(name).to_string();
+    let unknown = names
+        .into_iter()
+        .filter(|name| !tests.contains(&short(name)));
+    unknown
+        .map(|name| Finding::new(path, line, format!("there is no test `{name}`")))
+        .collect()
+}
+
+/// Every line between the marks in README.md is a line of the accuracy document.
+fn figures(tree: &Tree) -> Vec<Finding> {
+    let printed: BTreeSet<&str> = tree
+        .text(ACCURACY)
+        .unwrap_or_default()
+        .lines()
+        .map(str::trim)
+        .collect();
+    let mut inside = false;
+    let mut findings = Vec::new();
+    for (line, number) in tree
+        .text(README)
+        .unwrap_or_default()
+        .lines()
+        .map(str::trim)
+        .zip(1..)
+    {
+        match line {
+            FIGURES => inside = true,
+            FIGURES_END => inside = false,
+            "" => {}
+            _ if inside && !line.starts_with("```") && !printed.contains(line) => {
+                let text = format!("this line is not in {ACCURACY}; copy it from there");
+                findings.push(Finding::new(README, number, text));
+            }
+            _ => {}
+        }
+    }
+    if inside {
+        findings.push(Finding::new(
+            README,
+            0,
+            format!("`{FIGURES_END}` is missing"),
+        ));
+    }
+    findings
+}
+
+/// The cells of a table row; none when the line isn't one.
+fn cells(line: &str) -> Vec<&str> {
+    let inner = line
+        .trim()
+        .strip_prefix('|')
+        .and_then(|line| line.strip_suffix('|'));
+    inner
+        .map(|inner| inner.split('|').map(str::trim).collect())
+        .unwrap_or_default()
+}
+
+/// What stands between backquotes.
+fn quoted(cell: &str) -> Vec<&str> {
+    cell.split('`').skip(1).step_by(2).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CODE: (&str, &str) = (
+        "tilt/src/filter.rs",
+        "//! x\n#[test]\nfn holds() {}\nfn helper() {}\n",
+    );
+
+    fn texts(found: Vec<Finding>) -> Vec<String> {
+        found.iter().map(ToString::to_string).collect()
+    }
+
+    fn architecture(rows: &str) -> Vec<String> {
+        let tests = Tree::of(&[CODE]).test_names();
+        texts(invariants(
+            &format!("## Invariants\n| # | rule | test |\n|---|---|---|\n{rows}"),
+            &tests,
+        ))
+    }
+
+    #[test]
+    fn an_invariant_names_a_test_that_exists() {
+        assert!(architecture("| 1 | no I/O | `filter::tests::holds` |\n").is_empty());
+        let expected = "ARCHITECTURE.md:4: there is no test `gone`";
+        assert_eq!(architecture("| 1 | no I/O | `gone` |\n"), vec![expected]);
+        assert_eq!(architecture("| 1 | no I/O | `helper` |\n").len(), 1);
+        assert_eq!(
+            architecture("| 1 | no I/O | none |\n"),
+            vec!["ARCHITECTURE.md:4: names no test"]
+        );
+        assert_eq!(architecture("").len(), 1);
+    }
+
+    fn row(row: &str) -> Vec<String> {
+        let tree = Tree::of(&[CODE, (ACCURACY, "| rmse | 0.031 |\n")]);
+        texts(paper_row(&tree, 7, row, &tree.test_names()))
+    }
+
+    #[test]
+    fn a_row_of_the_paper_names_module_and_test() {
+        let good = "| R2 | low-pass | `tilt/src/filter.rs` | `holds` | `0.031` |";
+        assert!(row(good).is_empty());
+        assert_eq!(row(&good.replace("filter.rs", "gone.rs")).len(), 1);
+        assert_eq!(row(&good.replace("holds", "gone")).len(), 1);
+        assert_eq!(row(&good.replace("0.031", "0.030")).len(), 1);
+        assert_eq!(
+            row("| R2 | low-pass | `tilt/src/filter.rs` | `holds` |").len(),
+            1
+        );
+        assert_eq!(row("| R2 | low-pass | none | `holds` | - |").len(), 1);
+    }
+
+    #[test]
+    fn a_row_may_wait_for_a_folder_until_it_is_there() {
+        assert!(row("| R14 | CANopen | with `canopen/` | - | - |").is_empty());
+        let found = row("| R14 | CANopen | with `tilt/` | - | - |");
+        assert!(
+            found[0].contains("waits for `tilt/`, which is there"),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn every_row_of_the_paper_stands_once() {
+        let found = paper(
+            &Tree::of(&[(PAPER, "| R1 | a | with `b/` | - | - |\n")]),
+            &BTreeSet::new(),
+        );
+        assert_eq!(found.len(), 17 + 16);
+    }
+
+    #[test]
+    fn figures_in_the_readme_are_printed_by_the_generator() {
+        let readme =
+            |line: &str| format!("{FIGURES}\n\n```text\n{line}\n```\n{FIGURES_END}\nfree\n");
+        let found =
+            |text: &str| figures(&Tree::of(&[(README, text), (ACCURACY, "a 0.031\n")])).len();
+        assert_eq!(found(&readme("a 0.031")), 0);
+        assert_eq!(found(&readme("a 0.030")), 1);
+        assert_eq!(found(FIGURES), 1);
+    }
+
+    #[test]
+    fn missing_documents_are_findings() {
+        assert_eq!(check(&Tree::of(&[])).len(), 4);
+    }
+}
