@@ -61,8 +61,11 @@ impl Invalid {
 pub struct Measurement {
     /// The angle.
     pub angle: Angle,
-    /// Its standard uncertainty (k = 1).
+    /// Its standard uncertainty (k = 1), the machine's own acceleration included as far as the
+    /// vector's length shows it.
     pub uncertainty: Uncertainty,
+    /// The part of it that another channel on the same housing does not share: all but motion.
+    pub unshared: Uncertainty,
     /// The instant that the angle belongs to, on the device's clock.
     pub at: Instant,
     /// From `at` to when the reading was asked for, in microseconds.
@@ -71,6 +74,17 @@ pub struct Measurement {
 
 /// What one channel says at one instant.
 pub type Reading = Axes<Result<Measurement, Invalid>>;
+
+/// What the chain finds behind the low-pass, without time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The angle.
+    pub angle: Angle,
+    /// Uncertainty of this channel alone.
+    pub unshared: Uncertainty,
+    /// Uncertainty by the machine's motion; the tables of paper mode cannot see it and give 0.
+    pub motion: Uncertainty,
+}
 
 /// How the compensated acceleration becomes an angle.
 #[derive(Clone, Debug, PartialEq)]
@@ -285,9 +299,10 @@ impl Chain {
             Ok((filtered, temperature, at)) => {
                 let latency_us = u32::try_from(now.micros_since(at)).unwrap_or(0);
                 self.evaluate(filtered, temperature)
-                    .map(|(angle, uncertainty)| Measurement {
-                        angle,
-                        uncertainty,
+                    .map(|found| Measurement {
+                        angle: found.angle,
+                        uncertainty: found.unshared.combined_with(found.motion),
+                        unshared: found.unshared,
                         at,
                         latency_us,
                     })
@@ -332,7 +347,7 @@ impl Chain {
         &self,
         filtered: Filtered,
         temperature: Temperature,
-    ) -> Axes<Result<(Angle, Uncertainty), Invalid>> {
+    ) -> Axes<Result<Found, Invalid>> {
         let compensated = self.calibration.temperature.apply(filtered, temperature);
         let accel = self.calibration.budget.accel(&self.filter, temperature);
         self.calibration.correct(compensated, accel)
@@ -350,17 +365,16 @@ impl<T, E> Axes<Result<T, E>> {
 }
 
 impl Calibration {
-    fn correct(
-        &self,
-        input: Compensated,
-        accel: u32,
-    ) -> Axes<Result<(Angle, Uncertainty), Invalid>> {
+    fn correct(&self, input: Compensated, accel: u32) -> Axes<Result<Found, Invalid>> {
         let budget = &self.budget;
         match &self.correction {
             Correction::Tables { tables, rule } => {
                 let read = |table: &Table, a| {
-                    let u = budget.of_table(table, *rule, a, accel);
-                    Ok((table.look_up(a, *rule), u))
+                    Ok(Found {
+                        angle: table.look_up(a, *rule),
+                        unshared: budget.of_table(table, *rule, a, accel),
+                        motion: Uncertainty(0),
+                    })
                 };
                 let [x, y, _] = input.accel;
                 Axes {
@@ -372,17 +386,28 @@ impl Calibration {
                 let v = vector.apply(input);
                 let [x, y, z] = v.accel;
                 let raw = slopes(v);
-                let u = |beside| budget.of_vector(v, beside, accel);
+                let motion = budget.of_motion(v, accel);
+                let found = |angle, beside| {
+                    Ok(Found {
+                        angle,
+                        unshared: budget.of_vector(beside, accel),
+                        motion,
+                    })
+                };
                 Axes {
-                    x: Ok((harmonics.x.apply_to_slope(raw.x), u(hypot(y, z)))),
-                    y: Ok((harmonics.y.apply_to_slope(raw.y), u(hypot(x, z)))),
+                    x: found(harmonics.x.apply_to_slope(raw.x), hypot(y, z)),
+                    y: found(harmonics.y.apply_to_slope(raw.y), hypot(x, z)),
                 }
             }
             Correction::OneAxis { vector, harmonics } => {
                 let v = vector.apply(input);
-                let u = budget.of_vector(v, ONE_AXIS_NEVER_FOLDS, accel);
+                let found = Found {
+                    angle: harmonics.apply(turn(v)),
+                    unshared: budget.of_vector(ONE_AXIS_NEVER_FOLDS, accel),
+                    motion: budget.of_motion(v, accel),
+                };
                 Axes {
-                    x: Ok((harmonics.apply(turn(v)), u)),
+                    x: Ok(found),
                     y: Err(Invalid::NotMeasured),
                 }
             }
@@ -411,3 +436,6 @@ fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filter
     }
     Some(Filtered { accel })
 }
+
+#[cfg(test)]
+mod tests;

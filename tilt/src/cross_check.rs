@@ -114,10 +114,10 @@ impl Verdict {
 
 type One = Result<Measurement, Invalid>;
 
-/// The difference and the combined uncertainty, or the first reason why there is none.
+/// The difference and the combined uncertainty of what the channels do not share, or the first reason why there is none.
 fn difference(own: One, peer: One) -> Result<(Angle, u32), Invalid> {
     let (own, peer) = (own?, peer?);
-    let combined = own.uncertainty.combined_with(peer.uncertainty);
+    let combined = own.unshared.combined_with(peer.unshared);
     Ok((own.angle.minus(peer.angle), combined.0))
 }
 
@@ -268,7 +268,8 @@ impl PaperCheck {
 pub struct WindowCheck {
     /// The threshold where the uncertainty is small.
     pub threshold: u32,
-    /// The threshold is at least this many combined standard uncertainties of the pair.
+    /// The threshold is at least this many combined standard uncertainties of the pair; motion is
+    /// left out of them, because both channels feel the same.
     pub coverage: u32,
     /// An excess that lasts longer than this is a fault.
     pub persistence_us: u64,
@@ -420,6 +421,7 @@ mod tests {
             Ok(Measurement {
                 angle: Angle(steps as i32),
                 uncertainty: Uncertainty::from_degrees(0.03),
+                unshared: Uncertainty::from_degrees(0.03),
                 at: Instant(0),
                 latency_us: 0,
             })
@@ -552,7 +554,7 @@ mod tests {
     fn product_threshold_follows_the_uncertainty() {
         let mut wide = reading(2 * THRESHOLD);
         wide.x = wide.x.map(|m| Measurement {
-            uncertainty: Uncertainty::from_degrees(1.0),
+            unshared: Uncertainty::from_degrees(1.0),
             ..m
         });
         assert!(!WindowCheck::PRODUCT.exceeds(wide.x, reading(0).x));

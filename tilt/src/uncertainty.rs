@@ -93,21 +93,26 @@ impl Budget {
         square(self.reference.0).saturating_add(square(self.residual.0))
     }
 
-    /// Uncertainty of a slope or turn that a three-axis formula found.
+    /// Uncertainty of a slope or turn that a three-axis formula found, the machine's own
+    /// acceleration left out.
     ///
     /// `accel` is [`Budget::accel`]; `beside` is the length of what the angle's own axis does not
     /// take part in (hypot(y, z) for slope X).
-    pub fn of_vector(&self, vector: Corrected, beside: i32, accel: u32) -> Uncertainty {
-        let [x, y, z] = vector.accel;
-        let excess = hypot(hypot(x, y), z)
-            .abs_diff(ONE_G)
-            .saturating_sub(accel.saturating_mul(4));
-        let mut variance = square(accel).saturating_add(square(excess));
+    pub fn of_vector(&self, beside: i32, accel: u32) -> Uncertainty {
+        let mut variance = square(accel);
         if beside.unsigned_abs() < accel.saturating_mul(2) {
             variance = variance.saturating_mul(2);
         }
         let from_accel = accel_to_angle(root(variance).0);
         root(square(from_accel.0).saturating_add(self.systematic()))
+    }
+
+    /// What the machine's acceleration may do to the angle, as far as the vector's length shows
+    /// it: 0 while the length is 1 g to within four standard deviations (E15).
+    pub fn of_motion(&self, vector: Corrected, accel: u32) -> Uncertainty {
+        let [x, y, z] = vector.accel;
+        let off = hypot(hypot(x, y), z).abs_diff(ONE_G);
+        accel_to_angle(off.saturating_sub(accel.saturating_mul(4)))
     }
 
     /// Uncertainty of an angle that `table` gave for `reading` by `rule`; `accel` as above.
@@ -220,8 +225,12 @@ mod tests {
             accel: [0, 0, ONE_G + (50.0 * MG) as i32],
         };
         let accel = budget.accel(&LowPass::PRODUCT, Temperature::REFERENCE);
-        assert!(budget.of_vector(still, ONE_G, accel).degrees() < 0.02);
-        assert!(budget.of_vector(moved, ONE_G, accel).degrees() > 2.5);
+        assert_eq!(budget.of_motion(still, accel), Uncertainty(0));
+        assert!(budget.of_motion(moved, accel).degrees() > 2.5);
+        assert!(budget.of_vector(ONE_G, accel).degrees() < 0.02);
+        let folded =
+            budget.of_vector(0, accel).degrees() / budget.of_vector(ONE_G, accel).degrees();
+        assert!((folded - 2f64.sqrt()).abs() < 1e-4, "{folded}");
     }
 
     #[test]

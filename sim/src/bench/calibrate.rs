@@ -320,8 +320,13 @@ fn residual(chain: &tilt::chain::Chain, memories: &[Memory]) -> f64 {
             found.y
         };
         let folds = chain.period_us < 10_000 && (m.reference_deg.abs() - 90.0).abs() < 1.0;
-        if let (Ok((angle, _)), false) = (axis, folds) {
-            tally.add(angle.minus(Angle::from_degrees(m.reference_deg)).degrees());
+        if let (Ok(found), false) = (axis, folds) {
+            tally.add(
+                found
+                    .angle
+                    .minus(Angle::from_degrees(m.reference_deg))
+                    .degrees(),
+            );
         }
     }
     tally.rms()

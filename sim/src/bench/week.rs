@@ -241,8 +241,10 @@ impl DayRun<'_> {
             self.day.named += 1;
         }
         if self.unstable && !self.cured {
-            let from_s = self.start_s + UNSTABLE_FROM_S;
-            self.day.detection_s.get_or_insert(now_s - from_s);
+            let since_s = now_s - self.start_s - UNSTABLE_FROM_S;
+            if since_s > 0.0 {
+                self.day.detection_s.get_or_insert(since_s);
+            }
         }
         self.arm.stop(now_s);
         self.doing = Doing::Checking {
