@@ -23,7 +23,7 @@ use crate::sample::{Counts, FullScale, Instant, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
 use crate::uncertainty::{Budget, Uncertainty};
-use crate::vector::Vector;
+use crate::vector::{Corrected, Vector};
 
 /// Why there is no angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -401,10 +401,13 @@ impl Calibration {
             }
             Correction::OneAxis { vector, harmonics } => {
                 let v = vector.apply(input);
+                // Nothing was calibrated about y, so only the plane of the turn is looked at.
+                let [x, _, z] = v.accel;
+                let plane = Corrected { accel: [x, 0, z] };
                 let found = Found {
                     angle: harmonics.apply(turn(v)),
                     unshared: budget.of_vector(ONE_AXIS_NEVER_FOLDS, accel),
-                    motion: budget.of_motion(v, accel),
+                    motion: budget.of_motion(plane, accel),
                 };
                 Axes {
                     x: Ok(found),

@@ -123,8 +123,9 @@ impl Budget {
         let middle = at(reading);
         let below = at(reading.saturating_sub(reach)) - middle;
         let above = at(reading.saturating_add(reach)) - middle;
-        let mean = (below + above) / 6;
-        let spread = (below * below + above * above) / 6 - mean * mean;
+        // The second moment about the reading, not about the mean: at the table's end all that
+        // is uncertain lies on one side.
+        let spread = (below * below + above * above) / 6;
         let step = table.step_at(reading);
         let table_error = match rule {
             Rule::Linear => 0,

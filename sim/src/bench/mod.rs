@@ -14,6 +14,7 @@ pub mod dynamic_test;
 pub mod static_test;
 pub mod statistics;
 pub mod thermal_test;
+pub mod unit;
 pub mod week;
 
 use device::channel::Settings;

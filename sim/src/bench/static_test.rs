@@ -8,9 +8,9 @@
 
 use tilt::chain::Measurement;
 
-use super::Bench;
 use super::calibrate::STEP_S;
 use super::statistics::Tally;
+use super::{Bench, Mode};
 use crate::rig::Mount;
 
 /// What one node said at one angle.
@@ -61,9 +61,20 @@ impl Bench {
             .collect()
     }
 
+    /// What the instrument should say where the shaft stands: the shaft's angle, and for a slope,
+    /// which has nothing beyond the vertical, what is left of it on this side.
+    fn truth_deg(&self) -> f64 {
+        let shaft_deg = self.rig.shaft().true_deg;
+        if self.mode != Mode::OneAxis && shaft_deg.abs() > 90.0 {
+            shaft_deg.signum() * (180.0 - shaft_deg.abs())
+        } else {
+            shaft_deg
+        }
+    }
+
     /// One reading of both nodes where the shaft stands.
     pub fn static_reading(&mut self, mount: Mount) -> StaticPoint {
-        let truth_deg = self.rig.shaft().true_deg;
+        let truth_deg = self.truth_deg();
         let pair = self.instrument.sync();
         let axis = pair
             .readings
