@@ -33,8 +33,9 @@ pub struct Settings {
 /// Time between two read-backs of the part's registers, each with a temperature reading.
 pub const CHECK_INTERVAL_US: i64 = 100_000;
 
-/// Time that a part takes to boot, with a margin (LIS2DW12: 20 ms).
-const BOOT_US: i64 = 25_000;
+/// How long a brown-out may keep a part from answering: 50 ms without supply and 20 ms of boot
+/// (LIS2DW12), with a margin.
+const OUTAGE_US: i64 = 75_000;
 
 /// One channel's state.
 #[derive(Debug)]
@@ -112,11 +113,11 @@ impl<SPI: SpiDevice> Channel<SPI> {
         match self.part.verify() {
             Ok(_) => self.nameless = false,
             Err(VerifyError::Bus(_)) => return self.latch(Invalid::Bus),
-            // A part that has just come back from a brown-out does not answer for 20 ms, so its
-            // name is asked for once more before the bus is blamed.
+            // A part in a brown-out does not answer until it has booted, so its name is asked for
+            // once more before the bus is blamed.
             Err(VerifyError::Mismatch(m)) if m.register == Register::WhoAmI && !self.nameless => {
                 self.nameless = true;
-                self.next_check = now.offset(BOOT_US);
+                self.next_check = now.offset(OUTAGE_US);
                 return;
             }
             Err(VerifyError::Mismatch(m)) if m.register == Register::WhoAmI => {

@@ -9,6 +9,7 @@
 //! SYNC; the bus is simulated when the nodes speak CANopen) and the time that code takes to run.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use device::channel::Settings;
@@ -282,12 +283,15 @@ pub struct Instrument {
     /// Node 1 and node 2.
     pub sides: [Side; 2],
     ticks: u64,
+    /// Node 2's readings on their way to node 1; empty while nothing is late.
+    late: VecDeque<Reading>,
+    late_syncs: usize,
 }
 
-/// What both nodes said at one instant.
+/// What node 1 has of both nodes at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// Node 1's and node 2's reading.
+    /// Node 1's reading, and node 2's as it arrives there.
     pub readings: [Reading; 2],
     /// Node 1's verdict on them.
     pub verdict: Verdict,
@@ -309,6 +313,8 @@ impl Instrument {
         Self {
             sides: [side(1), side(2)],
             ticks: 0,
+            late: VecDeque::new(),
+            late_syncs: 0,
         }
     }
 
@@ -368,13 +374,32 @@ impl Instrument {
             .for_each(|side| side.set_die_temperature(die_c));
     }
 
+    /// From now on node 2's readings reach node 1 this many SYNCs late; 0 is in time again.
+    pub fn delay_peer(&mut self, syncs: usize) {
+        self.late_syncs = syncs;
+        self.late.clear();
+    }
+
+    /// What reaches node 1 of node 2's reading.
+    fn arrive(&mut self, reading: Reading) -> Reading {
+        if self.late_syncs == 0 {
+            return reading;
+        }
+        self.late.push_back(reading);
+        if self.late.len() > self.late_syncs {
+            return self.late.pop_front().unwrap_or(reading);
+        }
+        self.late.front().copied().unwrap_or(reading)
+    }
+
     /// Both nodes report at the same instant, and node 1 judges.
     pub fn sync(&mut self) -> Pair {
         let time_s = self.time_s();
-        let readings = [0, 1].map(|i| {
+        let [own, peer] = [0, 1].map(|i| {
             let side = &self.sides[i];
             side.node.reading(&side.settings, side.clock.at(time_s))
         });
+        let readings = [own, self.arrive(peer)];
         let [own, _] = &mut self.sides;
         let now = own.clock.at(time_s);
         let verdict = own.node.judge(readings[0], readings[1], now);

@@ -9,13 +9,22 @@ use std::fmt;
 
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
+use tilt::uncertainty::Uncertainty;
 use tilt::vector::Vector;
 
-use super::calibration_file::Method;
+use super::calibration_file::{BudgetSteps, Channel, HarmonicSteps, Method, base_name};
+use super::recording::Recording;
 use super::reference::{angle_between_deg, slopes_deg};
 use super::rotation::best_rotation;
-use super::segments::Segment;
+use super::segments::{Segment, Standstill};
 use super::windows::norm;
+
+/// Turn-on repeatability, mg: 0.3 mg at the calibration and 0.3 mg at the measurement. \[ASSUME\]
+pub const REPEATABILITY_MG: f64 = 0.3 * std::f64::consts::SQRT_2;
+
+/// Thermal hysteresis 10 degC away from 25 degC, mg; counts where a temperature is recorded.
+/// \[ASSUME\]
+pub const HYSTERESIS_MG: f64 = 0.5;
 
 /// A calibration in real numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,8 +37,11 @@ pub struct Fit {
     pub offset_g: [f64; 3],
     /// Standstills used.
     pub poses: usize,
-    /// Root mean square of the length at standstill minus 1 g, in mg.
+    /// Root mean square of the length at standstill minus 1 g, in mg. Each standstill counts by
+    /// its samples: the mean of two seconds is worth less than that of twenty.
     pub norm_residual_mg: f64,
+    /// The same of the one standstill that is furthest off, in mg.
+    pub worst_norm_mg: f64,
     /// Root mean square angle to the reference, deg; `None` without a reference.
     pub angle_residual_deg: Option<f64>,
     /// Condition figure; 1 is best, over 1e6 is refused.
@@ -52,8 +64,53 @@ impl Fit {
         slopes_deg(self.apply(accel_g))
     }
 
-    fn norm_residual(&self, accel_g: impl Iterator<Item = [f64; 3]>) -> f64 {
-        1000.0 * rms(accel_g.map(|a| norm(self.apply(a)) - 1.0))
+    /// The record for a calibration file; `None` when the fit doesn't fit the chain's integers.
+    ///
+    /// The budget gets what the recording itself tells: the noise of single samples at standstill,
+    /// and what the fit left. Repeatability and hysteresis a single recording can't tell; they are
+    /// [`REPEATABILITY_MG`] and [`HYSTERESIS_MG`].
+    pub fn channel(&self, recording: &Recording, found: &Standstill) -> Option<Channel> {
+        let steps = |mg: f64| (mg / 1000.0 * f64::from(tilt::ONE_G)).round() as u32;
+        let left_deg = self
+            .angle_residual_deg
+            .unwrap_or_else(|| (self.norm_residual_mg / 1000.0).to_degrees());
+        let about = Channel {
+            source: base_name(&recording.file),
+            method: self.method,
+            poses: u32::try_from(self.poses).unwrap_or(u32::MAX),
+            norm_residual_mg: self.norm_residual_mg,
+            angle_residual_deg: self.angle_residual_deg,
+            rate_hz: recording.rate_hz(),
+            numbers_per_g: recording.scale.per_g,
+            matrix_q30: [[0; 3]; 3],
+            offset_q26: [0; 3],
+            matrix: [[0.0; 3]; 3],
+            offset_g: [0.0; 3],
+            harmonics: [HarmonicSteps::default(); 2],
+            temperature: None,
+            budget: BudgetSteps {
+                noise_q26: steps(1000.0 * found.sample_noise_g()),
+                repeatability_q26: steps(REPEATABILITY_MG),
+                hysteresis_q26: steps(HYSTERESIS_MG),
+                residual_steps: Uncertainty::from_degrees(left_deg).0,
+                ..BudgetSteps::default()
+            },
+        };
+        Some(Channel::with_vector(about, &self.vector()?))
+    }
+
+    /// Fills in the two figures of length.
+    fn judged_on<'a>(mut self, segments: impl Iterator<Item = &'a Segment>) -> Self {
+        let (mut sum, mut samples) = (0.0, 0.0);
+        for segment in segments {
+            let left_mg = 1000.0 * (norm(self.apply(segment.mean_g)) - 1.0).abs();
+            let count = segment.count as f64;
+            sum += count * left_mg * left_mg;
+            samples += count;
+            self.worst_norm_mg = self.worst_norm_mg.max(left_mg);
+        }
+        self.norm_residual_mg = (sum / f64::max(samples, 1.0)).sqrt();
+        self
     }
 }
 
@@ -96,7 +153,11 @@ impl fmt::Display for CalibrateError {
             some => format!("with gravity near {}", some.join(", ")),
         };
         match self {
-            Self::TooFew { have, need, missing } => write!(
+            Self::TooFew {
+                have,
+                need,
+                missing,
+            } => write!(
                 f,
                 "{have} standstills are too few, it takes {need}; add poses {}",
                 listed(missing)
@@ -129,24 +190,34 @@ const DIRECTIONS: [(&str, [f64; 3]); 6] = [
 /// The directions that no reading comes within 45 deg of.
 fn missing(readings: &[[f64; 3]]) -> Vec<&'static str> {
     let far = |direction: [f64; 3]| {
-        readings.iter().all(|reading| angle_between_deg(*reading, direction) > 45.0)
+        readings
+            .iter()
+            .all(|reading| angle_between_deg(*reading, direction) > 45.0)
     };
-    DIRECTIONS.into_iter().filter(|(_, d)| far(*d)).map(|(name, _)| name).collect()
+    DIRECTIONS
+        .into_iter()
+        .filter(|(_, d)| far(*d))
+        .map(|(name, _)| name)
+        .collect()
 }
 
-/// One reading for each direction: standstills within 1 deg of an earlier one add to its mean.
+/// One reading for each direction: standstills within 1 deg of an earlier one add to its mean,
+/// each with the weight of its samples.
 fn distinct(segments: &[Segment]) -> Vec<[f64; 3]> {
     let mut groups: Vec<([f64; 3], f64)> = Vec::new();
     for segment in segments {
-        let known = groups.iter_mut().find(|(m, _)| angle_between_deg(*m, segment.mean_g) < 1.0);
+        let samples = segment.count.max(1) as f64;
+        let known = groups
+            .iter_mut()
+            .find(|(m, _)| angle_between_deg(*m, segment.mean_g) < 1.0);
         match known {
             Some((mean, count)) => {
-                *count += 1.0;
+                *count += samples;
                 for (m, new) in mean.iter_mut().zip(segment.mean_g) {
-                    *m += (new - *m) / *count;
+                    *m += (new - *m) * samples / *count;
                 }
             }
-            None => groups.push((segment.mean_g, 1.0)),
+            None => groups.push((segment.mean_g, samples)),
         }
     }
     groups.into_iter().map(|(mean, _)| mean).collect()
@@ -158,25 +229,28 @@ fn distinct(segments: &[Segment]) -> Vec<[f64; 3]> {
 pub fn calibrate_from_poses(segments: &[Segment]) -> Result<Fit, CalibrateError> {
     let readings = distinct(segments);
     let fitted = poses::fit(&readings).map_err(|error| match error {
-        FitError::TooFew { have, need } => {
-            CalibrateError::TooFew { have, need, missing: missing(&readings) }
-        }
-        FitError::IllConditioned { condition } => {
-            CalibrateError::IllConditioned { condition, missing: missing(&readings) }
-        }
+        FitError::TooFew { have, need } => CalibrateError::TooFew {
+            have,
+            need,
+            missing: missing(&readings),
+        },
+        FitError::IllConditioned { condition } => CalibrateError::IllConditioned {
+            condition,
+            missing: missing(&readings),
+        },
         other => CalibrateError::Implausible(other),
     })?;
-    let mut fit = Fit {
+    let fit = Fit {
         method: Method::Poses,
         matrix: fitted.matrix,
         offset_g: fitted.offset_g,
         poses: segments.len(),
         norm_residual_mg: 0.0,
+        worst_norm_mg: 0.0,
         angle_residual_deg: None,
         condition: fitted.condition,
     };
-    fit.norm_residual_mg = fit.norm_residual(segments.iter().map(|s| s.mean_g));
-    Ok(fit)
+    Ok(fit.judged_on(segments.iter()))
 }
 
 /// Fewest plateaus for a rotation and three offsets: three directions not on one line.
@@ -189,7 +263,9 @@ const WORST_CONDITION: f64 = 1e3;
 ///
 /// Least squares over the plateaus, all of the same weight. The scale of the axes stays nominal.
 pub fn calibrate_from_reference(plateaus: &[Segment]) -> Result<Fit, CalibrateError> {
-    let with = plateaus.iter().filter_map(|p| Some((p.mean_g, p.reference?.up)));
+    let with = plateaus
+        .iter()
+        .filter_map(|p| Some((p.mean_g, p.reference?.up)));
     let (readings, ups): (Vec<_>, Vec<_>) = with.unzip();
     if readings.len() < FEWEST_PLATEAUS {
         let (have, need) = (readings.len(), FEWEST_PLATEAUS);
@@ -208,10 +284,11 @@ pub fn calibrate_from_reference(plateaus: &[Segment]) -> Result<Fit, CalibrateEr
         offset_g: minus(up_middle, times(&found.rotation, middle)),
         poses: readings.len(),
         norm_residual_mg: 0.0,
+        worst_norm_mg: 0.0,
         angle_residual_deg: None,
         condition: found.condition,
     };
-    fit.norm_residual_mg = fit.norm_residual(readings.iter().copied());
+    fit = fit.judged_on(plateaus.iter().filter(|p| p.reference.is_some()));
     let pairs = readings.iter().zip(&ups);
     let angles = pairs.map(|(reading, up)| angle_between_deg(fit.apply(*reading), *up));
     fit.angle_residual_deg = Some(rms(angles));
@@ -234,16 +311,25 @@ pub fn align(
     if pairs.len() < FEWEST_PLATEAUS {
         let (have, need) = (pairs.len(), FEWEST_PLATEAUS);
         let readings: Vec<_> = pairs.iter().map(|(reading, _)| *reading).collect();
-        return Err(CalibrateError::TooFew { have, need, missing: missing(&readings) });
+        return Err(CalibrateError::TooFew {
+            have,
+            need,
+            missing: missing(&readings),
+        });
     }
-    let (from, to): (Vec<_>, Vec<_>) =
-        pairs.iter().map(|(a, b)| (fit.apply(*a), other.apply(*b))).unzip();
+    let (from, to): (Vec<_>, Vec<_>) = pairs
+        .iter()
+        .map(|(a, b)| (fit.apply(*a), other.apply(*b)))
+        .unzip();
     let found = best_rotation(&from, &to);
     if found.condition.is_nan() || found.condition > WORST_CONDITION {
         let (condition, missing) = (found.condition, missing(&from));
         return Err(CalibrateError::IllConditioned { condition, missing });
     }
-    let left = from.iter().zip(&to).map(|(a, b)| angle_between_deg(times(&found.rotation, *a), *b));
+    let left = from
+        .iter()
+        .zip(&to)
+        .map(|(a, b)| angle_between_deg(times(&found.rotation, *a), *b));
     Ok(Fit {
         matrix: poses::product(&found.rotation, &fit.matrix),
         offset_g: times(&found.rotation, fit.offset_g),
@@ -255,12 +341,17 @@ pub fn align(
 /// Pairs of standstills of two recordings that overlap by more than half of the shorter one.
 pub fn overlapping(one: &[Segment], other: &[Segment]) -> Vec<([f64; 3], [f64; 3])> {
     let overlap = |a: &Segment, b: &Segment| {
-        let both = a.end_us.min(b.end_us).saturating_sub(a.start_us.max(b.start_us));
+        let both = a
+            .end_us
+            .min(b.end_us)
+            .saturating_sub(a.start_us.max(b.start_us));
         let shorter = (a.end_us - a.start_us).min(b.end_us - b.start_us);
         2 * both > shorter
     };
     let partner = |a: &Segment| other.iter().find(|b| overlap(a, b)).map(|b| b.mean_g);
-    one.iter().filter_map(|a| Some((a.mean_g, partner(a)?))).collect()
+    one.iter()
+        .filter_map(|a| Some((a.mean_g, partner(a)?)))
+        .collect()
 }
 
 /// Plateaus of two runs of the same path, paired in order by the reference's attitude.

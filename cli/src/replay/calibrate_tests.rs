@@ -12,7 +12,11 @@ fn segment(mean_g: [f64; 3], up: Option<[f64; 3]>) -> Segment {
         mean_g,
         std_g: [0.003; 3],
         temperature_c: None,
-        reference: up.map(|up| ReferenceMean { up, spread_deg: 0.0, attitude: None }),
+        reference: up.map(|up| ReferenceMean {
+            up,
+            spread_deg: 0.0,
+            attitude: None,
+        }),
     }
 }
 
@@ -40,7 +44,10 @@ fn on_its_side(up: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn poses_give_scale_and_offset() {
-    let segments: Vec<_> = sphere(21).into_iter().map(|up| segment(bent(up), None)).collect();
+    let segments: Vec<_> = sphere(21)
+        .into_iter()
+        .map(|up| segment(bent(up), None))
+        .collect();
     let fit = calibrate_from_poses(&segments).unwrap();
     assert!(fit.norm_residual_mg < 1e-6, "{fit:?}");
     assert_eq!((fit.poses, fit.method), (21, Method::Poses));
@@ -54,33 +61,62 @@ fn too_few_poses_are_told_with_the_directions_to_add() {
     let upper = sphere(30).into_iter().filter(|up| up[2] > 0.3);
     let segments: Vec<_> = upper.take(8).map(|up| segment(up, None)).collect();
     let error = calibrate_from_poses(&segments).unwrap_err();
-    let CalibrateError::TooFew { have: 8, need: 9, missing } = &error else { panic!("{error:?}") };
+    let CalibrateError::TooFew {
+        have: 8,
+        need: 9,
+        missing,
+    } = &error
+    else {
+        panic!("{error:?}")
+    };
     assert!(missing.contains(&"-z"), "{error}");
     let text = error.to_string();
-    assert!(text.starts_with("8 standstills are too few, it takes 9; add poses with"), "{text}");
+    assert!(
+        text.starts_with("8 standstills are too few, it takes 9; add poses with"),
+        "{text}"
+    );
 }
 
 #[test]
 fn the_same_pose_again_is_no_further_pose() {
     let ups = sphere(4);
-    let segments: Vec<_> = ups.iter().cycle().take(20).map(|up| segment(bent(*up), None)).collect();
+    let segments: Vec<_> = ups
+        .iter()
+        .cycle()
+        .take(20)
+        .map(|up| segment(bent(*up), None))
+        .collect();
     let error = calibrate_from_poses(&segments).unwrap_err();
-    assert!(matches!(error, CalibrateError::TooFew { have: 4, .. }), "{error:?}");
+    assert!(
+        matches!(error, CalibrateError::TooFew { have: 4, .. }),
+        "{error:?}"
+    );
 }
 
 #[test]
 fn poses_in_a_plane_are_ill_conditioned() {
     let flat = (0..20).map(|i| (0.3 * f64::from(i)).sin_cos());
-    let segments: Vec<_> = flat.map(|(s, c)| segment(bent([s, c, 0.0]), None)).collect();
+    let segments: Vec<_> = flat
+        .map(|(s, c)| segment(bent([s, c, 0.0]), None))
+        .collect();
     let error = calibrate_from_poses(&segments).unwrap_err();
     let text = error.to_string();
-    assert!(matches!(error, CalibrateError::IllConditioned { .. }), "{error:?}");
-    assert!(text.contains("condition") && text.contains("gravity near +z, -z"), "{text}");
+    assert!(
+        matches!(error, CalibrateError::IllConditioned { .. }),
+        "{error:?}"
+    );
+    assert!(
+        text.contains("condition") && text.contains("gravity near +z, -z"),
+        "{text}"
+    );
 }
 
 #[test]
 fn what_is_no_sensor_is_refused() {
-    let huge: Vec<_> = sphere(15).into_iter().map(|up| segment(up.map(|c| 5.0 * c), None)).collect();
+    let huge: Vec<_> = sphere(15)
+        .into_iter()
+        .map(|up| segment(up.map(|c| 5.0 * c), None))
+        .collect();
     assert!(calibrate_from_poses(&huge).is_err());
     let nothing: Vec<_> = (0..15).map(|_| segment([f64::NAN; 3], None)).collect();
     assert!(calibrate_from_poses(&nothing).is_err());
@@ -89,12 +125,20 @@ fn what_is_no_sensor_is_refused() {
 
 #[test]
 fn a_reference_gives_rotation_and_offset() {
-    let plateaus: Vec<_> =
-        sphere(6).into_iter().map(|up| segment(on_its_side(up), Some(up))).collect();
+    let plateaus: Vec<_> = sphere(6)
+        .into_iter()
+        .map(|up| segment(on_its_side(up), Some(up)))
+        .collect();
     let fit = calibrate_from_reference(&plateaus).unwrap();
-    assert!(fit.angle_residual_deg.unwrap() < 1e-6 && fit.norm_residual_mg < 1e-6, "{fit:?}");
+    assert!(
+        fit.angle_residual_deg.unwrap() < 1e-6 && fit.norm_residual_mg < 1e-6,
+        "{fit:?}"
+    );
     let slopes = fit.slopes_deg(on_its_side([0.5, 0.0, 0.75f64.sqrt()]));
-    assert!((slopes[0] - 30.0).abs() < 1e-6 && slopes[1].abs() < 1e-6, "{slopes:?}");
+    assert!(
+        (slopes[0] - 30.0).abs() < 1e-6 && slopes[1].abs() < 1e-6,
+        "{slopes:?}"
+    );
 }
 
 #[test]
@@ -104,8 +148,14 @@ fn plateaus_that_leave_the_rotation_open_are_refused() {
     assert_eq!(error, CalibrateError::NoReference { have: 2, need: 3 });
     let line: Vec<_> = two.iter().cycle().take(7).copied().collect();
     let error = calibrate_from_reference(&line).unwrap_err();
-    assert!(matches!(error, CalibrateError::IllConditioned { .. }), "{error:?}");
-    let without = sphere(9).into_iter().map(|up| segment(up, None)).collect::<Vec<_>>();
+    assert!(
+        matches!(error, CalibrateError::IllConditioned { .. }),
+        "{error:?}"
+    );
+    let without = sphere(9)
+        .into_iter()
+        .map(|up| segment(up, None))
+        .collect::<Vec<_>>();
     assert!(calibrate_from_reference(&without).is_err());
 }
 
@@ -115,9 +165,15 @@ fn two_channels_are_brought_into_one_frame() {
     let one: Vec<_> = ups.iter().map(|up| segment(bent(*up), None)).collect();
     let turned = |up: [f64; 3]| [up[1], -up[0], up[2]];
     let other: Vec<_> = ups.iter().map(|up| segment(turned(*up), None)).collect();
-    let pairs: Vec<_> = one.iter().zip(&other).map(|(a, b)| (a.mean_g, b.mean_g)).collect();
-    let (fit, master) =
-        (calibrate_from_poses(&one).unwrap(), calibrate_from_poses(&other).unwrap());
+    let pairs: Vec<_> = one
+        .iter()
+        .zip(&other)
+        .map(|(a, b)| (a.mean_g, b.mean_g))
+        .collect();
+    let (fit, master) = (
+        calibrate_from_poses(&one).unwrap(),
+        calibrate_from_poses(&other).unwrap(),
+    );
     let aligned = align(&fit, &master, &pairs).unwrap();
     assert!(aligned.angle_residual_deg.unwrap() < 1e-4, "{aligned:?}");
     assert!(align(&fit, &master, &pairs[..2]).is_err());
@@ -130,7 +186,10 @@ fn standstills_are_paired_by_time_and_plateaus_by_reference() {
         end_us: end,
         ..segment([0.0, 0.0, 1.0], Some([0.0, 0.0, 1.0]))
     };
-    assert_eq!(overlapping(&[at(0, 100), at(200, 300)], &[at(40, 110), at(290, 400)]).len(), 1);
+    assert_eq!(
+        overlapping(&[at(0, 100), at(200, 300)], &[at(40, 110), at(290, 400)]).len(),
+        1
+    );
     let side = segment([1.0, 0.0, 0.0], Some([1.0, 0.0, 0.0]));
     let level = at(0, 1);
     let pairs = matching(&[level, side, level], &[level, level, side, level]);

@@ -13,7 +13,7 @@
 use std::fmt;
 use std::fs;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -64,11 +64,14 @@ pub struct HarmonicSteps {
 
 /// The quadratic temperature model, in the chain's units (`tilt::temperature::Quadratic`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "each field is the one of the same name in the chain")]
 pub struct TemperatureSteps {
+    /// Offset per degC, 1/256 of 2^-26 g.
     pub offset1_q8: [i32; 3],
+    /// Offset per degC^2, 1/65536 of 2^-26 g.
     pub offset2_q16: [i32; 3],
+    /// Gain per degC, 2^-38.
     pub gain1_q38: [i32; 3],
+    /// Gain per degC^2, 2^-46.
     pub gain2_q46: [i32; 3],
 }
 
@@ -198,7 +201,11 @@ impl Channel {
             && self.numbers_per_g > 0.0)
         {
             Err(Impossible::Number)
-        } else if !matrix.iter().flatten().zip(self.matrix.iter().flatten()).all(near)
+        } else if !matrix
+            .iter()
+            .flatten()
+            .zip(self.matrix.iter().flatten())
+            .all(near)
             || !offset.iter().zip(&self.offset_g).all(near)
         {
             Err(Impossible::Disagree)
@@ -221,7 +228,10 @@ impl Channel {
 
     /// The chain's calibration, for two axes.
     pub fn calibration(&self) -> Calibration {
-        let [x, y] = self.harmonics.map(|h| Harmonics { cosine: h.cosine_steps, sine: h.sine_steps });
+        let [x, y] = self.harmonics.map(|h| Harmonics {
+            cosine: h.cosine_steps,
+            sine: h.sine_steps,
+        });
         let temperature = self.temperature.map_or(TemperatureModel::None, |t| {
             TemperatureModel::Quadratic(Quadratic {
                 offset1_q8: t.offset1_q8,
@@ -232,7 +242,10 @@ impl Channel {
         });
         Calibration {
             temperature,
-            correction: Correction::TwoAxis { vector: self.vector(), harmonics: Axes { x, y } },
+            correction: Correction::TwoAxis {
+                vector: self.vector(),
+                harmonics: Axes { x, y },
+            },
             budget: Budget {
                 noise: self.budget.noise_q26,
                 repeatability: self.budget.repeatability_q26,
@@ -314,7 +327,10 @@ impl fmt::Display for Problem {
             Self::Malformed(why) => write!(f, "is no calibration file ({why}); {ANEW}"),
             Self::Format => write!(f, "`format` is not \"{FORMAT}\"; {ANEW}"),
             Self::Version(found) => {
-                write!(f, "version {found} can't be read here, only version {VERSION}; {ANEW}")
+                write!(
+                    f,
+                    "version {found} can't be read here, only version {VERSION}; {ANEW}"
+                )
             }
             Self::Crc { computed, stated } => write!(
                 f,
@@ -342,21 +358,20 @@ fn checksum(channels: &Value) -> u32 {
 /// The text of a calibration file.
 pub fn to_text(channels: &[Channel]) -> Result<String, Problem> {
     for (channel, number) in channels.iter().zip(1..) {
-        channel.check().map_err(|why| Problem::Channel(number, why))?;
+        channel
+            .check()
+            .map_err(|why| Problem::Channel(number, why))?;
     }
     let written: Vec<Channel> = channels.iter().map(Channel::for_writing).collect();
-    let malformed = |error: serde_json::Error| Problem::Malformed(error.to_string());
     let channels = serde_json::to_value(written).map_err(malformed)?;
     let crc32 = format!("{:08x}", checksum(&channels));
-    let file =
-        json!({"format": FORMAT, "version": VERSION, "channels": channels, "crc32": crc32});
+    let file = json!({"format": FORMAT, "version": VERSION, "channels": channels, "crc32": crc32});
     let text = serde_json::to_string_pretty(&file).map_err(malformed)?;
     Ok(text + "\n")
 }
 
 /// The channels in the text of a calibration file that must hold `expected` of them.
 pub fn from_text(text: &[u8], expected: usize) -> Result<Vec<Channel>, Problem> {
-    let malformed = |error: serde_json::Error| Problem::Malformed(error.to_string());
     let file: Value = serde_json::from_slice(text).map_err(malformed)?;
     if file.get("format").and_then(Value::as_str) != Some(FORMAT) {
         return Err(Problem::Format);
@@ -366,31 +381,55 @@ pub fn from_text(text: &[u8], expected: usize) -> Result<Vec<Channel>, Problem> 
         Some(other) => return Err(Problem::Version(shortened(other))),
         None => return Err(Problem::Malformed("no `version`".to_owned())),
     }
-    let value = file.get("channels").ok_or(Problem::Malformed("no `channels`".to_owned()))?;
+    let value = file
+        .get("channels")
+        .ok_or(Problem::Malformed("no `channels`".to_owned()))?;
     let computed = checksum(value);
     let stated = file.get("crc32").unwrap_or(&Value::Null);
     let agrees = |text: &str| u32::from_str_radix(text, 16) == Ok(computed);
     if !stated.as_str().is_some_and(agrees) {
-        return Err(Problem::Crc { computed, stated: shortened(stated) });
+        return Err(Problem::Crc {
+            computed,
+            stated: shortened(stated),
+        });
     }
     let channels = Vec::<Channel>::deserialize(value).map_err(malformed)?;
     if channels.len() != expected {
-        return Err(Problem::ChannelCount { found: channels.len(), expected });
+        return Err(Problem::ChannelCount {
+            found: channels.len(),
+            expected,
+        });
     }
     for (channel, number) in channels.iter().zip(1..) {
-        channel.check().map_err(|why| Problem::Channel(number, why))?;
+        channel
+            .check()
+            .map_err(|why| Problem::Channel(number, why))?;
     }
     Ok(channels)
 }
 
+/// What the JSON reader says, without what would upset a terminal: it may quote the file.
+fn malformed(error: serde_json::Error) -> Problem {
+    let text = error.to_string();
+    let printable = text.chars().filter(|c| !c.is_control());
+    Problem::Malformed(printable.take(200).collect())
+}
+
 fn shortened(value: &Value) -> String {
     let text = value.to_string();
-    if text.len() <= 40 { text } else { text.chars().take(40).chain("...".chars()).collect() }
+    if text.len() <= 40 {
+        text
+    } else {
+        text.chars().take(40).chain("...".chars()).collect()
+    }
 }
 
 /// Reads a calibration file that must hold `expected` channels.
 pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, CalibrationFileError> {
-    let fail = |problem| CalibrationFileError { file: path.display().to_string(), problem };
+    let fail = |problem| CalibrationFileError {
+        file: path.display().to_string(),
+        problem,
+    };
     let unreadable = |error: io::Error| fail(Problem::NotReadable(plain(&error)));
     let about = fs::metadata(path).map_err(unreadable)?;
     if about.is_dir() {
@@ -403,26 +442,68 @@ pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, CalibrationFil
     from_text(&text, expected).map_err(fail)
 }
 
-/// Writes a calibration file, all of it or nothing.
-pub fn save(path: &Path, channels: &[Channel]) -> Result<(), CalibrationFileError> {
-    let fail = |problem| CalibrationFileError { file: path.display().to_string(), problem };
-    let text = to_text(channels).map_err(fail)?;
-    replace(path, text.as_bytes())
-        .map_err(|error| fail(Problem::NotWritable(plain(&error))))
+/// A complete calibration file under a name of its own in the folder where it shall be; removed
+/// again unless it is put in its place.
+#[derive(Debug)]
+pub struct Staged {
+    path: PathBuf,
+    temporary: PathBuf,
+    placed: bool,
 }
 
-fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().ok_or(io::Error::from(io::ErrorKind::InvalidFilename))?;
-    let temporary =
-        path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
-    let written = fs::File::create(&temporary)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&temporary, path));
-    if written.is_err() {
-        // Whatever went wrong first is what the caller should hear of.
-        let _ = fs::remove_file(&temporary);
+/// Writes a calibration file beside its place.
+pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, CalibrationFileError> {
+    let fail = |problem| CalibrationFileError {
+        file: path.display().to_string(),
+        problem,
+    };
+    let refuse = |error: io::Error| fail(Problem::NotWritable(plain(&error)));
+    let text = to_text(channels).map_err(fail)?;
+    let name = path
+        .file_name()
+        .ok_or_else(|| refuse(io::Error::from(io::ErrorKind::InvalidFilename)))?;
+    if path.is_dir() {
+        return Err(refuse(io::Error::from(io::ErrorKind::IsADirectory)));
     }
-    written
+    let temporary = path.with_file_name(format!(
+        ".{}.{}.tmp",
+        name.to_string_lossy(),
+        std::process::id()
+    ));
+    // Made before the first byte, so that a half-written file is removed as well.
+    let staged = Staged {
+        path: path.to_owned(),
+        temporary,
+        placed: false,
+    };
+    fs::File::create(&staged.temporary)
+        .and_then(|mut file| {
+            file.write_all(text.as_bytes())
+                .and_then(|()| file.sync_all())
+        })
+        .map_err(refuse)?;
+    Ok(staged)
+}
+
+impl Staged {
+    /// Puts the file in its place, where it replaces an older one.
+    pub fn put_in_place(mut self) -> Result<(), CalibrationFileError> {
+        fs::rename(&self.temporary, &self.path).map_err(|error| CalibrationFileError {
+            file: self.path.display().to_string(),
+            problem: Problem::NotWritable(plain(&error)),
+        })?;
+        self.placed = true;
+        Ok(())
+    }
+}
+
+impl Drop for Staged {
+    fn drop(&mut self) {
+        if !self.placed {
+            // Whatever went wrong first is what the caller should hear of.
+            let _ = fs::remove_file(&self.temporary);
+        }
+    }
 }
 
 fn plain(error: &io::Error) -> String {
@@ -439,4 +520,4 @@ pub fn base_name(file: &str) -> String {
 
 #[cfg(test)]
 #[path = "calibration_file_tests.rs"]
-mod tests;
+pub mod tests;

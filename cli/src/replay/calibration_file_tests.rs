@@ -4,9 +4,18 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn channel() -> Channel {
+fn save(path: &Path, channels: &[Channel]) -> Result<(), CalibrationFileError> {
+    stage(path, channels)?.put_in_place()
+}
+
+/// A channel as a pose calibration leaves it.
+pub fn channel() -> Channel {
     let vector = Vector::from_real(
-        [[1.01, 0.02, -0.01], [0.015, 0.98, 0.03], [-0.02, 0.01, 1.005]],
+        [
+            [1.01, 0.02, -0.01],
+            [0.015, 0.98, 0.03],
+            [-0.02, 0.01, 1.005],
+        ],
         [0.02, -0.031, 0.005],
     );
     let about = Channel {
@@ -21,9 +30,15 @@ fn channel() -> Channel {
         offset_q26: [0; 3],
         matrix: [[0.0; 3]; 3],
         offset_g: [0.0; 3],
-        harmonics: [HarmonicSteps { cosine_steps: [1, -2, 3], ..Default::default() }; 2],
+        harmonics: [HarmonicSteps {
+            cosine_steps: [1, -2, 3],
+            ..Default::default()
+        }; 2],
         temperature: None,
-        budget: BudgetSteps { noise_q26: 200_000, ..Default::default() },
+        budget: BudgetSteps {
+            noise_q26: 200_000,
+            ..Default::default()
+        },
     };
     Channel::with_vector(about, &vector.unwrap())
 }
@@ -62,7 +77,10 @@ fn written_and_read_back() {
     let Correction::TwoAxis { vector, harmonics } = read[0].calibration().correction else {
         panic!("another correction");
     };
-    assert_eq!((vector, harmonics.y.cosine), (written[0].vector(), [1, -2, 3]));
+    assert_eq!(
+        (vector, harmonics.y.cosine),
+        (written[0].vector(), [1, -2, 3])
+    );
     assert_eq!(read[0].calibration().budget.noise, 200_000);
 }
 
@@ -71,18 +89,39 @@ fn anything_else_is_refused() {
     let text = to_text(&[channel()]).unwrap();
     assert!(matches!(refused(""), Problem::Malformed(_)));
     assert!(matches!(refused("[1, 2]"), Problem::Format));
-    assert!(matches!(refused(&text[..text.len() / 2]), Problem::Malformed(_)));
+    assert!(matches!(
+        refused(&text[..text.len() / 2]),
+        Problem::Malformed(_)
+    ));
     assert_eq!(refused(&text.replace(FORMAT, "other")), Problem::Format);
     let newer = refused(&text.replace("\"version\": 1", "\"version\": 7"));
-    assert!(newer.to_string().starts_with("version 7 can't be read here, only version 1"));
+    assert!(
+        newer
+            .to_string()
+            .starts_with("version 7 can't be read here, only version 1")
+    );
     let changed = refused(&text.replace("\"poses\": 21", "\"poses\": 22"));
     assert!(matches!(changed, Problem::Crc { .. }));
-    assert!(changed.to_string().contains("changed or damaged"), "{changed}");
+    assert!(
+        changed.to_string().contains("changed or damaged"),
+        "{changed}"
+    );
     let none = refused(&text.replace("crc32", "crc"));
     assert!(matches!(none, Problem::Crc { .. }));
     let two = from_text(text.as_bytes(), 2).unwrap_err();
-    assert_eq!(two, Problem::ChannelCount { found: 1, expected: 2 });
-    assert!(matches!(refused(&resealed(|c| c[0]["matrix"] = json!(7))), Problem::Malformed(_)));
+    assert_eq!(
+        two,
+        Problem::ChannelCount {
+            found: 1,
+            expected: 2
+        }
+    );
+    let quoted = refused(&resealed(|c| c[0]["method"] = json!("a\u{1b}\nb")));
+    assert!(!quoted.to_string().contains(char::is_control), "{quoted:?}");
+    assert!(matches!(
+        refused(&resealed(|c| c[0]["matrix"] = json!(7))),
+        Problem::Malformed(_)
+    ));
 }
 
 #[test]
@@ -91,12 +130,27 @@ fn values_that_no_sensor_has_are_refused() {
         Problem::Channel(1, why) => why,
         other => panic!("{other:?}"),
     };
-    assert_eq!(why(&|c| c[0]["matrix_q30"][0][1] = json!(1u64 << 31)), Impossible::Gain);
-    assert_eq!(why(&|c| c[0]["matrix"][0][1] = json!(-2.5)), Impossible::Gain);
-    assert_eq!(why(&|c| c[0]["offset_q26"][2] = json!(1 << 27)), Impossible::Offset);
+    assert_eq!(
+        why(&|c| c[0]["matrix_q30"][0][1] = json!(1u64 << 31)),
+        Impossible::Gain
+    );
+    assert_eq!(
+        why(&|c| c[0]["matrix"][0][1] = json!(-2.5)),
+        Impossible::Gain
+    );
+    assert_eq!(
+        why(&|c| c[0]["offset_q26"][2] = json!(1 << 27)),
+        Impossible::Offset
+    );
     assert_eq!(why(&|c| c[0]["rate_hz"] = json!(-1)), Impossible::Number);
-    assert_eq!(why(&|c| c[0]["numbers_per_g"] = json!(0)), Impossible::Number);
-    assert_eq!(why(&|c| c[0]["matrix"][1][1] = json!(0.97)), Impossible::Disagree);
+    assert_eq!(
+        why(&|c| c[0]["numbers_per_g"] = json!(0)),
+        Impossible::Number
+    );
+    assert_eq!(
+        why(&|c| c[0]["matrix"][1][1] = json!(0.97)),
+        Impossible::Disagree
+    );
     let flat = |c: &mut Value| {
         c[0]["matrix_q30"][2] = c[0]["matrix_q30"][1].clone();
         c[0]["matrix"][2] = c[0]["matrix"][1].clone();
@@ -104,7 +158,10 @@ fn values_that_no_sensor_has_are_refused() {
     assert_eq!(why(&flat), Impossible::Singular);
     let mut broken = channel();
     broken.norm_residual_mg = f64::NAN;
-    assert_eq!(to_text(&[broken]), Err(Problem::Channel(1, Impossible::Number)));
+    assert_eq!(
+        to_text(&[broken]),
+        Err(Problem::Channel(1, Impossible::Number))
+    );
 }
 
 #[test]
@@ -119,12 +176,26 @@ fn saved_whole_or_not_at_all() {
     broken.offset_q26 = [1 << 40; 3];
     assert!(save(&path, &[broken]).is_err());
     assert_eq!(load(&path, 2).unwrap().len(), 2, "the old file must stay");
-    let nowhere = save(&folder.join("none/b.json"), &[channel()]).unwrap_err().to_string();
+    let nowhere = save(&folder.join("none/b.json"), &[channel()])
+        .unwrap_err()
+        .to_string();
     assert!(nowhere.contains("b.json: can't be written"), "{nowhere}");
-    assert!(load(&folder, 1).unwrap_err().to_string().contains("it is a folder"));
+    assert!(
+        load(&folder, 1)
+            .unwrap_err()
+            .to_string()
+            .contains("it is a folder")
+    );
     let missing = load(&folder.join("c.json"), 1).unwrap_err().to_string();
-    assert!(missing.contains("c.json: can't be read (there is no such file"), "{missing}");
-    assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "temporary files must be gone");
+    assert!(
+        missing.contains("c.json: can't be read (there is no such file"),
+        "{missing}"
+    );
+    assert_eq!(
+        fs::read_dir(&folder).unwrap().count(),
+        1,
+        "temporary files must be gone"
+    );
     fs::remove_dir_all(&folder).unwrap();
 }
 

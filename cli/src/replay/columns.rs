@@ -75,17 +75,39 @@ const TIMES: [(&str, TimeUnit); 3] = [
     ("time_us", TimeUnit::Microseconds),
 ];
 const AXES: [&str; 3] = ["ax", "ay", "az"];
-const UNITS: [(&str, AccelUnit); 3] =
-    [("_g", AccelUnit::G), ("_mps2", AccelUnit::MetrePerSecond2), ("_lsb", AccelUnit::Lsb)];
+const UNITS: [(&str, AccelUnit); 3] = [
+    ("_g", AccelUnit::G),
+    ("_mps2", AccelUnit::MetrePerSecond2),
+    ("_lsb", AccelUnit::Lsb),
+];
 const TEMPERATURE: &str = "temp_c";
 const QUATERNION: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"];
 const SLOPES: [&str; 2] = ["ref_x_deg", "ref_y_deg"];
 
+/// Longer names are cut: they are no name that is known here, nor a misspelling of one.
+const LONGEST_NAME: usize = 64;
+
 /// Takes quotes, spaces and upper case off a header cell.
+///
+/// What is left goes into messages: no control characters, and no more than 64 letters.
 pub fn clean(cell: &str) -> String {
     let cell = cell.trim();
-    let bare = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).unwrap_or(cell);
-    bare.trim().to_ascii_lowercase()
+    let bare = cell
+        .strip_prefix('"')
+        .and_then(|c| c.strip_suffix('"'))
+        .unwrap_or(cell);
+    let printable = |c: char| {
+        if c.is_control() {
+            '\u{fffd}'
+        } else {
+            c.to_ascii_lowercase()
+        }
+    };
+    bare.trim()
+        .chars()
+        .take(LONGEST_NAME)
+        .map(printable)
+        .collect()
 }
 
 /// True when every cell that isn't empty is a number, as in a file without a header.
@@ -151,7 +173,9 @@ impl Header<'_> {
     fn quantity<U: Copy>(&self, base: &str, known: &[(String, U)]) -> Result<(usize, U), Problem> {
         let mut found: Option<(usize, U, &str)> = None;
         for (name, unit) in known {
-            let Some(place) = self.find(name)? else { continue };
+            let Some(place) = self.find(name)? else {
+                continue;
+            };
             if let Some((_, _, before)) = found {
                 return Err(Problem::DuplicateColumn(before.to_owned(), name.clone()));
             }
@@ -166,12 +190,14 @@ impl Header<'_> {
 
     fn missing(&self, base: &str, known: Vec<String>) -> Problem {
         let unitless = |name: &&String| {
-            name.strip_prefix(base).is_some_and(|rest| {
-                !rest.starts_with(|c: char| c.is_ascii_alphanumeric())
-            })
+            name.strip_prefix(base)
+                .is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric()))
         };
         match self.names.iter().find(unitless) {
-            Some(column) => Problem::UnknownUnit { column: column.clone(), known },
+            Some(column) => Problem::UnknownUnit {
+                column: column.clone(),
+                known,
+            },
             None => self.missing_column(&known),
         }
     }
@@ -183,9 +209,15 @@ impl Header<'_> {
             (distance <= 2 && !name.is_empty()).then_some((distance, name))
         });
         Problem::MissingColumn {
-            wanted: known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" or "),
+            wanted: known
+                .iter()
+                .map(|name| format!("`{name}`"))
+                .collect::<Vec<_>>()
+                .join(" or "),
             there: self.names.to_vec(),
-            nearest: near.min_by_key(|(distance, _)| *distance).map(|(_, name)| name.clone()),
+            nearest: near
+                .min_by_key(|(distance, _)| *distance)
+                .map(|(_, name)| name.clone()),
         }
     }
 
@@ -200,9 +232,10 @@ impl Header<'_> {
             let known = UNITS.map(|(suffix, unit)| (format!("{axis}{suffix}"), unit));
             let wanted: Vec<_> = match units.first() {
                 // The other axes tell which unit the missing one should have.
-                Some(first) if !known.iter().any(|(name, _)| self.names.contains(name)) => {
-                    known.into_iter().filter(|(_, unit)| unit == first).collect()
-                }
+                Some(first) if !known.iter().any(|(name, _)| self.names.contains(name)) => known
+                    .into_iter()
+                    .filter(|(_, unit)| unit == first)
+                    .collect(),
                 _ => known.to_vec(),
             };
             let (found, unit) = self.quantity(axis, &wanted)?;
@@ -212,7 +245,10 @@ impl Header<'_> {
         match units.first() {
             Some(&first) if units.iter().all(|unit| *unit == first) => Ok((places, first)),
             _ => Err(Problem::MixedUnits(
-                places.iter().filter_map(|&place| self.names.get(place).cloned()).collect(),
+                places
+                    .iter()
+                    .filter_map(|&place| self.names.get(place).cloned())
+                    .collect(),
             )),
         }
     }
@@ -226,23 +262,34 @@ impl Header<'_> {
             return Ok(Some(ReferenceColumns::Quaternion([w, x, y, z])));
         }
         if parts.iter().any(Option::is_some) {
-            let lost = parts.iter().zip(QUATERNION).find(|(part, _)| part.is_none());
+            let lost = parts
+                .iter()
+                .zip(QUATERNION)
+                .find(|(part, _)| part.is_none());
             let name = lost.map_or(QUATERNION[0], |(_, name)| name);
             return Err(self.missing_column(&[name.to_owned()]));
         }
         let slopes = [self.find(SLOPES[0])?, self.find(SLOPES[1])?];
-        Ok(slopes.iter().any(Option::is_some).then_some(ReferenceColumns::Slopes(slopes)))
+        Ok(slopes
+            .iter()
+            .any(Option::is_some)
+            .then_some(ReferenceColumns::Slopes(slopes)))
     }
 
     fn others(&self, used: &[usize]) -> Vec<String> {
-        let others = self.names.iter().enumerate().filter(|(place, _)| !used.contains(place));
+        let others = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(place, _)| !used.contains(place));
         others.map(|(_, name)| name.clone()).collect()
     }
 }
 
 fn is_known(name: &str) -> bool {
     let accel = |axis: &str| {
-        name.strip_prefix(axis).is_some_and(|rest| UNITS.iter().any(|(suffix, _)| rest == *suffix))
+        name.strip_prefix(axis)
+            .is_some_and(|rest| UNITS.iter().any(|(suffix, _)| rest == *suffix))
     };
     TIMES.iter().any(|(time, _)| name == *time)
         || AXES.into_iter().any(accel)
@@ -253,18 +300,15 @@ fn is_known(name: &str) -> bool {
 
 /// Letters to insert, take out or change to get from one name to the other (Levenshtein).
 fn edits(a: &str, b: &str) -> usize {
-    // Names this long are no misspelling, and the cost grows with the product of the lengths.
-    const LONGEST: usize = 64;
-    if a.len() > LONGEST {
-        return a.len();
-    }
     let mut row: Vec<usize> = (0..=b.chars().count()).collect();
     for (i, from) in a.chars().enumerate() {
         let mut diagonal = i;
         let mut left = i + 1;
         for (to, cell) in b.chars().zip(row.iter_mut().skip(1)) {
             let above = *cell;
-            left = (above + 1).min(left + 1).min(diagonal + usize::from(from != to));
+            left = (above + 1)
+                .min(left + 1)
+                .min(diagonal + usize::from(from != to));
             diagonal = above;
             *cell = left;
         }
@@ -288,7 +332,10 @@ mod tests {
     fn any_order_and_strangers_named() {
         let columns = read(" AZ_G ,\"ax_g\",note,ay_g,time_ms,temp_c").unwrap();
         assert_eq!(columns.accel, [1, 3, 0]);
-        assert_eq!((columns.time, columns.time_unit), (4, TimeUnit::Milliseconds));
+        assert_eq!(
+            (columns.time, columns.time_unit),
+            (4, TimeUnit::Milliseconds)
+        );
         assert_eq!(columns.temperature, Some(5));
         assert_eq!(columns.ignored, ["note"]);
     }
@@ -297,10 +344,16 @@ mod tests {
     fn references_of_both_kinds() {
         let base = "time_s,ax_g,ay_g,az_g";
         let all = read(&format!("{base},ref_qw,ref_qx,ref_qy,ref_qz,ref_x_deg")).unwrap();
-        assert_eq!(all.reference, Some(ReferenceColumns::Quaternion([4, 5, 6, 7])));
+        assert_eq!(
+            all.reference,
+            Some(ReferenceColumns::Quaternion([4, 5, 6, 7]))
+        );
         assert_eq!(all.ignored, ["ref_x_deg"]);
         let one = read(&format!("{base},ref_y_deg")).unwrap();
-        assert_eq!(one.reference, Some(ReferenceColumns::Slopes([None, Some(4)])));
+        assert_eq!(
+            one.reference,
+            Some(ReferenceColumns::Slopes([None, Some(4)]))
+        );
         let torn = read(&format!("{base},ref_qw,ref_qx,ref_qy")).unwrap_err();
         assert!(torn.to_string().contains("no column `ref_qz`"), "{torn}");
     }
@@ -310,22 +363,50 @@ mod tests {
         let cases = [
             ("1,2,3,4", "put a first line such as"),
             ("0.5,-1e3,nan,4", "put a first line such as"),
-            ("time_s,ax_g,ay_g", "no column `az_g`; there is `time_s`, `ax_g`, `ay_g`"),
+            (
+                "time_s,ax_g,ay_g",
+                "no column `az_g`; there is `time_s`, `ax_g`, `ay_g`",
+            ),
             ("time_s,ax_g,ay_g,za_g", "rename `za_g` if it is meant"),
             ("tine_s,ax_g,ay_g,az_g", "rename `tine_s` if it is meant"),
-            ("time_s,ax_g,ay_mps2,az_g", "differ in unit (`ax_g`, `ay_mps2`, `az_g`)"),
-            ("time_s,ax_ft,ay_g,az_g", "`ax_ft` doesn't say its unit; name it ax_g or ax_mps2"),
-            ("time,ax_g,ay_g,az_g", "`time` doesn't say its unit; name it time_s or time_ms"),
+            (
+                "time_s,ax_g,ay_mps2,az_g",
+                "differ in unit (`ax_g`, `ay_mps2`, `az_g`)",
+            ),
+            (
+                "time_s,ax_ft,ay_g,az_g",
+                "`ax_ft` doesn't say its unit; name it ax_g or ax_mps2",
+            ),
+            (
+                "time,ax_g,ay_g,az_g",
+                "`time` doesn't say its unit; name it time_s or time_ms",
+            ),
             ("time_s,ax,ay,az", "`ax` doesn't say its unit"),
-            ("time_s,ax_g,ay_g,az_g,ay_g", "`ay_g` and `ay_g` give the same quantity"),
-            ("time_s,time_ms,ax_g,ay_g,az_g", "`time_s` and `time_ms` give the same"),
-            ("time_s,ax_g,ax_lsb,ay_g,az_g", "`ax_g` and `ax_lsb` give the same"),
+            (
+                "time_s,ax_g,ay_g,az_g,ay_g",
+                "`ay_g` and `ay_g` give the same quantity",
+            ),
+            (
+                "time_s,time_ms,ax_g,ay_g,az_g",
+                "`time_s` and `time_ms` give the same",
+            ),
+            (
+                "time_s,ax_g,ax_lsb,ay_g,az_g",
+                "`ax_g` and `ax_lsb` give the same",
+            ),
             ("", "no column `time_s` or `time_ms` or `time_us`"),
         ];
         for (header, sentence) in cases {
             let text = read(header).unwrap_err().to_string();
             assert!(text.contains(sentence), "{header}: {text}");
         }
+    }
+
+    #[test]
+    fn a_name_can_not_upset_the_terminal() {
+        let text = read("t\rime_s,\u{1b}[2J,ax_g").unwrap_err().to_string();
+        assert!(!text.contains(char::is_control), "{text:?}");
+        assert_eq!(clean(&"x".repeat(70_000)).len(), 64);
     }
 
     #[test]

@@ -18,8 +18,19 @@ fn examine(bytes: &[u8]) -> Result<(), TestCaseError> {
             let kept = recording.rows.len() as u64;
             prop_assert_eq!(kept + recording.skips.total(), recording.data_lines);
             prop_assert!(kept >= recording.skips.total());
-            prop_assert!(recording.rows.windows(2).all(|w| w[0].time_us < w[1].time_us));
-            prop_assert!(recording.rows.iter().flat_map(|r| r.accel_g).all(|a| a.abs() <= 16.0));
+            prop_assert!(
+                recording
+                    .rows
+                    .windows(2)
+                    .all(|w| w[0].time_us < w[1].time_us)
+            );
+            prop_assert!(
+                recording
+                    .rows
+                    .iter()
+                    .flat_map(|r| r.accel_g)
+                    .all(|a| a.abs() <= 16.0)
+            );
             let found = segments::find(&recording, segments::Options::for_recording(&recording));
             let _ = calibrate_from_poses(&found.segments);
             let _ = calibrate_from_reference(&found.segments);
@@ -27,7 +38,11 @@ fn examine(bytes: &[u8]) -> Result<(), TestCaseError> {
         Err(error) => {
             let text = error.to_string();
             prop_assert!(text.starts_with("fuzz.csv"), "{}", text);
-            prop_assert!(text.len() > 20 && !text.contains(['\n', '\r']), "{}", text);
+            prop_assert!(
+                text.len() > 20 && !text.contains(char::is_control),
+                "{}",
+                text
+            );
         }
     }
     Ok(())
@@ -39,7 +54,12 @@ fn sound() -> Vec<u8> {
     for i in 0..120 {
         let wobble = f64::from(i % 7) * 1e-3;
         let t = f64::from(i) * 0.016;
-        writeln!(text, "{t:.3},{wobble:.4},0.5,{:.4},25.1,0.7,0,-0.7,0", 0.86 - wobble).unwrap();
+        writeln!(
+            text,
+            "{t:.3},{wobble:.4},0.5,{:.4},25.1,0.7,0,-0.7,0",
+            0.86 - wobble
+        )
+        .unwrap();
     }
     text.into_bytes()
 }
@@ -78,7 +98,10 @@ fn cell() -> impl Strategy<Value = String> {
 #[test]
 fn the_sound_one_is_sound() {
     let read = Recording::read("fuzz.csv", sound().as_slice(), Options::default()).unwrap();
-    assert_eq!((read.rows.len(), read.skips.total(), read.unread_extras.rows), (120, 0, 0));
+    assert_eq!(
+        (read.rows.len(), read.skips.total(), read.unread_extras.rows),
+        (120, 0, 0)
+    );
 }
 
 proptest! {
@@ -115,17 +138,18 @@ proptest! {
 
     #[test]
     fn a_calibration_file_with_some_bytes_changed(changes in changes(), keep in 0.5f64..1.2) {
-        let sound = include_str!("fuzz_calibration.json");
+        let sound = calibration_file::to_text(&[calibration_file::tests::channel()]).unwrap();
+        let unchanged = calibration_file::from_text(sound.as_bytes(), 1).unwrap();
         let text = mutate(sound.as_bytes().to_vec(), &changes, keep);
         match calibration_file::from_text(&text, 1) {
             Ok(channels) => {
                 // Spaces may change; the channels may not.
-                prop_assert_eq!(channels, calibration_file::from_text(sound.as_bytes(), 1).unwrap());
+                prop_assert_eq!(channels, unchanged);
             }
             Err(problem) => {
                 let error = CalibrationFileError { file: "fuzz.json".to_owned(), problem };
                 prop_assert!(error.to_string().starts_with("fuzz.json: "));
-                prop_assert!(!error.to_string().contains('\n'));
+                prop_assert!(!error.to_string().contains(char::is_control));
             }
         }
     }

@@ -38,7 +38,11 @@ impl<'a> Lines<'a> {
     /// Looks at the first two bytes and decompresses if they ask for it.
     pub fn new(mut source: impl Read + 'a) -> Result<Self, LineError> {
         let mut head = Vec::with_capacity(GZIP.len());
-        source.by_ref().take(GZIP.len() as u64).read_to_end(&mut head).map_err(LineError::Io)?;
+        source
+            .by_ref()
+            .take(GZIP.len() as u64)
+            .read_to_end(&mut head)
+            .map_err(LineError::Io)?;
         let gzip = head == GZIP;
         let whole = BufReader::new(Cursor::new(head).chain(source));
         let reader: Box<dyn BufRead> = if gzip {
@@ -46,7 +50,12 @@ impl<'a> Lines<'a> {
         } else {
             Box::new(whole)
         };
-        Ok(Self { reader, gzip, line: Vec::new(), number: 0 })
+        Ok(Self {
+            reader,
+            gzip,
+            line: Vec::new(),
+            number: 0,
+        })
     }
 
     /// The number of the line that was read last, counted from 1; 0 before the first.
@@ -138,7 +147,10 @@ mod tests {
     fn a_cut_or_damaged_gzip_is_told_apart() {
         let whole = gzip("one line or another\n".repeat(50).as_bytes());
         for end in 2..whole.len() {
-            assert!(matches!(all(&whole[..end]), Err(LineError::Truncated)), "cut at {end}");
+            assert!(
+                matches!(all(&whole[..end]), Err(LineError::Truncated)),
+                "cut at {end}"
+            );
         }
         let mut damaged = whole.clone();
         let checksum = damaged.len() - 8;

@@ -1,25 +1,87 @@
-//! Real recordings in, clean samples, standstill poses and a calibration out.
+//! `plumb replay`: real recordings through the instrument's own chain.
 //!
-//! In: one CSV file per channel (plain or gzip). Out: a [`recording::Recording`] of checked
-//! samples with every skipped row counted, the [`segments::Segment`]s in which the sensor stood
-//! still, a [`calibrate::Fit`] from them, and the [`calibration_file::CalibrationFile`] that keeps
-//! it. Turning the samples through the signal chain and writing the report is left to the verb.
-#![allow(dead_code, reason = "the verb `replay` uses these")]
+//! In: one CSV file per channel (plain or gzip), one or two. Out: the tables on the terminal,
+//! `report.html` and `report.json` in a folder, and a calibration file if one is asked for.
+//! A [`recording::Recording`] of checked samples with every skipped row counted gives the
+//! [`segments::Segment`]s in which the sensor stood still, these a [`calibrate::Fit`], that the
+//! chain of `tilt`, and that the readings which are judged and reported. Everything is computed
+//! before the first byte is written. The formats are described in `docs/recordings.md`.
 
-pub mod calibrate;
-pub mod calibration_file;
-pub mod columns;
-pub mod lines;
-pub mod recording;
-pub mod recording_error;
-pub mod reference;
-pub mod rotation;
-pub mod scale;
-pub mod segments;
-pub mod skips;
-pub mod windows;
+mod alignment;
+mod arguments;
+mod calibrate;
+mod calibration_file;
+mod columns;
+mod error;
+mod figures;
+mod gather;
+mod lines;
+mod play;
+mod prepare;
+mod recording;
+mod recording_error;
+mod reference;
+mod rotation;
+mod scale;
+mod segments;
+mod skips;
+mod tuning;
+mod verdicts;
+mod windows;
 
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
 mod real;
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use crate::progress::Progress;
+use crate::report::replay_data::ReplayReport;
+use crate::report::write::{self, Written};
+use crate::report::terminal;
+
+pub use arguments::Arguments;
+pub use error::ReplayError;
+
+/// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
+    let (channels, notes) = prepare::prepare(arguments, progress)?;
+    let report = gather::report(&channels, notes, arguments.mode, progress);
+    let json = serde_json::to_string(&report).map_err(ReplayError::Json)?;
+    let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
+    // Complete beside its place before the report is written, put in its place after.
+    let kept = match &arguments.save_calibration {
+        Some(path) => Some(calibration_file::stage(path, &records)?),
+        None => None,
+    };
+    let written = write::replay(&arguments.out, &report).map_err(ReplayError::Write)?;
+    if let Some(kept) = kept {
+        kept.put_in_place()?;
+    }
+    let text = if arguments.json {
+        json + "\n"
+    } else {
+        shown(arguments, &report, &written)
+    };
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        // Whoever reads has seen enough.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
+        Err(error) => Err(ReplayError::Stdout(error)),
+        Ok(()) => Ok(ExitCode::SUCCESS),
+    }
+}
+
+fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> String {
+    let mut text = terminal::print_replay(report);
+    text.push_str(&format!(
+        "\nReport: {} and {}\n",
+        written.html.display(),
+        written.json.display()
+    ));
+    if let Some(path) = &arguments.save_calibration {
+        text.push_str(&format!("Calibration: {}\n", path.display()));
+    }
+    text
+}

@@ -66,6 +66,8 @@ pub struct Recording {
     pub file: String,
     /// What the header said.
     pub columns: Columns,
+    /// The time column at the first row, microseconds: what the clock of the recording said.
+    pub start_us: i64,
     /// The samples, time strictly rising.
     pub rows: Vec<Row>,
     /// How the recording's numbers became g.
@@ -78,20 +80,27 @@ pub struct Recording {
     pub data_lines: u64,
     /// The rows left out.
     pub skips: Skips,
-    /// Rows kept without their temperature or reference, which could not be read.
+    /// Rows kept without their temperature or reference, which is no number or no attitude.
+    ///
+    /// Loggers that interpolate a quaternion across its change of sign write such: its length
+    /// falls to 0 on the way.
     pub unread_extras: Count,
 }
 
 impl Recording {
-    /// Reads a file.
-    pub fn open(path: &Path, options: Options) -> Result<Self, RecordingError> {
+    /// Reads a file. `watch` is told of the bytes as they are read.
+    pub fn open(
+        path: &Path,
+        options: Options,
+        watch: impl FnMut(u64),
+    ) -> Result<Self, RecordingError> {
         let name = path.display().to_string();
         let refuse = |why: String| RecordingError::of_file(&name, Problem::NotReadable(why));
         let file = File::open(path).map_err(|error| refuse(plain(&error)))?;
         if file.metadata().is_ok_and(|about| about.is_dir()) {
             return Err(refuse("it is a folder".to_owned()));
         }
-        Self::read(&name, file, options)
+        Self::read(&name, Watched { file, watch }, options)
     }
 
     /// Reads any stream; `name` is what errors call it.
@@ -111,7 +120,11 @@ impl Recording {
 
     /// The smallest range of the chain that holds every sample.
     pub fn full_scale(&self) -> FullScale {
-        let largest = self.rows.iter().flat_map(|row| row.accel_g).fold(0.0, |m: f64, a| m.max(a.abs()));
+        let largest = self
+            .rows
+            .iter()
+            .flat_map(|row| row.accel_g)
+            .fold(0.0, |m: f64, a| m.max(a.abs()));
         let holds = |range: &FullScale| largest < f64::from(range.g()) * (32_767.0 / 32_768.0);
         let ranges = [FullScale::G2, FullScale::G4, FullScale::G8];
         ranges.into_iter().find(holds).unwrap_or(FullScale::G16)
@@ -129,6 +142,20 @@ impl Row {
         let per_g = f64::from(range.counts_per_g());
         // A float to integer cast stops at the ends of the range.
         Counts(self.accel_g.map(|a| (a * per_g).round() as i16))
+    }
+}
+
+/// A file that tells how much of it has been read.
+struct Watched<W> {
+    file: File,
+    watch: W,
+}
+
+impl<W: FnMut(u64)> Read for Watched<W> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let bytes = self.file.read(buffer)?;
+        (self.watch)(bytes as u64);
+        Ok(bytes)
     }
 }
 
@@ -219,7 +246,12 @@ impl<'a> Parser<'a> {
     fn take_back_jump(&mut self, next: &Raw) {
         let Some(last) = self.raws.last() else { return };
         let leaps = next.time < last.time
-            && match self.raws.len().checked_sub(2).and_then(|i| self.raws.get(i)) {
+            && match self
+                .raws
+                .len()
+                .checked_sub(2)
+                .and_then(|i| self.raws.get(i))
+            {
                 None => true,
                 Some(before) => {
                     let step = next.time - before.time;
@@ -256,7 +288,14 @@ impl<'a> Parser<'a> {
         };
         let extras_read = temperature.is_ok() && reference.is_ok();
         let (temperature, reference) = (temperature.unwrap_or(None), reference.unwrap_or(None));
-        Ok(Raw { line, time, accel, temperature, reference, extras_read })
+        Ok(Raw {
+            line,
+            time,
+            accel,
+            temperature,
+            reference,
+            extras_read,
+        })
     }
 
     /// Microseconds since the first row, later than the row before.
@@ -283,12 +322,14 @@ impl<'a> Parser<'a> {
         let norm = standstill_norm(&self.times_us, &accel).unwrap_or(0.0);
         let scale = scale(self.columns.unit, norm, options.lsb_per_g)
             .map_err(|problem| RecordingError::of_line(self.name, self.header_line, problem))?;
-        let mut rows = self.rows(scale.per_g);
+        let first_us = self.first_us();
+        let (mut rows, late_us) = self.rows(scale.per_g);
         self.check_rows(rows.len())?;
         let gaps = mark_gaps(&mut rows, period_us);
         Ok(Recording {
             file: self.name.to_owned(),
             columns: self.columns,
+            start_us: first_us.saturating_add_unsigned(late_us),
             rows,
             scale,
             period_us,
@@ -299,23 +340,31 @@ impl<'a> Parser<'a> {
         })
     }
 
-
     fn check_rows(&self, rows: usize) -> Result<(), RecordingError> {
-        let skips = self.skips.clone();
+        let skips = Box::new(self.skips.clone());
         if skips.total() > rows as u64 {
             let line = skips.worst().map(|(_, count)| count.first_line);
             let problem = Problem::MostlySkipped { rows, skips };
-            return Err(RecordingError { file: self.name.to_owned(), line, problem });
+            return Err(RecordingError {
+                file: self.name.to_owned(),
+                line,
+                problem,
+            });
         }
         if rows < FEWEST_ROWS {
-            return Err(RecordingError::of_file(self.name, Problem::TooFewRows { rows, skips }));
+            return Err(RecordingError::of_file(
+                self.name,
+                Problem::TooFewRows { rows, skips },
+            ));
         }
         Ok(())
     }
 
     fn period_us(&self) -> Result<u64, RecordingError> {
         let steps = self.times_us.iter().zip(self.times_us.iter().skip(1));
-        let steps = steps.map(|(before, after)| (after - before) as f64).collect();
+        let steps = steps
+            .map(|(before, after)| (after - before) as f64)
+            .collect();
         let period = quantile(steps, 0.5).unwrap_or(0.0).max(1.0);
         let hz = 1e6 / period;
         if RATES_HZ.contains(&hz) {
@@ -323,11 +372,21 @@ impl<'a> Parser<'a> {
         }
         let fits = fitting_time(period / self.columns.time_unit.micros());
         let problem = Problem::Rate { hz, fits };
-        Err(RecordingError::of_line(self.name, self.header_line, problem))
+        Err(RecordingError::of_line(
+            self.name,
+            self.header_line,
+            problem,
+        ))
     }
 
-    /// The rows in g, without those beyond full scale.
-    fn rows(&mut self, per_g: f64) -> Vec<Row> {
+    /// The time column at the first row, microseconds; a time beyond what 64 bits hold stops there.
+    fn first_us(&self) -> i64 {
+        let first = self.raws.first().map_or(0.0, |raw| raw.time);
+        (first * self.columns.time_unit.micros()).round() as i64
+    }
+
+    /// The rows in g, without those beyond full scale, and how late the first of them is.
+    fn rows(&mut self, per_g: f64) -> (Vec<Row>, u64) {
         let mut rows: Vec<Row> = Vec::with_capacity(self.raws.len());
         for (raw, &time_us) in self.raws.drain(..).zip(&self.times_us) {
             let accel_g = raw.accel.map(|a| a / per_g);
@@ -349,7 +408,7 @@ impl<'a> Parser<'a> {
         }
         let first = rows.first().map_or(0, |row| row.time_us);
         rows.iter_mut().for_each(|row| row.time_us -= first);
-        rows
+        (rows, first)
     }
 }
 
@@ -362,7 +421,7 @@ fn is_silent(bytes: &[u8]) -> bool {
 fn header(name: &str, lines: &mut Lines) -> Result<(Columns, u64), RecordingError> {
     loop {
         let line = lines.number() + 1;
-        let bytes = match lines.next_line() {
+        let bytes = match lines.next_line().map(|read| read.map(<[u8]>::to_vec)) {
             Ok(Some(bytes)) => bytes,
             Ok(None) => return Err(RecordingError::of_file(name, Problem::Empty)),
             Err(LineError::TooLong) if is_binary(lines.partial()) => {
@@ -370,7 +429,7 @@ fn header(name: &str, lines: &mut Lines) -> Result<(Columns, u64), RecordingErro
             }
             Err(error) => return Err(explain(name, line, error, 0)),
         };
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
         if is_binary(bytes) {
             return Err(RecordingError::of_line(name, line, Problem::Binary));
         }
@@ -396,9 +455,7 @@ fn explain(name: &str, line: u64, error: LineError, rows: usize) -> RecordingErr
         LineError::TooLong => RecordingError::of_line(name, line, Problem::LineTooLong),
         LineError::Truncated => RecordingError::of_line(name, line, Problem::GzipTruncated(rows)),
         LineError::Corrupt => RecordingError::of_line(name, line, Problem::GzipCorrupt(rows)),
-        LineError::Io(error) => {
-            RecordingError::of_file(name, Problem::NotReadable(plain(&error)))
-        }
+        LineError::Io(error) => RecordingError::of_file(name, Problem::NotReadable(plain(&error))),
     }
 }
 
@@ -407,7 +464,11 @@ fn required(cell: &str) -> Result<f64, Reason> {
         return Err(Reason::MissingCell);
     }
     let value: f64 = cell.parse().map_err(|_| Reason::UnparsableCell)?;
-    if value.is_finite() { Ok(value) } else { Err(Reason::NotFinite) }
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Reason::NotFinite)
+    }
 }
 
 /// A cell that may be empty.
@@ -436,7 +497,10 @@ fn reference<'a>(
         ReferenceColumns::Slopes([x, y]) => {
             let read = |place: Option<usize>| place.map_or(Ok(None), read);
             let slopes = [read(x)?, read(y)?];
-            Ok(slopes.iter().any(Option::is_some).then_some(Reference::Slopes(slopes)))
+            Ok(slopes
+                .iter()
+                .any(Option::is_some)
+                .then_some(Reference::Slopes(slopes)))
         }
     }
 }

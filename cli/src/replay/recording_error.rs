@@ -69,14 +69,14 @@ pub enum Problem {
         /// How many there are.
         rows: usize,
         /// What was left out.
-        skips: Skips,
+        skips: Box<Skips>,
     },
     /// More rows were left out than kept.
     MostlySkipped {
         /// How many were kept.
         rows: usize,
         /// What was left out.
-        skips: Skips,
+        skips: Box<Skips>,
     },
     /// Under 25 or over 10 000 samples per second by the header's unit of time.
     Rate {
@@ -90,12 +90,20 @@ pub enum Problem {
 impl RecordingError {
     /// About the file as a whole.
     pub fn of_file(file: &str, problem: Problem) -> Self {
-        Self { file: file.to_owned(), line: None, problem }
+        Self {
+            file: file.to_owned(),
+            line: None,
+            problem,
+        }
     }
 
     /// About one line.
     pub fn of_line(file: &str, line: u64, problem: Problem) -> Self {
-        Self { file: file.to_owned(), line: Some(line), problem }
+        Self {
+            file: file.to_owned(),
+            line: Some(line),
+            problem,
+        }
     }
 }
 
@@ -123,10 +131,16 @@ impl fmt::Display for Problem {
                  recover the rows with `gunzip -c` and give the plain CSV"
             ),
             Self::GzipCorrupt(rows) => {
-                write!(f, "the gzip stream is damaged after {rows} good rows; copy the file again")
+                write!(
+                    f,
+                    "the gzip stream is damaged after {rows} good rows; copy the file again"
+                )
             }
             Self::LineTooLong => {
-                write!(f, "is over {LONGEST} bytes long; give a CSV file with one sample a line")
+                write!(
+                    f,
+                    "is over {LONGEST} bytes long; give a CSV file with one sample a line"
+                )
             }
             Self::TooManyRows(most) => write!(f, "more than {most} rows; cut the file in parts"),
             Self::NoHeader => f.write_str(
@@ -141,7 +155,11 @@ impl fmt::Display for Problem {
 impl Problem {
     fn about_columns(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
-            Self::MissingColumn { wanted, there, nearest } => {
+            Self::MissingColumn {
+                wanted,
+                there,
+                nearest,
+            } => {
                 write!(f, "no column {wanted}; there is {}", listed(there))?;
                 match nearest {
                     Some(name) => write!(f, "; rename `{name}` if it is meant"),
@@ -149,13 +167,24 @@ impl Problem {
                 }
             }
             Self::MixedUnits(names) => {
-                write!(f, "the axes differ in unit ({}); give all in one", listed(names))
+                write!(
+                    f,
+                    "the axes differ in unit ({}); give all in one",
+                    listed(names)
+                )
             }
             Self::UnknownUnit { column, known } => {
-                write!(f, "`{column}` doesn't say its unit; name it {}", known.join(" or "))
+                write!(
+                    f,
+                    "`{column}` doesn't say its unit; name it {}",
+                    known.join(" or ")
+                )
             }
             Self::DuplicateColumn(one, other) => {
-                write!(f, "`{one}` and `{other}` give the same quantity; take one of them out")
+                write!(
+                    f,
+                    "`{one}` and `{other}` give the same quantity; take one of them out"
+                )
             }
             _ => self.about_values(f),
         }
@@ -169,16 +198,24 @@ impl Problem {
                  say --lsb-per-g"
             ),
             Self::WrongUnit { norm_g, advice } => {
-                write!(f, "the length at standstill is {norm_g:.4} g instead of 1 g; {advice}")
+                write!(
+                    f,
+                    "the length at standstill is {norm_g:.4} g instead of 1 g; {advice}"
+                )
             }
             Self::TooFewRows { rows, skips } => {
-                write!(f, "only {rows} usable rows ({skips}); at least 50 are needed")
+                write!(
+                    f,
+                    "only {rows} usable rows ({skips}); at least 50 are needed"
+                )
             }
             Self::MostlySkipped { rows, skips } => {
                 write!(f, "more rows skipped than the {rows} kept ({skips}); mend ")?;
                 let worst = skips.worst().map(|(reason, _)| reason);
                 f.write_str(match worst {
-                    Some(Reason::BackwardTime | Reason::ForwardJump | Reason::RepeatedTime) => "the time column",
+                    Some(Reason::BackwardTime | Reason::ForwardJump | Reason::RepeatedTime) => {
+                        "the time column"
+                    }
                     Some(Reason::CellCount) => "the number of cells in each row",
                     Some(Reason::AllZero) => "the logger: the sensor did not answer",
                     _ => "those cells",
@@ -198,7 +235,11 @@ impl Problem {
 
 fn listed(names: &[String]) -> String {
     const MOST: usize = 12;
-    let quoted: Vec<String> = names.iter().take(MOST).map(|name| format!("`{name}`")).collect();
+    let quoted: Vec<String> = names
+        .iter()
+        .take(MOST)
+        .map(|name| format!("`{name}`"))
+        .collect();
     let more = names.len().saturating_sub(MOST);
     match (quoted.is_empty(), more) {
         (true, _) => "none".to_owned(),

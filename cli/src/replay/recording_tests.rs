@@ -61,7 +61,8 @@ fn a_clean_recording() {
 #[test]
 fn mark_of_byte_order_crlf_comments_spaces_and_quotes() {
     let body = rows(60).replace(',', " , ").replace('\n', "\r\n");
-    let text = format!("\u{feff}# logger 7\r\n\r\n\"time_s\", AX_G ,ay_g,az_g\r\n# begin\r\n{body}");
+    let text =
+        format!("\u{feff}# logger 7\r\n\r\n\"time_s\", AX_G ,ay_g,az_g\r\n# begin\r\n{body}");
     let recording = read(text).unwrap();
     assert_eq!(recording.rows.len(), 60);
     assert_eq!(recording.rows[0].line, 5);
@@ -85,9 +86,16 @@ fn rows_that_can_be_skipped_are_counted_with_their_first_line() {
         (Reason::ForwardJump, 1, 72),
     ];
     for (reason, rows, first_line) in expected {
-        assert_eq!(recording.skips.of(reason), Count { rows, first_line }, "{reason}");
+        assert_eq!(
+            recording.skips.of(reason),
+            Count { rows, first_line },
+            "{reason}"
+        );
     }
-    assert_eq!(recording.rows.len() as u64 + recording.skips.total(), recording.data_lines);
+    assert_eq!(
+        recording.rows.len() as u64 + recording.skips.total(),
+        recording.data_lines
+    );
     assert_eq!((recording.rows.len(), recording.skips.total()), (62, 11));
 }
 
@@ -96,7 +104,13 @@ fn one_wrong_time_does_not_take_the_rest_along() {
     let text = format!("{HEADER}{}", rows(200)).replace("\n0.250,", "\n90.250,");
     let recording = read(text).unwrap();
     assert_eq!(recording.rows.len(), 199);
-    assert_eq!(recording.skips.of(Reason::ForwardJump), Count { rows: 1, first_line: 27 });
+    assert_eq!(
+        recording.skips.of(Reason::ForwardJump),
+        Count {
+            rows: 1,
+            first_line: 27
+        }
+    );
     let first_is_wrong = format!("{HEADER}777,1,0,0\n{}", rows(60));
     assert_eq!(read(first_is_wrong).unwrap().rows.len(), 60);
 }
@@ -104,7 +118,9 @@ fn one_wrong_time_does_not_take_the_rest_along() {
 #[test]
 fn one_wild_value_does_not_upset_the_unit_check() {
     let text = format!("{HEADER}{}", rows(200)).replace("\n0.500,0.", "\n0.500,8e250.");
-    let text = text.replace("8e250.", "8e250,").replacen(",0.0001,", ",", 0);
+    let text = text
+        .replace("8e250.", "8e250,")
+        .replacen(",0.0001,", ",", 0);
     let recording = read(&text).unwrap();
     assert_eq!(recording.skips.total(), 1);
     let text = format!("{HEADER}{}0.1e1,1e300,-1e300,1\n", rows(60));
@@ -120,23 +136,40 @@ fn units_of_time_and_acceleration() {
 
     let lsb = rows_scaled(60, 2048.0);
     let recording = read(format!("time_s,ax_lsb,ay_lsb,az_lsb\n{lsb}")).unwrap();
-    assert_eq!((recording.scale.per_g, recording.scale.source), (2048.0, Source::Nearest));
-    let options = Options { lsb_per_g: Some(2000.0) };
+    assert_eq!(
+        (recording.scale.per_g, recording.scale.source),
+        (2048.0, Source::Nearest)
+    );
+    let options = Options {
+        lsb_per_g: Some(2000.0),
+    };
     let text = format!("time_s,ax_lsb,ay_lsb,az_lsb\n{lsb}");
     let given = Recording::read("a", text.as_bytes(), options).unwrap();
-    assert_eq!((given.scale.per_g, given.scale.source), (2000.0, Source::Given));
+    assert_eq!(
+        (given.scale.per_g, given.scale.source),
+        (2000.0, Source::Given)
+    );
 
     let in_ms = format!("time_ms,ax_g,ay_g,az_g\n{}", rows(60));
     let text = refusal(&in_ms);
-    assert!(text.contains("line 1") && text.contains("as if it were `time_s`"), "{text}");
-    let slow = rows(60).replace("0.", "0").lines().fold(String::new(), |text, line| text + line + "\n");
+    assert!(
+        text.contains("line 1") && text.contains("as if it were `time_s`"),
+        "{text}"
+    );
+    let slow = rows(60)
+        .replace("0.", "0")
+        .lines()
+        .fold(String::new(), |text, line| text + line + "\n");
     assert!(refusal(format!("{HEADER}{slow}")).contains("samples per second is outside"));
 }
 
 #[test]
 fn wrong_units_are_refused_with_the_one_that_fits() {
     let text = refusal(format!("{HEADER}{}", rows_scaled(60, 9.80665)));
-    assert!(text.contains("line 1") && text.contains("name the columns `_mps2`"), "{text}");
+    assert!(
+        text.contains("line 1") && text.contains("name the columns `_mps2`"),
+        "{text}"
+    );
     let text = refusal(format!("{HEADER}{}", rows_scaled(60, 2048.0)));
     assert!(text.contains("name the columns `_lsb`"), "{text}");
     let header = "time_s,ax_lsb,ay_lsb,az_lsb\n";
@@ -175,8 +208,15 @@ fn a_cut_gzip_names_the_good_rows() {
     let whole = gzip(&format!("{HEADER}{}", rows(3000)));
     assert_eq!(read(&whole).unwrap().rows.len(), 3000);
     let text = refusal(&whole[..whole.len() / 2]);
-    let rows: usize =
-        text.split("breaks off after ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    let rows: usize = text
+        .split("breaks off after ")
+        .nth(1)
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap();
     assert!((500..2500).contains(&rows), "{text}");
     let mut damaged = whole.clone();
     let crc = damaged.len() - 6;
@@ -187,11 +227,23 @@ fn a_cut_gzip_names_the_good_rows() {
 #[test]
 fn gaps_are_counted_and_restart_the_chain() {
     let later = rows(60).replace("\n0.", "\n1.");
-    let later = later.trim_start_matches("0.000").trim_start_matches(|c| c != '\n');
+    let later = later
+        .trim_start_matches("0.000")
+        .trim_start_matches(|c| c != '\n');
     let recording = read(format!("{HEADER}{}{}", rows(60), later.trim_start())).unwrap();
-    assert_eq!(recording.gaps, Count { rows: 1, first_line: 62 });
-    let anew: Vec<u64> =
-        recording.rows.iter().filter(|row| row.starts_anew).map(|row| row.line).collect();
+    assert_eq!(
+        recording.gaps,
+        Count {
+            rows: 1,
+            first_line: 62
+        }
+    );
+    let anew: Vec<u64> = recording
+        .rows
+        .iter()
+        .filter(|row| row.starts_anew)
+        .map(|row| row.line)
+        .collect();
     assert_eq!(anew, [2, 62]);
 }
 
@@ -210,18 +262,30 @@ fn extras_that_can_not_be_read_cost_only_themselves() {
     }
     let recording = read(text).unwrap();
     assert_eq!(recording.rows.len(), 60);
-    assert_eq!(recording.unread_extras, Count { rows: 3, first_line: 5 });
+    assert_eq!(
+        recording.unread_extras,
+        Count {
+            rows: 3,
+            first_line: 5
+        }
+    );
     assert_eq!(recording.rows[7].temperature_c, Some(25.5));
-    assert_eq!(recording.rows[7].reference.unwrap().up(), Some([0.0, 0.0, 1.0]));
-    assert_eq!((recording.rows[6].temperature_c, recording.rows[6].reference), (None, None));
+    assert_eq!(
+        recording.rows[7].reference.unwrap().up(),
+        Some([0.0, 0.0, 1.0])
+    );
+    assert_eq!(
+        (recording.rows[6].temperature_c, recording.rows[6].reference),
+        (None, None)
+    );
     assert!(recording.has_reference());
 }
 
 #[test]
 fn paths_that_lead_nowhere() {
-    let none = Recording::open(Path::new("no/such/file.csv"), Options::default()).unwrap_err();
+    let none = Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();
     let expected = "no/such/file.csv: can't be read (there is no such file); check the path";
     assert_eq!(none.to_string(), expected);
-    let folder = Recording::open(Path::new(env!("CARGO_MANIFEST_DIR")), Options::default());
+    let folder = Recording::open(Path::new(env!("CARGO_MANIFEST_DIR")), Options::default(), |_| {});
     assert!(folder.unwrap_err().to_string().contains("it is a folder"));
 }

@@ -16,21 +16,30 @@ impl Attitude {
     /// From w, x, y, z; `None` when the length is further than 10 % from 1.
     pub fn new(quaternion: [f64; 4]) -> Option<Self> {
         let length = quaternion.iter().map(|c| c * c).sum::<f64>().sqrt();
-        if !((length - 1.0).abs() < 0.1) {
-            return None;
-        }
-        Some(Self { quaternion: quaternion.map(|c| c / length) })
+        let is_one = (length - 1.0).abs() < 0.1;
+        is_one.then(|| Self {
+            quaternion: quaternion.map(|c| c / length),
+        })
     }
 
     /// The up vector in the body's frame: the third row of the rotation matrix.
     pub fn up(&self) -> [f64; 3] {
         let [w, x, y, z] = self.quaternion;
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)]
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ]
     }
 
     /// The angle of the rotation that leads from the other attitude to this one, 0 to 180 deg.
     pub fn angle_to_deg(&self, other: &Self) -> f64 {
-        let dot: f64 = self.quaternion.iter().zip(other.quaternion).map(|(a, b)| a * b).sum();
+        let dot: f64 = self
+            .quaternion
+            .iter()
+            .zip(other.quaternion)
+            .map(|(a, b)| a * b)
+            .sum();
         2.0 * dot.abs().min(1.0).acos().to_degrees()
     }
 }
@@ -73,7 +82,10 @@ impl Reference {
 /// Slope X = atan2(x, hypot(y, z)) and slope Y = atan2(y, hypot(x, z)) of an up vector.
 pub fn slopes_deg(up: [f64; 3]) -> [f64; 2] {
     let [x, y, z] = up;
-    [x.atan2(y.hypot(z)).to_degrees(), y.atan2(x.hypot(z)).to_degrees()]
+    [
+        x.atan2(y.hypot(z)).to_degrees(),
+        y.atan2(x.hypot(z)).to_degrees(),
+    ]
 }
 
 /// The angle between two vectors, 0 to 180 deg.
@@ -108,7 +120,12 @@ mod tests {
 
     #[test]
     fn what_is_no_attitude_is_refused() {
-        for q in [[0.0; 4], [f64::NAN; 4], [2.0, 0.0, 0.0, 0.0], [f64::INFINITY; 4]] {
+        for q in [
+            [0.0; 4],
+            [f64::NAN; 4],
+            [2.0, 0.0, 0.0, 0.0],
+            [f64::INFINITY; 4],
+        ] {
             assert_eq!(Attitude::new(q), None);
         }
         assert_eq!(Reference::Slopes([Some(80.0), Some(80.0)]).up(), None);

@@ -32,9 +32,20 @@ pub fn best_rotation(from: &[[f64; 3]], to: &[[f64; 3]]) -> Found {
     let [first, second, ..] = order;
     let quaternion = vectors.map(|row| row[first]);
     let gap = values[first] - values[second];
-    let condition = if gap > 0.0 { values[first] / gap } else { f64::INFINITY };
-    let condition = if b.iter().flatten().all(|c| c.is_finite()) { condition } else { f64::NAN };
-    Found { rotation: matrix(quaternion), condition }
+    let condition = if gap > 0.0 {
+        values[first] / gap
+    } else {
+        f64::INFINITY
+    };
+    let condition = if b.iter().flatten().all(|c| c.is_finite()) {
+        condition
+    } else {
+        f64::NAN
+    };
+    Found {
+        rotation: matrix(quaternion),
+        condition,
+    }
 }
 
 /// Davenport's matrix of the sum of to * from^T, for quaternions (w, x, y, z).
@@ -91,9 +102,21 @@ fn rotate(a: &mut [[f64; 4]; 4], vectors: &mut [[f64; 4]; 4], p: usize, q: usize
 
 fn matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
     [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
     ]
 }
 
@@ -102,8 +125,12 @@ mod tests {
     use super::*;
     use tilt::calibration::least_squares::times;
 
-    const VECTORS: [[f64; 3]; 4] =
-        [[1.0, 0.0, 0.0], [0.0, 0.9, 0.1], [0.3, -0.2, 0.8], [-0.5, 0.5, -0.7]];
+    const VECTORS: [[f64; 3]; 4] = [
+        [1.0, 0.0, 0.0],
+        [0.0, 0.9, 0.1],
+        [0.3, -0.2, 0.8],
+        [-0.5, 0.5, -0.7],
+    ];
 
     #[test]
     fn any_rotation_is_found() {

@@ -49,7 +49,10 @@ pub struct Scale {
 /// A sample a hundred times longer than the median is damage, and would drown the sums.
 pub fn standstill_norm(times_us: &[u64], accel: &[[f64; 3]]) -> Option<f64> {
     let median = quantile(accel.iter().copied().map(norm).collect(), 0.5)?;
-    let sane = times_us.iter().zip(accel).filter(|(_, a)| norm(**a) <= 100.0 * median);
+    let sane = times_us
+        .iter()
+        .zip(accel)
+        .filter(|(_, a)| norm(**a) <= 100.0 * median);
     let (times, accel): (Vec<u64>, Vec<[f64; 3]>) = sane.unzip();
     let mut windows = moving(&times, &Sums::new(accel.into_iter()), HALF_WINDOW_US);
     windows.retain(|window| window.count >= FEWEST_IN_WINDOW);
@@ -57,7 +60,10 @@ pub fn standstill_norm(times_us: &[u64], accel: &[[f64; 3]]) -> Option<f64> {
         return Some(median);
     };
     windows.retain(|window| window.scatter() <= limit);
-    quantile(windows.iter().map(|window| norm(window.mean)).collect(), 0.5)
+    quantile(
+        windows.iter().map(|window| norm(window.mean)).collect(),
+        0.5,
+    )
 }
 
 /// Finds the scale and refuses what is not believable.
@@ -75,7 +81,11 @@ pub fn scale(unit: AccelUnit, standstill: f64, lsb_per_g: Option<f64>) -> Result
         let advice = advice(unit, source, standstill);
         return Err(Problem::WrongUnit { norm_g, advice });
     }
-    Ok(Scale { per_g, source, standstill_g: norm_g })
+    Ok(Scale {
+        per_g,
+        source,
+        standstill_g: norm_g,
+    })
 }
 
 /// The power of two from 64 to 32768 within 20 % of the length at standstill.
@@ -128,10 +138,22 @@ mod tests {
     #[test]
     fn a_wrong_unit_is_told_with_the_one_that_fits() {
         let cases = [
-            (AccelUnit::G, 9.79, "looks like m/s^2: name the columns `_mps2`"),
-            (AccelUnit::MetrePerSecond2, 1.01, "looks like g: name the columns `_g`"),
+            (
+                AccelUnit::G,
+                9.79,
+                "looks like m/s^2: name the columns `_mps2`",
+            ),
+            (
+                AccelUnit::MetrePerSecond2,
+                1.01,
+                "looks like g: name the columns `_g`",
+            ),
             (AccelUnit::G, 998.0, "say --lsb-per-g 1000"),
-            (AccelUnit::G, 2060.0, "looks like counts: name the columns `_lsb`"),
+            (
+                AccelUnit::G,
+                2060.0,
+                "looks like counts: name the columns `_lsb`",
+            ),
             (AccelUnit::G, 0.001, "multiply the columns by 1000"),
             (AccelUnit::G, 0.3, "no unit fits"),
             (AccelUnit::G, 0.0, "no unit fits"),
@@ -141,14 +163,22 @@ mod tests {
             let text = scale(unit, standstill, None).unwrap_err().to_string();
             assert!(text.contains(sentence), "{standstill}: {text}");
         }
-        let text = scale(AccelUnit::Lsb, 2060.0, Some(16_384.0)).unwrap_err().to_string();
+        let text = scale(AccelUnit::Lsb, 2060.0, Some(16_384.0))
+            .unwrap_err()
+            .to_string();
         assert!(text.contains("--lsb-per-g near 2060"), "{text}");
     }
 
     #[test]
     fn the_quiet_part_decides() {
         let times: Vec<u64> = (0..1000).map(|i| i * 10_000).collect();
-        let shaken = |i: usize| if i < 700 { [3.0, (i % 7) as f64, 0.0] } else { [0.0, 0.6, 0.8] };
+        let shaken = |i: usize| {
+            if i < 700 {
+                [3.0, (i % 7) as f64, 0.0]
+            } else {
+                [0.0, 0.6, 0.8]
+            }
+        };
         let accel: Vec<[f64; 3]> = (0..1000).map(shaken).collect();
         let norm = standstill_norm(&times, &accel).unwrap();
         assert!((norm - 1.0).abs() < 1e-6, "{norm}");

@@ -82,19 +82,30 @@ pub struct Skips {
 impl Skips {
     /// Adds a row left out for `reason`.
     pub fn add(&mut self, reason: Reason, line: u64) {
-        for (count, _) in self.counts.iter_mut().zip(REASONS).filter(|(_, r)| *r == reason) {
+        for (count, _) in self
+            .counts
+            .iter_mut()
+            .zip(REASONS)
+            .filter(|(_, r)| *r == reason)
+        {
             count.add(line);
         }
     }
 
     /// The reasons that occurred, with their counts.
     pub fn iter(&self) -> impl Iterator<Item = (Reason, Count)> + '_ {
-        REASONS.into_iter().zip(self.counts).filter(|(_, count)| count.rows > 0)
+        REASONS
+            .into_iter()
+            .zip(self.counts)
+            .filter(|(_, count)| count.rows > 0)
     }
 
     /// Rows left out for `reason`.
     pub fn of(&self, reason: Reason) -> Count {
-        self.iter().find(|(r, _)| *r == reason).map(|(_, count)| count).unwrap_or_default()
+        self.iter()
+            .find(|(r, _)| *r == reason)
+            .map(|(_, count)| count)
+            .unwrap_or_default()
     }
 
     /// Rows left out altogether.
@@ -112,11 +123,19 @@ impl fmt::Display for Skips {
     /// As in `2 rows skipped: 1 missing cell (line 370), 1 all axes zero (line 2)`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let total = self.total();
-        write!(f, "{total} row{} skipped", if total == 1 { "" } else { "s" })?;
+        write!(
+            f,
+            "{total} row{} skipped",
+            if total == 1 { "" } else { "s" }
+        )?;
         for (i, (reason, count)) in self.iter().enumerate() {
             let (separator, rows) = (if i == 0 { ":" } else { "," }, count.rows);
             let first = if rows > 1 { "first in line" } else { "line" };
-            write!(f, "{separator} {rows} {reason} ({first} {})", count.first_line)?;
+            write!(
+                f,
+                "{separator} {rows} {reason} ({first} {})",
+                count.first_line
+            )?;
         }
         Ok(())
     }
@@ -134,7 +153,13 @@ mod tests {
         skips.add(Reason::MissingCell, 370);
         skips.add(Reason::MissingCell, 371);
         assert_eq!(skips.total(), 3);
-        assert_eq!(skips.of(Reason::MissingCell), Count { rows: 2, first_line: 370 });
+        assert_eq!(
+            skips.of(Reason::MissingCell),
+            Count {
+                rows: 2,
+                first_line: 370
+            }
+        );
         assert_eq!(skips.worst().unwrap().0, Reason::MissingCell);
         assert_eq!(
             skips.to_string(),

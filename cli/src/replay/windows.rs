@@ -53,7 +53,10 @@ impl Sums {
         };
         let count = to.saturating_sub(from);
         let n = count.max(1) as f64;
-        let mut window = Window { count, ..Window::default() };
+        let mut window = Window {
+            count,
+            ..Window::default()
+        };
         for axis in 0..3 {
             let mean = (high[axis][0] - low[axis][0]) / n;
             let square = (high[axis][1] - low[axis][1]) / n;
@@ -69,10 +72,16 @@ pub fn moving(times_us: &[u64], sums: &Sums, half_us: u64) -> Vec<Window> {
     let (mut from, mut to) = (0, 0);
     let mut windows = Vec::with_capacity(times_us.len());
     for &centre in times_us {
-        while times_us.get(from).is_some_and(|&t| t.saturating_add(half_us) < centre) {
+        while times_us
+            .get(from)
+            .is_some_and(|&t| t.saturating_add(half_us) < centre)
+        {
             from += 1;
         }
-        while times_us.get(to).is_some_and(|&t| t <= centre.saturating_add(half_us)) {
+        while times_us
+            .get(to)
+            .is_some_and(|&t| t <= centre.saturating_add(half_us))
+        {
             to += 1;
         }
         windows.push(sums.window(from, to));
@@ -94,7 +103,13 @@ mod tests {
     #[test]
     fn a_window_is_a_span_of_time() {
         let times = [0, 10, 20, 100, 110];
-        let accel = [[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [5.0, 0.0, 0.0], [7.0; 3], [9.0; 3]];
+        let accel = [
+            [1.0, 0.0, 0.0],
+            [3.0, 0.0, 0.0],
+            [5.0, 0.0, 0.0],
+            [7.0; 3],
+            [9.0; 3],
+        ];
         let windows = moving(&times, &Sums::new(accel.into_iter()), 10);
         let counts: Vec<usize> = windows.iter().map(|w| w.count).collect();
         assert_eq!(counts, [2, 3, 2, 2, 2]);

@@ -53,6 +53,12 @@ pub enum Outcome {
     /// After the stop the channels agreed again, so the data had been late.
     #[serde(rename = "data delay, resumed")]
     DataDelay,
+    /// Single warnings, not enough to act.
+    #[serde(rename = "warnings only")]
+    Warnings,
+    /// A fault was reported, the supply was found good, and the instrument was reset.
+    #[serde(rename = "fault without cause, reset")]
+    FaultWithoutCause,
     /// After the stop the channels still differed; a supply check and a reset cured it.
     #[serde(rename = "physical fault, supply checked and reset")]
     PhysicalFault,
@@ -204,20 +210,18 @@ pub struct OneAxisRow {
     pub max_deg: Option<f64>,
 }
 
-/// Calibration of one node on one axis and the verification round after it.
+/// Calibration of one node and the verification round after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationRow {
     /// Chain that was calibrated.
     pub mode: Mode,
-    /// Axis that the motor turned.
-    pub axis: Axis,
     /// Node, 1 or 2.
     pub node: u8,
-    /// Residual of the fit, mg rms; none for a table.
-    pub residual_mg: Option<f64>,
-    /// Condition figure of the fit, no unit; none for a table.
+    /// Residual of the fit, both axes; the largest of the units; none for a table.
+    pub residual_deg: Option<f64>,
+    /// Condition figure of the fit, no unit; the largest of the units; none for a table.
     pub condition: Option<f64>,
-    /// Greatest absolute error of the verification round.
+    /// Greatest absolute error of the verification round, both axes; the largest of the units.
     pub verification_max_deg: Option<f64>,
     /// Tolerance of the verification round.
     pub tolerance_deg: f64,

@@ -84,6 +84,7 @@ fn static_error(report: &DemoReport, axis: Axis, figure: u32) -> Group {
                 mode_name(mode).to_lowercase()
             ),
             x_label: "reference angle, deg".to_owned(),
+            x_step: Some(30.0),
             y_label: "angle \u{2212} reference, deg".to_owned(),
             plots: plots.collect(),
             levels: both_signs(TOLERANCE_DEG),
@@ -135,6 +136,7 @@ fn static_delta(report: &DemoReport) -> Group {
             title: mode_name(mode).to_owned(),
             description: "Difference of the two nodes over the angle, both axes.".to_owned(),
             x_label: "reference angle, deg".to_owned(),
+            x_step: Some(30.0),
             y_label: "node 1 \u{2212} node 2, deg".to_owned(),
             plots: curves.map(plot).collect(),
             levels: both_signs(THRESHOLD_DEG),
@@ -222,6 +224,10 @@ fn dynamic_chart(
     let (id, title, y_label) = part.words();
     let mut plots = Vec::new();
     if let Some(trace) = trace {
+        if part == DynamicPart::Angle {
+            let shape = Shape::Line(pairs(&trace.reference));
+            plots.push(Plot::new("Motor", Ink::Reference, shape));
+        }
         plots.extend(trace.nodes.iter().map(|node| {
             let name = format!("Node {}", node.node);
             Plot::new(
@@ -230,10 +236,6 @@ fn dynamic_chart(
                 Shape::Line(pairs(part.points(node))),
             )
         }));
-        if part == DynamicPart::Angle {
-            let shape = Shape::Line(pairs(&trace.reference));
-            plots.push(Plot::new("Motor", Ink::Reference, shape));
-        }
     }
     let limited = part == DynamicPart::Aligned;
     Chart {
@@ -313,9 +315,9 @@ fn delta(report: &DemoReport) -> Group {
     };
     Group {
         title: "Figure 21: difference of the two nodes on the day of the fault".to_owned(),
-        caption: "The area spans the least and the greatest difference in each stretch of time. \
-                  It stays inside the threshold until the supply sags, and again after the \
-                  reset."
+        caption: "The area spans the least and the greatest difference in each stretch of time. A \
+                  healthy pair stays between the dashed threshold lines; an unstable supply shows \
+                  as bursts beyond them."
             .to_owned(),
         charts: alike(traces.map(chart).collect()),
     }

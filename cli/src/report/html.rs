@@ -79,20 +79,30 @@ pub fn table(table: &Table) -> String {
          <thead>\n{}</thead>\n<tbody>\n",
         head(table)
     );
-    for row in &table.rows {
-        let cells: String = table
-            .columns
-            .iter()
-            .enumerate()
-            .map(|(index, _)| body_cell(table, row.get(index), index))
+    for (index, row) in table.rows.iter().enumerate() {
+        let cells: String = (0..table.columns.len())
+            .map(|column| body_cell(table, row.get(column), column))
             .collect();
-        let _ = writeln!(out, "<tr>{cells}</tr>");
+        let class = if begins_block(table, index) {
+            " class=\"new\""
+        } else {
+            ""
+        };
+        let _ = writeln!(out, "<tr{class}>{cells}</tr>");
     }
     out.push_str("</tbody>\n</table></div>\n");
     for note in &table.notes {
         let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(note));
     }
     out
+}
+
+/// Whether a row begins another block: its first cell differs from the one above, in a table
+/// where neighbours share it.
+fn begins_block(table: &Table, index: usize) -> bool {
+    let first = |index: usize| table.rows.get(index).and_then(|row| row.first());
+    let shared = (1..table.rows.len()).any(|index| first(index) == first(index - 1));
+    shared && index > 0 && first(index) != first(index - 1)
 }
 
 /// One or two rows of column heads.
@@ -253,6 +263,17 @@ mod tests {
         assert!(html.contains("<td class=\"number\">0.25</td><td class=\"pass\">pass</td>"));
         assert!(html.contains("<td class=\"fail\">FAIL</td>"));
         assert!(html.contains("<th scope=\"row\">a&lt;b</th>"));
+    }
+
+    #[test]
+    fn blocks_of_rows_are_set_apart() {
+        let mut made = Table::new("T", vec![Column::text("Axis")]);
+        made.rows = ["X", "X", "Y", "Y"]
+            .map(|axis| vec![Cell::text(axis)])
+            .to_vec();
+        assert_eq!(table(&made).matches("<tr class=\"new\">").count(), 1);
+        made.rows = ["a", "b", "c"].map(|name| vec![Cell::text(name)]).to_vec();
+        assert_eq!(table(&made).matches("<tr class=\"new\">").count(), 0);
     }
 
     #[test]

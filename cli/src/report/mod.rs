@@ -80,6 +80,8 @@ mod tests {
         let words = [
             word(Outcome::None),
             word(Outcome::DataDelay),
+            word(Outcome::Warnings),
+            word(Outcome::FaultWithoutCause),
             word(Outcome::PhysicalFault),
             word(Outcome::NotCured),
             word(ErrorType::DataDelay),

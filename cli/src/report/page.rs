@@ -28,12 +28,12 @@ pub fn demo(report: &DemoReport) -> String {
 
 const LEAD: &str = "A two-channel inclinometer on a virtual bench: characterised in the climatic \
     chamber, calibrated on the motor, then put through the static test, the dynamic test and the \
-    week on the excavator of Hoang and Pietrosanto, IEEE Sensors Journal 21(5), 2021.";
+    days on the excavator that Hoang and Pietrosanto describe, IEEE Sensors Journal 21(5), 2021.";
 
 const SIMULATED: &str = "Simulated: sensors with part-to-part errors, noise, temperature, motor, \
     chamber, excavator arm and power supply. Not simulated: the measuring code, which is the \
-    code that a device runs. Published figures are those printed in the paper; nothing here was \
-    measured on hardware.";
+    code that is built for the device. Published figures are those printed in the paper; nothing \
+    here was measured on hardware.";
 
 fn header(report: &DemoReport) -> String {
     let facts = [

@@ -66,6 +66,19 @@ pub struct Accuracy {
     pub max_deg: Option<f64>,
 }
 
+/// What a channel says of its uncertainty at standstill, and how much it scatters there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StandstillUncertainty {
+    /// Readings at standstill.
+    pub readings: u64,
+    /// Standard uncertainty that was reported with them, root mean square.
+    pub uncertainty_deg: f64,
+    /// The part of it that is noise, by the budget.
+    pub noise_deg: f64,
+    /// Standard deviation about the mean of each standstill, as observed.
+    pub scatter_deg: f64,
+}
+
 /// One slope of one channel over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlopeSeries {
@@ -77,8 +90,13 @@ pub struct SlopeSeries {
     pub uncertainty: Vec<Bin>,
     /// `[time s, least, greatest]` of the reference angle; empty without reference columns.
     pub reference: Vec<Bin>,
-    /// Error against the reference, when there is one.
+    /// Error against the reference at the instants that the angles belong to, over the whole
+    /// recording, when there is one.
     pub accuracy: Option<Accuracy>,
+    /// Error of the mean angles at the plateaus against the reference, when there is one.
+    pub accuracy_at_plateaus: Option<Accuracy>,
+    /// Uncertainty and scatter at standstill, when it stood still.
+    pub standstill: Option<StandstillUncertainty>,
 }
 
 /// Mean angles while the sensor stood still.
@@ -138,6 +156,8 @@ pub struct SlopeDelta {
     pub rms_deg: Option<f64>,
     /// Greatest absolute difference.
     pub max_deg: Option<f64>,
+    /// Root mean square difference while both channels stood still.
+    pub standstill_rms_deg: Option<f64>,
     /// Compared pairs whose difference passed the threshold.
     pub warnings: u64,
     /// `[time s, least, greatest]` of channel 1 - channel 2.

@@ -27,7 +27,7 @@ pub fn replay(report: &ReplayReport) -> String {
     let groups: String = figures(report).iter().map(group).collect();
     let body = format!(
         "{}<section>\n<h2>Over time</h2>\n{groups}</section>\n\
-         <section>\n<h2>Figures</h2>\n{notes}{tables}</section>\n{}",
+         <section>\n<h2>In numbers</h2>\n{notes}{tables}</section>\n{}",
         header(report),
         footer(report)
     );
@@ -150,8 +150,7 @@ fn channel_name(channel: &ReplayChannel) -> String {
 fn angles(report: &ReplayReport) -> Group {
     let plots = |channel: &ReplayChannel, slope: &SlopeSeries, divisor: f64| {
         let name = channel_name(channel);
-        let measured = band(&slope.angle, divisor);
-        let mut plots = vec![Plot::new(name.as_str(), ink_of(channel.channel), measured)];
+        let mut plots = Vec::new();
         if !slope.reference.is_empty() {
             let reference = Shape::Line(middles(&slope.reference, divisor));
             plots.push(Plot::new(
@@ -160,6 +159,8 @@ fn angles(report: &ReplayReport) -> Group {
                 reference,
             ));
         }
+        let measured = band(&slope.angle, divisor);
+        plots.push(Plot::new(name, ink_of(channel.channel), measured));
         plots
     };
     Group {

@@ -16,6 +16,7 @@ pub fn all(report: &ReplayReport) -> Vec<Table> {
         skipped(report),
         calibration(report),
         accuracy(report),
+        uncertainty(report),
         plateaus(report),
         cross_check(report),
         verdicts(report),
@@ -123,24 +124,59 @@ pub fn accuracy(report: &ReplayReport) -> Table {
     let columns = vec![
         Column::text("Channel"),
         Column::text("Slope"),
+        Column::text("Over"),
         Column::number("Compared"),
         Column::number("Mean"),
         Column::number("RMSE"),
         Column::number("Largest"),
     ];
-    let mut table = Table::new("Error against the recorded reference (deg)", columns);
+    let mut table = Table::new("Error against the recorded reference, deg", columns);
     for channel in &report.channels {
         for slope in &channel.slopes {
-            let Some(accuracy) = &slope.accuracy else {
+            let both = [
+                ("plateaus, their means", &slope.accuracy_at_plateaus),
+                ("the whole recording", &slope.accuracy),
+            ];
+            for (over, accuracy) in both {
+                let Some(accuracy) = accuracy else { continue };
+                table.rows.push(vec![
+                    Cell::text(channel.channel.to_string()),
+                    Cell::text(axis_name(slope.axis)),
+                    Cell::text(over),
+                    Cell::text(accuracy.compared.to_string()),
+                    Cell::number(accuracy.mean_deg, 3),
+                    Cell::number(accuracy.rmse_deg, 3),
+                    Cell::number(accuracy.max_deg, 3),
+                ]);
+            }
+        }
+    }
+    table
+}
+
+/// What each channel says of its uncertainty at standstill, beside what was seen.
+pub fn uncertainty(report: &ReplayReport) -> Table {
+    let columns = vec![
+        Column::text("Channel"),
+        Column::text("Slope"),
+        Column::number("Readings"),
+        Column::number("Uncertainty").under("Reported"),
+        Column::number("Noise in it").under("Reported"),
+        Column::number("Scatter").under("Observed"),
+    ];
+    let mut table = Table::new("Standard uncertainty at standstill, deg", columns);
+    for channel in &report.channels {
+        for slope in &channel.slopes {
+            let Some(found) = &slope.standstill else {
                 continue;
             };
             table.rows.push(vec![
                 Cell::text(channel.channel.to_string()),
                 Cell::text(axis_name(slope.axis)),
-                Cell::text(accuracy.compared.to_string()),
-                Cell::number(accuracy.mean_deg, 3),
-                Cell::number(accuracy.rmse_deg, 3),
-                Cell::number(accuracy.max_deg, 3),
+                Cell::text(found.readings.to_string()),
+                Cell::number(Some(found.uncertainty_deg), 3),
+                Cell::number(Some(found.noise_deg), 3),
+                Cell::number(Some(found.scatter_deg), 3),
             ]);
         }
     }
@@ -158,7 +194,7 @@ pub fn plateaus(report: &ReplayReport) -> Table {
         Column::number("X").under("Reference"),
         Column::number("Y").under("Reference"),
     ];
-    let mut table = Table::new("Standstill plateaus (deg)", columns);
+    let mut table = Table::new("Standstill plateaus, mean angles in deg", columns);
     for channel in &report.channels {
         table.rows.extend(channel.plateaus.iter().map(|plateau| {
             let angles = [
@@ -184,10 +220,11 @@ pub fn cross_check(report: &ReplayReport) -> Table {
     let columns = vec![
         Column::text("Slope"),
         Column::number("RMS difference"),
+        Column::number("RMS at standstill"),
         Column::number("Largest"),
         Column::number("Warnings"),
     ];
-    let mut table = Table::new("Channel 1 - channel 2 (deg)", columns);
+    let mut table = Table::new("Channel 1 - channel 2, deg", columns);
     let Some(check) = &report.cross_check else {
         return table;
     };
@@ -195,12 +232,13 @@ pub fn cross_check(report: &ReplayReport) -> Table {
         table.rows.push(vec![
             Cell::text(axis_name(slope.axis)),
             Cell::number(slope.rms_deg, 3),
+            Cell::number(slope.standstill_rms_deg, 3),
             Cell::number(slope.max_deg, 3),
             Cell::text(slope.warnings.to_string()),
         ]);
     }
     table.notes.push(format!(
-        "{} pairs compared, threshold {} deg, {} stops, {} faults.",
+        "Pairs compared: {}, threshold: {} deg, stops: {}, faults: {}.",
         check.compared,
         Cell::number(Some(check.threshold_deg), 2).text,
         check.stops,
@@ -254,7 +292,7 @@ mod tests {
     fn two_channels_give_every_table_and_one_gives_no_comparison() {
         let mut report = sample::replay();
         let titles: Vec<String> = all(&report).into_iter().map(|table| table.title).collect();
-        assert_eq!(titles.len(), 7);
+        assert_eq!(titles.len(), 8);
         report.cross_check = None;
         report.channels.truncate(1);
         let titles: Vec<String> = all(&report).into_iter().map(|table| table.title).collect();

@@ -48,7 +48,7 @@ pub fn demo() -> DemoReport {
         .flat_map(week_rows)
         .collect();
     report.one_axis = [1, 2].map(one_axis_row).to_vec();
-    report.calibration = BOTH.into_iter().flat_map(calibration_rows).collect();
+    report.calibration = [Mode::Paper, Mode::Product].into_iter().flat_map(calibration_rows).collect();
     report.table1 = table1_rows();
     report.figures = figures();
     report
@@ -135,13 +135,12 @@ fn one_axis_row(node: u8) -> OneAxisRow {
     }
 }
 
-fn calibration_rows((mode, axis): (Mode, Axis)) -> Vec<CalibrationRow> {
+fn calibration_rows(mode: Mode) -> Vec<CalibrationRow> {
     let table = mode == Mode::Paper;
     let row = |node| CalibrationRow {
         mode,
-        axis,
         node,
-        residual_mg: (!table).then_some(0.31),
+        residual_deg: (!table).then_some(0.012),
         condition: (!table).then_some(2.4),
         verification_max_deg: Some(if table { 0.19 } else { 0.08 }),
         tolerance_deg: 0.20,
@@ -271,6 +270,7 @@ pub fn replay() -> ReplayReport {
         axis,
         rms_deg: Some(0.21),
         max_deg: Some(4.1),
+        standstill_rms_deg: Some(0.14),
         warnings: 812,
         bins: bins(|time, noise| 0.2 * noise + if time > 400.0 { 1.5 * noise } else { 0.0 }),
     };
@@ -327,6 +327,18 @@ fn replay_channel(channel: u8) -> ReplayChannel {
             mean_deg: Some(0.4),
             rmse_deg: Some(1.6),
             max_deg: Some(5.2),
+        }),
+        accuracy_at_plateaus: Some(Accuracy {
+            compared: 6,
+            mean_deg: Some(0.2),
+            rmse_deg: Some(1.4),
+            max_deg: Some(2.1),
+        }),
+        standstill: Some(StandstillUncertainty {
+            readings: 21_000,
+            uncertainty_deg: 0.11,
+            noise_deg: 0.105,
+            scatter_deg: 0.102,
         }),
     };
     ReplayChannel {

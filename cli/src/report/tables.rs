@@ -63,10 +63,10 @@ pub fn mode_name(mode: Mode) -> &'static str {
 pub fn specification(report: &DemoReport) -> Table {
     let columns = vec![
         Column::text("Product mode must keep"),
+        Column::text("Result"),
         Column::number("Value"),
         Column::number("Limit"),
         Column::text("Unit"),
-        Column::text("Result"),
     ];
     let mut table = Table::new("Specification", columns);
     table.rows = report.specification.iter().map(specification_row).collect();
@@ -78,10 +78,10 @@ fn specification_row(row: &SpecificationRow) -> Vec<Cell> {
     let limit = Cell::number(Some(row.limit), decimals).text;
     vec![
         Cell::text(row.name.as_str()),
+        Cell::verdict(row.pass, "pass", "FAIL"),
         Cell::number(row.value, decimals),
         Cell::text(format!("{} {limit}", word(row.relation))),
         Cell::text(row.unit.as_str()),
-        Cell::verdict(row.pass, "pass", "FAIL"),
     ]
 }
 
@@ -116,7 +116,10 @@ pub fn table_two(report: &DemoReport) -> Table {
         Column::text("Axis"),
         Column::text("Angles and figure"),
     ]);
-    let mut table = Table::new("Table II: static test, -90 to 90 deg (deg)", columns);
+    let mut table = Table::new(
+        "Table II: static test from -90 to 90 deg, errors in deg",
+        columns,
+    );
     for axis in AXES {
         for angles in [Angles::Knots, Angles::Random] {
             for largest in [false, true] {
@@ -130,10 +133,9 @@ pub fn table_two(report: &DemoReport) -> Table {
     table
 }
 
-const STATIC_NOTE: &str = "Diff is the mean absolute difference of the two nodes, max the greatest absolute \
-    error. The knots are \
-    the calibration angles every 10 deg, where the paper stood; random angles show what the \
-    table leaves between them.";
+const STATIC_NOTE: &str = "Diff is the mean absolute difference of the two nodes, max the greatest \
+    absolute error. The knots are the calibration angles every 10 deg, where the paper stood; \
+    random angles show what the table leaves between them.";
 
 fn static_row(report: &DemoReport, axis: Axis, angles: Angles, largest: bool) -> Vec<Cell> {
     let figure = if largest { "max" } else { "RMSE" };
@@ -186,7 +188,7 @@ fn warnings_sentence(count: impl Fn(Mode) -> u64) -> String {
 /// Paper Table III beside both modes, as it arrives and aligned, for each lever arm.
 pub fn table_three(report: &DemoReport) -> Table {
     let first = ["Axis", "Arm", "Figure"].map(Column::text).to_vec();
-    let title = "Table III: dynamic test, -40 to 40 deg at 80 deg/s (deg)";
+    let title = "Table III: dynamic test, +-40 deg at 80 deg/s, errors in deg";
     let mut table = Table::new(title, compared(first));
     let mut arms: Vec<u32> = report.dynamic.iter().map(|row| row.lever_arm_cm).collect();
     arms.sort_unstable();
@@ -212,11 +214,11 @@ pub fn table_three(report: &DemoReport) -> Table {
     table
 }
 
-const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the distance of the sensor from the \
-    motor's axis. Aligned means compared with where the motor was that much earlier. \
-    The paper gives one figure and does not say that it was aligned; its filter alone lags \
-    0.64 deg at this speed, so the figure stands beside both. An accelerometer on a lever arm \
-    also feels the motion itself, and nothing is done about that here.";
+const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the distance of the sensor \
+    from the motor's axis. Aligned means compared with where the motor was that much earlier. The \
+    paper gives one figure and does not say that it was aligned; its filter alone lags 0.64 deg \
+    at this speed, so the figure stands beside both. An accelerometer on a lever arm also feels \
+    the motion itself, and nothing is done about that here.";
 
 /// One row of Table III: its name, which figure, and whether published figure and difference
 /// stand in it.
@@ -358,7 +360,7 @@ pub fn one_axis(report: &DemoReport) -> Table {
         Column::number("Largest error"),
     ];
     let mut table = Table::new(
-        "One-axis instrument, full circle, product mode (deg)",
+        "One-axis instrument, full circle, product mode, errors in deg",
         columns,
     );
     table.rows = report
@@ -380,9 +382,8 @@ pub fn one_axis(report: &DemoReport) -> Table {
 pub fn calibration(report: &DemoReport) -> Table {
     let columns = vec![
         Column::text("Mode"),
-        Column::text("Axis"),
         Column::text("Node"),
-        Column::number("Residual, mg"),
+        Column::number("Residual, deg"),
         Column::number("Condition"),
         Column::number("Largest error, deg"),
         Column::number("Tolerance, deg"),
@@ -397,9 +398,8 @@ pub fn calibration(report: &DemoReport) -> Table {
 fn calibration_row(row: &CalibrationRow) -> Vec<Cell> {
     vec![
         Cell::text(word(row.mode)),
-        Cell::text(axis_name(row.axis)),
         Cell::text(row.node.to_string()),
-        Cell::number(row.residual_mg, 2),
+        Cell::number(row.residual_deg, 4),
         Cell::number(row.condition, 1),
         Cell::number(row.verification_max_deg, 3),
         Cell::number(Some(row.tolerance_deg), 3),
@@ -508,7 +508,7 @@ mod tests {
         let mut report = sample::demo();
         report.specification[0].pass = false;
         let table = specification(&report);
-        assert_eq!(table.rows[0].last().unwrap().text, "FAIL");
-        assert_eq!(table.rows[1].last().unwrap().text, "pass");
+        assert_eq!(table.rows[0][1].text, "FAIL");
+        assert_eq!(table.rows[1][1].text, "pass");
     }
 }

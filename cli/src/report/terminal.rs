@@ -12,7 +12,7 @@ use crate::text_table::{Table, wrap};
 pub fn print_demo(report: &DemoReport) -> String {
     let mut out = wrap(
         &format!(
-            "Plumb {}, simulated bench: seed {}, {} units, {} days",
+            "Plumb {}, simulated bench: seed: {}, units: {}, days: {}",
             report.plumb_version, report.seed, report.units, report.days
         ),
         96,

@@ -9,6 +9,8 @@
 
 use std::collections::VecDeque;
 
+use tilt::cross_check::THRESHOLD;
+
 use super::Bench;
 use super::statistics::Tally;
 use crate::TICK_S;
@@ -36,6 +38,8 @@ pub struct DynamicPoint {
     pub truth_deg: f64,
     /// What the nodes say now, deg.
     pub nodes_deg: [Option<f64>; 2],
+    /// True angle at the instant that each node's reading declares, deg.
+    pub truth_then_deg: [f64; 2],
 }
 
 /// What the test found.
@@ -51,7 +55,7 @@ pub struct DynamicResult {
     pub difference: Tally,
     /// Readings that were invalid.
     pub invalid: u64,
-    /// Warnings of the cross-check.
+    /// Readings in which the nodes differed by more than the 0.40 deg of R12.
     pub warnings: u64,
     /// All readings in order.
     pub points: Vec<DynamicPoint>,
@@ -115,6 +119,7 @@ impl Bench {
 fn note(result: &mut DynamicResult, pair: &Pair, mount: Mount, history: &History, time_s: f64) {
     let truth_deg = history.back(0.0);
     let mut nodes_deg = [None; 2];
+    let mut truth_then_deg = [truth_deg; 2];
     for (node, reading) in pair.readings.iter().enumerate() {
         let axis = if mount == Mount::X {
             reading.x
@@ -129,16 +134,20 @@ fn note(result: &mut DynamicResult, pair: &Pair, mount: Mount, history: &History
         let latency_s = f64::from(m.latency_us) * 1e-6;
         nodes_deg[node] = Some(angle_deg);
         result.as_it_arrives[node].add(angle_deg - truth_deg);
-        result.aligned[node].add(angle_deg - history.back(latency_s));
+        truth_then_deg[node] = history.back(latency_s);
+        result.aligned[node].add(angle_deg - truth_then_deg[node]);
         result.latency_ms[node].add(latency_s * 1000.0);
     }
     if let [Some(a), Some(b)] = nodes_deg {
         result.difference.add((a - b).abs());
     }
-    result.warnings += u64::from(pair.verdict.judgement().is_warning());
+    let delta = pair.verdict.delta();
+    let delta = if mount == Mount::X { delta.x } else { delta.y };
+    result.warnings += u64::from(delta.is_some_and(|d| d.magnitude() > THRESHOLD));
     result.points.push(DynamicPoint {
         time_s,
         truth_deg,
         nodes_deg,
+        truth_then_deg,
     });
 }

@@ -7,6 +7,7 @@
 //! not show, so the test is run on random angles as well, and both are reported.
 
 use tilt::chain::Measurement;
+use tilt::cross_check::THRESHOLD;
 
 use super::calibrate::STEP_S;
 use super::statistics::Tally;
@@ -33,7 +34,7 @@ pub struct StaticPoint {
     pub nodes: [NodePoint; 2],
     /// Node 1 minus node 2, deg, where both measured.
     pub delta_deg: Option<f64>,
-    /// Whether the cross-check warned.
+    /// Whether they differed by more than the 0.40 deg of R12.
     pub warning: bool,
 }
 
@@ -81,11 +82,12 @@ impl Bench {
             .map(|r| if mount == Mount::X { r.x } else { r.y });
         let delta = pair.verdict.delta();
         let delta = if mount == Mount::X { delta.x } else { delta.y };
+        let warning = delta.is_some_and(|d| d.magnitude() > THRESHOLD);
         StaticPoint {
             truth_deg,
             nodes: axis.map(|m| node_point(m.ok(), truth_deg)),
             delta_deg: delta.map(|d| d.degrees()),
-            warning: pair.verdict.judgement().is_warning(),
+            warning,
         }
     }
 }

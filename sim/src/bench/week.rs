@@ -9,6 +9,9 @@
 //! and the instrument reset, after which work goes on (Table I). Between a fault and the reset no
 //! warnings are counted: the instrument has said what it has to say.
 //!
+//! [`Bench::scene`] is the same for a single stretch of work with trouble of the caller's choice:
+//! both rows of Table I are provoked with it.
+//!
 //! Left out: the operator's own mistakes, and what the machine does with the angle.
 
 use tilt::chain::Invalid;
@@ -52,6 +55,25 @@ pub enum Outcome {
     SupplyFault,
 }
 
+/// What goes wrong, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trouble {
+    /// Nothing.
+    None,
+    /// Node 2's supply is unstable from this second on, until somebody mends it.
+    Supply {
+        /// Since the start of the scene, s.
+        from_s: f64,
+    },
+    /// Node 2's readings reach node 1 late from this second on, until the machine stands.
+    Delay {
+        /// Since the start of the scene, s.
+        from_s: f64,
+        /// Periods of 20 ms.
+        syncs: usize,
+    },
+}
+
 /// Extremes of the difference between the nodes in one bin of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
@@ -78,12 +100,14 @@ pub struct Day {
     pub faults: u64,
     /// Faults in which the instrument itself named node 2, whose supply it was.
     pub named: u64,
-    /// From the first bad sample of the supply to the first fault, s.
+    /// From the time at which the trouble may begin to the first fault or stop, s.
     pub detection_s: Option<f64>,
     /// Faults after a reset that followed a mended supply: 0 means that the reset cured it.
     pub after_cure: u64,
     /// What it led to.
     pub outcome: Outcome,
+    /// Size of the larger difference of the two axes when the last stop of 45 s was over, deg.
+    pub delta_after_stop_deg: Option<f64>,
     /// Difference between the nodes on slope Y, deg.
     pub difference: Tally,
     /// The difference over the day, in bins of [`BIN_S`]; their number depends on the hours only.
@@ -105,7 +129,8 @@ struct DayRun<'a> {
     start_s: f64,
     doing: Doing,
     bin: Option<Bin>,
-    unstable: bool,
+    trouble: Trouble,
+    delayed: bool,
     cured: bool,
 }
 
@@ -121,34 +146,57 @@ impl Bench {
         let mut rng = Rng::stream(seed, "week");
         let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
         for day in 1..=days {
-            let unstable = day == FAULT_DAY;
-            arm.stop(self.instrument.time_s());
-            run(&mut self.instrument, &mut arm, 3.0);
-            self.instrument.power_cycle();
-            run(&mut self.instrument, &mut arm, 1.5);
-            let start_s = self.instrument.time_s();
-            arm.resume(start_s);
-            if unstable {
-                let supply = Supply::unstable(start_s + UNSTABLE_FROM_S, &mut rng);
-                self.instrument.sides[1].supply = supply;
-            }
-            let day = Day {
-                day,
-                ..Day::default()
+            let unstable = Trouble::Supply {
+                from_s: UNSTABLE_FROM_S,
             };
-            let mut run = DayRun {
-                bench: self,
-                arm: &mut arm,
-                day,
-                start_s,
-                doing: Doing::Digging,
-                bin: None,
-                unstable,
-                cured: false,
+            let trouble = if day == FAULT_DAY {
+                unstable
+            } else {
+                Trouble::None
             };
-            run.whole_day(&mut progress);
-            done(run.day);
+            let hours_s = HOURS_PER_DAY * 3600.0;
+            let result = self.day(&mut arm, hours_s, trouble, &mut rng, &mut progress);
+            done(Day { day, ..result });
         }
+    }
+
+    /// Digs for `duration_s` with one kind of trouble.
+    pub fn scene(&mut self, duration_s: f64, trouble: Trouble, seed: u64) -> Day {
+        let mut rng = Rng::stream(seed, "scene");
+        let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
+        self.day(&mut arm, duration_s, trouble, &mut rng, &mut |_| {})
+    }
+
+    fn day(
+        &mut self,
+        arm: &mut Excavator,
+        duration_s: f64,
+        trouble: Trouble,
+        rng: &mut Rng,
+        progress: &mut impl FnMut(f64),
+    ) -> Day {
+        arm.stop(self.instrument.time_s());
+        run(&mut self.instrument, arm, 3.0);
+        self.instrument.power_cycle();
+        run(&mut self.instrument, arm, 1.5);
+        let start_s = self.instrument.time_s();
+        arm.resume(start_s);
+        if let Trouble::Supply { from_s } = trouble {
+            self.instrument.sides[1].supply = Supply::unstable(start_s + from_s, rng);
+        }
+        let mut run = DayRun {
+            bench: self,
+            arm,
+            day: Day::default(),
+            start_s,
+            doing: Doing::Digging,
+            bin: None,
+            trouble,
+            delayed: false,
+            cured: false,
+        };
+        run.all(duration_s, progress);
+        run.day
     }
 }
 
@@ -157,16 +205,44 @@ impl DayRun<'_> {
         self.bench.instrument.time_s()
     }
 
-    fn whole_day(&mut self, progress: &mut impl FnMut(f64)) {
-        let syncs = (HOURS_PER_DAY * 3600.0 / (TICK_S * SYNC_TICKS as f64)) as u64;
+    /// Since the start of the scene, s.
+    fn since_s(&self) -> f64 {
+        self.now_s() - self.start_s
+    }
+
+    /// Whether the trouble may have begun and has not been mended.
+    fn troubled(&self) -> bool {
+        let from_s = match self.trouble {
+            Trouble::None => return false,
+            Trouble::Supply { from_s } | Trouble::Delay { from_s, .. } => from_s,
+        };
+        !self.cured && self.since_s() > from_s
+    }
+
+    fn delay(&mut self) {
+        let Trouble::Delay { syncs, .. } = self.trouble else {
+            return;
+        };
+        let delayed = self.troubled();
+        if delayed != self.delayed {
+            self.delayed = delayed;
+            self.bench
+                .instrument
+                .delay_peer(if delayed { syncs } else { 0 });
+        }
+    }
+
+    fn all(&mut self, duration_s: f64, progress: &mut impl FnMut(f64)) {
+        let syncs = (duration_s / (TICK_S * SYNC_TICKS as f64)) as u64;
         for sync in 0..syncs {
             for _ in 0..SYNC_TICKS {
                 let motion = self.arm.step(self.now_s() + TICK_S);
                 self.bench.instrument.tick(&motion);
             }
+            self.delay();
             let pair = self.bench.instrument.sync();
             self.note(&pair);
-            self.obey(pair.verdict.judgement());
+            self.obey(&pair);
             if sync % 5000 == 0 {
                 progress(sync as f64 / syncs as f64);
             }
@@ -181,7 +257,7 @@ impl DayRun<'_> {
         };
         let delta_deg = delta.degrees();
         self.day.difference.add(delta_deg);
-        let since_s = self.now_s() - self.start_s;
+        let since_s = self.since_s();
         match &mut self.bin {
             Some(bin) if since_s - bin.time_s < BIN_S => {
                 bin.range_deg[0] = bin.range_deg[0].min(delta_deg);
@@ -197,7 +273,11 @@ impl DayRun<'_> {
         }
     }
 
-    fn obey(&mut self, judgement: Judgement) {
+    fn obey(&mut self, pair: &Pair) {
+        let judgement = pair.verdict.judgement();
+        if self.doing == Doing::Stopped && judgement != Judgement::StopMotion {
+            self.day.delta_after_stop_deg = larger_deg(pair);
+        }
         match self.doing {
             Doing::Checking { until_s } if self.now_s() < until_s => {}
             Doing::Checking { .. } => self.reset(),
@@ -205,7 +285,10 @@ impl DayRun<'_> {
             Doing::Digging if judgement == Judgement::StopMotion => {
                 self.day.stops += 1;
                 self.day.warnings += 1;
+                self.note_detection();
                 self.arm.stop(self.now_s());
+                // Data that are late catch up while the machine stands (Table I, first row).
+                self.cured |= matches!(self.trouble, Trouble::Delay { .. }) && self.troubled();
                 self.doing = Doing::Stopped;
             }
             Doing::Stopped if judgement == Judgement::DataDelay => {
@@ -240,29 +323,33 @@ impl DayRun<'_> {
         {
             self.day.named += 1;
         }
-        if self.unstable && !self.cured {
-            let since_s = now_s - self.start_s - UNSTABLE_FROM_S;
-            if since_s > 0.0 {
-                self.day.detection_s.get_or_insert(since_s);
-            }
-        }
+        self.note_detection();
         self.arm.stop(now_s);
         self.doing = Doing::Checking {
             until_s: now_s + SUPPLY_CHECK_S,
         };
     }
 
+    fn note_detection(&mut self) {
+        if let (Trouble::Supply { from_s } | Trouble::Delay { from_s, .. }, true) =
+            (self.trouble, self.troubled())
+        {
+            let since_s = self.since_s() - from_s;
+            self.day.detection_s.get_or_insert(since_s);
+        }
+    }
+
     /// The supply has been checked: mend it if it was the cause, reset, and go on.
     fn reset(&mut self) {
         let now_s = self.now_s();
-        let unstable_now = self.unstable && !self.cured && now_s > self.start_s + UNSTABLE_FROM_S;
-        if unstable_now {
+        if self.troubled() {
             self.bench.instrument.sides[1].supply.repair(now_s);
             self.cured = true;
             self.outcome(Outcome::SupplyFault);
         } else {
             self.outcome(Outcome::FaultWithoutCause);
         }
+        self.delay();
         // A tick with the mended supply comes first, so that the reset finds it good.
         run(&mut self.bench.instrument, self.arm, 0.1);
         self.bench.instrument.power_cycle();
@@ -274,4 +361,14 @@ impl DayRun<'_> {
     fn outcome(&mut self, outcome: Outcome) {
         self.day.outcome = self.day.outcome.max(outcome);
     }
+}
+
+/// Size of the larger difference of the two axes, deg.
+fn larger_deg(pair: &Pair) -> Option<f64> {
+    let delta = pair.verdict.delta();
+    let size = |d: Option<tilt::angle::Angle>| d.map(|d| d.degrees().abs());
+    [size(delta.x), size(delta.y)]
+        .into_iter()
+        .flatten()
+        .reduce(f64::max)
 }

@@ -6,28 +6,26 @@
 
 use std::fmt::Write;
 
+use super::bars;
 use super::thin::{self, thin};
-use super::ticks::{Range, Tick, drawable, ticks};
+use super::ticks::{Range, Tick, drawable, nice_step, ticks};
 use super::{Chart, Ink, Plot, Shape};
 use crate::report::html::escape;
 use crate::text_table::format_number;
 
 /// Width and height of the view box.
-const SIZE: (f64, f64) = (520.0, 300.0);
+const SIZE: (f64, f64) = (520.0, 306.0);
 /// Margins above, right of and below the plot; the left one fits the labels.
-const ABOVE: f64 = 30.0;
-const RIGHT: f64 = 18.0;
+const ABOVE: f64 = 36.0;
+const RIGHT: f64 = 20.0;
 const BELOW: f64 = 50.0;
 /// Space that one character of a tick label may take.
 const CHARACTER: f64 = 9.5;
-/// Bars get their value written above them up to this many.
-const MOST_BAR_LABELS: usize = 16;
-
 /// At most this many places of bars are labelled.
 const MOST_BAR_TICKS: usize = 12;
 
 /// The plot area and its ranges.
-struct Frame {
+pub struct Frame {
     left: f64,
     x: Range,
     y: Range,
@@ -37,13 +35,11 @@ struct Frame {
 
 impl Frame {
     fn new(chart: &Chart, x: Range, y: Range) -> Self {
-        let y = chart
-            .y_range
-            .map_or(y, |range| range.join(y))
-            .widened()
-            .to_ticks(5);
+        let y = chart.y_range.map_or(y, |range| range.join(y)).widened();
+        let step = nice_step(y, 5);
+        let y = y.to_multiples(step);
         let x = padded(chart, x).widened();
-        let y_ticks = ticks(y, 5);
+        let y_ticks = ticks(y, step);
         let longest = y_ticks.iter().map(|tick| tick.label.chars().count()).max();
         let left = 14.0 + CHARACTER * longest.unwrap_or(1) as f64;
         Self {
@@ -63,11 +59,13 @@ impl Frame {
         SIZE.1 - BELOW
     }
 
-    fn x(&self, value: f64) -> f64 {
+    /// Place of a value on the horizontal axis.
+    pub fn x(&self, value: f64) -> f64 {
         self.left + self.x.share(value) * (self.right() - self.left)
     }
 
-    fn y(&self, value: f64) -> f64 {
+    /// Place of a value on the vertical axis.
+    pub fn y(&self, value: f64) -> f64 {
         self.bottom() - self.y.share(value) * (self.bottom() - ABOVE)
     }
 }
@@ -76,7 +74,7 @@ impl Frame {
 fn padded(chart: &Chart, x: Range) -> Range {
     let has = |wanted: fn(&Shape) -> bool| chart.plots.iter().any(|plot| wanted(&plot.shape));
     let air = if has(|shape| matches!(shape, Shape::Bars(_))) {
-        0.5 * slot(chart)
+        0.5 * bars::slot(chart)
     } else if has(|shape| matches!(shape, Shape::Markers(_))) {
         0.03 * (x.to - x.from)
     } else {
@@ -90,9 +88,11 @@ fn padded(chart: &Chart, x: Range) -> Range {
 
 /// Bars are labelled at their own places only; other axes get round ticks.
 fn x_ticks(chart: &Chart, x: Range) -> Vec<Tick> {
-    let places = bar_places(chart);
+    let places = bars::places(chart);
     if places.is_empty() {
-        return ticks(x, 6);
+        let many = |step: f64| (x.to - x.from) / step > 12.0;
+        let step = chart.x_step.filter(|step| *step > 0.0 && !many(*step));
+        return ticks(x, step.unwrap_or_else(|| nice_step(x, 6)));
     }
     let every = places.len().div_ceil(MOST_BAR_TICKS);
     let labelled = places.into_iter().step_by(every);
@@ -102,33 +102,6 @@ fn x_ticks(chart: &Chart, x: Range) -> Vec<Tick> {
             label: format_number(Some(at), 0),
         })
         .collect()
-}
-
-/// Where bars stand, in order, each place once.
-fn bar_places(chart: &Chart) -> Vec<f64> {
-    let of = |plot: &Plot| match plot.shape {
-        Shape::Bars(_) => plot.xs(),
-        _ => Vec::new(),
-    };
-    let mut places: Vec<f64> = chart
-        .plots
-        .iter()
-        .flat_map(of)
-        .filter(|x| drawable(*x))
-        .collect();
-    places.sort_by(f64::total_cmp);
-    places.dedup();
-    places
-}
-
-/// Width of one bar group: the least distance between two places.
-fn slot(chart: &Chart) -> f64 {
-    let places = bar_places(chart);
-    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    steps
-        .fold(f64::INFINITY, f64::min)
-        .clamp(1e-3, 1e6)
-        .min(if places.len() < 2 { 1.0 } else { 1e6 })
 }
 
 /// The drawing.
@@ -145,21 +118,11 @@ pub fn svg(chart: &Chart, x: Range, y: Range) -> String {
     );
     push_shaded(chart, &frame, &mut out);
     push_axes(chart, &frame, &mut out);
-    push_levels(chart, &frame, &mut out);
-    let bars = chart
-        .plots
-        .iter()
-        .filter(|plot| matches!(plot.shape, Shape::Bars(_)))
-        .count();
-    let mut bar = 0;
+    bars::push(chart, &frame, &mut out);
     for plot in &chart.plots {
-        if let Shape::Bars(points) = &plot.shape {
-            push_bars(points, plot.ink, (bar, bars), slot(chart), &frame, &mut out);
-            bar += 1;
-        } else {
-            push_plot(plot, &frame, &mut out);
-        }
+        push_plot(plot, &frame, &mut out);
     }
+    push_levels(chart, &frame, &mut out);
     push_level_names(chart, &frame, &mut out);
     out.push_str("</svg>");
     out
@@ -234,8 +197,11 @@ fn push_levels(chart: &Chart, frame: &Frame, out: &mut String) {
 fn push_level_names(chart: &Chart, frame: &Frame, out: &mut String) {
     let mut taken: Vec<f64> = Vec::new();
     for level in chart.levels.iter().filter(|level| drawable(level.at)) {
-        // Below zero the name hangs under its line, so that both stay clear of the data between.
-        let y = frame.y(level.at) + if level.at < 0.0 { 15.0 } else { -5.0 };
+        // Below zero the name hangs under its line, clear of the data between the levels, unless
+        // there is no room left above the axis.
+        let line = frame.y(level.at);
+        let hangs = level.at < 0.0 && line + 20.0 < frame.bottom();
+        let y = line + if hangs { 15.0 } else { -5.0 };
         if taken.iter().any(|other| (other - y).abs() < 17.0) || level.name.is_empty() {
             continue;
         }
@@ -348,44 +314,6 @@ fn marker(ink: Ink, x: f64, y: f64) -> String {
         Ink::Second => format!("M{:.1} {y:.1}l4.8 -4.8 4.8 4.8 -4.8 4.8Z", x - 4.8),
         Ink::Reference | Ink::Other => {
             format!("M{:.1} {:.1}h6v6h-6Z", x - 3.0, y - 3.0)
-        }
-    }
-}
-
-/// Bars of one series; `place` is its number among the series of bars and how many there are.
-fn push_bars(
-    points: &[(f64, f64)],
-    ink: Ink,
-    place: (usize, usize),
-    slot: f64,
-    frame: &Frame,
-    out: &mut String,
-) {
-    let group = 0.8 * (frame.x(slot) - frame.x(0.0));
-    let width = group / place.1.max(1) as f64;
-    let labelled = points.len() * place.1 <= MOST_BAR_LABELS;
-    for &(at, value) in points
-        .iter()
-        .filter(|point| drawable(point.0) && drawable(point.1))
-    {
-        let left = frame.x(at) - 0.5 * group + width * place.0 as f64;
-        let (zero, top) = (frame.y(0.0), frame.y(value));
-        let (upper, height) = (zero.min(top), (zero - top).abs().max(1.0));
-        let _ = write!(
-            out,
-            "<rect class=\"bar {}\" x=\"{left:.1}\" y=\"{upper:.1}\" width=\"{:.1}\" \
-             height=\"{height:.1}\"/>",
-            ink.class(),
-            (width - 1.0).max(0.5)
-        );
-        if labelled {
-            let _ = write!(
-                out,
-                "<text class=\"count mid\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-                left + 0.5 * width,
-                upper - 4.0,
-                format_number(Some(value), if value.fract() == 0.0 { 0 } else { 2 })
-            );
         }
     }
 }

@@ -5,6 +5,7 @@
 //! scales with the width it is given. Values that are not finite, or beyond 1e12, are gaps; a
 //! chart without any value is a sentence that says so. No script and no interaction.
 
+mod bars;
 mod draw;
 mod thin;
 mod ticks;
@@ -19,7 +20,7 @@ pub enum Ink {
     First,
     /// Node or channel 2; an open diamond.
     Second,
-    /// The reference; dashed, no colour.
+    /// The reference; a broad grey line, to be drawn first.
     Reference,
     /// Something else; a square.
     Other,
@@ -139,6 +140,8 @@ pub struct Chart {
     pub shaded: Vec<(f64, f64)>,
     /// What the shading means.
     pub shaded_name: String,
+    /// Distance of the ticks on the horizontal axis; `None` for a round one that fits.
+    pub x_step: Option<f64>,
     /// Vertical range that the chart must show; for charts that are to be compared.
     pub y_range: Option<Range>,
 }

@@ -34,7 +34,7 @@ fn path(html: &str, class: &str) -> String {
 fn a_line_runs_from_corner_to_corner_of_its_frame() {
     let html = line(&[(0.0, 0.0), (10.0, 1.0)]).html();
     // Labels 0.0 to 1.0 are three characters: the frame begins at 14 + 3 x 9.5.
-    assert_eq!(path(&html, "line ink1"), "M42.5 250.0L502.0 30.0");
+    assert_eq!(path(&html, "line ink1"), "M42.5 256.0L500.0 36.0");
 }
 
 #[test]
@@ -121,6 +121,47 @@ fn a_level_is_inside_the_frame_even_when_the_data_are_small() {
         .parse()
         .unwrap();
     assert!((30.0..100.0).contains(&y), "{y}");
+}
+
+#[test]
+fn a_chart_over_angles_can_ask_for_ticks_every_thirty_degrees() {
+    let mut chart = line(&[(-90.0, 0.0), (90.0, 1.0)]);
+    chart.x_step = Some(30.0);
+    for label in ["−90", "−30", "60"] {
+        assert!(
+            chart.html().contains(&format!(">{label}</text>")),
+            "{label}"
+        );
+    }
+    chart.x_step = Some(1e-9);
+    assert!(
+        chart.html().contains(">−50</text>"),
+        "too many ticks are not drawn"
+    );
+}
+
+#[test]
+fn the_name_of_a_level_stays_above_the_axis() {
+    let mut chart = line(&[(0.0, 0.0), (1.0, 0.0)]);
+    for at in [0.2, -0.2] {
+        chart.levels.push(Level {
+            at,
+            name: "limit".to_owned(),
+        });
+    }
+    let html = chart.html();
+    for (at, _) in html.match_indices("halo\"") {
+        let y: f64 = html[at..]
+            .split(" y=\"")
+            .nth(1)
+            .unwrap()
+            .split('"')
+            .next()
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert!(y < 256.0, "{y}");
+    }
 }
 
 #[test]

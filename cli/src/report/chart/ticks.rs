@@ -4,6 +4,9 @@
 //! power of ten inside it, with labels that have just enough decimals. Values are finite and not
 //! beyond [`GREATEST`]; the caller treats others as gaps.
 
+/// More ticks than this are never made.
+const MOST: usize = 24;
+
 /// Values beyond this are not drawn; it keeps every sum and product here finite.
 pub const GREATEST: f64 = 1e12;
 
@@ -58,9 +61,8 @@ impl Range {
         }
     }
 
-    /// The range extended to the next ticks outside it.
-    pub fn to_ticks(self, wanted: usize) -> Self {
-        let step = nice_step(self, wanted);
+    /// The range extended to the next multiples of `step` outside it.
+    pub fn to_multiples(self, step: f64) -> Self {
         let (from, to) = (
             (self.from / step).floor() * step,
             (self.to / step).ceil() * step,
@@ -83,11 +85,10 @@ pub struct Tick {
     pub label: String,
 }
 
-/// Round ticks inside the range, about `wanted` of them and at most twice as many.
-pub fn ticks(range: Range, wanted: usize) -> Vec<Tick> {
-    let step = nice_step(range, wanted);
+/// Ticks at the multiples of `step` inside the range, at most [`MOST`] of them.
+pub fn ticks(range: Range, step: f64) -> Vec<Tick> {
     let first = (range.from / step - 1e-6).ceil();
-    (0..2 * wanted.max(2))
+    (0..MOST)
         .map(|index| (first + index as f64) * step)
         .take_while(|at| *at <= range.to + 1e-6 * step)
         .map(|at| Tick {
@@ -98,7 +99,7 @@ pub fn ticks(range: Range, wanted: usize) -> Vec<Tick> {
 }
 
 /// The step of 1, 2 or 5 times a power of ten that gives about `wanted` ticks.
-fn nice_step(range: Range, wanted: usize) -> f64 {
+pub fn nice_step(range: Range, wanted: usize) -> f64 {
     let rough = (range.to - range.from) / wanted.max(2) as f64;
     let power = 10_f64.powf(rough.log10().floor());
     let times = match rough / power {
@@ -121,7 +122,8 @@ mod tests {
     use super::*;
 
     fn labels(from: f64, to: f64, wanted: usize) -> Vec<String> {
-        ticks(Range { from, to }, wanted)
+        let range = Range { from, to };
+        ticks(range, nice_step(range, wanted))
             .into_iter()
             .map(|tick| tick.label)
             .collect()
@@ -149,7 +151,7 @@ mod tests {
                     to: to.max(from),
                 }
                 .widened();
-                let ticks = ticks(range, 5);
+                let ticks = ticks(range, nice_step(range, 5));
                 assert!((2..=10).contains(&ticks.len()), "{range:?} {ticks:?}");
                 let slack = 1e-5 * (range.to - range.from);
                 let inside = |t: &Tick| t.at >= range.from - slack && t.at <= range.to + slack;
@@ -168,7 +170,7 @@ mod tests {
                 to: 0.3
             }
         );
-        let wide = range.to_ticks(5);
+        let wide = range.to_multiples(nice_step(range, 5));
         assert!(
             (wide.from + 0.2).abs() < 1e-12 && (wide.to - 0.3).abs() < 1e-12,
             "{wide:?}"

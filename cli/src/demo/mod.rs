@@ -1,0 +1,81 @@
+//! `plumb demo`: build virtual instruments, calibrate them, test them, and dig for a week.
+//!
+//! In: a seed and how much of it. Out: the paper's tables beside ours on the terminal, and
+//! `report.html` and `report.json` in a folder. The worlds run side by side on all cores; each is
+//! a thread of its own inside of which time is virtual, so the figures depend on the seed alone.
+
+mod gather;
+mod jobs;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use crate::progress::Progress;
+use crate::report::write::{self, WriteError};
+use crate::report::{data::DemoReport, terminal};
+
+/// What to build and test.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Seed of every random draw; the same seed gives the same report
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Instruments to build in each mode; figures are medians over them
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub units: u32,
+    /// Days on the excavator, three hours each; the supply fails on day 5; 0 for none
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(0..=3650))]
+    pub days: u32,
+    /// Folder for report.html and report.json
+    #[arg(long, default_value = "plumb-report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print report.json on stdout instead of the tables
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Why the demo could not be carried out.
+#[derive(Debug)]
+pub enum DemoError {
+    /// An instrument could not be brought up.
+    Bench(sim::bench::BenchError),
+    /// The report could not be written.
+    Write(WriteError),
+    /// The report could not be turned into JSON.
+    Json(serde_json::Error),
+}
+
+impl std::fmt::Display for DemoError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Bench(e) => write!(f, "an instrument could not be calibrated: {e}"),
+            Self::Write(e) => write!(f, "{e}"),
+            Self::Json(e) => write!(f, "the report cannot be written as JSON: {e}"),
+        }
+    }
+}
+
+/// Runs the demo; exit status 0 when product mode is within its specification, else 1.
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, DemoError> {
+    let results = jobs::run(arguments, progress).map_err(DemoError::Bench)?;
+    let report: DemoReport = gather::report(arguments, &results);
+    let written = write::demo(&arguments.out, &report).map_err(DemoError::Write)?;
+    if arguments.json {
+        let text = serde_json::to_string(&report).map_err(DemoError::Json)?;
+        println!("{text}");
+    } else {
+        print!("{}", terminal::print_demo(&report));
+        println!(
+            "Report: {} and {}",
+            written.html.display(),
+            written.json.display()
+        );
+    }
+    Ok(if report.within_specification {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(1)
+    })
+}

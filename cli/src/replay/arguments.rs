@@ -1,0 +1,92 @@
+//! What `plumb replay` is told on the command line.
+//!
+//! In: the words of the command line, through `clap`. Out: [`Arguments`]. What only makes sense
+//! together with the files themselves (their number, their names) is checked by [`Arguments::check`].
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::error::ReplayError;
+
+/// Which chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// One pole, newest sample, 110 warnings above 0.40 deg within 600 s ask for a stop
+    Paper,
+    /// Second-order Butterworth at 10 Hz, aligned in time, threshold by the uncertainty
+    Product,
+}
+
+/// What to calibrate from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CalibrateFrom {
+    /// Standstill poses in all directions, gravity being 1 g long in each
+    Poses,
+    /// The recording's reference columns at its plateaus
+    Reference,
+}
+
+/// What to replay and how.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// One or two recordings: CSV, plain or gzip. One is one channel, two are cross-checked
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Use the calibration in this file instead of calibrating from the recordings
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    pub calibration: Option<PathBuf>,
+    /// Keep the calibration in this file
+    #[arg(long, value_name = "FILE")]
+    pub save_calibration: Option<PathBuf>,
+    /// Folder for report.html and report.json
+    #[arg(long, default_value = "plumb-report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print report.json on stdout instead of the tables
+    #[arg(long)]
+    pub json: bool,
+    /// Signal chain and cross-check
+    #[arg(long, value_enum, default_value_t = Mode::Product)]
+    pub mode: Mode,
+    /// Counts per g of `_lsb` columns; found from the standstills when not given
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub lsb_per_g: Option<f64>,
+    /// Calibrate from this; from the reference columns where there are any, when not given
+    #[arg(long, value_enum)]
+    pub from: Option<CalibrateFrom>,
+}
+
+impl Arguments {
+    /// Refuses what can't be meant, before any file is read.
+    pub fn check(&self) -> Result<(), ReplayError> {
+        if let Some(third) = self.files.get(2) {
+            return Err(ReplayError::TooManyFiles(third.display().to_string()));
+        }
+        if let Some(counts) = self.lsb_per_g
+            && !(counts.is_finite() && counts > 0.0)
+        {
+            let file = self.files.first().map(|file| file.display().to_string());
+            return Err(ReplayError::LsbPerG(file.unwrap_or_default(), counts));
+        }
+        if let [one, other] = self.files.as_slice()
+            && is_same(one, other)
+        {
+            return Err(ReplayError::SameFile(other.display().to_string()));
+        }
+        let inputs = || self.files.iter().chain(&self.calibration);
+        if let Some(save) = &self.save_calibration
+            && inputs().any(|input| is_same(input, save))
+        {
+            return Err(ReplayError::SaveOverInput(save.display().to_string()));
+        }
+        Ok(())
+    }
+}
+
+/// True when both name one file that exists, links followed, or are the same words.
+fn is_same(one: &Path, other: &Path) -> bool {
+    match (one.canonicalize(), other.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => one == other,
+    }
+}

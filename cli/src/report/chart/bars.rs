@@ -1,0 +1,147 @@
+//! Grouped bars.
+//!
+//! In: the bar series of a chart and its frame. Out: rectangles from zero to each value, series
+//! side by side at each place, and the values written above while there are few. A value that
+//! would be written over its neighbour's moves up.
+
+use std::fmt::Write;
+
+use super::draw::Frame;
+use super::ticks::drawable;
+use super::{Chart, Ink, Shape};
+use crate::text_table::format_number;
+
+/// Bars get their value written above them up to this many.
+const MOST_LABELS: usize = 16;
+/// Width of a digit and height of a line of the labels.
+const DIGIT: f64 = 8.5;
+const LINE: f64 = 15.0;
+
+/// The bar series of a chart: colour and points that can be drawn.
+fn series(chart: &Chart) -> Vec<(Ink, Vec<(f64, f64)>)> {
+    let seen = |points: &[(f64, f64)]| {
+        let points = points
+            .iter()
+            .filter(|point| drawable(point.0) && drawable(point.1));
+        points.copied().collect()
+    };
+    let of = chart.plots.iter().filter_map(|plot| match &plot.shape {
+        Shape::Bars(points) => Some((plot.ink, seen(points))),
+        _ => None,
+    });
+    of.collect()
+}
+
+/// Where bars stand, in order, each place once.
+pub fn places(chart: &Chart) -> Vec<f64> {
+    let points = series(chart).into_iter().flat_map(|(_, points)| points);
+    let mut places: Vec<f64> = points.map(|point| point.0).collect();
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    places
+}
+
+/// Width of one group: the least distance between two places, 1 when there is only one.
+pub fn slot(chart: &Chart) -> f64 {
+    let places = places(chart);
+    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps
+        .reduce(f64::min)
+        .map_or(1.0, |step| step.clamp(1e-3, 1e6))
+}
+
+/// Draws all bars, then their values.
+pub fn push(chart: &Chart, frame: &Frame, out: &mut String) {
+    let series = series(chart);
+    let group = 0.8 * (frame.x(slot(chart)) - frame.x(0.0));
+    let width = group / series.len().max(1) as f64;
+    let mut labels = Vec::new();
+    for (number, (ink, points)) in series.iter().enumerate() {
+        for &(at, value) in points {
+            let left = frame.x(at) - 0.5 * group + width * number as f64;
+            let (zero, top) = (frame.y(0.0), frame.y(value));
+            let (upper, height) = (zero.min(top), (zero - top).abs().max(1.0));
+            let _ = write!(
+                out,
+                "<rect class=\"bar {}\" x=\"{left:.1}\" y=\"{upper:.1}\" width=\"{:.1}\" \
+                 height=\"{height:.1}\"/>",
+                ink.class(),
+                (width - 1.0).max(0.5)
+            );
+            labels.push(Label::new(left + 0.5 * width, upper - 4.0, value));
+        }
+    }
+    if labels.len() <= MOST_LABELS {
+        push_labels(labels, out);
+    }
+}
+
+/// A value written above its bar.
+struct Label {
+    middle: f64,
+    half: f64,
+    y: f64,
+    text: String,
+}
+
+impl Label {
+    fn new(middle: f64, y: f64, value: f64) -> Self {
+        let text = format_number(Some(value), if value.fract() == 0.0 { 0 } else { 2 });
+        Self {
+            middle,
+            half: 0.5 * DIGIT * text.chars().count() as f64,
+            y,
+            text,
+        }
+    }
+
+    fn hits(&self, other: &Self) -> bool {
+        (self.middle - other.middle).abs() < self.half + other.half
+            && (self.y - other.y).abs() < LINE
+    }
+}
+
+fn push_labels(labels: Vec<Label>, out: &mut String) {
+    let mut placed: Vec<Label> = Vec::new();
+    for mut label in labels {
+        // Each step up clears one placed label, so as many steps as labels are enough.
+        for _ in 0..placed.len() {
+            let Some(other) = placed.iter().find(|other| label.hits(other)) else {
+                break;
+            };
+            label.y = other.y - LINE;
+        }
+        let _ = write!(
+            out,
+            "<text class=\"count mid\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+            label.middle, label.y, label.text
+        );
+        placed.push(label);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_equal_neighbours_are_not_written_over_each_other() {
+        let labels = (0..4).map(|i| Label::new(100.0 + 20.0 * f64::from(i), 50.0, 36_500.0));
+        let mut out = String::new();
+        push_labels(labels.collect(), &mut out);
+        let heights: Vec<&str> = out
+            .split(" y=\"")
+            .skip(1)
+            .map(|rest| rest.split('"').next().unwrap())
+            .collect();
+        assert_eq!(heights, ["50.0", "35.0", "20.0", "50.0"]);
+    }
+
+    #[test]
+    fn values_that_fit_stay_above_their_bars() {
+        let labels = (0..3).map(|i| Label::new(100.0 + 20.0 * f64::from(i), 50.0, 3.0));
+        let mut out = String::new();
+        push_labels(labels.collect(), &mut out);
+        assert_eq!(out.matches("y=\"50.0\"").count(), 3);
+    }
+}

@@ -1,0 +1,68 @@
+//! The excavator's week (R18) up to the day of the supply fault, for one seed in both modes.
+//!
+//! In: a commissioned instrument and five days of three hours. Out: the product finds the fault on
+//! day 5, on no other day, and its reset cures it; paper mode's count is printed as it comes, since
+//! its rule fires without a fault too (E11). The figures over twenty seeds are those of the
+//! accuracy document.
+
+use sim::bench::week::{BIN_S, Day, FAULT_DAY, HOURS_PER_DAY, Outcome};
+use sim::bench::{Bench, Mode, World};
+
+/// Runs the days up to the fault; checks on each what holds in both modes.
+fn days(mode: Mode) -> Vec<Day> {
+    let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, 18, 1).unwrap();
+    let mut days = Vec::new();
+    let mut shares = Vec::new();
+    bench.week(
+        FAULT_DAY,
+        18,
+        |share| shares.push(share),
+        |day| days.push(day),
+    );
+    assert_eq!(days.len(), 5);
+    assert!(shares.iter().all(|share| (0.0..1.0).contains(share)));
+    for (day, number) in days.iter().zip(1..) {
+        println!(
+            "{mode:?} day {}: {} warnings, {} stops, {} faults, {} after the cure, {:?}",
+            day.day, day.warnings, day.stops, day.faults, day.after_cure, day.outcome
+        );
+        // Memory is flat: a day leaves no more bins behind than fit in its hours, and in the 1.6 s
+        // that each reset adds to them.
+        let length_s = HOURS_PER_DAY * 3600.0 + 1.7 * day.faults as f64;
+        let most_bins = (length_s / BIN_S) as usize + 1;
+        assert_eq!(day.day, number);
+        assert_eq!(day.pairs, 540_000, "3 h at 50 per second");
+        assert!(day.trace.len() <= most_bins, "{}", day.trace.len());
+        assert!(
+            day.trace
+                .iter()
+                .all(|bin| bin.range_deg[0] <= bin.range_deg[1])
+        );
+    }
+    days
+}
+
+#[test]
+fn r18_the_product_finds_the_fault_of_day_5_and_no_other() {
+    let days = days(Mode::Product);
+    let (quiet, fault) = days.split_at(4);
+    for day in quiet {
+        assert_eq!((day.warnings, day.faults), (0, 0), "day {}", day.day);
+        assert_eq!(day.outcome, Outcome::None);
+    }
+    let fault = &fault[0];
+    assert!(fault.faults >= 1);
+    assert_eq!(fault.outcome, Outcome::SupplyFault);
+    assert_eq!(fault.after_cure, 0, "the reset cured it");
+    let detection_s = fault.detection_s.expect("the fault of the supply");
+    println!("found {detection_s:.1} s after the supply became unstable");
+    assert!(detection_s < 120.0, "{detection_s}");
+}
+
+#[test]
+fn r18_paper_mode_finds_the_supply_fault_too() {
+    let days = days(Mode::Paper);
+    assert!(days[4].warnings > 0);
+    let most = days.iter().map(|day| day.outcome).max();
+    assert_eq!(most, Some(days[4].outcome), "day 5 is the worst of them");
+}
