@@ -28,7 +28,7 @@ pub fn report(
 ) -> ReplayReport {
     let chains: Vec<Chain> = channels
         .iter()
-        .map(|c| tuning::chain(&c.recording, &c.record, mode))
+        .map(|channel| tuning::chain(channel, mode))
         .collect();
     let origin_us = channels.first().map_or(0, |channel| channel.offset_us);
     let both = || channels.iter().zip(&chains);
@@ -94,7 +94,7 @@ fn about(channel: &Prepared, number: u8) -> ReplayChannel {
         file: base_name(&recording.file),
         rows: recording.data_lines,
         skipped: skipped.collect(),
-        gaps: recording.gaps.rows,
+        gaps: channel.gaps(),
         rate_hz: rounded(recording.rate_hz()),
         duration_s: recording.duration_s(),
         lsb_per_g: counts.then_some(recording.scale.per_g),
@@ -147,6 +147,13 @@ fn channel_notes((channel, number): (&Prepared, u8)) -> Vec<String> {
             "Channel {number}: {per_g} LSB per g was taken as the scale; the median length at \
              standstill is {:.1} LSB.",
             recording.scale.standstill_g * per_g
+        ));
+    }
+    if let Some(steady) = &channel.steady {
+        notes.push(format!(
+            "Channel {number}: the times jitter; the rows were put on a steady clock of {:.1} Hz \
+             on the line between the row before and the row after.",
+            1e6 / steady.period_us as f64
         ));
     }
     let unread = recording.unread_extras;

@@ -25,6 +25,7 @@ mod rotation;
 mod scale;
 mod segments;
 mod skips;
+mod steady;
 mod tuning;
 mod verdicts;
 mod windows;

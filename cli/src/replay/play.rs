@@ -39,7 +39,7 @@ impl<'a> Tape<'a> {
     fn new(channel: &'a Prepared, chain: &'a Chain) -> Self {
         Self {
             chain,
-            rows: &channel.recording.rows,
+            rows: channel.fed(),
             range: chain.full_scale,
             offset_us: channel.offset_us,
             state: State::default(),

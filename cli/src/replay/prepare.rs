@@ -15,8 +15,9 @@ use super::calibrate::{
 };
 use super::calibration_file::{self, Channel, Method};
 use super::error::ReplayError;
-use super::recording::{Options, Recording};
+use super::recording::{Options, Recording, Row};
 use super::segments::{self, Segment, Standstill};
+use super::steady::{Steady, steady};
 use crate::progress::Progress;
 use crate::report::replay_data::{CalibrationKind, ReplayCalibration};
 
@@ -33,6 +34,34 @@ pub struct Prepared {
     pub record: Channel,
     /// How it was come by, for the report.
     pub how: ReplayCalibration,
+    /// The rows on a steady clock, where their own times jitter.
+    pub steady: Option<Steady>,
+}
+
+impl Prepared {
+    /// The rows that go into the chain.
+    pub fn fed(&self) -> &[Row] {
+        match &self.steady {
+            Some(steady) => &steady.rows,
+            None => &self.recording.rows,
+        }
+    }
+
+    /// Time between them, microseconds.
+    pub fn period_us(&self) -> u64 {
+        match &self.steady {
+            Some(steady) => steady.period_us,
+            None => self.recording.period_us,
+        }
+    }
+
+    /// Gaps after which the chain starts anew.
+    pub fn gaps(&self) -> u64 {
+        match &self.steady {
+            Some(steady) => steady.gaps,
+            None => self.recording.gaps.rows,
+        }
+    }
 }
 
 /// The channels, and what the reader should know of how they were calibrated.
@@ -60,6 +89,7 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, Repl
         .zip(calibrated)
         .map(
             |(((recording, standstill), offset_us), (record, how))| Prepared {
+                steady: steady(&recording),
                 recording,
                 standstill,
                 offset_us,

@@ -1,7 +1,6 @@
 //! The instrument's chain, tuned to a recording: its range, its rate, its calibration.
 //!
-//! In: a [`Recording`], the calibration of its channel and the mode. Out: the same
-//! [`Chain`] that runs on the chip. The corner is 10 Hz as there, or a quarter of the rate where a
+//! In: a [`Prepared`] recording and the mode. Out: the same [`Chain`] that runs on the chip. The corner is 10 Hz as there, or a quarter of the rate where a
 //! recording is slower than 40 samples/s. Paper mode keeps the paper's pole, exp(-2 pi 10 Hz / rate),
 //! its timing and its check; its one-axis table needs a run on a motor, so the angle comes from
 //! the three-axis correction in both modes.
@@ -14,17 +13,17 @@ use tilt::chain::{Chain, Timing};
 use tilt::filter::LowPass;
 
 use super::arguments::Mode;
-use super::calibration_file::Channel;
-use super::recording::Recording;
+use super::prepare::Prepared;
 
 /// The corner of both modes, Hz.
 const CORNER_HZ: f64 = 10.0;
 
 /// The chain of one channel.
-pub fn chain(recording: &Recording, record: &Channel, mode: Mode) -> Chain {
-    let filter = filter(recording.rate_hz(), mode);
+pub fn chain(channel: &Prepared, mode: Mode) -> Chain {
+    let period_us = channel.period_us().max(1);
+    let filter = filter(1e6 / period_us as f64, mode);
     // A recording has at least 25 samples per second.
-    let period_us = u32::try_from(recording.period_us).unwrap_or(u32::MAX);
+    let period_us = u32::try_from(period_us).unwrap_or(u32::MAX);
     let delay_us = delay_us(&filter, period_us);
     let timing = match mode {
         Mode::Paper => Timing::AsItArrives,
@@ -36,11 +35,11 @@ pub fn chain(recording: &Recording, record: &Channel, mode: Mode) -> Chain {
     };
     Chain {
         filter,
-        full_scale: recording.full_scale(),
+        full_scale: channel.recording.full_scale(),
         period_us,
         part_delay_q16: 0,
         timing,
-        calibration: record.calibration(),
+        calibration: channel.record.calibration(),
     }
 }
 
