@@ -44,6 +44,11 @@ impl<SPI: SpiDevice> Node<SPI> {
         self.channel.start(settings, delay, now)
     }
 
+    /// Judges by another check from now on, with a fresh memory.
+    pub fn set_check(&mut self, check: CrossCheck) {
+        self.check = check;
+    }
+
     /// This node's reading at `now`, the instant of SYNC.
     pub fn reading(&self, settings: &Settings, now: Instant) -> Reading {
         self.channel.reading(settings, now)

@@ -540,17 +540,12 @@ fn scatter(bench: &mut Bench) -> [[Tally; 2]; 4] {
 fn week_of(mode: Mode, seed: u32) -> Result<Vec<Day>, BenchError> {
     let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, u64::from(seed), 0)?;
     let mut days = Vec::new();
-    bench.week(
-        DAYS,
-        u64::from(seed),
-        |_| {},
-        |day| {
-            days.push(Day {
-                trace: Vec::new(),
-                ..day
-            })
-        },
-    );
+    bench.week(DAYS, u64::from(seed), |day| {
+        days.push(Day {
+            trace: Vec::new(),
+            ..day
+        })
+    });
     Ok(days)
 }
 

@@ -99,10 +99,12 @@ impl LowPass {
             self.state = force_g.map(|f| [f, 0.0]);
             return force_g;
         };
-        [0, 1, 2].map(|i| {
-            self.response
-                .step(&mut self.state[i], from_g[i], force_g[i])
-        })
+        // A loop: `map` over an array is not always inlined, and this runs at every tick.
+        let mut filtered_g = force_g;
+        for ((axis_g, from_g), state) in filtered_g.iter_mut().zip(from_g).zip(&mut self.state) {
+            *axis_g = self.response.step(state, from_g, *axis_g);
+        }
+        filtered_g
     }
 }
 

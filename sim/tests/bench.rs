@@ -101,24 +101,34 @@ fn r15_the_product_is_within_tolerance_at_the_first_round() {
     }
 }
 
-/// Calibrates while node 2's supply is bad for `bad_s` (of the calibration's time).
-fn calibrated_with_bad_supply(bad_s: (f64, f64), seed: u64) -> [CalibrationReport; 2] {
+/// Calibrates with node 2's supply bad between these times, s from the start of the calibration;
+/// gives the reports and how long it took, s.
+fn calibrated_with_bad_supply(bad_s: (f64, f64)) -> ([CalibrationReport; 2], f64) {
     let mut bench = Bench::new(Mode::Product, &World::NOMINAL, 15, 1);
     bench.characterise().unwrap();
     let start_s = bench.instrument.time_s();
-    let mut supply = Supply::unstable(start_s + bad_s.0, &mut Rng::stream(seed, "supply"));
+    let mut supply = Supply::unstable(start_s + bad_s.0, &mut Rng::stream(0, "supply"));
     supply.repair(start_s + bad_s.1);
     bench.instrument.sides[1].supply = supply;
-    bench.calibrate().unwrap()
+    let reports = bench.calibrate().unwrap();
+    (reports, bench.instrument.time_s() - start_s)
 }
 
 #[test]
 fn r15_a_spoiled_round_is_calibrated_anew() {
-    // The verification of the first round runs from 1100 to 1600 s; in it the supply sags.
-    let [one, two] = calibrated_with_bad_supply((1200.0, 1260.0), 0);
+    let (clean, length_s) = calibrated_with_bad_supply((0.0, 0.0));
+    assert_eq!(clean.map(|report| report.rounds), [1, 1]);
+    // The verification comes last; the supply sags for a minute of it.
+    let spoiled_s = (0.9 * length_s, 0.9 * length_s + 60.0);
+    let ([one, two], _) = calibrated_with_bad_supply(spoiled_s);
     assert_eq!((one.rounds, two.rounds), (2, 2), "both go round again");
     assert!(one.passed() && two.passed(), "{one:?} {two:?}");
-    assert_eq!(two.verification.count(), 362, "of the last round only");
+    let counts = [one, two].map(|report| report.verification.count());
+    assert_eq!(
+        counts,
+        clean.map(|report| report.verification.count()),
+        "of the last round only"
+    );
 }
 
 #[test]
@@ -170,6 +180,8 @@ fn r16_a_perfect_world_shows_nothing_but_rounding() {
     assert!(errors.largest() < 0.002, "{}", errors.largest());
 }
 
+const TERMS: &[Term] = &Term::ALL;
+
 /// Most that each term may leave behind a calibration, deg rms. Noise and turn-on can't be
 /// calibrated; what the others leave is at the register's rounding, 0.001 deg.
 fn most_rms_deg(term: Term) -> f64 {
@@ -215,8 +227,6 @@ fn r16_each_error_term_alone_leaves_no_more_than_it_may() {
         );
     }
 }
-
-static TERMS: [Term; 20] = Term::ALL;
 
 #[test]
 fn r16_on_its_knots_a_nominal_product_stays_within_0_20_deg_without_a_warning() {
@@ -265,11 +275,10 @@ fn r17_the_swing_is_right_once_aligned_by_the_declared_latency() {
         }
         if mode == Mode::Product {
             assert_eq!(result.warnings, 0);
-            let arm = bench.dynamic_test(Mount::X, 0.05).aligned[0].largest();
-            assert!(
-                (0.4..2.0).contains(&arm),
-                "E15, 0.11 deg a centimetre: {arm}"
-            );
+            // E15: 0.11 deg a centimetre while it turns, and more while it speeds up.
+            let arm = bench.dynamic_test(Mount::X, 0.05).aligned[0].rms();
+            println!("{arm:.3} deg rms at 5 cm");
+            assert!(arm > 0.57, "{arm}");
         }
     }
 }

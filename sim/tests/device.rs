@@ -18,7 +18,8 @@ use sim::lis2dw12::{BOOT_NS, Chip, Fault, SpiPort, Traits};
 use sim::motion::{Motion, Mover};
 use sim::rig::{Fixture, Mount, Rig, RigSetup};
 use sim::rng::Rng;
-use tilt::chain::Invalid;
+use tilt::angle::Angle;
+use tilt::chain::{Invalid, Measurement};
 use tilt::cross_check::{CrossCheck, Judgement, Node as Which};
 use tilt::sample::Instant;
 
@@ -294,6 +295,37 @@ fn a_channel_that_was_never_started_says_so() {
     let mut port = SpiPort::new(Rc::new(RefCell::new(Chip::new(Traits::TYPICAL))));
     assert!(node.start(&settings, &mut port, now).is_err(), "no supply");
     assert_eq!(node.reading(&settings, now).x, Err(Invalid::Bus));
+}
+
+#[test]
+fn a_start_forgets_a_disagreement_and_nothing_else_does() {
+    let mut alone = Alone::started();
+    alone.feed(400, true);
+    let mut delay = SpiPort::new(Rc::clone(&alone.chip));
+    let own = alone.node.reading(&alone.settings, Instant(alone.now_us));
+    let mut peer = own;
+    peer.x = peer.x.map(|m| Measurement {
+        angle: m.angle.plus(Angle::from_degrees(2.0)),
+        ..m
+    });
+    let judge = |node: &mut Node<SpiPort>, peer, ms: u64| {
+        node.judge(own, peer, Instant(2_000_000 + 1000 * ms))
+            .judgement()
+    };
+    assert_eq!(
+        judge(&mut alone.node, peer, 0),
+        Judgement::Agree,
+        "it has to last"
+    );
+    assert_eq!(judge(&mut alone.node, peer, 201), Judgement::Disagree);
+    assert_eq!(
+        judge(&mut alone.node, own, 9000),
+        Judgement::Disagree,
+        "latched"
+    );
+    let now = Instant(alone.now_us);
+    alone.node.start(&alone.settings, &mut delay, now).unwrap();
+    assert_eq!(judge(&mut alone.node, own, 9100), Judgement::Agree);
 }
 
 #[test]

@@ -12,15 +12,8 @@ use sim::bench::{Bench, Mode, World};
 fn days(mode: Mode) -> Vec<Day> {
     let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, 18, 1).unwrap();
     let mut days = Vec::new();
-    let mut shares = Vec::new();
-    bench.week(
-        FAULT_DAY,
-        18,
-        |share| shares.push(share),
-        |day| days.push(day),
-    );
+    bench.week(FAULT_DAY, 18, |day| days.push(day));
     assert_eq!(days.len(), 5);
-    assert!(shares.iter().all(|share| (0.0..1.0).contains(share)));
     for (day, number) in days.iter().zip(1..) {
         println!(
             "{mode:?} day {}: {} warnings, {} stops, {} faults, {} after the cure, {:?}",
@@ -62,7 +55,7 @@ fn r18_the_product_finds_the_fault_of_day_5_and_no_other() {
 #[test]
 fn r18_paper_mode_finds_the_supply_fault_too() {
     let days = days(Mode::Paper);
+    // How often it fires on the other days is printed above and promised by nobody (E11).
     assert!(days[4].warnings > 0);
-    let most = days.iter().map(|day| day.outcome).max();
-    assert_eq!(most, Some(days[4].outcome), "day 5 is the worst of them");
+    assert_eq!(days[4].outcome, Outcome::SupplyFault);
 }

@@ -133,6 +133,9 @@ pub struct PaperCheck {
     pub window_us: u64,
     /// How long the motion has to stand still.
     pub stop_us: u64,
+    /// Which axes are compared. The paper's excavator uses one (section VII), and a table that
+    /// ignores z makes no sense of the other while the one is far from level (E7).
+    pub watch: Axes<bool>,
 }
 
 /// More warnings than this within the window ask for a stop: 110 do not, 111 do (R13).
@@ -144,6 +147,7 @@ impl PaperCheck {
         threshold: THRESHOLD,
         window_us: 600_000_000,
         stop_us: 45_000_000,
+        watch: Axes { x: true, y: true },
     };
 }
 
@@ -252,14 +256,16 @@ impl PaperCheck {
         Judgement::StopMotion
     }
 
-    /// The larger difference of the two axes, without sign.
+    /// The larger difference of the axes watched, without sign.
     fn largest(&self, own: Reading, peer: Reading) -> u32 {
         let one = |a: One, b: One| match difference(a, b) {
             Ok((delta, _)) => delta.magnitude(),
             Err(Invalid::NotMeasured) => 0,
             Err(_) => u32::MAX,
         };
-        one(own.x, peer.x).max(one(own.y, peer.y))
+        let x = if self.watch.x { one(own.x, peer.x) } else { 0 };
+        let y = if self.watch.y { one(own.y, peer.y) } else { 0 };
+        x.max(y)
     }
 }
 
@@ -530,6 +536,22 @@ mod tests {
             PaperCheck::PAPER.step(&mut state, reading(0), absent(Invalid::Stale), Instant(5));
         assert_eq!(verdict.judgement(), Judgement::Warning);
         assert_eq!(verdict.delta().x, None);
+    }
+
+    #[test]
+    fn paper_compares_only_the_axes_it_watches() {
+        let only_y = PaperCheck {
+            watch: Axes { x: false, y: true },
+            ..PaperCheck::PAPER
+        };
+        let mut state = PaperState::default();
+        let pair = (reading(2 * THRESHOLD), reading(0));
+        assert_eq!(
+            only_y
+                .step(&mut state, pair.0, pair.1, Instant(1))
+                .judgement(),
+            Judgement::Agree
+        );
     }
 
     #[test]

@@ -152,15 +152,10 @@ fn work(job: Job, arguments: &Arguments, units: &Task, week: &Task) -> Result<Ou
             let mut list = Vec::new();
             if days > 0 {
                 let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, seed, 0)?;
-                bench.week(
-                    days,
-                    seed,
-                    |_| {},
-                    |day| {
-                        week.advance(1);
-                        list.push(keep(day));
-                    },
-                );
+                bench.week(days, seed, |day| {
+                    week.advance(1);
+                    list.push(keep(day));
+                });
             }
             Ok(Outcome::Week(mode, list))
         }

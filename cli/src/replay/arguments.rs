@@ -1,7 +1,8 @@
 //! What `plumb replay` is told on the command line.
 //!
 //! In: the words of the command line, through `clap`. Out: [`Arguments`]. What only makes sense
-//! together with the files themselves (their number, their names) is checked by [`Arguments::check`].
+//! together with the files themselves (their number, their names) is checked by
+//! [`Arguments::check`].
 
 use std::path::{Path, PathBuf};
 

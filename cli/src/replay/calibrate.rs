@@ -14,7 +14,7 @@ use tilt::vector::Vector;
 
 use super::calibration_file::{BudgetSteps, Channel, HarmonicSteps, Method, base_name};
 use super::recording::Recording;
-use super::reference::{angle_between_deg, slopes_deg};
+use super::reference::angle_between_deg;
 use super::rotation::best_rotation;
 use super::segments::{Segment, Standstill};
 use super::windows::norm;
@@ -57,11 +57,6 @@ impl Fit {
     /// The corrected acceleration, g.
     pub fn apply(&self, accel_g: [f64; 3]) -> [f64; 3] {
         add(times(&self.matrix, accel_g), self.offset_g)
-    }
-
-    /// Slope X and slope Y of a mean acceleration, deg.
-    pub fn slopes_deg(&self, accel_g: [f64; 3]) -> [f64; 2] {
-        slopes_deg(self.apply(accel_g))
     }
 
     /// The record for a calibration file; `None` when the fit doesn't fit the chain's integers.
@@ -354,39 +349,8 @@ pub fn overlapping(one: &[Segment], other: &[Segment]) -> Vec<([f64; 3], [f64; 3
         .collect()
 }
 
-/// Plateaus of two runs of the same path, paired in order by the reference's attitude.
-///
-/// The attitudes (or up vectors, where the reference gives no more) must agree within 5 deg. A
-/// plateau that only one of the runs shows is passed over.
-pub fn matching(one: &[Segment], other: &[Segment]) -> Vec<(Segment, Segment)> {
-    let alike = |a: &Segment, b: &Segment| match (a.reference, b.reference) {
-        (Some(a), Some(b)) => match (a.attitude, b.attitude) {
-            (Some(a), Some(b)) => a.angle_to_deg(&b) < 5.0,
-            _ => angle_between_deg(a.up, b.up) < 5.0,
-        },
-        _ => false,
-    };
-    let mut pairs = Vec::new();
-    let mut next = 0;
-    for a in one {
-        let rest = other.iter().enumerate().skip(next);
-        if let Some((i, b)) = rest.into_iter().find(|(_, b)| alike(a, b)) {
-            pairs.push((*a, *b));
-            next = i + 1;
-        }
-    }
-    pairs
-}
-
-/// How well slopes come back: root mean square over both slopes of all pairs, deg.
-pub fn repeatability_deg(fit: &Fit, pairs: &[(Segment, Segment)]) -> f64 {
-    rms(pairs.iter().flat_map(|(a, b)| {
-        let (a, b) = (fit.slopes_deg(a.mean_g), fit.slopes_deg(b.mean_g));
-        [a[0] - b[0], a[1] - b[1]]
-    }))
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
+/// Root mean square; 0 of no values.
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v * v, n + 1));
     (sum / f64::from(count.max(1))).sqrt()
 }

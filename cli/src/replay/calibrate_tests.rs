@@ -1,6 +1,8 @@
 //! Fits to made-up standstills with known truth, and to sets that can't be fitted.
 
 use super::*;
+use crate::replay::reference::slopes_deg;
+use crate::replay::repeatability::matching;
 use crate::replay::segments::ReferenceMean;
 
 fn segment(mean_g: [f64; 3], up: Option<[f64; 3]>) -> Segment {
@@ -134,7 +136,7 @@ fn a_reference_gives_rotation_and_offset() {
         fit.angle_residual_deg.unwrap() < 1e-6 && fit.norm_residual_mg < 1e-6,
         "{fit:?}"
     );
-    let slopes = fit.slopes_deg(on_its_side([0.5, 0.0, 0.75f64.sqrt()]));
+    let slopes = slopes_deg(fit.apply(on_its_side([0.5, 0.0, 0.75f64.sqrt()])));
     assert!(
         (slopes[0] - 30.0).abs() < 1e-6 && slopes[1].abs() < 1e-6,
         "{slopes:?}"

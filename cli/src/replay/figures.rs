@@ -110,11 +110,7 @@ impl<'a> ChannelFigures<'a> {
         };
         Self {
             channel,
-            noise_deg: chain
-                .calibration
-                .budget
-                .noise_only(&chain.filter)
-                .degrees(),
+            noise_deg: chain.calibration.budget.noise_only(&chain.filter).degrees(),
             origin_us,
             slopes: [slope(), slope()],
             at_rest: vec![<[AtRest; 2]>::default(); channel.standstill.segments.len()],

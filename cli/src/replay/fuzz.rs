@@ -6,10 +6,36 @@ use std::io::Write as _;
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 
+use super::arguments::Mode;
 use super::calibrate::{calibrate_from_poses, calibrate_from_reference};
 use super::calibration_file::{self, CalibrationFileError};
+use super::play::{play, tests::identity};
 use super::recording::{Options, Recording};
 use super::segments;
+use super::tuning;
+use crate::progress::Progress;
+
+/// Through the chain, in an order of time and in a bounded time.
+fn play_through(recording: Recording) -> Result<(), TestCaseError> {
+    let rows = recording.rows.len();
+    let channels = [identity(recording, 0)];
+    let chains = [tuning::chain(&channels[0], Mode::Product)];
+    let (mut count, mut last) = (0, None);
+    play(
+        &channels,
+        &chains,
+        Mode::Product,
+        &Progress::silent(),
+        |moment| {
+            assert!(last < Some(moment.now));
+            last = Some(moment.now);
+            count += 1;
+        },
+    );
+    // 20 s of 50 Hz around each row at most.
+    prop_assert!(count <= 1001 * rows, "{count} readings of {rows} rows");
+    Ok(())
+}
 
 /// What must hold whatever came in.
 fn examine(bytes: &[u8]) -> Result<(), TestCaseError> {
@@ -34,6 +60,7 @@ fn examine(bytes: &[u8]) -> Result<(), TestCaseError> {
             let found = segments::find(&recording, segments::Options::for_recording(&recording));
             let _ = calibrate_from_poses(&found.segments);
             let _ = calibrate_from_reference(&found.segments);
+            play_through(recording)?;
         }
         Err(error) => {
             let text = error.to_string();

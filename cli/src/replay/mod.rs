@@ -34,14 +34,18 @@ mod windows;
 mod fuzz;
 #[cfg(test)]
 mod real;
+#[cfg(test)]
+mod real_chain;
+#[cfg(test)]
+mod repeatability;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
 
 use crate::progress::Progress;
 use crate::report::replay_data::ReplayReport;
-use crate::report::write::{self, Written};
 use crate::report::terminal;
+use crate::report::write::{self, Written};
 
 pub use arguments::Arguments;
 pub use error::ReplayError;

@@ -162,4 +162,4 @@ fn next_instant(now_us: u64, mode: Mode, own: &Tape, peer: Option<&Tape>) -> u64
 
 #[cfg(test)]
 #[path = "play_tests.rs"]
-mod tests;
+pub mod tests;

@@ -101,7 +101,11 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, Repl
     Ok((channels, notes))
 }
 
-fn open(path: &Path, lsb_per_g: Option<f64>, progress: &Progress) -> Result<Recording, ReplayError> {
+fn open(
+    path: &Path,
+    lsb_per_g: Option<f64>,
+    progress: &Progress,
+) -> Result<Recording, ReplayError> {
     let bytes = fs::metadata(path).map_or(0, |about| about.len());
     let task = progress.task("Reading", bytes);
     let options = Options { lsb_per_g };

@@ -3,12 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::calibrate::{
-    Fit, align, calibrate_from_poses, calibrate_from_reference, matching, overlapping,
-    repeatability_deg,
-};
+use super::calibrate::{Fit, align, calibrate_from_poses, calibrate_from_reference, overlapping};
 use super::recording::{Options, Recording};
 use super::reference::angle_between_deg;
+use super::repeatability::{matching, repeatability_deg};
 use super::segments::{self, Segment, Standstill};
 use super::skips::{Count, Reason};
 

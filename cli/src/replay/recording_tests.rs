@@ -283,9 +283,14 @@ fn extras_that_can_not_be_read_cost_only_themselves() {
 
 #[test]
 fn paths_that_lead_nowhere() {
-    let none = Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();
+    let none =
+        Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();
     let expected = "no/such/file.csv: can't be read (there is no such file); check the path";
     assert_eq!(none.to_string(), expected);
-    let folder = Recording::open(Path::new(env!("CARGO_MANIFEST_DIR")), Options::default(), |_| {});
+    let folder = Recording::open(
+        Path::new(env!("CARGO_MANIFEST_DIR")),
+        Options::default(),
+        |_| {},
+    );
     assert!(folder.unwrap_err().to_string().contains("it is a folder"));
 }

@@ -33,6 +33,7 @@ impl Attitude {
     }
 
     /// The angle of the rotation that leads from the other attitude to this one, 0 to 180 deg.
+    #[cfg(test)]
     pub fn angle_to_deg(&self, other: &Self) -> f64 {
         let dot: f64 = self
             .quaternion

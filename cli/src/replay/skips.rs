@@ -101,6 +101,7 @@ impl Skips {
     }
 
     /// Rows left out for `reason`.
+    #[cfg(test)]
     pub fn of(&self, reason: Reason) -> Count {
         self.iter()
             .find(|(r, _)| *r == reason)

@@ -116,7 +116,11 @@ mod tests {
     #[test]
     fn jittering_rows_lie_on_their_line_at_equal_distances() {
         let found = steady(&recording(|i| [0, 4000, -3000][(i % 3) as usize])).unwrap();
-        assert!((9_900..=10_100).contains(&found.period_us), "{}", found.period_us);
+        assert!(
+            (9_900..=10_100).contains(&found.period_us),
+            "{}",
+            found.period_us
+        );
         assert_eq!(found.gaps, 0);
         assert!(found.rows.len() > 390);
         for pair in found.rows.windows(2) {

@@ -1,9 +1,10 @@
 //! The instrument's chain, tuned to a recording: its range, its rate, its calibration.
 //!
-//! In: a [`Prepared`] recording and the mode. Out: the same [`Chain`] that runs on the chip. The corner is 10 Hz as there, or a quarter of the rate where a
-//! recording is slower than 40 samples/s. Paper mode keeps the paper's pole, exp(-2 pi 10 Hz / rate),
-//! its timing and its check; its one-axis table needs a run on a motor, so the angle comes from
-//! the three-axis correction in both modes.
+//! In: a [`Prepared`] recording and the mode. Out: the same [`Chain`] that runs on the chip. The
+//! corner is 10 Hz as there, or a quarter of the rate where a recording is slower than 40
+//! samples/s. Paper mode keeps the paper's pole, exp(-2 pi 10 Hz / rate), its timing and its check;
+//! its one-axis table needs a run on a motor, so the angle comes from the three-axis correction in
+//! both modes.
 //!
 //! What a recording's sensor filtered by itself isn't known; no delay is taken for it.
 

@@ -48,7 +48,10 @@ pub fn demo() -> DemoReport {
         .flat_map(week_rows)
         .collect();
     report.one_axis = [1, 2].map(one_axis_row).to_vec();
-    report.calibration = [Mode::Paper, Mode::Product].into_iter().flat_map(calibration_rows).collect();
+    report.calibration = [Mode::Paper, Mode::Product]
+        .into_iter()
+        .flat_map(calibration_rows)
+        .collect();
     report.table1 = table1_rows();
     report.figures = figures();
     report
@@ -308,6 +311,16 @@ fn bins(mut value: impl FnMut(f64, f64) -> f64) -> Vec<Bin> {
     binner.finish()
 }
 
+/// Mean, root mean square and greatest error, deg.
+fn accuracy(compared: u64, [mean, rmse, max]: [f64; 3]) -> Option<Accuracy> {
+    Some(Accuracy {
+        compared,
+        mean_deg: Some(mean),
+        rmse_deg: Some(rmse),
+        max_deg: Some(max),
+    })
+}
+
 fn replay_channel(channel: u8) -> ReplayChannel {
     let pose = |time: f64| 60.0 * ((time / 27.0).floor() * 1.7).sin();
     let slope = |axis| SlopeSeries {
@@ -322,18 +335,8 @@ fn replay_channel(channel: u8) -> ReplayChannel {
         }),
         uncertainty: bins(|time, _| 0.02 / pose(time).to_radians().cos()),
         reference: bins(|time, _| pose(time)),
-        accuracy: Some(Accuracy {
-            compared: 5000,
-            mean_deg: Some(0.4),
-            rmse_deg: Some(1.6),
-            max_deg: Some(5.2),
-        }),
-        accuracy_at_plateaus: Some(Accuracy {
-            compared: 6,
-            mean_deg: Some(0.2),
-            rmse_deg: Some(1.4),
-            max_deg: Some(2.1),
-        }),
+        accuracy: accuracy(5000, [0.4, 1.6, 5.2]),
+        accuracy_at_plateaus: accuracy(6, [0.2, 1.4, 2.1]),
         standstill: Some(StandstillUncertainty {
             readings: 21_000,
             uncertainty_deg: 0.11,

@@ -59,6 +59,9 @@ pub fn mode_name(mode: Mode) -> &'static str {
     }
 }
 
+/// With fewer units than this a median says little, and a single unit's RMSE is not specified.
+pub const FEWEST_FOR_MEDIANS: u32 = 10;
+
 /// The specification with pass or fail per line.
 pub fn specification(report: &DemoReport) -> Table {
     let columns = vec![
@@ -70,6 +73,13 @@ pub fn specification(report: &DemoReport) -> Table {
     ];
     let mut table = Table::new("Specification", columns);
     table.rows = report.specification.iter().map(specification_row).collect();
+    if report.units < FEWEST_FOR_MEDIANS {
+        let note = format!(
+            "The limits of RMSE are for the median unit; with fewer than {FEWEST_FOR_MEDIANS} \
+             units they are not judged."
+        );
+        table.notes.push(note);
+    }
     table
 }
 
@@ -303,7 +313,9 @@ pub fn table_one(report: &DemoReport) -> Table {
     ];
     let mut table = Table::new("Table I: error warning", columns);
     table.rows = report.table1.iter().map(table_one_row).collect();
-    let note = "Diff is the difference of the nodes after the stop; right means as Table I asks.";
+    let note = "Diff is the difference of the nodes after the stop. Right means as Table I asks in paper \
+                mode; in product mode, that the fault was reported and a reset cured it, because its check \
+                does not tell late data from a fault.";
     table.notes.push(note.to_owned());
     table
 }

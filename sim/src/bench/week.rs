@@ -14,11 +14,12 @@
 //!
 //! Left out: the operator's own mistakes, and what the machine does with the angle.
 
+use tilt::angle::Axes;
 use tilt::chain::Invalid;
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{CrossCheck, Judgement, Node, PaperCheck, PaperState};
 
 use super::statistics::Tally;
-use super::{Bench, run};
+use super::{Bench, Mode, run};
 use crate::TICK_S;
 use crate::excavator::{Excavator, ExcavatorSetup};
 use crate::instrument::Pair;
@@ -74,6 +75,15 @@ pub enum Trouble {
     },
 }
 
+/// When a scene ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Until {
+    /// When its time is over.
+    Over,
+    /// As soon as its trouble is settled and work goes on.
+    Settled,
+}
+
 /// Extremes of the difference between the nodes in one bin of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
@@ -106,7 +116,7 @@ pub struct Day {
     pub after_cure: u64,
     /// What it led to.
     pub outcome: Outcome,
-    /// Size of the larger difference of the two axes when the last stop of 45 s was over, deg.
+    /// Size of the difference on slope Y when the last stop of 45 s was over, deg.
     pub delta_after_stop_deg: Option<f64>,
     /// Difference between the nodes on slope Y, deg.
     pub difference: Tally,
@@ -132,17 +142,12 @@ struct DayRun<'a> {
     trouble: Trouble,
     delayed: bool,
     cured: bool,
+    until: Until,
 }
 
 impl Bench {
-    /// Digs for `days` days; `done` gets each day as it ends, and `progress` the share of the day.
-    pub fn week(
-        &mut self,
-        days: u32,
-        seed: u64,
-        mut progress: impl FnMut(f64),
-        mut done: impl FnMut(Day),
-    ) {
+    /// Digs for `days` days; `done` gets each day as it ends.
+    pub fn week(&mut self, days: u32, seed: u64, mut done: impl FnMut(Day)) {
         let mut rng = Rng::stream(seed, "week");
         let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
         for day in 1..=days {
@@ -155,16 +160,16 @@ impl Bench {
                 Trouble::None
             };
             let hours_s = HOURS_PER_DAY * 3600.0;
-            let result = self.day(&mut arm, hours_s, trouble, &mut rng, &mut progress);
+            let result = self.day(&mut arm, hours_s, trouble, &mut rng, Until::Over);
             done(Day { day, ..result });
         }
     }
 
-    /// Digs for `duration_s` with one kind of trouble.
+    /// Digs with one kind of trouble until that is settled, for `duration_s` at the most.
     pub fn scene(&mut self, duration_s: f64, trouble: Trouble, seed: u64) -> Day {
         let mut rng = Rng::stream(seed, "scene");
         let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
-        self.day(&mut arm, duration_s, trouble, &mut rng, &mut |_| {})
+        self.day(&mut arm, duration_s, trouble, &mut rng, Until::Settled)
     }
 
     fn day(
@@ -173,10 +178,11 @@ impl Bench {
         duration_s: f64,
         trouble: Trouble,
         rng: &mut Rng,
-        progress: &mut impl FnMut(f64),
+        until: Until,
     ) -> Day {
         arm.stop(self.instrument.time_s());
         run(&mut self.instrument, arm, 3.0);
+        self.watch_the_pitch();
         self.instrument.power_cycle();
         run(&mut self.instrument, arm, 1.5);
         let start_s = self.instrument.time_s();
@@ -194,9 +200,26 @@ impl Bench {
             trouble,
             delayed: false,
             cured: false,
+            until,
         };
-        run.all(duration_s, progress);
+        run.all(duration_s);
         run.day
+    }
+}
+
+impl Bench {
+    /// The paper's excavator is measured on one axis, Y; the product goes on comparing both.
+    fn watch_the_pitch(&mut self) {
+        if self.mode == Mode::Paper {
+            let watch = Axes { x: false, y: true };
+            let check = PaperCheck {
+                watch,
+                ..PaperCheck::PAPER
+            };
+            let [own, _] = &mut self.instrument.sides;
+            own.node
+                .set_check(CrossCheck::Paper(check, PaperState::default()));
+        }
     }
 }
 
@@ -232,20 +255,20 @@ impl DayRun<'_> {
         }
     }
 
-    fn all(&mut self, duration_s: f64, progress: &mut impl FnMut(f64)) {
+    fn all(&mut self, duration_s: f64) {
         let syncs = (duration_s / (TICK_S * SYNC_TICKS as f64)) as u64;
-        for sync in 0..syncs {
+        for _ in 0..syncs {
             for _ in 0..SYNC_TICKS {
                 let motion = self.arm.step(self.now_s() + TICK_S);
                 self.bench.instrument.tick(&motion);
+            }
+            if self.until == Until::Settled && self.cured && self.doing == Doing::Digging {
+                break;
             }
             self.delay();
             let pair = self.bench.instrument.sync();
             self.note(&pair);
             self.obey(&pair);
-            if sync % 5000 == 0 {
-                progress(sync as f64 / syncs as f64);
-            }
         }
         self.day.trace.extend(self.bin.take());
     }
@@ -276,7 +299,7 @@ impl DayRun<'_> {
     fn obey(&mut self, pair: &Pair) {
         let judgement = pair.verdict.judgement();
         if self.doing == Doing::Stopped && judgement != Judgement::StopMotion {
-            self.day.delta_after_stop_deg = larger_deg(pair);
+            self.day.delta_after_stop_deg = size_deg(pair);
         }
         match self.doing {
             Doing::Checking { until_s } if self.now_s() < until_s => {}
@@ -363,12 +386,7 @@ impl DayRun<'_> {
     }
 }
 
-/// Size of the larger difference of the two axes, deg.
-fn larger_deg(pair: &Pair) -> Option<f64> {
-    let delta = pair.verdict.delta();
-    let size = |d: Option<tilt::angle::Angle>| d.map(|d| d.degrees().abs());
-    [size(delta.x), size(delta.y)]
-        .into_iter()
-        .flatten()
-        .reduce(f64::max)
+/// Size of the difference on slope Y, deg.
+fn size_deg(pair: &Pair) -> Option<f64> {
+    pair.verdict.delta().y.map(|d| d.degrees().abs())
 }

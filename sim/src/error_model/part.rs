@@ -203,13 +203,16 @@ impl Part {
             offset_g = crate::motion::add(offset_g, wander.value.map(|w| rms_g * w));
         }
         let [x, y, z] = force_g;
-        [0, 1, 2].map(|i| {
+        // A loop: `map` over an array is not always inlined, and this runs at every sample.
+        let mut felt_g = offset_g;
+        for (i, felt_g) in felt_g.iter_mut().enumerate() {
             let [a, b, c] = self.matrix[i];
             let sensed = a * x + b * y + c * z;
             let bend =
                 self.personality.quadratic_per_g[i] + self.personality.cubic_per_g2[i] * sensed;
-            sensed + sensed * sensed * bend + offset_g[i] + sigma_g * rng.normal()
-        })
+            *felt_g = sensed + sensed * sensed * bend + *felt_g + sigma_g * rng.normal();
+        }
+        felt_g
     }
 
     /// One reading of the part's thermometer, degC, before rounding.
