@@ -31,6 +31,7 @@ impl Progress {
     }
 
     /// Silence.
+    #[cfg(test)]
     pub fn silent() -> Self {
         Self::on(None, QUIET_FOR)
     }

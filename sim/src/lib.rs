@@ -7,7 +7,8 @@
 //! The world moves in ticks of 1 ms. On each tick a [`motion::Mover`] says what the housing feels,
 //! each part filters that with its own analogue low-pass, samples it by its own clock, adds its
 //! errors ([`error_model`]), and raises data-ready; then the device code reads it over SPI from a
-//! register-level model ([`lis2dw12`]). [`instrument`] puts that together, [`bench`] works with it.
+//! register-level model ([`lis2dw12`]). [`instrument`] puts that together, [`mod@bench`] works
+//! with it.
 
 pub mod bench;
 pub mod chamber;

@@ -114,7 +114,8 @@ impl Verdict {
 
 type One = Result<Measurement, Invalid>;
 
-/// The difference and the combined uncertainty of what the channels do not share, or the first reason why there is none.
+/// The difference and the combined uncertainty of what the channels do not share, or the first
+/// reason why there is none.
 fn difference(own: One, peer: One) -> Result<(Angle, u32), Invalid> {
     let (own, peer) = (own?, peer?);
     let combined = own.unshared.combined_with(peer.unshared);

@@ -297,13 +297,33 @@ fn specification(results: &Results) -> Vec<SpecificationRow> {
         .map(|u| all_errors(u, |k, _| !k))
         .collect();
     let medians = [
-        line("two axes, random angles +-90, RMSE, median unit", median_rms(&random), 0.040),
-        line("two axes, at +-90 only, RMSE, median unit", median_rms(&vertical), 0.09),
-        line("one axis 360 deg, RMSE, median unit", median_rms(&one_axis), 0.035),
-        line("80 deg/s, lever arm 0, aligned, RMSE, median unit", median_rms(&swing), 0.045),
+        line(
+            "two axes, random angles +-90, RMSE, median unit",
+            median_rms(&random),
+            0.040,
+        ),
+        line(
+            "two axes, at +-90 only, RMSE, median unit",
+            median_rms(&vertical),
+            0.09,
+        ),
+        line(
+            "one axis 360 deg, RMSE, median unit",
+            median_rms(&one_axis),
+            0.035,
+        ),
+        line(
+            "80 deg/s, lever arm 0, aligned, RMSE, median unit",
+            median_rms(&swing),
+            0.045,
+        ),
     ];
     let largest = largest(&random);
-    let mut lines = vec![line("two axes, random angles +-90, largest error", largest, 0.20)];
+    let mut lines = vec![line(
+        "two axes, random angles +-90, largest error",
+        largest,
+        0.20,
+    )];
     if units.len() >= FEWEST_FOR_MEDIANS as usize {
         lines.extend(medians);
     }

@@ -70,7 +70,8 @@ pub fn mean_of_both(
     let mut means = [Mean::default(); 2];
     for (i, mean) in means.iter_mut().enumerate() {
         let temperature = instrument.sides[i].node.channel.temperature();
-        let (Some(temperature), true) = (temperature, counts[i] > 0.0) else {
+        let alive = counts[i] > 0.0 && instrument.sides[i].node.channel.fault().is_none();
+        let (Some(temperature), true) = (temperature, alive) else {
             return Err(BenchError::Silent { step, node: i + 1 });
         };
         *mean = Mean {

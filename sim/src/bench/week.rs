@@ -15,8 +15,7 @@
 //! Left out: the operator's own mistakes, and what the machine does with the angle.
 
 use tilt::angle::Axes;
-use tilt::chain::Invalid;
-use tilt::cross_check::{CrossCheck, Judgement, Node, PaperCheck, PaperState};
+use tilt::cross_check::{CrossCheck, Judgement, PaperCheck, PaperState};
 
 use super::statistics::Tally;
 use super::{Bench, Mode, run};
@@ -108,8 +107,6 @@ pub struct Day {
     pub stops: u64,
     /// Faults reported.
     pub faults: u64,
-    /// Faults in which the instrument itself named node 2, whose supply it was.
-    pub named: u64,
     /// From the time at which the trouble may begin to the first fault or stop, s.
     pub detection_s: Option<f64>,
     /// Faults after a reset that followed a mended supply: 0 means that the reset cured it.
@@ -304,7 +301,7 @@ impl DayRun<'_> {
         match self.doing {
             Doing::Checking { until_s } if self.now_s() < until_s => {}
             Doing::Checking { .. } => self.reset(),
-            _ if judgement.is_fault() => self.fault(judgement),
+            _ if judgement.is_fault() => self.fault(),
             Doing::Digging if judgement == Judgement::StopMotion => {
                 self.day.stops += 1;
                 self.day.warnings += 1;
@@ -334,18 +331,11 @@ impl DayRun<'_> {
         }
     }
 
-    fn fault(&mut self, judgement: Judgement) {
+    fn fault(&mut self) {
         let now_s = self.now_s();
         self.day.warnings += 1;
         self.day.faults += 1;
         self.day.after_cure += u64::from(self.cured);
-        if let Judgement::OneChannel {
-            ill: Node::Peer,
-            reason: Invalid::PartReset,
-        } = judgement
-        {
-            self.day.named += 1;
-        }
         self.note_detection();
         self.arm.stop(now_s);
         self.doing = Doing::Checking {

@@ -44,7 +44,8 @@ impl core::fmt::Display for FitError {
             }
             Self::IllConditioned { condition } => write!(
                 f,
-                "the readings are too alike (condition {condition:.0}); add poses in other directions"
+                "the readings are too alike (condition {condition:.0}); \
+                 add poses in other directions"
             ),
             Self::NoConvergence => {
                 write!(
