@@ -280,18 +280,22 @@ pub struct WindowCheck {
     pub coverage: u32,
     /// An excess that lasts longer than this is a fault.
     pub persistence_us: u64,
+    /// Whether a disagreement stays until a reset, as on a machine, or ends with its cause, as
+    /// suits a recording, which nobody can reset.
+    pub latched: bool,
 }
 
 impl WindowCheck {
-    /// 0.40 deg or five standard uncertainties, for longer than 0.2 s.
+    /// 0.40 deg or five standard uncertainties, for longer than 0.2 s; latched.
     pub const PRODUCT: Self = Self {
         threshold: THRESHOLD,
         coverage: 5,
         persistence_us: 200_000,
+        latched: true,
     };
 }
 
-/// The product's check: state. A disagreement is latched until a reset, which is a new state.
+/// The product's check: state. A reset is a new state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WindowState {
     excess_since: Option<Instant>,
@@ -328,7 +332,7 @@ impl WindowCheck {
         peer: Reading,
         now: Instant,
     ) -> Judgement {
-        if state.disagreed {
+        if state.disagreed && self.latched {
             return Judgement::Disagree;
         }
         if !self.exceeds(own.x, peer.x) && !self.exceeds(own.y, peer.y) {
@@ -571,6 +575,30 @@ mod tests {
         assert_eq!(judge(2 * THRESHOLD, 400), Judgement::Agree);
         assert_eq!(judge(2 * THRESHOLD, 401), Judgement::Disagree);
         assert_eq!(judge(0, 500), Judgement::Disagree, "latched until a reset");
+    }
+
+    #[test]
+    fn an_unlatched_disagreement_ends_with_its_cause() {
+        let check = WindowCheck {
+            latched: false,
+            ..WindowCheck::PRODUCT
+        };
+        let mut state = WindowState::default();
+        let mut judge = |x, ms: u64| {
+            let now = Instant(1_000_000 + ms * 1000);
+            check
+                .step(&mut state, reading(x), reading(0), now)
+                .judgement()
+        };
+        assert_eq!(judge(2 * THRESHOLD, 0), Judgement::Agree);
+        assert_eq!(judge(2 * THRESHOLD, 201), Judgement::Disagree);
+        assert_eq!(judge(0, 220), Judgement::Agree);
+        assert_eq!(
+            judge(2 * THRESHOLD, 240),
+            Judgement::Agree,
+            "it has to last anew"
+        );
+        assert_eq!(judge(2 * THRESHOLD, 441), Judgement::Disagree);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement, Reading};
-use tilt::cross_check::{self, Judgement, Node, WindowCheck};
+use tilt::cross_check::{self, Judgement, Node, WindowCheck, WindowState};
 
 use super::arguments::Mode;
 use super::figures::{Sums, seconds};
@@ -53,7 +53,7 @@ fn judgement_words(judgement: Judgement) -> String {
         Judgement::StopMotion => "too many warnings: stop and stand still",
         Judgement::DataDelay => "data delay: they agree after the stop, work resumes",
         Judgement::PhysicalFault => "physical fault: check the supply and reset",
-        Judgement::Disagree => "disagree (until a reset)",
+        Judgement::Disagree => "disagree",
         Judgement::OneChannel { ill, reason } => {
             let number = match ill {
                 Node::Own => 1,
@@ -83,6 +83,13 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Bus => "the part does not answer",
     }
 }
+
+/// Nobody can reset a recording, so a disagreement ends with its cause instead of lasting to the
+/// end of the file.
+const UNLATCHED: WindowCheck = WindowCheck {
+    latched: false,
+    ..WindowCheck::PRODUCT
+};
 
 /// One slope of the comparison.
 struct Delta {
@@ -121,7 +128,7 @@ impl Judge {
         Self {
             check: match mode {
                 Mode::Paper => cross_check::CrossCheck::paper(),
-                Mode::Product => cross_check::CrossCheck::product(),
+                Mode::Product => cross_check::CrossCheck::Window(UNLATCHED, WindowState::default()),
             },
             mode,
             origin_us,

@@ -179,7 +179,7 @@ fn a_slip_of_one_degree_is_found_when_it_happens() {
     let report = report(&folder, &[&one, &other]);
     let verdicts = report["verdicts"].as_array().unwrap();
     let last = verdicts.last().unwrap();
-    assert_eq!(last["verdict"], "disagree (until a reset)");
+    assert_eq!(last["verdict"], "disagree");
     assert_eq!(last["trusted"], false);
     let late_s = last["from_s"].as_f64().unwrap() - SLIP as f64 / RATE_HZ as f64;
     println!("found {late_s:.3} s after the slip");

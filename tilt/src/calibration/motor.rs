@@ -49,15 +49,7 @@ impl VectorFit {
         let (solution, condition) = self.normal.solve()?;
         let forward = solution.map(|[a, b, c, _]| [a, b, c]);
         let bias = solution.map(|[_, _, _, b]| b);
-        let matrix = invert(forward).ok_or(FitError::Implausible)?;
-        let offset_g = times(&matrix, bias).map(|v| -v);
-        let vector = Vector::from_real(matrix, offset_g).ok_or(FitError::Implausible)?;
-        Ok(FittedVector {
-            vector,
-            matrix,
-            offset_g,
-            condition,
-        })
+        undo(forward, bias, condition)
     }
 }
 
@@ -79,16 +71,25 @@ impl PlaneFit {
     pub fn solve(&self) -> Result<FittedVector, FitError> {
         let ([[a, b, bias_x], [c, d, bias_z]], condition) = self.normal.solve()?;
         let forward = [[a, 0.0, b], [0.0, 1.0, 0.0], [c, 0.0, d]];
-        let matrix = invert(forward).ok_or(FitError::Implausible)?;
-        let offset_g = times(&matrix, [bias_x, 0.0, bias_z]).map(|v| -v);
-        let vector = Vector::from_real(matrix, offset_g).ok_or(FitError::Implausible)?;
-        Ok(FittedVector {
-            vector,
-            matrix,
-            offset_g,
-            condition,
-        })
+        undo(forward, [bias_x, 0.0, bias_z], condition)
     }
+}
+
+/// The correction that undoes reading = forward reference + bias.
+fn undo(
+    forward: [[f64; 3]; 3],
+    bias_g: [f64; 3],
+    condition: f64,
+) -> Result<FittedVector, FitError> {
+    let matrix = invert(forward).ok_or(FitError::Implausible)?;
+    let offset_g = times(&matrix, bias_g).map(|v| -v);
+    let vector = Vector::from_real(matrix, offset_g).ok_or(FitError::Implausible)?;
+    Ok(FittedVector {
+        vector,
+        matrix,
+        offset_g,
+        condition,
+    })
 }
 
 /// Accumulates what is left of the angle after the affine correction.
