@@ -64,8 +64,15 @@ fn square(value: u32) -> u64 {
     u64::from(value) * u64::from(value)
 }
 
+/// Standard deviation of an angle of which nothing is known: 360 deg / sqrt(12), 103.9 deg.
+const KNOWS_NOTHING: u32 = 1_239_850_262;
+
 fn root(value: u64) -> Uncertainty {
-    Uncertainty(u32::try_from(value.isqrt()).unwrap_or(u32::MAX))
+    Uncertainty(
+        u32::try_from(value.isqrt())
+            .unwrap_or(u32::MAX)
+            .min(KNOWS_NOTHING),
+    )
 }
 
 impl Budget {
@@ -144,7 +151,7 @@ impl Budget {
 
 fn accel_to_angle(accel: u32) -> Uncertainty {
     let steps = (u64::from(accel) * STEPS_PER_ACCEL_Q16) >> 16;
-    Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
+    Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX).min(KNOWS_NOTHING))
 }
 
 /// How far `a` and `b` are apart, in [`Angle`] steps without sign.
@@ -232,6 +239,17 @@ mod tests {
         let folded =
             budget.of_vector(0, accel).degrees() / budget.of_vector(ONE_G, accel).degrees();
         assert!((folded - 2f64.sqrt()).abs() < 1e-4, "{folded}");
+    }
+
+    #[test]
+    fn no_uncertainty_is_larger_than_knowing_nothing() {
+        let nothing = Uncertainty(KNOWS_NOTHING);
+        assert!((nothing.degrees() - 360.0 / 12f64.sqrt()).abs() < 1e-6);
+        let shaken = Corrected {
+            accel: [i32::MAX; 3],
+        };
+        assert_eq!(Budget::default().of_motion(shaken, 0), nothing);
+        assert_eq!(nothing.combined_with(nothing), nothing);
     }
 
     #[test]

@@ -315,7 +315,9 @@ pub fn table_one(report: &DemoReport) -> Table {
     table.rows = report.table1.iter().map(table_one_row).collect();
     let note = "Diff is the difference of the nodes after the stop. Right means as Table I asks in \
                 paper mode; in product mode, that the fault was reported and a reset cured it, \
-                because its check does not tell late data from a fault.";
+                because its check does not tell late data from a fault. A paper-mode difference \
+                of a whole degree after the stop is that of two nearest-point tables on either \
+                side of a midpoint.";
     table.notes.push(note.to_owned());
     table
 }
