@@ -122,6 +122,36 @@ fn difference(own: One, peer: One) -> Result<(Angle, u32), Invalid> {
     Ok((own.angle.minus(peer.angle), combined.0))
 }
 
+/// How long a channel may go without an angle for a reason that passes: the filter settles within
+/// 0.7 s of a start, and a shock is out of it within 0.2 s.
+pub const PATIENCE_US: i64 = 2_000_000;
+
+/// A silence is over when both channels have had angles for this long, so that a part that clips
+/// again and again does not start its time anew each time.
+const HEARD_US: i64 = 500_000;
+
+/// How long at least one channel has gone without an angle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Silence {
+    since: Option<Instant>,
+    heard_since: Option<Instant>,
+}
+
+impl Silence {
+    /// A pair without both angles at `now`; true when that has lasted too long.
+    fn lasts(&mut self, now: Instant) -> bool {
+        self.heard_since = None;
+        now.micros_since(*self.since.get_or_insert(now)) > PATIENCE_US
+    }
+
+    /// A pair with both angles at `now`.
+    fn hear(&mut self, now: Instant) {
+        if now.micros_since(*self.heard_since.get_or_insert(now)) >= HEARD_US {
+            self.since = None;
+        }
+    }
+}
+
 /// 0.40 deg, the paper's threshold: twice the tolerance of 0.20 deg (R12).
 pub const THRESHOLD: u32 = Angle::from_degrees(0.40).magnitude();
 
@@ -169,6 +199,7 @@ pub struct PaperState {
     warnings: [Option<Instant>; MOST_WARNINGS + 1],
     next: usize,
     phase: Phase,
+    silence: Silence,
 }
 
 impl Default for PaperState {
@@ -177,6 +208,7 @@ impl Default for PaperState {
             warnings: [None; MOST_WARNINGS + 1],
             next: 0,
             phase: Phase::Working,
+            silence: Silence::default(),
         }
     }
 }
@@ -200,7 +232,8 @@ impl PaperCheck {
     /// Judges one pair taken at `now`.
     ///
     /// The paper knows no missing reading. An axis that one channel measures and the other does
-    /// not counts as a difference above the threshold, because the two do not agree.
+    /// not counts as a difference above the threshold, because the two do not agree; only a
+    /// channel that starts is waited for, [`PATIENCE_US`] long.
     pub fn step(
         &self,
         state: &mut PaperState,
@@ -223,12 +256,14 @@ impl PaperCheck {
         now: Instant,
     ) -> Judgement {
         let starting = |reason: &Invalid| matches!(reason, Invalid::NoSample | Invalid::Settling);
-        if let Some(why) = [reason(own), reason(peer)]
+        match [reason(own), reason(peer)]
             .into_iter()
             .flatten()
             .find(starting)
         {
-            return Judgement::Waiting(why);
+            Some(why) if !state.silence.lasts(now) => return Judgement::Waiting(why),
+            Some(_) => {}
+            None => state.silence.hear(now),
         }
         let largest = self.largest(own, peer);
         match state.phase {
@@ -300,6 +335,7 @@ impl WindowCheck {
 pub struct WindowState {
     excess_since: Option<Instant>,
     disagreed: bool,
+    silence: Silence,
 }
 
 impl WindowCheck {
@@ -312,11 +348,12 @@ impl WindowCheck {
         now: Instant,
     ) -> Verdict {
         let judgement = match ill(own, peer) {
-            Some(judgement) => {
-                state.excess_since = None;
-                judgement
+            Some(Judgement::Waiting(_)) if state.silence.lasts(now) => lasting(own, peer),
+            Some(judgement) => judgement,
+            None => {
+                state.silence.hear(now);
+                self.compare(state, own, peer, now)
             }
-            None => self.compare(state, own, peer, now),
         };
         Verdict {
             own,
@@ -381,6 +418,22 @@ fn ill(own: Reading, peer: Reading) -> Option<Judgement> {
             reason,
         }),
         (Some(reason), _) | (_, Some(reason)) => Some(Judgement::Waiting(reason)),
+    }
+}
+
+/// The judgement on channels without an angle for too long, whatever their reasons.
+fn lasting(own: Reading, peer: Reading) -> Judgement {
+    match (reason(own), reason(peer)) {
+        (Some(reason), None) => Judgement::OneChannel {
+            ill: Node::Own,
+            reason,
+        },
+        (None, Some(reason)) => Judgement::OneChannel {
+            ill: Node::Peer,
+            reason,
+        },
+        (Some(reason), Some(_)) => Judgement::NoChannel(reason),
+        (None, None) => Judgement::Agree,
     }
 }
 
@@ -641,6 +694,68 @@ mod tests {
         );
         let over = Invalid::OverRange;
         assert_eq!(judge(reading(0), absent(over)), Judgement::Waiting(over));
+    }
+
+    #[test]
+    fn a_channel_that_never_delivers_is_a_fault_after_two_seconds() {
+        for why in [Invalid::NoSample, Invalid::Settling, Invalid::OverRange] {
+            let mut state = WindowState::default();
+            let mut judge = |ms: u64| {
+                let now = Instant(ms * 1000);
+                WindowCheck::PRODUCT
+                    .step(&mut state, reading(0), absent(why), now)
+                    .judgement()
+            };
+            assert_eq!(judge(0), Judgement::Waiting(why));
+            assert_eq!(judge(2000), Judgement::Waiting(why));
+            let fault = Judgement::OneChannel {
+                ill: Node::Peer,
+                reason: why,
+            };
+            assert_eq!(judge(2001), fault);
+        }
+        let mut state = PaperState::default();
+        let dead = absent(Invalid::NoSample);
+        let mut judge = |t| PaperCheck::PAPER.step(&mut state, reading(0), dead, seconds(t));
+        assert_eq!(
+            judge(0.0).judgement(),
+            Judgement::Waiting(Invalid::NoSample)
+        );
+        assert_eq!(judge(2.1).judgement(), Judgement::Warning);
+    }
+
+    #[test]
+    fn clipping_again_and_again_is_a_fault_too() {
+        let mut state = WindowState::default();
+        let mut fault_at = None;
+        for ms in (0..10_000).step_by(20) {
+            let clipped = ms % 200 < 160;
+            let peer = if clipped {
+                absent(Invalid::OverRange)
+            } else {
+                reading(0)
+            };
+            let verdict =
+                WindowCheck::PRODUCT.step(&mut state, reading(0), peer, Instant(ms * 1000));
+            if verdict.judgement().is_fault() {
+                fault_at.get_or_insert(ms);
+            }
+        }
+        assert_eq!(fault_at, Some(2020));
+    }
+
+    #[test]
+    fn an_excess_goes_on_over_a_shock() {
+        let mut state = WindowState::default();
+        let mut judge = |peer, ms: u64| {
+            let now = Instant(ms * 1000);
+            WindowCheck::PRODUCT
+                .step(&mut state, reading(2 * THRESHOLD), peer, now)
+                .judgement()
+        };
+        assert_eq!(judge(reading(0), 0), Judgement::Agree);
+        judge(absent(Invalid::OverRange), 100);
+        assert_eq!(judge(reading(0), 220), Judgement::Disagree);
     }
 
     #[test]

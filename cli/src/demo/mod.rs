@@ -7,6 +7,7 @@
 mod gather;
 mod jobs;
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -43,6 +44,8 @@ pub enum DemoError {
     Bench(sim::bench::BenchError),
     /// The report could not be written.
     Write(WriteError),
+    /// The result could not be printed; the report itself is written.
+    Print(std::io::Error),
     /// The report could not be turned into JSON.
     Json(serde_json::Error),
 }
@@ -52,6 +55,12 @@ impl std::fmt::Display for DemoError {
         match self {
             Self::Bench(e) => write!(f, "an instrument could not be calibrated: {e}"),
             Self::Write(e) => write!(f, "{e}"),
+            Self::Print(e) => {
+                write!(
+                    f,
+                    "the result cannot be printed: {e}; the report is in its folder"
+                )
+            }
             Self::Json(e) => write!(f, "the report cannot be written as JSON: {e}"),
         }
     }
@@ -59,23 +68,33 @@ impl std::fmt::Display for DemoError {
 
 /// Runs the demo; exit status 0 when product mode is within its specification, else 1.
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, DemoError> {
+    // A folder that cannot be written is better found before the work than after it.
+    write::try_folder(&arguments.out).map_err(DemoError::Write)?;
     let results = jobs::run(arguments, progress).map_err(DemoError::Bench)?;
     let report: DemoReport = gather::report(arguments, &results);
     let written = write::demo(&arguments.out, &report).map_err(DemoError::Write)?;
-    if arguments.json {
-        let text = serde_json::to_string(&report).map_err(DemoError::Json)?;
-        println!("{text}");
+    let text = if arguments.json {
+        serde_json::to_string(&report).map_err(DemoError::Json)? + "\n"
     } else {
-        print!("{}", terminal::print_demo(&report));
-        println!(
-            "Report: {} and {}",
-            written.html.display(),
-            written.json.display()
-        );
-    }
+        let (html, json) = (written.html.display(), written.json.display());
+        format!(
+            "{}Report: {html} and {json}\n",
+            terminal::print_demo(&report)
+        )
+    };
+    say(&text)?;
     Ok(if report.within_specification {
         ExitCode::SUCCESS
     } else {
         ExitCode::from(1)
     })
+}
+
+/// Prints; a reader that has had enough, as in `plumb demo | head`, is no error.
+fn say(text: &str) -> Result<(), DemoError> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(DemoError::Print(e)),
+        _ => Ok(()),
+    }
 }

@@ -3,6 +3,8 @@
 //! In: a report. Out: one string of plain text, tables aligned, the verdict as its last line.
 //! Printing it, and progress on the way, are the caller's.
 
+use sim::bench::week::FAULT_DAY;
+
 use super::data::DemoReport;
 use super::replay_data::ReplayReport;
 use super::{replay_tables, tables};
@@ -33,12 +35,16 @@ pub fn print_demo(report: &DemoReport) -> String {
     out
 }
 
-/// The verdict in one sentence.
+/// The verdict in one sentence. A run that is too short for some lines of the specification says
+/// so.
 pub fn verdict(report: &DemoReport) -> &'static str {
-    if report.within_specification {
-        "Product mode is WITHIN its specification."
-    } else {
-        "Product mode is OUTSIDE its specification."
+    let whole = report.units >= tables::FEWEST_FOR_MEDIANS && report.days >= FAULT_DAY;
+    match (report.within_specification, whole) {
+        (true, true) => "Product mode is WITHIN its specification.",
+        (true, false) => {
+            "Product mode is WITHIN those lines of its specification that so short a run can judge."
+        }
+        (false, _) => "Product mode is OUTSIDE its specification.",
     }
 }
 

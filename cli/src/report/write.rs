@@ -73,6 +73,13 @@ impl std::error::Error for WriteError {
     }
 }
 
+/// Makes `folder` and tries it out, so that a long run does not end at a folder that cannot be
+/// written. Leaves nothing behind but the folder.
+pub fn try_folder(folder: &Path) -> Result<(), WriteError> {
+    fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
+    Pending::write(&folder.join("report.json"), "").map(drop)
+}
+
 /// Writes the report of a demo run into `folder`.
 pub fn demo(folder: &Path, report: &DemoReport) -> Result<Written, WriteError> {
     both(folder, &page::demo(report), report)
@@ -91,7 +98,7 @@ fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Written, W
     };
     let json = super::json::to_lines(report)
         .map_err(|why| WriteError::Encode(written.json.clone(), why))?;
-    fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
+    try_folder(folder)?;
     let mut html = Pending::write(&written.html, html)?;
     let mut json = Pending::write(&written.json, &json)?;
     for place in [&written.json, &written.html] {
