@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::calibration_file;
 use super::error::ReplayError;
 
 /// Which chain.
@@ -79,6 +80,9 @@ impl Arguments {
             && inputs().any(|input| is_same(input, save))
         {
             return Err(ReplayError::SaveOverInput(save.display().to_string()));
+        }
+        if let Some(save) = &self.save_calibration {
+            calibration_file::check_place(save)?;
         }
         Ok(())
     }

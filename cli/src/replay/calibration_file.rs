@@ -6,18 +6,19 @@
 //!
 //! In and out: [`Channel`]s. The chain's own integers are what counts; the same numbers stand
 //! beside them in g for the reader, and a file in which the two disagree is refused. The CRC
-//! (CRC-32/ISO-HDLC) is taken over `channels` written without spaces and with sorted keys, so
-//! that the file may be indented anew but not changed. Saving writes a temporary file in the same
+//! (CRC-32/ISO-HDLC) is taken over `channels` written without spaces and with sorted keys, with
+//! numbers as `serde_json` writes them. Saving writes a temporary file in the same
 //! folder and renames it: there is the old file or the new one, never half of one.
 
 use std::fmt;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tilt::angle::{Axes, Harmonics};
+use tilt::calibration::least_squares::times;
 use tilt::chain::{Calibration, Correction};
 use tilt::temperature::{Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Uncertainty};
@@ -37,6 +38,12 @@ const MOST_GAIN: f64 = 2.0;
 
 /// Offsets are at most this, g.
 const MOST_OFFSET_G: f64 = 1.0;
+
+/// Sine of how far two axes may be off a right angle: 20 deg.
+const MOST_SHEAR: f64 = 0.342;
+
+/// What the matrix may make of any acceleration: between half and twice its length, squared.
+const SQUARED_STRETCH: [f64; 2] = [0.25, 4.0];
 
 /// A matrix with a smaller determinant has lost an axis.
 const LEAST_DETERMINANT: f64 = 0.1;
@@ -137,6 +144,12 @@ pub enum Impossible {
     Number,
     /// The matrix has lost an axis.
     Singular,
+    /// The matrix makes a left hand of a right one.
+    Mirrored,
+    /// Two axes are over 20 deg off a right angle.
+    Shear,
+    /// Some acceleration comes out at less than half or more than twice its length.
+    Stretch,
     /// The integers and the numbers for the reader disagree.
     Disagree,
 }
@@ -148,6 +161,9 @@ impl fmt::Display for Impossible {
             Self::Offset => "an offset is over 1 g",
             Self::Number => "a residual, rate or scale is negative or not finite",
             Self::Singular => "the matrix is singular",
+            Self::Mirrored => "the matrix mirrors, which no sensor does",
+            Self::Shear => "two axes are more than 20 deg off a right angle",
+            Self::Stretch => "the matrix halves or doubles some acceleration",
             Self::Disagree => "`matrix_q30` or `offset_q26` disagrees with `matrix` or `offset_g`",
         })
     }
@@ -171,7 +187,48 @@ fn determinant(m: &[[f64; 3]; 3]) -> f64 {
     a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
 }
 
+/// Checks that the matrix is near a rotation, as that of every sensor is.
+fn check_shape(matrix: &[[f64; 3]; 3]) -> Result<(), Impossible> {
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(p, q)| p * q).sum::<f64>();
+    let [x, y, z] = matrix;
+    let sheared = [(x, y), (y, z), (z, x)]
+        .into_iter()
+        .any(|(a, b)| dot(a, b).abs() > MOST_SHEAR * (dot(a, a) * dot(b, b)).sqrt());
+    // The squared singular values are the eigenvalues of the rows' dot products.
+    let gram = [x, y, z].map(|a| [x, y, z].map(|b| dot(a, b)));
+    let [least, most] = SQUARED_STRETCH;
+    let less = |limit: f64, sign: f64| {
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| sign * (gram[i][j] - if i == j { limit } else { 0.0 }))
+        })
+    };
+    let determinant = determinant(matrix);
+    if determinant.abs() < LEAST_DETERMINANT {
+        Err(Impossible::Singular)
+    } else if determinant < 0.0 {
+        Err(Impossible::Mirrored)
+    } else if sheared {
+        Err(Impossible::Shear)
+    } else if is_positive(&less(least, 1.0)) && is_positive(&less(most, -1.0)) {
+        Ok(())
+    } else {
+        Err(Impossible::Stretch)
+    }
+}
+
+/// Whether all eigenvalues of a symmetric matrix are above 0, by its leading minors.
+fn is_positive(m: &[[f64; 3]; 3]) -> bool {
+    m[0][0] > 0.0 && m[0][0] * m[1][1] - m[0][1] * m[1][0] > 0.0 && determinant(m) > 0.0
+}
+
 impl Channel {
+    /// The corrected acceleration, g.
+    pub fn apply(&self, accel_g: [f64; 3]) -> [f64; 3] {
+        let offset = real_offset(&self.offset_q26);
+        let turned = times(&real_matrix(&self.matrix_q30), accel_g);
+        std::array::from_fn(|i| turned[i] + offset[i])
+    }
+
     /// Takes the chain's vector; the rest of the fields as given in `about`.
     pub fn with_vector(mut about: Self, vector: &Vector) -> Self {
         about.matrix_q30 = vector.matrix.map(|row| row.map(i64::from));
@@ -209,10 +266,8 @@ impl Channel {
             || !offset.iter().zip(&self.offset_g).all(near)
         {
             Err(Impossible::Disagree)
-        } else if determinant(&matrix).abs() < LEAST_DETERMINANT {
-            Err(Impossible::Singular)
         } else {
-            Ok(())
+            check_shape(&matrix)
         }
     }
 
@@ -435,10 +490,14 @@ pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, CalibrationFil
     if about.is_dir() {
         return Err(fail(Problem::NotReadable("it is a folder".to_owned())));
     }
-    if about.len() > LARGEST_BYTES {
+    // Devices and pipes have no length and may have no end.
+    let mut text = Vec::new();
+    fs::File::open(path)
+        .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut text))
+        .map_err(unreadable)?;
+    if text.len() as u64 > LARGEST_BYTES {
         return Err(fail(Problem::TooLarge));
     }
-    let text = fs::read(path).map_err(unreadable)?;
     from_text(&text, expected).map_err(fail)
 }
 
@@ -451,6 +510,28 @@ pub struct Staged {
     placed: bool,
 }
 
+/// Refuses a place that holds anything but a regular file: a rename would replace a device.
+///
+/// Out: where the file itself is, which is elsewhere for a link. A link that leads nowhere is
+/// refused as well.
+pub fn check_place(path: &Path) -> Result<PathBuf, CalibrationFileError> {
+    let fail = |why: String| CalibrationFileError {
+        file: path.display().to_string(),
+        problem: Problem::NotWritable(why),
+    };
+    if fs::symlink_metadata(path).is_err() {
+        return Ok(path.to_owned());
+    }
+    let about = fs::metadata(path).map_err(|_| fail("the link leads nowhere".to_owned()))?;
+    if about.is_dir() {
+        return Err(fail("it is a folder".to_owned()));
+    }
+    if !about.is_file() {
+        return Err(fail("it is no regular file".to_owned()));
+    }
+    path.canonicalize().map_err(|error| fail(plain(&error)))
+}
+
 /// Writes a calibration file beside its place.
 pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, CalibrationFileError> {
     let fail = |problem| CalibrationFileError {
@@ -459,12 +540,10 @@ pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, CalibrationFil
     };
     let refuse = |error: io::Error| fail(Problem::NotWritable(plain(&error)));
     let text = to_text(channels).map_err(fail)?;
+    let path = check_place(path)?;
     let name = path
         .file_name()
         .ok_or_else(|| refuse(io::Error::from(io::ErrorKind::InvalidFilename)))?;
-    if path.is_dir() {
-        return Err(refuse(io::Error::from(io::ErrorKind::IsADirectory)));
-    }
     let temporary = path.with_file_name(format!(
         ".{}.{}.tmp",
         name.to_string_lossy(),
@@ -472,7 +551,7 @@ pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, CalibrationFil
     ));
     // Made before the first byte, so that a half-written file is removed as well.
     let staged = Staged {
-        path: path.to_owned(),
+        path,
         temporary,
         placed: false,
     };

@@ -156,6 +156,28 @@ fn values_that_no_sensor_has_are_refused() {
         c[0]["matrix"][2] = c[0]["matrix"][1].clone();
     };
     assert_eq!(why(&flat), Impossible::Singular);
+    for (matrix, expected) in [
+        (
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+            Impossible::Mirrored,
+        ),
+        (
+            [[1.0, 0.4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            Impossible::Shear,
+        ),
+        (
+            [[1.0, 0.0, 0.0], [0.0, 0.45, 0.0], [0.0, 0.0, 1.0]],
+            Impossible::Stretch,
+        ),
+        (
+            [[1.5, 0.0, 1.5], [0.0, 1.0, 0.0], [-1.5, 0.0, 1.5]],
+            Impossible::Stretch,
+        ),
+    ] {
+        let vector = Vector::from_real(matrix, [0.0; 3]).unwrap();
+        let bent = Channel::with_vector(channel(), &vector);
+        assert_eq!(bent.check(), Err(expected), "{matrix:?}");
+    }
     let mut broken = channel();
     broken.norm_residual_mg = f64::NAN;
     assert_eq!(
@@ -222,5 +244,28 @@ proptest! {
         let text = to_text(std::slice::from_ref(&written)).unwrap();
         let read = from_text(text.as_bytes(), 1).unwrap();
         prop_assert_eq!(read[0].vector(), vector);
+    }
+}
+
+#[test]
+fn numbers_under_the_crc_are_written_as_the_document_says() {
+    let page = include_str!("../../../docs/calibration-format.md");
+    for value in [1.0, 0.1, -0.000012, 1e-6, 1.25e-9, 123_456.5, 1e16] {
+        let text = Value::from(value).to_string();
+        println!("{text}");
+        assert!(
+            page.contains(&format!("`{text}`")),
+            "{text} is not in the page"
+        );
+        assert_eq!(text.parse::<f64>().unwrap(), value);
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_endless_file_is_too_large() {
+    let endless = Path::new("/dev/zero");
+    if endless.exists() {
+        assert_eq!(load(endless, 1).unwrap_err().problem, Problem::TooLarge);
     }
 }

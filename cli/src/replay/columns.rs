@@ -69,7 +69,8 @@ pub struct Columns {
     pub ignored: Vec<String>,
 }
 
-const TIMES: [(&str, TimeUnit); 3] = [
+/// The names of a time column and their units.
+pub const TIMES: [(&str, TimeUnit); 3] = [
     ("time_s", TimeUnit::Seconds),
     ("time_ms", TimeUnit::Milliseconds),
     ("time_us", TimeUnit::Microseconds),

@@ -5,6 +5,7 @@ use std::fmt;
 use super::calibrate::CalibrateError;
 use super::calibration_file::CalibrationFileError;
 use super::recording_error::RecordingError;
+use crate::report::replay_tables::printable;
 use crate::report::write::WriteError;
 
 /// A replay that could not be carried out. Nothing has been written when one is returned.
@@ -59,6 +60,15 @@ pub enum ReplayError {
         /// Numbers per g of the recording.
         found: f64,
     },
+    /// The calibration makes something else than 1 g of the standstills.
+    OtherSensor {
+        /// The calibration file.
+        calibration: String,
+        /// The recording.
+        file: String,
+        /// Median length at standstill by the calibration, g.
+        length_g: f64,
+    },
     /// The report could not be written.
     Write(WriteError),
     /// The report could not be turned into JSON.
@@ -70,30 +80,41 @@ pub enum ReplayError {
 impl std::error::Error for ReplayError {}
 
 impl fmt::Display for ReplayError {
+    /// One line, whatever the names of the files are.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::TooManyFiles(third) => write!(
+        f.write_str(&printable(&Sentence(self).to_string()))
+    }
+}
+
+/// The message as it is, with file names that may hold anything.
+struct Sentence<'a>(&'a ReplayError);
+
+impl fmt::Display for Sentence<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        use ReplayError as Error;
+        match self.0 {
+            Error::TooManyFiles(third) => write!(
                 f,
                 "{third}: a third recording; give one for one channel or two for a cross-check"
             ),
-            Self::SameFile(file) => write!(
+            Error::SameFile(file) => write!(
                 f,
                 "{file}: given as both channels, and would agree with itself; give two recordings"
             ),
-            Self::SaveOverInput(file) => write!(
+            Error::SaveOverInput(file) => write!(
                 f,
                 "{file}: is read by this replay; give --save-calibration another path"
             ),
-            Self::LsbPerG(file, given) => write!(
+            Error::LsbPerG(file, given) => write!(
                 f,
                 "{file}: --lsb-per-g {given} is no scale; give a positive number of counts"
             ),
-            Self::Recording(error) => write!(f, "{error}"),
-            Self::CalibrationFile(error) => write!(f, "{error}"),
-            Self::Write(error) => write!(f, "{error}"),
-            Self::Json(error) => write!(f, "the report can't be written as JSON: {error}"),
-            Self::Stdout(error) => write!(f, "standard output can't be written: {error}"),
-            _ => self.about_calibration(f),
+            Error::Recording(error) => write!(f, "{error}"),
+            Error::CalibrationFile(error) => write!(f, "{error}"),
+            Error::Write(error) => write!(f, "{error}"),
+            Error::Json(error) => write!(f, "the report can't be written as JSON: {error}"),
+            Error::Stdout(error) => write!(f, "standard output can't be written: {error}"),
+            _ => self.0.about_calibration(f),
         }
     }
 }
@@ -103,7 +124,7 @@ impl ReplayError {
         match self {
             Self::NoReference(file) => write!(
                 f,
-                "{file}: has no reference columns; calibrate with --from poses"
+                "{file}: has no reference columns, or empty ones; calibrate with --from poses"
             ),
             Self::Calibrate(file, why) => write!(
                 f,
@@ -143,6 +164,15 @@ impl ReplayError {
                 f,
                 "{calibration}: was made for {made_for} numbers per g and {file} has {found}; \
                  give the recordings of that sensor in their order, or say --lsb-per-g"
+            ),
+            Self::OtherSensor {
+                calibration,
+                file,
+                length_g,
+            } => write!(
+                f,
+                "{calibration}: makes {length_g:.3} g of the standstills of {file} instead of \
+                 1 g: it belongs to another sensor; give that sensor's own, or leave it out"
             ),
             _ => Ok(()),
         }

@@ -149,7 +149,7 @@ impl<'a> ChannelFigures<'a> {
         let at_rest = segment.and_then(|segment| self.at_rest.get_mut(segment));
         if let Some(at_rest) = at_rest.and_then(|both| both.get_mut(axis)) {
             at_rest.angle.push(angle);
-            at_rest.uncertainty.push(m.unshared.degrees());
+            at_rest.uncertainty.push(uncertainty);
         }
     }
 

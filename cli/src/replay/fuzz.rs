@@ -19,7 +19,7 @@ use crate::progress::Progress;
 fn play_through(recording: Recording) -> Result<(), TestCaseError> {
     let rows = recording.rows.len();
     let channels = [identity(recording, 0)];
-    let chains = [tuning::chain(&channels[0], Mode::Product)];
+    let chains = tuning::chains(&channels, Mode::Product);
     let (mut count, mut last) = (0, None);
     play(
         &channels,

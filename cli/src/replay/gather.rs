@@ -17,7 +17,6 @@ use crate::report::replay_data::{
     CalibrationKind, ReplayChannel, ReplayReport, SkippedRows, SlopeSeries,
 };
 use crate::report::series::rounded;
-use tilt::chain::Chain;
 
 /// Plays the channels and reports. `notes` are said before those that are found here.
 pub fn report(
@@ -26,10 +25,8 @@ pub fn report(
     mode: Mode,
     progress: &Progress,
 ) -> ReplayReport {
-    let chains: Vec<Chain> = channels
-        .iter()
-        .map(|channel| tuning::chain(channel, mode))
-        .collect();
+    let chains = tuning::chains(channels, mode);
+    let common_us = tuning::common_latency_us(&chains);
     let origin_us = channels.first().map_or(0, |channel| channel.offset_us);
     let both = || channels.iter().zip(&chains);
     let mut figures: Vec<ChannelFigures> = both()
@@ -47,7 +44,7 @@ pub fn report(
     let parts = figures.into_iter().zip(both()).zip(1..);
     let reported = parts.map(|((figures, (channel, chain)), number)| {
         let (slopes, plateaus) = figures.slopes();
-        let latency_ms = Some(rounded(tuning::latency_ms(chain)));
+        let latency_ms = Some(rounded(tuning::latency_ms(chain, common_us)));
         ReplayChannel {
             latency_ms,
             slopes,
@@ -154,6 +151,18 @@ fn channel_notes((channel, number): (&Prepared, u8)) -> Vec<String> {
             "Channel {number}: the times jitter; the rows were put on a steady clock of {:.1} Hz \
              on the line between the row before and the row after.",
             1e6 / steady.period_us as f64
+        ));
+    }
+    let refers = recording.columns.reference.is_some();
+    if refers && !recording.has_reference() && channel.how.kind == CalibrationKind::Poses {
+        notes.push(format!(
+            "Channel {number}: the reference columns are empty; the calibration came from poses \
+             instead."
+        ));
+    }
+    if recording.trailing_bytes {
+        notes.push(format!(
+            "Channel {number}: more bytes follow the end of the gzip stream; they were not read."
         ));
     }
     let unread = recording.unread_extras;

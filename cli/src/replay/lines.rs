@@ -1,12 +1,15 @@
 //! Lines of a text file that may be compressed, one at a time and none too long.
 //!
 //! In: any reader. It is taken as gzip (one member or several) when its first two bytes say so,
-//! whatever the file is called. Out: each line as bytes without its line end, with its number.
+//! whatever the file is called. What follows the last member, such as the zeros of a tape, is not
+//! read, but told. Out: each line as bytes without its line end, with its number.
 //! A line over [`LONGEST`] is refused before it is held in memory.
 
+use std::cell::Cell;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::rc::Rc;
 
-use flate2::bufread::MultiGzDecoder;
+use flate2::bufread::GzDecoder;
 
 /// The longest line that is read, in bytes.
 pub const LONGEST: usize = 64 * 1024;
@@ -26,10 +29,37 @@ pub enum LineError {
     Io(io::Error),
 }
 
+/// The text of all gzip members, one after the other.
+struct Members<R> {
+    /// The member under way; `None` behind the last.
+    member: Option<GzDecoder<R>>,
+    trailing_bytes: Rc<Cell<bool>>,
+}
+
+impl<R: BufRead> Read for Members<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while let Some(member) = &mut self.member {
+            let bytes = member.read(buffer)?;
+            if bytes > 0 || buffer.is_empty() {
+                return Ok(bytes);
+            }
+            let next = member.get_mut().fill_buf()?.first().copied();
+            let ended = self.member.take().map(GzDecoder::into_inner);
+            if next == GZIP.first().copied() {
+                self.member = ended.map(GzDecoder::new);
+            } else {
+                self.trailing_bytes.set(next.is_some());
+            }
+        }
+        Ok(0)
+    }
+}
+
 /// Reads line by line.
 pub struct Lines<'a> {
     reader: Box<dyn BufRead + 'a>,
     gzip: bool,
+    trailing_bytes: Rc<Cell<bool>>,
     line: Vec<u8>,
     number: u64,
 }
@@ -45,14 +75,19 @@ impl<'a> Lines<'a> {
             .map_err(LineError::Io)?;
         let gzip = head == GZIP;
         let whole = BufReader::new(Cursor::new(head).chain(source));
+        let trailing_bytes = Rc::new(Cell::new(false));
         let reader: Box<dyn BufRead> = if gzip {
-            Box::new(BufReader::new(MultiGzDecoder::new(whole)))
+            Box::new(BufReader::new(Members {
+                member: Some(GzDecoder::new(whole)),
+                trailing_bytes: trailing_bytes.clone(),
+            }))
         } else {
             Box::new(whole)
         };
         Ok(Self {
             reader,
             gzip,
+            trailing_bytes,
             line: Vec::new(),
             number: 0,
         })
@@ -61,6 +96,11 @@ impl<'a> Lines<'a> {
     /// The number of the line that was read last, counted from 1; 0 before the first.
     pub fn number(&self) -> u64 {
         self.number
+    }
+
+    /// True when something has been found behind the end of a gzip stream.
+    pub fn has_trailing_bytes(&self) -> bool {
+        self.trailing_bytes.get()
     }
 
     /// The next line without its `\n` or `\r\n`, or `None` at the end.
@@ -141,6 +181,23 @@ mod tests {
     fn several_gzip_members_are_one_text() {
         let bytes = [gzip(b"a\nb"), gzip(b"c\nd\n")].concat();
         assert_eq!(all(&bytes).unwrap(), ["a", "bc", "d"]);
+    }
+
+    #[test]
+    fn what_follows_a_gzip_stream_is_told_and_not_read() {
+        for behind in [&[0; 700][..], b"x", b"more text\n"] {
+            let bytes = [&gzip(b"a\nb\n"), &gzip(b"c\n"), behind].concat();
+            let mut lines = Lines::new(bytes.as_slice()).unwrap();
+            let mut count = 0;
+            while lines.next_line().unwrap().is_some() {
+                count += 1;
+            }
+            assert_eq!((count, lines.has_trailing_bytes()), (3, true));
+        }
+        let bytes = gzip(b"a\n");
+        let mut lines = Lines::new(bytes.as_slice()).unwrap();
+        while lines.next_line().unwrap().is_some() {}
+        assert!(!lines.has_trailing_bytes());
     }
 
     #[test]

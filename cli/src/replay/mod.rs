@@ -44,6 +44,7 @@ use std::process::ExitCode;
 
 use crate::progress::Progress;
 use crate::report::replay_data::ReplayReport;
+use crate::report::replay_tables::printable;
 use crate::report::terminal;
 use crate::report::write::{self, Written};
 
@@ -82,11 +83,14 @@ fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> Str
     let mut text = terminal::print_replay(report);
     text.push_str(&format!(
         "\nReport: {} and {}\n",
-        written.html.display(),
-        written.json.display()
+        printable(&written.html.display().to_string()),
+        printable(&written.json.display().to_string())
     ));
     if let Some(path) = &arguments.save_calibration {
-        text.push_str(&format!("Calibration: {}\n", path.display()));
+        text.push_str(&format!(
+            "Calibration: {}\n",
+            printable(&path.display().to_string())
+        ));
     }
     text
 }

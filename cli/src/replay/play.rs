@@ -7,12 +7,13 @@
 //! recording, so that a channel that falls silent is seen. Hours in which nothing was recorded at
 //! all are stepped over.
 
-use tilt::chain::{Chain, Reading, State};
+use tilt::chain::{Chain, Measurement, Reading, State};
 use tilt::sample::{FullScale, Instant, Temperature};
 
 use super::arguments::Mode;
 use super::prepare::Prepared;
 use super::recording::{GAP_PERIODS, Row};
+use super::tuning;
 use crate::progress::Progress;
 
 /// Time between readings in product mode, microseconds.
@@ -24,24 +25,26 @@ const SILENCE_US: u64 = 10_000_000;
 /// Readings between two words to the progress bar.
 const ADVANCE: u64 = 5000;
 
-/// One recording under its head.
+/// One recording under its head. The faster of two is held back, as [`tuning::held_back_us`] says.
 struct Tape<'a> {
     chain: &'a Chain,
     rows: &'a [Row],
     range: FullScale,
     offset_us: u64,
+    held_back_us: u32,
     state: State,
     next: usize,
     last_us: u64,
 }
 
 impl<'a> Tape<'a> {
-    fn new(channel: &'a Prepared, chain: &'a Chain) -> Self {
+    fn new(channel: &'a Prepared, chain: &'a Chain, held_back_us: u32) -> Self {
         Self {
             chain,
             rows: channel.fed(),
             range: chain.full_scale,
             offset_us: channel.offset_us,
+            held_back_us,
             state: State::default(),
             next: 0,
             last_us: channel.offset_us,
@@ -57,6 +60,20 @@ impl<'a> Tape<'a> {
     fn end_us(&self) -> u64 {
         let last = self.rows.last().map_or(0, |row| row.time_us);
         last.saturating_add(self.offset_us)
+    }
+
+    /// Feeds what has come until `now_us` and reads.
+    fn read_at(&mut self, now_us: u64) -> Reading {
+        let held_back_us = self.held_back_us;
+        let Some(then_us) = now_us.checked_sub(u64::from(held_back_us)) else {
+            return self.chain.reading(&self.state, Instant(now_us));
+        };
+        self.feed_until(then_us);
+        let reading = self.chain.reading(&self.state, Instant(then_us));
+        reading.map(|measurement| Measurement {
+            latency_us: measurement.latency_us.saturating_add(held_back_us),
+            ..measurement
+        })
     }
 
     fn feed_until(&mut self, now_us: u64) {
@@ -109,10 +126,11 @@ pub fn play(
     progress: &Progress,
     mut see: impl FnMut(Moment),
 ) {
+    let common_us = tuning::common_latency_us(chains);
     let mut tapes = channels
         .iter()
         .zip(chains)
-        .map(|(channel, chain)| Tape::new(channel, chain));
+        .map(|(channel, chain)| Tape::new(channel, chain, tuning::held_back_us(chain, common_us)));
     let Some(mut own) = tapes.next() else { return };
     let mut peer = tapes.next();
     let end_us = own.end_us().max(peer.as_ref().map_or(0, Tape::end_us));
@@ -121,15 +139,10 @@ pub fn play(
     let mut count: u64 = 0;
     let mut told_us = 0;
     while now_us <= end_us {
-        own.feed_until(now_us);
-        if let Some(peer) = &mut peer {
-            peer.feed_until(now_us);
-        }
-        let now = Instant(now_us);
         see(Moment {
-            now,
-            own: own.chain.reading(&own.state, now),
-            peer: peer.as_ref().map(|p| p.chain.reading(&p.state, now)),
+            now: Instant(now_us),
+            own: own.read_at(now_us),
+            peer: peer.as_mut().map(|peer| peer.read_at(now_us)),
         });
         count += 1;
         if count.is_multiple_of(ADVANCE) {

@@ -44,7 +44,7 @@ pub fn identity(recording: Recording, offset_us: u64) -> Prepared {
 }
 
 fn played(channels: &[Prepared], mode: Mode) -> Vec<Moment> {
-    let chains: Vec<Chain> = channels.iter().map(|c| tuning::chain(c, mode)).collect();
+    let chains = tuning::chains(channels, mode);
     let mut moments = Vec::new();
     play(channels, &chains, mode, &Progress::silent(), |moment| {
         moments.push(moment);

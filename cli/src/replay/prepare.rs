@@ -14,12 +14,15 @@ use super::calibrate::{
     CalibrateError, Fit, calibrate_from_poses, calibrate_from_reference, overlapping,
 };
 use super::calibration_file::{self, Channel, Method};
+use super::columns::AccelUnit;
 use super::error::ReplayError;
 use super::recording::{Options, Recording, Row};
 use super::segments::{self, Segment, Standstill};
 use super::steady::{Steady, steady};
+use super::windows::{norm, quantile};
 use crate::progress::Progress;
 use crate::report::replay_data::{CalibrationKind, ReplayCalibration};
+use crate::report::replay_tables::printable;
 
 /// A recording with everything that its chain needs.
 #[derive(Clone, Debug)]
@@ -80,10 +83,13 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, Repl
     }
     let offsets = offsets(&recordings)?;
     let standstills: Vec<Standstill> = recordings.iter().map(find).collect();
-    let (calibrated, notes) = match kept {
-        Some(records) => (from_file(arguments, records, &recordings)?, Vec::new()),
+    let (calibrated, mut notes) = match kept {
+        Some(records) => from_file(arguments, records, &recordings, &standstills)?,
         None => fitted(arguments.from, &recordings, &standstills, &offsets)?,
     };
+    if arguments.lsb_per_g.is_some() {
+        notes.extend(recordings.iter().zip(1..).filter_map(about_unused_scale));
+    }
     let parts = recordings.into_iter().zip(standstills).zip(offsets);
     let channels = parts
         .zip(calibrated)
@@ -147,18 +153,27 @@ fn from_file(
     arguments: &Arguments,
     records: Vec<Channel>,
     recordings: &[Recording],
-) -> Result<Vec<Calibrated>, ReplayError> {
+    standstills: &[Standstill],
+) -> Result<(Vec<Calibrated>, Vec<String>), ReplayError> {
     let path = arguments.calibration.as_deref();
-    for (record, recording) in records.iter().zip(recordings) {
+    let path = path.map_or_else(String::new, |path| path.display().to_string());
+    let mut notes = Vec::new();
+    let channels = records.iter().zip(recordings).zip(standstills).zip(1..);
+    for (((record, recording), standstill), number) in channels {
         let (made_for, found) = (record.numbers_per_g, recording.scale.per_g);
         // The file keeps nine decimals.
         if (made_for - found).abs() > 1e-6 * found {
             return Err(ReplayError::OtherScale {
-                calibration: path.map_or_else(String::new, |path| path.display().to_string()),
+                calibration: path,
                 file: recording.file.clone(),
                 made_for,
                 found,
             });
+        }
+        let source = printable(&record.source);
+        notes.push(format!("Channel {number}: calibrated on {source}."));
+        if let Some(length_g) = length_g(record, standstill) {
+            notes.extend(judge_length(&path, recording, length_g, number)?);
         }
     }
     let how = |record: &Channel| ReplayCalibration {
@@ -168,10 +183,69 @@ fn from_file(
         residual_deg: record.angle_residual_deg,
         condition: None,
     };
-    Ok(records
-        .into_iter()
-        .map(|record| (record.clone(), how(&record)))
-        .collect())
+    let calibrated = records.into_iter().map(|record| {
+        let how = how(&record);
+        (record, how)
+    });
+    Ok((calibrated.collect(), notes))
+}
+
+/// Further from 1 g than this at standstill, g, a kept calibration belongs to another sensor.
+const OTHER_SENSOR_G: f64 = 0.05;
+
+/// Further from 1 g than this at standstill, g, a kept calibration is worth a word.
+const DOUBTFUL_G: f64 = 0.01;
+
+/// Median length over the standstills by a kept calibration, g. One repeated code is no
+/// standstill but a sensor that has died, unless there is nothing else.
+fn length_g(record: &Channel, found: &Standstill) -> Option<f64> {
+    let lengths = |alive: bool| {
+        let counts = |segment: &&Segment| !alive || norm(segment.std_g) > DEAD_G;
+        let segments = found.segments.iter().filter(counts);
+        quantile(
+            segments.map(|s| norm(record.apply(s.mean_g))).collect(),
+            0.5,
+        )
+    };
+    lengths(true).or_else(|| lengths(false))
+}
+
+/// Less scatter than this, g, is the rounding of sums over one repeated code.
+const DEAD_G: f64 = 1e-5;
+
+fn judge_length(
+    calibration: &str,
+    recording: &Recording,
+    length_g: f64,
+    number: u8,
+) -> Result<Option<String>, ReplayError> {
+    let off_g = (length_g - 1.0).abs();
+    if off_g > OTHER_SENSOR_G {
+        return Err(ReplayError::OtherSensor {
+            calibration: calibration.to_owned(),
+            file: recording.file.clone(),
+            length_g,
+        });
+    }
+    Ok((off_g > DOUBTFUL_G).then(|| {
+        format!(
+            "Channel {number}: by its calibration file the sensor reads {length_g:.3} g at \
+             standstill; the calibration is worth {:.0} mg at best.",
+            1000.0 * off_g
+        )
+    }))
+}
+
+fn about_unused_scale((recording, number): (&Recording, u8)) -> Option<String> {
+    let unit = match recording.columns.unit {
+        AccelUnit::Lsb => return None,
+        AccelUnit::G => "g",
+        AccelUnit::MetrePerSecond2 => "m/s^2",
+    };
+    Some(format!(
+        "Channel {number}: --lsb-per-g was not used, since its columns are in {unit} and not in \
+         counts."
+    ))
 }
 
 /// Calibrates each recording from itself and turns the second onto the first.

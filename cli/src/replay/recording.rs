@@ -12,11 +12,11 @@ use std::path::Path;
 
 use tilt::sample::{Counts, FullScale};
 
-use super::columns::{Columns, ReferenceColumns, clean};
+use super::columns::{Columns, ReferenceColumns, TIMES, TimeUnit, clean};
 use super::lines::{LineError, Lines};
 use super::recording_error::{Problem, RecordingError};
 use super::reference::{Attitude, Reference};
-use super::scale::{Scale, scale, standstill_norm};
+use super::scale::{Scale, scale_of};
 use super::skips::{Count, Reason, Skips};
 use super::windows::quantile;
 
@@ -28,6 +28,16 @@ pub const MOST_ROWS: usize = 10_000_000;
 
 /// More periods than this between two rows is a gap, after which the chain starts anew.
 pub const GAP_PERIODS: u64 = 5;
+
+/// Most wrong times in a row that are found to be ahead of what follows.
+const MOST_AHEAD: usize = 3;
+
+/// The last rows are ahead of the recording when they leap by more than this, in periods and
+/// seconds. Nothing follows that would tell.
+const LAST_AHEAD: (f64, f64) = (100.0, 10.0);
+
+/// Larger numbers are no acceleration in any unit.
+const ABSURD: f64 = 1e6;
 
 /// The largest acceleration of an axis that is believed, g.
 const FULL_SCALE_G: f64 = 16.0;
@@ -80,6 +90,8 @@ pub struct Recording {
     pub data_lines: u64,
     /// The rows left out.
     pub skips: Skips,
+    /// The file went on behind the end of its gzip stream, with bytes that were not read.
+    pub trailing_bytes: bool,
     /// Rows kept without their temperature or reference, which is no number or no attitude.
     ///
     /// Loggers that interpolate a quaternion across its change of sign write such: its length
@@ -186,6 +198,7 @@ struct Parser<'a> {
     data_lines: u64,
     skips: Skips,
     unread_extras: Count,
+    trailing_bytes: bool,
 }
 
 impl<'a> Parser<'a> {
@@ -202,12 +215,16 @@ impl<'a> Parser<'a> {
             data_lines: 0,
             skips: Skips::default(),
             unread_extras: Count::default(),
+            trailing_bytes: false,
         };
         loop {
             let line = lines.number() + 1;
             match lines.next_line() {
                 Ok(Some(bytes)) => parser.take(line, bytes)?,
-                Ok(None) => return Ok(parser),
+                Ok(None) => {
+                    parser.trailing_bytes = lines.has_trailing_bytes();
+                    return Ok(parser);
+                }
                 Err(error) => return Err(explain(name, line, error, parser.raws.len())),
             }
         }
@@ -240,29 +257,62 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Drops the last row when its time leaps ahead of what follows.
+    /// Drops up to [`MOST_AHEAD`] last rows when their times leap ahead of what follows.
     ///
     /// One wrong digit in a time would otherwise make all rows up to that time backward ones.
     fn take_back_jump(&mut self, next: &Raw) {
-        let Some(last) = self.raws.last() else { return };
-        let leaps = next.time < last.time
-            && match self
-                .raws
-                .len()
-                .checked_sub(2)
-                .and_then(|i| self.raws.get(i))
-            {
-                None => true,
-                Some(before) => {
-                    let step = next.time - before.time;
-                    step > 0.0 && last.time - before.time > GAP_PERIODS as f64 * step
-                }
-            };
-        if leaps {
-            self.skips.add(Reason::ForwardJump, last.line);
-            self.raws.pop();
-            self.times_us.pop();
+        if self.raws.last().is_none_or(|last| next.time >= last.time) {
+            return;
         }
+        let len = self.raws.len();
+        let leaps = |from: usize| {
+            let before = from.checked_sub(1).and_then(|i| self.raws.get(i));
+            match (before, self.raws.get(from)) {
+                (None, _) => len == 1,
+                (Some(before), Some(ahead)) => {
+                    let step = next.time - before.time;
+                    step > 0.0 && ahead.time - before.time > GAP_PERIODS as f64 * step
+                }
+                _ => false,
+            }
+        };
+        let most = MOST_AHEAD.min(len);
+        if let Some(from) = (1..=most).map(|k| len - k).find(|&from| leaps(from)) {
+            self.drop_from(from);
+        }
+    }
+
+    /// Drops up to [`MOST_AHEAD`] rows at the end that leap ahead of all others.
+    fn take_back_last(&mut self) {
+        let (periods, seconds) = LAST_AHEAD;
+        let in_seconds = self.columns.time_unit.micros() / 1e6;
+        let step = |pair: &[Raw]| match pair {
+            [before, after] => (after.time - before.time) * in_seconds,
+            _ => 0.0,
+        };
+        let leap = |most: f64| {
+            let first = self.raws.len().saturating_sub(MOST_AHEAD).max(1);
+            (first..self.raws.len()).find(|&i| {
+                self.raws
+                    .get(i - 1..=i)
+                    .is_some_and(|pair| step(pair) > most)
+            })
+        };
+        if leap(seconds).is_none() {
+            return;
+        }
+        let period_s = quantile(self.raws.windows(2).map(step).collect(), 0.5).unwrap_or(0.0);
+        if let Some(from) = leap(seconds.max(periods * period_s)) {
+            self.drop_from(from);
+        }
+    }
+
+    /// Drops the rows from a place on as ahead of the others.
+    fn drop_from(&mut self, from: usize) {
+        for raw in self.raws.drain(from.min(self.raws.len())..) {
+            self.skips.add(Reason::ForwardJump, raw.line);
+        }
+        self.times_us.truncate(from);
     }
 
     fn parse(&self, line: u64, bytes: &[u8]) -> Result<Raw, Reason> {
@@ -277,6 +327,9 @@ impl<'a> Parser<'a> {
         let accel = [x?, y?, z?];
         if accel == [0.0; 3] {
             return Err(Reason::AllZero);
+        }
+        if accel.iter().any(|a| a.abs() > ABSURD) {
+            return Err(Reason::OverRange);
         }
         let temperature = match self.columns.temperature {
             Some(place) => optional(cell(place)),
@@ -316,11 +369,12 @@ impl<'a> Parser<'a> {
     }
 
     fn finish(mut self, options: Options) -> Result<Recording, RecordingError> {
+        self.take_back_last();
         self.check_rows(self.raws.len())?;
         let accel: Vec<[f64; 3]> = self.raws.iter().map(|raw| raw.accel).collect();
         let period_us = self.period_us()?;
-        let norm = standstill_norm(&self.times_us, &accel).unwrap_or(0.0);
-        let scale = scale(self.columns.unit, norm, options.lsb_per_g)
+        let (unit, times_us) = (self.columns.unit, &self.times_us);
+        let scale = scale_of(unit, times_us, &accel, options.lsb_per_g)
             .map_err(|problem| RecordingError::of_line(self.name, self.header_line, problem))?;
         let first_us = self.first_us();
         let (mut rows, late_us) = self.rows(scale.per_g);
@@ -336,6 +390,7 @@ impl<'a> Parser<'a> {
             gaps,
             data_lines: self.data_lines,
             skips: self.skips,
+            trailing_bytes: self.trailing_bytes,
             unread_extras: self.unread_extras,
         })
     }
@@ -370,7 +425,10 @@ impl<'a> Parser<'a> {
         if RATES_HZ.contains(&hz) {
             return Ok(period as u64);
         }
-        let fits = fitting_time(period / self.columns.time_unit.micros());
+        let fits = fitting_time(
+            period / self.columns.time_unit.micros(),
+            self.columns.time_unit,
+        );
         let problem = Problem::Rate { hz, fits };
         Err(RecordingError::of_line(
             self.name,
@@ -439,9 +497,19 @@ fn header(name: &str, lines: &mut Lines) -> Result<(Columns, u64), RecordingErro
         let text = String::from_utf8_lossy(bytes);
         let names: Vec<String> = text.split(',').map(clean).collect();
         let columns = Columns::from_names(&names)
+            .map_err(|problem| other_separator(&text).unwrap_or(problem))
             .map_err(|problem| RecordingError::of_line(name, line, problem))?;
         return Ok((columns, line));
     }
+}
+
+/// The problem of a header in which something else than a comma stands between the names.
+fn other_separator(header: &str) -> Option<Problem> {
+    let most = [';', '\t']
+        .into_iter()
+        .max_by_key(|c| header.matches(*c).count())?;
+    let separates = header.matches(most).count() >= 3 && !header.contains(',');
+    separates.then_some(Problem::Separator(most))
 }
 
 /// True for what no text editor writes. A character cut off at the end is let pass.
@@ -505,12 +573,12 @@ fn reference<'a>(
     }
 }
 
-/// The header of time by which a period of this many units would be believable.
-fn fitting_time(period: f64) -> Option<&'static str> {
-    let fits = |micros: f64| (10.0..=1000.0).contains(&(1e6 / (period * micros)));
-    [("time_s", 1e6), ("time_ms", 1e3), ("time_us", 1.0)]
+/// The other header of time by which a period of this many units would be believable.
+fn fitting_time(period: f64, named: TimeUnit) -> Option<&'static str> {
+    let fits = |unit: TimeUnit| (25.0..=1000.0).contains(&(1e6 / (period * unit.micros())));
+    TIMES
         .into_iter()
-        .find(|(_, micros)| fits(*micros))
+        .find(|(_, unit)| *unit != named && fits(*unit))
         .map(|(name, _)| name)
 }
 

@@ -33,6 +33,8 @@ pub enum Problem {
     LineTooLong,
     /// Over this many rows.
     TooManyRows(usize),
+    /// This stands between the names of the header instead of a comma.
+    Separator(char),
     /// The first line holds numbers.
     NoHeader,
     /// A column isn't there.
@@ -143,6 +145,11 @@ impl fmt::Display for Problem {
                 )
             }
             Self::TooManyRows(most) => write!(f, "more than {most} rows; cut the file in parts"),
+            Self::Separator(separator) => write!(
+                f,
+                "the columns are separated by '{}'; use commas, and points in numbers",
+                separator.escape_default()
+            ),
             Self::NoHeader => f.write_str(
                 "holds numbers where the header should be; put a first line such as \
                  `time_s,ax_g,ay_g,az_g`",
@@ -216,7 +223,10 @@ impl Problem {
                     Some(Reason::BackwardTime | Reason::ForwardJump | Reason::RepeatedTime) => {
                         "the time column"
                     }
-                    Some(Reason::CellCount) => "the number of cells in each row",
+                    Some(Reason::CellCount) => {
+                        "the number of cells in each row, with points and no commas in numbers"
+                    }
+                    Some(Reason::OverRange) => "the unit of those columns",
                     Some(Reason::AllZero) => "the logger: the sensor did not answer",
                     _ => "those cells",
                 })

@@ -282,6 +282,66 @@ fn extras_that_can_not_be_read_cost_only_themselves() {
 }
 
 #[test]
+fn a_wrong_last_time_and_three_in_a_row_are_ahead_of_the_others() {
+    let jumps = |text: &str| {
+        let recording = read(text).unwrap();
+        assert!(recording.duration_s() < 3.0);
+        (
+            recording.rows.len(),
+            recording.skips.of(Reason::ForwardJump),
+        )
+    };
+    let good = format!("{HEADER}{}", rows(200));
+    let ahead = |rows, first_line| (200, Count { rows, first_line });
+    assert_eq!(jumps(&format!("{good}99999,0.6,0,0.8\n")), ahead(1, 202));
+    let three = format!("{good}500,0.6,0,0.8\n500.01,0.6,0,0.8\n500.02,0.6,0,0.8\n");
+    assert_eq!(jumps(&three), ahead(3, 202));
+    let goes_on = format!("{three}2.03,0.6,0,0.8\n");
+    assert_eq!(
+        jumps(&goes_on),
+        (
+            201,
+            Count {
+                rows: 3,
+                first_line: 202
+            }
+        )
+    );
+    // A gap of seconds before the last row is a gap.
+    let gap = read(format!("{good}9.0,0.6,0,0.8\n")).unwrap();
+    assert_eq!((gap.rows.len(), gap.gaps.rows), (201, 1));
+}
+
+#[test]
+fn cells_of_1e308_have_a_sentence_without_nan() {
+    let absurd: String = (0..80)
+        .map(|i| format!("{i},1e308,1e308,1e308\n"))
+        .collect();
+    let text = refusal(format!("{HEADER}{absurd}"));
+    assert!(
+        text.contains("mend the unit") && !text.contains("NaN"),
+        "{text}"
+    );
+}
+
+#[test]
+fn ten_samples_per_second_are_not_taken_for_another_unit() {
+    let slow: String = (0..80)
+        .map(|i| format!("{}.{},0.6,0,0.8\n", i / 10, i % 10))
+        .collect();
+    let text = refusal(format!("{HEADER}{slow}"));
+    assert!(text.contains("10.000 samples per second"), "{text}");
+    assert!(text.contains("or record faster"), "{text}");
+}
+
+#[test]
+fn zeros_behind_a_gzip_stream_are_let_pass() {
+    let padded = [gzip(&format!("{HEADER}{}", rows(60))), vec![0; 512]].concat();
+    let recording = read(padded).unwrap();
+    assert_eq!((recording.rows.len(), recording.trailing_bytes), (60, true));
+}
+
+#[test]
 fn paths_that_lead_nowhere() {
     let none =
         Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();

@@ -3,7 +3,9 @@
 //! In: the numbers as recorded, with the unit that the header names. Out: how many of them make
 //! one g. The check uses that a standing sensor reads 1 g whatever its attitude: the quietest
 //! fifth of the recording is taken as standing, and the median of its lengths must be within
-//! [`PLAUSIBLE_G`]. A wrong unit misses it by far (9.8, or thousands).
+//! [`PLAUSIBLE_G`]. A wrong unit misses it by far (9.8, or thousands). Stretches of one repeated
+//! code are left out first: that is how a sensor stands that has died, at any length. Only where
+//! the rest tells no unit do they count, since a coarse sensor at rest may repeat itself, too.
 
 use super::columns::AccelUnit;
 use super::recording_error::Problem;
@@ -42,6 +44,41 @@ pub struct Scale {
     pub source: Source,
     /// Median length at standstill by this scale, g.
     pub standstill_g: f64,
+}
+
+/// The [`scale`] by the samples that live, or else by all of them.
+pub fn scale_of(
+    unit: AccelUnit,
+    times_us: &[u64],
+    accel: &[[f64; 3]],
+    lsb_per_g: Option<f64>,
+) -> Result<Scale, Problem> {
+    let of = |times: &[u64], accel: &[[f64; 3]]| {
+        let norm = standstill_norm(times, accel).unwrap_or(0.0);
+        scale(unit, norm, lsb_per_g)
+    };
+    let (times, alive) = alive(times_us, accel);
+    if alive.is_empty() {
+        return of(times_us, accel);
+    }
+    of(&times, &alive).or_else(|why| of(times_us, accel).map_err(|_| why))
+}
+
+/// The samples without the stretches, a window long and more, in which none differs from the next.
+fn alive(times_us: &[u64], accel: &[[f64; 3]]) -> (Vec<u64>, Vec<[f64; 3]>) {
+    let samples: Vec<(u64, [f64; 3])> = times_us
+        .iter()
+        .copied()
+        .zip(accel.iter().copied())
+        .collect();
+    let is_dead = |run: &[(u64, [f64; 3])]| match run {
+        [first, .., last] => {
+            run.len() >= FEWEST_IN_WINDOW && last.0 - first.0 >= 2 * HALF_WINDOW_US
+        }
+        _ => false,
+    };
+    let runs = samples.chunk_by(|a, b| a.1 == b.1);
+    runs.filter(|run| !is_dead(run)).flatten().copied().unzip()
 }
 
 /// The median length in the quietest fifth, in the unit of the input; `None` of no samples.
@@ -167,6 +204,32 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(text.contains("--lsb-per-g near 2060"), "{text}");
+    }
+
+    #[test]
+    fn a_sensor_that_sticks_or_stands_at_full_scale_does_not_decide() {
+        let times: Vec<u64> = (0..2000).map(|i| i * 10_000).collect();
+        let wobble = |i: usize| 0.001 * ((i * 7 % 5) as f64 - 2.0);
+        for dead in [[0.9, 0.9, 1.2], [2.0, 2.0, 2.0]] {
+            let sample = |i: usize| {
+                if i < 800 {
+                    [0.0, 0.6 + wobble(i), 0.8]
+                } else {
+                    dead
+                }
+            };
+            let accel: Vec<[f64; 3]> = (0..2000).map(sample).collect();
+            let found = scale_of(AccelUnit::G, &times, &accel, None).unwrap();
+            assert!((found.standstill_g - 1.0).abs() < 0.01, "{found:?}");
+        }
+        // A coarse sensor at rest repeats itself, and the rest of the recording is a tumble.
+        let sample = |i: usize| match i {
+            0..1400 => [0.0, 0.6, 0.8],
+            _ => [0.0, 0.0, 0.2 + wobble(i)],
+        };
+        let accel: Vec<[f64; 3]> = (0..2000).map(sample).collect();
+        let found = scale_of(AccelUnit::G, &times, &accel, None).unwrap();
+        assert!((found.standstill_g - 1.0).abs() < 0.01, "{found:?}");
     }
 
     #[test]

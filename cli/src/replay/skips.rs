@@ -19,7 +19,7 @@ pub enum Reason {
     RepeatedTime,
     /// An earlier time than the row before.
     BackwardTime,
-    /// A later time than the rows that follow: one leap ahead that the next row takes back.
+    /// A time ahead of the rows that follow, or far ahead at the end: up to three in a row.
     ForwardJump,
     /// An axis beyond 16 g, which no sensor of this kind can say.
     OverRange,
@@ -48,7 +48,7 @@ impl fmt::Display for Reason {
             Self::AllZero => "all axes zero",
             Self::RepeatedTime => "repeated timestamp",
             Self::BackwardTime => "backward timestamp",
-            Self::ForwardJump => "timestamp ahead of the next",
+            Self::ForwardJump => "timestamp ahead of the others",
             Self::OverRange => "acceleration beyond 16 g",
         })
     }

@@ -190,8 +190,8 @@ fn uncertainties(report: &ReplayReport) -> Group {
     };
     Group {
         title: "Standard uncertainty".to_owned(),
-        caption: "What the device reports with each angle. It grows towards 90 deg, where a \
-                  slope is least sensitive."
+        caption: "What the device reports with each angle. It grows while the machine \
+                  accelerates, as far as the length of the measured vector shows it."
             .to_owned(),
         charts: per_slope(report, "uncertainty", "standard uncertainty, deg", plots),
     }

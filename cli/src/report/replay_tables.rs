@@ -45,7 +45,7 @@ pub fn recordings(report: &ReplayReport) -> Table {
         let skipped: u64 = channel.skipped.iter().map(|rows| rows.count).sum();
         table.rows.push(vec![
             Cell::text(channel.channel.to_string()),
-            Cell::text(channel.file.as_str()),
+            Cell::text(printable(&channel.file)),
             Cell::text(channel.rows.to_string()),
             Cell::text(skipped.to_string()),
             Cell::text(channel.gaps.to_string()),
@@ -62,6 +62,21 @@ pub fn recordings(report: &ReplayReport) -> Table {
         }
     }
     table
+}
+
+/// The text with escapes for what would break its line or upset a terminal: control characters,
+/// line separators, and marks that turn the direction of writing.
+pub fn printable(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        let turns = matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        if c.is_control() || turns {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
 }
 
 /// Rows that were left out.
@@ -325,5 +340,13 @@ mod tests {
                 assert_eq!(row.len(), table.columns.len(), "{}", table.title);
             }
         }
+    }
+
+    #[test]
+    fn a_file_name_can_not_upset_the_terminal() {
+        let mut report = sample::replay();
+        report.channels[0].file = "a\nb\u{1b}[2J\u{202e}.csv".to_owned();
+        let text = recordings(&report).to_text();
+        assert!(text.contains("a\\nb\\u{1b}[2J\\u{202e}.csv"), "{text}");
     }
 }

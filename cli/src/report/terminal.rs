@@ -78,6 +78,7 @@ mod tests {
     #[test]
     fn the_demo_ends_with_its_verdict_and_holds_every_table() {
         let mut report = sample::demo();
+        (report.units, report.days) = (10, 7);
         let text = print_demo(&report);
         for title in [
             "Table I:",
@@ -91,6 +92,15 @@ mod tests {
         assert!(text.ends_with("Product mode is WITHIN its specification.\n"));
         report.within_specification = false;
         assert!(print_demo(&report).ends_with("OUTSIDE its specification.\n"));
+    }
+
+    #[test]
+    fn a_short_run_claims_only_what_it_judged() {
+        let mut report = sample::demo();
+        for short in [(9, 7), (10, 4)] {
+            (report.units, report.days) = short;
+            assert!(print_demo(&report).ends_with("that so short a run can judge.\n"));
+        }
     }
 
     #[test]

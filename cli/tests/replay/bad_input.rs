@@ -362,3 +362,101 @@ fn places_that_can_not_be_written() {
     );
     assert_eq!(folder.names(), ["one.csv", "out"]);
 }
+
+#[test]
+fn a_calibration_of_another_sensor_or_an_impossible_one() {
+    let folder = Folder::new("other-sensor");
+    let one = folder.file("one.csv", good());
+    let kept = folder.path("kept.json");
+    replay_well(&folder, &[&one, "--save-calibration", &kept]);
+    std::fs::remove_dir_all(folder.0.join("out")).unwrap();
+    let mut sensor = SQUARE;
+    sensor.matrix = sensor.matrix.map(|row| row.map(|v| 1.08 * v));
+    let other = folder.file("other.csv", sensor.record(up));
+    let sentence = refused(
+        &folder,
+        &[&other, "--calibration", &kept],
+        "kept.json",
+        "it belongs to another sensor",
+    );
+    assert!(sentence.contains("other.csv"), "{sentence}");
+    let text = std::fs::read_to_string(&kept).unwrap();
+    let mirrored = resealed(&text, |channels| {
+        for key in ["matrix", "matrix_q30"] {
+            for column in 0..3 {
+                let cell = &mut channels[0][key][2][column];
+                *cell = match cell.as_i64() {
+                    Some(steps) => (-steps).into(),
+                    None => (-cell.as_f64().unwrap()).into(),
+                };
+            }
+        }
+    });
+    let mirrored = folder.file("mirrored.json", mirrored);
+    refused(
+        &folder,
+        &[&one, "--calibration", &mirrored],
+        "mirrored.json",
+        "the matrix mirrors",
+    );
+}
+
+#[test]
+#[cfg(unix)]
+fn a_calibration_is_saved_in_a_regular_file_or_not_at_all() {
+    let folder = Folder::new("irregular");
+    let pipe = folder.path("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.is_ok_and(|status| status.success()), "no mkfifo here");
+    let loose = folder.path("loose");
+    std::os::unix::fs::symlink(folder.path("nowhere"), &loose).unwrap();
+    let round = folder.path("round");
+    std::os::unix::fs::symlink(&pipe, &round).unwrap();
+    std::fs::create_dir(folder.path("inside")).unwrap();
+    // Before any work: the recording is not even there.
+    let none = folder.path("none.csv");
+    for (place, says) in [
+        (&pipe, "it is no regular file"),
+        (&round, "it is no regular file"),
+        (&loose, "the link leads nowhere"),
+        (&folder.path("inside"), "it is a folder"),
+    ] {
+        refused(&folder, &[&none, "--save-calibration", place], place, says);
+    }
+}
+
+#[test]
+fn other_separators_and_names_that_break_lines() {
+    let folder = Folder::new("separators");
+    for (name, separator, says) in [
+        (
+            "semicolon.csv",
+            ";",
+            "the columns are separated by ';'; use commas",
+        ),
+        (
+            "tab.csv",
+            "\t",
+            "the columns are separated by '\\t'; use commas",
+        ),
+    ] {
+        let text = good().replace(',', separator).replace('.', ",");
+        let file = folder.file(name, text);
+        refused(&folder, &[&file], name, says);
+    }
+    let decimals = with_lines(&good(), |n, line| (n > 1).then(|| line.replace('.', ",")));
+    let file = folder.file("decimals.csv", decimals);
+    refused(
+        &folder,
+        &[&file],
+        "decimals.csv",
+        "with points and no commas",
+    );
+    let none = folder.path("two\nlines\u{1b}[2J.csv");
+    refused(
+        &folder,
+        &[&none],
+        "two\\nlines\\u{1b}[2J.csv",
+        "there is no such file",
+    );
+}

@@ -97,10 +97,15 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
 
 /// The up vector `i` samples after the start.
 pub fn up(i: u64) -> [f64; 3] {
-    let cycle = (POSE_S + WAY_S) * RATE_HZ;
+    up_at(i, RATE_HZ)
+}
+
+/// The up vector `i` samples after the start, at another rate.
+pub fn up_at(i: u64, rate_hz: u64) -> [f64; 3] {
+    let cycle = (POSE_S + WAY_S) * rate_hz;
     let pose = |n: u64| unit(POSES[(n as usize).min(POSES.len() - 1)]);
     let (now, next, into) = (pose(i / cycle), pose(i / cycle + 1), i % cycle);
-    let way = into.saturating_sub(POSE_S * RATE_HZ) as f64 / (WAY_S * RATE_HZ) as f64;
+    let way = into.saturating_sub(POSE_S * rate_hz) as f64 / (WAY_S * rate_hz) as f64;
     // An arc from one to the other; opposite poses do not follow each other.
     unit(std::array::from_fn(|k| now[k] + way * (next[k] - now[k])))
 }
@@ -160,14 +165,19 @@ impl Sensor {
 
     /// A recording in g; `motion` gives the up vector of each sample.
     pub fn record(&self, motion: impl Fn(u64) -> [f64; 3]) -> String {
+        self.record_at(RATE_HZ, motion)
+    }
+
+    /// A recording of the same length at another rate.
+    pub fn record_at(&self, rate_hz: u64, motion: impl Fn(u64) -> [f64; 3]) -> String {
         let mut text = "time_s,ax_g,ay_g,az_g\n".to_owned();
         let mut state = self.seed;
-        for i in 0..SAMPLES {
+        for i in 0..SAMPLES * rate_hz / RATE_HZ {
             let read = self
                 .reads(motion(i))
                 .map(|a| a + self.noise_g * normal(&mut state));
             let [x, y, z] = read;
-            let time = i as f64 / RATE_HZ as f64;
+            let time = i as f64 / rate_hz as f64;
             writeln!(text, "{time:.3},{x:.6},{y:.6},{z:.6}").unwrap();
         }
         text

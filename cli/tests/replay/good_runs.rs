@@ -306,3 +306,133 @@ fn the_report_is_written_and_json_is_all_that_stdout_holds() {
         ["report.html", "report.json"]
     );
 }
+
+#[test]
+fn one_motion_at_two_rates_agrees() {
+    let folder = Folder::new("rates");
+    let one = folder.file("one.csv", SQUARE.record(up));
+    let fast = folder.file("fast.csv", TURNED.record_at(200, |i| up_at(i, 200)));
+    for pair in [[&one, &fast], [&fast, &one]] {
+        let report = report(&folder, &pair.map(String::as_str));
+        for slope in report["cross_check"]["slopes"].as_array().unwrap() {
+            let largest = slope["max_deg"].as_f64().unwrap();
+            println!("largest difference {largest:.3} deg");
+            assert!(largest < 0.3, "{largest}");
+            assert_eq!(slope["warnings"], 0);
+        }
+        let latency = |channel: usize| &report["channels"][channel]["latency_ms"];
+        assert_eq!(latency(0), latency(1));
+        let verdicts = report["verdicts"].as_array().unwrap();
+        let (last, first) = verdicts.split_last().unwrap();
+        assert_eq!(last["verdict"], "agree");
+        let waits = |v: &Value| {
+            v["verdict"]
+                .as_str()
+                .unwrap()
+                .starts_with("no comparison yet")
+        };
+        assert!(first.iter().all(waits), "{first:?}");
+    }
+}
+
+fn notes(report: &Value) -> Vec<&str> {
+    let notes = report["notes"].as_array().unwrap().iter();
+    notes.map(|note| note.as_str().unwrap()).collect()
+}
+
+/// The sensor with another scale.
+fn stretched(by: f64) -> Sensor {
+    Sensor {
+        matrix: SQUARE.matrix.map(|row| row.map(|v| by * v)),
+        offset_g: SQUARE.offset_g.map(|v| by * v),
+        ..SQUARE
+    }
+}
+
+#[test]
+fn a_kept_calibration_that_makes_two_per_cent_too_much_gets_a_note_and_its_uncertainty() {
+    let folder = Folder::new("doubtful");
+    let one = folder.file("one.csv", SQUARE.record(up));
+    let other = folder.file("other.csv", stretched(1.02).record(up));
+    let kept = folder.path("kept.json");
+    report(&folder, &[&one, "--save-calibration", &kept]);
+    let good = report(&folder, &[&one, "--calibration", &kept]);
+    let doubtful = report(&folder, &[&other, "--calibration", &kept]);
+    let said = "Channel 1: calibrated on one.csv.";
+    assert!(notes(&good).contains(&said) && notes(&doubtful).contains(&said));
+    let about = |report| {
+        notes(report)
+            .iter()
+            .any(|n| n.contains("the sensor reads 1.020 g"))
+    };
+    assert!(about(&doubtful) && !about(&good), "{:?}", notes(&doubtful));
+    // The length shows an acceleration; the table says what each angle said.
+    let reported = |report: &Value| {
+        let found = &report["channels"][0]["slopes"][0]["standstill"];
+        found["uncertainty_deg"].as_f64().unwrap()
+    };
+    println!("{:.3} and {:.3} deg", reported(&good), reported(&doubtful));
+    assert!(reported(&doubtful) > 4.0 * reported(&good));
+}
+
+#[test]
+fn a_channel_that_sticks_later_is_replayed_and_found() {
+    let folder = Folder::new("sticks");
+    let one = folder.file("one.csv", SQUARE.record(up));
+    let whole = TURNED.record(up);
+    let other = folder.file("other.csv", &whole);
+    let kept = folder.path("kept.json");
+    report(&folder, &[&one, &other, "--save-calibration", &kept]);
+    for (name, dead) in [
+        ("stuck.csv", "1.100,1.000,1.100"),
+        ("full.csv", "2.000,2.000,2.000"),
+    ] {
+        let stuck = with_lines(&whole, |number, line| {
+            (number > 3501).then(|| format!("{},{dead}", line.split_once(',').unwrap().0))
+        });
+        let stuck = folder.file(name, stuck);
+        let report = report(&folder, &[&one, &stuck, "--calibration", &kept]);
+        let verdicts = report["verdicts"].as_array().unwrap();
+        let fault = verdicts
+            .iter()
+            .find(|v| v["verdict"] == "disagree")
+            .unwrap();
+        let from_s = fault["from_s"].as_f64().unwrap();
+        assert!((35.0..35.5).contains(&from_s), "{name}: {from_s}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_calibration_saved_through_a_link_is_written_where_it_leads() {
+    let folder = Folder::new("link");
+    let one = folder.file("one.csv", SQUARE.record(up));
+    let target = folder.file("target.json", "old");
+    let link = folder.path("link.json");
+    std::os::unix::fs::symlink(&target, &link).unwrap();
+    report(&folder, &[&one, "--save-calibration", &link]);
+    assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+    let written = std::fs::read_to_string(&target).unwrap();
+    assert!(written.contains("plumb-calibration"));
+    assert_eq!(
+        folder.names(),
+        ["link.json", "one.csv", "out", "target.json"]
+    );
+}
+
+#[test]
+fn what_was_asked_for_and_not_used_is_noted() {
+    let folder = Folder::new("unused");
+    let empty = with_lines(&SQUARE.record(up), |number, line| {
+        let more = if number == 1 {
+            ",ref_x_deg,ref_y_deg"
+        } else {
+            ",,"
+        };
+        Some(format!("{line}{more}"))
+    });
+    let file = folder.file("empty.csv", empty);
+    let report = report(&folder, &[&file, "--lsb-per-g", "2048"]);
+    let has = |part: &str| notes(&report).iter().any(|note| note.contains(part));
+    assert!(has("the reference columns are empty") && has("--lsb-per-g was not used"));
+}
