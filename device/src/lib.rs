@@ -10,4 +10,5 @@
 
 pub mod channel;
 pub mod node;
+pub mod objects;
 pub mod sensor;

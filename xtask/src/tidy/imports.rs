@@ -33,9 +33,9 @@ const RULES: [Rule; 9] = [
         Some(&["embedded-hal"]),
     ),
     rule("firmware", &["device", "flash"], None),
-    rule("sim", &["device", "tilt"], None),
+    rule("sim", &["device", "tilt", "canopen"], None),
     rule("emulator", &["sim"], None),
-    rule("cli", &["device", "sim", "tilt"], None),
+    rule("cli", &["device", "sim", "tilt", "canopen"], None),
     rule("xtask", &[], None),
 ];
 

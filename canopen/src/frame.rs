@@ -1,0 +1,152 @@
+//! One classical CAN frame, as it stands on the bus (ISO 11898-1: 11 or 29 bit identifier).
+//!
+//! In and out of everything in this crate. CANopen itself speaks in 11-bit data frames; remote
+//! frames come for node guarding and for PDOs, 29-bit frames only as somebody else's traffic.
+//!
+//! Left out: CAN FD, and bit timing.
+
+pub use embedded_can::{ExtendedId, Id, StandardId};
+
+/// A data or remote frame of 0 to 8 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame {
+    id: Id,
+    remote: bool,
+    length: u8,
+    data: [u8; 8],
+}
+
+/// Cuts a number to the 11 bits of a CANopen identifier.
+pub const fn standard(id: u16) -> StandardId {
+    match StandardId::new(id & 0x7FF) {
+        Some(id) => id,
+        None => StandardId::ZERO,
+    }
+}
+
+impl Frame {
+    /// A data frame with an 11-bit identifier (upper bits cut) and at most 8 bytes (rest cut).
+    ///
+    /// For frames whose form is known where they are made; from outside use [`Frame::with`].
+    pub fn data_frame(id: u16, bytes: &[u8]) -> Self {
+        let mut data = [0; 8];
+        let mut length = 0;
+        for (to, from) in data.iter_mut().zip(bytes) {
+            *to = *from;
+            length += 1;
+        }
+        Self {
+            id: Id::Standard(standard(id)),
+            remote: false,
+            length,
+            data,
+        }
+    }
+
+    /// A data frame with any identifier; `None` when there are more than 8 bytes.
+    pub fn with(id: impl Into<Id>, bytes: &[u8]) -> Option<Self> {
+        let frame = Self::data_frame(0, bytes);
+        (bytes.len() <= 8).then_some(Self {
+            id: id.into(),
+            ..frame
+        })
+    }
+
+    /// A remote frame that asks for `length` bytes; `None` above 8.
+    pub fn remote(id: impl Into<Id>, length: usize) -> Option<Self> {
+        let length = u8::try_from(length).ok().filter(|l| *l <= 8)?;
+        Some(Self {
+            id: id.into(),
+            remote: true,
+            length,
+            data: [0; 8],
+        })
+    }
+
+    /// The identifier.
+    pub const fn id(&self) -> Id {
+        self.id
+    }
+
+    /// The 11-bit identifier; `None` for a 29-bit one.
+    pub fn cob_id(&self) -> Option<u16> {
+        match self.id {
+            Id::Standard(id) => Some(id.as_raw()),
+            Id::Extended(_) => None,
+        }
+    }
+
+    /// True for a remote frame.
+    pub const fn is_remote(&self) -> bool {
+        self.remote
+    }
+
+    /// The data length code: bytes carried, or asked for by a remote frame.
+    pub const fn length(&self) -> usize {
+        self.length as usize
+    }
+
+    /// The bytes carried; empty for a remote frame.
+    pub fn bytes(&self) -> &[u8] {
+        let length = if self.remote { 0 } else { self.length() };
+        self.data.get(..length).unwrap_or(&[])
+    }
+
+    /// All eight bytes, zero past the length.
+    pub const fn padded(&self) -> [u8; 8] {
+        self.data
+    }
+}
+
+impl embedded_can::Frame for Frame {
+    fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
+        Self::with(id, data)
+    }
+
+    fn new_remote(id: impl Into<Id>, dlc: usize) -> Option<Self> {
+        Self::remote(id, dlc)
+    }
+
+    fn is_extended(&self) -> bool {
+        matches!(self.id, Id::Extended(_))
+    }
+
+    fn is_remote_frame(&self) -> bool {
+        self.remote
+    }
+
+    fn id(&self) -> Id {
+        self.id
+    }
+
+    fn dlc(&self) -> usize {
+        self.length()
+    }
+
+    fn data(&self) -> &[u8] {
+        self.bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nine_bytes_are_no_frame() {
+        assert_eq!(Frame::with(standard(1), &[0; 9]), None);
+        assert_eq!(Frame::remote(standard(1), 9), None);
+    }
+
+    #[test]
+    fn a_remote_frame_carries_nothing_but_its_length() {
+        let frame = Frame::remote(standard(0x701), 1).unwrap();
+        assert_eq!((frame.length(), frame.bytes()), (1, &[][..]));
+    }
+
+    #[test]
+    fn an_extended_identifier_is_no_cob_id() {
+        let frame = Frame::with(ExtendedId::new(0x181).unwrap(), &[]).unwrap();
+        assert_eq!(frame.cob_id(), None);
+    }
+}
