@@ -12,6 +12,7 @@
 
 pub mod bench;
 pub mod chamber;
+pub mod electronics;
 pub mod error_model;
 pub mod excavator;
 pub mod instrument;

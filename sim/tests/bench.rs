@@ -109,7 +109,7 @@ fn calibrated_with_bad_supply(bad_s: (f64, f64)) -> ([CalibrationReport; 2], f64
     let start_s = bench.instrument.time_s();
     let mut supply = Supply::unstable(start_s + bad_s.0, &mut Rng::stream(0, "supply"));
     supply.repair(start_s + bad_s.1);
-    bench.instrument.sides[1].supply = supply;
+    bench.instrument.sides[1].electronics.supply = supply;
     let reports = bench.calibrate().unwrap();
     (reports, bench.instrument.time_s() - start_s)
 }

@@ -384,7 +384,8 @@ fn r13_a_bad_supply_ends_as_a_physical_fault_that_a_reset_cures() {
         .with(Term::SagWander, &ErrorModel::NOMINAL);
     let mut site = Site::new(&parts, 4);
     let from_s = site.instrument.time_s();
-    site.instrument.sides[1].supply = Supply::unstable(from_s, &mut Rng::stream(4, "supply"));
+    site.instrument.sides[1].electronics.supply =
+        Supply::unstable(from_s, &mut Rng::stream(4, "supply"));
     let found_s = site
         .until(Judgement::PhysicalFault, 645.0)
         .expect("Table I, row 2");
@@ -395,6 +396,7 @@ fn r13_a_bad_supply_ends_as_a_physical_fault_that_a_reset_cures() {
         "it stays until somebody has looked"
     );
     site.instrument.sides[1]
+        .electronics
         .supply
         .repair(site.instrument.time_s());
     run(&mut site.instrument, &mut site.arm, 0.1);

@@ -68,7 +68,7 @@ fn trace(mode: Mode, seed: u64) -> u64 {
     let mut rng = Rng::stream(seed, "trace");
     let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
     let from_s = bench.instrument.time_s() + 20.0;
-    bench.instrument.sides[1].supply = Supply::unstable(from_s, &mut rng);
+    bench.instrument.sides[1].electronics.supply = Supply::unstable(from_s, &mut rng);
     arm.step(bench.instrument.time_s());
     for _ in 0..3000 {
         run(&mut bench.instrument, &mut arm, 20.0 * TICK_S);

@@ -185,7 +185,7 @@ impl Bench {
         let start_s = self.instrument.time_s();
         arm.resume(start_s);
         if let Trouble::Supply { from_s } = trouble {
-            self.instrument.sides[1].supply = Supply::unstable(start_s + from_s, rng);
+            self.instrument.sides[1].electronics.supply = Supply::unstable(start_s + from_s, rng);
         }
         let mut run = DayRun {
             bench: self,
@@ -356,7 +356,7 @@ impl DayRun<'_> {
     fn reset(&mut self) {
         let now_s = self.now_s();
         if self.troubled() {
-            self.bench.instrument.sides[1].supply.repair(now_s);
+            self.bench.instrument.sides[1].electronics.supply.repair(now_s);
             self.cured = true;
             self.outcome(Outcome::SupplyFault);
         } else {

@@ -1,0 +1,285 @@
+//! The hardware of one side: a part with its analogue side, a crystal and a supply.
+//!
+//! In: the force that the housing feels, tick by tick. Out: data-ready edges with their time, and
+//! the register-level chip behind an SPI port. Whatever code runs on that side is the caller's:
+//! [`crate::instrument`] runs a channel alone, [`crate::network`] a whole CANopen device.
+//!
+//! Left out: the microcontroller, and the time that code takes to run.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use embedded_hal::delay::DelayNs;
+use tilt::sample::Instant;
+
+use crate::TICK_S;
+use crate::error_model::{ErrorModel, Part};
+use crate::lis2dw12::{Chip, SpiPort, Traits};
+use crate::low_pass::LowPass;
+use crate::rng::Rng;
+use crate::supply::{Condition, Supply, condition};
+
+/// A microcontroller's crystal: within +-50 ppm, started at a time of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    start_s: f64,
+    rate: f64,
+}
+
+impl Clock {
+    /// What the clock shows at `time_s`.
+    pub fn at(&self, time_s: f64) -> Instant {
+        Instant(((time_s - self.start_s) * self.rate * 1e6) as u64)
+    }
+}
+
+/// One part with its analogue side and its sampling clock.
+#[derive(Debug)]
+struct Sensor {
+    chip: Rc<RefCell<Chip>>,
+    part: Part,
+    analogue: LowPass,
+    felt_g: [f64; 3],
+    now_s: f64,
+    sampling: Option<Sampling>,
+    rng: Rng,
+}
+
+/// What the part does while it converts.
+#[derive(Clone, Copy, Debug)]
+struct Sampling {
+    next_s: f64,
+    period_s: f64,
+    sigma_g: f64,
+}
+
+fn nanoseconds(time_s: f64) -> u64 {
+    (time_s * 1e9).round() as u64
+}
+
+impl Sensor {
+    fn new(model: &ErrorModel, mut rng: Rng) -> Self {
+        let part = Part::draw(model, &mut rng);
+        let traits = Traits {
+            full_register: !part.quantises(),
+            ..Traits::TYPICAL
+        };
+        let chip = Rc::new(RefCell::new(Chip::new(traits)));
+        chip.borrow_mut().power_on(0);
+        Self {
+            chip,
+            part,
+            analogue: LowPass::new(200.0),
+            felt_g: [0.0, 0.0, 1.0],
+            now_s: 0.0,
+            sampling: None,
+            rng,
+        }
+    }
+
+    /// Follows what the part has been set up to do; the phase stays while the rate does.
+    fn retune(&mut self) {
+        let chip = self.chip.borrow();
+        let Some(odr_hz) = chip.odr_hz() else {
+            self.sampling = None;
+            return;
+        };
+        self.analogue
+            .retune(chip.bandwidth_hz().unwrap_or(odr_hz / 2.0));
+        let period_s = 1.0 / (odr_hz * self.part.clock_factor());
+        let sigma_g = chip.noise_density_ug() * 1e-6 * (odr_hz / 2.0).sqrt();
+        let running = self.sampling.filter(|s| s.period_s == period_s);
+        let next_s = running.map_or(self.now_s + period_s, |s| s.next_s);
+        self.sampling = Some(Sampling {
+            next_s,
+            period_s,
+            sigma_g,
+        });
+    }
+
+    /// One tick up to `time_s`, in which the force goes to `force_g`; calls `ready` for samples.
+    #[inline]
+    fn tick(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(f64)) {
+        let before_g = self.felt_g;
+        let before_s = self.now_s;
+        self.felt_g = self.analogue.step(force_g);
+        self.now_s = time_s;
+        while let Some(sampling) = self.sampling.filter(|s| s.next_s <= time_s) {
+            let due_s = sampling.next_s;
+            let way = ((due_s - before_s) / (time_s - before_s).max(1e-9)).clamp(0.0, 1.0);
+            let at_g = [0, 1, 2].map(|i| before_g[i] + way * (self.felt_g[i] - before_g[i]));
+            self.convert(at_g, &sampling);
+            if self.chip.borrow().data_ready() {
+                ready(due_s);
+            }
+            self.sampling = Some(Sampling {
+                next_s: due_s + sampling.period_s,
+                ..sampling
+            });
+        }
+    }
+
+    fn convert(&mut self, force_g: [f64; 3], sampling: &Sampling) {
+        let Sampling {
+            next_s,
+            period_s,
+            sigma_g,
+        } = *sampling;
+        let felt_g = self.part.feel(force_g, sigma_g, period_s, &mut self.rng);
+        let die_c = self.part.thermometer(&mut self.rng);
+        let mut chip = self.chip.borrow_mut();
+        chip.advance_to(nanoseconds(next_s));
+        chip.convert(felt_g, die_c);
+    }
+
+    fn brown_out(&mut self, time_s: f64) {
+        self.chip.borrow_mut().brown_out(nanoseconds(time_s));
+        self.part.power_on(&mut self.rng);
+        self.sampling = None;
+    }
+
+    fn power_cycle(&mut self) {
+        let now_ns = nanoseconds(self.now_s);
+        let mut chip = self.chip.borrow_mut();
+        chip.power_off();
+        chip.power_on(now_ns);
+        drop(chip);
+        self.part.power_on(&mut self.rng);
+        self.sampling = None;
+    }
+}
+
+/// Waiting, as the device sees it, while the housing stands still: samples go on coming.
+struct Standing<'a> {
+    sensor: &'a mut Sensor,
+    force_g: [f64; 3],
+}
+
+impl DelayNs for Standing<'_> {
+    fn delay_ns(&mut self, ns: u32) {
+        self.sensor.retune();
+        let end_s = self.sensor.now_s + f64::from(ns) * 1e-9;
+        while self.sensor.now_s < end_s {
+            let next_s = (self.sensor.now_s + TICK_S).min(end_s);
+            self.sensor.tick(self.force_g, next_s, |_| {});
+        }
+        self.sensor.chip.borrow_mut().advance_to(nanoseconds(end_s));
+    }
+}
+
+/// Sensor, supply and clock of one side.
+#[derive(Debug)]
+pub struct Electronics {
+    sensor: Sensor,
+    /// This side's supply.
+    pub supply: Supply,
+    condition: Condition,
+    clock: Clock,
+}
+
+impl Electronics {
+    /// Drawn from `rng`; powered, level.
+    pub fn new(model: &ErrorModel, mut rng: Rng) -> Self {
+        let clock = Clock {
+            start_s: -rng.range(0.1, 10.0),
+            rate: 1.0 + rng.range(-5e-5, 5e-5),
+        };
+        Self {
+            sensor: Sensor::new(model, rng),
+            supply: Supply::steady(),
+            condition: Condition::Good,
+            clock,
+        }
+    }
+
+    /// A port to the part, for the code of this side.
+    pub fn port(&self) -> SpiPort {
+        SpiPort::new(Rc::clone(&self.sensor.chip))
+    }
+
+    /// The part, for faults and for looking at.
+    pub fn chip(&self) -> &Rc<RefCell<Chip>> {
+        &self.sensor.chip
+    }
+
+    /// The crystal that this side's time comes from.
+    pub fn crystal(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// What this side's clock shows at `time_s`.
+    pub fn clock(&self, time_s: f64) -> Instant {
+        self.clock.at(time_s)
+    }
+
+    /// Virtual time that this side has reached, s.
+    pub fn now_s(&self) -> f64 {
+        self.sensor.now_s
+    }
+
+    /// Lets this side's time start no earlier than `time_s`.
+    pub fn catch_up(&mut self, time_s: f64) {
+        self.sensor.now_s = self.sensor.now_s.max(time_s);
+    }
+
+    /// Runs `code` that waits on a delay while the housing stands still: samples go on coming.
+    ///
+    /// `code` also gets this side's time at its beginning. Takes as long as it waits.
+    pub fn run_waiting<R>(&mut self, code: impl FnOnce(&mut dyn DelayNs, Instant) -> R) -> R {
+        let now = self.clock.at(self.sensor.now_s);
+        let force_g = self.sensor.felt_g;
+        let mut delay = Standing {
+            sensor: &mut self.sensor,
+            force_g,
+        };
+        let result = code(&mut delay, now);
+        self.sensor.retune();
+        result
+    }
+
+    /// One tick up to `time_s`; calls `ready` with the time of each data-ready edge.
+    #[inline]
+    pub fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(f64)) {
+        self.follow_supply(time_s);
+        self.sensor.tick(force_g, time_s, ready);
+    }
+
+    /// Brings the chip's own time up to `time_s`, before code talks to it between samples.
+    pub fn settle(&self, time_s: f64) {
+        self.sensor
+            .chip
+            .borrow_mut()
+            .advance_to(nanoseconds(time_s));
+    }
+
+    #[inline]
+    fn follow_supply(&mut self, time_s: f64) {
+        let now = condition(self.supply.step(time_s));
+        if now == self.condition {
+            return;
+        }
+        self.sensor.part.set_sag(now == Condition::Sag);
+        if now == Condition::BrownOut || self.condition == Condition::BrownOut {
+            self.sensor.brown_out(time_s);
+        }
+        self.condition = now;
+    }
+
+    /// Takes the power away and gives it back: new turn-on offsets.
+    pub fn power_cycle(&mut self) {
+        self.sensor.power_cycle();
+    }
+
+    /// Lets time pass up to `time_s` without sampling.
+    pub fn skip_to(&mut self, time_s: f64) {
+        self.sensor.now_s = time_s;
+        if let Some(sampling) = &mut self.sensor.sampling {
+            sampling.next_s = time_s + sampling.period_s;
+        }
+    }
+
+    /// The part's thermometer and chain temperature go with the die, degC.
+    pub fn set_die_temperature(&mut self, die_c: f64) {
+        self.sensor.part.set_die_temperature(die_c);
+    }
+}
