@@ -24,6 +24,13 @@ pub const fn standard(id: u16) -> StandardId {
     }
 }
 
+/// Identifiers that no configurable service may take, since fixed ones own them
+/// (CiA 301, 7.3.5): NMT, safety, SDO, and error control.
+pub(crate) const fn is_restricted(id: u32) -> bool {
+    matches!(id, 0..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF)
+        || id > 0x700
+}
+
 impl Frame {
     /// A data frame with an 11-bit identifier (upper bits cut) and at most 8 bytes (rest cut).
     ///

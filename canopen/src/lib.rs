@@ -7,9 +7,21 @@
 //! Left out: every object at 2000h and above (the device's business), CAN controllers, CAN FD.
 #![no_std]
 
+pub mod communication;
+pub mod crc;
+pub mod emcy;
+pub mod error_control;
 pub mod frame;
+pub mod lss;
+pub mod mapping;
+pub mod nmt;
+pub mod node;
 pub mod object;
+pub mod pdo;
 pub mod sdo;
+pub mod srdo;
+pub mod storage;
+pub mod sync;
 pub mod time;
 
 pub use frame::Frame;

@@ -5,9 +5,11 @@
 //! work was done and the instrument is outside its specification.
 
 mod demo;
+mod describe;
 mod progress;
 mod replay;
 mod report;
+mod serve;
 mod text_table;
 
 use std::process::ExitCode;
@@ -31,6 +33,8 @@ struct CommandLine {
 enum Verb {
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
+    /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
+    Describe(describe::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
 }
@@ -40,6 +44,7 @@ fn main() -> ExitCode {
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
     };
     match ended {

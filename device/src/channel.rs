@@ -157,6 +157,11 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.state.temperature()
     }
 
+    /// The measured time between samples in 1/256 us; 0 before the second sample.
+    pub fn period_q8(&self) -> u32 {
+        self.state.period_q8()
+    }
+
     /// Samples taken since the start; wraps.
     pub fn samples(&self) -> u32 {
         self.samples

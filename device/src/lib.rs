@@ -8,7 +8,14 @@
 //! dictionary and the bus) and `flash` (storage and update) will join here.
 #![no_std]
 
+pub mod calibration;
 pub mod channel;
+pub mod device;
+pub mod exchange;
+pub mod fault;
 pub mod node;
 pub mod objects;
+pub mod profile;
+pub mod program;
+pub mod records;
 pub mod sensor;

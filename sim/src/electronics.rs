@@ -31,6 +31,11 @@ impl Clock {
     pub fn at(&self, time_s: f64) -> Instant {
         Instant(((time_s - self.start_s) * self.rate * 1e6) as u64)
     }
+
+    /// When the clock shows `instant`, s: the earliest time at which [`Clock::at`] gives it.
+    pub fn when(&self, instant: Instant) -> f64 {
+        instant.0 as f64 / (self.rate * 1e6) + self.start_s
+    }
 }
 
 /// One part with its analogue side and its sampling clock.
@@ -210,6 +215,11 @@ impl Electronics {
     /// What this side's clock shows at `time_s`.
     pub fn clock(&self, time_s: f64) -> Instant {
         self.clock.at(time_s)
+    }
+
+    /// When this side's clock shows `instant`, ns of the world, never too early.
+    pub fn when_ns(&self, instant: Instant) -> u64 {
+        (self.clock.when(instant) * 1e9).max(0.0).ceil() as u64 + 1000
     }
 
     /// Virtual time that this side has reached, s.

@@ -11,6 +11,7 @@
 //! with it.
 
 pub mod bench;
+pub mod can_bus;
 pub mod chamber;
 pub mod electronics;
 pub mod error_model;
@@ -18,8 +19,10 @@ pub mod excavator;
 pub mod instrument;
 pub mod lis2dw12;
 pub mod low_pass;
+pub mod memory;
 pub mod motion;
 pub mod motor;
+pub mod network;
 pub mod rig;
 pub mod rng;
 pub mod supply;

@@ -356,7 +356,10 @@ impl DayRun<'_> {
     fn reset(&mut self) {
         let now_s = self.now_s();
         if self.troubled() {
-            self.bench.instrument.sides[1].electronics.supply.repair(now_s);
+            self.bench.instrument.sides[1]
+                .electronics
+                .supply
+                .repair(now_s);
             self.cured = true;
             self.outcome(Outcome::SupplyFault);
         } else {

@@ -1,0 +1,127 @@
+//! The communication profile area, 1000h to 1FFFh: which service owns which object
+//! (CiA 301, 7.5.2).
+//!
+//! In: an address and a value. Out: what the owning service says. The objects that describe the
+//! device or its memory (1008h to 100Ah, 1018h sub 4, 1F50h to 1F57h) are the application's and
+//! are answered with `None` here.
+//!
+//! Left out: 1010h and 1011h, which act on the whole dictionary (`storage`).
+
+use crate::emcy::Emergency;
+use crate::error_control::ErrorControl;
+use crate::nmt::{ErrorBehaviour, State};
+use crate::object::{Abort, Address, Dictionary, Value};
+use crate::pdo::Pdos;
+use crate::srdo::Safety;
+use crate::sync::Sync;
+use crate::time::Instant;
+
+/// The services that have objects of their own, and their state.
+#[derive(Clone, Debug)]
+pub struct Communication {
+    /// The NMT state.
+    pub state: State,
+    /// Heartbeat, node guarding and the supervision of others.
+    pub error_control: ErrorControl,
+    /// SYNC.
+    pub sync: Sync,
+    /// EMCY and the error register.
+    pub emergency: Emergency,
+    /// PDOs.
+    pub pdo: Pdos,
+    /// SRDOs.
+    pub safety: Safety,
+    /// What an error does to the NMT state (1029h).
+    pub behaviour: ErrorBehaviour,
+    /// Date and time of the configuration that a tool has written (1020h).
+    pub configuration: [u32; 2],
+    /// NMT start-up (1F80h).
+    pub startup: u32,
+}
+
+impl Communication {
+    /// Services with nothing configured.
+    pub const fn new() -> Self {
+        Self {
+            state: State::Initialising,
+            error_control: ErrorControl::new(),
+            sync: Sync::new(),
+            emergency: Emergency::new(),
+            pdo: Pdos::new(),
+            safety: Safety::new(),
+            behaviour: ErrorBehaviour::new(),
+            configuration: [0; 2],
+            startup: 0,
+        }
+    }
+
+    fn configuration(&mut self, at: Address) -> Option<&mut u32> {
+        match (at.index, at.sub) {
+            (0x1020, sub) => self.configuration.get_mut(usize::from(sub).wrapping_sub(1)),
+            (0x1F80, 0) => Some(&mut self.startup),
+            _ => None,
+        }
+    }
+
+    /// The value of an object that a service owns.
+    pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+        match at.index {
+            0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.read(at),
+            0x1005..=0x1007 | 0x1019 => self.sync.read(at),
+            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.read(at),
+            0x1029 => self.behaviour.read(at),
+            0x1300..=0x13FF => self.safety.read(at),
+            0x1400..=0x1BFF => self.pdo.read(at),
+            _ => self.configuration(at).map(|v| Ok(Value::u32(*v))),
+        }
+    }
+
+    /// Writes an object that a service owns, under all the rules that hold for an SDO.
+    pub fn write(
+        &mut self,
+        dictionary: &Dictionary,
+        at: Address,
+        value: Value,
+        now: Instant,
+    ) -> Option<Result<(), Abort>> {
+        let operational = self.state == State::Operational;
+        match at.index {
+            0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.write(at, value),
+            0x1005..=0x1007 | 0x1019 => self.sync.write(at, value, now),
+            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.write(at, value, now),
+            0x1029 => self.behaviour.write(at, value),
+            0x1300..=0x13FF => self.safety.write(dictionary, at, value, operational),
+            0x1400..=0x1BFF => self.pdo.write(dictionary, at, value),
+            _ => {
+                let kept = self.configuration(at)?;
+                *kept = value.unsigned() as u32;
+                Some(Ok(()))
+            }
+        }
+    }
+
+    /// Puts a default or stored value in place, in any order and without the rules for SDOs.
+    pub fn load(&mut self, at: Address, value: Value) -> bool {
+        match at.index {
+            0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.load(at, value),
+            0x1005..=0x1007 | 0x1019 => self.sync.load(at, value),
+            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.load(at, value),
+            0x1029 => self.behaviour.load(at, value),
+            0x1300..=0x13FF => self.safety.load(at, value),
+            0x1400..=0x1BFF => self.pdo.load(at, value),
+            _ => match self.configuration(at) {
+                Some(kept) => {
+                    *kept = value.unsigned() as u32;
+                    true
+                }
+                None => false,
+            },
+        }
+    }
+}
+
+impl Default for Communication {
+    fn default() -> Self {
+        Self::new()
+    }
+}

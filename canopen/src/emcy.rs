@@ -1,0 +1,298 @@
+//! Emergency: messages, the error register and the list of past errors (CiA 301, 7.2.7; objects
+//! 1001h, 1003h, 1014h, 1015h).
+//!
+//! In: errors that appear or go, with the register as it then is. Out: messages in their order,
+//! no closer than the inhibit time, and the list. When more wait than there is room for, the
+//! oldest unsent stays (the cause) and the newest is taken (the state); what lies between them
+//! still stands in the list.
+//!
+//! Left out: what an error means; consuming the messages of others.
+
+use heapless::Deque;
+
+use crate::frame::{Frame, is_restricted};
+use crate::nmt::State;
+use crate::object::{Abort, Address, Value};
+use crate::time::Instant;
+
+/// Errors kept in 1003h.
+pub const HISTORY: usize = 8;
+
+/// Messages that can wait.
+const WAITING: usize = 8;
+
+/// Error code of a message that something has gone: 00xxh.
+const RESET: u16 = 0;
+
+/// Bit 0 of the error register stands whenever any other does.
+const GENERIC: u8 = 1;
+
+/// Bit 31 of 1014h: no messages.
+const OFF: u32 = 1 << 31;
+
+#[derive(Clone, Copy, Debug)]
+struct Message {
+    code: u16,
+    register: u8,
+    detail: [u8; 5],
+}
+
+/// EMCY: parameters and state.
+#[derive(Clone, Debug)]
+pub struct Emergency {
+    cob_id: u32,
+    inhibit_100us: u16,
+    register: u8,
+    waiting: Deque<Message, WAITING>,
+    history: [u32; HISTORY],
+    count: u8,
+    free_at: Instant,
+}
+
+impl Emergency {
+    /// No error; the COB-ID is loaded later.
+    pub const fn new() -> Self {
+        Self {
+            cob_id: OFF,
+            inhibit_100us: 0,
+            register: 0,
+            waiting: Deque::new(),
+            history: [0; HISTORY],
+            count: 0,
+            free_at: Instant(0),
+        }
+    }
+
+    /// 1001h.
+    pub const fn register(&self) -> u8 {
+        self.register
+    }
+
+    /// Sets the error register without a message.
+    pub const fn set_register(&mut self, bits: u8) {
+        self.register = bits | if bits != 0 { GENERIC } else { 0 };
+    }
+
+    /// An error has appeared; `bits` is the whole register as it now is.
+    pub fn raise(&mut self, code: u16, bits: u8, detail: [u8; 5]) {
+        self.set_register(bits);
+        let [first, second, ..] = detail;
+        self.history.rotate_right(1);
+        if let Some(newest) = self.history.first_mut() {
+            let [low, high] = code.to_le_bytes();
+            *newest = u32::from_le_bytes([low, high, first, second]);
+        }
+        self.count = (self.count + 1).min(HISTORY as u8);
+        // The message says at least that there is an error, even when nothing of it stays.
+        self.queue(code, self.register | GENERIC, detail);
+    }
+
+    /// An error has gone; `bits` is what is left of the register.
+    pub fn clear(&mut self, bits: u8, detail: [u8; 5]) {
+        self.set_register(bits);
+        self.queue(RESET, self.register, detail);
+    }
+
+    fn queue(&mut self, code: u16, register: u8, detail: [u8; 5]) {
+        let message = Message {
+            code,
+            register,
+            detail,
+        };
+        if self.waiting.is_full() {
+            self.waiting.pop_back();
+        }
+        // There is room now.
+        let _ = self.waiting.push_back(message);
+    }
+
+    fn waits(&self, state: State) -> bool {
+        self.cob_id & OFF == 0 && state.allows_emergency() && !self.waiting.is_empty()
+    }
+
+    /// When a message that waits may go.
+    pub fn poll(&self, state: State) -> Option<Instant> {
+        self.waits(state).then_some(self.free_at)
+    }
+
+    /// The identifier of a message that may go now.
+    pub fn next_cob_id(&self, state: State, now: Instant) -> Option<u16> {
+        let due = self.poll(state).is_some_and(|at| at <= now);
+        due.then_some((self.cob_id & 0x7FF) as u16)
+    }
+
+    /// The message that may go now.
+    pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+        let message = self.waiting.pop_front()?;
+        self.free_at = now.after(u64::from(self.inhibit_100us) * 100);
+        let [low, high] = message.code.to_le_bytes();
+        let [a, b, c, d, e] = message.detail;
+        let bytes = [low, high, message.register, a, b, c, d, e];
+        Some(Frame::data_frame((self.cob_id & 0x7FF) as u16, &bytes))
+    }
+
+    /// 1001h, 1003h, 1014h, 1015h.
+    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+        Some(match (at.index, at.sub) {
+            (0x1001, _) => Ok(Value::u8(self.register)),
+            (0x1003, 0) => Ok(Value::u8(self.count)),
+            (0x1003, sub) if sub <= self.count => {
+                let error = self.history.get(usize::from(sub).wrapping_sub(1));
+                error.map(|e| Value::u32(*e)).ok_or(Abort::NoSuchSubIndex)
+            }
+            (0x1003, _) => Err(Abort::NoData),
+            (0x1014, _) => Ok(Value::u32(self.cob_id)),
+            _ => Ok(Value::u16(self.inhibit_100us)),
+        })
+    }
+
+    /// A write by SDO. 0 to 1003h sub 0 empties the list, and nothing else may be written there.
+    pub fn write(&mut self, at: Address, value: Value) -> Option<Result<(), Abort>> {
+        let number = value.unsigned() as u32;
+        let allowed = match (at.index, at.sub) {
+            (0x1003, 0) => number == 0,
+            (0x1014, _) => self.admits_cob_id(number),
+            (0x1015, _) => true,
+            _ => return Some(Err(Abort::ReadOnly)),
+        };
+        if !allowed {
+            return Some(Err(Abort::InvalidValue));
+        }
+        if at.index == 0x1003 {
+            self.count = 0;
+            self.history = [0; HISTORY];
+        } else {
+            self.load(at, value);
+        }
+        Some(Ok(()))
+    }
+
+    /// The identifier changes only while messages are off (CiA 301, 7.5.2.17).
+    fn admits_cob_id(&self, number: u32) -> bool {
+        let id = number & 0x7FF;
+        if number & !(OFF | 0x7FF) != 0 || (number & OFF == 0 && is_restricted(id)) {
+            return false;
+        }
+        let stays_on = (self.cob_id | number) & OFF == 0;
+        !stays_on || id == self.cob_id & 0x7FF
+    }
+
+    /// A default or stored value.
+    pub fn load(&mut self, at: Address, value: Value) -> bool {
+        let number = value.unsigned() as u32;
+        match at.index {
+            0x1014 => self.cob_id = number,
+            0x1015 => self.inhibit_100us = number as u16,
+            _ => {}
+        }
+        true
+    }
+}
+
+impl Default for Emergency {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object::at;
+
+    const OP: State = State::Operational;
+
+    fn emergency() -> Emergency {
+        let mut emergency = Emergency::new();
+        emergency.load(at(0x1014, 0), Value::u32(0x85));
+        emergency
+    }
+
+    fn number(emergency: &Emergency, index: u16, sub: u8) -> Result<u64, Abort> {
+        let value = emergency.read(at(index, sub)).unwrap();
+        value.map(|v| v.unsigned())
+    }
+
+    #[test]
+    fn an_error_is_told_when_it_comes_and_when_it_goes() {
+        let mut e = emergency();
+        e.raise(0x5010, 0x20, [1, 2, 3, 4, 5]);
+        assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x85));
+        let told = e.transmit(Instant(0)).unwrap();
+        assert_eq!(
+            told,
+            Frame::data_frame(0x85, &[0x10, 0x50, 0x21, 1, 2, 3, 4, 5])
+        );
+        e.clear(0, [0; 5]);
+        let gone = e.transmit(Instant(0)).unwrap();
+        assert_eq!(gone, Frame::data_frame(0x85, &[0; 8]));
+        assert_eq!(number(&e, 0x1001, 0), Ok(0));
+        assert_eq!(number(&e, 0x1003, 1), Ok(0x0201_5010));
+        assert_eq!(number(&e, 0x1003, 2), Err(Abort::NoData));
+    }
+
+    #[test]
+    fn the_inhibit_time_keeps_messages_apart() {
+        let mut e = emergency();
+        e.load(at(0x1015, 0), Value::u16(50));
+        e.raise(0x1000, 0x80, [0; 5]);
+        e.raise(0x1001, 0x80, [0; 5]);
+        assert!(e.transmit(Instant(100)).is_some());
+        assert_eq!(e.next_cob_id(OP, Instant(5_099)), None);
+        assert_eq!(e.poll(OP), Some(Instant(5_100)));
+        assert_eq!(e.next_cob_id(OP, Instant(5_100)), Some(0x85));
+    }
+
+    #[test]
+    fn a_flood_keeps_the_first_cause_and_the_newest_state() {
+        let mut e = emergency();
+        for code in 0..20_u16 {
+            e.raise(0xFF00 + code, 0x80, [0; 5]);
+        }
+        let first = e.transmit(Instant(0)).unwrap();
+        assert_eq!(first.bytes()[..2], [0x00, 0xFF]);
+        let rest = core::iter::from_fn(|| e.transmit(Instant(0)));
+        assert_eq!(rest.last().unwrap().bytes()[..2], [19, 0xFF]);
+        assert_eq!(number(&e, 0x1003, 0), Ok(HISTORY as u64));
+        assert_eq!(number(&e, 0x1003, 1), Ok(0xFF13));
+    }
+
+    #[test]
+    fn zero_to_1003_0_clears_and_anything_else_is_refused() {
+        let mut e = emergency();
+        e.raise(0x1000, 0x80, [0; 5]);
+        let refused = e.write(at(0x1003, 0), Value::u8(1));
+        assert_eq!(refused, Some(Err(Abort::InvalidValue)));
+        assert_eq!(number(&e, 0x1003, 0), Ok(1));
+        assert_eq!(e.write(at(0x1003, 0), Value::u8(0)), Some(Ok(())));
+        assert_eq!(number(&e, 0x1003, 0), Ok(0));
+        assert_eq!(number(&e, 0x1003, 1), Err(Abort::NoData));
+    }
+
+    #[test]
+    fn in_stopped_messages_wait() {
+        let mut e = emergency();
+        e.raise(0x1000, 0x80, [0; 5]);
+        assert_eq!(e.next_cob_id(State::Stopped, Instant(0)), None);
+        assert_eq!(e.next_cob_id(State::PreOperational, Instant(0)), Some(0x85));
+    }
+
+    #[test]
+    fn the_identifier_changes_only_while_off() {
+        let mut e = emergency();
+        let cob_id = at(0x1014, 0);
+        assert_eq!(
+            e.write(cob_id, Value::u32(0x90)),
+            Some(Err(Abort::InvalidValue))
+        );
+        assert_eq!(e.write(cob_id, Value::u32(OFF | 0x85)), Some(Ok(())));
+        e.raise(0x1000, 0x80, [0; 5]);
+        assert_eq!(e.next_cob_id(OP, Instant(0)), None);
+        assert_eq!(
+            e.write(cob_id, Value::u32(0x701)),
+            Some(Err(Abort::InvalidValue))
+        );
+        assert_eq!(e.write(cob_id, Value::u32(0x90)), Some(Ok(())));
+        assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
+    }
+}

@@ -1,0 +1,404 @@
+//! Error control: boot-up, heartbeat, node and life guarding (CiA 301, 7.2.8.2 and 7.2.8.3;
+//! objects 100Ch, 100Dh, 1016h, 1017h).
+//!
+//! In: heartbeats of others, guarding requests, the time. Out: this node's heartbeat or its answer
+//! to guarding, and events when another node or the guarding master falls silent or comes back.
+//! A heartbeat has precedence: while 1017h is not 0 nobody is answered by guarding.
+//!
+//! Left out: what a lost node means to the device.
+
+use crate::frame::{Frame, standard};
+use crate::nmt::State;
+use crate::object::{Abort, Address, Value};
+use crate::time::{Instant, sooner};
+
+/// Nodes that can be supervised (1016h).
+pub const SUPERVISED: usize = 4;
+
+/// Identifier of error control for node-id 0.
+const ERROR_CONTROL: u16 = 0x700;
+
+/// What has been noticed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A supervised node's heartbeat has begun or come back, or has stopped.
+    Heartbeat {
+        /// Entry of 1016h, from 0.
+        slot: u8,
+        /// The node.
+        node: u8,
+        /// True while it is heard.
+        alive: bool,
+    },
+    /// The master guards this node again, or has stopped.
+    LifeGuarding {
+        /// True while it guards.
+        alive: bool,
+    },
+}
+
+/// The boot-up message: state byte 0, whatever state follows (CiA 301, 7.2.8.3.3).
+pub fn boot_up(node_id: u8) -> Frame {
+    Frame::data_frame(ERROR_CONTROL + u16::from(node_id), &[0])
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Consumer {
+    entry: u32,
+    deadline: Option<Instant>,
+    lost: bool,
+}
+
+impl Consumer {
+    const OFF: Self = Self {
+        entry: 0,
+        deadline: None,
+        lost: false,
+    };
+
+    const fn node(&self) -> u8 {
+        (self.entry >> 16) as u8
+    }
+
+    const fn time_ms(&self) -> u32 {
+        self.entry & 0xFFFF
+    }
+
+    const fn is_on(&self) -> bool {
+        self.time_ms() != 0 && matches!(self.node(), 1..=127)
+    }
+}
+
+/// Error control: parameters and state.
+#[derive(Clone, Debug)]
+pub struct ErrorControl {
+    producer_ms: u16,
+    guard_ms: u16,
+    life_factor: u8,
+    consumers: [Consumer; SUPERVISED],
+    heartbeat_at: Option<Instant>,
+    /// A guarding request waits for its answer.
+    asked: bool,
+    toggle: bool,
+    guarded_until: Option<Instant>,
+    guarding_lost: bool,
+}
+
+impl ErrorControl {
+    /// Nothing produced, nobody supervised.
+    pub const fn new() -> Self {
+        Self {
+            producer_ms: 0,
+            guard_ms: 0,
+            life_factor: 0,
+            consumers: [Consumer::OFF; SUPERVISED],
+            heartbeat_at: None,
+            asked: false,
+            toggle: false,
+            guarded_until: None,
+            guarding_lost: false,
+        }
+    }
+
+    /// Boot-up has gone out: the heartbeat begins, and guarding starts with toggle 0.
+    pub fn start(&mut self, now: Instant) {
+        self.toggle = false;
+        self.asked = false;
+        self.heartbeat_at = self.next_heartbeat(now);
+    }
+
+    fn next_heartbeat(&self, now: Instant) -> Option<Instant> {
+        let period = u32::from(self.producer_ms);
+        (period != 0).then(|| now.after_ms(period))
+    }
+
+    /// Takes a frame of error control; `node_id` is this node's.
+    pub fn receive(&mut self, frame: &Frame, node_id: u8, now: Instant) -> Option<Event> {
+        let id = frame.cob_id()?.checked_sub(ERROR_CONTROL)?;
+        let node = u8::try_from(id).ok().filter(|n| (1..=127).contains(n))?;
+        if frame.is_remote() {
+            return (node == node_id).then(|| self.guarded(now)).flatten();
+        }
+        let &[state] = frame.bytes() else {
+            return None;
+        };
+        // A boot-up message is not a heartbeat: the node has just been away.
+        if state & 0x7F == 0 {
+            return None;
+        }
+        self.heard(node, now)
+    }
+
+    fn guarded(&mut self, now: Instant) -> Option<Event> {
+        if self.producer_ms != 0 {
+            return None;
+        }
+        self.asked = true;
+        let life_ms = u32::from(self.guard_ms) * u32::from(self.life_factor);
+        self.guarded_until = (life_ms != 0).then(|| now.after_ms(life_ms));
+        let back = core::mem::take(&mut self.guarding_lost);
+        back.then_some(Event::LifeGuarding { alive: true })
+    }
+
+    /// Supervision of a node starts at its first heartbeat (CiA 301, 7.2.8.2.2.3).
+    fn heard(&mut self, node: u8, now: Instant) -> Option<Event> {
+        let mut event = None;
+        for (slot, consumer) in (0..).zip(&mut self.consumers) {
+            if consumer.is_on() && consumer.node() == node {
+                let first = consumer.deadline.is_none();
+                consumer.deadline = Some(now.after_ms(consumer.time_ms()));
+                consumer.lost = false;
+                let alive = true;
+                event = first.then_some(Event::Heartbeat { slot, node, alive });
+            }
+        }
+        event
+    }
+
+    /// One silence that has lasted too long by `now`; call until `None`.
+    pub fn expired(&mut self, now: Instant) -> Option<Event> {
+        for (slot, consumer) in (0..).zip(&mut self.consumers) {
+            if consumer.deadline.is_some_and(|at| at <= now) {
+                consumer.deadline = None;
+                consumer.lost = true;
+                let (node, alive) = (consumer.node(), false);
+                return Some(Event::Heartbeat { slot, node, alive });
+            }
+        }
+        if self.guarded_until.is_some_and(|at| at <= now) {
+            self.guarded_until = None;
+            self.guarding_lost = true;
+            return Some(Event::LifeGuarding { alive: false });
+        }
+        None
+    }
+
+    /// When to look again.
+    pub fn poll(&self) -> Option<Instant> {
+        let silences = self.consumers.iter().map(|c| c.deadline);
+        let next = silences.fold(self.guarded_until, sooner);
+        sooner(next, self.heartbeat_at)
+    }
+
+    /// True when [`ErrorControl::transmit`] has something.
+    pub fn is_due(&self, now: Instant) -> bool {
+        self.asked || self.heartbeat_at.is_some_and(|at| at <= now)
+    }
+
+    /// The heartbeat or the answer to guarding that is due.
+    pub fn transmit(&mut self, node_id: u8, state: State, now: Instant) -> Option<Frame> {
+        let id = ERROR_CONTROL + u16::from(node_id);
+        if core::mem::take(&mut self.asked) {
+            let toggle = u8::from(self.toggle) << 7;
+            self.toggle = !self.toggle;
+            return Some(Frame::data_frame(id, &[toggle | state as u8]));
+        }
+        let due = self.heartbeat_at.filter(|at| *at <= now)?;
+        let next = due.after_ms(u32::from(self.producer_ms));
+        self.heartbeat_at = if next > now {
+            Some(next)
+        } else {
+            self.next_heartbeat(now)
+        };
+        Some(Frame::data_frame(id, &[state as u8]))
+    }
+
+    /// The request that a master guards this node with.
+    pub fn request(node_id: u8) -> Option<Frame> {
+        Frame::remote(standard(ERROR_CONTROL + u16::from(node_id)), 1)
+    }
+
+    /// 100Ch, 100Dh, 1016h, 1017h.
+    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+        Some(match at.index {
+            0x100C => Ok(Value::u16(self.guard_ms)),
+            0x100D => Ok(Value::u8(self.life_factor)),
+            0x1017 => Ok(Value::u16(self.producer_ms)),
+            _ => {
+                let slot = usize::from(at.sub).checked_sub(1);
+                let consumer = slot.and_then(|s| self.consumers.get(s));
+                let entry = consumer.map(|c| Value::u32(c.entry));
+                entry.ok_or(Abort::NoSuchSubIndex)
+            }
+        })
+    }
+
+    /// A write by SDO; a new time counts from now.
+    pub fn write(&mut self, at: Address, value: Value, now: Instant) -> Option<Result<(), Abort>> {
+        let refused = match at.index {
+            0x1016 => self.refuse_entry(at.sub, value.unsigned() as u32),
+            _ => None,
+        };
+        if let Some(abort) = refused {
+            return Some(Err(abort));
+        }
+        self.load(at, value);
+        if at.index == 0x1017 {
+            self.heartbeat_at = self.next_heartbeat(now);
+            self.guarded_until = None;
+            self.asked = false;
+        }
+        Some(Ok(()))
+    }
+
+    /// No node twice, and no node-id that does not exist.
+    fn refuse_entry(&self, sub: u8, entry: u32) -> Option<Abort> {
+        let new = Consumer {
+            entry,
+            ..Consumer::OFF
+        };
+        if entry >> 24 != 0 || (new.time_ms() != 0 && new.node() > 127) {
+            return Some(Abort::InvalidValue);
+        }
+        let others = (1..).zip(&self.consumers).filter(|(n, _)| *n != sub);
+        let twice = new.is_on()
+            && others
+                .map(|(_, other)| other)
+                .any(|other| other.is_on() && other.node() == new.node());
+        twice.then_some(Abort::ParameterIncompatible)
+    }
+
+    /// A default or stored value.
+    pub fn load(&mut self, at: Address, value: Value) -> bool {
+        let number = value.unsigned() as u32;
+        match at.index {
+            0x100C => self.guard_ms = number as u16,
+            0x100D => self.life_factor = number as u8,
+            0x1017 => self.producer_ms = number as u16,
+            _ => {
+                let slot = usize::from(at.sub).wrapping_sub(1);
+                if let Some(consumer) = self.consumers.get_mut(slot) {
+                    *consumer = Consumer {
+                        entry: number,
+                        ..Consumer::OFF
+                    };
+                }
+            }
+        }
+        true
+    }
+}
+
+impl Default for ErrorControl {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object::at;
+
+    const PRE: State = State::PreOperational;
+
+    fn ms(ms: u32) -> Instant {
+        Instant(0).after_ms(ms)
+    }
+
+    fn write(control: &mut ErrorControl, index: u16, sub: u8, value: Value) -> Result<(), Abort> {
+        control.write(at(index, sub), value, ms(0)).unwrap()
+    }
+
+    fn heartbeat(node: u16, state: u8) -> Frame {
+        Frame::data_frame(0x700 + node, &[state])
+    }
+
+    #[test]
+    fn boot_up_has_state_byte_0() {
+        assert_eq!(boot_up(5), Frame::data_frame(0x705, &[0]));
+    }
+
+    #[test]
+    fn the_heartbeat_keeps_its_pace() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x1017, 0, Value::u16(100)).unwrap();
+        control.start(ms(7));
+        assert!(!control.is_due(ms(106)) && control.is_due(ms(107)));
+        let told = control.transmit(5, PRE, ms(110));
+        assert_eq!(told, Some(heartbeat(5, 127)));
+        assert_eq!(control.poll(), Some(ms(207)));
+        assert_eq!(
+            control.transmit(5, State::Operational, ms(207)),
+            Some(heartbeat(5, 5))
+        );
+    }
+
+    #[test]
+    fn supervision_starts_at_the_first_heartbeat() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 300)).unwrap();
+        assert_eq!(control.expired(ms(10_000)), None);
+        // A boot-up message does not start it.
+        assert_eq!(control.receive(&heartbeat(2, 0), 1, ms(0)), None);
+        assert_eq!(control.expired(ms(10_000)), None);
+        let node = |alive| {
+            Some(Event::Heartbeat {
+                slot: 0,
+                node: 2,
+                alive,
+            })
+        };
+        assert_eq!(control.receive(&heartbeat(2, 127), 1, ms(0)), node(true));
+        assert_eq!(control.receive(&heartbeat(2, 127), 1, ms(200)), None);
+        assert_eq!(control.expired(ms(499)), None);
+        assert_eq!(control.expired(ms(500)), node(false));
+        assert_eq!(control.expired(ms(500)), None);
+        assert_eq!(control.receive(&heartbeat(2, 5), 1, ms(900)), node(true));
+    }
+
+    #[test]
+    fn a_node_is_not_supervised_twice() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 300)).unwrap();
+        let twice = write(&mut control, 0x1016, 2, Value::u32(2 << 16 | 100));
+        assert_eq!(twice, Err(Abort::ParameterIncompatible));
+        assert_eq!(write(&mut control, 0x1016, 2, Value::u32(2 << 16)), Ok(()));
+        assert_eq!(
+            write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 400)),
+            Ok(())
+        );
+        let no_node = write(&mut control, 0x1016, 3, Value::u32(200 << 16 | 100));
+        assert_eq!(no_node, Err(Abort::InvalidValue));
+    }
+
+    #[test]
+    fn guarding_is_answered_with_a_toggle_that_starts_at_0() {
+        let mut control = ErrorControl::new();
+        control.start(ms(0));
+        let request = ErrorControl::request(5).unwrap();
+        for toggle in [0, 0x80, 0] {
+            assert_eq!(control.receive(&request, 5, ms(1)), None);
+            assert!(control.is_due(ms(1)));
+            let answer = control.transmit(5, PRE, ms(1));
+            assert_eq!(answer, Some(heartbeat(5, toggle | 127)));
+        }
+        assert!(!control.is_due(ms(1)));
+        control.start(ms(2));
+        control.receive(&request, 5, ms(3));
+        assert_eq!(control.transmit(5, PRE, ms(3)), Some(heartbeat(5, 127)));
+    }
+
+    #[test]
+    fn a_heartbeat_takes_precedence_over_guarding() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x1017, 0, Value::u16(100)).unwrap();
+        control.receive(&ErrorControl::request(5).unwrap(), 5, ms(1));
+        assert!(!control.is_due(ms(1)));
+    }
+
+    #[test]
+    fn life_guarding_notices_a_master_that_stops_and_returns() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x100C, 0, Value::u16(100)).unwrap();
+        write(&mut control, 0x100D, 0, Value::u8(3)).unwrap();
+        let request = ErrorControl::request(5).unwrap();
+        assert_eq!(control.expired(ms(1000)), None);
+        control.receive(&request, 5, ms(1000));
+        assert_eq!(control.expired(ms(1299)), None);
+        let lost = Event::LifeGuarding { alive: false };
+        assert_eq!(control.expired(ms(1300)), Some(lost));
+        let back = Event::LifeGuarding { alive: true };
+        assert_eq!(control.receive(&request, 5, ms(1400)), Some(back));
+    }
+}

@@ -1,0 +1,663 @@
+//! A CANopen slave as a whole: frames and time in, frames out (CiA 301, 7.3).
+//!
+//! In: every frame on the bus with the time of its end, the time, and the state of the CAN
+//! controller. Out: one frame at a time, the one that arbitration would let through first, made
+//! when the controller has room for it. Nothing queues up: each service holds what it has to say,
+//! so output is bounded and a new value replaces an old one that could not be sent.
+//!
+//! What the device itself has to do (measure at SYNC, reset, switch the bit rate) is told through
+//! [`Application::event`].
+//!
+//! Left out: the dictionary above 1FFFh and everything it means.
+
+mod view;
+
+#[cfg(test)]
+mod tests;
+
+use self::view::{Mapped, View};
+use crate::communication::Communication;
+use crate::error_control::Event as Control;
+use crate::frame::Frame;
+use crate::lss::{Lss, Request};
+use crate::nmt::{self, Command, State};
+use crate::object::{Abort, Address, Objects, Value, at};
+use crate::pdo::Received;
+use crate::sdo::Server;
+use crate::srdo::SafetyReceived;
+use crate::storage::{self, Group};
+use crate::time::{Instant, sooner};
+
+/// The node-id of a device that has none (CiA 305).
+pub const UNCONFIGURED: u8 = 255;
+
+/// What the device is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The NMT state is another one now.
+    State(State),
+    /// A master asks for a reset of the whole device: call [`Node::start`] after it.
+    ResetNode,
+    /// Communication was reset; stored communication parameters are in force again.
+    ResetCommunication,
+    /// A SYNC has come or gone out; TPDOs are sampled right after this returns.
+    Sync,
+    /// A supervised node's heartbeat has begun, stopped or come back, or it has started.
+    Heartbeat {
+        /// The supervised node.
+        node: u8,
+        /// True while it is heard.
+        alive: bool,
+    },
+    /// The master has stopped guarding this node, or guards it again.
+    LifeGuarding {
+        /// True while it guards.
+        alive: bool,
+    },
+    /// RPDO number (0 to 3) was applied.
+    Received(u8),
+    /// LSS: be silent for the delay, change the bit rate, be silent for the delay again.
+    BitRate {
+        /// The new rate; `None` asks for automatic detection.
+        kbit_s: Option<u16>,
+        /// The delay, twice.
+        delay_ms: u16,
+    },
+    /// The pair of SRDO number (0 or 1) has stopped coming, or its halves disagree.
+    SafetyLost(u8),
+    /// Somebody demands the safe state by GFC.
+    FailSafe,
+}
+
+/// The device behind the node: its objects, its memory, and what it does on events.
+pub trait Application: Objects {
+    /// Vendor-id, product code, revision and serial number, as in 1018h.
+    fn identity(&self) -> [u32; 4];
+
+    /// Something has happened. Not called re-entrantly.
+    fn event(&mut self, event: Event, now: Instant);
+
+    /// Puts a default or stored value of the device's own objects in place, without effects.
+    fn load(&mut self, at: Address, value: Value);
+
+    /// Opens a record for a group; the old one counts until [`Application::commit_store`].
+    fn begin_store(&mut self, group: Group) -> Result<(), Abort>;
+
+    /// Adds a value to the open record.
+    fn put(&mut self, at: Address, value: Value) -> Result<(), Abort>;
+
+    /// Closes the record: it counts, whole, from now on.
+    fn commit_store(&mut self) -> Result<(), Abort>;
+
+    /// Forgets a group's record.
+    fn erase(&mut self, group: Group) -> Result<(), Abort>;
+
+    /// A stored value.
+    fn stored(&mut self, group: Group, at: Address) -> Option<Value>;
+
+    /// Keeps node-id and bit rate over a power cut (LSS); false when that fails.
+    fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool;
+}
+
+/// The CAN controller's error state (ISO 11898-1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BusState {
+    /// Takes part, and flags errors actively.
+    #[default]
+    Active,
+    /// Takes part, and flags errors passively.
+    Passive,
+    /// Takes no part.
+    Off,
+}
+
+/// Error register bit 4: communication.
+const COMMUNICATION: u8 = 0x10;
+
+/// A CANopen slave: configuration and state.
+#[derive(Clone, Debug)]
+pub struct Node {
+    server: Server,
+    lss: Lss,
+    communication: Communication,
+    node_id: u8,
+    bus: BusState,
+    /// Error register bits that the device has set.
+    device_bits: u8,
+    /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
+    present: u8,
+    overruns: u16,
+}
+
+const GUARDING: u8 = 0x10;
+const PASSIVE: u8 = 0x20;
+const OFF: u8 = 0x40;
+
+/// Services of one node, in no order: arbitration decides.
+#[derive(Clone, Copy)]
+enum Service {
+    Sync,
+    Emergency,
+    Pdo,
+    Safety,
+    Sdo,
+    ErrorControl,
+}
+
+impl Node {
+    /// A node that is not on the bus: call [`Node::start`].
+    pub const fn new() -> Self {
+        Self {
+            server: Server::new(),
+            lss: Lss::new(),
+            communication: Communication::new(),
+            node_id: UNCONFIGURED,
+            bus: BusState::Active,
+            device_bits: 0,
+            present: 0,
+            overruns: 0,
+        }
+    }
+
+    /// Power-on or reset of the whole device: everything stored comes back, boot-up is due.
+    ///
+    /// `node_id` is 1 to 127, or [`UNCONFIGURED`]: then only LSS is served.
+    pub fn start<A: Application>(&mut self, app: &mut A, node_id: u8, now: Instant) {
+        self.lss = Lss::new();
+        self.lss.start(node_id);
+        self.device_bits = 0;
+        self.bring_back(app, &[Group::Manufacturer, Group::Profile]);
+        self.reset_communication(app, now);
+    }
+
+    /// The node-id in force; [`UNCONFIGURED`] without one.
+    pub const fn node_id(&self) -> u8 {
+        self.node_id
+    }
+
+    /// The NMT state.
+    pub const fn state(&self) -> State {
+        self.communication.state
+    }
+
+    /// The services, for looking at.
+    pub const fn communication(&self) -> &Communication {
+        &self.communication
+    }
+
+    /// Defaults, then what was stored, for every row of these groups that is kept.
+    fn bring_back<A: Application>(&mut self, app: &mut A, groups: &[Group]) {
+        let dictionary = app.dictionary();
+        for group in groups {
+            for entry in storage::rows(&dictionary, *group) {
+                for sub in entry.sub..=entry.last {
+                    let address = at(entry.index, sub);
+                    let kept = app.stored(*group, address);
+                    // A value of a former version that no longer fits is not taken.
+                    let kept = kept.filter(|v| dictionary.admits(entry, v).is_ok());
+                    let Some(value) = kept.or_else(|| dictionary.default(entry, self.node_id))
+                    else {
+                        continue;
+                    };
+                    if !self.communication.load(address, value) {
+                        app.load(address, value);
+                    }
+                }
+            }
+        }
+    }
+
+    fn reset_communication<A: Application>(&mut self, app: &mut A, now: Instant) {
+        self.server.reset(&mut View {
+            communication: &mut self.communication,
+            application: app,
+            node_id: self.node_id,
+            now,
+        });
+        self.node_id = self.lss.take_node_id();
+        self.communication = Communication::new();
+        self.present = 0;
+        self.bring_back(app, &[Group::Communication]);
+        let dictionary = app.dictionary();
+        let sound = self.communication.pdo.check(&dictionary).is_ok()
+            & self.communication.safety.check(&dictionary).is_ok();
+        self.communication.pdo.window_us = self.communication.sync.window_us();
+        app.event(Event::ResetCommunication, now);
+        if !sound {
+            self.emergency(nmt::SOFTWARE, [1, 0, 0, 0, 0]);
+        }
+        self.set_register();
+    }
+
+    /// Takes a frame that has ended on the bus at `now`. Frames of no concern are ignored.
+    pub fn receive<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        let Some(id) = frame.cob_id() else { return };
+        if let Some(request) = self.lss_frame(app, frame) {
+            return self.lss_request(app, request, now);
+        }
+        if self.node_id == UNCONFIGURED {
+            return;
+        }
+        if let Some(command) = nmt::command(frame, self.node_id) {
+            return self.command(app, command, now);
+        }
+        let state = self.communication.state;
+        if let Some(event) = self
+            .communication
+            .error_control
+            .receive(frame, self.node_id, now)
+        {
+            self.control(app, event, now);
+        } else if id == 0x600 + u16::from(self.node_id) && !frame.is_remote() {
+            if state.allows_sdo() {
+                self.request(app, frame, now);
+            }
+        } else if self.communication.sync.recognises(frame) {
+            self.sync_frame(app, frame, now);
+        } else {
+            self.process_data(app, frame, now);
+        }
+    }
+
+    fn request<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        let mut view = View {
+            communication: &mut self.communication,
+            application: app,
+            node_id: self.node_id,
+            now,
+        };
+        self.server.request(&mut view, frame, now);
+        self.communication.pdo.window_us = self.communication.sync.window_us();
+    }
+
+    fn process_data<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        if !self.communication.state.allows_pdo() {
+            return;
+        }
+        let register = self.communication.emergency.register();
+        let mut mapped = Mapped {
+            application: app,
+            register,
+        };
+        match self.communication.safety.receive(&mut mapped, frame, now) {
+            Some(SafetyReceived::FailSafe) => return app.event(Event::FailSafe, now),
+            Some(SafetyReceived::Lost(srdo)) => return app.event(Event::SafetyLost(srdo), now),
+            Some(SafetyReceived::Taken) => return,
+            None => {}
+        }
+        match self.communication.pdo.receive(&mut mapped, frame, now) {
+            Some(Received::Taken(rpdo)) => app.event(Event::Received(rpdo), now),
+            Some(Received::TooShort(rpdo)) => self.emergency(0x8210, [rpdo + 1, 0, 0, 0, 0]),
+            Some(Received::TooLong(rpdo)) => self.emergency(0x8220, [rpdo + 1, 0, 0, 0, 0]),
+            // What a master may not write by SDO it may not write by PDO either, but nobody
+            // waits for an answer; the message says at least whose data were not taken.
+            Some(Received::Refused(rpdo)) => self.emergency(0x8200, [rpdo + 1, 0, 0, 0, 0]),
+            Some(Received::Waiting) | Some(Received::Requested) | None => {}
+        }
+    }
+
+    /// A SYNC has come from somebody else, or this node's own has gone out.
+    fn sync_frame<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        if !self.communication.state.allows_sync() {
+            return;
+        }
+        match self.communication.sync.receive(frame) {
+            Ok(sync) => {
+                app.event(Event::Sync, now);
+                if self.communication.state.allows_pdo() {
+                    let register = self.communication.emergency.register();
+                    let mut mapped = Mapped {
+                        application: app,
+                        register,
+                    };
+                    let applied = self.communication.pdo.sync(&mut mapped, sync.counter, now);
+                    for rpdo in (0..8).filter(|n| applied >> n & 1 != 0) {
+                        app.event(Event::Received(rpdo), now);
+                    }
+                }
+            }
+            // 8240h: a SYNC of a length that does not fit 1019h is not obeyed.
+            Err(length) => self.emergency(0x8240, [length, 0, 0, 0, 0]),
+        }
+    }
+
+    fn command<A: Application>(&mut self, app: &mut A, command: Command, now: Instant) {
+        match command {
+            Command::Start => self.enter(app, State::Operational, now),
+            Command::Stop => self.enter(app, State::Stopped, now),
+            Command::EnterPreOperational => self.enter(app, State::PreOperational, now),
+            Command::ResetCommunication => self.reset_communication(app, now),
+            Command::ResetNode => app.event(Event::ResetNode, now),
+        }
+    }
+
+    fn enter<A: Application>(&mut self, app: &mut A, state: State, now: Instant) {
+        // Before its boot-up message has gone out a node is still initialising.
+        if self.communication.state == state || self.communication.state == State::Initialising {
+            return;
+        }
+        if self.communication.state == State::Operational {
+            self.communication.pdo.stop();
+            self.communication.safety.stop();
+        }
+        self.communication.state = state;
+        if state == State::Operational {
+            self.communication.pdo.start(now);
+            self.communication.safety.start(now);
+        }
+        if state == State::Stopped {
+            self.server.reset(&mut View {
+                communication: &mut self.communication,
+                application: app,
+                node_id: self.node_id,
+                now,
+            });
+        }
+        app.event(Event::State(state), now);
+    }
+
+    fn control<A: Application>(&mut self, app: &mut A, event: Control, now: Instant) {
+        match event {
+            Control::Heartbeat { slot, node, alive } => {
+                self.communication_error(app, 1 << (slot & 3), !alive, 0x8130, node, now);
+                app.event(Event::Heartbeat { node, alive }, now);
+            }
+            Control::LifeGuarding { alive } => {
+                self.communication_error(app, GUARDING, !alive, 0x8130, 0, now);
+                app.event(Event::LifeGuarding { alive }, now);
+            }
+        }
+    }
+
+    /// A communication error appears or goes: EMCY, error register, and what 1029h sub 1 asks.
+    fn communication_error<A: Application>(
+        &mut self,
+        app: &mut A,
+        which: u8,
+        present: bool,
+        code: u16,
+        detail: u8,
+        now: Instant,
+    ) {
+        if (self.present & which != 0) == present {
+            return;
+        }
+        self.present ^= which;
+        if !present {
+            return self.cleared(self.device_bits, [0; 5]);
+        }
+        self.emergency(code, [detail, 0, 0, 0, 0]);
+        if let Some(state) = self
+            .communication
+            .behaviour
+            .after(1, self.communication.state)
+        {
+            self.enter(app, state, now);
+        }
+    }
+
+    const fn register(&self) -> u8 {
+        let communication = if self.present != 0 { COMMUNICATION } else { 0 };
+        self.device_bits | communication
+    }
+
+    fn set_register(&mut self) {
+        let register = self.register();
+        self.communication.emergency.set_register(register);
+    }
+
+    /// A communication error that is told once and leaves no state.
+    fn emergency(&mut self, code: u16, detail: [u8; 5]) {
+        let register = self.register();
+        self.communication.emergency.raise(code, register, detail);
+    }
+
+    /// The device has found something wrong. `bits` is its whole share of the error register.
+    pub fn report<A: Application>(
+        &mut self,
+        app: &mut A,
+        code: u16,
+        bits: u8,
+        detail: [u8; 5],
+        now: Instant,
+    ) {
+        self.device_bits = bits;
+        self.emergency(code, detail);
+        if let Some(state) = self
+            .communication
+            .behaviour
+            .after(2, self.communication.state)
+        {
+            self.enter(app, state, now);
+        }
+    }
+
+    /// Something has gone again; `bits` is what is left. EMCY 0000h with the register that remains.
+    pub fn cleared(&mut self, bits: u8, detail: [u8; 5]) {
+        self.device_bits = bits;
+        let register = self.register();
+        self.communication.emergency.clear(register, detail);
+    }
+
+    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for.
+    pub fn bus_state<A: Application>(&mut self, app: &mut A, state: BusState, now: Instant) {
+        let before = core::mem::replace(&mut self.bus, state);
+        if before == state {
+            return;
+        }
+        if before == BusState::Off {
+            self.present &= !OFF;
+            // Nothing that waited through a bus-off is news any more, but the fact itself is.
+            self.emergency(0x8140, [0; 5]);
+            self.set_register();
+        }
+        let passive = state == BusState::Passive;
+        self.communication_error(app, PASSIVE, passive, 0x8120, 0, now);
+        if state == BusState::Off {
+            self.present |= OFF;
+            if let Some(next) = self
+                .communication
+                .behaviour
+                .after(1, self.communication.state)
+            {
+                self.enter(app, next, now);
+            }
+        }
+    }
+
+    /// Frames were lost because nobody took them out of the controller in time.
+    pub fn overrun(&mut self, lost: u16) {
+        self.overruns = self.overruns.saturating_add(lost);
+        self.emergency(0x8110, [lost as u8, (lost >> 8) as u8, 0, 0, 0]);
+    }
+
+    /// Frames lost on the way in, and samples that were replaced before they could be sent.
+    pub fn overruns(&self) -> u16 {
+        self.overruns
+            .saturating_add(self.communication.pdo.overruns())
+    }
+
+    /// The device's data have changed by themselves: event-driven PDOs are due.
+    pub fn data_changed<A: Application>(&mut self, app: &mut A, now: Instant) {
+        if self.communication.state.allows_pdo() {
+            let register = self.communication.emergency.register();
+            let mut mapped = Mapped {
+                application: app,
+                register,
+            };
+            self.communication.pdo.event(&mut mapped, now);
+        }
+    }
+
+    /// Asks for SYNC by this node although 1005h does not: there is none on the bus.
+    pub fn stand_in_for_sync(&mut self, period_us: Option<u32>, now: Instant) {
+        self.communication.sync.produce_for_absence(period_us, now);
+    }
+
+    /// Whether the device consents to SRDOs. Without consent the producer stops: the safe state.
+    pub fn consent_to_safety(&mut self, consent: bool) {
+        self.communication.safety.release(consent);
+    }
+
+    fn lss_frame<A: Application>(&mut self, app: &A, frame: &Frame) -> Option<Request> {
+        // CiA 305: LSS is served where configuring can do no harm.
+        if !self.communication.state.allows_lss() && self.node_id != UNCONFIGURED {
+            return None;
+        }
+        self.lss.receive(frame, &app.identity())
+    }
+
+    fn lss_request<A: Application>(&mut self, app: &mut A, request: Request, now: Instant) {
+        match request {
+            Request::Answered => {}
+            Request::Store { node_id, kbit_s } => {
+                let kept = app.store_lss(node_id, kbit_s);
+                self.lss.respond_store(kept);
+            }
+            Request::Activate { kbit_s, delay_ms } => {
+                app.event(Event::BitRate { kbit_s, delay_ms }, now);
+            }
+            Request::Initialise => self.reset_communication(app, now),
+        }
+    }
+
+    /// What is due by `now`; returns when to call again.
+    pub fn poll<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Instant> {
+        if self.node_id == UNCONFIGURED || self.communication.state == State::Initialising {
+            return None;
+        }
+        while let Some(event) = self.communication.error_control.expired(now) {
+            self.control(app, event, now);
+        }
+        let server = self.server.poll(
+            &mut View {
+                communication: &mut self.communication,
+                application: app,
+                node_id: self.node_id,
+                now,
+            },
+            now,
+        );
+        let services = &mut self.communication;
+        let register = services.emergency.register();
+        let mut mapped = Mapped {
+            application: app,
+            register,
+        };
+        let mut next = sooner(server, services.error_control.poll());
+        next = sooner(next, services.sync.poll(services.state));
+        next = sooner(next, services.emergency.poll(services.state));
+        if services.state.allows_pdo() {
+            next = sooner(next, services.pdo.poll(&mut mapped, now));
+            next = sooner(next, services.safety.poll(&mut mapped, now));
+            if let Some(srdo) = services.safety.take_lost() {
+                app.event(Event::SafetyLost(srdo), now);
+            }
+            if let Some(rpdo) = services.pdo.take_missed() {
+                self.emergency(0x8250, [rpdo + 1, 0, 0, 0, 0]);
+            }
+        }
+        next
+    }
+
+    /// The frame to send now: of all that wait, the one with the lowest identifier.
+    ///
+    /// Hand it to the controller, and call [`Node::sent`] when it has gone out.
+    pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
+        if let Some(answer) = self.lss.transmit() {
+            return Some(Frame::data_frame(crate::lss::RESPONSE, &answer));
+        }
+        if self.node_id == UNCONFIGURED {
+            return None;
+        }
+        if self.communication.state == State::Initialising {
+            return Some(self.boot_up(app, now));
+        }
+        match self.first(now)? {
+            Service::Sync => self.communication.sync.transmit(now),
+            Service::Emergency => self.communication.emergency.transmit(now),
+            Service::Safety => self.communication.safety.transmit(now),
+            Service::Pdo => self.communication.pdo.transmit(now),
+            Service::Sdo => self.response(app, now),
+            Service::ErrorControl => {
+                let state = self.communication.state;
+                self.communication
+                    .error_control
+                    .transmit(self.node_id, state, now)
+            }
+        }
+    }
+
+    fn response<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
+        let mut view = View {
+            communication: &mut self.communication,
+            application: app,
+            node_id: self.node_id,
+            now,
+        };
+        let data = self.server.transmit(&mut view, now)?;
+        Some(Frame::data_frame(0x580 + u16::from(self.node_id), &data))
+    }
+
+    /// Which service holds the lowest identifier.
+    fn first(&self, now: Instant) -> Option<Service> {
+        let services = &self.communication;
+        let id = u16::from(self.node_id);
+        let sdo = self.server.is_pending() && services.state.allows_sdo();
+        let waiting = [
+            (
+                services.sync.next_cob_id(services.state, now),
+                Service::Sync,
+            ),
+            (
+                services.emergency.next_cob_id(services.state, now),
+                Service::Emergency,
+            ),
+            (services.safety.next_cob_id(), Service::Safety),
+            (services.pdo.next_cob_id(now), Service::Pdo),
+            (sdo.then_some(0x580 + id), Service::Sdo),
+            (
+                services.error_control.is_due(now).then_some(0x700 + id),
+                Service::ErrorControl,
+            ),
+        ];
+        let mut first = None;
+        for (cob_id, service) in waiting {
+            if let Some(cob_id) = cob_id
+                && first.is_none_or(|(lowest, _)| cob_id < lowest)
+            {
+                first = Some((cob_id, service));
+            }
+        }
+        first.map(|(_, service)| service)
+    }
+
+    /// The boot-up message, after which the node is pre-operational, or starts itself (1F80h).
+    fn boot_up<A: Application>(&mut self, app: &mut A, now: Instant) -> Frame {
+        let services = &mut self.communication;
+        services.state = State::PreOperational;
+        services.error_control.start(now);
+        services.sync.start(now);
+        let starts = nmt::self_starting(services.startup);
+        app.event(Event::State(State::PreOperational), now);
+        if starts {
+            self.enter(app, State::Operational, now);
+        }
+        crate::error_control::boot_up(self.node_id)
+    }
+
+    /// A frame from [`Node::transmit`] has ended on the bus at `now`.
+    ///
+    /// Only then has this node's own SYNC happened, at the same instant as for everybody else.
+    pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        if self.communication.sync.recognises(frame) {
+            self.sync_frame(app, frame, now);
+        }
+    }
+}
+
+impl Default for Node {
+    fn default() -> Self {
+        Self::new()
+    }
+}

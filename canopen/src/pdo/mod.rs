@@ -1,0 +1,265 @@
+//! PDOs: four that the device receives, four that it transmits (CiA 301, 7.2.2).
+//!
+//! In: frames, SYNC, the application's word that data have changed, and time; the objects are
+//! read and written through [`Objects`]. Out: frames, the lowest identifier first, and what became
+//! of a frame that was received. Configuration comes by SDO or from memory; no way of writing it
+//! leaves a PDO at work with a mapping that does not hold.
+//!
+//! Left out: multiplexed PDOs, and transmission types 252 and 253.
+
+mod rpdo;
+mod setup;
+mod tpdo;
+
+#[cfg(test)]
+mod configuration_tests;
+#[cfg(test)]
+mod tests;
+
+use crate::frame::Frame;
+use crate::object::{Abort, Address, Dictionary, Objects, Value};
+use crate::time::{Instant, sooner};
+use rpdo::Rpdo;
+use setup::{Part, Setup};
+use tpdo::Tpdo;
+
+/// PDOs in each direction.
+pub const PDOS: usize = 4;
+
+/// What became of a frame that is for a PDO; RPDOs are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Received {
+    /// Written to the objects.
+    Taken(u8),
+    /// Kept for the next SYNC.
+    Waiting,
+    /// Too short, not used: EMCY 8210h.
+    TooShort(u8),
+    /// Longer than what is mapped, used (or kept for SYNC) as far as it is: EMCY 8220h.
+    TooLong(u8),
+    /// A value is out of its range, or the application does not take it now.
+    Refused(u8),
+    /// A remote frame has asked for a TPDO; the answer waits for the bus.
+    Requested,
+}
+
+/// All PDOs of a node: configuration and state.
+#[derive(Clone, Debug)]
+pub struct Pdos {
+    /// Length of the synchronous window in µs (1007h); 0 is none.
+    pub window_us: u32,
+    tx: [Tpdo; PDOS],
+    rx: [Rpdo; PDOS],
+    /// The node is OPERATIONAL.
+    running: bool,
+    overruns: u16,
+}
+
+/// Where a PDO's parameter is kept.
+enum Place {
+    Receive(usize, Part),
+    Transmit(usize, Part),
+}
+
+/// `None` when the address is not that of a PDO here.
+fn place(at: Address) -> Option<Place> {
+    let n = usize::from(at.index & 0x1FF);
+    let place = match at.index & !0x1FF {
+        0x1400 => Place::Receive(n, Part::Communication),
+        0x1600 => Place::Receive(n, Part::Mapping),
+        0x1800 => Place::Transmit(n, Part::Communication),
+        0x1A00 => Place::Transmit(n, Part::Mapping),
+        _ => return None,
+    };
+    (n < PDOS).then_some(place)
+}
+
+impl Pdos {
+    /// No PDO exists; defaults come in through [`Pdos::load`].
+    pub const fn new() -> Self {
+        Self {
+            window_us: 0,
+            tx: [const { Tpdo::new() }; PDOS],
+            rx: [const { Rpdo::new() }; PDOS],
+            running: false,
+            overruns: 0,
+        }
+    }
+
+    fn setup(&mut self, at: Address) -> Option<(&mut Setup, Part)> {
+        match place(at)? {
+            Place::Receive(n, part) => Some((&mut self.rx.get_mut(n)?.setup, part)),
+            Place::Transmit(n, part) => Some((&mut self.tx.get_mut(n)?.setup, part)),
+        }
+    }
+
+    /// The value of 1400h to 1403h, 1600h to 1603h, 1800h to 1803h or 1A00h to 1A03h; `None` for
+    /// any other index.
+    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+        let (setup, part) = match place(at)? {
+            Place::Receive(n, part) => (&self.rx.get(n)?.setup, part),
+            Place::Transmit(n, part) => (&self.tx.get(n)?.setup, part),
+        };
+        Some(setup.read(part, at.sub))
+    }
+
+    /// Takes a value by SDO, under all the rules; `None` for an index that is not a PDO's.
+    ///
+    /// The PDO begins anew with its new parameters. Errors: the abort code of the rule that is
+    /// broken; nothing has changed then.
+    pub fn write(
+        &mut self,
+        dictionary: &Dictionary,
+        at: Address,
+        value: Value,
+    ) -> Option<Result<(), Abort>> {
+        let (setup, part) = self.setup(at)?;
+        let result = setup.write(dictionary, part, at.sub, value);
+        if result.is_ok() {
+            match place(at)? {
+                Place::Receive(n, _) => self.rx.get_mut(n)?.restart(),
+                Place::Transmit(n, _) => self.tx.get_mut(n)?.restart(),
+            }
+        }
+        Some(result)
+    }
+
+    /// Puts a default or stored value in place, in any order; false when it is not a PDO's.
+    pub fn load(&mut self, at: Address, value: Value) -> bool {
+        let found = self.setup(at);
+        found.is_some_and(|(setup, part)| setup.load(part, at.sub, value))
+    }
+
+    /// After [`Pdos::load`]: switches off every PDO whose parameters do not hold.
+    ///
+    /// Errors: what is wrong with the first one of them.
+    pub fn check(&mut self, dictionary: &Dictionary) -> Result<(), Abort> {
+        let rx = self.rx.iter_mut().map(|pdo| &mut pdo.setup);
+        let tx = self.tx.iter_mut().map(|pdo| &mut pdo.setup);
+        rx.chain(tx)
+            .map(|setup| setup.check(dictionary))
+            .fold(Ok(()), Result::and)
+    }
+
+    fn restart(&mut self, running: bool) {
+        self.running = running;
+        self.tx.iter_mut().for_each(Tpdo::restart);
+        self.rx.iter_mut().for_each(Rpdo::restart);
+    }
+
+    /// The node enters OPERATIONAL: timers run, event-driven TPDOs are due once, and nothing of
+    /// before counts. Their first samples are taken by the next [`Pdos::poll`].
+    pub fn start(&mut self, _now: Instant) {
+        self.restart(true);
+    }
+
+    /// The node leaves OPERATIONAL: what waits is dropped.
+    pub fn stop(&mut self) {
+        self.restart(false);
+    }
+
+    fn count(&mut self, lost: usize) {
+        let lost = u16::try_from(lost).unwrap_or(u16::MAX);
+        self.overruns = self.overruns.saturating_add(lost);
+    }
+
+    /// SYNC: applies the RPDOs that were received before, then samples the TPDOs whose turn it is.
+    ///
+    /// Returns the RPDOs that were applied, bit n for RPDO n. Ignored outside OPERATIONAL.
+    pub fn sync<O: Objects>(&mut self, objects: &mut O, counter: Option<u8>, now: Instant) -> u8 {
+        if !self.running {
+            return 0;
+        }
+        let mut applied = 0;
+        for (n, pdo) in self.rx.iter_mut().enumerate() {
+            applied |= u8::from(pdo.sync(objects)) << n;
+        }
+        let window = self.window_us;
+        let tx = self.tx.iter_mut();
+        let lost = tx.filter_map(|pdo| pdo.sync(objects, counter, window, now).then_some(()));
+        let lost = lost.count();
+        self.count(lost);
+        applied
+    }
+
+    /// Takes a frame; `None` when it is for no PDO here, or the node is not OPERATIONAL.
+    pub fn receive<O: Objects>(
+        &mut self,
+        objects: &mut O,
+        frame: &Frame,
+        now: Instant,
+    ) -> Option<Received> {
+        let id = frame.cob_id().filter(|_| self.running)?;
+        let is_named = |setup: &Setup| setup.is_active() && setup.id() == id;
+        if frame.is_remote() {
+            let named = |pdo: &&mut Tpdo| is_named(&pdo.setup) && pdo.setup.answers_remote();
+            let lost = self.tx.iter_mut().find(named)?.request(objects, now);
+            self.count(usize::from(lost));
+            return Some(Received::Requested);
+        }
+        let mut rx = (0..).zip(&mut self.rx);
+        let (n, pdo) = rx.find(|(_, pdo)| is_named(&pdo.setup))?;
+        Some(pdo.receive(objects, n, frame, now))
+    }
+
+    /// Serves event timers, the end of the synchronous window and the deadlines of RPDOs; when to
+    /// call again, or when a frame that is held back may go.
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
+        if !self.running {
+            return None;
+        }
+        let mut next = None;
+        let mut lost = 0;
+        for pdo in &mut self.tx {
+            lost += usize::from(pdo.poll(objects, now));
+            next = sooner(next, pdo.deadline(now));
+        }
+        for pdo in &mut self.rx {
+            next = sooner(next, pdo.poll(now));
+        }
+        self.count(lost);
+        next
+    }
+
+    /// The application's data have changed. TPDOs of types 254 and 255 that carry any of it are
+    /// due, held back by their inhibit times; those of type 0 go with the next SYNC.
+    pub fn event<O: Objects>(&mut self, objects: &mut O, now: Instant) {
+        if !self.running {
+            return;
+        }
+        let tx = self.tx.iter_mut();
+        let lost = tx.filter_map(|pdo| pdo.event(objects, now).then_some(()));
+        let lost = lost.count();
+        self.count(lost);
+    }
+
+    /// The frame of the lowest identifier that may go out now.
+    pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+        let id = self.next_cob_id(now)?;
+        let mut tx = self.tx.iter_mut();
+        tx.find(|pdo| pdo.ready(now) == Some(id))?.take(now)
+    }
+
+    /// The identifier of what [`Pdos::transmit`] would give.
+    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
+        self.tx.iter().filter_map(|pdo| pdo.ready(now)).min()
+    }
+
+    /// An RPDO whose event timer has run out, counted from 0 and told once: EMCY 8250h.
+    pub fn take_missed(&mut self) -> Option<u8> {
+        let mut rx = (0..).zip(&mut self.rx);
+        rx.find_map(|(n, pdo)| pdo.take_missed().then_some(n))
+    }
+
+    /// Samples that gave way to newer ones, or missed the synchronous window, before the bus took
+    /// them. Stops at 65 535.
+    pub const fn overruns(&self) -> u16 {
+        self.overruns
+    }
+}
+
+impl Default for Pdos {
+    fn default() -> Self {
+        Self::new()
+    }
+}

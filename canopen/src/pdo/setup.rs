@@ -1,0 +1,227 @@
+//! What a PDO is told about itself: communication and mapping parameters (CiA 301, 7.5.2.35 to
+//! 7.5.2.38).
+//!
+//! In: reads and writes of the sub-indices. Out: values and abort codes. No write, in whatever
+//! order, leaves a PDO that exists with a mapping that does not hold.
+//!
+//! Left out: transmission types 252 and 253 (on remote request only), and 29-bit identifiers.
+
+use crate::frame::is_restricted;
+use crate::mapping::{self, ENTRIES, Mapping};
+use crate::object::{Abort, Access, Dictionary, Value};
+
+/// Bit 31 of a COB-ID: the PDO does not exist.
+pub const INVALID: u32 = 1 << 31;
+/// Bit 30 of a TPDO's COB-ID: it does not answer remote frames.
+const NO_REMOTE: u32 = 1 << 30;
+/// Bits 0 to 29: identifier and frame format.
+const IDENTIFIER: u32 = 0x3FFF_FFFF;
+/// The highest synchronous transmission type: every 240th SYNC.
+pub const LAST_SYNCHRONOUS: u8 = 240;
+
+/// Highest sub-index of the communication parameters: a TPDO has a SYNC start value.
+const HIGHEST_TRANSMIT: u8 = 6;
+const HIGHEST_RECEIVE: u8 = 5;
+
+/// Which of a PDO's two objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Communication parameters, 1400h or 1800h and following.
+    Communication,
+    /// Mapping, 1600h or 1A00h and following.
+    Mapping,
+}
+
+/// The configuration of one PDO.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// [`Access::TPDO`] or [`Access::RPDO`]: what mapped objects must allow.
+    access: Access,
+    cob_id: u32,
+    /// Transmission type.
+    pub kind: u8,
+    /// Least time between two frames, in 100 µs; RPDOs keep it without using it.
+    pub inhibit: u16,
+    /// TPDO: longest time between two frames. RPDO: deadline of the next one. In ms; 0 is off.
+    pub event_ms: u16,
+    /// Counter of the SYNC that counts as the first; 0 is any.
+    pub sync_start: u8,
+    /// What it carries.
+    pub mapping: Mapping,
+}
+
+fn identifier(cob_id: u32) -> Result<(), Abort> {
+    if cob_id & IDENTIFIER > 0x7FF || cob_id & INVALID == 0 && is_restricted(cob_id & 0x7FF) {
+        return Err(Abort::InvalidValue);
+    }
+    Ok(())
+}
+
+const fn transmission_type(kind: u8) -> Result<(), Abort> {
+    match kind {
+        0..=LAST_SYNCHRONOUS | 254 | 255 => Ok(()),
+        _ => Err(Abort::InvalidValue),
+    }
+}
+
+impl Setup {
+    /// A PDO that does not exist, for objects with this access.
+    pub const fn new(access: Access) -> Self {
+        Self {
+            access,
+            cob_id: INVALID,
+            kind: 254,
+            inhibit: 0,
+            event_ms: 0,
+            sync_start: 0,
+            mapping: Mapping::new(),
+        }
+    }
+
+    /// True when it exists and maps something.
+    pub const fn is_active(&self) -> bool {
+        self.cob_id & INVALID == 0 && self.mapping.count() > 0
+    }
+
+    /// The 11-bit identifier.
+    pub const fn id(&self) -> u16 {
+        self.cob_id as u16 & 0x7FF
+    }
+
+    /// True when a remote frame may ask for it.
+    pub const fn answers_remote(&self) -> bool {
+        self.cob_id & NO_REMOTE == 0
+    }
+
+    /// True for transmission types 0 to 240.
+    pub const fn is_synchronous(&self) -> bool {
+        self.kind <= LAST_SYNCHRONOUS
+    }
+
+    fn transmits(&self) -> bool {
+        self.access == Access::TPDO
+    }
+
+    /// A sub-index's value.
+    ///
+    /// Errors: [`Abort::NoSuchSubIndex`].
+    pub fn read(&self, part: Part, sub: u8) -> Result<Value, Abort> {
+        if part == Part::Mapping {
+            return match sub.checked_sub(1) {
+                None => Some(Value::u8(self.mapping.count())),
+                Some(n) => self.mapping.entry(n).map(Value::u32),
+            }
+            .ok_or(Abort::NoSuchSubIndex);
+        }
+        Ok(match sub {
+            0 if self.transmits() => Value::u8(HIGHEST_TRANSMIT),
+            0 => Value::u8(HIGHEST_RECEIVE),
+            1 => Value::u32(self.cob_id),
+            2 => Value::u8(self.kind),
+            3 => Value::u16(self.inhibit),
+            5 => Value::u16(self.event_ms),
+            6 if self.transmits() => Value::u8(self.sync_start),
+            _ => return Err(Abort::NoSuchSubIndex),
+        })
+    }
+
+    /// Puts a value in place as it is; false when there is no such sub-index to write.
+    pub fn load(&mut self, part: Part, sub: u8, value: Value) -> bool {
+        let number = value.unsigned() as u32;
+        match (part, sub) {
+            (Part::Mapping, 0) => self.mapping.set_count(number as u8),
+            (Part::Mapping, sub) => return self.mapping.set_entry(sub.wrapping_sub(1), number),
+            (_, 1) => self.cob_id = number,
+            (_, 2) => self.kind = number as u8,
+            (_, 3) => self.inhibit = number as u16,
+            (_, 5) => self.event_ms = number as u16,
+            (_, 6) if self.transmits() => self.sync_start = number as u8,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Takes a value under all the rules.
+    ///
+    /// Errors: the abort code of the rule that it breaks; nothing has changed then.
+    pub fn write(
+        &mut self,
+        dictionary: &Dictionary,
+        part: Part,
+        sub: u8,
+        value: Value,
+    ) -> Result<(), Abort> {
+        let number = value.unsigned() as u32;
+        match part {
+            Part::Mapping => self.may_map(dictionary, sub, number)?,
+            Part::Communication => self.may_set(sub, number)?,
+        }
+        if self.load(part, sub, value) {
+            Ok(())
+        } else {
+            Err(Abort::NoSuchSubIndex)
+        }
+    }
+
+    /// CiA 301, 7.5.2.36 and 7.5.2.38: a mapping changes while the PDO does not exist, and its
+    /// entries while none of them counts.
+    fn may_map(&self, dictionary: &Dictionary, sub: u8, number: u32) -> Result<(), Abort> {
+        if sub > ENTRIES {
+            return Err(Abort::NoSuchSubIndex);
+        }
+        if self.cob_id & INVALID == 0 {
+            return Err(Abort::UnsupportedAccess);
+        }
+        if sub == 0 {
+            let count = u8::try_from(number).unwrap_or(u8::MAX);
+            return self.mapping.check(dictionary, self.access, count);
+        }
+        if self.mapping.count() != 0 {
+            return Err(Abort::UnsupportedAccess);
+        }
+        if number == 0 {
+            return Ok(()); // Takes an entry out, which is as good as never written.
+        }
+        mapping::admits(dictionary, number, self.access)
+    }
+
+    /// CiA 301, 7.5.2.35 and 7.5.2.37.
+    fn may_set(&self, sub: u8, number: u32) -> Result<(), Abort> {
+        let old = self.read(Part::Communication, sub)?.unsigned() as u32;
+        let exists = self.cob_id & INVALID == 0;
+        match sub {
+            0 => Err(Abort::ReadOnly),
+            1 => {
+                identifier(number)?;
+                if exists && number & INVALID == 0 && (number ^ old) & IDENTIFIER != 0 {
+                    return Err(Abort::InvalidValue);
+                }
+                Ok(())
+            }
+            2 => transmission_type(u8::try_from(number).unwrap_or(LAST_SYNCHRONOUS + 1)),
+            // Inhibit time and SYNC start value stay while the PDO exists.
+            3 | 6 if exists && number != old => Err(Abort::UnsupportedAccess),
+            6 if number > u32::from(LAST_SYNCHRONOUS) => Err(Abort::InvalidValue),
+            _ => Ok(()),
+        }
+    }
+
+    fn holds(&self, dictionary: &Dictionary) -> Result<(), Abort> {
+        self.mapping
+            .check(dictionary, self.access, self.mapping.count())?;
+        transmission_type(self.kind)?;
+        identifier(self.cob_id)
+    }
+
+    /// Switches the PDO off, with nothing mapped, when what was loaded does not hold.
+    ///
+    /// Errors: what is wrong with it.
+    pub fn check(&mut self, dictionary: &Dictionary) -> Result<(), Abort> {
+        let result = self.holds(dictionary);
+        if result.is_err() {
+            self.cob_id = INVALID;
+            self.mapping.set_count(0);
+        }
+        result
+    }
+}

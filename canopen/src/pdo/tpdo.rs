@@ -1,0 +1,225 @@
+//! One PDO that the device transmits (CiA 301, 7.2.2).
+//!
+//! In: SYNC, the application's word that data have changed, remote frames and time. Out: samples
+//! of the mapped objects, each with the time in which it may go out. It holds one sample: a newer
+//! one takes the place of one that the bus has not taken, since old process data help nobody.
+//!
+//! Left out: which TPDO goes first (`pdo`).
+
+use super::setup::Setup;
+use crate::frame::Frame;
+use crate::object::{Access, Objects, Value};
+use crate::time::{Instant, sooner};
+
+const NEVER: Instant = Instant(u64::MAX);
+
+/// When a sample may go out, both ends included.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    from: Instant,
+    until: Instant,
+}
+
+/// A TPDO: configuration and state.
+#[derive(Clone, Debug)]
+pub struct Tpdo {
+    /// The configuration.
+    pub setup: Setup,
+    /// The newest sample, sent or waiting.
+    sample: Option<Value>,
+    /// The sample waits for the bus.
+    waiting: Option<Window>,
+    /// The event has come: type 0 waits for SYNC, types 254 and 255 for the next poll.
+    due: bool,
+    /// SYNCs up to the next sample; `None` before the first SYNC that counts.
+    left: Option<u8>,
+    /// End of the inhibit time.
+    quiet_until: Instant,
+    /// When the event timer runs out.
+    timer: Option<Instant>,
+}
+
+impl Tpdo {
+    /// A TPDO that does not exist.
+    pub const fn new() -> Self {
+        Self {
+            setup: Setup::new(Access::TPDO),
+            sample: None,
+            waiting: None,
+            due: false,
+            left: None,
+            quiet_until: Instant(0),
+            timer: None,
+        }
+    }
+
+    /// Forgets what waits, and begins anew: event-driven types are due once.
+    pub fn restart(&mut self) {
+        self.sample = None;
+        self.waiting = None;
+        self.due = !self.setup.is_synchronous();
+        self.left = None;
+        self.quiet_until = Instant(0);
+        self.timer = None;
+    }
+
+    /// Keeps a sample to be sent in `window`; true when it takes the place of one that was free
+    /// to go.
+    fn keep(&mut self, sample: Value, window: Window, now: Instant) -> bool {
+        let lost = self.waiting.is_some_and(|old| old.from <= now);
+        self.sample = Some(sample);
+        self.waiting = Some(window);
+        lost
+    }
+
+    /// Keeps a sample of an event-driven type, which the inhibit time may hold back.
+    fn keep_event(&mut self, sample: Value, now: Instant) -> bool {
+        let window = Window {
+            from: self.quiet_until,
+            until: NEVER,
+        };
+        self.due = false;
+        self.wind(now);
+        self.keep(sample, window, now)
+    }
+
+    /// Sets the event timer. It keeps its own rhythm while nothing else starts it anew.
+    fn wind(&mut self, now: Instant) {
+        let period = u32::from(self.setup.event_ms);
+        let on_time = self.timer.filter(|t| *t <= now).map(|t| t.after_ms(period));
+        let next = on_time.filter(|t| *t > now).unwrap_or(now.after_ms(period));
+        self.timer = (period != 0).then_some(next);
+    }
+
+    /// SYNC: samples when it is this PDO's turn; true when a sample was lost by that.
+    pub fn sync<O: Objects>(
+        &mut self,
+        objects: &mut O,
+        counter: Option<u8>,
+        window_us: u32,
+        now: Instant,
+    ) -> bool {
+        if !self.setup.is_active() || !self.wants_sync(counter) {
+            return false;
+        }
+        let Ok(sample) = self.setup.mapping.pack(objects) else {
+            return false;
+        };
+        let until = match window_us {
+            0 => NEVER,
+            us => now.after(u64::from(us)),
+        };
+        self.keep(sample, Window { from: now, until }, now)
+    }
+
+    fn wants_sync(&mut self, counter: Option<u8>) -> bool {
+        match self.setup.kind {
+            0 => core::mem::take(&mut self.due),
+            n if self.setup.is_synchronous() => self.counts_down(n, counter),
+            _ => false,
+        }
+    }
+
+    /// True on every n-th SYNC.
+    ///
+    /// With a SYNC start value the SYNC of that counter is the first, and the PDO goes with it:
+    /// inferred from what the start value is for, spreading the PDOs of a machine over SYNCs.
+    fn counts_down(&mut self, n: u8, counter: Option<u8>) -> bool {
+        let left = match (self.left, self.setup.sync_start, counter) {
+            (Some(left), _, _) => left,
+            (None, 0, _) | (None, _, None) => n,
+            (None, start, Some(counter)) if start == counter => 1,
+            _ => return false,
+        };
+        let left = left.saturating_sub(1);
+        self.left = Some(if left == 0 { n } else { left });
+        left == 0
+    }
+
+    /// The application's data have changed: samples when any of it is mapped here; true when a
+    /// sample was lost by that.
+    pub fn event<O: Objects>(&mut self, objects: &mut O, now: Instant) -> bool {
+        if !self.setup.is_active() || matches!(self.setup.kind, 1..=240) {
+            return false;
+        }
+        let Ok(sample) = self.setup.mapping.pack(objects) else {
+            return false;
+        };
+        if self.sample == Some(sample) {
+            return false;
+        }
+        if self.setup.is_synchronous() {
+            self.due = true;
+            return false;
+        }
+        self.keep_event(sample, now)
+    }
+
+    /// A remote frame asks for it. Synchronous types answer with what SYNC has sampled last.
+    ///
+    /// True when a sample was lost by that.
+    pub fn request<O: Objects>(&mut self, objects: &mut O, now: Instant) -> bool {
+        let kept = self.sample.filter(|_| self.setup.is_synchronous());
+        let Some(sample) = kept.or_else(|| self.setup.mapping.pack(objects).ok()) else {
+            return false;
+        };
+        // The same sample once more is an answer, and nothing is lost by sending it once.
+        let lost = self.sample != Some(sample);
+        let window = Window {
+            from: now,
+            until: NEVER,
+        };
+        self.keep(sample, window, now) && lost
+    }
+
+    /// Drops a synchronous sample whose window has ended, and samples when the event timer has;
+    /// true when a sample was lost by that.
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> bool {
+        if !self.setup.is_active() {
+            return false;
+        }
+        if self.waiting.is_some_and(|window| window.until < now) {
+            self.waiting = None;
+            return true;
+        }
+        let expired = self.timer.is_some_and(|t| t <= now);
+        if self.setup.is_synchronous() || !(self.due || expired) {
+            return false;
+        }
+        match self.setup.mapping.pack(objects) {
+            Ok(sample) => self.keep_event(sample, now),
+            Err(_) => {
+                self.wind(now);
+                false
+            }
+        }
+    }
+
+    /// When [`Tpdo::poll`] or the bus has to look again.
+    pub fn deadline(&self, now: Instant) -> Option<Instant> {
+        let window = self.waiting.and_then(|window| {
+            if window.from > now {
+                return Some(window.from);
+            }
+            (window.until < NEVER).then_some(window.until.after(1))
+        });
+        sooner(window, self.timer)
+    }
+
+    /// The identifier of the frame that may go out now.
+    pub fn ready(&self, now: Instant) -> Option<u16> {
+        let window = self.waiting?;
+        (window.from <= now && now <= window.until).then(|| self.setup.id())
+    }
+
+    /// The frame that [`Tpdo::ready`] told of; the inhibit time begins with it.
+    pub fn take(&mut self, now: Instant) -> Option<Frame> {
+        let id = self.ready(now)?;
+        self.waiting = None;
+        if !self.setup.is_synchronous() {
+            self.quiet_until = now.after(u64::from(self.setup.inhibit) * 100);
+        }
+        self.sample
+            .map(|sample| Frame::data_frame(id, sample.bytes()))
+    }
+}

@@ -1,0 +1,114 @@
+//! The consuming end of an SRDO (EN 50325-5).
+//!
+//! In: the two frames of a pair, and time. Out: writes of the mapped objects when both frames
+//! have come, in order, in time, and agree; otherwise the reason why they cannot be relied on.
+//!
+//! Left out: the safe state itself, which is the application's.
+
+use super::SrdoState;
+use super::setup::Setup;
+use crate::frame::Frame;
+use crate::object::{Abort, Objects, Value};
+use crate::time::{Instant, sooner};
+
+/// State of a consumer.
+#[derive(Clone, Debug)]
+pub struct Consumer {
+    /// What is known of the producer.
+    pub state: SrdoState,
+    /// The plain half that waits for its twin, and when it came.
+    half: Option<(u64, Instant)>,
+    /// When the next pair is overdue; `None` before the first one.
+    deadline: Option<Instant>,
+    /// The pair was lost by time and nobody has been told.
+    lost: bool,
+}
+
+/// Both halves are held against the limits of their objects before either is written.
+fn apply<O: Objects>(
+    setup: &Setup,
+    objects: &mut O,
+    plain: u64,
+    inverted: u64,
+) -> Result<(), Abort> {
+    setup.inverted.fits(&objects.dictionary(), inverted)?;
+    setup.plain.unpack(objects, plain)?;
+    setup.inverted.unpack(objects, inverted)
+}
+
+impl Consumer {
+    /// Nothing has come yet.
+    pub const fn new() -> Self {
+        Self {
+            state: SrdoState::Waiting,
+            half: None,
+            deadline: None,
+            lost: false,
+        }
+    }
+
+    /// Notes why there is nothing to rely on; true when that is news.
+    fn lose(&mut self, state: SrdoState) -> bool {
+        let news = matches!(self.state, SrdoState::Waiting | SrdoState::Running);
+        self.state = state;
+        self.half = None;
+        self.deadline = None;
+        news
+    }
+
+    /// Takes the plain or the inverted frame; true when the pair is lost by it, which is told
+    /// once until a good pair comes.
+    pub fn receive<O: Objects>(
+        &mut self,
+        setup: &Setup,
+        objects: &mut O,
+        frame: &Frame,
+        is_plain: bool,
+        now: Instant,
+    ) -> bool {
+        let length = setup.plain.length();
+        if frame.length() != length {
+            return self.lose(SrdoState::Inconsistent);
+        }
+        let data = u64::from_le_bytes(frame.padded());
+        if is_plain {
+            let lost = self.half.is_some() && self.lose(SrdoState::Unpaired);
+            self.half = Some((data, now));
+            return lost;
+        }
+        let srvt_us = u64::from(setup.srvt_ms) * 1000;
+        let half = self.half.take();
+        let Some((plain, _)) = half.filter(|(_, came)| now.since(*came) <= srvt_us) else {
+            return self.lose(SrdoState::Unpaired);
+        };
+        if Value::cut(!plain, length) != Value::cut(data, length)
+            || apply(setup, objects, plain, data).is_err()
+        {
+            return self.lose(SrdoState::Inconsistent);
+        }
+        self.state = SrdoState::Running;
+        self.deadline = Some(now.after_ms(u32::from(setup.sct_ms)));
+        false
+    }
+
+    /// Watches over both times; when to look again.
+    pub fn poll(&mut self, setup: &Setup, now: Instant) -> Option<Instant> {
+        let twin = self
+            .half
+            .map(|(_, came)| came.after_ms(u32::from(setup.srvt_ms)));
+        if twin.is_some_and(|end| end < now) {
+            self.lost |= self.lose(SrdoState::Unpaired);
+            return None;
+        }
+        if self.deadline.is_some_and(|end| end < now) {
+            self.lost |= self.lose(SrdoState::TimedOut);
+            return None;
+        }
+        sooner(twin, self.deadline).map(|end| end.after(1))
+    }
+
+    /// True once after a pair was lost by time.
+    pub fn take_lost(&mut self) -> bool {
+        core::mem::take(&mut self.lost)
+    }
+}

@@ -1,0 +1,395 @@
+//! CANopen Safety: two SRDOs, their configuration, and the global fail-safe command
+//! (EN 50325-5).
+//!
+//! In: frames, time, and the application's consent; objects are read and written through
+//! [`Objects`]. Out: frames, always in pairs; what became of frames received; why an SRDO cannot
+//! be relied on. The safe state of a producer is to send nothing.
+//!
+//! Left out: the sending of GFC, and any claim beyond the protocol: the safety of a machine is
+//! not a property of its messages.
+
+mod consumer;
+mod producer;
+mod setup;
+
+#[cfg(test)]
+mod tests;
+
+use crate::frame::Frame;
+use crate::object::{Abort, Address, Dictionary, Objects, Value};
+use crate::time::{Instant, sooner};
+use consumer::Consumer;
+use producer::Producer;
+use setup::{CONSUME, OFF, PRODUCE, Part, Setup};
+
+/// SRDOs of a node.
+pub const SRDOS: usize = 2;
+/// Value of 13FEh that makes the configuration valid.
+const VALID: u8 = 0xA5;
+/// Identifier of the global fail-safe command.
+const GFC_ID: u16 = 0x001;
+
+/// What became of a frame of CANopen Safety; SRDOs are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SafetyReceived {
+    /// A frame of a consumed SRDO. [`Safety::state`] tells whether its pairs are relied on.
+    Taken,
+    /// The pairs of this SRDO cannot be relied on from now on.
+    Lost(u8),
+    /// Somebody demands the safe state of all devices.
+    FailSafe,
+}
+
+/// What is known of an SRDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SrdoState {
+    /// Not configured, configuration not valid, or node not OPERATIONAL.
+    Off,
+    /// Consumer: no pair has come yet.
+    Waiting,
+    /// Pairs come or go.
+    Running,
+    /// Producer: the application does not consent, so nothing is sent.
+    Withheld,
+    /// The halves are not each other's inverse, have a wrong length, or an object refused them.
+    Inconsistent,
+    /// Consumer: a frame without its twin, within the safety-related validation time.
+    Unpaired,
+    /// Consumer: no pair within the safeguard cycle time.
+    TimedOut,
+}
+
+#[derive(Clone, Debug)]
+enum Role {
+    Off,
+    Produce(Producer),
+    Consume(Consumer),
+}
+
+#[derive(Clone, Debug)]
+struct Srdo {
+    setup: Setup,
+    role: Role,
+}
+
+impl Srdo {
+    const fn new() -> Self {
+        Self {
+            setup: Setup::new(),
+            role: Role::Off,
+        }
+    }
+
+    fn start(&mut self, valid: bool, now: Instant) {
+        let armed = valid && self.setup.signature == self.setup.computed();
+        self.role = match self.setup.direction {
+            PRODUCE if armed => Role::Produce(Producer::new(now)),
+            CONSUME if armed => Role::Consume(Consumer::new()),
+            _ => Role::Off,
+        };
+    }
+
+    fn ready(&self) -> Option<u16> {
+        match &self.role {
+            Role::Produce(producer) => producer.ready(&self.setup),
+            Role::Consume(_) | Role::Off => None,
+        }
+    }
+}
+
+/// CANopen Safety of a node: configuration and state.
+#[derive(Clone, Debug)]
+pub struct Safety {
+    srdos: [Srdo; SRDOS],
+    /// 1300h: 1 when GFC is obeyed.
+    gfc: u8,
+    /// 13FEh is A5h.
+    valid: bool,
+    /// The node is OPERATIONAL.
+    running: bool,
+    /// The application lets producers send.
+    consent: bool,
+}
+
+/// Where a parameter is kept.
+enum Place {
+    Gfc,
+    Valid,
+    Signature,
+    Parameter(usize, Part),
+}
+
+/// `None` when the address is not one of CANopen Safety here.
+fn place(at: Address) -> Option<Place> {
+    let parameter = |base: u16, part| {
+        let n = usize::from(at.index.checked_sub(base)?);
+        (n < SRDOS).then_some(Place::Parameter(n, part))
+    };
+    match at.index {
+        0x1300 => Some(Place::Gfc),
+        0x13FE => Some(Place::Valid),
+        0x13FF => Some(Place::Signature),
+        _ => parameter(0x1381, Part::Mapping).or_else(|| parameter(0x1301, Part::Communication)),
+    }
+}
+
+impl Safety {
+    /// Nothing configured, not valid, and no consent; defaults come in through [`Safety::load`].
+    pub const fn new() -> Self {
+        Self {
+            srdos: [const { Srdo::new() }; SRDOS],
+            gfc: 0,
+            valid: false,
+            running: false,
+            consent: false,
+        }
+    }
+
+    /// The value of 1300h to 1302h, 1381h, 1382h, 13FEh or 13FFh; `None` for any other index.
+    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+        let single = |value: u8| match at.sub {
+            0 => Ok(Value::u8(value)),
+            _ => Err(Abort::NoSuchSubIndex),
+        };
+        Some(match place(at)? {
+            Place::Gfc => single(self.gfc),
+            Place::Valid => single(if self.valid { VALID } else { 0 }),
+            Place::Signature => match at.sub.checked_sub(1) {
+                None => Ok(Value::u8(SRDOS as u8)),
+                Some(n) => match self.srdos.get(usize::from(n)) {
+                    Some(srdo) => Ok(Value::u16(srdo.setup.signature)),
+                    None => Err(Abort::NoSuchSubIndex),
+                },
+            },
+            Place::Parameter(n, part) => self.srdos.get(n)?.setup.read(part, at.sub),
+        })
+    }
+
+    /// Takes a value by SDO, under all the rules; `None` for an index of somebody else.
+    ///
+    /// A write that changes a parameter makes the configuration invalid (13FEh reads 0). Errors:
+    /// [`Abort::WrongState`] in OPERATIONAL, else the abort code of the rule that is broken;
+    /// nothing has changed then.
+    pub fn write(
+        &mut self,
+        dictionary: &Dictionary,
+        at: Address,
+        value: Value,
+        operational: bool,
+    ) -> Option<Result<(), Abort>> {
+        let place = place(at)?;
+        if operational {
+            return Some(Err(Abort::WrongState));
+        }
+        Some(self.take(dictionary, place, at, value))
+    }
+
+    fn take(
+        &mut self,
+        dictionary: &Dictionary,
+        place: Place,
+        at: Address,
+        value: Value,
+    ) -> Result<(), Abort> {
+        let byte = u8::try_from(value.unsigned()).unwrap_or(u8::MAX);
+        match place {
+            Place::Gfc | Place::Valid if at.sub != 0 => return Err(Abort::NoSuchSubIndex),
+            Place::Gfc if byte > 1 => return Err(Abort::InvalidValue),
+            Place::Gfc => {
+                self.valid &= self.gfc == byte;
+                self.gfc = byte;
+            }
+            Place::Valid => {
+                if byte == VALID {
+                    self.sound(dictionary)?;
+                }
+                self.valid = byte == VALID;
+            }
+            Place::Signature => return self.sign(at.sub, value),
+            Place::Parameter(n, part) => {
+                let srdo = self.srdos.get_mut(n).ok_or(Abort::NoSuchObject)?;
+                let changed = srdo.setup.write(dictionary, part, at.sub, value)?;
+                self.valid &= !changed;
+            }
+        }
+        Ok(())
+    }
+
+    /// 13FFh takes nothing but the signature of the parameters as they are, so that whoever
+    /// writes it proves to know them.
+    fn sign(&mut self, sub: u8, value: Value) -> Result<(), Abort> {
+        let n = sub.checked_sub(1).ok_or(Abort::ReadOnly)?;
+        let srdo = self.srdos.get_mut(usize::from(n));
+        let setup = &mut srdo.ok_or(Abort::NoSuchSubIndex)?.setup;
+        let computed = setup.computed();
+        if value.unsigned() != u64::from(computed) {
+            return Err(Abort::InvalidValue);
+        }
+        setup.signature = computed;
+        Ok(())
+    }
+
+    /// Whether the whole configuration may be called valid.
+    fn sound(&self, dictionary: &Dictionary) -> Result<(), Abort> {
+        for srdo in &self.srdos {
+            srdo.setup.check(dictionary)?;
+        }
+        let [a, b] = &self.srdos;
+        let [a, b] = [&a.setup, &b.setup];
+        if a.direction != OFF && b.direction != OFF && a.cob_ids == b.cob_ids {
+            return Err(Abort::ParameterIncompatible);
+        }
+        Ok(())
+    }
+
+    /// Puts a default or stored value in place, in any order; false when it is somebody else's.
+    pub fn load(&mut self, at: Address, value: Value) -> bool {
+        let byte = value.unsigned() as u8;
+        match place(at) {
+            None => return false,
+            Some(Place::Gfc) => self.gfc = byte,
+            Some(Place::Valid) => self.valid = byte == VALID,
+            Some(Place::Signature) => {
+                let n = usize::from(at.sub).wrapping_sub(1);
+                let Some(srdo) = self.srdos.get_mut(n) else {
+                    return false;
+                };
+                srdo.setup.signature = value.unsigned() as u16;
+            }
+            Some(Place::Parameter(n, part)) => {
+                let srdo = self.srdos.get_mut(n);
+                return srdo.is_some_and(|srdo| srdo.setup.load(part, at.sub, value));
+            }
+        }
+        true
+    }
+
+    /// After [`Safety::load`]: a configuration that calls itself valid and is not, loses A5h.
+    ///
+    /// Errors: what is wrong with it.
+    pub fn check(&mut self, dictionary: &Dictionary) -> Result<(), Abort> {
+        if !self.valid {
+            return Ok(());
+        }
+        let result = self.sound(dictionary);
+        self.valid = result.is_ok();
+        result
+    }
+
+    /// The signature over the parameters of SRDO `srdo`, from 0; 0 when there is none.
+    pub fn signature(&self, srdo: usize) -> u16 {
+        self.srdos.get(srdo).map_or(0, |s| s.setup.computed())
+    }
+
+    /// The node enters OPERATIONAL: SRDOs run when the configuration is valid and signed.
+    pub fn start(&mut self, now: Instant) {
+        self.running = true;
+        for srdo in &mut self.srdos {
+            srdo.start(self.valid, now);
+        }
+    }
+
+    /// The node leaves OPERATIONAL: nothing is sent or relied on.
+    pub fn stop(&mut self) {
+        self.running = false;
+        for srdo in &mut self.srdos {
+            srdo.role = Role::Off;
+        }
+    }
+
+    /// The application lets producers send, or withdraws that. A pair of which one frame has gone
+    /// out is finished, nothing else is sent without consent.
+    pub fn release(&mut self, allowed: bool) {
+        self.consent = allowed;
+        for srdo in &mut self.srdos {
+            if let (Role::Produce(producer), false) = (&mut srdo.role, allowed) {
+                producer.withhold();
+            }
+        }
+    }
+
+    /// Samples producers that are due, watches over consumers; when to call again.
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
+        let mut next = None;
+        for Srdo { setup, role } in &mut self.srdos {
+            let deadline = match role {
+                Role::Produce(producer) if self.consent => Some(producer.poll(setup, objects, now)),
+                Role::Consume(consumer) => consumer.poll(setup, now),
+                Role::Produce(_) | Role::Off => None,
+            };
+            next = sooner(next, deadline);
+        }
+        next
+    }
+
+    /// The frame of the lowest identifier that waits: the plain one first, then its twin.
+    pub fn transmit(&mut self, _now: Instant) -> Option<Frame> {
+        let id = self.next_cob_id()?;
+        let srdo = self.srdos.iter_mut().find(|s| s.ready() == Some(id))?;
+        match &mut srdo.role {
+            Role::Produce(producer) => producer.take(&srdo.setup),
+            Role::Consume(_) | Role::Off => None,
+        }
+    }
+
+    /// The identifier of what [`Safety::transmit`] would give.
+    pub fn next_cob_id(&self) -> Option<u16> {
+        self.srdos.iter().filter_map(Srdo::ready).min()
+    }
+
+    /// Takes a frame; `None` when it is none of CANopen Safety, or the node is not OPERATIONAL.
+    pub fn receive<O: Objects>(
+        &mut self,
+        objects: &mut O,
+        frame: &Frame,
+        now: Instant,
+    ) -> Option<SafetyReceived> {
+        let id = frame.cob_id().filter(|_| self.running)?;
+        if frame.is_remote() {
+            return None;
+        }
+        if id == GFC_ID && frame.length() == 0 && self.gfc == 1 {
+            return Some(SafetyReceived::FailSafe);
+        }
+        for (n, Srdo { setup, role }) in (0..).zip(&mut self.srdos) {
+            let [plain, inverted] = setup.cob_ids.map(|cob_id| cob_id as u16);
+            if let Role::Consume(consumer) = role
+                && (id == plain || id == inverted)
+            {
+                let lost = consumer.receive(setup, objects, frame, id == plain, now);
+                return Some(if lost {
+                    SafetyReceived::Lost(n)
+                } else {
+                    SafetyReceived::Taken
+                });
+            }
+        }
+        None
+    }
+
+    /// An SRDO that was lost by time, counted from 0 and told once.
+    pub fn take_lost(&mut self) -> Option<u8> {
+        let mut srdos = (0..).zip(&mut self.srdos);
+        srdos.find_map(|(n, srdo)| match &mut srdo.role {
+            Role::Consume(consumer) => consumer.take_lost().then_some(n),
+            Role::Produce(_) | Role::Off => None,
+        })
+    }
+
+    /// What is known of SRDO `srdo`, from 0.
+    pub fn state(&self, srdo: usize) -> SrdoState {
+        match self.srdos.get(srdo).map(|s| &s.role) {
+            Some(Role::Produce(_)) if !self.consent => SrdoState::Withheld,
+            Some(Role::Produce(producer)) if producer.consistent => SrdoState::Running,
+            Some(Role::Produce(_)) => SrdoState::Inconsistent,
+            Some(Role::Consume(consumer)) => consumer.state,
+            Some(Role::Off) | None => SrdoState::Off,
+        }
+    }
+}
+
+impl Default for Safety {
+    fn default() -> Self {
+        Self::new()
+    }
+}

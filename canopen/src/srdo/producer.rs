@@ -1,0 +1,91 @@
+//! The producing end of an SRDO (EN 50325-5).
+//!
+//! In: time, and the mapped objects. Out: every safeguard cycle a plain and an inverted frame of
+//! one and the same sample, in this order. The inverted objects are read, not computed: the
+//! application has to have arrived at them its own way, and the pair is compared before any of it
+//! goes out.
+//!
+//! Left out: consent to send (`srdo`).
+
+use super::setup::Setup;
+use crate::frame::Frame;
+use crate::object::{Objects, Value};
+use crate::time::Instant;
+
+/// State of a producer.
+#[derive(Clone, Debug)]
+pub struct Producer {
+    /// When the next pair is due.
+    next: Instant,
+    /// The pair that waits: the plain half, and the inverted one.
+    pair: Option<(Value, Value)>,
+    /// The plain half has gone out.
+    half_sent: bool,
+    /// The last sample was consistent.
+    pub consistent: bool,
+}
+
+impl Producer {
+    /// The first pair is due at once.
+    pub const fn new(now: Instant) -> Self {
+        Self {
+            next: now,
+            pair: None,
+            half_sent: false,
+            consistent: true,
+        }
+    }
+
+    /// Drops a pair of which nothing has gone out; one that has begun is finished, since half a
+    /// pair tells nobody anything.
+    pub fn withhold(&mut self) {
+        if !self.half_sent {
+            self.pair = None;
+        }
+    }
+
+    /// Samples when it is time; when the next sample is due.
+    pub fn poll<O: Objects>(&mut self, setup: &Setup, objects: &mut O, now: Instant) -> Instant {
+        if now < self.next {
+            return self.next;
+        }
+        let period = u32::from(setup.sct_ms);
+        self.next = match self.next.after_ms(period) {
+            late if late <= now => now.after_ms(period),
+            next => next,
+        };
+        if !self.half_sent {
+            self.pair = sampled(setup, objects);
+            self.consistent = self.pair.is_some();
+        }
+        self.next
+    }
+
+    /// The identifier of the frame that waits.
+    pub fn ready(&self, setup: &Setup) -> Option<u16> {
+        let [plain, inverted] = setup.cob_ids;
+        let id = if self.half_sent { inverted } else { plain };
+        self.pair.map(|_| id as u16)
+    }
+
+    /// The frame that [`Producer::ready`] told of.
+    pub fn take(&mut self, setup: &Setup) -> Option<Frame> {
+        let id = self.ready(setup)?;
+        let (plain, inverted) = self.pair?;
+        if !self.half_sent {
+            self.half_sent = true;
+            return Some(Frame::data_frame(id, plain.bytes()));
+        }
+        self.half_sent = false;
+        self.pair = None;
+        Some(Frame::data_frame(id, inverted.bytes()))
+    }
+}
+
+/// A pair whose halves agree; `None` when they do not, or when an object cannot be read now.
+fn sampled<O: Objects>(setup: &Setup, objects: &mut O) -> Option<(Value, Value)> {
+    let plain = setup.plain.pack(objects).ok()?;
+    let inverted = setup.inverted.pack(objects).ok()?;
+    let twin = Value::cut(!plain.unsigned(), setup.plain.length());
+    (inverted == twin).then_some((plain, inverted))
+}

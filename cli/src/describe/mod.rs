@@ -1,0 +1,153 @@
+//! `plumb describe`: the documents that other tools and people know the two nodes by.
+//!
+//! In: the rows of the object dictionary (`device::objects`), the only source. Out: an electronic
+//! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send as
+//! delivered, or the page `docs/objects.md`. The same rows give the same bytes, whatever the day
+//! and the machine; the committed copies are compared with them by a test.
+//!
+//! Left out: reading such files, and what a device on a bus really holds.
+
+mod dbc;
+mod dcf;
+mod dictionary;
+mod eds;
+mod markdown;
+mod meaning;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use device::objects::table::{self, Channel};
+
+/// What to describe, and where to put it.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Which document
+    #[arg(value_enum)]
+    pub document: Document,
+    /// Channel of an EDS or DCF; a when not given
+    #[arg(long, value_enum)]
+    pub channel: Option<ChannelName>,
+    /// Node-id of a DCF, 1 to 127; as delivered (1 for a, 2 for b) when not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node_id: Option<u8>,
+    /// File to write; printed when not given
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// What can be described.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Document {
+    /// Electronic data sheet of one channel (CiA 306)
+    Eds,
+    /// Device configuration of one channel with its node-id (CiA 306)
+    Dcf,
+    /// What both channels send as delivered, for CAN tools
+    Dbc,
+    /// Every object, as a page for people
+    Objects,
+}
+
+/// A channel by the letter on its plug.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ChannelName {
+    /// Channel A
+    A,
+    /// Channel B
+    B,
+}
+
+impl From<ChannelName> for Channel {
+    fn from(name: ChannelName) -> Self {
+        match name {
+            ChannelName::A => Self::A,
+            ChannelName::B => Self::B,
+        }
+    }
+}
+
+/// Why nothing was described.
+#[derive(Debug)]
+pub enum DescribeError {
+    /// The document is the same for both channels.
+    BothChannels,
+    /// The document holds no node-id.
+    NoNodeId,
+    /// The file could not be written.
+    Write(PathBuf, io::Error),
+    /// The document could not be printed.
+    Print(io::Error),
+}
+
+impl fmt::Display for DescribeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BothChannels => write!(
+                f,
+                "this document holds both channels; leave --channel away, or ask for eds or dcf"
+            ),
+            Self::NoNodeId => write!(
+                f,
+                "only a dcf holds a node-id; leave --node-id away, or ask for dcf"
+            ),
+            Self::Write(path, why) => write!(
+                f,
+                "cannot write {}: {why}; choose another file with --output",
+                path.display()
+            ),
+            Self::Print(why) => write!(
+                f,
+                "the document cannot be printed: {why}; name a file with --output"
+            ),
+        }
+    }
+}
+
+/// Describes; exit status 0.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, DescribeError> {
+    let text = text(arguments)?;
+    match &arguments.output {
+        Some(path) => {
+            std::fs::write(path, text).map_err(|why| DescribeError::Write(path.clone(), why))?;
+        }
+        None => print(&text)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The document that was asked for.
+fn text(arguments: &Arguments) -> Result<String, DescribeError> {
+    let one_channel = matches!(arguments.document, Document::Eds | Document::Dcf);
+    if !one_channel && arguments.channel.is_some() {
+        return Err(DescribeError::BothChannels);
+    }
+    if arguments.document != Document::Dcf && arguments.node_id.is_some() {
+        return Err(DescribeError::NoNodeId);
+    }
+    let channel = arguments.channel.map_or(Channel::A, Channel::from);
+    let rows = table::rows();
+    Ok(match arguments.document {
+        Document::Eds => eds::sheet(rows, channel),
+        Document::Dcf => {
+            let node_id = arguments.node_id.unwrap_or(channel.node_id());
+            dcf::configuration(rows, channel, node_id)
+        }
+        Document::Dbc => dbc::database(rows),
+        Document::Objects => markdown::page(rows),
+    })
+}
+
+/// Prints; a reader that has had enough, as in `plumb describe eds | head`, is no error.
+fn print(text: &str) -> Result<(), DescribeError> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(DescribeError::Print(why)),
+        _ => Ok(()),
+    }
+}

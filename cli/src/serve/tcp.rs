@@ -1,0 +1,179 @@
+//! Clients over TCP, socketcand and SLCAN alike.
+//!
+//! In: an address to listen on. Out: a reader and a writer thread for each client. The reader
+//! stands still while the bus has too many frames, so the client is slowed down by TCP; the
+//! writer sends all that waits in one piece, without delay.
+//!
+//! Left out: encryption. The default address is that of this machine alone.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, SocketAddrV4, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use super::error::ServeError;
+use super::hub::{Client, Dialogue, Heard, Port, Shared, spawn};
+use super::outlet::Outlet;
+use super::{slcan, socketcand};
+
+/// The usual port of socketcand.
+pub const SOCKETCAND_PORT: u16 = 29536;
+
+/// Where socketcand clients find the bus unless told otherwise.
+pub const SOCKETCAND_AT: SocketAddr =
+    SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, SOCKETCAND_PORT));
+
+/// A write that makes no progress for so long ends the connection.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How long a client that is shown the door may take to read why.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+/// What a new client is told first, and how its wire format is read.
+type Welcome = dyn Fn() -> (&'static [u8], Box<dyn Dialogue>) + Send;
+
+/// Listens for socketcand clients.
+pub fn listen_socketcand(
+    shared: &Arc<Shared>,
+    at: SocketAddr,
+    bus_name: &str,
+) -> Result<SocketAddr, ServeError> {
+    if !socketcand::is_bus_name(bus_name) {
+        return Err(ServeError::BusName(bus_name.to_owned()));
+    }
+    let name = bus_name.to_owned();
+    let welcome = move || -> (&'static [u8], Box<dyn Dialogue>) {
+        let session = socketcand::Session::new(&name);
+        (socketcand::GREETING, Box::new(session))
+    };
+    listen(shared, at, "socketcand", Box::new(welcome))
+}
+
+/// Listens for SLCAN clients.
+pub fn listen_slcan(shared: &Arc<Shared>, at: SocketAddr) -> Result<SocketAddr, ServeError> {
+    let welcome =
+        || -> (&'static [u8], Box<dyn Dialogue>) { (b"", Box::new(slcan::Session::new())) };
+    listen(shared, at, "SLCAN", Box::new(welcome))
+}
+
+fn listen(
+    shared: &Arc<Shared>,
+    at: SocketAddr,
+    kind: &'static str,
+    welcome: Box<Welcome>,
+) -> Result<SocketAddr, ServeError> {
+    let failed = |error: std::io::Error| match error.kind() {
+        ErrorKind::AddrInUse => ServeError::PortInUse(at),
+        _ => ServeError::Listen(at, error),
+    };
+    let listener = TcpListener::bind(at).map_err(failed)?;
+    let at = listener.local_addr().map_err(failed)?;
+    let shared = Arc::clone(shared);
+    spawn("listener", move || {
+        accept(&shared, &listener, kind, &*welcome)
+    })?;
+    Ok(at)
+}
+
+fn accept(shared: &Arc<Shared>, listener: &TcpListener, kind: &str, welcome: &Welcome) {
+    loop {
+        let accepted = listener.accept();
+        if shared.is_stopped() {
+            return;
+        }
+        let Ok((stream, from)) = accepted else {
+            // Too many files open, or a client that went at once: neither ends the listening.
+            thread::sleep(Duration::from_millis(20));
+            continue;
+        };
+        let (greeting, dialogue) = welcome();
+        let label = format!("{kind} client {from}");
+        if let Err(why) = start(shared, stream, &label, greeting, dialogue) {
+            shared.notice(format!("{label} refused: {why}"));
+        }
+    }
+}
+
+fn start(
+    shared: &Arc<Shared>,
+    stream: TcpStream,
+    label: &str,
+    greeting: &[u8],
+    dialogue: Box<dyn Dialogue>,
+) -> Result<(), String> {
+    let prepared = (|| {
+        stream.set_nodelay(true)?;
+        stream.set_write_timeout(Some(WRITE_TIMEOUT))?;
+        Ok((stream.try_clone()?, stream.try_clone()?))
+    })();
+    let (writing, ending) = prepared.map_err(|e: std::io::Error| e.to_string())?;
+    let port = Port::Tcp(Outlet::new(), ending);
+    let Some(client) = shared.join(label.to_owned(), port) else {
+        return Ok(());
+    };
+    shared.notice_of(&client, "connected");
+    if let Some(outlet) = client.outlet() {
+        // An empty queue has room for a greeting.
+        let _ = outlet.answer(greeting);
+    }
+    let (writer, reader) = (Arc::clone(&client), Arc::clone(&client));
+    let (for_writer, for_reader) = (Arc::clone(shared), Arc::clone(shared));
+    let started = spawn("writer", move || write(&for_writer, &writer, writing)).and_then(|()| {
+        spawn("reader", move || {
+            read(&for_reader, &reader, stream, dialogue)
+        })
+    });
+    started.map_err(|error| {
+        shared.leave(&client, "dropped");
+        error.to_string()
+    })
+}
+
+fn write(shared: &Shared, client: &Client, mut stream: TcpStream) {
+    let Some(outlet) = client.outlet() else {
+        return;
+    };
+    let mut bytes = Vec::new();
+    while outlet.next(&mut bytes) {
+        if let Err(error) = stream.write_all(&bytes) {
+            shared.leave(
+                client,
+                &format!("dropped: it can't be written to ({error})"),
+            );
+            // Ends the reader too.
+            let _ = stream.shutdown(Shutdown::Both);
+            return;
+        }
+    }
+    let _ = stream.shutdown(Shutdown::Write);
+}
+
+fn read(shared: &Shared, client: &Client, mut stream: TcpStream, mut dialogue: Box<dyn Dialogue>) {
+    let mut bytes = [0; 4096];
+    let mut heard = Heard::default();
+    loop {
+        match stream.read(&mut bytes) {
+            Ok(0) => break shared.leave(client, "left"),
+            Ok(length) => dialogue.hear(&bytes[..length], &mut heard),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => break shared.leave(client, &format!("left ({error})")),
+        }
+        if !shared.act(client, &mut heard) {
+            let why = heard.close.take().unwrap_or_default();
+            break shared.leave(client, &format!("dropped: {why}"));
+        }
+    }
+    if let Some(outlet) = client.outlet() {
+        outlet.end();
+    }
+    // Closing with bytes unread would take the last answer away from the client.
+    let _ = stream.set_read_timeout(Some(FAREWELL));
+    for _ in 0..64 {
+        if !matches!(stream.read(&mut bytes), Ok(length) if length > 0) {
+            break;
+        }
+    }
+    // Whatever still holds a handle of this connection, it ends here.
+    let _ = stream.shutdown(Shutdown::Both);
+}

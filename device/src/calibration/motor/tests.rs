@@ -1,0 +1,338 @@
+//! Runs of the motor as a host leads them.
+
+extern crate std;
+
+use std::f64::consts::PI;
+use std::vec::Vec;
+
+use proptest::prelude::*;
+use tilt::ONE_G;
+use tilt::angle::Harmonics;
+use tilt::chain::{Measurement, PART_DELAY_Q16, Timing};
+use tilt::filter::LowPass;
+use tilt::sample::{FullScale, Instant};
+use tilt::table::MAX_POINTS;
+use tilt::temperature::TemperatureModel;
+use tilt::uncertainty::Uncertainty;
+use tilt::vector::Vector;
+
+use super::*;
+
+const TERMS: Terms = Terms {
+    rule: Rule::Linear,
+    budget: Budget {
+        noise: 5,
+        repeatability: 4,
+        hysteresis: 3,
+        reference: Uncertainty(2),
+        residual: Uncertainty(1),
+    },
+};
+
+/// A chain that has only the formula, as from the factory.
+fn factory() -> Chain {
+    let harmonics = Axes::<Harmonics>::default();
+    Chain {
+        filter: LowPass::PAPER,
+        full_scale: FullScale::G2,
+        period_us: 20_000,
+        part_delay_q16: PART_DELAY_Q16,
+        timing: Timing::AsItArrives,
+        calibration: Calibration {
+            temperature: TemperatureModel::None,
+            correction: Correction::TwoAxis {
+                vector: Vector::IDENTITY,
+                harmonics,
+            },
+            budget: Budget::default(),
+        },
+    }
+}
+
+/// What a part sees that reads 10 mg too much on every axis.
+fn sight(axis: Axis, degrees: f64) -> Sight {
+    let (sin, cos) = (degrees * PI / 180.0).sin_cos();
+    let [along, across] = [sin, cos].map(|v| ((v + 0.01) * f64::from(ONE_G)) as i32);
+    let offset = ONE_G / 100;
+    let accel = match axis {
+        Axis::X => [along, offset, across],
+        Axis::Y => [offset, along, across],
+    };
+    let measured = Measurement {
+        angle: Angle(0),
+        uncertainty: Uncertainty(0),
+        unshared: Uncertainty(0),
+        at: Instant(0),
+        latency_us: 0,
+    };
+    Sight {
+        filtered: Some(Filtered { accel }),
+        temperature: None,
+        reading: Axes {
+            x: Ok(measured),
+            y: Ok(measured),
+        },
+    }
+}
+
+fn sweep(motor: &mut Motor, chain: &Chain, axis: Axis, references: impl Iterator<Item = i32>) {
+    for reference in references {
+        let seen = sight(axis, f64::from(reference) / 1000.0);
+        motor.memorise(reference, chain, &seen).unwrap();
+    }
+}
+
+fn degrees_found(chain: &Chain, axis: Axis, degrees: f64) -> f64 {
+    let filtered = sight(axis, degrees).filtered.unwrap();
+    let found = chain.evaluate(filtered, Temperature::REFERENCE);
+    axis.of(&found).unwrap().angle.degrees()
+}
+
+#[test]
+fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
+    let (mut motor, mut chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    let tell = |motor: &mut Motor, command, chain: &Chain, result: &mut Calibration| {
+        motor.command(command, &TERMS, &chain.calibration, result)
+    };
+    let begun = tell(&mut motor, Command::StartX, &chain, &mut result);
+    assert_eq!(begun, Ok(Outcome::Running));
+    sweep(&mut motor, &chain, Axis::X, (-90..=90).map(|d| d * 1000));
+    assert_eq!(motor.progress().points, Axes { x: 181, y: 0 });
+    // 10 mg are 0.57 deg where the axis is level, and more towards the vertical.
+    assert!(motor.progress().worst > 570);
+    tell(&mut motor, Command::StartY, &chain, &mut result).unwrap();
+    assert_eq!(motor.progress().points, Axes { x: 181, y: 0 });
+    sweep(
+        &mut motor,
+        &chain,
+        Axis::Y,
+        (-90..=90).rev().map(|d| d * 1000),
+    );
+    let ended = tell(&mut motor, Command::Finish, &chain, &mut result);
+    assert_eq!(ended, Ok(Outcome::Finished));
+    assert_eq!(motor.progress().points, Axes { x: 181, y: 181 });
+    assert_eq!(result.budget, TERMS.budget);
+
+    chain.calibration = result.clone();
+    for axis in [Axis::X, Axis::Y] {
+        assert!((degrees_found(&chain, axis, 30.5) - 30.5).abs() < 0.01);
+    }
+    tell(&mut motor, Command::StartX, &chain, &mut result).unwrap();
+    sweep(
+        &mut motor,
+        &chain,
+        Axis::X,
+        (-80..=80).map(|d| d * 1000 + 500),
+    );
+    assert!(motor.progress().worst < 200, "{:?}", motor.progress());
+    let left = tell(&mut motor, Command::Abandon, &chain, &mut result);
+    assert_eq!((left, motor.is_running()), (Ok(Outcome::Abandoned), false));
+}
+
+#[test]
+fn a_run_without_tables_in_force_needs_both_axes() {
+    let (mut motor, chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartY, &TERMS, in_force, &mut result)
+        .unwrap();
+    sweep(
+        &mut motor,
+        &chain,
+        Axis::Y,
+        [-50_000, 0, 50_000].into_iter(),
+    );
+    let refused = motor.command(Command::Finish, &TERMS, in_force, &mut result);
+    assert_eq!(refused, Err(MotorError::Missing(Axis::X)));
+    assert_eq!(motor.progress().points.y, 3);
+    motor
+        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .unwrap();
+    sweep(&mut motor, &chain, Axis::X, [-50_000, 0].into_iter());
+    let ended = motor.command(Command::Finish, &TERMS, in_force, &mut result);
+    assert_eq!(ended, Ok(Outcome::Finished));
+}
+
+#[test]
+fn with_tables_in_force_one_axis_can_be_made_anew() {
+    let (mut motor, mut chain) = (Motor::new(), factory());
+    let table = |span: i32| {
+        let points = [-1, 1].map(|side| Point {
+            accel: side * span,
+            angle: Angle(side << 28),
+        });
+        Table::new(&points).unwrap()
+    };
+    let tables = Axes {
+        x: table(ONE_G / 3),
+        y: table(ONE_G / 2),
+    };
+    chain.calibration.correction = Correction::Tables {
+        tables,
+        rule: Rule::Nearest,
+    };
+    let mut result = factory().calibration;
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .unwrap();
+    sweep(
+        &mut motor,
+        &chain,
+        Axis::X,
+        [-60_000, 10, 60_000].into_iter(),
+    );
+    motor
+        .command(Command::Finish, &TERMS, in_force, &mut result)
+        .unwrap();
+    let Correction::Tables { tables: made, rule } = &result.correction else {
+        panic!("{result:?}");
+    };
+    assert_eq!((made.y, *rule), (tables.y, Rule::Linear));
+    assert_eq!(made.x.points().len(), 3);
+}
+
+#[test]
+fn points_that_make_no_table_leave_the_run_as_it_was() {
+    let (mut motor, chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .unwrap();
+    sweep(&mut motor, &chain, Axis::X, [5_000].into_iter());
+    let refused = motor.command(Command::StartY, &TERMS, in_force, &mut result);
+    assert_eq!(refused, Err(MotorError::Table(Axis::X, TableError::TooFew)));
+    assert_eq!(motor.progress().axis, Some(Axis::X));
+    assert_eq!(motor.progress().points.x, 1);
+    assert_eq!(result, chain.calibration);
+}
+
+#[test]
+fn a_reference_is_refused_when_it_cannot_be_a_point() {
+    let (mut motor, chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    let seen = sight(Axis::X, 0.0);
+    let idle = motor.memorise(0, &chain, &seen);
+    assert_eq!(idle, Err(MotorError::NotRunning));
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .unwrap();
+    for beyond in [90_001, -90_001, i32::MAX, i32::MIN] {
+        let refused = motor.memorise(beyond, &chain, &seen);
+        assert_eq!(refused, Err(MotorError::Reference));
+    }
+    motor.memorise(0, &chain, &seen).unwrap();
+    let again = motor.memorise(0, &chain, &seen);
+    assert_eq!(again, Err(MotorError::SameAngle));
+    for reference in 1..MAX_POINTS as i32 {
+        motor.memorise(reference, &chain, &seen).unwrap();
+    }
+    let one_more = motor.memorise(1000, &chain, &seen);
+    assert_eq!(one_more, Err(MotorError::Full));
+    assert_eq!(motor.progress().points.x, 181);
+}
+
+#[test]
+fn nothing_is_memorised_of_a_channel_that_is_not_valid() {
+    let (mut motor, chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartY, &TERMS, in_force, &mut result)
+        .unwrap();
+    let mut seen = sight(Axis::Y, 0.0);
+    for reason in [Invalid::Settling, Invalid::Stale, Invalid::Bus] {
+        seen.reading.y = Err(reason);
+        let refused = motor.memorise(0, &chain, &seen);
+        assert_eq!(refused, Err(MotorError::NoReading(reason)));
+    }
+    // An axis that is not measured yet is what a calibration is for.
+    seen.reading.y = Err(Invalid::NotMeasured);
+    seen.reading.x = Err(Invalid::Settling);
+    let refused = motor.memorise(0, &chain, &seen);
+    assert_eq!(refused, Err(MotorError::NoReading(Invalid::Settling)));
+    seen.reading.x = sight(Axis::X, 0.0).reading.x;
+    assert_eq!(motor.memorise(0, &chain, &seen), Ok(()));
+    seen.filtered = None;
+    let refused = motor.memorise(1, &chain, &seen);
+    assert_eq!(refused, Err(MotorError::NoReading(Invalid::NoSample)));
+    assert_eq!(motor.progress().points.y, 1);
+}
+
+#[test]
+fn the_working_points_are_not_lent_during_a_run() {
+    let (mut motor, chain) = (Motor::new(), factory());
+    let mut result = chain.calibration.clone();
+    assert!(motor.scratch().is_some());
+    let in_force = &chain.calibration;
+    motor
+        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .unwrap();
+    assert!(motor.scratch().is_none());
+}
+
+#[test]
+fn every_refusal_has_a_number_of_its_own() {
+    let tables = [
+        TableError::TooFew,
+        TableError::TooMany,
+        TableError::NotRising,
+        TableError::Flat,
+    ];
+    let mut errors = std::vec![
+        MotorError::NotRunning,
+        MotorError::Reference,
+        MotorError::SameAngle,
+        MotorError::Full,
+    ];
+    for axis in [Axis::X, Axis::Y] {
+        errors.push(MotorError::Missing(axis));
+        errors.extend(tables.map(|error| MotorError::Table(axis, error)));
+    }
+    errors.extend(
+        (1..32)
+            .filter_map(crate::exchange::reason)
+            .map(MotorError::NoReading),
+    );
+    let mut codes: Vec<_> = errors.iter().map(|error| error.code()).collect();
+    codes.sort_unstable();
+    codes.dedup();
+    assert_eq!((codes.len(), codes.first()), (errors.len(), Some(&1)));
+}
+
+#[test]
+fn commands_have_the_numbers_one_to_four() {
+    let known = (0..=u8::MAX).filter_map(Command::from_number);
+    let numbers: Vec<_> = known.map(|command| command as u8).collect();
+    assert_eq!(numbers, [1, 2, 3, 4]);
+}
+
+proptest! {
+    #[test]
+    fn thousandths_of_a_degree_come_back(value in -90_000..=90_000_i32) {
+        let angle = from_millidegrees(value);
+        let exact = Angle::from_degrees(f64::from(value) / 1000.0);
+        prop_assert!(angle.minus(exact).magnitude() <= 1);
+        prop_assert_eq!(to_millidegrees(angle), value);
+    }
+
+    #[test]
+    fn points_in_any_order_end_up_rising(
+        references in prop::collection::vec(-90_000..=90_000_i32, 0..190)
+    ) {
+        let mut points = Points::new();
+        for &reference in &references {
+            let point = Point { accel: reference, angle: from_millidegrees(reference) };
+            let _ = points.insert(point);
+        }
+        let taken = points.as_slice();
+        prop_assert!(taken.windows(2).all(|pair| pair[0].angle < pair[1].angle));
+        prop_assert!(taken.iter().all(|p| p.angle == from_millidegrees(p.accel)));
+        let different: std::collections::BTreeSet<_> = references.iter().collect();
+        prop_assert_eq!(taken.len(), different.len().min(MAX_POINTS));
+    }
+}

@@ -1,0 +1,258 @@
+//! What one node tells the other at each SYNC: two angles and what each of them is worth.
+//!
+//! In: a [`Reading`]. Out: an [`Exchange`], eight bytes on the bus (two angles of 24 bits and two
+//! quality bytes), and from it the peer's reading again. An angle step is 2^-24 of a circle,
+//! 2.15e-5 deg, which no channel resolves.
+//!
+//! | quality | meaning |
+//! |---|---|
+//! | 0 | nothing said yet |
+//! | 1 to 31 | no angle; the reason is [`reason`] |
+//! | 32 to 254 | an angle; its standard uncertainty is 0.001 deg times 2^((quality - 32) / 16) |
+//! | 255 | an angle with an uncertainty above 15.0 deg: taken as knowing nothing, 103.9 deg |
+//!
+//! The uncertainty sent is the part that the channels do not share, because the peer feels the
+//! machine's motion itself. It is rounded up, by 4.5 % at most, so that the comparison of the two
+//! channels never gets tighter by the bus than it is by the signals. The top code stays an angle:
+//! a vague one accuses nobody, where a reason would.
+//!
+//! Left out: the PDO that carries it, and its age.
+
+use tilt::angle::{Angle, Axes};
+use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::sample::Instant;
+use tilt::uncertainty::Uncertainty;
+
+/// What travels from node to node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exchange {
+    /// Angle X and Y in 2^-24 of a circle, -2^23 to 2^23 - 1; 0 where there is none.
+    pub angle: [i32; 2],
+    /// What each is worth; see the table above. The default, 0, is "nothing said yet".
+    pub quality: [u8; 2],
+}
+
+/// The code of a reason, 1 to 31: in a quality byte, and in the objects that tell it.
+pub const fn reason_code(reason: Invalid) -> u8 {
+    match reason {
+        Invalid::NoSample => 1,
+        Invalid::Settling => 2,
+        Invalid::Stale => 3,
+        Invalid::OverRange => 4,
+        Invalid::NoTemperature => 5,
+        Invalid::NotMeasured => 6,
+        Invalid::PartReset => 7,
+        Invalid::Bus => 8,
+    }
+}
+
+/// The reason of a code; `None` for 0, for codes above 31, and for those not given out.
+pub const fn reason(code: u8) -> Option<Invalid> {
+    Some(match code {
+        1 => Invalid::NoSample,
+        2 => Invalid::Settling,
+        3 => Invalid::Stale,
+        4 => Invalid::OverRange,
+        5 => Invalid::NoTemperature,
+        6 => Invalid::NotMeasured,
+        7 => Invalid::PartReset,
+        8 => Invalid::Bus,
+        _ => return None,
+    })
+}
+
+/// The lowest quality that stands for an angle.
+const FIRST_ANGLE: u8 = 32;
+
+/// Sixteen steps from 0.001 deg to just below its double, in steps of [`Angle`].
+///
+/// Rounded to the step; neighbours differ by the sixteenth root of 2, 4.43 %.
+const OCTAVE: [u32; 16] = [
+    11_930, 12_458, 13_010, 13_586, 14_187, 14_815, 15_471, 16_156, 16_872, 17_619, 18_399, 19_213,
+    20_064, 20_952, 21_880, 22_848,
+];
+
+/// The last of [`OCTAVE`].
+const OCTAVE_TOP: u32 = 22_848;
+
+/// Standard uncertainty of an angle of which nothing is known: 360 deg / sqrt(12).
+const KNOWS_NOTHING: Uncertainty = Uncertainty::from_degrees(103.923_048_454_132_6);
+
+/// The uncertainty that a quality of 32 or more stands for.
+fn uncertainty(quality: u8) -> Uncertainty {
+    let code = quality.saturating_sub(FIRST_ANGLE);
+    match OCTAVE.get(usize::from(code % 16)) {
+        Some(step) if quality < u8::MAX => Uncertainty(step << (code / 16)),
+        _ => KNOWS_NOTHING,
+    }
+}
+
+/// The lowest quality whose uncertainty is not below `uncertainty`.
+fn quality(uncertainty: Uncertainty) -> u8 {
+    let mut code = FIRST_ANGLE;
+    for octave in 0..14 {
+        // Whole octaves are left behind at once, which makes 30 steps of 224.
+        if OCTAVE_TOP << octave < uncertainty.0 {
+            code = code.saturating_add(16);
+            continue;
+        }
+        for step in OCTAVE {
+            if step << octave >= uncertainty.0 {
+                return code;
+            }
+            code = code.saturating_add(1);
+        }
+    }
+    u8::MAX
+}
+
+/// One axis: angle and quality.
+fn encode_axis(axis: Result<Measurement, Invalid>) -> (i32, u8) {
+    match axis {
+        // Half a step is added before the cut; half a turn wraps, as angles do.
+        Ok(m) => (m.angle.0.wrapping_add(128) >> 8, quality(m.unshared)),
+        Err(reason) => (0, reason_code(reason)),
+    }
+}
+
+/// What to tell the peer about `reading`.
+pub fn encode(reading: &Reading) -> Exchange {
+    let (x, quality_x) = encode_axis(reading.x);
+    let (y, quality_y) = encode_axis(reading.y);
+    Exchange {
+        angle: [x, y],
+        quality: [quality_x, quality_y],
+    }
+}
+
+/// What the peer has told, as its reading for the instant `at`, `latency_us` before it was asked.
+///
+/// Both uncertainties are the unshared one. Nothing said yet is [`Invalid::NoSample`]; a reason
+/// that this program does not know is [`Invalid::Stale`], which does not pass for a start.
+pub fn decode(exchange: Exchange, at: Instant, latency_us: u32) -> Reading {
+    let axis = |angle: i32, quality: u8| match quality {
+        0 => Err(Invalid::NoSample),
+        1..FIRST_ANGLE => Err(reason(quality).unwrap_or(Invalid::Stale)),
+        FIRST_ANGLE.. => Ok(Measurement {
+            angle: Angle(angle << 8),
+            uncertainty: uncertainty(quality),
+            unshared: uncertainty(quality),
+            at,
+            latency_us,
+        }),
+    };
+    let ([x, y], [quality_x, quality_y]) = (exchange.angle, exchange.quality);
+    Axes {
+        x: axis(x, quality_x),
+        y: axis(y, quality_y),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const AT: Instant = Instant(7_000_000);
+
+    fn measured(angle: i32, unshared: u32) -> Result<Measurement, Invalid> {
+        Ok(Measurement {
+            angle: Angle(angle),
+            uncertainty: Uncertainty(u32::MAX),
+            unshared: Uncertainty(unshared),
+            at: Instant(0),
+            latency_us: 0,
+        })
+    }
+
+    fn told(axis: Result<Measurement, Invalid>) -> Result<Measurement, Invalid> {
+        let reading = Axes {
+            x: Err(Invalid::Bus),
+            y: axis,
+        };
+        let decoded = decode(encode(&reading), AT, 30_000);
+        assert_eq!(decoded.x, Err(Invalid::Bus));
+        decoded.y
+    }
+
+    #[test]
+    fn every_reason_survives() {
+        let codes = (0..=u8::MAX).filter_map(|code| Some((code, reason(code)?)));
+        let mut count = 0;
+        for (code, why) in codes {
+            assert_eq!(reason_code(why), code);
+            assert!(code < FIRST_ANGLE);
+            assert_eq!(told(Err(why)), Err(why));
+            count += 1;
+        }
+        assert_eq!(count, 8);
+    }
+
+    #[test]
+    fn silence_is_no_sample_and_an_unknown_reason_is_no_angle() {
+        let silent = decode(Exchange::default(), AT, 0);
+        assert_eq!(silent.x, Err(Invalid::NoSample));
+        let unknown = Exchange {
+            angle: [1, 1],
+            quality: [9, 31],
+        };
+        let decoded = decode(unknown, AT, 0);
+        assert_eq!(decoded.x, Err(Invalid::Stale));
+        assert_eq!(decoded.y, Err(Invalid::Stale));
+    }
+
+    #[test]
+    fn each_quality_is_its_own_uncertainty_and_they_rise_by_4_5_percent() {
+        for code in FIRST_ANGLE..=u8::MAX {
+            assert_eq!(quality(uncertainty(code)), code);
+        }
+        for code in FIRST_ANGLE..254 {
+            let (low, high) = (uncertainty(code).0, uncertainty(code + 1).0);
+            assert!(
+                low < high && u64::from(high) * 1000 <= u64::from(low) * 1045,
+                "{code}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_range_is_a_thousandth_to_fifteen_degrees() {
+        assert!((uncertainty(32).degrees() - 0.001).abs() < 1e-7);
+        assert!((uncertainty(254).degrees() - 15.02).abs() < 0.01);
+        assert_eq!(uncertainty(255), KNOWS_NOTHING);
+        assert_eq!(KNOWS_NOTHING, Uncertainty(1_239_850_262));
+        assert_eq!(quality(Uncertainty(0)), 32);
+        assert_eq!(quality(Uncertainty::from_degrees(15.1)), 255);
+        assert_eq!(quality(Uncertainty(u32::MAX)), 255);
+    }
+
+    #[test]
+    fn half_a_turn_wraps() {
+        let near = told(measured(i32::MAX, 0)).unwrap();
+        assert_eq!(near.angle, Angle(i32::MIN));
+    }
+
+    proptest! {
+        #[test]
+        fn an_angle_survives_to_half_a_step(angle: i32, unshared in 0..1_239_850_262_u32) {
+            let back = told(measured(angle, unshared)).unwrap();
+            prop_assert!(back.angle.minus(Angle(angle)).magnitude() <= 128);
+            prop_assert_eq!((back.at, back.latency_us), (AT, 30_000));
+        }
+
+        #[test]
+        fn an_uncertainty_is_never_told_smaller(unshared in 0..1_239_850_262_u32) {
+            let back = told(measured(0, unshared)).unwrap().unshared.0;
+            prop_assert!(back >= unshared);
+            if (11_930..uncertainty(254).0).contains(&unshared) {
+                prop_assert!(u64::from(back) * 1000 <= u64::from(unshared) * 1045 + 1000);
+            }
+        }
+
+        #[test]
+        fn a_larger_uncertainty_has_no_lower_quality(a: u32, b: u32) {
+            let (low, high) = (a.min(b), a.max(b));
+            prop_assert!(quality(Uncertainty(low)) <= quality(Uncertainty(high)));
+        }
+    }
+}

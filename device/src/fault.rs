@@ -1,0 +1,231 @@
+//! What can be wrong, and how the bus is told: one exhaustive match from a fault to its EMCY
+//! code, its bit in the error register and a text (CiA 301, 7.2.7 and 7.5.2.2; CiA 410).
+//!
+//! In: the reading of this channel, the judgement of the pair, and what the device knows of its
+//! memory. Out: a [`Faults`] set. Each member is reported once when it appears and once, by error
+//! code 0000h, when it has gone.
+//!
+//! Left out: communication errors (81xxh, 82xxh), which the stack itself finds and reports.
+
+use tilt::chain::{Invalid, Reading};
+use tilt::cross_check::{Judgement, Node};
+
+/// One thing that can be wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Fault {
+    /// Slope X is outside the measuring range (2040h).
+    RangeX = 0,
+    /// Slope Y is outside the measuring range (2040h).
+    RangeY = 1,
+    /// The sensor has lost its set-up, as after a brown-out of its supply.
+    SensorSupply = 2,
+    /// The sensor's temperature is outside what it is specified for, -40 to 85 degC.
+    Temperature = 3,
+    /// The sensor does not answer on its bus.
+    SensorBus = 4,
+    /// The sensor has stopped giving samples.
+    SensorSilent = 5,
+    /// The sensor was driven beyond its full scale.
+    SensorOverRange = 6,
+    /// The channel has no calibration of its own.
+    NotCalibrated = 7,
+    /// The stored calibration is damaged and is not used.
+    CalibrationRecord = 8,
+    /// Stored parameters could not be read back or written.
+    Storage = 9,
+    /// Paper mode: the machine has to stop and stand still.
+    StopMotion = 10,
+    /// Paper mode: after the stop the channels still differ.
+    PhysicalFault = 11,
+    /// The channels differ, and nothing tells which is wrong.
+    Disagree = 12,
+    /// This channel is ill.
+    OwnChannel = 13,
+    /// The peer's channel is ill or silent.
+    PeerChannel = 14,
+    /// Neither channel measures.
+    NoChannel = 15,
+    /// A safe state was demanded by GFC, or a received SRDO failed; stays until a reset.
+    FailSafe = 16,
+}
+
+impl Fault {
+    /// Every fault, in the order of their numbers.
+    pub const ALL: [Self; 17] = [
+        Self::RangeX,
+        Self::RangeY,
+        Self::SensorSupply,
+        Self::Temperature,
+        Self::SensorBus,
+        Self::SensorSilent,
+        Self::SensorOverRange,
+        Self::NotCalibrated,
+        Self::CalibrationRecord,
+        Self::Storage,
+        Self::StopMotion,
+        Self::PhysicalFault,
+        Self::Disagree,
+        Self::OwnChannel,
+        Self::PeerChannel,
+        Self::NoChannel,
+        Self::FailSafe,
+    ];
+
+    /// EMCY error code, bit of the error register, and what to tell a person.
+    ///
+    /// 5010h and 5020h are CiA 410's; 31xxh to 42xxh follow CiA 301, table 26; FFxxh are ours.
+    pub const fn report(self) -> (u16, u8, &'static str) {
+        match self {
+            Self::RangeX => (0x5010, DEVICE, "slope X is outside the measuring range"),
+            Self::RangeY => (0x5020, DEVICE, "slope Y is outside the measuring range"),
+            Self::SensorSupply => (0x3200, VOLTAGE, "the sensor has lost its supply or set-up"),
+            Self::Temperature => (0x4200, HEAT, "the sensor is too cold or too hot"),
+            Self::SensorBus => (0xFF01, MANUFACTURER, "the sensor does not answer"),
+            Self::SensorSilent => (0xFF02, MANUFACTURER, "the sensor gives no samples"),
+            Self::SensorOverRange => (0xFF03, MANUFACTURER, "the sensor is beyond full scale"),
+            Self::NotCalibrated => (0xFF20, MANUFACTURER, "the channel is not calibrated"),
+            Self::CalibrationRecord => (0xFF21, MANUFACTURER, "the calibration is damaged"),
+            Self::Storage => (
+                0xFF22,
+                MANUFACTURER,
+                "parameters could not be stored or read",
+            ),
+            Self::StopMotion => (0xFF11, MANUFACTURER, "stop the machine, let it stand still"),
+            Self::PhysicalFault => (0xFF12, MANUFACTURER, "check the supply, then reset"),
+            Self::Disagree => (0xFF13, MANUFACTURER, "the channels differ for too long"),
+            Self::OwnChannel => (0xFF14, MANUFACTURER, "this channel is ill"),
+            Self::PeerChannel => (0xFF15, MANUFACTURER, "the other channel is ill or silent"),
+            Self::NoChannel => (0xFF16, MANUFACTURER, "neither channel measures"),
+            Self::FailSafe => (0xFF17, MANUFACTURER, "the safe state was demanded"),
+        }
+    }
+
+    /// True for what must keep a safety frame from being sent.
+    pub const fn forbids_safety(self) -> bool {
+        !matches!(self, Self::NotCalibrated | Self::Storage)
+    }
+}
+
+/// Error register bit 2.
+const VOLTAGE: u8 = 0x04;
+/// Error register bit 3.
+const HEAT: u8 = 0x08;
+/// Error register bit 5: device profile.
+const DEVICE: u8 = 0x20;
+/// Error register bit 7.
+const MANUFACTURER: u8 = 0x80;
+
+/// A set of faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults(u32);
+
+impl Faults {
+    /// Adds one.
+    pub const fn insert(&mut self, fault: Fault) {
+        self.0 |= 1 << fault as u8;
+    }
+
+    /// Adds one when `present`, takes it out otherwise.
+    pub const fn set(&mut self, fault: Fault, present: bool) {
+        self.0 &= !(1 << fault as u8);
+        self.0 |= (present as u32) << fault as u8;
+    }
+
+    /// True when it is a member.
+    pub const fn has(self, fault: Fault) -> bool {
+        self.0 >> fault as u8 & 1 != 0
+    }
+
+    /// True when nothing is wrong.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The members that `before` had not.
+    pub const fn new_since(self, before: Self) -> Self {
+        Self(self.0 & !before.0)
+    }
+
+    /// Members, by number.
+    pub fn iter(self) -> impl Iterator<Item = Fault> {
+        Fault::ALL.into_iter().filter(move |f| self.has(*f))
+    }
+
+    /// The error register that this set asks for, without the generic bit.
+    pub fn register(self) -> u8 {
+        self.iter().fold(0, |bits, fault| bits | fault.report().1)
+    }
+
+    /// The set as a number, bit n for fault n: what stands in EMCY bytes 3 to 6.
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// Sets what a reading says of its sensor. Transient reasons accuse nobody.
+    pub fn of_reading(&mut self, reading: &Reading) {
+        for reason in [reading.x.err(), reading.y.err()].into_iter().flatten() {
+            match reason {
+                Invalid::PartReset => self.insert(Fault::SensorSupply),
+                Invalid::Bus => self.insert(Fault::SensorBus),
+                Invalid::Stale => self.insert(Fault::SensorSilent),
+                Invalid::OverRange => self.insert(Fault::SensorOverRange),
+                Invalid::NoSample
+                | Invalid::Settling
+                | Invalid::NoTemperature
+                | Invalid::NotMeasured => {}
+            }
+        }
+    }
+
+    /// Sets what the comparison of the channels says.
+    pub fn of_judgement(&mut self, judgement: Judgement) {
+        match judgement {
+            // A warning is part of the work: 2021h shows it, and no message is sent for each.
+            Judgement::Agree
+            | Judgement::DataDelay
+            | Judgement::Waiting(_)
+            | Judgement::Warning => {}
+            Judgement::StopMotion => self.insert(Fault::StopMotion),
+            Judgement::PhysicalFault => self.insert(Fault::PhysicalFault),
+            Judgement::Disagree => self.insert(Fault::Disagree),
+            Judgement::OneChannel { ill: Node::Own, .. } => self.insert(Fault::OwnChannel),
+            Judgement::OneChannel {
+                ill: Node::Peer, ..
+            } => self.insert(Fault::PeerChannel),
+            Judgement::NoChannel(_) => self.insert(Fault::NoChannel),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_codes_are_each_used_once() {
+        for (n, fault) in Fault::ALL.into_iter().enumerate() {
+            assert_eq!(fault as usize, n);
+            let (code, bit, text) = fault.report();
+            assert!(bit.is_power_of_two() && !text.is_empty());
+            let same = Fault::ALL.into_iter().filter(|f| f.report().0 == code);
+            assert_eq!(same.count(), 1, "{code:04X}");
+        }
+    }
+
+    #[test]
+    fn a_set_keeps_what_is_put_in_and_asks_for_every_bit() {
+        let mut faults = Faults::default();
+        faults.insert(Fault::RangeX);
+        faults.set(Fault::SensorSupply, true);
+        faults.set(Fault::RangeX, false);
+        faults.set(Fault::Disagree, true);
+        assert_eq!(faults.register(), VOLTAGE | MANUFACTURER);
+        let members: [Option<Fault>; 3] = {
+            let mut all = faults.iter();
+            [all.next(), all.next(), all.next()]
+        };
+        let expected = [Some(Fault::SensorSupply), Some(Fault::Disagree), None];
+        assert_eq!(members, expected);
+    }
+}

@@ -1,0 +1,480 @@
+//! The instrument's own objects, 2000h to 20FFh: redundancy, measurement, bus and calibration.
+//!
+//! In: nothing. Out: the rows. A record that a tool may want as one line in a log is mappable
+//! into a TPDO.
+//!
+//! Left out: what stands behind the rows (`values`), limits and cams, for which no index of
+//! CiA 410 is known.
+
+use canopen::object::DataType::{
+    Domain, Integer16, Integer24, Integer32, Unsigned8, Unsigned16, Unsigned32,
+};
+
+use super::build::{array, member, record, var};
+use super::row::Row;
+
+/// 2022h where the uncertainty is not known or does not fit.
+pub const UNKNOWN_UNCERTAINTY: u16 = u16::MAX;
+/// 2024h where there is no difference.
+pub const NO_DIFFERENCE: i16 = i16::MIN;
+/// 2040h as delivered: this much to either side, in 0.001 deg.
+pub const RANGE: i32 = 90_000;
+/// 2050h sub 1 as delivered, in ms.
+pub const FALLBACK_MS: u16 = 500;
+/// 2050h sub 2 as delivered, in us.
+pub const FALLBACK_PERIOD_US: u32 = 20_000;
+/// 2051h as delivered, in ms.
+pub const RECOVERY_MS: u16 = 1000;
+
+const MILLIDEGREE: &str = "0.001 deg";
+const CIRCLE: &str = "360 deg / 2^24";
+const HALF_TURN: i64 = 180_000;
+
+/// The rows.
+pub const MANUFACTURER: &[Row] = &[
+    var(
+        0x2001,
+        "Peer node-ID",
+        Unsigned8,
+        "Node-id of the other channel. Its heartbeat (1016h) and its exchange (1400h) are set up \
+         apart from this.",
+    )
+    .rw()
+    .stored()
+    .limits(1, 127)
+    .channel(2, 1),
+    var(
+        0x2002,
+        "Channel",
+        Unsigned8,
+        "Which channel of the instrument this is: 0 is A, 1 is B.",
+    )
+    .constant()
+    .channel(0, 1),
+    record(
+        0x2010,
+        4,
+        "Exchange sent",
+        "What this channel tells the other at each SYNC.",
+    ),
+    member(0x2010, 1, "Angle X", Integer24, ANGLE)
+        .tpdo()
+        .unit(CIRCLE),
+    member(0x2010, 2, "Angle Y", Integer24, ANGLE)
+        .tpdo()
+        .unit(CIRCLE),
+    member(0x2010, 3, "Quality X", Unsigned8, QUALITY).tpdo(),
+    member(0x2010, 4, "Quality Y", Unsigned8, QUALITY).tpdo(),
+    record(
+        0x2011,
+        4,
+        "Exchange received",
+        "What the other channel has told; mapped into RPDO 1 as delivered.",
+    ),
+    member(0x2011, 1, "Angle X", Integer24, ANGLE)
+        .rpdo()
+        .unit(CIRCLE),
+    member(0x2011, 2, "Angle Y", Integer24, ANGLE)
+        .rpdo()
+        .unit(CIRCLE),
+    member(0x2011, 3, "Quality X", Unsigned8, QUALITY).rpdo(),
+    member(0x2011, 4, "Quality Y", Unsigned8, QUALITY).rpdo(),
+    record(
+        0x2012,
+        4,
+        "Safe slopes received",
+        "What a received SRDO carries, in the sender's unit; for a machine that wants this node \
+         to take the other channel's SRDO 1.",
+    ),
+    member(0x2012, 1, "Slope X", Integer16, "Plain.")
+        .rw()
+        .srdo(),
+    member(
+        0x2012,
+        2,
+        "Inverted slope X",
+        Integer16,
+        "Every bit inverted.",
+    )
+    .rw()
+    .srdo(),
+    member(0x2012, 3, "Slope Y", Integer16, "Plain.")
+        .rw()
+        .srdo(),
+    member(
+        0x2012,
+        4,
+        "Inverted slope Y",
+        Integer16,
+        "Every bit inverted.",
+    )
+    .rw()
+    .srdo(),
+    var(
+        0x2020,
+        "Validity",
+        Unsigned8,
+        "Bit 0: X is valid, 1: Y is valid, 2: the other channel's X is valid, 3: its Y, 4: the \
+         two X were compared, 5: the two Y, 6: calibrated, 7: a fault is latched.",
+    )
+    .tpdo(),
+    var(
+        0x2021,
+        "State of the pair",
+        Unsigned8,
+        "Judgement on both channels. 0 waiting, 1 agree, 2 warning, 3 stop the motion, 4 data \
+         were delayed, 5 physical fault, 6 disagree, 7 this channel is ill, 8 the other channel \
+         is ill, 9 no channel measures.",
+    )
+    .tpdo(),
+    array(
+        0x2022,
+        3,
+        "Uncertainty",
+        "Standard uncertainty (k = 1) of this channel's angles.",
+    ),
+    member(0x2022, 1, "Uncertainty X", Unsigned16, UNKNOWN)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    member(0x2022, 2, "Uncertainty Y", Unsigned16, UNKNOWN)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    member(0x2022, 3, "Larger uncertainty", Unsigned16, UNKNOWN)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    record(
+        0x2023,
+        2,
+        "Latency",
+        "Delay of the filter: how long a step of the angle takes to show half of itself. The \
+         angle itself belongs to SYNC.",
+    ),
+    member(0x2023, 1, "Latency in microseconds", Unsigned32, "In full.")
+        .tpdo()
+        .unit("us"),
+    member(
+        0x2023,
+        2,
+        "Latency in milliseconds",
+        Unsigned8,
+        "Rounded; 255 is 255 or more.",
+    )
+    .tpdo()
+    .unit("ms"),
+    array(
+        0x2024,
+        3,
+        "Difference",
+        "This channel's angle minus the other's, for the same SYNC.",
+    ),
+    member(0x2024, 1, "Difference X", Integer16, NONE)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    member(0x2024, 2, "Difference Y", Integer16, NONE)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    member(0x2024, 3, "Larger difference", Integer16, NONE)
+        .tpdo()
+        .unit(MILLIDEGREE),
+    array(
+        0x2025,
+        2,
+        "Reason",
+        "Why there is no angle. 0: there is one. 1 no sample yet, 2 settling, 3 samples have \
+         stopped, 4 over range, 5 temperature not known, 6 axis not measured, 7 the part has \
+         lost its set-up, 8 the part does not answer.",
+    ),
+    member(0x2025, 1, "Reason X", Unsigned8, "See sub-index 0.").tpdo(),
+    member(0x2025, 2, "Reason Y", Unsigned8, "See sub-index 0.").tpdo(),
+    record(0x2026, 3, "SYNC", "What this node has seen of SYNC."),
+    member(
+        0x2026,
+        1,
+        "SYNC count",
+        Unsigned32,
+        "SYNCs since the reset; wraps.",
+    )
+    .tpdo(),
+    member(
+        0x2026,
+        2,
+        "Missed exchanges",
+        Unsigned16,
+        "SYNCs after which the other channel's exchange did not come; stops at 65535.",
+    )
+    .tpdo(),
+    member(
+        0x2026,
+        3,
+        "SYNC source",
+        Unsigned8,
+        "0 none, 1 the bus, 2 this node.",
+    )
+    .tpdo(),
+    var(
+        0x2030,
+        "Mode of measurement",
+        Unsigned8,
+        "0: two slopes of +-90 deg. 1: one angle of 360 deg about Y, as X.",
+    ),
+    array(
+        0x2031,
+        3,
+        "Filtered acceleration",
+        "The vector behind the angles, in the axes of the sensor.",
+    ),
+    member(0x2031, 1, "Acceleration X", Integer32, "Filtered.")
+        .tpdo()
+        .unit("2^-26 g"),
+    member(0x2031, 2, "Acceleration Y", Integer32, "Filtered.")
+        .tpdo()
+        .unit("2^-26 g"),
+    member(0x2031, 3, "Acceleration Z", Integer32, "Filtered.")
+        .tpdo()
+        .unit("2^-26 g"),
+    var(
+        0x2032,
+        "Samples",
+        Unsigned32,
+        "Samples taken since the reset; wraps.",
+    ),
+    var(
+        0x2033,
+        "Sample period",
+        Unsigned32,
+        "Time between two samples, as this device's clock sees it.",
+    )
+    .unit("1/256 us"),
+    record(
+        0x2040,
+        4,
+        "Measuring range",
+        "Outside it EMCY 5010h (X) or 5020h (Y) is sent. Refused where it would not fit into 16 \
+         bit at the resolution of 6000h.",
+    ),
+    range(1, "Lowest X", -RANGE),
+    range(2, "Highest X", RANGE),
+    range(3, "Lowest Y", -RANGE),
+    range(4, "Highest Y", RANGE),
+    record(
+        0x2050,
+        2,
+        "SYNC fallback",
+        "With no SYNC on the bus the channel with the lower node-id makes it.",
+    ),
+    member(
+        0x2050,
+        1,
+        "Time-out",
+        Unsigned16,
+        "Silence before it begins; 0: never.",
+    )
+    .rw()
+    .stored()
+    .unit("ms")
+    .value(FALLBACK_MS as i64),
+    member(
+        0x2050,
+        2,
+        "Period",
+        Unsigned32,
+        "Time between two SYNCs of its own.",
+    )
+    .rw()
+    .stored()
+    .unit("us")
+    .limits(1000, 1_000_000)
+    .value(FALLBACK_PERIOD_US as i64),
+    var(
+        0x2051,
+        "Bus-off recovery",
+        Unsigned16,
+        "Time from bus-off to the attempt to return; 0: never without a reset.",
+    )
+    .rw()
+    .stored()
+    .unit("ms")
+    .value(RECOVERY_MS as i64),
+    record(
+        0x2052,
+        6,
+        "Bus",
+        "What the CAN controller reports (ISO 11898-1).",
+    ),
+    member(
+        0x2052,
+        1,
+        "Bus state",
+        Unsigned8,
+        "0 error active, 1 error passive, 2 bus-off.",
+    )
+    .tpdo(),
+    member(
+        0x2052,
+        2,
+        "Transmit errors",
+        Unsigned8,
+        "Transmit error counter.",
+    )
+    .tpdo(),
+    member(
+        0x2052,
+        3,
+        "Receive errors",
+        Unsigned8,
+        "Receive error counter.",
+    )
+    .tpdo(),
+    member(
+        0x2052,
+        4,
+        "Bus load",
+        Unsigned8,
+        "Share of the last second that was taken.",
+    )
+    .tpdo()
+    .unit("%"),
+    member(
+        0x2052,
+        5,
+        "Overruns",
+        Unsigned16,
+        "Frames lost before they were read, and samples replaced before they were sent; stops \
+         at 65535.",
+    )
+    .tpdo(),
+    member(
+        0x2052,
+        6,
+        "Bus-offs",
+        Unsigned16,
+        "Since the reset; stops at 65535.",
+    )
+    .tpdo(),
+    record(0x2053, 2, "Bit rate", "Changed by LSS (CiA 305)."),
+    member(
+        0x2053,
+        1,
+        "Bit rate in force",
+        Unsigned16,
+        "0 while it is being looked for.",
+    )
+    .unit("kbit/s"),
+    member(
+        0x2053,
+        2,
+        "Automatic detection",
+        Unsigned8,
+        "1: listens for the bit rate of the bus at start. 0: uses the stored one.",
+    )
+    .rw()
+    .stored()
+    .limits(0, 1)
+    .value(0),
+    record(
+        0x2060,
+        8,
+        "Calibration by motor",
+        "A motor turns the instrument to known angles, stands still, and the angle is written to \
+         sub-index 2; each one becomes a point of the table.",
+    ),
+    member(
+        0x2060,
+        1,
+        "Command",
+        Unsigned8,
+        "1 starts X, 2 starts Y, 3 finishes and puts the new table into force, 4 abandons. Reads \
+         the last command, 0 for none.",
+    )
+    .rw()
+    .limits(0, 4)
+    .value(0),
+    member(
+        0x2060,
+        2,
+        "Reference angle",
+        Integer32,
+        "Writing the angle of the motor memorises a point. Refused while the signal has not \
+         settled, and for an angle that has a point already.",
+    )
+    .rw()
+    .unit(MILLIDEGREE)
+    .limits(-HALF_TURN, HALF_TURN),
+    member(
+        0x2060,
+        3,
+        "Calibration state",
+        Unsigned8,
+        "0 idle, 1 taking X, 2 taking Y.",
+    ),
+    member(0x2060, 4, "Points X", Unsigned8, "Points memorised."),
+    member(0x2060, 5, "Points Y", Unsigned8, "Points memorised."),
+    member(
+        0x2060,
+        6,
+        "Last residual",
+        Integer32,
+        "What the table in force read at the last point, minus the reference.",
+    )
+    .unit(MILLIDEGREE),
+    member(
+        0x2060,
+        7,
+        "Worst residual",
+        Unsigned32,
+        "The largest residual of this run, without sign.",
+    )
+    .unit(MILLIDEGREE),
+    member(
+        0x2060,
+        8,
+        "Result",
+        Unsigned8,
+        "0: the last command or point was taken. 1 to 31: no angle, for the reason of 2025h. 32 no \
+         run is open, 33 reference beyond +-90 deg, 34 this angle has a point already, 35 too many \
+         points, 36 and 37 no table of X or Y, from 40 (X) and 48 (Y): the points make no table.",
+    ),
+    var(
+        0x2061,
+        "Calibration data",
+        Domain,
+        "The calibration in force, to be kept by a tool or carried to another piece. A new one \
+         counts once it is complete, and is refused when its check sum is wrong.",
+    )
+    .rw(),
+    record(
+        0x2062,
+        2,
+        "Calibration identity",
+        "Which calibration is in force.",
+    ),
+    member(0x2062, 1, "Check sum", Unsigned32, "CRC-32 of 2061h."),
+    member(
+        0x2062,
+        2,
+        "Kind",
+        Unsigned8,
+        "0: a table per axis. 1: two slopes by vector. 2: one angle of 360 deg by vector.",
+    ),
+];
+
+const fn range(sub: u8, name: &'static str, default: i32) -> Row {
+    member(
+        0x2040,
+        sub,
+        name,
+        Integer32,
+        "Bound of the measuring range.",
+    )
+    .rw()
+    .stored()
+    .unit(MILLIDEGREE)
+    .limits(-HALF_TURN, HALF_TURN)
+    .value(default as i64)
+}
+
+const ANGLE: &str = "Without preset and offsets. Counts only where the quality is 32 or more.";
+const QUALITY: &str = "0: nothing said yet. 1 to 31: no angle, for the reason of 2025h. 32 and up: \
+     standard uncertainty of the angle on a logarithmic scale.";
+const UNKNOWN: &str = "65535: not known, or larger than that.";
+const NONE: &str = "-32768: there is none. Larger ones stop at 32767.";

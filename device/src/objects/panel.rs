@@ -1,0 +1,370 @@
+//! The device as its dictionary shows it: every row above 1FFFh, and those of the area below that
+//! describe the device or its memory.
+//!
+//! In: reads, writes and events from the stack. Out: values, abort codes, and what is left in
+//! [`Values`] for the device to act on. A write that is refused changes nothing.
+//!
+//! Left out: the communication objects, which the stack serves itself.
+
+use canopen::node::{Application, Event};
+use canopen::object::{Abort, Address, Dictionary, Objects, Value, at};
+use canopen::storage::Group;
+use canopen::{Instant as BusInstant, nmt};
+use tilt::chain::Reading;
+use tilt::filter::Filtered;
+use tilt::sample::{Instant, Temperature};
+
+use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
+use super::safety::VALID;
+use super::table::{self, Channel};
+use super::values::Values;
+use crate::calibration::motor::{Motor, Terms};
+use crate::channel::Settings;
+use crate::program::ProgramMemory;
+use crate::records::{Record, RecordStore, StoreError, parameters};
+use tilt::chain::Calibration;
+
+/// Where readings come from: the channel, or anything that stands in for it.
+pub trait Source {
+    /// The reading at `now`.
+    fn reading(&self, settings: &Settings, now: Instant) -> Reading;
+    /// The newest filtered acceleration.
+    fn filtered(&self) -> Option<Filtered>;
+    /// The part's temperature.
+    fn temperature(&self) -> Option<Temperature>;
+}
+
+/// Records and a place for programs.
+pub trait Memory: RecordStore + ProgramMemory {}
+
+impl<M: RecordStore + ProgramMemory> Memory for M {}
+
+/// What a calibration over the bus works with.
+#[derive(Debug)]
+pub struct Work {
+    /// The motor's run.
+    pub motor: Motor,
+    /// The calibration that is being made.
+    pub result: Calibration,
+    /// What new tables come with.
+    pub terms: Terms,
+}
+
+/// What tells one device from another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Which channel of the instrument.
+    pub channel: Channel,
+    /// 1018h sub 4.
+    pub serial: u32,
+}
+
+/// Everything behind the rows, lent for one call of the stack.
+pub struct Panel<'a, M, S> {
+    /// The values.
+    pub values: &'a mut Values,
+    /// Settings with the calibration in force.
+    pub settings: &'a mut Settings,
+    /// The memory.
+    pub memory: &'a mut M,
+    /// The channel.
+    pub source: &'a S,
+    /// Calibration under way.
+    pub work: &'a mut Work,
+    /// Who this is.
+    pub identity: Identity,
+    /// When the call is.
+    pub now: Instant,
+}
+
+/// Address of the node-id in the LSS record, which has no rows.
+const LSS_NODE_ID: Address = at(0, 1);
+/// Address of the bit rate in the LSS record, in kbit/s.
+const LSS_BIT_RATE: Address = at(0, 2);
+
+/// Node-id and bit rate as LSS has stored them.
+pub fn stored_lss<M: RecordStore>(memory: &M) -> (Option<u8>, Option<u16>) {
+    let number = |address| parameters::get(memory, Record::Lss, address).map(|v| v.unsigned());
+    (
+        number(LSS_NODE_ID).map(|n| n as u8),
+        number(LSS_BIT_RATE).map(|n| n as u16),
+    )
+}
+
+const fn record(group: Group) -> Record {
+    match group {
+        Group::Communication => Record::Communication,
+        Group::Profile => Record::Profile,
+        Group::Manufacturer => Record::Manufacturer,
+    }
+}
+
+/// What a master is told when the memory does not do its part.
+pub const fn store_abort(error: StoreError) -> Abort {
+    match error {
+        StoreError::Hardware => Abort::Hardware,
+        StoreError::Full => Abort::OutOfMemory,
+        StoreError::NotBegun => Abort::General,
+    }
+}
+
+impl<M: Memory, S: Source> Panel<'_, M, S> {
+    fn measured(&mut self, at: Address) -> Option<Value> {
+        let process = &self.values.process;
+        let axis = usize::from(at.sub).wrapping_sub(1);
+        Some(match (at.index, at.sub) {
+            (0x2010, _) => exchange_value(&process.sent, at.sub)?,
+            (0x2011, _) => exchange_value(&process.received, at.sub)?,
+            (0x2020, _) => Value::u8(process.validity),
+            (0x2021, _) => Value::u8(process.state),
+            (0x2022, 3) => Value::u16(process.larger_uncertainty()),
+            (0x2022, _) => Value::u16(*process.uncertainty.get(axis)?),
+            (0x2023, 1) => Value::u32(process.latency_us),
+            (0x2023, _) => Value::u8(process.latency_ms()),
+            (0x2024, 3) => Value::i16(process.larger_delta()),
+            (0x2024, _) => Value::i16(*process.delta.get(axis)?),
+            (0x2025, _) => Value::u8(*process.reason.get(axis)?),
+            (0x2026, 1) => Value::u32(process.syncs),
+            (0x2026, 2) => Value::u16(process.missed),
+            (0x2026, _) => Value::u8(process.source as u8),
+            (0x2031, _) => Value::i32(*process.filtered.get(axis)?),
+            (0x2032, _) => Value::u32(process.samples),
+            (0x2033, _) => Value::u32(process.period_q8),
+            (0x2052, _) => bus_value(&process.bus, at.sub)?,
+            (0x2053, 1) => Value::u16(self.values.bit_rate),
+            (0x6511, _) => Value::i8(process.temperature_c),
+            _ => return None,
+        })
+    }
+
+    /// The signature that 63FFh must hold for the parameters as they are.
+    fn safety_signature(&self) -> u16 {
+        let resolution = self.values.parameters.safety_resolution;
+        canopen::crc::update(0, &resolution.to_le_bytes())
+    }
+
+    fn write_safety(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        let signature = self.safety_signature();
+        let parameters = &mut self.values.parameters;
+        match at.index {
+            0x6200 => {
+                // While SRDOs run, what they carry does not change its unit.
+                if self.values.state == nmt::State::Operational {
+                    return Err(Abort::WrongState);
+                }
+                crate::profile::Resolution::new(value.unsigned() as u16).map_err(|r| r.abort())?;
+                parameters.safety_valid = 0;
+            }
+            0x63FE => {
+                let valid = value.unsigned() == u64::from(VALID);
+                if valid && parameters.safety_signature != signature {
+                    return Err(Abort::ParameterIncompatible);
+                }
+                parameters.safety_valid = if valid { VALID } else { 0 };
+                return Ok(());
+            }
+            _ if value.unsigned() != u64::from(signature) => return Err(Abort::InvalidValue),
+            _ => {}
+        }
+        self.put(at, value)
+    }
+
+    fn put(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        let place = self.values.parameters.place(at);
+        place.ok_or(Abort::NoSuchObject)?.set(value);
+        Ok(())
+    }
+
+    fn identity_value(&self, at: Address) -> Result<Value, Abort> {
+        let number = usize::from(at.sub).wrapping_sub(1);
+        let number = self.identity().get(number).copied();
+        number.map(Value::u32).ok_or(Abort::NoSuchSubIndex)
+    }
+}
+
+fn exchange_value(exchange: &crate::exchange::Exchange, sub: u8) -> Option<Value> {
+    let [x, y] = exchange.angle;
+    let [quality_x, quality_y] = exchange.quality;
+    Some(match sub {
+        1 => Value::i24(x),
+        2 => Value::i24(y),
+        3 => Value::u8(quality_x),
+        4 => Value::u8(quality_y),
+        _ => return None,
+    })
+}
+
+fn bus_value(bus: &super::process::Bus, sub: u8) -> Option<Value> {
+    Some(match sub {
+        1 => Value::u8(bus.state),
+        2 => Value::u8(bus.transmit_errors),
+        3 => Value::u8(bus.receive_errors),
+        4 => Value::u8(bus.load_percent),
+        5 => Value::u16(bus.overruns),
+        6 => Value::u16(bus.bus_offs),
+        _ => return None,
+    })
+}
+
+fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value: Value) {
+    let [x, y] = &mut exchange.angle;
+    let [quality_x, quality_y] = &mut exchange.quality;
+    match at.sub {
+        1 => *x = value.signed() as i32,
+        2 => *y = value.signed() as i32,
+        3 => *quality_x = value.unsigned() as u8,
+        _ => *quality_y = value.unsigned() as u8,
+    }
+}
+
+impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
+    fn dictionary(&self) -> Dictionary {
+        table::dictionary(self.identity.channel)
+    }
+
+    fn read(&mut self, at: Address) -> Result<Value, Abort> {
+        if let Some(value) = self.measured(at) {
+            return Ok(value);
+        }
+        match at.index {
+            0x1018 => self.identity_value(at),
+            0x1F50..=0x1F57 => self.read_program(at),
+            0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
+            0x6210..=0x6221 => self.read_safe_slope(at),
+            0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
+            _ => {
+                let place = self.values.parameters.place(at);
+                place.map(|p| p.get()).ok_or(Abort::NoSuchObject)
+            }
+        }
+    }
+
+    fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        match at.index {
+            0x1F51 => self.control_program(value),
+            0x2011 => {
+                receive_exchange(&mut self.values.process.received, at, value);
+                Ok(())
+            }
+            0x2040 => self.write_range(at, value),
+            0x2060 => self.write_calibration(at, value),
+            0x6200 | 0x63FE | 0x63FF => self.write_safety(at, value),
+            0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),
+            _ => self.put(at, value),
+        }
+    }
+
+    fn open(&mut self, at: Address) -> Result<u32, Abort> {
+        self.open_stream(at)
+    }
+
+    fn read_at(&mut self, at: Address, offset: u32, into: &mut [u8]) -> Result<usize, Abort> {
+        self.read_stream(at, offset, into)
+    }
+
+    fn create(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
+        self.create_stream(at, size)
+    }
+
+    fn append(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
+        self.append_stream(at, bytes)
+    }
+
+    fn commit(&mut self, at: Address) -> Result<(), Abort> {
+        self.commit_stream(at)
+    }
+
+    fn discard(&mut self, at: Address) {
+        self.discard_stream(at);
+    }
+}
+
+impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
+    fn identity(&self) -> [u32; 4] {
+        let product = match self.identity.channel {
+            Channel::A => PRODUCT_CODE_A,
+            Channel::B => PRODUCT_CODE_B,
+        };
+        [VENDOR_ID, product, REVISION, self.identity.serial]
+    }
+
+    fn event(&mut self, event: Event, _now: BusInstant) {
+        let news = &mut self.values.news;
+        match event {
+            Event::State(state) => self.values.state = state,
+            Event::ResetNode => news.reset = true,
+            Event::ResetCommunication => self.values.state = nmt::State::Initialising,
+            Event::Sync => {
+                let reading = self.source.reading(self.settings, self.now);
+                self.values.latch(reading, self.now);
+            }
+            Event::Heartbeat { node, alive } if node == self.values.parameters.peer => {
+                news.peer_alive = Some(alive);
+            }
+            Event::Heartbeat { .. } | Event::LifeGuarding { .. } => {}
+            Event::Received(0) => news.exchange = true,
+            Event::Received(_) => {}
+            Event::BitRate { kbit_s, delay_ms } => news.bit_rate = Some((kbit_s, delay_ms)),
+            Event::SafetyLost(_) | Event::FailSafe => news.fail_safe = true,
+        }
+    }
+
+    fn load(&mut self, at: Address, value: Value) {
+        match at.index {
+            0x6000..=0x61FF | 0x6800..=0x69FF => self.load_slope(at, value),
+            _ => {
+                if let Some(mut place) = self.values.parameters.place(at) {
+                    place.set(value);
+                }
+            }
+        }
+    }
+
+    fn begin_store(&mut self, group: Group) -> Result<(), Abort> {
+        let begun = RecordStore::begin(self.memory, record(group));
+        self.note(begun)
+    }
+
+    fn put(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        let put = parameters::put(self.memory, at, &value);
+        self.note(put)
+    }
+
+    fn commit_store(&mut self) -> Result<(), Abort> {
+        let committed = RecordStore::commit(self.memory);
+        self.note(committed)
+    }
+
+    fn erase(&mut self, group: Group) -> Result<(), Abort> {
+        let erased = RecordStore::erase(self.memory, record(group));
+        self.note(erased)
+    }
+
+    fn stored(&mut self, group: Group, at: Address) -> Option<Value> {
+        parameters::get(self.memory, record(group), at)
+    }
+
+    fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool {
+        // What was stored and is not mentioned stays.
+        let (_, before) = stored_lss(self.memory);
+        let stored = self.write_lss(node_id, kbit_s.or(before));
+        self.note(stored).is_ok()
+    }
+}
+
+impl<M: Memory, S: Source> Panel<'_, M, S> {
+    fn write_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> Result<(), StoreError> {
+        RecordStore::begin(self.memory, Record::Lss)?;
+        parameters::put(self.memory, LSS_NODE_ID, &Value::u8(node_id))?;
+        if let Some(rate) = kbit_s {
+            parameters::put(self.memory, LSS_BIT_RATE, &Value::u16(rate))?;
+        }
+        RecordStore::commit(self.memory)
+    }
+
+    /// Remembers whether the memory did its part, for the fault that tells.
+    pub(super) fn note(&mut self, outcome: Result<(), StoreError>) -> Result<(), Abort> {
+        self.values.storage_failed = outcome.is_err();
+        outcome.map_err(store_abort)
+    }
+}

@@ -1,0 +1,115 @@
+//! What 1010h keeps of the device's own objects, as the device uses it.
+//!
+//! In: values as they come from the bus or from memory. Out: the numbers behind them. Every row
+//! that is simply a number is found by [`Parameters::place`]; slopes have rules of their own
+//! (`profile`).
+//!
+//! Left out: defaults, which stand in the rows, and what a write is allowed to do (`panel`).
+
+use canopen::object::{Address, Value};
+
+use crate::profile::Slope;
+
+/// The parameters.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// 6000h and 6800h.
+    pub resolution: [u16; 2],
+    /// Slopes X and Y of this channel, then of the peer.
+    pub slopes: [Slope; 4],
+    /// 2001h.
+    pub peer: u8,
+    /// 2040h: lowest and highest X, lowest and highest Y, 0.001 deg.
+    pub range: [i32; 4],
+    /// 2050h sub 1.
+    pub fallback_ms: u16,
+    /// 2050h sub 2.
+    pub fallback_period_us: u32,
+    /// 2051h.
+    pub recovery_ms: u16,
+    /// 2053h sub 2.
+    pub automatic_bit_rate: u8,
+    /// 2012h: what a received SRDO carries.
+    pub safe_received: [i16; 4],
+    /// 6200h.
+    pub safety_resolution: u16,
+    /// 63FEh.
+    pub safety_valid: u8,
+    /// 63FFh sub 1.
+    pub safety_signature: u16,
+}
+
+/// A number behind a row.
+pub enum Place<'a> {
+    /// UNSIGNED8.
+    U8(&'a mut u8),
+    /// UNSIGNED16.
+    U16(&'a mut u16),
+    /// INTEGER16.
+    I16(&'a mut i16),
+    /// UNSIGNED32.
+    U32(&'a mut u32),
+    /// INTEGER32.
+    I32(&'a mut i32),
+}
+
+impl Place<'_> {
+    /// The number as a value of its row.
+    pub fn get(&self) -> Value {
+        match self {
+            Self::U8(n) => Value::u8(**n),
+            Self::U16(n) => Value::u16(**n),
+            Self::I16(n) => Value::i16(**n),
+            Self::U32(n) => Value::u32(**n),
+            Self::I32(n) => Value::i32(**n),
+        }
+    }
+
+    /// Puts a value of the row's length in place.
+    pub fn set(&mut self, value: Value) {
+        let number = value.unsigned();
+        match self {
+            Self::U8(n) => **n = number as u8,
+            Self::U16(n) => **n = number as u16,
+            Self::I16(n) => **n = number as i16,
+            Self::U32(n) => **n = number as u32,
+            Self::I32(n) => **n = number as i32,
+        }
+    }
+}
+
+impl Parameters {
+    /// Nothing set: the rows' defaults are loaded over it at every start.
+    pub const NONE: Self = Self {
+        resolution: [10; 2],
+        slopes: [Slope::new(); 4],
+        peer: 0,
+        range: [0; 4],
+        fallback_ms: 0,
+        fallback_period_us: 0,
+        recovery_ms: 0,
+        automatic_bit_rate: 0,
+        safe_received: [0; 4],
+        safety_resolution: 10,
+        safety_valid: 0,
+        safety_signature: 0,
+    };
+
+    /// The number behind a row; `None` when the row is no plain parameter.
+    pub fn place(&mut self, at: Address) -> Option<Place<'_>> {
+        let member = usize::from(at.sub).wrapping_sub(1);
+        Some(match (at.index, at.sub) {
+            (0x2001, 0) => Place::U8(&mut self.peer),
+            (0x2012, _) => Place::I16(self.safe_received.get_mut(member)?),
+            (0x2040, _) => Place::I32(self.range.get_mut(member)?),
+            (0x2050, 1) => Place::U16(&mut self.fallback_ms),
+            (0x2050, 2) => Place::U32(&mut self.fallback_period_us),
+            (0x2051, 0) => Place::U16(&mut self.recovery_ms),
+            (0x2053, 2) => Place::U8(&mut self.automatic_bit_rate),
+            (0x6200, 0) => Place::U16(&mut self.safety_resolution),
+            (0x63FE, 0) => Place::U8(&mut self.safety_valid),
+            (0x63FF, 1) => Place::U16(&mut self.safety_signature),
+            _ => return None,
+        })
+    }
+}

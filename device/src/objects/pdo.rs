@@ -1,0 +1,182 @@
+//! PDO parameters, 1400h to 1BFFh, and what the PDOs carry as delivered
+//! (CiA 301, 7.5.2.35 to 7.5.2.38).
+//!
+//! In: nothing. Out: the rows of four RPDOs and four TPDOs.
+//!
+//! - TPDO 1: slopes X and Y in 16 bit, every SYNC.
+//! - TPDO 2: validity, state, uncertainty, latency, difference, temperature, every tenth SYNC.
+//! - TPDO 3: what the other channel needs, every SYNC. RPDO 1 takes the other's.
+//! - TPDO 4 and RPDO 2 to 4 are off and empty.
+//!
+//! Left out: the inhibit time of RPDOs, which the standard gives no effect.
+
+use canopen::object::DataType::{Unsigned8, Unsigned16, Unsigned32};
+
+use super::build::{member, record};
+use super::row::{Default, Row};
+
+/// Bit 31 of a COB-ID: the PDO is off.
+const OFF: i64 = 0x8000_0000;
+
+/// Communication parameters of the RPDOs.
+pub const RPDO: [[Row; 4]; 4] = [
+    // The other channel's TPDO 3, with node-ids 1 and 2 as delivered.
+    rpdo(
+        0x1400,
+        "RPDO 1 communication parameter",
+        Default::Channel(0x382, 0x381),
+    ),
+    rpdo(
+        0x1401,
+        "RPDO 2 communication parameter",
+        Default::NodeId(OFF + 0x300),
+    ),
+    rpdo(
+        0x1402,
+        "RPDO 3 communication parameter",
+        Default::NodeId(OFF + 0x400),
+    ),
+    rpdo(
+        0x1403,
+        "RPDO 4 communication parameter",
+        Default::NodeId(OFF + 0x500),
+    ),
+];
+
+/// Communication parameters of the TPDOs.
+pub const TPDO: [[Row; 6]; 4] = [
+    tpdo(0x1800, "TPDO 1 communication parameter", 0x180, 1),
+    tpdo(0x1801, "TPDO 2 communication parameter", 0x280, 10),
+    tpdo(0x1802, "TPDO 3 communication parameter", 0x380, 1),
+    tpdo(0x1803, "TPDO 4 communication parameter", OFF + 0x480, 254),
+];
+
+/// Mapping of RPDO 1: the other channel's angles and what they are worth.
+pub const RPDO_1_MAPPING: [Row; 6] = mapping(
+    0x1600,
+    "RPDO 1 mapping parameter",
+    &[0x2011_0118, 0x2011_0218, 0x2011_0308, 0x2011_0408],
+);
+/// Mapping of RPDO 2: empty.
+pub const RPDO_2_MAPPING: [Row; 2] = mapping(0x1601, "RPDO 2 mapping parameter", &[]);
+/// Mapping of RPDO 3: empty.
+pub const RPDO_3_MAPPING: [Row; 2] = mapping(0x1602, "RPDO 3 mapping parameter", &[]);
+/// Mapping of RPDO 4: empty.
+pub const RPDO_4_MAPPING: [Row; 2] = mapping(0x1603, "RPDO 4 mapping parameter", &[]);
+/// Mapping of TPDO 1: slope X, slope Y.
+pub const TPDO_1_MAPPING: [Row; 4] = mapping(
+    0x1A00,
+    "TPDO 1 mapping parameter",
+    &[0x6010_0010, 0x6020_0010],
+);
+/// Mapping of TPDO 2: validity, state, larger uncertainty, latency, larger difference,
+/// temperature.
+pub const TPDO_2_MAPPING: [Row; 8] = mapping(
+    0x1A01,
+    "TPDO 2 mapping parameter",
+    &[
+        0x2020_0008,
+        0x2021_0008,
+        0x2022_0310,
+        0x2023_0208,
+        0x2024_0310,
+        0x6511_0008,
+    ],
+);
+/// Mapping of TPDO 3: this channel's angles and what they are worth.
+pub const TPDO_3_MAPPING: [Row; 6] = mapping(
+    0x1A02,
+    "TPDO 3 mapping parameter",
+    &[0x2010_0118, 0x2010_0218, 0x2010_0308, 0x2010_0408],
+);
+/// Mapping of TPDO 4: empty.
+pub const TPDO_4_MAPPING: [Row; 2] = mapping(0x1A03, "TPDO 4 mapping parameter", &[]);
+
+const fn rpdo(index: u16, name: &'static str, cob_id: Default) -> [Row; 4] {
+    let mut first = member(index, 1, "COB-ID used by RPDO", Unsigned32, COB_ID)
+        .rw()
+        .stored();
+    first.default = cob_id;
+    [
+        record(index, 5, name, "How this RPDO is received."),
+        first,
+        member(index, 2, "Transmission type", Unsigned8, RPDO_TYPE)
+            .rw()
+            .stored()
+            .value(255),
+        member(index, 5, "Event timer", Unsigned16, RPDO_TIMER)
+            .rw()
+            .stored()
+            .unit("ms")
+            .value(0),
+    ]
+}
+
+const fn tpdo(index: u16, name: &'static str, cob_id: i64, transmission: i64) -> [Row; 6] {
+    [
+        record(index, 6, name, "How this TPDO is sent."),
+        member(index, 1, "COB-ID used by TPDO", Unsigned32, COB_ID)
+            .rw()
+            .stored()
+            .node_id(cob_id),
+        member(index, 2, "Transmission type", Unsigned8, TPDO_TYPE)
+            .rw()
+            .stored()
+            .value(transmission),
+        member(index, 3, "Inhibit time", Unsigned16, INHIBIT)
+            .rw()
+            .stored()
+            .unit("100 us")
+            .value(0),
+        member(index, 5, "Event timer", Unsigned16, TPDO_TIMER)
+            .rw()
+            .stored()
+            .unit("ms")
+            .value(0),
+        member(index, 6, "SYNC start value", Unsigned8, START_VALUE)
+            .rw()
+            .stored()
+            .limits(0, 240)
+            .value(0),
+    ]
+}
+
+/// The count, one row per object that is mapped as delivered, and one for the empty places. The
+/// count has no limits here, since too high a one has an abort code of its own (0604 0042h).
+const fn mapping<const ROWS: usize>(index: u16, name: &'static str, mapped: &[u32]) -> [Row; ROWS] {
+    let empty = member(index, 1, "Mapped object", Unsigned32, MAPPED)
+        .to(8)
+        .rw()
+        .stored()
+        .value(0);
+    let mut rows = [empty; ROWS];
+    rows[0] = record(index, 8, name, COUNT)
+        .rw()
+        .stored()
+        .value(mapped.len() as i64);
+    let mut i = 0;
+    while i < mapped.len() {
+        rows[i + 1] = empty.value(mapped[i] as i64);
+        rows[i + 1].sub = i as u8 + 1;
+        rows[i + 1].last = i as u8 + 1;
+        i += 1;
+    }
+    rows[ROWS - 1].sub = mapped.len() as u8 + 1;
+    rows
+}
+
+const COB_ID: &str = "Identifier in bits 0 to 10. Bit 31: off. Bit 30 (TPDO): no remote requests. \
+     While the PDO is on, only bit 31 may be changed.";
+const RPDO_TYPE: &str = "0 to 240: takes effect at the next SYNC. 254 and 255: at once.";
+const RPDO_TIMER: &str = "Longest time between two RPDOs; a longer one is reported as EMCY. 0: \
+     not supervised.";
+const TPDO_TYPE: &str = "0: at the SYNC after a change. 1 to 240: at every n-th SYNC. 254 and \
+     255: at a change and by the event timer.";
+const INHIBIT: &str = "Least time between two TPDOs of type 254 or 255; 0: no limit. Can be \
+     changed only while the TPDO is off.";
+const TPDO_TIMER: &str = "Types 254 and 255: longest time between two TPDOs; 0: no limit.";
+const START_VALUE: &str = "SYNC count at which a TPDO of type 1 to 240 begins; 0: at any. Can be \
+     changed only while the TPDO is off.";
+const COUNT: &str = "Number of mapped objects, 0 to 8. Write 0 before changing them, while the PDO \
+     is off.";
+const MAPPED: &str = "Index in the upper half, then sub-index, then length in bit.";

@@ -1,0 +1,224 @@
+//! The slopes of CiA 410 behind their rows: 6000h to 61FFh, the same 800h higher for the peer,
+//! and the safe slopes 6210h to 6221h.
+//!
+//! In: what a master writes, and the angles of the moment. Out: displayed slopes, or why not.
+//! A slope without a valid angle reads as the lowest number of its type, which no valid slope can
+//! have; 2025h tells the reason.
+//!
+//! Left out: the arithmetic (`profile`).
+
+use canopen::object::{Abort, Address, Value};
+use tilt::angle::Angle;
+use tilt::chain::Correction;
+
+use super::panel::{Memory, Panel, Source};
+use super::profile::LOGICAL_DEVICE;
+use crate::profile::{Form, Parameter, Range, Resolution, Scale, narrow};
+
+/// A slope's object taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Which {
+    /// 0 and 1: X and Y of this channel, 2 and 3: of the peer.
+    slope: usize,
+    /// Seen as 32 bit.
+    wide: bool,
+    /// Distance to the slope's own index: 0 for the slope, 1 to 4 for its parameters.
+    distance: u16,
+}
+
+/// Index of a slope's object to what it means; `None` for the resolution and for others.
+const fn which(index: u16) -> Option<Which> {
+    let peer = index >= 0x6000 + LOGICAL_DEVICE;
+    let local = index & (LOGICAL_DEVICE - 1);
+    let axis = local >> 4 & 0xF;
+    if axis != 1 && axis != 2 {
+        return None;
+    }
+    Some(Which {
+        slope: axis as usize - 1 + if peer { 2 } else { 0 },
+        wide: local & 0x100 != 0,
+        distance: local & 0xF,
+    })
+}
+
+impl<M: Memory, S: Source> Panel<'_, M, S> {
+    fn resolution(&self, device: usize) -> Resolution {
+        let number = self.values.parameters.resolution.get(device).copied();
+        let known = number.and_then(|n| Resolution::new(n).ok());
+        known.unwrap_or(Resolution::Hundredth)
+    }
+
+    fn range(&self, axis: usize) -> Range {
+        let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
+        let (low, high) = if axis == 0 {
+            (low_x, high_x)
+        } else {
+            (low_y, high_y)
+        };
+        Range { low, high }
+    }
+
+    /// A slope's unit, range and form. One angle of 360 deg counts from 0 where its range begins
+    /// there, and from -180 deg otherwise.
+    fn scale(&self, slope: usize, resolution: Resolution) -> Scale {
+        let range = self.range(slope & 1);
+        let turns = matches!(
+            self.settings.chain.calibration.correction,
+            Correction::OneAxis { .. }
+        );
+        let form = match (turns && slope & 1 == 0, range.low >= 0) {
+            (false, _) => Form::Slope,
+            (true, true) => Form::FullTurn,
+            (true, false) => Form::HalfTurn,
+        };
+        Scale {
+            resolution,
+            range,
+            form,
+        }
+    }
+
+    fn angle(&self, slope: usize) -> Option<Angle> {
+        self.values.process.slopes.get(slope).copied().flatten()
+    }
+
+    pub(super) fn read_slope(&self, at: Address) -> Result<Value, Abort> {
+        let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
+        let Some(which) = which(at.index) else {
+            return Ok(Value::u16(self.resolution(device).number()));
+        };
+        let parameters = self.values.parameters.slopes.get(which.slope);
+        let slope = parameters.ok_or(Abort::NoSuchObject)?;
+        let number = match Parameter::new(which.distance) {
+            Some(Parameter::Operating) => {
+                return Ok(Value::u8(slope.get(Parameter::Operating) as u8));
+            }
+            Some(parameter) => slope.get(parameter),
+            None => {
+                let scale = self.scale(which.slope, self.resolution(device));
+                let angle = self.angle(which.slope);
+                return Ok(match angle.map(|a| slope.displayed(a, &scale)) {
+                    Some(number) => sized(number, which.wide),
+                    None if which.wide => Value::i32(i32::MIN),
+                    None => Value::i16(i16::MIN),
+                });
+            }
+        };
+        Ok(sized(number, which.wide))
+    }
+
+    pub(super) fn write_slope(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
+        let Some(which) = which(at.index) else {
+            return self.write_resolution(device, value.unsigned() as u16);
+        };
+        let parameter = Parameter::new(which.distance).ok_or(Abort::ReadOnly)?;
+        let number = if parameter == Parameter::Operating {
+            value.unsigned() as i32
+        } else {
+            value.signed() as i32
+        };
+        let scale = self.scale(which.slope, self.resolution(device));
+        let angle = self.angle(which.slope);
+        let slope = self.values.parameters.slopes.get_mut(which.slope);
+        let slope = slope.ok_or(Abort::NoSuchObject)?;
+        let set = slope.set(parameter, number, angle, &scale);
+        set.map_err(|refused| refused.abort())
+    }
+
+    /// A new unit takes the offsets along, or is refused where 16 bit do not hold them.
+    fn write_resolution(&mut self, device: usize, number: u16) -> Result<(), Abort> {
+        let new = Resolution::new(number).map_err(|r| r.abort())?;
+        let old = self.resolution(device);
+        let mut slopes = self.values.parameters.slopes;
+        for (i, slope) in slopes.iter_mut().enumerate().skip(2 * device).take(2) {
+            let scale = self.scale(i, new);
+            *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
+        }
+        self.values.parameters.slopes = slopes;
+        if let Some(place) = self.values.parameters.resolution.get_mut(device) {
+            *place = number;
+        }
+        Ok(())
+    }
+
+    /// 2040h: every slope must still fit into 16 bit over the new range.
+    pub(super) fn write_range(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        let before = self.values.parameters.range;
+        let member = usize::from(at.sub).wrapping_sub(1);
+        let place = self.values.parameters.range.get_mut(member);
+        *place.ok_or(Abort::NoSuchSubIndex)? = value.signed() as i32;
+        let axis = member >> 1;
+        for slope in [axis, axis + 2] {
+            let scale = self.scale(slope, self.resolution(slope >> 1));
+            let parameters = self.values.parameters.slopes.get(slope);
+            let held = scale
+                .check()
+                .and(parameters.map_or(Ok(()), |s| s.check(&scale)));
+            if let Err(refused) = held {
+                self.values.parameters.range = before;
+                return Err(refused.abort());
+            }
+        }
+        Ok(())
+    }
+
+    /// A default or stored value, in any order; the rules were kept when it was written.
+    pub(super) fn load_slope(&mut self, at: Address, value: Value) {
+        let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
+        match which(at.index) {
+            None => {
+                if let Some(place) = self.values.parameters.resolution.get_mut(device) {
+                    *place = value.unsigned() as u16;
+                }
+            }
+            Some(which) => {
+                let slope = self.values.parameters.slopes.get_mut(which.slope);
+                if let (Some(slope), Some(parameter)) = (slope, Parameter::new(which.distance)) {
+                    slope.load(parameter, value.signed() as i32);
+                }
+            }
+        }
+    }
+
+    /// 6210h to 6221h: as measured, without preset and offsets, in the unit of 6200h. Without a
+    /// valid angle there is no value, so that no SRDO can be made of it.
+    pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
+        let axis = usize::from(at.index >= 0x6220);
+        let angle = self.angle(axis).ok_or(Abort::NoData)?;
+        let unit = Resolution::new(self.values.parameters.safety_resolution);
+        let unit = unit.map_err(|refused| refused.abort())?;
+        let number = narrow(unit.units(angle));
+        Ok(Value::i16(if at.index & 1 == 0 { number } else { !number }))
+    }
+}
+
+fn sized(number: i32, wide: bool) -> Value {
+    if wide {
+        Value::i32(number)
+    } else {
+        Value::i16(narrow(number))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_fall_apart_as_the_profile_numbers_them() {
+        let slope = |slope, wide, distance| {
+            Some(Which {
+                slope,
+                wide,
+                distance,
+            })
+        };
+        assert_eq!(which(0x6000), None);
+        assert_eq!(which(0x6800), None);
+        assert_eq!(which(0x6010), slope(0, false, 0));
+        assert_eq!(which(0x6124), slope(1, true, 4));
+        assert_eq!(which(0x6812), slope(2, false, 2));
+        assert_eq!(which(0x6920), slope(3, true, 0));
+    }
+}

@@ -1,0 +1,259 @@
+//! What is longer than eight bytes, and what works with it: names, the calibration and the
+//! program (1008h to 100Ah, 2060h to 2062h, 1F50h to 1F57h).
+//!
+//! In: bytes in order, commands, references. Out: bytes from any offset, progress, results.
+//! A downloaded calibration is staged in the memory first; it counts when all of it has come, has
+//! been understood and is stored.
+//!
+//! Left out: the formats (`calibration::encoding`, `program`).
+
+use canopen::nmt::State;
+use canopen::object::{Abort, Address, Value};
+
+use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
+use super::panel::{Memory, Panel, Source};
+use crate::calibration::encoding::{self, decode_into};
+use crate::calibration::motor::{Axis, Command, Outcome, Sight};
+use crate::program::Effect;
+use crate::records::{Record, RecordStore, StoreError};
+
+/// Bytes handed to the memory at a time while a calibration is stored.
+const PIECE: usize = 32;
+
+const fn text(index: u16) -> Option<&'static str> {
+    match index {
+        0x1008 => Some(NAME),
+        0x1009 => Some(HARDWARE_VERSION),
+        0x100A => Some(SOFTWARE_VERSION),
+        _ => None,
+    }
+}
+
+fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
+    let rest = from.get(offset as usize..).unwrap_or(&[]);
+    let pairs = into.iter_mut().zip(rest);
+    pairs.fold(0, |count, (to, byte)| {
+        *to = *byte;
+        count + 1
+    })
+}
+
+impl<M: Memory, S: Source> Panel<'_, M, S> {
+    pub(super) fn open_stream(&mut self, at: Address) -> Result<u32, Abort> {
+        if let Some(text) = text(at.index) {
+            return Ok(text.len() as u32);
+        }
+        match at.index {
+            0x2061 => Ok(encoding::length(&self.settings.chain.calibration)),
+            _ => Err(Abort::NoSuchObject),
+        }
+    }
+
+    pub(super) fn read_stream(
+        &mut self,
+        at: Address,
+        offset: u32,
+        into: &mut [u8],
+    ) -> Result<usize, Abort> {
+        if let Some(text) = text(at.index) {
+            return Ok(copy(text.as_bytes(), offset, into));
+        }
+        match at.index {
+            0x2061 => Ok(encoding::read_at(
+                &self.settings.chain.calibration,
+                offset,
+                into,
+            )),
+            _ => Err(Abort::NoSuchObject),
+        }
+    }
+
+    pub(super) fn create_stream(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
+        match at.index {
+            0x1F50 => self.values.program.create(size, self.memory),
+            0x2061 => {
+                self.may_change_calibration()?;
+                if size.is_some_and(|s| s > encoding::MAX_LENGTH) {
+                    return Err(Abort::LengthTooHigh);
+                }
+                let begun = RecordStore::begin(self.memory, Record::Calibration);
+                self.note(begun)
+            }
+            _ => Err(Abort::NoSuchObject),
+        }
+    }
+
+    pub(super) fn append_stream(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
+        match at.index {
+            0x1F50 => self.values.program.append(bytes, self.memory),
+            0x2061 => {
+                let appended = RecordStore::append(self.memory, bytes);
+                self.note(appended)
+            }
+            _ => Err(Abort::NoSuchObject),
+        }
+    }
+
+    pub(super) fn commit_stream(&mut self, at: Address) -> Result<(), Abort> {
+        match at.index {
+            0x1F50 => self.values.program.commit(self.memory),
+            0x2061 => self.take_calibration(),
+            _ => Err(Abort::NoSuchObject),
+        }
+    }
+
+    pub(super) fn discard_stream(&mut self, at: Address) {
+        match at.index {
+            0x1F50 => self.values.program.discard(self.memory),
+            0x2061 => RecordStore::discard(self.memory),
+            _ => {}
+        }
+    }
+
+    /// A calibration changes only where nobody works by the angles, and not under a motor's run.
+    fn may_change_calibration(&self) -> Result<(), Abort> {
+        if self.values.state == State::Operational || self.work.motor.is_running() {
+            return Err(Abort::WrongState);
+        }
+        Ok(())
+    }
+
+    /// All bytes of 2061h are staged: understood first, then stored, then in force.
+    fn take_calibration(&mut self) -> Result<(), Abort> {
+        self.may_change_calibration()?;
+        self.understand_staged()?;
+        let committed = RecordStore::commit(self.memory);
+        self.note(committed)?;
+        self.settings
+            .chain
+            .calibration
+            .clone_from(&self.work.result);
+        self.values.calibrated = true;
+        Ok(())
+    }
+
+    fn understand_staged(&mut self) -> Result<(), Abort> {
+        let scratch = self.work.motor.scratch().ok_or(Abort::WrongState)?;
+        let memory = &*self.memory;
+        let understood = decode_into(&mut self.work.result, scratch, &mut |offset, into| {
+            memory.staged(offset, into)
+        });
+        understood.map_err(|_| Abort::CannotStore)
+    }
+
+    /// Stores the calibration that a motor's run has made, then puts it in force.
+    fn keep_result(&mut self) -> Result<(), Abort> {
+        let stored = self.write_result();
+        if stored.is_err() {
+            RecordStore::discard(self.memory);
+        }
+        self.note(stored)?;
+        self.settings
+            .chain
+            .calibration
+            .clone_from(&self.work.result);
+        self.values.calibrated = true;
+        Ok(())
+    }
+
+    fn write_result(&mut self) -> Result<(), StoreError> {
+        RecordStore::begin(self.memory, Record::Calibration)?;
+        let mut offset = 0;
+        let mut piece = [0; PIECE];
+        loop {
+            let count = encoding::read_at(&self.work.result, offset, &mut piece);
+            let Some(bytes) = piece.get(..count).filter(|bytes| !bytes.is_empty()) else {
+                return RecordStore::commit(self.memory);
+            };
+            RecordStore::append(self.memory, bytes)?;
+            offset = offset.saturating_add(count as u32);
+        }
+    }
+
+    pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
+        let correction = &self.settings.chain.calibration.correction;
+        let progress = self.work.motor.progress();
+        Ok(match (at.index, at.sub) {
+            // 0: two slopes, 1: one angle of 360 deg.
+            (0x2030, _) => Value::u8(u8::from(encoding::kind(correction) == 2)),
+            (0x2060, 1) => Value::u8(self.values.command),
+            (0x2060, 2) => Value::i32(self.values.reference),
+            (0x2060, 3) => Value::u8(match progress.axis {
+                None => 0,
+                Some(Axis::X) => 1,
+                Some(Axis::Y) => 2,
+            }),
+            (0x2060, 4) => Value::u8(progress.points.x),
+            (0x2060, 5) => Value::u8(progress.points.y),
+            (0x2060, 6) => Value::i32(progress.residual.ok_or(Abort::NoData)?),
+            (0x2060, 7) => Value::u32(progress.worst),
+            (0x2060, 8) => Value::u8(self.values.result),
+            (0x2062, 1) => Value::u32(encoding::identity(&self.settings.chain.calibration)),
+            (0x2062, 2) => Value::u8(encoding::kind(correction)),
+            _ => return Err(Abort::NoSuchSubIndex),
+        })
+    }
+
+    pub(super) fn write_calibration(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        if self.values.state == State::Operational {
+            return Err(Abort::WrongState);
+        }
+        match at.sub {
+            1 => self.command_motor(value.unsigned() as u8),
+            2 => self.memorise(value.signed() as i32),
+            _ => Err(Abort::ReadOnly),
+        }
+    }
+
+    fn command_motor(&mut self, number: u8) -> Result<(), Abort> {
+        let command = Command::from_number(number).ok_or(Abort::InvalidValue)?;
+        let work = &mut *self.work;
+        let outcome = work.motor.command(
+            command,
+            &work.terms,
+            &self.settings.chain.calibration,
+            &mut work.result,
+        );
+        self.values.result = outcome.err().map_or(0, |error| error.code());
+        let outcome = outcome.map_err(|_| Abort::WrongState)?;
+        self.values.command = number;
+        if outcome == Outcome::Finished {
+            self.keep_result()?;
+        }
+        Ok(())
+    }
+
+    fn memorise(&mut self, reference: i32) -> Result<(), Abort> {
+        let sight = Sight {
+            filtered: self.source.filtered(),
+            temperature: self.source.temperature(),
+            reading: self.source.reading(self.settings, self.now),
+        };
+        let motor = &mut self.work.motor;
+        let taken = motor.memorise(reference, &self.settings.chain, &sight);
+        self.values.result = taken.err().map_or(0, |error| error.code());
+        taken.map_err(|_| Abort::WrongState)?;
+        self.values.reference = reference;
+        Ok(())
+    }
+
+    pub(super) fn read_program(&self, at: Address) -> Result<Value, Abort> {
+        Ok(match at.index {
+            0x1F51 => Value::u8(self.values.program.control()),
+            0x1F56 => Value::u32(self.memory.crc()),
+            0x1F57 => Value::u32(self.values.program.status()),
+            _ => return Err(Abort::WriteOnly),
+        })
+    }
+
+    /// 1F51h. The program is not changed under a machine that works.
+    pub(super) fn control_program(&mut self, value: Value) -> Result<(), Abort> {
+        if self.values.state != State::PreOperational {
+            return Err(Abort::WrongState);
+        }
+        let command = value.unsigned() as u8;
+        let effect = self.values.program.set_control(command, self.memory)?;
+        self.values.news.reset |= effect == Effect::Reset;
+        Ok(())
+    }
+}

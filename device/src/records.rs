@@ -1,0 +1,89 @@
+//! The record store: what outlives a reset, whole or not at all.
+//!
+//! In: bytes, staged under the name of a record and then committed. Out: the bytes of the last
+//! record that was committed whole. The trait fits a store with two copies of each record, each
+//! with a sequence number and a check sum, so that a loss of supply at any moment leaves either
+//! the old content or the new (R8).
+//!
+//! Left out: the flash behind it, and what the bytes of a calibration mean.
+
+pub mod parameters;
+
+/// What is kept, each on its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Record {
+    /// Objects 1000h to 1FFFh (1010h and 1011h, sub-index 2).
+    Communication,
+    /// Objects 6000h to 9FFFh (sub-index 3).
+    Profile,
+    /// Objects 2000h to 5FFFh (sub-index 4).
+    Manufacturer,
+    /// Node-id and bit rate by LSS.
+    Lss,
+    /// The sensor's calibration.
+    Calibration,
+}
+
+impl Record {
+    /// Every record.
+    pub const ALL: [Self; 5] = [
+        Self::Communication,
+        Self::Profile,
+        Self::Manufacturer,
+        Self::Lss,
+        Self::Calibration,
+    ];
+}
+
+/// Why a record was not stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoreError {
+    /// The memory did not erase, or does not hold what was written to it.
+    Hardware,
+    /// The record is longer than the room kept for it.
+    Full,
+    /// [`RecordStore::append`] or [`RecordStore::commit`] without [`RecordStore::begin`].
+    NotBegun,
+}
+
+/// Where records live.
+///
+/// One record is staged at a time. Offsets beyond the end read as the end.
+pub trait RecordStore {
+    /// Reads the committed `record` from `offset` into `into`.
+    ///
+    /// Returns how many bytes came: fewer than asked only at the end, and 0 when there is no such
+    /// record or none that is whole.
+    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize;
+
+    /// Starts a new version of `record`; what was staged before is discarded.
+    ///
+    /// The committed version stays valid until [`RecordStore::commit`]. Errors:
+    /// [`StoreError::Hardware`].
+    fn begin(&mut self, record: Record) -> Result<(), StoreError>;
+
+    /// Adds `bytes` to what is staged.
+    ///
+    /// Errors: any of [`StoreError`]; the staged version is then worth nothing.
+    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError>;
+
+    /// Reads back what is staged, as [`RecordStore::read`] does; 0 when nothing is.
+    fn staged(&self, offset: u32, into: &mut [u8]) -> usize;
+
+    /// Makes the staged version the valid one, whole or not at all.
+    ///
+    /// Errors: [`StoreError::Hardware`], [`StoreError::NotBegun`]; the old version then stays.
+    fn commit(&mut self) -> Result<(), StoreError>;
+
+    /// Forgets what is staged.
+    fn discard(&mut self);
+
+    /// Removes the committed `record`: defaults hold after the next start.
+    ///
+    /// Errors: [`StoreError::Hardware`].
+    fn erase(&mut self, record: Record) -> Result<(), StoreError>;
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

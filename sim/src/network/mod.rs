@@ -1,0 +1,228 @@
+//! Instruments on a CAN bus: every node with its own part, crystal, supply and memory, one
+//! housing, one bus.
+//!
+//! In: a [`Mover`] that says what the housing feels, and the time up to which to go. Out: the
+//! bus's events at their exact times, nodes to look into, and ports for whoever else is on the
+//! bus. Events happen in the order of their times, so two runs with the same calls are the same,
+//! bit for bit.
+//!
+//! Left out: the time that code takes to run: a node answers at the instant at which it is asked.
+
+mod unit;
+
+#[cfg(test)]
+mod tests;
+
+use device::device::Factory;
+use tilt::cross_check::CrossCheck;
+
+use crate::TICK_S;
+use crate::can_bus::{Bus, Event, Order, Port, Statistics};
+use crate::electronics::Electronics;
+use crate::memory::Memory;
+use crate::motion::Mover;
+
+pub use unit::Unit;
+
+/// A tick of the world in ns.
+const TICK_NS: u64 = (TICK_S * 1e9) as u64;
+
+/// Time between two looks at the bus load, ns.
+const LOAD_NS: u64 = 1_000_000_000;
+
+/// Nodes on a bus.
+#[derive(Debug)]
+pub struct Network {
+    /// The bus.
+    pub bus: Bus,
+    units: Vec<Unit>,
+    /// Data-ready edges of the tick under way: time and node, the latest first.
+    edges: Vec<(u64, usize)>,
+    /// End of the tick under way, ns.
+    tick_ns: u64,
+    counted: Statistics,
+    load_percent: u8,
+}
+
+impl Network {
+    /// An empty bus at time 0; `seed` is for the bus's own faults.
+    pub fn new(bit_rate: u32, seed: u64) -> Self {
+        let bus = Bus::new(bit_rate, seed);
+        Self {
+            counted: bus.statistics(),
+            bus,
+            units: Vec::new(),
+            edges: Vec::new(),
+            tick_ns: 0,
+            load_percent: 0,
+        }
+    }
+
+    /// Adds a node, without power; its number.
+    ///
+    /// # Panics
+    /// When the bus is full ([`crate::can_bus::MOST_PORTS`]).
+    pub fn add(
+        &mut self,
+        electronics: Electronics,
+        check: CrossCheck,
+        factory: Factory,
+        memory: Memory,
+    ) -> usize {
+        let port = self.bus.attach(Order::Identifier);
+        self.bus
+            .set_bit_rate(port, u32::from(factory.kbit_s) * 1000);
+        self.bus.connect(port, false);
+        let unit = Unit::new(electronics, check, factory, memory, port);
+        self.units.push(unit);
+        self.units.len() - 1
+    }
+
+    /// Attaches a host: its frames go out in the order in which they were offered.
+    ///
+    /// # Panics
+    /// When the bus is full.
+    pub fn attach_host(&mut self) -> Port {
+        self.bus.attach(Order::Offered)
+    }
+
+    /// The nodes, in the order of their adding.
+    pub fn units(&self) -> &[Unit] {
+        &self.units
+    }
+
+    /// A node, for faults.
+    pub fn unit(&mut self, number: usize) -> &mut Unit {
+        &mut self.units[number]
+    }
+
+    /// Virtual time, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.bus.now_ns()
+    }
+
+    /// Virtual time, s.
+    pub fn now_s(&self) -> f64 {
+        self.now_ns() as f64 * 1e-9
+    }
+
+    /// Share of the last whole second that the bus was busy, per cent.
+    pub fn load_percent(&self) -> u8 {
+        self.load_percent
+    }
+
+    /// Gives a node power.
+    pub fn power_on(&mut self, number: usize) {
+        let now_ns = self.now_ns();
+        self.units[number].power_on(&mut self.bus, now_ns);
+    }
+
+    /// Takes a node's power away.
+    pub fn power_off(&mut self, number: usize) {
+        self.units[number].power_off(&mut self.bus);
+    }
+
+    /// Goes on to `until_ns`; `seen` gets every event of the bus in its order.
+    pub fn run_until(
+        &mut self,
+        mover: &mut impl Mover,
+        until_ns: u64,
+        mut seen: impl FnMut(&Event),
+    ) {
+        loop {
+            let next = self.next_ns().min(until_ns);
+            while let Some(event) = self.bus.step(next) {
+                self.hand_out(&event);
+                seen(&event);
+                if event.at_ns() < next {
+                    break;
+                }
+            }
+            // An event may have brought something forward; then the loop goes round again.
+            let now = self.now_ns();
+            self.deliver_edges(now);
+            for unit in &mut self.units {
+                if unit.next_ns().is_some_and(|at| at <= now) {
+                    unit.poll(&mut self.bus, now);
+                }
+            }
+            if now >= self.tick_ns {
+                self.tick(mover);
+            }
+            if now >= until_ns && self.next_ns() > until_ns {
+                return;
+            }
+        }
+    }
+
+    /// The next instant at which anything but the bus has something to do.
+    fn next_ns(&self) -> u64 {
+        let edge = self.edges.last().map(|(at, _)| *at);
+        let units = self.units.iter().filter_map(Unit::next_ns);
+        units
+            .chain(edge)
+            .fold(self.tick_ns, u64::min)
+            .max(self.now_ns())
+    }
+
+    /// One tick: the housing feels its force up to the tick's end, and the parts sample.
+    fn tick(&mut self, mover: &mut impl Mover) {
+        self.tick_ns += TICK_NS;
+        let end_s = self.tick_ns as f64 * 1e-9;
+        let motion = mover.step(end_s);
+        let Self { units, edges, .. } = self;
+        for (number, unit) in units.iter_mut().enumerate() {
+            // A node that is still being set up has lived through this time already.
+            if unit.electronics.now_s() >= end_s {
+                continue;
+            }
+            unit.electronics.tick(motion.force_g, end_s, |due_s| {
+                edges.push(((due_s * 1e9) as u64, number));
+            });
+        }
+        edges.sort_unstable_by(|a, b| b.cmp(a));
+        self.look_at_load();
+    }
+
+    fn look_at_load(&mut self) {
+        let now = self.bus.statistics();
+        if now.at_ns.saturating_sub(self.counted.at_ns) < LOAD_NS {
+            return;
+        }
+        let load = now.load_since(&self.counted);
+        self.load_percent = (load * 100.0).round().clamp(0.0, 100.0) as u8;
+        self.counted = now;
+        for unit in &mut self.units {
+            unit.set_load(self.load_percent);
+        }
+    }
+
+    fn deliver_edges(&mut self, now_ns: u64) {
+        while let Some(&(at_ns, number)) = self.edges.last().filter(|(at, _)| *at <= now_ns) {
+            self.edges.pop();
+            self.units[number].data_ready(&mut self.bus, at_ns);
+        }
+    }
+
+    fn hand_out(&mut self, event: &Event) {
+        let Self { bus, units, .. } = self;
+        for unit in units {
+            match event {
+                Event::Delivered {
+                    frame, to, at_ns, ..
+                } if to.contains(unit.port) => unit.receive(bus, frame, *at_ns),
+                Event::Sent {
+                    port,
+                    mailbox: Some(mailbox),
+                    frame,
+                    end_ns,
+                    ..
+                } if *port == unit.port => unit.sent(bus, mailbox.number(), frame, *end_ns),
+                Event::Changed { port, state, at_ns } if *port == unit.port => {
+                    unit.bus_changed(bus, *state, *at_ns);
+                }
+                _ => {}
+            }
+        }
+    }
+}

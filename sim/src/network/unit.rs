@@ -1,0 +1,278 @@
+//! One node on the bus: its electronics, its CAN controller's port, and the device code.
+//!
+//! In: the world's events for this node (power, data-ready edges, frames, error states), each at
+//! its time. Out: frames offered to the bus. This is the part that `firmware` plays on the chip:
+//! it moves frames between the controller's mailboxes and the device, and does what the device
+//! wishes (reset, another bit rate, return from bus-off).
+//!
+//! Left out: the time that code takes to run.
+
+use canopen::Frame;
+use canopen::node::BusState;
+use device::device::{Device, Factory, Wish};
+use tilt::cross_check::CrossCheck;
+use tilt::sample::Instant;
+
+use crate::can_bus::{Bus, MAILBOXES, Port, State};
+use crate::electronics::Electronics;
+use crate::lis2dw12::SpiPort;
+use crate::memory::Memory;
+
+/// A node's code and the state of its driver.
+#[derive(Debug)]
+pub struct Unit {
+    /// Sensor, supply and clock.
+    pub electronics: Electronics,
+    /// The device code.
+    pub device: Device<SpiPort, Memory>,
+    /// The port on the bus.
+    pub port: Port,
+    /// When the device's set-up is over, ns; frames before it are not heard.
+    ready_ns: u64,
+    /// Powered and past its set-up.
+    running: bool,
+    powered: bool,
+    next_poll: Instant,
+    /// What is in the controller's mailboxes.
+    mailboxes: [Option<Frame>; MAILBOXES],
+    /// A frame that must not overtake one with the same identifier.
+    held: Option<Frame>,
+    /// When to ask the controller back from bus-off.
+    recover_at: Option<Instant>,
+    /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
+    switch_at: Option<(Instant, Option<u32>)>,
+    delay_ms: u16,
+}
+
+fn seconds(time_ns: u64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+impl Unit {
+    /// A node without power: its part is drawn already, its code has not run.
+    pub fn new(
+        electronics: Electronics,
+        check: CrossCheck,
+        factory: Factory,
+        memory: Memory,
+        port: Port,
+    ) -> Self {
+        let device = Device::new(electronics.port(), check, factory, memory);
+        Self {
+            electronics,
+            device,
+            port,
+            ready_ns: 0,
+            running: false,
+            powered: false,
+            next_poll: Instant(0),
+            mailboxes: [None; MAILBOXES],
+            held: None,
+            recover_at: None,
+            switch_at: None,
+            delay_ms: 0,
+        }
+    }
+
+    /// True while the code runs and speaks.
+    pub fn is_running(&self) -> bool {
+        self.running
+    }
+
+    /// Power off: silence, and only the memory stays.
+    pub fn power_off(&mut self, bus: &mut Bus) {
+        self.powered = false;
+        self.running = false;
+        self.forget(bus);
+        bus.connect(self.port, false);
+    }
+
+    /// Power on: new turn-on offsets, and the code starts.
+    pub fn power_on(&mut self, bus: &mut Bus, now_ns: u64) {
+        self.electronics.power_cycle();
+        self.powered = true;
+        bus.connect(self.port, true);
+        self.reset(bus, now_ns);
+    }
+
+    fn forget(&mut self, bus: &mut Bus) {
+        bus.reset(self.port);
+        self.mailboxes = [None; MAILBOXES];
+        self.held = None;
+        self.recover_at = None;
+        self.switch_at = None;
+    }
+
+    /// The code starts anew: the part is set up first, which takes its time.
+    pub fn reset(&mut self, bus: &mut Bus, now_ns: u64) {
+        self.forget(bus);
+        self.running = false;
+        self.electronics.catch_up(seconds(now_ns));
+        let device = &mut self.device;
+        self.electronics.run_waiting(|mut delay, now| {
+            // A part that does not answer leaves its channel invalid, and the bus hears why.
+            let _ = device.start_sensor(&mut delay, now);
+        });
+        self.ready_ns = (self.electronics.now_s() * 1e9).ceil() as u64;
+    }
+
+    /// When this node next wants the processor, ns.
+    pub fn next_ns(&self) -> Option<u64> {
+        if !self.powered {
+            return None;
+        }
+        if !self.running {
+            return Some(self.ready_ns);
+        }
+        let own = [
+            Some(self.next_poll),
+            self.recover_at,
+            self.switch_at.map(|s| s.0),
+        ];
+        let first = own.into_iter().flatten().min()?;
+        Some(self.electronics.when_ns(first))
+    }
+
+    fn now(&self, now_ns: u64) -> Instant {
+        self.electronics.clock(seconds(now_ns))
+    }
+
+    /// A data-ready edge at `at_ns`.
+    pub fn data_ready(&mut self, bus: &mut Bus, at_ns: u64) {
+        if self.running {
+            self.device.data_ready(self.now(at_ns));
+            self.pump(bus, at_ns);
+        }
+    }
+
+    /// Runs what is due at `now_ns`.
+    pub fn poll(&mut self, bus: &mut Bus, now_ns: u64) {
+        let now = self.now(now_ns);
+        if self.powered && !self.running && now_ns >= self.ready_ns {
+            self.running = true;
+            self.device.start_bus(now);
+            self.next_poll = now;
+        }
+        if !self.running {
+            return;
+        }
+        if self.recover_at.is_some_and(|at| at <= now) {
+            self.recover_at = None;
+            bus.recover(self.port);
+        }
+        self.switch(bus, now);
+        if self.next_poll <= now {
+            self.electronics.settle(seconds(now_ns));
+            self.next_poll = self.device.poll(now);
+        }
+        self.pump(bus, now_ns);
+    }
+
+    /// LSS "activate bit timing": silence, the new rate, silence again.
+    fn switch(&mut self, bus: &mut Bus, now: Instant) {
+        match self.switch_at {
+            Some((at, Some(rate))) if at <= now => {
+                bus.set_bit_rate(self.port, rate);
+                self.device.set_bit_rate((rate / 1000) as u16);
+                let later = now.offset(i64::from(self.delay_ms) * 1000);
+                self.switch_at = Some((later, None));
+            }
+            Some((at, None)) if at <= now => self.switch_at = None,
+            _ => {}
+        }
+    }
+
+    /// A frame has ended that this node's controller took.
+    pub fn receive(&mut self, bus: &mut Bus, frame: &Frame, at_ns: u64) {
+        if self.running {
+            self.device.receive(frame, self.now(at_ns));
+            self.pump(bus, at_ns);
+        }
+    }
+
+    /// One of this node's frames has gone out.
+    pub fn sent(&mut self, bus: &mut Bus, mailbox: usize, frame: &Frame, at_ns: u64) {
+        if let Some(place) = self.mailboxes.get_mut(mailbox) {
+            *place = None;
+        }
+        if self.running {
+            self.device.sent(frame, self.now(at_ns));
+            self.pump(bus, at_ns);
+        }
+    }
+
+    /// The controller's error state is another one.
+    pub fn bus_changed(&mut self, bus: &mut Bus, state: State, at_ns: u64) {
+        if !self.running {
+            return;
+        }
+        let now = self.now(at_ns);
+        let counters = bus.counters(self.port);
+        let state = match state {
+            State::Active | State::Warning => BusState::Active,
+            State::Passive => BusState::Passive,
+            State::BusOff => BusState::Off,
+        };
+        if state == BusState::Off {
+            self.mailboxes = [None; MAILBOXES];
+            self.held = None;
+            bus.clear(self.port);
+            self.recover_at = self.device.recovery(now);
+        }
+        let [sending, receiving] =
+            [counters.transmit(), counters.receive()].map(|c| c.min(255) as u8);
+        self.device.bus_state(state, sending, receiving, now);
+        self.next_poll = now;
+        self.pump(bus, at_ns);
+    }
+
+    /// Shows the device how busy the bus is, per cent.
+    pub fn set_load(&mut self, percent: u8) {
+        self.device.set_bus_load(percent);
+    }
+
+    /// Moves frames into free mailboxes, and does what the device wishes.
+    ///
+    /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
+    /// two frames with one identifier never wait side by side: the order would be lost.
+    fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
+        let now = self.now(now_ns);
+        while self.switch_at.is_none() && self.mailboxes.contains(&None) {
+            let Some(frame) = self.held.take().or_else(|| self.device.transmit(now)) else {
+                break;
+            };
+            let twin = self
+                .mailboxes
+                .iter()
+                .flatten()
+                .any(|f| f.id() == frame.id());
+            if twin {
+                self.held = Some(frame);
+                break;
+            }
+            match bus.offer(self.port, frame) {
+                Ok(mailbox) => self.mailboxes[mailbox.number()] = Some(frame),
+                Err(_) => {
+                    self.held = Some(frame);
+                    break;
+                }
+            }
+        }
+        // What a frame has changed may be due sooner than the deadline that was known.
+        self.next_poll = self.next_poll.min(self.device.next_deadline());
+        self.wish(bus, now, now_ns);
+    }
+
+    fn wish(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
+        match self.device.take_wish() {
+            None => {}
+            Some(Wish::Reset) => self.reset(bus, now_ns),
+            Some(Wish::BitRate { kbit_s, delay_ms }) => {
+                self.delay_ms = delay_ms;
+                let at = now.offset(i64::from(delay_ms) * 1000);
+                let rate = kbit_s.map(|k| u32::from(k) * 1000);
+                self.switch_at = Some((at, rate));
+            }
+        }
+    }
+}
