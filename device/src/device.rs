@@ -428,7 +428,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         process.flag(validity::CALIBRATED, self.values.calibrated);
         if now.micros_since(self.judged_at) > JUDGED_FOR_US {
             process.not_judged();
-            self.judgement = None;
+            // What was found stays found until a judgement takes it back or a reset does.
+            self.judgement = self.judgement.filter(|judgement| judgement.is_fault());
         }
         self.look_for_sync(now);
         self.find_faults(&reading);

@@ -315,12 +315,13 @@ pub const COMMUNICATION: &[Row] = &[
         2,
         "Internal error",
         Unsigned8,
-        "After a fault of the instrument itself. The default leaves OPERATIONAL.",
+        "After a fault of the instrument itself. The default stays: validity and state tell, and \
+         a machine that has lost its angle still hears why.",
     )
     .rw()
     .stored()
     .limits(0, 2)
-    .value(0),
+    .value(1),
     record(
         0x1200,
         2,
