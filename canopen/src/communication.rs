@@ -92,6 +92,8 @@ impl Communication {
             0x1029 => self.behaviour.write(at, value),
             0x1300..=0x13FF => self.safety.write(dictionary, at, value, operational),
             0x1400..=0x1BFF => self.pdo.write(dictionary, at, value),
+            // No NMT master here, so bits of its are not taken (CiA 302-2).
+            0x1F80 if value.unsigned() & !0b1100 != 0 => Some(Err(Abort::InvalidValue)),
             _ => {
                 let kept = self.configuration(at)?;
                 *kept = value.unsigned() as u32;

@@ -77,10 +77,11 @@ impl Emergency {
     pub fn raise(&mut self, code: u16, bits: u8, detail: [u8; 5]) {
         self.set_register(bits);
         let [first, second, ..] = detail;
-        self.history.rotate_right(1);
-        if let Some(newest) = self.history.first_mut() {
-            let [low, high] = code.to_le_bytes();
-            *newest = u32::from_le_bytes([low, high, first, second]);
+        let [low, high] = code.to_le_bytes();
+        let mut newer = u32::from_le_bytes([low, high, first, second]);
+        // One place further each; `rotate_right` would bring the library's memmove along.
+        for kept in &mut self.history {
+            newer = core::mem::replace(kept, newer);
         }
         self.count = (self.count + 1).min(HISTORY as u8);
         // The message says at least that there is an error, even when nothing of it stays.

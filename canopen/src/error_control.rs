@@ -173,6 +173,13 @@ impl ErrorControl {
         None
     }
 
+    /// What is lost and still supervised: bits 0 to 3 the nodes of 1016h, bit 4 guarding.
+    pub fn lost(&self) -> u8 {
+        let guarding = u8::from(self.guarding_lost) << SUPERVISED;
+        let nodes = self.consumers.iter().zip(0..);
+        nodes.fold(guarding, |lost, (c, slot)| lost | u8::from(c.lost) << slot)
+    }
+
     /// When to look again.
     pub fn poll(&self) -> Option<Instant> {
         let silences = self.consumers.iter().map(|c| c.deadline);
@@ -235,8 +242,12 @@ impl ErrorControl {
         self.load(at, value);
         if at.index == 0x1017 {
             self.heartbeat_at = self.next_heartbeat(now);
-            self.guarded_until = None;
             self.asked = false;
+        }
+        if at.index != 0x1016 {
+            // Guarding with the new times begins at the master's next request.
+            self.guarded_until = None;
+            self.guarding_lost = false;
         }
         Some(Ok(()))
     }

@@ -32,6 +32,8 @@ pub struct Sync {
     absence_us: Option<u32>,
     counter: u8,
     due: Option<Instant>,
+    /// This node's SYNC waits for the bus.
+    under_way: bool,
 }
 
 impl Sync {
@@ -45,6 +47,7 @@ impl Sync {
             absence_us: None,
             counter: 0,
             due: None,
+            under_way: false,
         }
     }
 
@@ -60,6 +63,14 @@ impl Sync {
     /// True for a frame with the identifier of SYNC.
     pub fn recognises(&self, frame: &Frame) -> bool {
         frame.cob_id() == Some(self.id()) && !frame.is_remote()
+    }
+
+    /// True for a frame of this node that has gone out and is its SYNC.
+    ///
+    /// One of another service that was given the same identifier is not: a PDO that answers SYNC
+    /// would otherwise answer itself without end.
+    pub fn is_own(&mut self, frame: &Frame) -> bool {
+        self.recognises(frame) && core::mem::take(&mut self.under_way)
     }
 
     /// A frame that [`Sync::recognises`]: its counter. Errors: its length, when that does not fit
@@ -114,6 +125,7 @@ impl Sync {
         let period = u64::from(self.producing()?);
         let next = due.after(period);
         self.due = Some(if next > now { next } else { now.after(period) });
+        self.under_way = true;
         if self.overflow == 0 {
             return Some(Frame::data_frame(self.id(), &[]));
         }

@@ -16,6 +16,7 @@ use crate::TICK_S;
 use crate::error_model::{ErrorModel, Part};
 use crate::lis2dw12::{Chip, SpiPort, Traits};
 use crate::low_pass::LowPass;
+use crate::motion::add;
 use crate::rng::Rng;
 use crate::supply::{Condition, Supply, condition};
 
@@ -178,6 +179,8 @@ pub struct Electronics {
     sensor: Sensor,
     /// This side's supply.
     pub supply: Supply,
+    /// What this side feels beside the housing, g: its board has come loose. Zero by default.
+    pub offset_g: [f64; 3],
     condition: Condition,
     clock: Clock,
 }
@@ -192,6 +195,7 @@ impl Electronics {
         Self {
             sensor: Sensor::new(model, rng),
             supply: Supply::steady(),
+            offset_g: [0.0; 3],
             condition: Condition::Good,
             clock,
         }
@@ -251,7 +255,7 @@ impl Electronics {
     #[inline]
     pub fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(f64)) {
         self.follow_supply(time_s);
-        self.sensor.tick(force_g, time_s, ready);
+        self.sensor.tick(add(force_g, self.offset_g), time_s, ready);
     }
 
     /// Brings the chip's own time up to `time_s`, before code talks to it between samples.

@@ -129,6 +129,8 @@ pub struct Node {
     overruns: u16,
 }
 
+/// Nodes not heard and guarding, as [`ErrorControl::lost`](crate::error_control::ErrorControl).
+const SUPERVISED: u8 = 0x1F;
 const GUARDING: u8 = 0x10;
 const PASSIVE: u8 = 0x20;
 const OFF: u8 = 0x40;
@@ -216,7 +218,8 @@ impl Node {
         });
         self.node_id = self.lss.take_node_id();
         self.communication = Communication::new();
-        self.present = 0;
+        // What the controller says of the bus holds until it says otherwise.
+        self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);
         let dictionary = app.dictionary();
         let sound = self.communication.pdo.check(&dictionary).is_ok()
@@ -268,6 +271,12 @@ impl Node {
         };
         self.server.request(&mut view, frame, now);
         self.communication.pdo.window_us = self.communication.sync.window_us();
+        // A loss that is no longer supervised cannot end by itself.
+        let forgotten = self.present & SUPERVISED & !self.communication.error_control.lost();
+        if forgotten != 0 {
+            self.present ^= forgotten;
+            self.cleared(self.device_bits, [0; 5]);
+        }
     }
 
     fn process_data<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
@@ -387,11 +396,13 @@ impl Node {
             return self.cleared(self.device_bits, [0; 5]);
         }
         self.emergency(code, [detail, 0, 0, 0, 0]);
-        if let Some(state) = self
-            .communication
-            .behaviour
-            .after(1, self.communication.state)
-        {
+        self.communication_failed(app, now);
+    }
+
+    /// 1029h sub 1.
+    fn communication_failed<A: Application>(&mut self, app: &mut A, now: Instant) {
+        let services = &self.communication;
+        if let Some(state) = services.behaviour.after(1, services.state) {
             self.enter(app, state, now);
         }
     }
@@ -445,23 +456,24 @@ impl Node {
         if before == state {
             return;
         }
+        if state == BusState::Off {
+            // Nobody hears that it is no longer passive, and it is no better for that.
+            self.present = self.present & !PASSIVE | OFF;
+            self.set_register();
+            return self.communication_failed(app, now);
+        }
         if before == BusState::Off {
             self.present &= !OFF;
-            // Nothing that waited through a bus-off is news any more, but the fact itself is.
             self.emergency(0x8140, [0; 5]);
-            self.set_register();
         }
         let passive = state == BusState::Passive;
-        self.communication_error(app, PASSIVE, passive, 0x8120, 0, now);
-        if state == BusState::Off {
-            self.present |= OFF;
-            if let Some(next) = self
-                .communication
-                .behaviour
-                .after(1, self.communication.state)
-            {
-                self.enter(app, next, now);
-            }
+        if passive {
+            // A warning: CiA 301 names bus-off and lost nodes as what 1029h acts on, not this.
+            self.present |= PASSIVE;
+            self.emergency(0x8120, [0; 5]);
+        } else if self.present & PASSIVE != 0 {
+            self.present &= !PASSIVE;
+            self.cleared(self.device_bits, [0; 5]);
         }
     }
 
@@ -521,7 +533,7 @@ impl Node {
         }
     }
 
-    /// What is due by `now`; returns when to call again.
+    /// What is due by `now`; returns when to call again, always later than `now`.
     pub fn poll<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Instant> {
         if self.node_id == UNCONFIGURED || self.communication.state == State::Initialising {
             return None;
@@ -544,12 +556,14 @@ impl Node {
             application: app,
             register,
         };
-        let mut next = sooner(server, services.error_control.poll());
-        next = sooner(next, services.sync.poll(services.state));
-        next = sooner(next, services.emergency.poll(services.state));
+        // What is due already waits for the controller and needs no further call.
+        let later = |at: Option<Instant>| at.filter(|at| *at > now);
+        let mut next = sooner(later(server), later(services.error_control.poll()));
+        next = sooner(next, later(services.sync.poll(services.state)));
+        next = sooner(next, later(services.emergency.poll(services.state)));
         if services.state.allows_pdo() {
-            next = sooner(next, services.pdo.poll(&mut mapped, now));
-            next = sooner(next, services.safety.poll(&mut mapped, now));
+            next = sooner(next, later(services.pdo.poll(&mut mapped, now)));
+            next = sooner(next, later(services.safety.poll(&mut mapped, now)));
             if let Some(srdo) = services.safety.take_lost() {
                 app.event(Event::SafetyLost(srdo), now);
             }
@@ -650,7 +664,7 @@ impl Node {
     ///
     /// Only then has this node's own SYNC happened, at the same instant as for everybody else.
     pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
-        if self.communication.sync.recognises(frame) {
+        if self.communication.sync.is_own(frame) {
             self.sync_frame(app, frame, now);
         }
     }

@@ -8,6 +8,8 @@
 //!
 //! Left out: the time that code takes to run: a node answers at the instant at which it is asked.
 
+pub mod hand;
+pub mod instrument;
 mod unit;
 
 #[cfg(test)]
@@ -120,6 +122,15 @@ impl Network {
     /// Takes a node's power away.
     pub fn power_off(&mut self, number: usize) {
         self.units[number].power_off(&mut self.bus);
+    }
+
+    /// Pulls a node's reset pin: its code starts anew, its power stays. Nothing without power.
+    pub fn reset(&mut self, number: usize) {
+        let now_ns = self.now_ns();
+        let unit = &mut self.units[number];
+        if unit.is_powered() {
+            unit.reset(&mut self.bus, now_ns);
+        }
     }
 
     /// Goes on to `until_ns`; `seen` gets every event of the bus in its order.

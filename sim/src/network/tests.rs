@@ -1,39 +1,66 @@
-//! Two nodes on one bus, as a master sees them.
+//! Two nodes on one bus, as a master and the world see them.
 
 use super::*;
 
 use canopen::Frame;
-use device::channel::Settings;
+use canopen::nmt::State;
+use device::calibration::motor::Terms;
+use device::fault::Fault;
 use device::objects::panel::Identity;
+use device::objects::process::SyncSource;
 use device::objects::table::Channel;
-use tilt::calibration::motor as _;
 
 use crate::bench::Mode;
+use crate::can_bus::Rates;
 use crate::error_model::ErrorModel;
-use crate::motion::Motion;
+use crate::motion::{Attitude, Motion};
 use crate::rng::Rng;
 
-/// A housing that stands level, or is held in any pose.
-struct Held([f64; 3]);
+const MS: u64 = 1_000_000;
 
-impl Mover for Held {
-    fn step(&mut self, _time_s: f64) -> Motion {
+/// A housing that turns about one axis at a steady rate; slope X follows.
+struct Turning {
+    rate_deg_s: f64,
+    from_s: f64,
+}
+
+fn level() -> Turning {
+    Turning {
+        rate_deg_s: 0.0,
+        from_s: 0.0,
+    }
+}
+
+impl Turning {
+    fn slope_deg(&self, time_s: f64) -> f64 {
+        self.rate_deg_s * (time_s - self.from_s).max(0.0)
+    }
+}
+
+impl Mover for Turning {
+    fn step(&mut self, time_s: f64) -> Motion {
+        let slope_x_deg = self.slope_deg(time_s);
+        let (sin, cos) = slope_x_deg.to_radians().sin_cos();
         Motion {
-            force_g: self.0,
-            ..Motion::default()
+            force_g: [sin, 0.0, cos],
+            attitude: Attitude {
+                slope_x_deg,
+                ..Attitude::default()
+            },
         }
     }
 }
 
-fn factory(channel: Channel, settings: Settings) -> Factory {
+fn factory(channel: Channel, kbit_s: u16) -> Factory {
+    let settings = Mode::Product.settings();
     Factory {
         identity: Identity {
             channel,
             serial: 100 + channel as u32,
         },
         node_id: channel.node_id(),
-        kbit_s: 250,
-        terms: device::calibration::motor::Terms {
+        kbit_s,
+        terms: Terms {
             rule: tilt::table::Rule::Nearest,
             budget: settings.chain.calibration.budget,
         },
@@ -42,47 +69,229 @@ fn factory(channel: Channel, settings: Settings) -> Factory {
     }
 }
 
-fn pair() -> Network {
-    let mut network = Network::new(250_000, 1);
-    for channel in [Channel::A, Channel::B] {
-        let rng = Rng::stream(1, &format!("network {channel:?}"));
-        let electronics = Electronics::new(&ErrorModel::NOMINAL, rng);
-        let factory = factory(channel, Mode::Product.settings());
-        let check = Mode::Product.check();
-        network.add(electronics, check, factory, Memory::new());
+/// Two nodes with perfect parts but clocks of their own, powered, on a bus with a host.
+struct Site {
+    network: Network,
+    host: Port,
+    trace: Vec<(u64, Frame)>,
+}
+
+impl Site {
+    fn new(kbit_s: u16) -> Self {
+        let mut network = Network::new(u32::from(kbit_s) * 1000, 1);
+        for channel in [Channel::A, Channel::B] {
+            let rng = Rng::stream(1, &format!("network {channel:?}"));
+            let electronics = Electronics::new(&ErrorModel::PERFECT, rng);
+            let check = Mode::Product.check();
+            network.add(electronics, check, factory(channel, kbit_s), Memory::new());
+        }
+        let host = network.attach_host();
+        network.power_on(0);
+        network.power_on(1);
+        Self {
+            network,
+            host,
+            trace: Vec::new(),
+        }
     }
-    network
+
+    fn run(&mut self, mover: &mut impl Mover, duration_ns: u64) {
+        let until_ns = self.network.now_ns() + duration_ns;
+        let trace = &mut self.trace;
+        self.network.run_until(mover, until_ns, |event| {
+            if let Event::Delivered { frame, at_ns, .. } = event {
+                trace.push((*at_ns, *frame));
+            }
+        });
+    }
+
+    fn send(&mut self, id: u16, bytes: &[u8]) {
+        let frame = Frame::data_frame(id, bytes);
+        self.network.bus.offer(self.host, frame).unwrap();
+    }
+
+    /// Past the set-up and the settling of the filters, everybody OPERATIONAL.
+    fn working(kbit_s: u16) -> Self {
+        let mut site = Self::new(kbit_s);
+        site.run(&mut level(), 600 * MS);
+        site.send(0, &[1, 0]);
+        site.run(&mut level(), 10 * MS);
+        site
+    }
+
+    fn times_of(&self, id: u16) -> Vec<u64> {
+        let of = |(at, frame): &(u64, Frame)| (frame.cob_id() == Some(id)).then_some(*at);
+        self.trace.iter().filter_map(of).collect()
+    }
+
+    fn process(&self, node: usize) -> device::objects::process::Process {
+        self.network.units()[node].device.values().process
+    }
 }
 
 #[test]
 fn a_pair_boots_measures_and_agrees() {
-    let mut network = pair();
-    let host = network.attach_host();
-    network.power_on(0);
-    network.power_on(1);
-    let mut frames = Vec::new();
-    let mut note = |event: &Event| {
-        if let Event::Delivered { frame, at_ns, .. } = event {
-            frames.push((*at_ns, *frame));
+    let mut site = Site::working(250);
+    let boots: Vec<_> = site.trace.iter().take(2).map(|(_, f)| *f).collect();
+    let boot = |id| Frame::data_frame(id, &[0]);
+    assert_eq!(boots, [boot(0x701), boot(0x702)]);
+    for _ in 0..50 {
+        site.send(0x80, &[]);
+        site.run(&mut level(), 20 * MS);
+    }
+    for node in 0..2 {
+        let process = site.process(node);
+        assert_eq!(process.state, 1, "{process:?}");
+        assert_eq!(process.validity, 0x7F, "{process:?}");
+        assert_eq!(process.missed, 0);
+        assert!(process.delta[0].abs() < 20, "{process:?}");
+        assert!(site.network.units()[node].device.faults().is_empty());
+    }
+    assert_eq!(site.times_of(0x181).len(), 50);
+    assert_eq!(site.times_of(0x281).len(), 5);
+}
+
+#[test]
+fn both_nodes_report_the_same_instant_within_a_tenth_of_a_millisecond() {
+    let mut site = Site::working(250);
+    let rate_deg_s = 80.0;
+    let mut turning = Turning {
+        rate_deg_s,
+        from_s: site.network.now_s(),
+    };
+    site.run(&mut turning, 300 * MS);
+    for _ in 0..25 {
+        site.send(0x80, &[]);
+        site.run(&mut turning, 20 * MS);
+        let [x, y] = [0, 1].map(|node| site.process(node).sent.angle[0]);
+        let apart_deg = f64::from(x - y) * 360.0 / f64::from(1 << 24);
+        let skew_ms = apart_deg.abs() / rate_deg_s * 1000.0;
+        assert!(skew_ms < 0.1, "{skew_ms} ms");
+    }
+}
+
+#[test]
+fn at_1_khz_every_reading_goes_out_within_its_sync_window() {
+    let mut site = Site::working(1000);
+    site.trace.clear();
+    for _ in 0..1000 {
+        site.send(0x80, &[]);
+        site.run(&mut level(), MS);
+    }
+    let syncs = site.times_of(0x80);
+    assert_eq!(syncs.len(), 1000);
+    let mut latest_ns = 0;
+    for id in [0x181, 0x182, 0x381, 0x382] {
+        let sent = site.times_of(id);
+        assert_eq!(sent.len(), 1000, "{id:X}");
+        for (sync, sent) in syncs.iter().zip(&sent) {
+            latest_ns = latest_ns.max(sent - sync);
+        }
+    }
+    println!("1 kHz SYNC at 1 Mbit/s: the last of the pair's PDOs ends {latest_ns} ns after SYNC");
+    assert!(latest_ns < MS);
+    assert_eq!(site.times_of(0x281).len(), 100);
+    for node in 0..2 {
+        let process = site.process(node);
+        assert_eq!((process.state, process.missed), (1, 0));
+        assert_eq!(process.bus.overruns, 0);
+    }
+}
+
+#[test]
+fn without_sync_the_lower_node_id_makes_it_and_the_other_one_after_it() {
+    let mut site = Site::working(250);
+    site.run(&mut level(), 480 * MS);
+    assert_eq!(site.times_of(0x80).len(), 0);
+    site.run(&mut level(), 520 * MS);
+    let own = site.times_of(0x80);
+    assert!((20..30).contains(&own.len()), "{}", own.len());
+    assert_eq!(site.process(0).source, SyncSource::Own);
+    assert_eq!(site.process(1).source, SyncSource::Bus);
+    // A master's SYNC ends it.
+    site.send(0x80, &[]);
+    site.run(&mut level(), 400 * MS);
+    assert!(site.times_of(0x80).len() <= own.len() + 2);
+    assert_eq!(site.process(0).source, SyncSource::Bus);
+    // The lower one is gone: the other takes over after twice the time.
+    site.network.power_off(0);
+    let before = site.times_of(0x80).len();
+    site.run(&mut level(), 500 * MS);
+    assert_eq!(site.times_of(0x80).len(), before);
+    site.send(0, &[1, 2]);
+    site.run(&mut level(), 1500 * MS);
+    assert!(site.times_of(0x80).len() > before + 10);
+}
+
+#[test]
+fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
+    let mut site = Site::working(250);
+    let sync = |site: &mut Site, count: usize| {
+        for _ in 0..count {
+            site.send(0x80, &[]);
+            site.run(&mut level(), 20 * MS);
         }
     };
-    network.run_until(&mut Held([0.0, 0.0, 1.0]), 200_000_000, &mut note);
-    network
-        .bus
-        .offer(host, Frame::data_frame(0, &[1, 0]))
-        .unwrap();
-    network.run_until(&mut Held([0.0, 0.0, 1.0]), 2_000_000_000, &mut note);
-    for (at, f) in frames.iter().skip(62).take(60) {
-        println!(
-            "{:9.3} ms {:03X} {:02X?}",
-            *at as f64 * 1e-6,
-            f.cob_id().unwrap(),
-            f.bytes()
-        );
-    }
-    for unit in network.units() {
-        println!("{:?}", unit.device.values().process);
-        println!("{:?}", unit.device.faults());
-    }
-    panic!();
+    sync(&mut site, 10);
+    site.network.power_off(1);
+    sync(&mut site, 50);
+    let faults = site.network.units()[0].device.faults();
+    assert!(faults.has(Fault::PeerChannel), "{faults:?}");
+    // EMCY of the lost heartbeat (1029h leaves OPERATIONAL for it) and of the channel.
+    let told: Vec<_> = (site.trace.iter())
+        .filter(|(_, f)| f.cob_id() == Some(0x81))
+        .map(|(_, f)| u16::from_le_bytes([f.bytes()[0], f.bytes()[1]]))
+        .collect();
+    assert!(
+        told.contains(&0x8130) && told.contains(&0xFF15),
+        "{told:X?}"
+    );
+    assert_eq!(
+        site.network.units()[0].device.bus().state(),
+        State::PreOperational
+    );
+    site.network.power_on(1);
+    site.run(&mut level(), 1000 * MS);
+    site.send(0, &[1, 0]);
+    site.run(&mut level(), 10 * MS);
+    sync(&mut site, 60);
+    assert_eq!(site.process(0).state, 1, "{:?}", site.process(0));
+    assert!(site.network.units()[0].device.faults().is_empty());
+}
+
+#[test]
+fn bus_off_is_told_counted_and_left_again() {
+    let mut site = Site::working(250);
+    let every = Rates {
+        corrupt: 1.0,
+        ..Rates::default()
+    };
+    site.network.bus.faults().set_rates(every);
+    site.run(&mut level(), 400 * MS);
+    let off = site.process(0).bus;
+    assert_eq!((off.state, off.bus_offs), (2, 1), "{off:?}");
+    site.network.bus.faults().set_rates(Rates::default());
+    site.trace.clear();
+    // 2051h as delivered: 1 s until the attempt to return.
+    site.run(&mut level(), 1500 * MS);
+    let back = site.process(0).bus;
+    assert_eq!((back.state, back.bus_offs), (0, 1), "{back:?}");
+    let told = site.trace.iter().filter(|(_, f)| f.cob_id() == Some(0x81));
+    let codes: Vec<_> = told
+        .map(|(_, f)| u16::from_le_bytes([f.bytes()[0], f.bytes()[1]]))
+        .collect();
+    assert!(codes.contains(&0x8140), "{codes:X?}");
+    site.send(0, &[1, 0]);
+    site.run(&mut level(), 900 * MS);
+    assert!(site.times_of(0x181).len() > 5);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bus() {
+    let run = || {
+        let mut site = Site::working(250);
+        site.run(&mut level(), 1000 * MS);
+        site.network.bus.fingerprint()
+    };
+    assert_eq!(run(), run());
 }

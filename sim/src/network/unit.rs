@@ -79,6 +79,11 @@ impl Unit {
         self.running
     }
 
+    /// True while it has power.
+    pub fn is_powered(&self) -> bool {
+        self.powered
+    }
+
     /// Power off: silence, and only the memory stays.
     pub fn power_off(&mut self, bus: &mut Bus) {
         self.powered = false;

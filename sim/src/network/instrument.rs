@@ -1,0 +1,151 @@
+//! An instrument from the bench, put on the bus: two nodes with the calibration it left with.
+//!
+//! In: a mode, a world, a seed and the unit's number, as [`Bench`] takes them. Out: two nodes of a
+//! [`Network`] with power off. The bench's instrument and the one on the bus are drawn from the
+//! same numbers, so they are the same parts; on the bus their time starts anew.
+//!
+//! Left out: what the bench did to the parts besides calibrating them: they come conditioned, in
+//! the middle of their thermal hysteresis, as the bench leaves them.
+
+use device::calibration::motor::Terms;
+use device::channel::Settings;
+use device::device::Factory;
+use device::objects::panel::Identity;
+use device::objects::table::Channel;
+use tilt::table::Rule;
+
+use super::Network;
+use crate::bench::{Bench, BenchError, Mode, World};
+use crate::electronics::Electronics;
+use crate::error_model::ErrorModel;
+use crate::memory::Memory;
+use crate::rng::Rng;
+
+/// The node-id of a node that has none (CiA 305).
+pub const UNCONFIGURED: u8 = 255;
+
+/// How one node is put on the bus.
+#[derive(Clone, Debug)]
+pub struct Fitting {
+    /// Node-id until LSS stores another; [`UNCONFIGURED`] for none.
+    pub node_id: u8,
+    /// Bit rate until LSS stores another, kbit/s.
+    pub kbit_s: u16,
+    /// What the node finds in its memory.
+    pub memory: Memory,
+}
+
+/// An instrument as it is delivered.
+#[derive(Clone, Debug)]
+pub struct Delivered {
+    mode: Mode,
+    parts: ErrorModel,
+    seed: u64,
+    unit: u32,
+    settings: [Settings; 2],
+    calibrated: bool,
+}
+
+impl Delivered {
+    /// Through the whole bench: chamber, motor, verification.
+    ///
+    /// Errors: see [`BenchError`].
+    pub fn calibrated(mode: Mode, world: &World, seed: u64, unit: u32) -> Result<Self, BenchError> {
+        let (bench, _) = Bench::commissioned(mode, world, seed, unit)?;
+        let [a, b] = bench.instrument.sides;
+        Ok(Self {
+            settings: [a.settings, b.settings],
+            calibrated: true,
+            ..Self::bare(mode, world, seed, unit)
+        })
+    }
+
+    /// As it was soldered: its nodes say that they are not calibrated.
+    pub fn bare(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
+        Self {
+            mode,
+            parts: world.parts,
+            seed,
+            unit,
+            settings: [mode.settings(), mode.settings()],
+            calibrated: false,
+        }
+    }
+
+    /// Puts both nodes on the bus, without power; their numbers. The serial numbers are those of
+    /// the unit: 2 u + 1 and 2 u + 2.
+    ///
+    /// # Panics
+    /// When the bus is full ([`crate::can_bus::MOST_PORTS`]).
+    pub fn join(self, network: &mut Network, fittings: [Fitting; 2]) -> [usize; 2] {
+        let (seed, unit, mode) = (self.seed, self.unit, self.mode);
+        let [a, b] = self.settings;
+        let [for_a, for_b] = fittings;
+        [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, fitting)| {
+            let node = channel as u32 + 1;
+            let rng = Rng::stream(seed, &format!("unit {unit} node {node}"));
+            let electronics = Electronics::new(&self.parts, rng);
+            let rule = match mode {
+                Mode::Paper => Rule::Nearest,
+                Mode::Product | Mode::OneAxis => Rule::Linear,
+            };
+            let factory = Factory {
+                identity: Identity {
+                    channel,
+                    serial: 2 * unit + node,
+                },
+                node_id: fitting.node_id,
+                kbit_s: fitting.kbit_s,
+                terms: Terms {
+                    rule,
+                    budget: settings.chain.calibration.budget,
+                },
+                settings,
+                calibrated: self.calibrated,
+            };
+            network.add(electronics, mode.check(), factory, fitting.memory)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::hand::{Hand, Pose};
+
+    fn fitting(node_id: u8) -> Fitting {
+        Fitting {
+            node_id,
+            kbit_s: 250,
+            memory: Memory::new(),
+        }
+    }
+
+    fn errors_deg(delivered: Delivered) -> Vec<f64> {
+        let mut network = Network::new(250_000, 1);
+        let _host = network.attach_host();
+        let nodes = delivered.join(&mut network, [fitting(1), fitting(2)]);
+        nodes.iter().for_each(|n| network.power_on(*n));
+        let mut hand = Hand::new(Rng::stream(1, "hand"));
+        assert!(hand.go(Pose {
+            pitch_deg: 30.0,
+            roll_deg: -10.0
+        }));
+        network.run_until(&mut hand, 3_000_000_000, |_| {});
+        let slopes = |n: &usize| network.units()[*n].device.values().process.slopes;
+        let read = nodes.iter().flat_map(|n| [slopes(n)[0], slopes(n)[1]]);
+        read.zip([-10.0, 30.0, -10.0, 30.0])
+            .map(|(read, truth)| read.expect("an angle").degrees() - truth)
+            .collect()
+    }
+
+    #[test]
+    fn on_the_bus_it_measures_as_well_as_on_the_bench() {
+        let world = &World::NOMINAL;
+        let delivered = Delivered::calibrated(Mode::Product, world, 1, 0).unwrap();
+        let errors = errors_deg(delivered);
+        assert!(errors.iter().all(|e| e.abs() < 0.15), "{errors:?}");
+        let bare = errors_deg(Delivered::bare(Mode::Product, world, 1, 0));
+        assert!(bare.iter().any(|e| e.abs() > 0.3), "{bare:?}");
+    }
+}
