@@ -8,6 +8,7 @@
 //! dictionary and the bus) and `flash` (storage and update) will join here.
 #![no_std]
 
+pub mod bit_rate;
 pub mod calibration;
 pub mod channel;
 pub mod device;

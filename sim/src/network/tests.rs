@@ -4,11 +4,13 @@ use super::*;
 
 use canopen::Frame;
 use canopen::nmt::State;
+use canopen::object::Value;
 use device::calibration::motor::Terms;
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::process::SyncSource;
 use device::objects::table::Channel;
+use device::records::{Record, RecordStore, parameters};
 
 use crate::bench::Mode;
 use crate::can_bus::Rates;
@@ -284,6 +286,35 @@ fn bus_off_is_told_counted_and_left_again() {
     site.send(0, &[1, 0]);
     site.run(&mut level(), 900 * MS);
     assert!(site.times_of(0x181).len() > 5);
+}
+
+#[test]
+fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
+    let mut network = Network::new(125_000, 1);
+    let electronics = Electronics::new(&ErrorModel::PERFECT, Rng::stream(1, "finder"));
+    let mut memory = Memory::new();
+    RecordStore::begin(&mut memory, Record::Manufacturer).unwrap();
+    let automatic = canopen::object::at(0x2053, 2);
+    parameters::put(&mut memory, automatic, &Value::u8(1)).unwrap();
+    RecordStore::commit(&mut memory).unwrap();
+    let factory = factory(Channel::A, 1000);
+    network.add(electronics, Mode::Product.check(), factory, memory);
+    let (host, other) = (network.attach_host(), network.attach_host());
+    let _ = other;
+    network.power_on(0);
+    let mut site = Site {
+        network,
+        host,
+        trace: Vec::new(),
+    };
+    for _ in 0..60 {
+        site.send(0x70A, &[5]);
+        site.run(&mut level(), 100 * MS);
+    }
+    assert_eq!(site.times_of(0x70A).len(), 60);
+    assert_eq!(site.network.bus.statistics().errors, 0);
+    assert!(site.times_of(0x701).len() > 10);
+    assert_eq!(site.network.units()[0].device.values().bit_rate, 125);
 }
 
 #[test]

@@ -9,6 +9,7 @@
 
 use canopen::Frame;
 use canopen::node::BusState;
+use device::bit_rate::Search;
 use device::device::{Device, Factory, Wish};
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
@@ -40,8 +41,10 @@ pub struct Unit {
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
     /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
-    switch_at: Option<(Instant, Option<u32>)>,
+    switch_at: Option<(Instant, Option<Option<u16>>)>,
     delay_ms: u16,
+    /// The bit rate is being looked for; nothing is sent meanwhile.
+    search: Option<Search>,
 }
 
 fn seconds(time_ns: u64) -> f64 {
@@ -71,6 +74,7 @@ impl Unit {
             recover_at: None,
             switch_at: None,
             delay_ms: 0,
+            search: None,
         }
     }
 
@@ -96,7 +100,6 @@ impl Unit {
     pub fn power_on(&mut self, bus: &mut Bus, now_ns: u64) {
         self.electronics.power_cycle();
         self.powered = true;
-        bus.connect(self.port, true);
         self.reset(bus, now_ns);
     }
 
@@ -106,11 +109,15 @@ impl Unit {
         self.held = None;
         self.recover_at = None;
         self.switch_at = None;
+        self.search = None;
+        bus.listen_only(self.port, false);
     }
 
     /// The code starts anew: the part is set up first, which takes its time.
     pub fn reset(&mut self, bus: &mut Bus, now_ns: u64) {
         self.forget(bus);
+        // The controller takes part once the code has set it up.
+        bus.connect(self.port, false);
         self.running = false;
         self.electronics.catch_up(seconds(now_ns));
         let device = &mut self.device;
@@ -133,6 +140,7 @@ impl Unit {
             Some(self.next_poll),
             self.recover_at,
             self.switch_at.map(|s| s.0),
+            self.search.map(|s| s.until()),
         ];
         let first = own.into_iter().flatten().min()?;
         Some(self.electronics.when_ns(first))
@@ -156,6 +164,8 @@ impl Unit {
         if self.powered && !self.running && now_ns >= self.ready_ns {
             self.running = true;
             self.device.start_bus(now);
+            self.set_rate(bus, self.device.bit_rate(), now);
+            bus.connect(self.port, true);
             self.next_poll = now;
         }
         if !self.running {
@@ -166,6 +176,11 @@ impl Unit {
             bus.recover(self.port);
         }
         self.switch(bus, now);
+        if let Some(search) = &mut self.search
+            && search.poll(now)
+        {
+            bus.set_bit_rate(self.port, u32::from(search.kbit_s()) * 1000);
+        }
         if self.next_poll <= now {
             self.electronics.settle(seconds(now_ns));
             self.next_poll = self.device.poll(now);
@@ -173,12 +188,20 @@ impl Unit {
         self.pump(bus, now_ns);
     }
 
+    /// Goes to a bit rate, or starts to look for it by listening.
+    fn set_rate(&mut self, bus: &mut Bus, kbit_s: Option<u16>, now: Instant) {
+        self.search = kbit_s.is_none().then(|| Search::new(now));
+        let rate = self.search.map_or(kbit_s, |s| Some(s.kbit_s()));
+        bus.listen_only(self.port, self.search.is_some());
+        bus.set_bit_rate(self.port, u32::from(rate.unwrap_or(0)) * 1000);
+        self.device.set_bit_rate(kbit_s.unwrap_or(0));
+    }
+
     /// LSS "activate bit timing": silence, the new rate, silence again.
     fn switch(&mut self, bus: &mut Bus, now: Instant) {
         match self.switch_at {
-            Some((at, Some(rate))) if at <= now => {
-                bus.set_bit_rate(self.port, rate);
-                self.device.set_bit_rate((rate / 1000) as u16);
+            Some((at, Some(kbit_s))) if at <= now => {
+                self.set_rate(bus, kbit_s, now);
                 let later = now.offset(i64::from(self.delay_ms) * 1000);
                 self.switch_at = Some((later, None));
             }
@@ -190,6 +213,9 @@ impl Unit {
     /// A frame has ended that this node's controller took.
     pub fn receive(&mut self, bus: &mut Bus, frame: &Frame, at_ns: u64) {
         if self.running {
+            if let Some(found) = self.search {
+                self.set_rate(bus, Some(found.kbit_s()), self.now(at_ns));
+            }
             self.device.receive(frame, self.now(at_ns));
             self.pump(bus, at_ns);
         }
@@ -242,7 +268,8 @@ impl Unit {
     /// two frames with one identifier never wait side by side: the order would be lost.
     fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
         let now = self.now(now_ns);
-        while self.switch_at.is_none() && self.mailboxes.contains(&None) {
+        let silent = self.switch_at.is_some() || self.search.is_some();
+        while !silent && self.mailboxes.contains(&None) {
             let Some(frame) = self.held.take().or_else(|| self.device.transmit(now)) else {
                 break;
             };
@@ -275,8 +302,7 @@ impl Unit {
             Some(Wish::BitRate { kbit_s, delay_ms }) => {
                 self.delay_ms = delay_ms;
                 let at = now.offset(i64::from(delay_ms) * 1000);
-                let rate = kbit_s.map(|k| u32::from(k) * 1000);
-                self.switch_at = Some((at, rate));
+                self.switch_at = Some((at, Some(kbit_s)));
             }
         }
     }
