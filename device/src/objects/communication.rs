@@ -304,12 +304,13 @@ pub const COMMUNICATION: &[Row] = &[
         1,
         "Communication error",
         Unsigned8,
-        "After bus-off, a lost heartbeat or lost guarding. The default leaves OPERATIONAL.",
+        "After bus-off, a lost heartbeat or lost guarding. The default stays, unlike the \
+         standard's: the loss of one channel must not silence the other.",
     )
     .rw()
     .stored()
     .limits(0, 2)
-    .value(0),
+    .value(1),
     member(
         0x1029,
         2,

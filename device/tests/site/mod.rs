@@ -1,0 +1,358 @@
+//! One device with a part that lies level, a memory, a master and a clock.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+
+use canopen::Frame;
+use canopen::node::{BusState, UNCONFIGURED};
+use canopen::object::{Address, Value};
+use device::calibration::motor::Terms;
+use device::channel::Settings;
+use device::device::{Device, Factory, Wish};
+use device::objects::panel::Identity;
+use device::objects::table::Channel;
+use device::program::{ProgramError, ProgramMemory};
+use device::records::{Record, RecordStore, StoreError};
+use device::sensor::Config;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use tilt::angle::{Axes, Harmonics};
+use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
+use tilt::cross_check::CrossCheck;
+use tilt::filter::LowPass;
+use tilt::sample::{FullScale, Instant};
+use tilt::table::Rule;
+use tilt::temperature::TemperatureModel;
+use tilt::uncertainty::Budget;
+use tilt::vector::Vector;
+
+/// The most frames that one instant can bring; counted in the tests of `canopen::node`, with one
+/// more EMCY queue for what the device finds wrong while frames go out.
+const MOST: usize = 154 + 8;
+
+/// The registers of a part that is always ready and sees 1 g along Z.
+#[derive(Debug)]
+pub struct Part([u8; 64]);
+
+impl Part {
+    fn level() -> Self {
+        let mut registers = [0; 64];
+        registers[0x0F] = 0x44;
+        registers[0x27] = 0x01;
+        registers[0x2D] = 0x40;
+        Self(registers)
+    }
+
+    fn write(&mut self, bytes: &[u8], address: &mut usize) {
+        let Some((first, values)) = bytes.split_first() else {
+            return;
+        };
+        *address = usize::from(first & 0x3F);
+        for value in values {
+            // CTRL2: boot and soft reset end at once.
+            let kept = if *address == 0x21 {
+                value & !0xC0
+            } else {
+                *value
+            };
+            self.0[*address] = kept;
+            *address = (*address + 1) & 0x3F;
+        }
+    }
+}
+
+impl ErrorType for Part {
+    type Error = Infallible;
+}
+
+impl SpiDevice for Part {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
+        let mut address = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write(bytes) => self.write(bytes, &mut address),
+                Operation::Read(bytes) => {
+                    for byte in bytes.iter_mut() {
+                        *byte = self.0[address];
+                        address = (address + 1) & 0x3F;
+                    }
+                }
+                other => panic!("the driver does not use {other:?}"),
+            }
+        }
+        Ok(())
+    }
+}
+
+struct Hurry;
+
+impl DelayNs for Hurry {
+    fn delay_ns(&mut self, _ns: u32) {}
+}
+
+/// Records in memory, and a place for a program that takes anything.
+#[derive(Debug, Default)]
+pub struct Store {
+    records: BTreeMap<u8, Vec<u8>>,
+    staged: Option<(Record, Vec<u8>)>,
+}
+
+fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
+    let rest = from.get(offset as usize..).unwrap_or(&[]);
+    let pairs = into.iter_mut().zip(rest);
+    pairs.map(|(to, from)| *to = *from).count()
+}
+
+impl RecordStore for Store {
+    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+        let bytes = self.records.get(&(record as u8));
+        bytes.map_or(0, |bytes| copy(bytes, offset, into))
+    }
+
+    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
+        self.staged = Some((record, Vec::new()));
+        Ok(())
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        let (_, staged) = self.staged.as_mut().ok_or(StoreError::NotBegun)?;
+        staged.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
+        let staged = self.staged.as_ref();
+        staged.map_or(0, |(_, bytes)| copy(bytes, offset, into))
+    }
+
+    fn commit(&mut self) -> Result<(), StoreError> {
+        let (record, bytes) = self.staged.take().ok_or(StoreError::NotBegun)?;
+        self.records.insert(record as u8, bytes);
+        Ok(())
+    }
+
+    fn discard(&mut self) {
+        self.staged = None;
+    }
+
+    fn erase(&mut self, record: Record) -> Result<(), StoreError> {
+        self.records.remove(&(record as u8));
+        Ok(())
+    }
+}
+
+impl ProgramMemory for Store {
+    fn erase(&mut self) -> Result<(), ProgramError> {
+        Ok(())
+    }
+
+    fn begin(&mut self, _size: Option<u32>) -> Result<(), ProgramError> {
+        Ok(())
+    }
+
+    fn append(&mut self, _bytes: &[u8]) -> Result<(), ProgramError> {
+        Ok(())
+    }
+
+    fn commit(&mut self) -> Result<(), ProgramError> {
+        Ok(())
+    }
+
+    fn discard(&mut self) {}
+
+    fn activate(&mut self) -> Result<(), ProgramError> {
+        Ok(())
+    }
+
+    fn crc(&self) -> u32 {
+        0
+    }
+}
+
+fn settings() -> Settings {
+    let part = Config::PRODUCT;
+    let chain = Chain {
+        filter: LowPass::PRODUCT,
+        full_scale: FullScale::G2,
+        period_us: part.rate.period_us(),
+        part_delay_q16: PART_DELAY_Q16,
+        timing: Timing::Aligned { latency_us: 25_000 },
+        calibration: Calibration {
+            temperature: TemperatureModel::None,
+            correction: Correction::TwoAxis {
+                vector: Vector::IDENTITY,
+                harmonics: Axes::<Harmonics>::default(),
+            },
+            budget: Budget::default(),
+        },
+    };
+    Settings { part, chain }
+}
+
+fn factory(channel: Channel) -> Factory {
+    let settings = settings();
+    Factory {
+        identity: Identity { channel, serial: 7 },
+        node_id: channel.node_id(),
+        kbit_s: 250,
+        terms: Terms {
+            rule: Rule::Nearest,
+            budget: settings.chain.calibration.budget,
+        },
+        settings,
+        calibrated: true,
+    }
+}
+
+fn made(channel: Channel, memory: Store) -> Device<Part, Store> {
+    Device::new(
+        Part::level(),
+        CrossCheck::product(),
+        factory(channel),
+        memory,
+    )
+}
+
+/// The device and what is around it.
+pub struct Site {
+    pub device: Device<Part, Store>,
+    pub channel: Channel,
+    now: Instant,
+    answer: Option<[u8; 8]>,
+}
+
+impl Site {
+    /// Powered, and booted.
+    pub fn new(channel: Channel) -> Self {
+        let mut site = Self {
+            device: made(channel, Store::default()),
+            channel,
+            now: Instant(1_000_000),
+            answer: None,
+        };
+        site.boot();
+        site
+    }
+
+    fn boot(&mut self) {
+        let started = self.device.start_sensor(&mut Hurry, self.now);
+        assert_eq!(started, Ok(()));
+        self.now = self.now.offset(20_000);
+        self.device.start_bus(self.now);
+        self.listen();
+    }
+
+    /// Everything goes but what is stored.
+    pub fn power_cycle(&mut self) {
+        let memory = std::mem::take(self.device.memory());
+        self.device = made(self.channel, memory);
+        self.boot();
+    }
+
+    /// Everything the device says now, acknowledged by the bus, and what it wishes.
+    fn listen(&mut self) {
+        self.device.poll(self.now);
+        let server = 0x580 + u16::from(self.device.bus().node_id());
+        let mut count = 0;
+        while let Some(frame) = self.device.transmit(self.now) {
+            self.device.sent(&frame, self.now);
+            if frame.cob_id() == Some(server) {
+                self.answer = frame.bytes().try_into().ok();
+            }
+            count += 1;
+            assert!(count <= MOST);
+        }
+        match self.device.take_wish() {
+            Some(Wish::Reset) => self.boot(),
+            Some(Wish::BitRate { .. }) | None => {}
+        }
+    }
+
+    /// A frame that ends 200 us later.
+    pub fn hears(&mut self, id: u16, bytes: &[u8]) {
+        self.now = self.now.offset(200);
+        self.device.receive(&Frame::data_frame(id, bytes), self.now);
+        self.listen();
+    }
+
+    pub fn nmt(&mut self, specifier: u8) {
+        self.hears(0, &[specifier, 0]);
+    }
+
+    /// Silence; a poll every 10 ms as in a main loop that is not in a hurry.
+    pub fn pass(&mut self, ms: u32) {
+        for _ in 0..=ms / 10 {
+            self.now = self.now.offset(10_000);
+            self.listen();
+        }
+    }
+
+    /// Samples at the part's rate, with a poll after each.
+    pub fn measure(&mut self, samples: u16) {
+        let period_us = i64::from(Config::PRODUCT.rate.period_us());
+        for _ in 0..samples {
+            self.now = self.now.offset(period_us);
+            self.device.data_ready(self.now);
+            self.listen();
+        }
+    }
+
+    pub fn controller(&mut self, state: u8) {
+        let state = match state {
+            0 => BusState::Active,
+            1 => BusState::Passive,
+            _ => BusState::Off,
+        };
+        self.device.bus_state(state, 100, 100, self.now);
+        self.listen();
+    }
+
+    fn request(&mut self, request: [u8; 8]) -> Option<Result<[u8; 8], u32>> {
+        let id = self.device.bus().node_id();
+        if id == UNCONFIGURED {
+            return None;
+        }
+        self.answer = None;
+        self.device.receive(
+            &Frame::data_frame(0x600 + u16::from(id), &request),
+            self.now,
+        );
+        self.listen();
+        let answer = self.answer.take()?;
+        let [command, _, _, _, code @ ..] = answer;
+        Some(match command {
+            0x80 => Err(u32::from_le_bytes(code)),
+            _ => Ok(answer),
+        })
+    }
+
+    /// An expedited download; `None` without an answer, else the abort code as error.
+    pub fn write(&mut self, at: Address, value: Value) -> Option<Result<(), u32>> {
+        let [low, high] = at.index.to_le_bytes();
+        let [a, b, c, d, ..] = value.unsigned().to_le_bytes();
+        let command = 0x23 | (4 - value.bytes().len() as u8) << 2;
+        let answer = self.request([command, low, high, at.sub, a, b, c, d])?;
+        Some(answer.map(|_| ()))
+    }
+
+    /// An expedited upload; `None` without an answer, else the abort code as error.
+    pub fn read(&mut self, at: Address) -> Option<Result<Value, u32>> {
+        let [low, high] = at.index.to_le_bytes();
+        let answer = self.request([0x40, low, high, at.sub, 0, 0, 0, 0])?;
+        Some(answer.map(|[command, _, _, _, data @ ..]| {
+            assert_eq!(command & 0xF3, 0x43);
+            let length = 4 - usize::from(command >> 2 & 3);
+            Value::new(&data[..length]).unwrap()
+        }))
+    }
+
+    /// LSS for a device that has lost its node-id.
+    pub fn give_node_id(&mut self) {
+        if self.device.bus().node_id() == UNCONFIGURED {
+            self.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
+            self.hears(0x7E5, &[0x11, 42, 0, 0, 0, 0, 0, 0]);
+            self.hears(0x7E5, &[0x17, 0, 0, 0, 0, 0, 0, 0]);
+            self.hears(0x7E5, &[4, 0, 0, 0, 0, 0, 0, 0]);
+        }
+    }
+}
