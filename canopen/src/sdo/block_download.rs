@@ -153,7 +153,7 @@ impl Server {
         objects: &mut O,
         data: [u8; 8],
     ) -> Result<(), Abort> {
-        self.expect(Phase::BlockDownloadEnd)?;
+        self.must_be_in(Phase::BlockDownloadEnd)?;
         self.finish_block_download(objects, data)
     }
 

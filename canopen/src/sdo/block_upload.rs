@@ -77,7 +77,7 @@ impl Server {
 
     /// The client is ready for the segments.
     pub(super) fn start_block_upload(&mut self) -> Result<(), Abort> {
-        self.expect(Phase::BlockUpload)?;
+        self.must_be_in(Phase::BlockUpload)?;
         self.phase = Phase::BlockUploadSending;
         Ok(())
     }
@@ -115,7 +115,7 @@ impl Server {
             return Ok(());
         }
         if !sending {
-            self.expect(Phase::BlockUploadWaiting)?;
+            self.must_be_in(Phase::BlockUploadWaiting)?;
         }
         if acknowledged > self.outgoing.sequence {
             return Err(Abort::InvalidSequence);
@@ -150,7 +150,7 @@ impl Server {
 
     /// The client is content. Nothing is sent.
     pub(super) fn end_block_upload(&mut self) -> Result<(), Abort> {
-        self.expect(Phase::BlockUploadEnd)?;
+        self.must_be_in(Phase::BlockUploadEnd)?;
         self.close();
         Ok(())
     }

@@ -39,7 +39,7 @@ impl Server {
         command: u8,
         data: [u8; 7],
     ) -> Result<(), Abort> {
-        self.expect(Phase::Download)?;
+        self.must_be_in(Phase::Download)?;
         let toggle = self.turn(command)?;
         let used = data.len() - usize::from(command >> 1 & 7);
         self.content
@@ -58,7 +58,7 @@ impl Server {
         objects: &mut O,
         command: u8,
     ) -> Result<(), Abort> {
-        self.expect(Phase::Upload)?;
+        self.must_be_in(Phase::Upload)?;
         let toggle = self.turn(command)?;
         let mut data = [0; 7];
         let count = self.content.read(objects, self.content.done(), &mut data)?;

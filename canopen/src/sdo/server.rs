@@ -181,7 +181,7 @@ impl Server {
     }
 
     /// Goes on only in the given phase: a request at any other time is out of place.
-    pub(super) fn expect(&self, phase: Phase) -> Result<(), Abort> {
+    pub(super) fn must_be_in(&self, phase: Phase) -> Result<(), Abort> {
         if self.phase != phase {
             return Err(Abort::InvalidCommand);
         }

@@ -19,7 +19,7 @@ struct Rule {
 }
 
 /// The table of ARCHITECTURE.md. A new crate needs a row here.
-const RULES: [Rule; 9] = [
+const RULES: [Rule; 10] = [
     rule(
         "tilt",
         &[],
@@ -33,6 +33,11 @@ const RULES: [Rule; 9] = [
         Some(&["embedded-hal"]),
     ),
     rule("firmware", &["device", "flash"], None),
+    rule(
+        "firmware/bus_footprint",
+        &["canopen", "device", "tilt"],
+        Some(&[]),
+    ),
     rule("sim", &["device", "tilt", "canopen"], None),
     rule("emulator", &["sim"], None),
     rule("cli", &["device", "sim", "tilt", "canopen"], None),
