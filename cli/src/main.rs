@@ -1,7 +1,8 @@
 //! `plumb`: the person's side of the instrument.
 //!
 //! One verb per folder: `demo` builds and tests virtual instruments, `replay` takes recordings of
-//! real ones. Errors are one sentence on stderr and exit status 2; exit status 1 means that the
+//! real ones, `describe` tells other tools about the nodes, `serve` puts virtual ones on a bus.
+//! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
 mod demo;
@@ -37,6 +38,8 @@ enum Verb {
     Describe(describe::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
+    /// Put virtual instruments on a CAN bus that other programs can join
+    Serve(serve::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
     };
     match ended {
         Ok(code) => code,

@@ -327,6 +327,12 @@ impl Hub {
         }
     }
 
+    /// Clients for tests that have no connections.
+    #[cfg(test)]
+    pub fn made_up_clients() -> [ClientId; 3] {
+        [0, 1, 2].map(ClientId)
+    }
+
     /// Clients that have opened the bus, the kernel's interface among them.
     pub fn clients(&self) -> usize {
         let open = |client: &&Arc<Client>| client.outlet().is_none_or(Outlet::is_open);

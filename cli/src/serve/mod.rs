@@ -1,18 +1,174 @@
-//! The virtual instrument on a bus that other programs can join.
+//! `plumb serve`: the virtual instrument on a bus that other programs can join.
 //!
 //! In: frames of CAN clients that come over TCP, over a pseudo-terminal or from a CAN interface
-//! of the kernel. Out: every frame of the bus to each of them.
+//! of the kernel; motion and faults as words from a script or typed. Out: every frame of the bus
+//! to each client, paced to real time or as fast as the machine can.
+//!
+//! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
 mod error;
 mod hex;
 mod hub;
+mod keep;
+mod options;
 mod outlet;
+mod pace;
 mod pty;
 mod ready;
+mod script;
+mod server;
 mod slcan;
 mod socketcan;
 mod socketcand;
+mod stage;
+mod status;
+mod stop;
 mod tcp;
+mod typed;
+mod words;
 
 #[cfg(test)]
+mod stage_tests;
+#[cfg(test)]
 mod tests;
+
+use std::io::Write as _;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use device::objects::panel::stored_lss;
+use sim::bench::World;
+use sim::memory::Memory;
+use sim::network::Network;
+use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
+
+use crate::progress::Progress;
+use hub::Hub;
+use keep::Keep;
+use ready::Way;
+use server::Server;
+use stage::Stage;
+
+pub use options::Arguments;
+pub use stop::Stopped;
+
+/// Serves until it is interrupted, a word ends it, or the script ends.
+///
+/// Errors: see [`Stopped`].
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopped> {
+    let node_ids = arguments.node_ids()?;
+    let script = match &arguments.script {
+        Some(path) => Some((path.clone(), script::open(path, node_ids.len())?)),
+        None => None,
+    };
+    let keep = match &arguments.state {
+        Some(folder) => Some(Keep::open(folder, node_ids.len())?),
+        None => None,
+    };
+    let mut hub = Hub::new();
+    let doors = Doors::open(arguments, &mut hub)?;
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
+    let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
+    say(&doors.ready(arguments, &ids));
+    let server = Server::new(arguments, hub, stage, script, keep, interrupted);
+    server.run().map(|()| ExitCode::SUCCESS)
+}
+
+/// Prints. A reader that has gone is no reason to end the bus for all others.
+fn say(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Calibrates the instruments, puts them on a bus and gives them power; the node-ids they have.
+fn build(
+    arguments: &Arguments,
+    node_ids: &[Option<u8>],
+    keep: Option<&Keep>,
+    progress: &Progress,
+) -> Result<(Stage, Vec<Option<u8>>), Stopped> {
+    let task = progress.task("calibrating", u64::from(arguments.instruments));
+    let mut network = Network::new(u32::from(arguments.bit_rate) * 1000, arguments.seed);
+    let mut ids = Vec::new();
+    for (unit, pair) in (0..).zip(node_ids.chunks_exact(2)) {
+        let (mode, seed) = (arguments.mode.into(), arguments.seed);
+        let delivered = if arguments.uncalibrated {
+            Delivered::bare(mode, &World::NOMINAL, seed, unit)
+        } else {
+            Delivered::calibrated(mode, &World::NOMINAL, seed, unit).map_err(Stopped::Bench)?
+        };
+        let fittings = [0, 1].map(|side| {
+            let node = 2 * unit as usize + side;
+            let memory = keep.map_or_else(Memory::new, |keep| keep.memory(node));
+            let (stored, rate) = stored_lss(&memory);
+            if let Some(rate) = rate.filter(|rate| *rate != arguments.bit_rate) {
+                let name = words::node_name(node);
+                eprintln!("plumb: node {name} keeps {rate} kbit/s: start with --bit-rate {rate}");
+            }
+            ids.push(stored.or(pair[side]).filter(|id| *id != UNCONFIGURED));
+            Fitting {
+                node_id: pair[side].unwrap_or(UNCONFIGURED),
+                kbit_s: arguments.bit_rate,
+                memory,
+            }
+        });
+        delivered.join(&mut network, fittings);
+        task.advance(1);
+    }
+    let mut stage = Stage::new(network, arguments.seed);
+    (0..node_ids.len()).for_each(|number| stage.power_on(number));
+    Ok((stage, ids))
+}
+
+/// The ways in that are open.
+struct Doors {
+    socketcand: std::net::SocketAddr,
+    slcan: Option<std::net::SocketAddr>,
+    pty: Option<std::path::PathBuf>,
+}
+
+impl Doors {
+    fn open(arguments: &Arguments, hub: &mut Hub) -> Result<Self, Stopped> {
+        let socketcand = hub.listen_socketcand(arguments.listen, &arguments.bus_name)?;
+        let slcan = arguments.slcan.map(|at| hub.listen_slcan(at)).transpose()?;
+        let pty = arguments.pty.then(|| hub.open_pty()).transpose()?;
+        if let Some(name) = &arguments.can {
+            hub.open_kernel(name)?;
+        }
+        Ok(Self {
+            socketcand,
+            slcan,
+            pty,
+        })
+    }
+
+    /// What is printed once all is ready: one line to wait for, then the lines to paste.
+    fn ready(&self, arguments: &Arguments, ids: &[Option<u8>]) -> String {
+        let mut ways = vec![Way::Socketcand(self.socketcand, &arguments.bus_name)];
+        let mut places = format!("socketcand {}", self.socketcand);
+        if let Some(at) = self.slcan {
+            ways.push(Way::SlcanTcp(at));
+            places += &format!(", SLCAN {at}");
+        }
+        if let Some(path) = &self.pty {
+            ways.push(Way::SlcanPty(path));
+            places += &format!(", SLCAN {}", path.display());
+        }
+        if let Some(name) = &arguments.can {
+            ways.push(Way::Kernel(name));
+            places += &format!(", CAN interface {name}");
+        }
+        let id = |id: &Option<u8>| id.map_or("none".to_owned(), |id| id.to_string());
+        let names: Vec<_> = ids.iter().map(id).collect();
+        let lines: String = ways.into_iter().map(ready::lines).collect();
+        format!(
+            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}",
+            ids.len(),
+            names.join(", "),
+            arguments.bit_rate
+        )
+    }
+}

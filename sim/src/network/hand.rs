@@ -229,7 +229,9 @@ mod tests {
     fn it_turns_back_on_the_way() {
         let mut hand = hand();
         hand.go(pose(50.0, 0.0));
-        (0..300).for_each(|_| drop(hand.step(0.0)));
+        for _ in 0..300 {
+            hand.step(0.0);
+        }
         let (_, _, hardest) = go(&mut hand, pose(-5.0, 0.0));
         assert!(hardest < 0.000_401, "{hardest}");
         assert!((hand.attitude().slope_y_deg + 5.0).abs() < 1e-9);

@@ -1,0 +1,455 @@
+//! The words that move and break the virtual instrument, one command per line.
+//!
+//! In: a line of a script or of what was typed. Out: a [`Line`]: when, and what. Everything that
+//! can be wrong with it is found here, before anything happens; what follows from the lines
+//! before it (which pose, which time) is `script`'s to see.
+//!
+//! Left out: what the words do (`stage`).
+
+use std::fmt;
+use std::ops::RangeInclusive;
+
+/// A part of one node, broken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trouble {
+    /// The data line from the part reads ones.
+    Stuck,
+    /// The data line from the part reads zeros: it does not answer.
+    Silent,
+    /// The microcontroller's SPI reports errors.
+    Spi,
+    /// A reset of the part does not end.
+    ResetStuck,
+    /// The part loses its supply for a moment, and with it its set-up.
+    BrownOut,
+    /// The supply sags and breaks down from now on.
+    Supply,
+    /// The board has come loose: slope X and Y are off by so many g.
+    Offset(f64),
+    /// The memory takes no more records.
+    Memory,
+}
+
+/// What the wires of the bus do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BusTrouble {
+    /// Held dominant for so many seconds.
+    Short(f64),
+    /// This share of the frames is disturbed, flagged and repeated.
+    Noise(f64),
+    /// This share of the frames is missed by one receiver, and nobody learns of it.
+    Loss(f64),
+    /// This share of the frames comes twice.
+    Double(f64),
+    /// All well again.
+    Heal,
+}
+
+/// Some of the nodes, by number from 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Nodes(pub Vec<usize>);
+
+/// One command.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Word {
+    /// Slope Y goes there, degrees.
+    Pitch(f64),
+    /// Slope X goes there, degrees.
+    Roll(f64),
+    /// Both slopes go to zero.
+    Level,
+    /// Speed of the next turns, deg/s.
+    Rate(f64),
+    /// Vibration, g rms.
+    Vibration(f64),
+    /// The chamber goes to so many degC; true: at once, and the parts with it.
+    Temperature(f64, bool),
+    /// Something breaks in these nodes.
+    Fault(Nodes, Trouble),
+    /// What was broken in these nodes is whole again.
+    Heal(Nodes),
+    /// The power of these nodes goes on or off.
+    Power(Nodes, bool),
+    /// The bus wires of these nodes are joined or cut.
+    Wire(Nodes, bool),
+    /// The reset pins of these nodes are pulled.
+    Reset(Nodes),
+    /// Something happens to the wires.
+    Bus(BusTrouble),
+    /// A broken stranger sends this identifier without a pause; `None`: no more.
+    Babble(Option<u16>),
+    /// The clients' adapter goes to this bit rate, kbit/s.
+    BitRate(u16),
+    /// Tell how things stand.
+    Status,
+    /// Tell the words.
+    Help,
+    /// End, exit status 0.
+    Quit,
+    /// Scripts: go on after so many seconds; `None`: when the housing stands still.
+    Wait(Option<f64>),
+    /// Scripts: nothing more, and serve on.
+    Hold,
+    /// Scripts: begin again.
+    Repeat,
+}
+
+/// When a command is carried out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum When {
+    /// At once: when it is typed, or with the line before it.
+    #[default]
+    Now,
+    /// So many seconds later than that.
+    After(f64),
+    /// So many seconds after the script has begun.
+    At(f64),
+}
+
+/// One line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// When.
+    pub when: When,
+    /// What.
+    pub word: Word,
+}
+
+/// Why a line is none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum WordError {
+    /// There is no such word.
+    Unknown(String),
+    /// The word is followed by something else than it should; how it is written.
+    Form(String, &'static str),
+    /// There is no such node; how many there are.
+    NoNode(String, usize),
+}
+
+impl std::error::Error for WordError {}
+
+impl fmt::Display for WordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown(word) => {
+                write!(f, "there is no word {word:?}; the words are ")?;
+                for (i, (word, ..)) in FORMS.iter().enumerate() {
+                    write!(f, "{}{word}", if i == 0 { "" } else { ", " })?;
+                }
+                Ok(())
+            }
+            Self::Form(line, form) => write!(f, "{line:?} does not fit: write {form}"),
+            Self::NoNode(name, count) => {
+                write!(f, "there is no node {name:?}; the nodes are ")?;
+                (0..*count).try_for_each(|n| write!(f, "{}, ", node_name(n)))?;
+                write!(f, "and all of them together are `all`")
+            }
+        }
+    }
+}
+
+/// Every word, how it is written, and what it does.
+const FORMS: [(&str, &str, &str); 20] = [
+    ("pitch", "pitch DEGREES (-180 to 180)", "slope Y goes there"),
+    ("roll", "roll DEGREES (-180 to 180)", "slope X goes there"),
+    ("level", "level", "both slopes go to zero"),
+    (
+        "rate",
+        "rate DEG/S (0.01 to 400)",
+        "speed of the next turns",
+    ),
+    ("vibration", "vibration MG (0 to 1000)", "rms, 20 to 200 Hz"),
+    (
+        "temp",
+        "temp DEGC (-40 to 85), with `now` behind it at once",
+        "the chamber goes there by 2 degC/min",
+    ),
+    (
+        "fault",
+        "fault NODE stuck|silent|spi|reset-stuck|brown-out|supply|offset MG|memory",
+        "something breaks",
+    ),
+    (
+        "heal",
+        "heal NODE",
+        "what was broken is whole; latched faults stay",
+    ),
+    ("power", "power NODE on|off", "the supply of a node"),
+    ("wire", "wire NODE on|off", "the bus wires of a node"),
+    ("reset", "reset NODE", "the reset pin of a node"),
+    (
+        "bus",
+        "bus short SECONDS|noise SHARE|loss SHARE|double SHARE|heal (SHARE: 0 to 1)",
+        "the wires of the bus",
+    ),
+    (
+        "babble",
+        "babble ID|off (ID: hexadecimal, 0 to 7FF)",
+        "a stranger floods the bus",
+    ),
+    (
+        "bit-rate",
+        "bit-rate KBIT/S (10 to 1000)",
+        "the clients' adapter follows a change by LSS",
+    ),
+    ("status", "status", "how things stand"),
+    ("help", "help", "this list"),
+    ("quit", "quit", "end, exit status 0"),
+    (
+        "wait",
+        "wait SECONDS, or wait alone (until the housing stands still)",
+        "scripts only",
+    ),
+    ("hold", "hold", "scripts only, last line: serve on"),
+    ("repeat", "repeat", "scripts only, last line: begin again"),
+];
+
+/// The words with their meaning, a line each.
+pub fn help() -> String {
+    let line = |(_, form, meaning): &(&str, &str, &str)| format!("  {form}: {meaning}\n");
+    let words: String = FORMS.iter().map(line).collect();
+    format!(
+        "{words}  NODE is a, b, a2, b2, ... or all; `+SECONDS` or `at SECONDS` before a word put \
+         it off\n"
+    )
+}
+
+/// The name of a node: a and b of the first instrument, a2 and b2 of the second, and so on.
+pub fn node_name(number: usize) -> String {
+    let letter = if number.is_multiple_of(2) { 'a' } else { 'b' };
+    match number / 2 {
+        0 => letter.to_string(),
+        instrument => format!("{letter}{}", instrument + 1),
+    }
+}
+
+/// Reads a line; `None` for one without words. `#` begins a comment.
+pub fn read(text: &str, nodes: usize) -> Result<Option<Line>, WordError> {
+    let text = text.split('#').next().unwrap_or_default().trim();
+    let words: Vec<&str> = text.split_ascii_whitespace().collect();
+    let (when, words) = when(text, &words)?;
+    let Some((first, rest)) = words.split_first() else {
+        return Ok(None);
+    };
+    let known = FORMS.iter().find(|(word, ..)| word == first);
+    let (_, form, _) = known.ok_or_else(|| WordError::Unknown((*first).to_owned()))?;
+    let reader = Reader { text, form, nodes };
+    let word = reader.word(first, rest)?;
+    Ok(Some(Line { when, word }))
+}
+
+/// Splits off `+SECONDS` or `at SECONDS`.
+fn when<'a, 'b>(text: &str, words: &'a [&'b str]) -> Result<(When, &'a [&'b str]), WordError> {
+    const FORM: &str = "+SECONDS WORD or at SECONDS WORD (0 to 1000000)";
+    let bad = || WordError::Form(text.to_owned(), FORM);
+    let seconds = |text: &str| number(text, "s", 0.0..=1e6).ok_or_else(bad);
+    let (when, rest) = match words {
+        ["at", time, rest @ ..] => (When::At(seconds(time)?), rest),
+        ["at"] => return Err(bad()),
+        [first, rest @ ..] if first.starts_with('+') => {
+            (When::After(seconds(first.trim_start_matches('+'))?), rest)
+        }
+        _ => return Ok((When::Now, words)),
+    };
+    if rest.is_empty() {
+        return Err(bad());
+    }
+    Ok((when, rest))
+}
+
+/// A number in a range, with or without its unit.
+fn number(text: &str, unit: &str, range: RangeInclusive<f64>) -> Option<f64> {
+    let digits = text.strip_suffix(unit).unwrap_or(text);
+    let number = digits.parse().ok();
+    number.filter(|number: &f64| range.contains(number))
+}
+
+/// What the rest of a line is read with.
+struct Reader<'a> {
+    text: &'a str,
+    form: &'static str,
+    nodes: usize,
+}
+
+impl Reader<'_> {
+    fn bad(&self) -> WordError {
+        WordError::Form(self.text.to_owned(), self.form)
+    }
+
+    fn word(&self, first: &str, rest: &[&str]) -> Result<Word, WordError> {
+        Ok(match (first, rest) {
+            ("pitch", [deg]) => Word::Pitch(self.number(deg, "deg", -180.0..=180.0)?),
+            ("roll", [deg]) => Word::Roll(self.number(deg, "deg", -180.0..=180.0)?),
+            ("level", []) => Word::Level,
+            ("rate", [rate]) => Word::Rate(self.number(rate, "deg/s", 0.01..=400.0)?),
+            ("vibration", [mg]) => Word::Vibration(self.number(mg, "mg", 0.0..=1000.0)? / 1000.0),
+            ("temp", [celsius]) => Word::Temperature(self.celsius(celsius)?, false),
+            ("temp", [celsius, "now"]) => Word::Temperature(self.celsius(celsius)?, true),
+            ("fault", [who, what @ ..]) => Word::Fault(self.who(who)?, self.trouble(what)?),
+            ("heal", [who]) => Word::Heal(self.who(who)?),
+            ("power", [who, state]) => Word::Power(self.who(who)?, self.on(state)?),
+            ("wire", [who, state]) => Word::Wire(self.who(who)?, self.on(state)?),
+            ("reset", [who]) => Word::Reset(self.who(who)?),
+            ("bus", what) => Word::Bus(self.bus(what)?),
+            ("babble", ["off"]) => Word::Babble(None),
+            ("babble", [id]) => Word::Babble(Some(self.identifier(id)?)),
+            ("bit-rate", [rate]) => {
+                Word::BitRate(self.number(rate, "kbit/s", 10.0..=1000.0)?.round() as u16)
+            }
+            ("status", []) => Word::Status,
+            ("help", []) => Word::Help,
+            ("quit", []) => Word::Quit,
+            ("wait", []) => Word::Wait(None),
+            ("wait", [time]) => Word::Wait(Some(self.number(time, "s", 0.0..=1e6)?)),
+            ("hold", []) => Word::Hold,
+            ("repeat", []) => Word::Repeat,
+            _ => return Err(self.bad()),
+        })
+    }
+
+    fn number(&self, text: &str, unit: &str, range: RangeInclusive<f64>) -> Result<f64, WordError> {
+        number(text, unit, range).ok_or_else(|| self.bad())
+    }
+
+    fn celsius(&self, text: &str) -> Result<f64, WordError> {
+        self.number(text, "degC", -40.0..=85.0)
+    }
+
+    fn on(&self, text: &str) -> Result<bool, WordError> {
+        match text {
+            "on" => Ok(true),
+            "off" => Ok(false),
+            _ => Err(self.bad()),
+        }
+    }
+
+    fn identifier(&self, text: &str) -> Result<u16, WordError> {
+        let digits = text.strip_prefix("0x").unwrap_or(text);
+        let id = u16::from_str_radix(digits, 16).ok();
+        id.filter(|id| *id <= 0x7FF).ok_or_else(|| self.bad())
+    }
+
+    fn who(&self, name: &str) -> Result<Nodes, WordError> {
+        let chosen: Vec<usize> = (0..self.nodes)
+            .filter(|n| name == "all" || name == node_name(*n))
+            .collect();
+        if chosen.is_empty() {
+            return Err(WordError::NoNode(name.to_owned(), self.nodes));
+        }
+        Ok(Nodes(chosen))
+    }
+
+    fn trouble(&self, what: &[&str]) -> Result<Trouble, WordError> {
+        Ok(match what {
+            ["stuck"] => Trouble::Stuck,
+            ["silent"] => Trouble::Silent,
+            ["spi"] => Trouble::Spi,
+            ["reset-stuck"] => Trouble::ResetStuck,
+            ["brown-out"] => Trouble::BrownOut,
+            ["supply"] => Trouble::Supply,
+            ["memory"] => Trouble::Memory,
+            ["offset", mg] => Trouble::Offset(self.number(mg, "mg", -2000.0..=2000.0)? / 1000.0),
+            _ => return Err(self.bad()),
+        })
+    }
+
+    fn bus(&self, what: &[&str]) -> Result<BusTrouble, WordError> {
+        let share = |text| self.number(text, "", 0.0..=1.0);
+        Ok(match what {
+            ["short", time] => BusTrouble::Short(self.number(time, "s", 0.0..=3600.0)?),
+            ["noise", rate] => BusTrouble::Noise(share(rate)?),
+            ["loss", rate] => BusTrouble::Loss(share(rate)?),
+            ["double", rate] => BusTrouble::Double(share(rate)?),
+            ["heal"] => BusTrouble::Heal,
+            _ => return Err(self.bad()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn word(text: &str) -> Word {
+        read(text, 4).unwrap().unwrap().word
+    }
+
+    fn said(text: &str) -> String {
+        read(text, 2).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_words_of_the_manual() {
+        assert_eq!(word("pitch 30"), Word::Pitch(30.0));
+        assert_eq!(word("rate 80deg/s"), Word::Rate(80.0));
+        assert_eq!(word("temp -10"), Word::Temperature(-10.0, false));
+        assert_eq!(word("temp 60 now"), Word::Temperature(60.0, true));
+        assert_eq!(
+            word("fault b stuck"),
+            Word::Fault(Nodes(vec![1]), Trouble::Stuck)
+        );
+        let offset = Trouble::Offset(0.05);
+        assert_eq!(
+            word("fault a2 offset 50mg"),
+            Word::Fault(Nodes(vec![2]), offset)
+        );
+        assert_eq!(
+            word("power all off"),
+            Word::Power(Nodes(vec![0, 1, 2, 3]), false)
+        );
+        assert_eq!(word("babble 0x080"), Word::Babble(Some(0x80)));
+        assert_eq!(word("bus loss 0.01"), Word::Bus(BusTrouble::Loss(0.01)));
+    }
+
+    #[test]
+    fn a_time_may_stand_in_front() {
+        let when = |text| read(text, 2).unwrap().unwrap().when;
+        assert_eq!(when("level"), When::Now);
+        assert_eq!(when("+1.5 level"), When::After(1.5));
+        assert_eq!(when("at 20s level"), When::At(20.0));
+    }
+
+    #[test]
+    fn comments_and_empty_lines_say_nothing() {
+        for text in ["", "   ", "# pitch 30", "\t# at"] {
+            assert_eq!(read(text, 2), Ok(None), "{text:?}");
+        }
+        assert_eq!(word("level # and stay"), Word::Level);
+    }
+
+    #[test]
+    fn every_form_is_known_to_the_reader_and_refused_with_more_behind_it() {
+        for (first, form, _) in FORMS {
+            let line = format!("{first} one two three four");
+            let told = said(&line);
+            let node = told.contains("no node \"one\"");
+            assert!(node || told.contains(form), "{first}: {told}");
+        }
+    }
+
+    #[test]
+    fn each_sentence_names_what_is_wrong_and_what_to_write() {
+        assert!(said("pich 30").starts_with("there is no word \"pich\"; the words are pitch, "));
+        let form = "\"pitch thirty\" does not fit: write pitch DEGREES (-180 to 180)";
+        assert_eq!(said("pitch thirty"), form);
+        assert!(said("heal c").ends_with("are a, b, and all of them together are `all`"));
+        assert!(said("+x level").contains("+SECONDS WORD"));
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        for text in [
+            "pitch 181",
+            "roll nan",
+            "rate 0",
+            "temp 86",
+            "bus noise 1.1",
+            "babble 800",
+            "bit-rate 1001",
+            "at -1 level",
+            "wait inf",
+        ] {
+            assert!(matches!(read(text, 2), Err(WordError::Form(..))), "{text}");
+        }
+    }
+}

@@ -1,0 +1,387 @@
+//! `plumb serve` from the outside: the program runs, and a raw socketcand client talks to it.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+const SOON: Duration = Duration::from_secs(10);
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    command.arg("serve").args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Runs to the end.
+fn served(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+/// The one sentence on stderr, behind exit status 2.
+fn refused(output: &Output) -> String {
+    let said = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    said
+}
+
+/// A file or folder of this test alone, gone with it.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("plumb-serve-{}-{number}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    fn script(&self, text: &str) -> String {
+        let path = self.0.join("script");
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A running server.
+struct Server {
+    child: Child,
+    out: BufReader<std::process::ChildStdout>,
+    ready: String,
+}
+
+impl Server {
+    fn start(arguments: &[&str]) -> Self {
+        let all = ["--listen", "127.0.0.1:0", "--uncalibrated"];
+        let mut child = command(&all)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut ready = String::new();
+        out.read_line(&mut ready).unwrap();
+        Self { child, out, ready }
+    }
+
+    fn at(&self) -> SocketAddr {
+        let (_, at) = self.ready.trim().rsplit_once(' ').expect("an address");
+        at.parse().unwrap_or_else(|e| panic!("{e}: {}", self.ready))
+    }
+
+    fn types(&mut self, words: &str) {
+        let mut stdin = self.child.stdin.as_ref().unwrap();
+        writeln!(stdin, "{words}").unwrap();
+    }
+
+    /// The first line on stdout with this in it.
+    fn prints(&mut self, what: &str) -> String {
+        let mut line = String::new();
+        while !line.contains(what) {
+            line.clear();
+            assert!(self.out.read_line(&mut line).unwrap() > 0, "never: {what}");
+        }
+        line
+    }
+
+    /// Waits for its end.
+    fn ends(mut self) -> Option<i32> {
+        let from = Instant::now();
+        while from.elapsed() < SOON {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("it goes on");
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A socketcand client in raw mode.
+struct Client {
+    stream: TcpStream,
+    unread: String,
+}
+
+impl Client {
+    fn connect(at: SocketAddr) -> Self {
+        let stream = TcpStream::connect(at).unwrap();
+        stream.set_read_timeout(Some(SOON)).unwrap();
+        let unread = String::new();
+        let mut client = Self { stream, unread };
+        assert_eq!(client.message(), "hi");
+        for command in ["< open plumb >", "< rawmode >"] {
+            client.stream.write_all(command.as_bytes()).unwrap();
+            assert_eq!(client.message(), "ok");
+        }
+        client
+    }
+
+    /// What stands between the next `<` and `>`.
+    fn message(&mut self) -> String {
+        let mut bytes = [0; 4096];
+        loop {
+            if let Some((message, rest)) = self.unread.split_once('>') {
+                let message = message.trim_start_matches(['<', ' ']).trim().to_owned();
+                self.unread = rest.trim_start().to_owned();
+                return message;
+            }
+            let length = self.stream.read(&mut bytes).unwrap();
+            assert!(length > 0, "the server is gone");
+            self.unread += std::str::from_utf8(&bytes[..length]).unwrap();
+        }
+    }
+
+    fn send(&mut self, id: u16, bytes: &[u8]) {
+        let data: Vec<_> = bytes.iter().map(|b| format!("{b:x}")).collect();
+        let text = format!("< send {id:x} {} {} >", bytes.len(), data.join(" "));
+        self.stream.write_all(text.as_bytes()).unwrap();
+    }
+
+    /// The next frame with this identifier.
+    fn frame(&mut self, id: u16) -> Vec<u8> {
+        let from = Instant::now();
+        while from.elapsed() < SOON {
+            let message = self.message();
+            let words: Vec<&str> = message.split(' ').collect();
+            let ["frame", found, _, data] = words.as_slice() else {
+                continue;
+            };
+            if u16::from_str_radix(found, 16) == Ok(id) {
+                let byte = |at| u8::from_str_radix(&data[at..at + 2], 16).unwrap();
+                return (0..data.len()).step_by(2).map(byte).collect();
+            }
+        }
+        panic!("no frame {id:x}");
+    }
+
+    /// Expedited upload, as a number.
+    fn upload(&mut self, node: u16, index: u16, sub: u8) -> i32 {
+        let [low, high] = index.to_le_bytes();
+        self.send(0x600 + node, &[0x40, low, high, sub, 0, 0, 0, 0]);
+        let answer = self.frame(0x580 + node);
+        assert_eq!(answer[0] & 0xE3, 0x43, "{answer:02x?}");
+        assert_eq!(answer[1..4], [low, high, sub]);
+        let number = i32::from_le_bytes(answer[4..8].try_into().unwrap());
+        let unused = 8 * u32::from(answer[0] >> 2 & 3);
+        number << unused >> unused
+    }
+
+    /// Expedited download of four bytes.
+    fn download(&mut self, node: u16, index: u16, sub: u8, bytes: [u8; 4]) {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, c, d] = bytes;
+        self.send(0x600 + node, &[0x23, low, high, sub, a, b, c, d]);
+        let answer = self.frame(0x580 + node);
+        assert_eq!(answer[..4], [0x60, low, high, sub], "{answer:02x?}");
+    }
+}
+
+#[test]
+fn two_nodes_boot_and_say_who_they_are() {
+    let server = Server::start(&[]);
+    let line = "serving 2 nodes (1, 2) at 250 kbit/s on socketcand 127.0.0.1:";
+    assert!(server.ready.starts_with(line), "{}", server.ready);
+    let mut client = Client::connect(server.at());
+    for node in [1, 2] {
+        // NMT "reset node"; a heartbeat may come before it is obeyed.
+        client.send(0, &[0x81, node]);
+        while client.frame(0x700 + u16::from(node)) != [0] {}
+    }
+    assert_eq!([1, 2].map(|node| client.upload(node, 0x1018, 4)), [1, 2]);
+    assert_ne!(client.upload(1, 0x1018, 2), client.upload(2, 0x1018, 2));
+}
+
+#[test]
+fn time_begins_with_the_first_client_who_sees_both_boot_ups() {
+    let server = Server::start(&["--await-client"]);
+    let mut client = Client::connect(server.at());
+    assert_eq!(client.frame(0x701), [0]);
+}
+
+#[test]
+fn a_script_turns_the_instrument() {
+    let scratch = Scratch::new();
+    let script = scratch.script("rate 80\npitch 30\nroll -10\nhold\n");
+    let server = Server::start(&["--script", &script, "--speed", "20"]);
+    let mut client = Client::connect(server.at());
+    // The resolution is 0.001 deg unless 6000h says 10, 100 or 1000.
+    let resolution = f64::from(client.upload(1, 0x6000, 0)) / 1000.0;
+    let from = Instant::now();
+    loop {
+        // Words, so the sign is the sixteenth bit's; uncalibrated, so within three degrees.
+        let [x, y] = [0x6010, 0x6020].map(|index| client.upload(1, index, 0) as i16);
+        let [x, y] = [x, y].map(|n| f64::from(n) * resolution);
+        if (x + 10.0).abs() < 3.0 && (y - 30.0).abs() < 3.0 {
+            break;
+        }
+        assert!(from.elapsed() < SOON, "{x} {y}");
+    }
+}
+
+#[test]
+fn typed_words_move_break_and_end_it() {
+    let mut server = Server::start(&["--speed", "10"]);
+    server.types("pitch 30");
+    server.types("power b off");
+    server.types("nonsense");
+    server.types("+3 status");
+    let line = server.prints("pitch 30.000 deg, roll 0.000 deg");
+    assert!(line.contains("air 25.0 degC"), "{line}");
+    server.prints("b   without power");
+    server.types("quit");
+    assert_eq!(server.ends_quietly(), Some(0));
+}
+
+impl Server {
+    /// As [`Server::ends`], for one whose words have ended it.
+    fn ends_quietly(mut self) -> Option<i32> {
+        drop(self.child.stdin.take());
+        self.ends()
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_is_an_end_as_any_other() {
+    let server = Server::start(&[]);
+    let id = server.child.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
+    assert!(sent.success());
+    assert_eq!(server.ends(), Some(0));
+}
+
+#[test]
+fn a_closed_input_is_no_end() {
+    let mut server = Server::start(&[]);
+    drop(server.child.stdin.take());
+    let mut client = Client::connect(server.at());
+    assert_eq!(client.upload(1, 0x1018, 4), 1);
+}
+
+#[test]
+fn what_was_stored_is_there_after_a_restart() {
+    let scratch = Scratch::new();
+    let folder = scratch.path().join("state").display().to_string();
+    {
+        let server = Server::start(&["--state", &folder, "--node-ids", "5,6"]);
+        let mut client = Client::connect(server.at());
+        // LSS: switch node 6 (all four numbers of 1018h) to configuration, set 9, store.
+        let identity = [1, 2, 3, 4].map(|sub| client.upload(6, 0x1018, sub));
+        for (service, number) in (0x40..).zip(identity) {
+            let [a, b, c, d] = number.to_le_bytes();
+            client.send(0x7E5, &[service, a, b, c, d, 0, 0, 0]);
+        }
+        assert_eq!(client.frame(0x7E4)[0], 0x44);
+        for command in [0x11, 0x17] {
+            client.send(0x7E5, &[command, 9, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(client.frame(0x7E4)[..2], [command, 0]);
+        }
+        // A heartbeat time that is not the one as delivered for node 5, stored with "save".
+        client.send(0x605, &[0x2B, 0x17, 0x10, 0, 50, 0, 0, 0]);
+        assert_eq!(client.frame(0x585)[0], 0x60);
+        client.download(5, 0x1010, 1, *b"save");
+    }
+    let server = Server::start(&["--state", &folder, "--node-ids", "5,6"]);
+    assert!(server.ready.contains("2 nodes (5, 9)"), "{}", server.ready);
+    let mut client = Client::connect(server.at());
+    assert_eq!(client.upload(9, 0x1018, 4), 2);
+    assert_eq!(client.upload(5, 0x1017, 0), 50);
+}
+
+#[test]
+fn a_damaged_record_is_named() {
+    let scratch = Scratch::new();
+    std::fs::write(scratch.path().join("a-lss"), "nothing").unwrap();
+    let folder = scratch.path().display().to_string();
+    let said = refused(&served(&["--listen", "127.0.0.1:0", "--state", &folder]));
+    assert!(said.contains("a-lss is damaged: delete it"), "{said}");
+}
+
+#[test]
+fn a_port_in_use_is_named_with_another_one() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = taken.local_addr().unwrap().to_string();
+    let said = refused(&served(&["--listen", &at]));
+    let port = at.rsplit_once(':').unwrap().1;
+    assert!(
+        said.contains(&format!("port {port} of 127.0.0.1 is in use")),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_unknown_word_is_found_before_anything_is_served() {
+    let scratch = Scratch::new();
+    let script = scratch.script("pitch 30\n\npich 20 # a slip\nhold\n");
+    let output = served(&["--listen", "127.0.0.1:0", "--script", &script]);
+    let said = refused(&output);
+    assert!(
+        said.contains("script line 3: there is no word \"pich\""),
+        "{said}"
+    );
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn a_script_that_ends_says_so() {
+    let scratch = Scratch::new();
+    let script = scratch.script("pitch 10\nwait\nwait 1\n");
+    let arguments = [
+        "--listen",
+        "127.0.0.1:0",
+        "--uncalibrated",
+        "--speed",
+        "max",
+    ];
+    let output = command(&arguments)
+        .args(["--script", &script])
+        .output()
+        .unwrap();
+    let said = refused(&output);
+    assert!(said.contains("has ended after 1.6 s"), "{said}");
+    assert!(
+        said.contains("`hold`") && said.contains("`repeat`"),
+        "{said}"
+    );
+    assert!(output.stdout.starts_with(b"serving 2 nodes"));
+}
+
+#[test]
+fn a_script_that_is_not_there_is_named() {
+    let said = refused(&served(&["--script", "no-such-script"]));
+    assert!(
+        said.contains("cannot read the script no-such-script"),
+        "{said}"
+    );
+}
+
+#[test]
+fn more_node_ids_than_nodes_are_refused() {
+    let said = refused(&served(&["--node-ids", "1,2,3"]));
+    assert!(said.contains("3 node-ids for 2 nodes"), "{said}");
+}
