@@ -103,9 +103,14 @@ impl Sync {
     }
 
     /// Asks for SYNC at this period although 1005h does not; `None` ends it.
+    ///
+    /// A period that is commanded (1005h, 1006h) goes before, and its deadlines stay.
     pub fn produce_for_absence(&mut self, period_us: Option<u32>, now: Instant) {
+        let before = self.producing();
         self.absence_us = period_us;
-        self.restart(now);
+        if self.producing() != before {
+            self.restart(now);
+        }
     }
 
     /// When the producer wants to send next.
@@ -283,5 +288,32 @@ mod tests {
         assert_eq!(sync.poll(OP), Some(Instant(20_005)));
         sync.produce_for_absence(None, Instant(6));
         assert_eq!(sync.poll(OP), None);
+    }
+
+    #[test]
+    fn standing_in_stretches_the_period_that_is_commanded() {
+        let mut sync = Sync::new();
+        write(&mut sync, 0x1006, 1_000_000).unwrap();
+        write(&mut sync, 0x1005, PRODUCE | 0x80).unwrap();
+        sync.produce_for_absence(Some(20_000), Instant(500_000));
+        assert_eq!(sync.poll(OP), Some(Instant(1_000_000)));
+        sync.produce_for_absence(None, Instant(1_000_300));
+        assert_eq!(sync.poll(OP), Some(Instant(1_000_000)));
+    }
+
+    #[test]
+    fn a_start_begins_with_counter_1() {
+        let mut sync = Sync::new();
+        write(&mut sync, 0x1019, 240).unwrap();
+        write(&mut sync, 0x1006, 1000).unwrap();
+        write(&mut sync, 0x1005, PRODUCE | 0x80).unwrap();
+        let counter = |sync: &mut Sync, now| sync.transmit(Instant(now)).unwrap().bytes()[0];
+        assert_eq!(
+            (1..=3).map(|n| counter(&mut sync, n * 1000)).last(),
+            Some(3)
+        );
+        sync.start(Instant(10_500));
+        assert_eq!(sync.poll(OP), Some(Instant(11_500)));
+        assert_eq!(counter(&mut sync, 11_500), 1);
     }
 }

@@ -7,6 +7,7 @@
 mod accuracy;
 mod command;
 mod difference;
+mod size;
 mod steps;
 mod tidy;
 mod workspace;
@@ -22,6 +23,8 @@ usage: cargo xtask COMMAND
   tidy                the house rules alone: imports, sizes, words, documents
   fmt                 format every crate
   accuracy [--write]  compare docs/accuracy.md with the generator, or write it anew
+  size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
+  size --write        the same, written to docs/size.md
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
 
@@ -35,6 +38,9 @@ fn main() -> ExitCode {
         ["fmt"] => steps::alone(&steps::FORMAT, &workspace),
         ["accuracy"] => steps::alone(&steps::ACCURACY, &workspace),
         ["accuracy", "--write"] => steps::alone(&steps::ACCURACY_WRITE, &workspace),
+        ["size"] => steps::alone(&steps::SIZE, &workspace),
+        ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
+        ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
         ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");

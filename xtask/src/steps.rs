@@ -11,6 +11,7 @@ use std::{env, fmt, fs, io, process};
 
 use crate::accuracy::{self, AccuracyError};
 use crate::command::{self, CommandError, Tally};
+use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
 
@@ -49,6 +50,8 @@ enum StepError {
     Untidy(usize),
     /// The accuracy document.
     Accuracy(AccuracyError),
+    /// The bus side on the part.
+    Size(SizeError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
     /// The demo left a report out, or left it empty.
@@ -68,6 +71,7 @@ impl fmt::Display for StepError {
             Self::NoTests => write!(out, "not one test ran"),
             Self::Untidy(count) => write!(out, "{count} breaches of the house rules"),
             Self::Accuracy(error) => write!(out, "{error}"),
+            Self::Size(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoReport(name) => write!(out, "the demo wrote no {name}"),
         }
@@ -86,7 +90,13 @@ impl From<AccuracyError> for StepError {
     }
 }
 
-const TEST: [Step; 8] = [
+impl From<SizeError> for StepError {
+    fn from(error: SizeError) -> Self {
+        Self::Size(error)
+    }
+}
+
+const TEST: [Step; 9] = [
     Step {
         name: "toolchain: rustfmt, clippy and the chip's target",
         advice: "then start again",
@@ -103,8 +113,8 @@ const TEST: [Step; 8] = [
         run: clippy,
     },
     Step {
-        name: "tilt and device without std, for the chip",
-        advice: "both run on the part: use core only",
+        name: "tilt, canopen and device without std, for the chip",
+        advice: "they run on the part: use core only",
         run: no_std,
     },
     Step {
@@ -121,6 +131,11 @@ const TEST: [Step; 8] = [
         name: "accuracy tables against docs/accuracy.md",
         advice: "if the change is meant, run `cargo xtask accuracy --write` and commit the file",
         run: compare_accuracy,
+    },
+    Step {
+        name: "size of the bus side on the part, and no panic in it",
+        advice: "`cargo xtask size --verbose` lists functions, constants and stack frames",
+        run: check_size,
     },
     Step {
         name: "demo of one day",
@@ -155,6 +170,27 @@ pub const ACCURACY_WRITE: Step = Step {
     name: "writing docs/accuracy.md",
     advice: "the generator is `cargo run --release -p sim --example accuracy`",
     run: write_accuracy,
+};
+
+/// Measures the bus side on the part.
+pub const SIZE: Step = Step {
+    name: "size of the bus side on the part, and no panic in it",
+    advice: "`cargo xtask size --verbose` lists functions, constants and stack frames",
+    run: check_size,
+};
+
+/// Measures the bus side, and lists where the bytes are.
+pub const SIZE_VERBOSE: Step = Step {
+    name: "size of the bus side on the part, in detail",
+    advice: "the lists stand above",
+    run: list_size,
+};
+
+/// Writes the document of sizes anew.
+pub const SIZE_WRITE: Step = Step {
+    name: "writing docs/size.md",
+    advice: "`cargo xtask size` tells the figures without writing them",
+    run: write_size,
 };
 
 /// The property tests, for hours rather than seconds.
@@ -281,6 +317,8 @@ fn no_std(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
         "-p",
         "tilt",
         "-p",
+        "canopen",
+        "-p",
         "device",
         "--target",
         CHIP,
@@ -322,6 +360,18 @@ fn compare_accuracy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepErro
 
 fn write_accuracy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(accuracy::write(workspace)?)
+}
+
+fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(size::check(workspace)?)
+}
+
+fn list_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(size::verbose(workspace)?)
+}
+
+fn write_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(size::write(workspace)?)
 }
 
 fn check_tidy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -13,7 +13,7 @@ use device::objects::table::Channel;
 use device::objects::values::Values;
 use device::program::{ProgramError, ProgramMemory};
 use device::records::{Record, RecordStore, StoreError};
-use device::sensor::config::Config;
+use device::sensor::Config;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::filter::{Filtered, LowPass};

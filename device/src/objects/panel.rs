@@ -293,7 +293,10 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
         match event {
             Event::State(state) => self.values.state = state,
             Event::ResetNode => news.reset = true,
-            Event::ResetCommunication => self.values.state = nmt::State::Initialising,
+            Event::ResetCommunication => {
+                self.values.state = nmt::State::Initialising;
+                self.mend_slopes();
+            }
             Event::Sync => {
                 let reading = self.source.reading(self.settings, self.now);
                 self.values.latch(reading, self.now);

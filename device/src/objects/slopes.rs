@@ -12,8 +12,8 @@ use tilt::angle::Angle;
 use tilt::chain::Correction;
 
 use super::panel::{Memory, Panel, Source};
-use super::profile::LOGICAL_DEVICE;
-use crate::profile::{Form, Parameter, Range, Resolution, Scale, narrow};
+use super::profile::{LOGICAL_DEVICE, RESOLUTION};
+use crate::profile::{Form, Parameter, Range, Resolution, Scale, Slope, narrow};
 
 /// A slope's object taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,11 +61,13 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// A slope's unit, range and form. One angle of 360 deg counts from 0 where its range begins
     /// there, and from -180 deg otherwise.
     fn scale(&self, slope: usize, resolution: Resolution) -> Scale {
+        let correction = &self.settings.chain.calibration.correction;
+        self.scale_with(correction, slope, resolution)
+    }
+
+    fn scale_with(&self, correction: &Correction, slope: usize, resolution: Resolution) -> Scale {
         let range = self.range(slope & 1);
-        let turns = matches!(
-            self.settings.chain.calibration.correction,
-            Correction::OneAxis { .. }
-        );
+        let turns = matches!(correction, Correction::OneAxis { .. });
         let form = match (turns && slope & 1 == 0, range.low >= 0) {
             (false, _) => Form::Slope,
             (true, true) => Form::FullTurn,
@@ -163,7 +165,31 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         Ok(())
     }
 
-    /// A default or stored value, in any order; the rules were kept when it was written.
+    /// Whether every slope fits into 16 bit, with a calibration that corrects like this.
+    ///
+    /// Errors: [`Abort::ParameterIncompatible`].
+    pub(super) fn slopes_hold(&self, correction: &Correction) -> Result<(), Abort> {
+        for (i, slope) in self.values.parameters.slopes.iter().enumerate() {
+            let scale = self.scale_with(correction, i, self.resolution(i >> 1));
+            let held = scale.check().and_then(|()| slope.check(&scale));
+            held.map_err(|_| Abort::ParameterIncompatible)?;
+        }
+        Ok(())
+    }
+
+    /// Range and resolution are stored in two groups, so what was stored of one need not go with
+    /// what is stored, or restored, of the other. Then the slopes have their defaults, which fit
+    /// any range, and the fault of the memory tells.
+    pub(super) fn mend_slopes(&mut self) {
+        let held = self.slopes_hold(&self.settings.chain.calibration.correction);
+        if held.is_err() {
+            self.values.parameters.resolution = [RESOLUTION; 2];
+            self.values.parameters.slopes = [Slope::new(); 4];
+            self.values.storage_failed = true;
+        }
+    }
+
+    /// A default or stored value, in any order; [`Panel::mend_slopes`] looks at them together.
     pub(super) fn load_slope(&mut self, at: Address, value: Value) {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         match which(at.index) {
@@ -182,13 +208,14 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     /// 6210h to 6221h: as measured, without preset and offsets, in the unit of 6200h. Without a
-    /// valid angle there is no value, so that no SRDO can be made of it.
+    /// valid angle, or where 16 bit do not hold it, there is no value, so that no SRDO can be made
+    /// of it.
     pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
         let axis = usize::from(at.index >= 0x6220);
         let angle = self.angle(axis).ok_or(Abort::NoData)?;
         let unit = Resolution::new(self.values.parameters.safety_resolution);
         let unit = unit.map_err(|refused| refused.abort())?;
-        let number = narrow(unit.units(angle));
+        let number = i16::try_from(unit.units(angle)).map_err(|_| Abort::NoData)?;
         Ok(Value::i16(if at.index & 1 == 0 { number } else { !number }))
     }
 }

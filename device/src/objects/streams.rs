@@ -122,6 +122,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn take_calibration(&mut self) -> Result<(), Abort> {
         self.may_change_calibration()?;
         self.understand_staged()?;
+        self.slopes_hold(&self.work.result.correction)?;
         let committed = RecordStore::commit(self.memory);
         self.note(committed)?;
         self.settings
@@ -143,6 +144,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// Stores the calibration that a motor's run has made, then puts it in force.
     fn keep_result(&mut self) -> Result<(), Abort> {
+        self.slopes_hold(&self.work.result.correction)?;
         let stored = self.write_result();
         if stored.is_err() {
             RecordStore::discard(self.memory);

@@ -30,16 +30,17 @@ use tilt::vector::Vector;
 /// more EMCY queue for what the device finds wrong while frames go out.
 const MOST: usize = 154 + 8;
 
-/// The registers of a part that is always ready and sees 1 g along Z.
+/// The registers of a part that is always ready and sees 1 g along one axis.
 #[derive(Debug)]
 pub struct Part([u8; 64]);
 
 impl Part {
-    fn level() -> Self {
+    /// `output` is the register of the upper half of an axis: 29h of X, 2Dh of Z.
+    fn along(output: usize) -> Self {
         let mut registers = [0; 64];
         registers[0x0F] = 0x44;
         registers[0x27] = 0x01;
-        registers[0x2D] = 0x40;
+        registers[output] = 0x40;
         Self(registers)
     }
 
@@ -204,29 +205,38 @@ fn factory(channel: Channel) -> Factory {
     }
 }
 
-fn made(channel: Channel, memory: Store) -> Device<Part, Store> {
-    Device::new(
-        Part::level(),
-        CrossCheck::product(),
-        factory(channel),
-        memory,
-    )
+fn made(channel: Channel, part: Part, memory: Store) -> Device<Part, Store> {
+    Device::new(part, CrossCheck::product(), factory(channel), memory)
 }
 
 /// The device and what is around it.
 pub struct Site {
     pub device: Device<Part, Store>,
     pub channel: Channel,
+    /// SDO downloads that were accepted, and aborted.
+    pub taken: u32,
+    pub refused: u32,
     now: Instant,
     answer: Option<[u8; 8]>,
 }
 
 impl Site {
-    /// Powered, and booted.
+    /// Powered, and booted; the part lies level.
     pub fn new(channel: Channel) -> Self {
+        Self::with(channel, Part::along(0x2D))
+    }
+
+    /// The same with slope X at 90 deg.
+    pub fn upright(channel: Channel) -> Self {
+        Self::with(channel, Part::along(0x29))
+    }
+
+    fn with(channel: Channel, part: Part) -> Self {
         let mut site = Self {
-            device: made(channel, Store::default()),
+            device: made(channel, part, Store::default()),
             channel,
+            taken: 0,
+            refused: 0,
             now: Instant(1_000_000),
             answer: None,
         };
@@ -242,10 +252,10 @@ impl Site {
         self.listen();
     }
 
-    /// Everything goes but what is stored.
+    /// Everything goes but what is stored; the part lies level then.
     pub fn power_cycle(&mut self) {
         let memory = std::mem::take(self.device.memory());
-        self.device = made(self.channel, memory);
+        self.device = made(self.channel, Part::along(0x2D), memory);
         self.boot();
     }
 
@@ -332,6 +342,11 @@ impl Site {
         let [a, b, c, d, ..] = value.unsigned().to_le_bytes();
         let command = 0x23 | (4 - value.bytes().len() as u8) << 2;
         let answer = self.request([command, low, high, at.sub, a, b, c, d])?;
+        *if answer.is_ok() {
+            &mut self.taken
+        } else {
+            &mut self.refused
+        } += 1;
         Some(answer.map(|_| ()))
     }
 

@@ -7,11 +7,14 @@
 //! Left out: what the bench did to the parts besides calibrating them: they come conditioned, in
 //! the middle of their thermal hysteresis, as the bench leaves them.
 
+use canopen::object::{Address, Value, at};
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::Factory;
+use device::objects::communication::PEER_HEARTBEAT_MS;
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
+use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::table::Rule;
 
 use super::Network;
@@ -80,7 +83,9 @@ impl Delivered {
     pub fn join(self, network: &mut Network, fittings: [Fitting; 2]) -> [usize; 2] {
         let (seed, unit, mode) = (self.seed, self.unit, self.mode);
         let [a, b] = self.settings;
-        let [for_a, for_b] = fittings;
+        let [mut for_a, mut for_b] = fittings;
+        introduce(&mut for_a.memory, for_b.node_id);
+        introduce(&mut for_b.memory, for_a.node_id);
         [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, fitting)| {
             let node = channel as u32 + 1;
             let rng = Rng::stream(seed, &format!("unit {unit} node {node}"));
@@ -106,6 +111,39 @@ impl Delivered {
             network.add(electronics, mode.check(), factory, fitting.memory)
         })
     }
+}
+
+/// Writes a peer's node-id where a commissioning tool would, unless something is stored there or
+/// the peer has none yet: peer, its heartbeat, its exchange.
+fn introduce(memory: &mut Memory, peer: u8) {
+    let nothing = |record| memory.read(record, 0, &mut [0]) == 0;
+    let free = nothing(Record::Manufacturer) && nothing(Record::Communication);
+    if peer == UNCONFIGURED || !free {
+        return;
+    }
+    let id = u32::from(peer);
+    let heartbeat = id << 16 | u32::from(PEER_HEARTBEAT_MS);
+    let told = [
+        (Record::Manufacturer, at(0x2001, 0), Value::u8(peer)),
+        (Record::Communication, at(0x1016, 1), Value::u32(heartbeat)),
+        (Record::Communication, at(0x1400, 1), Value::u32(0x380 + id)),
+    ];
+    for record in [Record::Manufacturer, Record::Communication] {
+        // The host's memory holds these few bytes; a broken one is a fault for later.
+        let _ = store(memory, record, &told);
+    }
+}
+
+fn store(
+    memory: &mut Memory,
+    record: Record,
+    told: &[(Record, Address, Value)],
+) -> Result<(), StoreError> {
+    RecordStore::begin(memory, record)?;
+    for (_, address, value) in told.iter().filter(|(of, ..)| *of == record) {
+        parameters::put(memory, *address, value)?;
+    }
+    RecordStore::commit(memory)
 }
 
 #[cfg(test)]
@@ -147,5 +185,20 @@ mod tests {
         assert!(errors.iter().all(|e| e.abs() < 0.15), "{errors:?}");
         let bare = errors_deg(Delivered::bare(Mode::Product, world, 1, 0));
         assert!(bare.iter().any(|e| e.abs() > 0.3), "{bare:?}");
+    }
+
+    #[test]
+    fn nodes_with_other_ids_know_each_other() {
+        let world = &World::NOMINAL;
+        let mut network = Network::new(250_000, 1);
+        let _host = network.attach_host();
+        let delivered = Delivered::bare(Mode::Product, world, 1, 1);
+        let nodes = delivered.join(&mut network, [fitting(3), fitting(4)]);
+        nodes.iter().for_each(|n| network.power_on(*n));
+        let mut hand = Hand::new(Rng::stream(1, "hand"));
+        network.run_until(&mut hand, 300_000_000, |_| {});
+        let parameters = |n: usize| &network.units()[n].device.values().parameters;
+        let peers = nodes.map(|n| parameters(n).peer);
+        assert_eq!(peers, [4, 3]);
     }
 }

@@ -76,8 +76,8 @@ fn lines() -> Vec<Line> {
         (0x2012, 1, 2, Integer16, RW.and(Access::SRDO), 0),
         (0x6000, 0, 0, Unsigned16, KEPT, 10),
         (0x6010, 0, 0, Integer16, RW.and(Access::TPDO), 0),
-        (0x6210, 0, 0, Integer16, RW.and(Access::SRDO), 0x0F),
-        (0x6211, 0, 0, Integer16, RW.and(Access::SRDO), 0xFFF0),
+        (0x6210, 0, 0, Integer16, KEPT.and(Access::SRDO), 0x0F),
+        (0x6211, 0, 0, Integer16, KEPT.and(Access::SRDO), 0xFFF0),
     ]);
     (0..4).for_each(|n| pdos(&mut lines, n));
     srdo(&mut lines, 0, [1, 0x101, 0x102], [0x6210_0010, 0x6211_0010]);
