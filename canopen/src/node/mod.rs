@@ -217,7 +217,7 @@ impl Node {
             now,
         });
         self.node_id = self.lss.take_node_id();
-        self.communication = Communication::new();
+        self.communication.clear();
         // What the controller says of the bus holds until it says otherwise.
         self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);

@@ -167,7 +167,8 @@ impl Safety {
 
     /// Takes a value by SDO, under all the rules; `None` for an index of somebody else.
     ///
-    /// A write that changes a parameter makes the configuration invalid (13FEh reads 0). Errors:
+    /// A write to a parameter makes the configuration invalid (13FEh reads 0), also when it
+    /// repeats the value: the tool is at work, and confirms when it has done. Errors:
     /// [`Abort::WrongState`] in OPERATIONAL, else the abort code of the rule that is broken;
     /// nothing has changed then.
     pub fn write(
@@ -196,7 +197,7 @@ impl Safety {
             Place::Gfc | Place::Valid if at.sub != 0 => return Err(Abort::NoSuchSubIndex),
             Place::Gfc if byte > 1 => return Err(Abort::InvalidValue),
             Place::Gfc => {
-                self.valid &= self.gfc == byte;
+                self.valid = false;
                 self.gfc = byte;
             }
             Place::Valid => {
@@ -208,8 +209,8 @@ impl Safety {
             Place::Signature => return self.sign(at.sub, value),
             Place::Parameter(n, part) => {
                 let srdo = self.srdos.get_mut(n).ok_or(Abort::NoSuchObject)?;
-                let changed = srdo.setup.write(dictionary, part, at.sub, value)?;
-                self.valid &= !changed;
+                srdo.setup.write(dictionary, part, at.sub, value)?;
+                self.valid = false;
             }
         }
         Ok(())

@@ -152,7 +152,7 @@ impl Setup {
         true
     }
 
-    /// Takes a value under the rules that hold for it alone; true when it has changed anything.
+    /// Takes a value under the rules that hold for it alone.
     ///
     /// Errors: the abort code of the rule that it breaks; nothing has changed then.
     pub fn write(
@@ -161,21 +161,22 @@ impl Setup {
         part: Part,
         sub: u8,
         value: Value,
-    ) -> Result<bool, Abort> {
+    ) -> Result<(), Abort> {
         let old = self.read(part, sub)?;
         if part == Part::Communication && sub == 0 {
             return Err(Abort::ReadOnly);
         }
-        // A tool that downloads a whole configuration again has changed nothing.
+        // A tool may download a whole configuration again, in any order.
         if old == value {
-            return Ok(false);
+            return Ok(());
         }
         let number = value.unsigned() as u32;
         match part {
             Part::Mapping => self.may_map(dictionary, sub, number)?,
             Part::Communication => Self::may_set(sub, number)?,
         }
-        Ok(self.load(part, sub, value))
+        self.load(part, sub, value);
+        Ok(())
     }
 
     fn may_map(&self, dictionary: &Dictionary, sub: u8, number: u32) -> Result<(), Abort> {

@@ -348,6 +348,10 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 
     fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool {
+        // A download under way is not to be broken by another master's LSS.
+        if self.values.receiving {
+            return false;
+        }
         // What was stored and is not mentioned stays.
         let (_, before) = stored_lss(self.memory);
         let stored = self.write_lss(node_id, kbit_s.or(before));

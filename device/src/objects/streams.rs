@@ -77,7 +77,9 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                     return Err(Abort::LengthTooHigh);
                 }
                 let begun = RecordStore::begin(self.memory, Record::Calibration);
-                self.note(begun)
+                self.note(begun)?;
+                self.values.receiving = true;
+                Ok(())
             }
             _ => Err(Abort::NoSuchObject),
         }
@@ -97,7 +99,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn commit_stream(&mut self, at: Address) -> Result<(), Abort> {
         match at.index {
             0x1F50 => self.values.program.commit(self.memory),
-            0x2061 => self.take_calibration(),
+            0x2061 => {
+                self.values.receiving = false;
+                self.take_calibration()
+            }
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -105,7 +110,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn discard_stream(&mut self, at: Address) {
         match at.index {
             0x1F50 => self.values.program.discard(self.memory),
-            0x2061 => RecordStore::discard(self.memory),
+            0x2061 => {
+                self.values.receiving = false;
+                RecordStore::discard(self.memory);
+            }
             _ => {}
         }
     }

@@ -64,6 +64,8 @@ pub struct Values {
     pub result: u8,
     /// 2053h sub 1.
     pub bit_rate: u16,
+    /// A calibration is being received, and has the memory's staging place.
+    pub receiving: bool,
     /// A store or restore has failed.
     pub storage_failed: bool,
     /// The calibration in force is the channel's own.
@@ -92,6 +94,7 @@ impl Values {
             reference: 0,
             result: 0,
             bit_rate: 0,
+            receiving: false,
             storage_failed: false,
             calibrated: false,
         }
