@@ -92,10 +92,24 @@ impl Tally {
 ///
 /// The command has to pass `--show-output` on to the tests, or the word of those that skip
 /// something would be swallowed. The count stands in `tally` even when the command fails.
-pub fn tests(mut command: Command, tally: &mut Tally) -> Result<(), CommandError> {
+pub fn tests(command: Command, tally: &mut Tally) -> Result<(), CommandError> {
+    let mut reader = TestOutput::default();
+    let outcome = watch(command, |line| {
+        for shown in reader.line(line) {
+            println!("{shown}");
+        }
+    });
+    for shown in reader.pending {
+        println!("{shown}");
+    }
+    *tally = tally.plus(reader.tally);
+    outcome
+}
+
+/// Runs a command and hands over each line of its standard output as soon as it is there.
+pub fn watch(mut command: Command, mut each: impl FnMut(&str)) -> Result<(), CommandError> {
     command.stdout(Stdio::piped());
     let mut child = start(&mut command)?;
-    let mut reader = TestOutput::default();
     for line in child
         .stdout
         .take()
@@ -103,14 +117,8 @@ pub fn tests(mut command: Command, tally: &mut Tally) -> Result<(), CommandError
         .flat_map(|out| BufReader::new(out).split(b'\n'))
     {
         let line = line.map_err(|error| CommandError::Output(name(&command), error))?;
-        for shown in reader.line(&String::from_utf8_lossy(&line)) {
-            println!("{shown}");
-        }
+        each(&String::from_utf8_lossy(&line));
     }
-    for shown in reader.pending {
-        println!("{shown}");
-    }
-    *tally = tally.plus(reader.tally);
     finish(&command, child)
 }
 
@@ -162,7 +170,7 @@ fn failures(mut said: Vec<String>) -> Vec<String> {
 }
 
 /// The number that stands before `label` in a summary line; 0 when there is none.
-fn count(line: &str, label: &str) -> u64 {
+pub fn count(line: &str, label: &str) -> u64 {
     let before = line
         .split(label)
         .next()

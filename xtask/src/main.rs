@@ -7,6 +7,7 @@
 mod accuracy;
 mod command;
 mod difference;
+mod interop;
 mod size;
 mod steps;
 mod tidy;
@@ -25,6 +26,7 @@ usage: cargo xtask COMMAND
   accuracy [--write]  compare docs/accuracy.md with the generator, or write it anew
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
   size --write        the same, written to docs/size.md
+  interop             plumb serve against python-canopen, in an environment made for it
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
 
@@ -41,6 +43,7 @@ fn main() -> ExitCode {
         ["size"] => steps::alone(&steps::SIZE, &workspace),
         ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
         ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
+        ["interop"] => steps::alone(&steps::INTEROP, &workspace),
         ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");

@@ -11,6 +11,7 @@ use std::{env, fmt, fs, io, process};
 
 use crate::accuracy::{self, AccuracyError};
 use crate::command::{self, CommandError, Tally};
+use crate::interop::{self, InteropError};
 use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
@@ -26,6 +27,10 @@ const ALL_TESTS: [&str; 5] = [
     "--",
     "--show-output",
 ];
+
+/// What to do when a test in Python fails.
+const INTEROP_ADVICE: &str =
+    "the failing tests stand above; `cargo xtask interop` repeats them without the other steps";
 
 /// One thing to do.
 pub struct Step {
@@ -52,6 +57,8 @@ enum StepError {
     Accuracy(AccuracyError),
     /// The bus side on the part.
     Size(SizeError),
+    /// The master written by others.
+    Interop(InteropError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
     /// The demo left a report out, or left it empty.
@@ -72,6 +79,7 @@ impl fmt::Display for StepError {
             Self::Untidy(count) => write!(out, "{count} breaches of the house rules"),
             Self::Accuracy(error) => write!(out, "{error}"),
             Self::Size(error) => write!(out, "{error}"),
+            Self::Interop(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoReport(name) => write!(out, "the demo wrote no {name}"),
         }
@@ -90,13 +98,19 @@ impl From<AccuracyError> for StepError {
     }
 }
 
+impl From<InteropError> for StepError {
+    fn from(error: InteropError) -> Self {
+        Self::Interop(error)
+    }
+}
+
 impl From<SizeError> for StepError {
     fn from(error: SizeError) -> Self {
         Self::Size(error)
     }
 }
 
-const TEST: [Step; 9] = [
+const TEST: [Step; 10] = [
     Step {
         name: "toolchain: rustfmt, clippy and the chip's target",
         advice: "then start again",
@@ -121,6 +135,11 @@ const TEST: [Step; 9] = [
         name: "tests: unit, property, golden vectors, documentation, tidy",
         advice: "the failing tests stand above; `cargo test -p CRATE NAME` repeats one",
         run: tests,
+    },
+    Step {
+        name: "plumb serve against python-canopen",
+        advice: INTEROP_ADVICE,
+        run: check_interop,
     },
     Step {
         name: "documentation, warnings denied",
@@ -149,6 +168,13 @@ pub const TIDY: Step = Step {
     name: "house rules",
     advice: "each is listed above with its file and line",
     run: check_tidy,
+};
+
+/// The virtual instrument against an independent master.
+pub const INTEROP: Step = Step {
+    name: "plumb serve against python-canopen",
+    advice: INTEROP_ADVICE,
+    run: check_interop,
 };
 
 /// Formats every crate.
@@ -372,6 +398,10 @@ fn list_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 
 fn write_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(size::write(workspace)?)
+}
+
+fn check_interop(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
+    Ok(interop::run(workspace, tally)?)
 }
 
 fn check_tidy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -28,6 +28,14 @@ impl Workspace {
         &self.root
     }
 
+    /// Where cargo puts what it builds.
+    pub fn target(&self) -> PathBuf {
+        match (env::var_os("CARGO_TARGET_DIR"), env::current_dir()) {
+            (Some(folder), Ok(here)) => here.join(folder),
+            _ => self.root.join("target"),
+        }
+    }
+
     /// A cargo command that will run in the root.
     pub fn cargo(&self, arguments: &[&str]) -> Command {
         self.command(&from_environment("CARGO", "cargo"), arguments)

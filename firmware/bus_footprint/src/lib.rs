@@ -1,0 +1,73 @@
+//! The bus side as it would stand on the part, to be linked and measured, never run.
+//!
+//! In: nothing. Out: binaries for the part in which every entry point of a node is reached through
+//! a table of functions ([`Entries`]). Arguments come from nowhere, so the compiler can take
+//! nothing for granted and leaves nothing out. `cargo xtask size` links them with
+//! `footprint.ld`, which refuses a binary from which a panic can be reached, and reads off code,
+//! tables, state and stack frames.
+//!
+//! Left out: reset code, drivers, the sensor, and everything that runs without a bus.
+#![no_std]
+
+pub mod panic;
+pub mod stand_in;
+
+use canopen::node::{Application, BusState, Event, Node};
+use canopen::{Frame, Instant};
+
+/// Every entry point of a node whose device is `A`.
+pub struct Entries<A> {
+    /// Making one.
+    pub new: fn() -> Node,
+    /// Power-on.
+    pub start: fn(&mut Node, &mut A, u8, Instant),
+    /// A frame from the bus.
+    pub receive: fn(&mut Node, &mut A, &Frame, Instant),
+    /// The time.
+    pub poll: fn(&mut Node, &mut A, Instant) -> Option<Instant>,
+    /// A frame to the bus.
+    pub transmit: fn(&mut Node, &mut A, Instant) -> Option<Frame>,
+    /// A frame has gone out.
+    pub sent: fn(&mut Node, &mut A, &Frame, Instant),
+    /// The controller's error state.
+    pub bus_state: fn(&mut Node, &mut A, BusState, Instant),
+    /// A fault of the device.
+    pub report: fn(&mut Node, &mut A, u16, u8, [u8; 5], Instant),
+    /// It has gone.
+    pub cleared: fn(&mut Node, u8, [u8; 5]),
+    /// New data of the device.
+    pub data_changed: fn(&mut Node, &mut A, Instant),
+    /// Frames were lost.
+    pub overrun: fn(&mut Node, u16),
+    /// How many.
+    pub overruns: fn(&Node) -> u16,
+    /// SYNC by this node.
+    pub stand_in_for_sync: fn(&mut Node, Option<u32>, Instant),
+    /// SRDOs may be sent.
+    pub consent_to_safety: fn(&mut Node, bool),
+}
+
+impl<A: Application> Entries<A> {
+    /// The entry points as they are.
+    pub const fn all() -> Self {
+        Self {
+            new: Node::new,
+            start: Node::start::<A>,
+            receive: Node::receive::<A>,
+            poll: Node::poll::<A>,
+            transmit: Node::transmit::<A>,
+            sent: Node::sent::<A>,
+            bus_state: Node::bus_state::<A>,
+            report: Node::report::<A>,
+            cleared: Node::cleared,
+            data_changed: Node::data_changed::<A>,
+            overrun: Node::overrun,
+            overruns: Node::overruns,
+            stand_in_for_sync: Node::stand_in_for_sync,
+            consent_to_safety: Node::consent_to_safety,
+        }
+    }
+}
+
+/// What a device is told, through a function that nobody sees into.
+pub type Told = fn(Event, Instant);

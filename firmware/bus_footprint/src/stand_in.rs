@@ -1,0 +1,202 @@
+//! What a node needs besides the bus, as functions that the compiler does not see into.
+//!
+//! In and out: whatever the function behind the pointer does; none is ever called. A stand-in adds
+//! a call to the code that is measured and nothing else.
+//!
+//! Left out: every behaviour.
+
+use canopen::node::{Application, Event};
+use canopen::object::{Abort, Address, Dictionary, Objects, Value};
+use canopen::storage::Group;
+use device::channel::Settings;
+use device::objects::panel::Source;
+use device::objects::table::{self, Channel};
+use device::program::{ProgramError, ProgramMemory};
+use device::records::{Record, RecordStore, StoreError};
+use tilt::chain::Reading;
+use tilt::filter::Filtered;
+use tilt::sample::{Instant, Temperature};
+
+/// Records and programs.
+pub struct Memory {
+    read: fn(Record, u32, &mut [u8]) -> usize,
+    staged: fn(u32, &mut [u8]) -> usize,
+    record: fn(Option<Record>, &[u8]) -> Result<(), StoreError>,
+    program: fn(Option<u32>, &[u8]) -> Result<(), ProgramError>,
+    crc: fn() -> u32,
+}
+
+impl RecordStore for Memory {
+    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+        (self.read)(record, offset, into)
+    }
+
+    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
+        (self.record)(Some(record), &[])
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        (self.record)(None, bytes)
+    }
+
+    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
+        (self.staged)(offset, into)
+    }
+
+    fn commit(&mut self) -> Result<(), StoreError> {
+        (self.record)(None, &[])
+    }
+
+    fn discard(&mut self) {
+        let _ = (self.record)(None, &[]);
+    }
+
+    fn erase(&mut self, record: Record) -> Result<(), StoreError> {
+        (self.record)(Some(record), &[])
+    }
+}
+
+impl ProgramMemory for Memory {
+    fn erase(&mut self) -> Result<(), ProgramError> {
+        (self.program)(None, &[])
+    }
+
+    fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
+        (self.program)(size, &[])
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<(), ProgramError> {
+        (self.program)(None, bytes)
+    }
+
+    fn commit(&mut self) -> Result<(), ProgramError> {
+        (self.program)(None, &[])
+    }
+
+    fn discard(&mut self) {
+        let _ = (self.program)(None, &[]);
+    }
+
+    fn activate(&mut self) -> Result<(), ProgramError> {
+        (self.program)(None, &[])
+    }
+
+    fn crc(&self) -> u32 {
+        (self.crc)()
+    }
+}
+
+/// A channel that measures.
+pub struct Measuring {
+    reading: fn(&Settings, Instant) -> Reading,
+    filtered: fn() -> Option<Filtered>,
+    temperature: fn() -> Option<Temperature>,
+}
+
+impl Source for Measuring {
+    fn reading(&self, settings: &Settings, now: Instant) -> Reading {
+        (self.reading)(settings, now)
+    }
+
+    fn filtered(&self) -> Option<Filtered> {
+        (self.filtered)()
+    }
+
+    fn temperature(&self) -> Option<Temperature> {
+        (self.temperature)()
+    }
+}
+
+/// A device of which only the dictionary is there.
+pub struct Hidden {
+    channel: Channel,
+    read: fn(Address) -> Result<Value, Abort>,
+    write: fn(Address, Value) -> Result<(), Abort>,
+    open: fn(Address) -> Result<u32, Abort>,
+    read_at: fn(Address, u32, &mut [u8]) -> Result<usize, Abort>,
+    create: fn(Address, Option<u32>) -> Result<(), Abort>,
+    append: fn(Address, &[u8]) -> Result<(), Abort>,
+    commit: fn(Address) -> Result<(), Abort>,
+    discard: fn(Address),
+    identity: fn() -> [u32; 4],
+    told: super::Told,
+    group: fn(Group) -> Result<(), Abort>,
+    stored: fn(Group, Address) -> Option<Value>,
+    store_lss: fn(u8, Option<u16>) -> bool,
+}
+
+impl Objects for Hidden {
+    fn dictionary(&self) -> Dictionary {
+        table::dictionary(self.channel)
+    }
+
+    fn read(&mut self, at: Address) -> Result<Value, Abort> {
+        (self.read)(at)
+    }
+
+    fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        (self.write)(at, value)
+    }
+
+    fn open(&mut self, at: Address) -> Result<u32, Abort> {
+        (self.open)(at)
+    }
+
+    fn read_at(&mut self, at: Address, offset: u32, into: &mut [u8]) -> Result<usize, Abort> {
+        (self.read_at)(at, offset, into)
+    }
+
+    fn create(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
+        (self.create)(at, size)
+    }
+
+    fn append(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
+        (self.append)(at, bytes)
+    }
+
+    fn commit(&mut self, at: Address) -> Result<(), Abort> {
+        (self.commit)(at)
+    }
+
+    fn discard(&mut self, at: Address) {
+        (self.discard)(at);
+    }
+}
+
+impl Application for Hidden {
+    fn identity(&self) -> [u32; 4] {
+        (self.identity)()
+    }
+
+    fn event(&mut self, event: Event, now: canopen::Instant) {
+        (self.told)(event, now);
+    }
+
+    fn load(&mut self, at: Address, value: Value) {
+        let _ = (self.write)(at, value);
+    }
+
+    fn begin_store(&mut self, group: Group) -> Result<(), Abort> {
+        (self.group)(group)
+    }
+
+    fn put(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        (self.write)(at, value)
+    }
+
+    fn commit_store(&mut self) -> Result<(), Abort> {
+        (self.commit)(Address { index: 0, sub: 0 })
+    }
+
+    fn erase(&mut self, group: Group) -> Result<(), Abort> {
+        (self.group)(group)
+    }
+
+    fn stored(&mut self, group: Group, at: Address) -> Option<Value> {
+        (self.stored)(group, at)
+    }
+
+    fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool {
+        (self.store_lss)(node_id, kbit_s)
+    }
+}

@@ -1,0 +1,223 @@
+//! The virtual instrument against a master that others have written: the tests in `interop/`.
+//!
+//! In: the program `plumb`, built with the flags of the other tests, and Python. Out: the number
+//! of tests that passed. The master's packages are pinned in `interop/requirements.txt`; they go
+//! into a virtual environment in the target folder, which is made anew whenever the list or
+//! Python changes. Nothing is installed anywhere else, and the network is needed that once only.
+//!
+//! Left out: the tests themselves, which are Python.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fmt, fs, io};
+
+use crate::command::{self, CommandError, Tally};
+use crate::workspace::Workspace;
+
+/// The packages, each with its exact release.
+const REQUIREMENTS: &str = "interop/requirements.txt";
+
+/// Names under which Python is called, the usual one first.
+const PYTHONS: [&str; 2] = ["python3", "python"];
+
+/// Ends with status 0 for a Python that is new enough, and prints which one it is.
+const VERSION: &str = "import sys; print(sys.version); sys.exit(sys.version_info < (3, 10))";
+
+/// Why the tests did not run, or failed.
+#[derive(Debug)]
+pub enum InteropError {
+    /// There is no Python, or an old one.
+    NoPython,
+    /// Python cannot make a virtual environment.
+    NoEnvironment,
+    /// The packages could not be installed.
+    Packages,
+    /// A command failed: the build, or a test.
+    Command(CommandError),
+    /// A file or folder could not be handled.
+    File(PathBuf, io::Error),
+    /// No test ran at all, which means the run says nothing.
+    NoTests,
+}
+
+impl fmt::Display for InteropError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoPython => write!(
+                out,
+                "there is no Python 3.10 or newer under the name python3 or python: install one"
+            ),
+            Self::NoEnvironment => write!(
+                out,
+                "Python cannot make a virtual environment here; on Debian and Ubuntu type \
+                 `sudo apt install python3-venv`, elsewhere `pip install virtualenv`"
+            ),
+            Self::Packages => write!(
+                out,
+                "the packages of {REQUIREMENTS} could not be installed (what pip says stands \
+                 above); the network is needed once, then never again"
+            ),
+            Self::Command(error) => write!(out, "{error}"),
+            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::NoTests => write!(out, "not one test ran"),
+        }
+    }
+}
+
+impl From<CommandError> for InteropError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+/// Builds the program, makes the environment where it is missing, and runs every test.
+///
+/// The count stands in `tally` even when a test fails.
+pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError> {
+    let python = environment(workspace)?;
+    command::pass(workspace.cargo(&[
+        "build",
+        "--quiet",
+        "--workspace",
+        "--profile",
+        "test",
+        "--bin",
+        "plumb",
+    ]))?;
+    let name = format!("plumb{}", env::consts::EXE_SUFFIX);
+    let mut pytest = workspace.program(
+        &python.to_string_lossy(),
+        &["-m", "pytest", "-q", "-p", "no:cacheprovider", "interop"],
+    );
+    pytest
+        .env("PLUMB", workspace.target().join("debug").join(name))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
+    let outcome = command::watch(pytest, |line| {
+        *tally = tally.plus(summary(line));
+        println!("      {line}");
+    });
+    outcome?;
+    if tally.passed == 0 {
+        return Err(InteropError::NoTests);
+    }
+    Ok(())
+}
+
+/// What pytest's last line counts; nothing for any other line.
+fn summary(line: &str) -> Tally {
+    if !line.contains(" in ") || !line.ends_with('s') && !line.ends_with(')') {
+        return Tally::default();
+    }
+    Tally {
+        passed: command::count(line, " passed"),
+        failed: command::count(line, " failed") + command::count(line, " error"),
+        skipped: command::count(line, " skipped"),
+    }
+}
+
+/// The Python of an environment that has the packages; made now unless it is there already.
+fn environment(workspace: &Workspace) -> Result<PathBuf, InteropError> {
+    let (system, version) = system(workspace)?;
+    let folder = workspace.target().join("interop-venv");
+    let list = workspace.root().join(REQUIREMENTS);
+    let wanted = fs::read_to_string(&list).map_err(|error| InteropError::File(list, error))?;
+    let wanted = format!("# {}\n{wanted}", version.trim());
+    let stamp = folder.join("installed.txt");
+    let python = interpreter(&folder);
+    let installed = fs::read_to_string(&stamp).is_ok_and(|text| text == wanted);
+    if installed && command::succeeds(query(workspace, &python)) {
+        return Ok(python);
+    }
+    println!("      installing the packages of {REQUIREMENTS}");
+    make(workspace, system, &folder)?;
+    let mut pip = workspace.program(&python.to_string_lossy(), &["-m", "pip", "install"]);
+    pip.args(["--quiet", "--disable-pip-version-check", "-r", REQUIREMENTS]);
+    command::pass(pip).map_err(|_| InteropError::Packages)?;
+    fs::write(&stamp, wanted).map_err(|error| InteropError::File(stamp, error))?;
+    Ok(python)
+}
+
+/// The Python of this machine: how to call it, and what it says it is.
+fn system(workspace: &Workspace) -> Result<(&'static str, String), InteropError> {
+    let answers = PYTHONS.into_iter().filter_map(|name| {
+        let found = command::succeeds(query(workspace, Path::new(name)));
+        let version = || command::capture(query(workspace, Path::new(name))).ok();
+        found.then(version).flatten().map(|version| (name, version))
+    });
+    answers.take(1).next().ok_or(InteropError::NoPython)
+}
+
+/// Asks a Python for its version.
+fn query(workspace: &Workspace, python: &Path) -> Command {
+    workspace.program(&python.to_string_lossy(), &["-c", VERSION])
+}
+
+/// Makes an empty environment in place of what is there.
+fn make(workspace: &Workspace, python: &str, folder: &Path) -> Result<(), InteropError> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            return Err(InteropError::File(folder.to_path_buf(), error));
+        }
+        _ => {}
+    }
+    // Debian ships `venv` without what it needs to work; `virtualenv` brings its own.
+    let made = ["venv", "virtualenv"].into_iter().any(|module| {
+        let mut command = workspace.program(python, &["-m", module]);
+        command.arg(folder);
+        command::succeeds(command) && interpreter(folder).exists()
+    });
+    if made {
+        Ok(())
+    } else {
+        Err(InteropError::NoEnvironment)
+    }
+}
+
+/// Where an environment keeps its Python.
+fn interpreter(folder: &Path) -> PathBuf {
+    if cfg!(windows) {
+        folder.join("Scripts").join("python.exe")
+    } else {
+        folder.join("bin").join("python")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_line_of_pytest_is_counted() {
+        let counted = |line| {
+            let tally = summary(line);
+            [tally.passed, tally.failed, tally.skipped]
+        };
+        assert_eq!(counted("148 passed in 99.20s"), [148, 0, 0]);
+        assert_eq!(
+            counted("61 passed, 1 skipped in 134.50s (0:02:14)"),
+            [61, 0, 1]
+        );
+        let bad = "2 failed, 16 passed, 3 errors in 28.82s";
+        assert_eq!(counted(bad), [16, 5, 0]);
+    }
+
+    #[test]
+    fn other_lines_of_pytest_count_nothing() {
+        for line in [
+            ".F.....                                 [ 61%]",
+            "E   assert 1 passed",
+            "FAILED test_lss.py::test_two - AssertionError: 3 passed",
+            "",
+        ] {
+            assert_eq!(summary(line), Tally::default(), "{line}");
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named_with_what_to_do() {
+        let said = |error: InteropError| error.to_string();
+        assert!(said(InteropError::NoPython).ends_with("install one"));
+        assert!(said(InteropError::NoEnvironment).contains("python3-venv"));
+        assert!(said(InteropError::Packages).contains(REQUIREMENTS));
+    }
+}

@@ -1,0 +1,197 @@
+//! `cargo xtask size`: what the bus side takes on the part, and the proof that it cannot panic.
+//!
+//! In: the binaries of `firmware/bus_footprint`, linked for the part. Out: code, tables, state,
+//! stack frames beside their budgets, `docs/size.md`, and a failure when a budget is exceeded, a
+//! panic can be reached, or the document tells other figures.
+//!
+//! The proof is the linker's: its script refuses a binary that holds the panic handler. That the
+//! refusal works is shown each time by a binary that does panic and must not link.
+//!
+//! Figures vary a little with the folder of the checkout, since its name goes into the hashes by
+//! which functions are ordered. So the document is out of date when a figure is off by more than
+//! [`TOLERANCE_PERCENT`], and is only compared for the compiler that it was written with.
+//!
+//! Left out: the firmware itself, and time on the part, which the emulator counts.
+
+mod frames;
+mod image;
+mod instructions;
+mod report;
+mod thumb;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{fmt, fs, io};
+
+use crate::command::{self, CommandError};
+use crate::workspace::Workspace;
+use image::Image;
+use report::Figures;
+
+/// The generated document, from the root.
+const DOCUMENT: &str = "docs/size.md";
+/// The part's target: a Cortex-M3 without an operating system.
+const CHIP: &str = "thumbv7m-none-eabi";
+/// The profile of the workspace that the firmware is built with.
+const PROFILE: &str = "footprint";
+/// Where the binaries are linked, from the root.
+const SCRIPT: &str = "firmware/bus_footprint/footprint.ld";
+/// How far a figure of the document may be off.
+const TOLERANCE_PERCENT: u64 = 2;
+
+/// The stack with the dictionary, over a device of which nothing is there.
+const STACK: &str = "footprint-stack";
+/// The same with everything behind the rows.
+const INSTRUMENT: &str = "footprint-instrument";
+/// What must not link.
+const CANARY: &str = "footprint-canary";
+
+/// Why the bus side was not measured, or is not as it has to be.
+#[derive(Debug)]
+pub enum SizeError {
+    /// A command failed.
+    Command(CommandError),
+    /// A file could not be read or written.
+    File(PathBuf, io::Error),
+    /// The linked file is not what it should be.
+    Elf(PathBuf, object::Error),
+    /// Panics can be reached; who calls them.
+    Panics(Vec<String>),
+    /// The binary that panics has linked, or its panic was not found: the proof proves nothing.
+    Canary,
+    /// Budgets are exceeded.
+    Over(Vec<String>),
+    /// The committed document tells other figures; what it should be.
+    Stale(String),
+}
+
+impl fmt::Display for SizeError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Command(error) => write!(out, "{error}"),
+            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::Elf(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::Panics(calls) => {
+                write!(out, "panics can be reached:")?;
+                calls.iter().try_for_each(|call| write!(out, "\n  {call}"))
+            }
+            Self::Canary => write!(
+                out,
+                "{CANARY} panics, yet that was not found: mend {SCRIPT} or image.rs"
+            ),
+            Self::Over(budgets) => write!(out, "{}", budgets.join("; ")),
+            Self::Stale(difference) => write!(
+                out,
+                "{DOCUMENT} is off by more than {TOLERANCE_PERCENT} %, run \
+                 `cargo xtask size --write` (- file, + code):\n{}",
+                difference.trim_end()
+            ),
+        }
+    }
+}
+
+impl From<CommandError> for SizeError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+/// Measures, prints, and fails on a panic, a budget that is exceeded or an old document.
+pub fn check(workspace: &Workspace) -> Result<(), SizeError> {
+    let figures = measure(workspace)?;
+    print!("{}", indented(&figures.table()));
+    instructions::print(workspace)?;
+    figures.within_budgets().map_err(SizeError::Over)?;
+    compare(&workspace.root().join(DOCUMENT), &figures)
+}
+
+/// Measures and prints, with the largest functions, constants and frames and the deepest call.
+pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
+    for binary in [STACK, INSTRUMENT] {
+        let image = linked(workspace, binary)?;
+        println!("\n{binary}\n{}", report::details(&image));
+    }
+    check(workspace)
+}
+
+/// Writes the document anew, by way of a temporary file so that it is never half written.
+pub fn write(workspace: &Workspace) -> Result<(), SizeError> {
+    let figures = measure(workspace)?;
+    let path = workspace.root().join(DOCUMENT);
+    let temporary = path.with_extension("md.new");
+    fs::write(&temporary, figures.document())
+        .and_then(|()| fs::rename(&temporary, &path))
+        .map_err(|error| SizeError::File(path, error))
+}
+
+fn compare(path: &Path, figures: &Figures) -> Result<(), SizeError> {
+    let committed =
+        fs::read_to_string(path).map_err(|error| SizeError::File(path.to_path_buf(), error))?;
+    report::compare(&committed, &figures.document()).map_err(SizeError::Stale)
+}
+
+fn measure(workspace: &Workspace) -> Result<Figures, SizeError> {
+    canary(workspace)?;
+    let version = command::capture(workspace.rustc(&["--version"]))?;
+    let stack = linked(workspace, STACK)?;
+    let instrument = linked(workspace, INSTRUMENT)?;
+    Ok(Figures::new(&version, &stack, &instrument))
+}
+
+/// The binary that panics must be refused, and must tell why when it is let through.
+fn canary(workspace: &Workspace) -> Result<(), SizeError> {
+    if command::succeeds(link(workspace, CANARY, false)) {
+        return Err(SizeError::Canary);
+    }
+    command::pass(link(workspace, CANARY, true))?;
+    if read(workspace, CANARY)?.panics().is_empty() {
+        return Err(SizeError::Canary);
+    }
+    Ok(())
+}
+
+/// Links and reads a binary that must not panic.
+fn linked(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
+    if let Err(refused) = command::pass(link(workspace, binary, false)) {
+        // The linker says that there is a panic; who calls it stands in the binary.
+        command::pass(link(workspace, binary, true)).map_err(|_| refused)?;
+        return Err(SizeError::Panics(read(workspace, binary)?.panics()));
+    }
+    let image = read(workspace, binary)?;
+    match image.panics() {
+        none if none.is_empty() => Ok(image),
+        calls => Err(SizeError::Panics(calls)),
+    }
+}
+
+fn link(workspace: &Workspace, binary: &str, show_panics: bool) -> Command {
+    let mut cargo = workspace.cargo(&[
+        "rustc",
+        "--quiet",
+        "--package",
+        "bus-footprint",
+        "--bin",
+        binary,
+        "--target",
+        CHIP,
+        "--profile",
+        PROFILE,
+        "--",
+    ]);
+    let script = workspace.root().join(SCRIPT);
+    cargo.arg(format!("-Clink-arg=-T{}", script.display()));
+    if show_panics {
+        cargo.arg("-Clink-arg=--defsym=panics_shown=1");
+    }
+    cargo
+}
+
+fn read(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
+    let path = workspace.target().join(CHIP).join(PROFILE).join(binary);
+    let bytes = fs::read(&path).map_err(|error| SizeError::File(path.clone(), error))?;
+    Image::read(&bytes).map_err(|error| SizeError::Elf(path, error))
+}
+
+fn indented(text: &str) -> String {
+    text.lines().map(|line| format!("      {line}\n")).collect()
+}
