@@ -50,7 +50,8 @@ pub enum Request {
     Store {
         /// The pending node-id.
         node_id: u8,
-        /// The bit rate configured in this session, kbit/s; `None`: none was.
+        /// The bit rate configured in this session, kbit/s, 0 for automatic detection; `None`:
+        /// none was.
         kbit_s: Option<u16>,
     },
     /// Be silent for the delay, change the bit rate, be silent again.
@@ -274,8 +275,8 @@ impl Lss {
                 }
             }
             STORE => {
-                let index = self.bit_timing.map(usize::from);
-                let kbit_s = index.and_then(|i| BIT_RATES.get(i)).copied();
+                let rate = |index: u8| BIT_RATES.get(usize::from(index)).copied();
+                let kbit_s = self.bit_timing.map(|index| rate(index).unwrap_or(0));
                 let node_id = self.pending;
                 return Request::Store { node_id, kbit_s };
             }
@@ -497,6 +498,16 @@ mod tests {
         let (kbit_s, delay_ms) = (Some(500), 1000);
         let activated = ask(&mut lss, &A, &[ACTIVATE_BIT_TIMING, 0xE8, 0x03]).0;
         assert_eq!(activated, Some(Request::Activate { kbit_s, delay_ms }));
+    }
+
+    #[test]
+    fn automatic_detection_is_stored_as_such_and_not_lost() {
+        let mut lss = Lss::new();
+        ask(&mut lss, &A, &[SWITCH_GLOBAL, 1]);
+        ask(&mut lss, &A, &[CONFIGURE_BIT_TIMING, 0, AUTOMATIC]);
+        let (node_id, kbit_s) = (UNCONFIGURED, Some(0));
+        let stored = ask(&mut lss, &A, &[STORE]).0;
+        assert_eq!(stored, Some(Request::Store { node_id, kbit_s }));
     }
 
     #[test]

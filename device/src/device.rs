@@ -308,8 +308,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The bit rate to start with, kbit/s; `None` when it is to be found by listening.
     pub fn bit_rate(&self) -> Option<u16> {
-        let found = self.values.parameters.automatic_bit_rate == 1;
-        (!found).then_some(self.values.bit_rate)
+        let automatic = self.values.parameters.automatic_bit_rate == 1;
+        let known = !automatic && self.values.bit_rate != 0;
+        known.then_some(self.values.bit_rate)
     }
 
     /// The controller has gone bus-off: when to ask it back (2051h); `None`: not by itself.

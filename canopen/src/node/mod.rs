@@ -42,7 +42,7 @@ pub enum Event {
     ResetCommunication,
     /// A SYNC has come or gone out; TPDOs are sampled right after this returns.
     Sync,
-    /// A supervised node's heartbeat has begun, stopped or come back, or it has started.
+    /// A supervised node's heartbeat has begun, stopped or come back.
     Heartbeat {
         /// The supervised node.
         node: u8,
@@ -95,7 +95,8 @@ pub trait Application: Objects {
     /// A stored value.
     fn stored(&mut self, group: Group, at: Address) -> Option<Value>;
 
-    /// Keeps node-id and bit rate over a power cut (LSS); false when that fails.
+    /// Keeps node-id and bit rate (kbit/s, 0: to be detected) over a power cut (LSS); false when
+    /// that fails. A rate that is `None` stays as it was.
     fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool;
 }
 
@@ -349,8 +350,14 @@ impl Node {
             self.communication.pdo.stop();
             self.communication.safety.stop();
         }
+        if self.communication.state == State::Stopped {
+            // The counter begins anew (CiA 301, SYNC protocol), and nothing missed is made up for.
+            self.communication.sync.start(now);
+        }
         self.communication.state = state;
         if state == State::Operational {
+            // LSS ends here; its slave begins by waiting when it is served again.
+            self.lss.wait();
             self.communication.pdo.start(now);
             self.communication.safety.start(now);
         }

@@ -439,3 +439,30 @@ fn a_memory_that_fails_is_told_to_the_lss_master() {
     bench.hears(0x7E5, &[0x17, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bench.says(), [spoken(0x7E4, &[0x17, 2, 0, 0, 0, 0, 0, 0])]);
 }
+
+#[test]
+fn sync_counter_goes_on_after_stopped() {
+    let mut bench = Bench::new();
+    bench.write(0x1019, 0, Value::u8(240)).unwrap();
+    bench.write(0x1006, 0, Value::u32(10_000)).unwrap();
+    bench.write(0x1005, 0, Value::u32(1 << 30 | 0x80)).unwrap();
+    let syncs = |frames: Vec<Spoken>| -> Vec<Spoken> {
+        frames.into_iter().filter(|(id, _)| *id == 0x80).collect()
+    };
+    let before = syncs(bench.wait(20));
+    assert_eq!(before, [spoken(0x80, &[1]), spoken(0x80, &[2])]);
+    bench.nmt(2);
+    assert_eq!(syncs(bench.wait(100)), []);
+    bench.nmt(128);
+    assert_eq!(syncs(bench.wait(10)), [spoken(0x80, &[1])]);
+}
+
+#[test]
+fn lss_configuration_state_survives_a_machine_that_worked() {
+    let mut bench = Bench::new();
+    bench.hears(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
+    bench.nmt(1);
+    bench.nmt(128);
+    bench.hears(0x7E5, &[0x11, 9, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(bench.says(), []);
+}
