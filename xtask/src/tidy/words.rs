@@ -203,7 +203,8 @@ mod tests {
             "tilt/src/x.rs",
             "//! x\nfn f() { panic!() }",
         )]));
-        let expected = "tilt/src/x.rs:2: `panic!`: tilt, canopen and device have no path that panics";
+        let expected =
+            "tilt/src/x.rs:2: `panic!`: tilt, canopen and device have no path that panics";
         assert_eq!(found[0].to_string(), expected);
     }
 }
