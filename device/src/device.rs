@@ -74,6 +74,9 @@ pub const REFRESH_US: i64 = 10_000;
 /// SYNCs in a row that may pass without the peer's reading before it counts as silent.
 const MISSES_ALLOWED: u8 = 5;
 
+/// The SDO server answers with this identifier and the node-id (1200h sub 2).
+const SDO_ANSWER: u16 = 0x580;
+
 /// How long a judgement is shown once no new one comes.
 const JUDGED_FOR_US: i64 = 1_000_000;
 
@@ -243,6 +246,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// A frame of this device has ended on the bus at `now`.
     pub fn sent(&mut self, frame: &Frame, now: Instant) {
+        if frame.cob_id() == Some(SDO_ANSWER + u16::from(self.bus.node_id())) {
+            let news = &mut self.values.news;
+            news.reset |= core::mem::take(&mut news.restart);
+        }
         let (bus, mut panel) = self.split(now);
         bus.sent(&mut panel, frame, bus_time(now));
         if self.values.news.sync {

@@ -11,6 +11,7 @@ mod site;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
+use canopen::Frame;
 use canopen::nmt::State;
 use canopen::node::UNCONFIGURED;
 use canopen::object::{Access, Address, Value, at};
@@ -18,9 +19,11 @@ use canopen::srdo::SrdoState;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
+use device::device::Wish;
 use device::objects::row::{Default, Row};
 use device::objects::table::{Channel, rows};
 use site::Site;
+use tilt::sample::Instant;
 
 const SAVE: u32 = canopen::storage::SAVE;
 const LOAD: u32 = canopen::storage::LOAD;
@@ -464,4 +467,25 @@ fn a_safe_slope_that_overflows_has_no_value() {
     assert_eq!(site.read(at(0x6211, 0)), Some(Ok(Value::i16(!9000))));
     assert_eq!(site.write(at(0x6200, 0), Value::u16(1)), Some(Ok(())));
     assert_eq!(site.read(at(0x6210, 0)), Some(Err(0x0800_0024)));
+}
+
+/// A restart by 1F51h that came before its answer left the client with a time-out.
+#[test]
+fn a_program_reset_before_its_answer() {
+    let mut site = Site::new(Channel::A);
+    let (device, now) = (&mut site.device, Instant(2_000_000));
+    let reset = Frame::data_frame(0x601, &[0x2F, 0x51, 0x1F, 1, 2, 0, 0, 0]);
+    device.receive(&reset, now);
+    assert_eq!(device.take_wish(), None);
+    let answer = loop {
+        let frame = device.transmit(now).unwrap();
+        if frame.cob_id() == Some(0x581) {
+            break frame;
+        }
+        device.sent(&frame, now);
+    };
+    assert_eq!(answer.bytes(), [0x60, 0x51, 0x1F, 1, 0, 0, 0, 0]);
+    assert_eq!(device.take_wish(), None);
+    device.sent(&answer, now);
+    assert_eq!(device.take_wish(), Some(Wish::Reset));
 }

@@ -7,9 +7,12 @@
 //!
 //! Left out: the tests themselves, which are Python.
 
+use std::cmp::Reverse;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{env, fmt, fs, io};
+use std::sync::{Mutex, PoisonError};
+use std::{env, fmt, fs, io, thread};
 
 use crate::command::{self, CommandError, Tally};
 use crate::workspace::Workspace;
@@ -70,37 +73,95 @@ impl From<CommandError> for InteropError {
     }
 }
 
+/// Builds the program exactly as the step of all tests has done, so that after it nothing is left
+/// to build: a plain `build` would choose other features of shared dependencies.
+const BUILD: [&str; 6] = [
+    "test",
+    "--quiet",
+    "--workspace",
+    "--no-run",
+    "--test",
+    "serve",
+];
+
+/// Files of tests that run at the same time. They wait for the bus most of their time.
+const AT_ONCE: usize = 3;
+
 /// Builds the program, makes the environment where it is missing, and runs every test.
 ///
 /// The count stands in `tally` even when a test fails.
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError> {
     let python = environment(workspace)?;
-    command::pass(workspace.cargo(&[
-        "build",
-        "--quiet",
-        "--workspace",
-        "--profile",
-        "test",
-        "--bin",
-        "plumb",
-    ]))?;
+    command::pass(workspace.cargo(&BUILD))?;
+    let waiting = Mutex::new(files(workspace)?.into_iter());
+    let next = || {
+        waiting
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .next()
+    };
+    let work = || {
+        std::iter::from_fn(next)
+            .map(|file| test(workspace, &python, &file))
+            .collect::<Vec<_>>()
+    };
+    let outcomes = thread::scope(|scope| {
+        let workers = [(); AT_ONCE].map(|()| scope.spawn(work));
+        workers.map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    });
+    let mut failed = None;
+    for (counted, outcome) in outcomes.into_iter().flatten() {
+        *tally = tally.plus(counted);
+        failed = failed.or(outcome.err());
+    }
+    match failed {
+        Some(error) => Err(error.into()),
+        None if tally.passed == 0 => Err(InteropError::NoTests),
+        None => Ok(()),
+    }
+}
+
+/// Every file of tests, the largest first, so that none of them is left running alone for long.
+fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
+    let folder = workspace.root().join("interop");
+    let failed = |error| InteropError::File(folder.clone(), error);
+    let mut files = Vec::new();
+    for entry in fs::read_dir(&folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with("test_") && name.ends_with(".py") {
+            let length = entry.metadata().map_err(failed)?.len();
+            files.push((Reverse(length), name));
+        }
+    }
+    files.sort();
+    Ok(files.into_iter().map(|(_, name)| name).collect())
+}
+
+/// Runs one file of tests: its summary is printed, and everything where a test fails.
+fn test(workspace: &Workspace, python: &Path, file: &str) -> (Tally, Result<(), CommandError>) {
     let name = format!("plumb{}", env::consts::EXE_SUFFIX);
     let mut pytest = workspace.program(
         &python.to_string_lossy(),
-        &["-m", "pytest", "-q", "-p", "no:cacheprovider", "interop"],
+        &["-m", "pytest", "-q", "-p", "no:cacheprovider"],
     );
     pytest
+        .arg(format!("interop/{file}"))
         .env("PLUMB", workspace.target().join("debug").join(name))
         .env("PYTHONDONTWRITEBYTECODE", "1");
+    let (mut tally, mut said, mut last) = (Tally::default(), String::new(), String::new());
     let outcome = command::watch(pytest, |line| {
-        *tally = tally.plus(summary(line));
-        println!("      {line}");
+        tally = tally.plus(summary(line));
+        said += line;
+        said.push('\n');
+        last.clear();
+        last += line;
     });
-    outcome?;
-    if tally.passed == 0 {
-        return Err(InteropError::NoTests);
+    if outcome.is_err() {
+        print!("{said}");
     }
-    Ok(())
+    println!("      {file}: {last}");
+    (tally, outcome)
 }
 
 /// What pytest's last line counts; nothing for any other line.

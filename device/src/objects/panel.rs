@@ -292,8 +292,13 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
         let news = &mut self.values.news;
         match event {
             Event::State(state) => self.values.state = state,
-            Event::ResetNode => news.reset = true,
+            Event::ResetNode => {
+                news.reset = true;
+                news.restart = false;
+            }
             Event::ResetCommunication => {
+                // No answer will come any more that a restart could wait for.
+                news.reset |= core::mem::take(&mut news.restart);
                 self.values.state = nmt::State::Initialising;
                 self.mend_slopes();
             }

@@ -263,7 +263,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         }
         let command = value.unsigned() as u8;
         let effect = self.values.program.set_control(command, self.memory)?;
-        self.values.news.reset |= effect == Effect::Reset;
+        self.values.news.restart |= effect == Effect::Reset;
         Ok(())
     }
 }

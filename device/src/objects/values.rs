@@ -35,6 +35,8 @@ pub struct News {
     pub sync: bool,
     /// A reset of the node is asked for.
     pub reset: bool,
+    /// 1F51h asks for one too, which waits until the client has its answer.
+    pub restart: bool,
     /// LSS has activated a bit rate: rate (`None`: find it) and delay in ms.
     pub bit_rate: Option<(Option<u16>, u16)>,
     /// A supervised node has been lost (false) or heard (true).
@@ -86,6 +88,7 @@ impl Values {
                 exchange: false,
                 sync: false,
                 reset: false,
+                restart: false,
                 bit_rate: None,
                 peer_alive: None,
                 fail_safe: false,

@@ -10,7 +10,7 @@ use std::env::consts::ARCH;
 use std::path::Path;
 use std::{env, fs, process};
 
-use super::{SizeError, built};
+use super::SizeError;
 use crate::command;
 use crate::workspace::Workspace;
 
@@ -33,7 +33,7 @@ pub fn print(workspace: &Workspace) -> Result<(), SizeError> {
         "sdo_upload",
     ];
     command::pass(workspace.cargo(&build))?;
-    let program = built(workspace).join("release/examples/sdo_upload");
+    let program = workspace.target().join("release/examples/sdo_upload");
     let few = count(workspace, &program, UPLOADS)?;
     let many = count(workspace, &program, 2 * UPLOADS)?;
     if let (Some(few), Some(many)) = (few, many) {

@@ -1,0 +1,220 @@
+"""A CANopen master for the tests: python-canopen on a bus of `plumb serve`, with all frames kept.
+
+`Plumb` runs the program; `Master` is a client of its bus. A master keeps every frame that it has
+received, so a test first does something and then asks what came of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pathlib
+import queue
+import re
+import subprocess
+import threading
+import time
+from typing import Any, Callable, Iterable, Iterator
+
+import can
+import canopen
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PLUMB = os.environ.get("PLUMB", str(ROOT / "target" / "debug" / "plumb"))
+
+# It warns whenever a piece of TCP ends within a frame, which is no fault.
+logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
+
+START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
+INVALID16, INVALID32 = -0x8000, -0x80000000
+
+
+class Plumb:
+    """A running `plumb serve` on a port of its own. Use as a context manager."""
+
+    def __init__(self, *arguments: str) -> None:
+        command = [PLUMB, "serve", "--listen", "127.0.0.1:0", *arguments]
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            bufsize=1,
+        )
+        self.lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+        self.ready = self.printed("serving ", 60)
+        self.port = int(re.search(r"socketcand [\d.]+:(\d+)", self.ready)[1])
+
+    def _read(self) -> None:
+        for line in self.process.stdout:
+            self.lines.put(line.rstrip())
+
+    def printed(self, what: str, timeout: float = 10) -> str:
+        """The next printed line with `what` in it."""
+        end = time.monotonic() + timeout
+        while True:
+            try:
+                line = self.lines.get(timeout=max(end - time.monotonic(), 0.001))
+            except queue.Empty:
+                raise AssertionError(f"plumb never printed {what!r}") from None
+            if what in line:
+                return line
+
+    def type(self, *words: str) -> None:
+        """Types lines into the running program."""
+        for word in words:
+            self.process.stdin.write(word + "\n")
+        self.process.stdin.flush()
+
+    def truth(self) -> tuple[float, float]:
+        """Where the housing really is: slope X (roll) and slope Y (pitch), degrees."""
+        self.type("status")
+        found = re.search(r"pitch (-?[\d.]+) deg, roll (-?[\d.]+) deg", self.printed("bus load"))
+        return float(found[2]), float(found[1])
+
+    def turn(self, pitch: float, roll: float = 0.0, rate: float = 90.0) -> None:
+        """Turns the housing and returns once it stands there."""
+        # Level first: the two slopes together can't be those of the old pose and the new one.
+        self.type(f"rate {rate}", "level", f"pitch {pitch}", f"roll {roll}")
+        until(lambda: self.truth() == (roll, pitch), f"{pitch} deg", 400 / rate + 3)
+        time.sleep(0.2)
+
+    def stop(self) -> None:
+        """Ends the program."""
+        self.process.kill()
+        self.process.wait()
+
+    def __enter__(self) -> Plumb:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+
+class Master(can.Listener):
+    """A client of the bus with an SDO client for each node; keeps what it receives."""
+
+    def __init__(self, plumb: Plumb, nodes: Iterable[int] = (1, 2)) -> None:
+        self.frames: list[can.Message] = []
+        self.network = canopen.Network()
+        self.network.listeners.append(self)
+        self.network.connect(
+            interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
+        )
+        sheets = [ROOT / "eds" / "plumb-b.eds", ROOT / "eds" / "plumb-a.eds"]
+        self.nodes = {id: self.network.add_node(id, str(sheets[id % 2])) for id in nodes}
+        for node in self.nodes.values():
+            node.sdo.RESPONSE_TIMEOUT = 5.0
+
+    def on_message_received(self, message: can.Message) -> None:
+        """python-can calls this from its thread with every frame."""
+        self.frames.append(message)
+
+    def send(self, identifier: int, data: bytes = b"") -> None:
+        """Sends a frame."""
+        self.network.send_message(identifier, data)
+
+    def nmt(self, command: int, node: int = 0) -> None:
+        """Sends an NMT command to a node, or to all of them."""
+        self.send(0, bytes([command, node]))
+
+    def sync(self, counter: int | None = None) -> None:
+        """Sends SYNC, with a counter if there is one."""
+        self.send(0x80, b"" if counter is None else bytes([counter]))
+
+    def mark(self) -> int:
+        """Frames kept from here on are the newer ones."""
+        return len(self.frames)
+
+    def since(self, mark: int, identifier: int) -> list[can.Message]:
+        """The frames with this identifier since the mark."""
+        return [f for f in self.frames[mark:] if f.arbitration_id == identifier]
+
+    def next(
+        self,
+        identifier: int,
+        mark: int,
+        timeout: float = 2.0,
+        data: Callable[[bytes], bool] = lambda _: True,
+    ) -> can.Message:
+        """The first frame with this identifier, and data that fit, since the mark."""
+        found: list[can.Message] = []
+
+        def look() -> bool:
+            found[:] = [f for f in self.since(mark, identifier) if data(bytes(f.data))]
+            return bool(found)
+
+        until(look, f"frame {identifier:03X}h", timeout)
+        return found[0]
+
+    def read(self, node: int, index: int, sub: int = 0) -> int:
+        """SDO upload of a number, with its type in the data sheet."""
+        return self._variable(node, index, sub).raw
+
+    def write(self, node: int, index: int, sub: int, value: Any) -> None:
+        """SDO download of a number, with its type in the data sheet."""
+        self._variable(node, index, sub).raw = value
+
+    def _variable(self, node: int, index: int, sub: int) -> Any:
+        entry = self.nodes[node].sdo[index]
+        return entry if isinstance(entry, canopen.sdo.SdoVariable) else entry[sub]
+
+    def refusal(self, node: int, index: int, sub: int, data: bytes) -> int:
+        """The abort code with which a download of these bytes is refused; 0 if it is taken."""
+        try:
+            self.nodes[node].sdo.download(index, sub, data)
+        except canopen.SdoAbortedError as abort:
+            return abort.code
+        return 0
+
+    def reset(self, node: int = 0, command: int = RESET_NODE) -> None:
+        """Resets one node or all, and waits until they are there with valid angles."""
+        mark = self.mark()
+        self.nmt(command, node)
+        for id in self.nodes if node == 0 else [node]:
+            self.next(0x700 + id, mark, data=lambda d: d == b"\0")
+            until(lambda: self.read(id, 0x2020) & 0x03, f"angles of node {id}", 5)
+
+    def close(self) -> None:
+        """Leaves the bus."""
+        self.network.disconnect()
+
+    def __enter__(self) -> Master:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@pytest.fixture(scope="module")
+def joined(plumb: Plumb) -> Iterator[Master]:
+    """A master on the bus of the module's `plumb`."""
+    with Master(plumb) as master:
+        yield master
+
+
+@pytest.fixture
+def master(joined: Master) -> Master:
+    """The same with both nodes fresh from a reset, and no SYNC but the master's."""
+    joined.reset()
+    for node in joined.nodes:
+        joined.write(node, 0x2050, 1, 0)
+    return joined
+
+
+def until(condition: Callable[[], Any], what: str, timeout: float = 2.0) -> Any:
+    """Waits for a condition; what it was waiting for is told when it never comes."""
+    end = time.monotonic() + timeout
+    while True:
+        if found := condition():
+            return found
+        assert time.monotonic() < end, f"never came: {what}"
+        time.sleep(0.002)
+
+
+def signed(data: bytes) -> list[int]:
+    """Little-endian signed 16-bit numbers."""
+    return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data), 2)]

@@ -1,0 +1,195 @@
+"""The electronic data sheets: a tool loads them, and the device keeps what they promise (CiA 306)."""
+
+from __future__ import annotations
+
+import pathlib
+import re
+from typing import Iterator, NamedTuple
+
+import canopen
+import pytest
+from canopen.objectdictionary import ODVariable, datatypes, eds
+from master import ROOT, Master, Plumb
+
+NO_DATA = 0x0800_0024
+CHANNELS = {1: "a", 2: "b"}
+
+# What has nothing to read on a fresh node: an error that never was, a residual without a point.
+EMPTY = {(0x1003, sub) for sub in range(1, 9)} | {(0x2060, 6)}
+
+
+class Row(NamedTuple):
+    """An object as docs/objects.md has it."""
+
+    type: str
+    access: str
+    map: str
+    default: dict[int, str]
+
+
+def rows() -> dict[tuple[int, int], Row]:
+    """Every object of docs/objects.md."""
+    table = {}
+    for line in (ROOT / "docs" / "objects.md").read_text().splitlines():
+        cells = [cell.strip() for cell in line.split("|")[1:-1]]
+        if len(cells) != 12 or not re.fullmatch("[0-9A-F]{4}", cells[0]):
+            continue
+        first, _, last = cells[1].partition(" to ")
+        for sub in range(int(first, 16), int(last or first, 16) + 1):
+            default = {1: cells[9], 2: cells[10]}
+            table[int(cells[0], 16), sub] = Row(cells[3], cells[4], cells[5], default)
+    return table
+
+
+def variables(dictionary: canopen.ObjectDictionary) -> dict[tuple[int, int], ODVariable]:
+    """Every object of a data sheet, without the dummies for gaps in a PDO."""
+    found = {}
+    for index, entry in dictionary.items():
+        if index < 0x1000:
+            continue
+        parts = [entry] if isinstance(entry, ODVariable) else entry.values()
+        found.update({(index, part.subindex): part for part in parts})
+    return found
+
+
+def number(text: str, node: int) -> int:
+    """A default of the table, such as 0x180 + id."""
+    return sum(node if part == "id" else int(part, 0) for part in text.split(" + "))
+
+
+@pytest.fixture(scope="module")
+def fresh() -> Iterator[Master]:
+    """Both nodes as delivered; nothing is written to them."""
+    with Plumb() as plumb, Master(plumb) as master:
+        yield master
+
+
+@pytest.fixture(scope="module", params=CHANNELS)
+def node(request: pytest.FixtureRequest) -> int:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def sheet(fresh: Master, node: int) -> dict[tuple[int, int], ODVariable]:
+    return variables(fresh.nodes[node].object_dictionary)
+
+
+def test_sheet_and_table_have_the_same_objects(
+    sheet: dict[tuple[int, int], ODVariable],
+) -> None:
+    assert len(sheet) > 300
+    assert sheet.keys() == rows().keys()
+
+
+def test_every_type_is_the_table_s(sheet: dict[tuple[int, int], ODVariable]) -> None:
+    for at, row in rows().items():
+        assert sheet[at].data_type == getattr(datatypes, row.type), at
+
+
+def test_every_access_is_the_table_s(sheet: dict[tuple[int, int], ODVariable]) -> None:
+    for at, row in rows().items():
+        assert sheet[at].access_type == row.access, at
+
+
+def test_what_a_pdo_can_carry_is_the_table_s(
+    sheet: dict[tuple[int, int], ODVariable],
+) -> None:
+    for at, row in rows().items():
+        assert sheet[at].pdo_mappable == bool(set(row.map) & {"T", "R"}), at
+        # A PLC's tool maps by the access type: what a TPDO carries can be read, what an RPDO
+        # carries can be written.
+        assert "T" not in row.map or row.access in ("ro", "rwr", "const"), at
+        assert "R" not in row.map or row.access in ("wo", "rww"), at
+
+
+def test_every_default_is_the_table_s(
+    node: int, sheet: dict[tuple[int, int], ODVariable]
+) -> None:
+    compared = 0
+    for at, row in rows().items():
+        if row.type == "VISIBLE_STRING":
+            assert sheet[at].default == row.default[node], at
+        elif row.default[node]:
+            assert sheet[at].default == number(row.default[node], node), at
+            compared += 1
+    assert compared > 200
+
+
+def test_everything_readable_is_read_with_the_length_of_its_type(
+    fresh: Master, node: int, sheet: dict[tuple[int, int], ODVariable]
+) -> None:
+    for at, variable in sheet.items():
+        if at in EMPTY or not variable.readable:
+            continue
+        data = fresh.nodes[node].sdo.upload(*at)
+        if variable.data_type in datatypes.NUMBER_TYPES:
+            assert 8 * len(data) == len(variable), f"{at[0]:X}h sub {at[1]}"
+        else:
+            assert data, f"{at[0]:X}h sub {at[1]}"
+
+
+def test_what_is_empty_or_write_only_says_so(
+    fresh: Master, node: int, sheet: dict[tuple[int, int], ODVariable]
+) -> None:
+    for at, variable in sheet.items():
+        if at not in EMPTY and variable.readable:
+            continue
+        with pytest.raises(canopen.SdoAbortedError) as abort:
+            fresh.nodes[node].sdo.upload(*at)
+        assert abort.value.code == (NO_DATA if at in EMPTY else 0x0601_0001), at
+
+
+def test_every_default_is_what_a_fresh_node_holds(
+    fresh: Master, node: int, sheet: dict[tuple[int, int], ODVariable]
+) -> None:
+    for at, variable in sheet.items():
+        if variable.default is None:
+            continue
+        held = variable.decode_raw(fresh.nodes[node].sdo.upload(*at))
+        assert held == variable.default, f"{at[0]:X}h sub {at[1]}"
+
+
+def test_everything_read_only_refuses_a_write(
+    fresh: Master, node: int, sheet: dict[tuple[int, int], ODVariable]
+) -> None:
+    for at, variable in sheet.items():
+        if variable.writable:
+            continue
+        size = len(variable) // 8 if variable.data_type in datatypes.NUMBER_TYPES else 4
+        code = fresh.refusal(node, *at, bytes(size))
+        assert code == 0x0601_0002, f"{at[0]:X}h sub {at[1]}: {code:08X}"
+
+
+def test_the_device_information_is_the_device_s(fresh: Master, node: int) -> None:
+    about = fresh.nodes[node].object_dictionary.device_information
+    assert about.vendor_number == fresh.read(node, 0x1018, 1)
+    assert about.product_number == fresh.read(node, 0x1018, 2)
+    assert about.revision_number == fresh.read(node, 0x1018, 3)
+    assert about.LSS_supported and (about.nr_of_TXPDO, about.nr_of_RXPDO) == (4, 4)
+    assert about.allowed_baudrates == {k * 1000 for k in (10, 20, 50, 125, 250, 500, 800, 1000)}
+
+
+def test_the_configuration_files_name_node_and_bit_rate(node: int) -> None:
+    path = ROOT / "eds" / f"plumb-{CHANNELS[node]}.dcf"
+    dictionary = eds.import_eds(str(path), None)
+    assert (dictionary.node_id, dictionary.bitrate) == (node, 250_000)
+    loaded, sheet = variables(dictionary), variables(
+        canopen.import_od(str(path.with_suffix(".eds")), node)
+    )
+    assert loaded.keys() == sheet.keys()
+
+
+def test_safety_keys_are_in_the_sheet(node: int) -> None:
+    """python-canopen doesn't know them; a safety tool does (EN 50325-5)."""
+    text = pathlib.Path(ROOT / "eds" / f"plumb-{CHANNELS[node]}.eds").read_text()
+    assert re.search("^CANopenSafetySupported=1$", text, re.M)
+    slope = text.partition("[6210]")[2].partition("[")[0]
+    assert "SRDOMapping=1" in slope and "InvertedSRAD=0x621100" in slope
+
+
+def test_pdos_decode_by_the_sheet(fresh: Master, node: int) -> None:
+    """What a tool does: read the mapping from the node, then take values by name."""
+    remote = fresh.nodes[node]
+    remote.tpdo.read()
+    assert [variable.name for variable in remote.tpdo[1]] == ["Slope long16", "Slope lateral16"]
+    assert len(remote.tpdo[2]) == 6 and len(remote.tpdo[3]) == 4

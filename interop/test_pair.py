@@ -1,0 +1,262 @@
+"""The two channels together: the same instant, one judgement, and what a fault does to it."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from typing import Iterator
+
+import pytest
+from master import INVALID16, START, Master, Plumb, joined, master, signed, until
+
+AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 1, 6, 7, 8, 9
+DISAGREE_CODE = 0xFF13
+OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
+DEGREES_24 = 360 / 2**24
+
+
+@pytest.fixture(scope="module")
+def plumb() -> Iterator[Plumb]:
+    with Plumb("--speed", "5") as plumb:
+        yield plumb
+
+
+@pytest.fixture
+def pair(plumb: Plumb, master: Master) -> Iterator[Master]:
+    """Both nodes in OPERATIONAL with a SYNC every 20 ms, in agreement; whole again afterwards."""
+    begin(master)
+    yield master
+    plumb.type("heal all", "power all on", "wire all on", "bus heal", "rate 90", "level")
+    until(lambda: plumb.truth() == (0, 0), "the housing is level", 5)
+
+
+def begin(master: Master) -> None:
+    for node in (1, 2):
+        master.write(node, 0x2050, 1, 50)
+    master.nmt(START)
+    for node in (1, 2):
+        state(master, node, AGREE)
+
+
+def state(master: Master, node: int, wanted: int, timeout: float = 3.0) -> None:
+    until(lambda: master.read(node, 0x2021) == wanted, f"2021h = {wanted} of {node}", timeout)
+
+
+def emcy(master: Master, mark: int, node: int, code: int, timeout: float = 3.0) -> bytes:
+    """The first EMCY of a node with this code since the mark."""
+    wanted = code.to_bytes(2, "little")
+    found = master.next(0x80 + node, mark, timeout, lambda d: d[:2] == wanted)
+    return bytes(found.data)
+
+
+def fast_sync(master: Master, period_us: int) -> None:
+    """Node 1 produces SYNC with this period, whatever the load of this machine."""
+    master.write(1, 0x1006, 0, period_us)
+    master.write(1, 0x1005, 0, 0x4000_0080)
+
+
+def by_sync(master: Master, mark: int, identifiers: tuple[int, ...]) -> list[list[bytes]]:
+    """What each SYNC since the mark has brought, where all of it came."""
+    rounds: list[dict[int, bytes]] = []
+    for frame in master.frames[mark:]:
+        if frame.arbitration_id == 0x080:
+            rounds.append({})
+        elif rounds and frame.arbitration_id in identifiers:
+            rounds[-1][frame.arbitration_id] = bytes(frame.data)
+    return [[r[i] for i in identifiers] for r in rounds if len(r) == len(identifiers)]
+
+
+def angle(data: bytes) -> tuple[float, float]:
+    """Slope X and Y of an exchange frame, degrees."""
+    return tuple(
+        int.from_bytes(data[i : i + 3], "little", signed=True) * DEGREES_24 for i in (0, 3)
+    )
+
+
+def turn_at_80(plumb: Plumb, master: Master, goal: int) -> None:
+    """Turns the housing, and waits until all that was sent meanwhile has been received."""
+    plumb.type("rate 80", f"pitch {goal}")
+    until(lambda: plumb.truth()[1] == goal, "the end of the turn", 10)
+    # The answer comes behind everything before it, however late this machine is.
+    master.read(1, 0x1001)
+
+
+def crossing(plumb: Plumb, master: Master, goal: int) -> float:
+    """Mean of A minus B while the housing turns through the middle at 80 deg/s, degrees."""
+    mark = master.mark()
+    turn_at_80(plumb, master, goal)
+    pairs = [(angle(a)[1], angle(b)[1]) for a, b in by_sync(master, mark, (0x381, 0x382))]
+    # The ends of the turn are left out, where it speeds up and slows down.
+    turning = [(a, b) for a, b in pairs if abs(a) < 45]
+    assert len(turning) > 150, "every SYNC has brought both"
+    speed = abs(turning[-1][0] - turning[0][0]) / (len(turning) - 1) / 0.005
+    assert speed == pytest.approx(80, abs=1), "it did turn at 80 deg/s"
+    return statistics.mean(a - b for a, b in turning)
+
+
+def test_both_report_the_same_instant_while_the_housing_turns(plumb: Plumb, pair: Master) -> None:
+    """At 80 deg/s, 0.1 ms of skew between the nodes is 0.008 deg.
+
+    What differs between the channels at rest is the same when turning back, while skew has the
+    other sign then: half the difference of a turn there and one back is the skew alone. Noise
+    leaves 50 us in that, and eight of them leave 18 us in their mean.
+    """
+    plumb.turn(-60)
+    fast_sync(pair, 5000)
+    there_and_back = [
+        (crossing(plumb, pair, 60) - crossing(plumb, pair, -60)) / 2 / 80 for _ in range(8)
+    ]
+    skew = statistics.mean(there_and_back)
+    noise = statistics.stdev(there_and_back) / math.sqrt(len(there_and_back))
+    assert noise < 40e-6, f"too much noise to tell: {noise * 1e6:.0f} us"
+    assert abs(skew) < 100e-6 + 2 * noise, f"{skew * 1e6:.0f} us, noise {noise * 1e6:.0f} us"
+
+
+def test_tpdo_1_of_one_sync_agrees_during_motion(plumb: Plumb, pair: Master) -> None:
+    plumb.turn(-45)
+    fast_sync(pair, 10_000)
+    mark = pair.mark()
+    turn_at_80(plumb, pair, 45)
+    rounds = by_sync(pair, mark, (0x181, 0x182))
+    moving = [(signed(a)[1], signed(b)[1]) for a, b in rounds]
+    moving = [(a, b) for a, b in moving if abs(a) < 4000]
+    assert len(moving) > 60
+    # A node that answered with its newest sample instead would be off by up to 2.5 ms: 0.2 deg.
+    assert max(abs(a - b) for a, b in moving) <= 25
+    assert statistics.mean(abs(a - b) for a, b in moving) <= 8
+    assert [pair.read(node, 0x2021) for node in (1, 2)] == [AGREE, AGREE]
+
+
+def test_the_difference_of_2024h_is_that_of_the_two_angles(pair: Master) -> None:
+    mark = pair.mark()
+    time.sleep(0.5)
+    rounds = by_sync(pair, mark, (0x281, 0x282))
+    assert rounds
+    for a, b in rounds:
+        (one,), (other,) = signed(a[5:7]), signed(b[5:7])
+        assert one != INVALID16 and abs(one + other) < 80, "the same with the other sign"
+        assert a[0] & 0x3F == b[0] & 0x3F == 0x3F
+
+
+def test_motion_is_no_fault(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("rate 120", "vibration 20", "pitch 60", "roll 20")
+    until(lambda: plumb.truth() == (20, 60), "the pose", 5)
+    plumb.type("level")
+    until(lambda: plumb.truth() == (0, 0), "level", 5)
+    plumb.type("vibration 0")
+    assert not pair.since(mark, 0x081) and not pair.since(mark, 0x082)
+    assert [pair.read(node, 0x2021) for node in (1, 2)] == [AGREE, AGREE]
+
+
+@pytest.mark.parametrize(
+    ("fault", "codes"),
+    [("stuck", [0xFF01]), ("silent", [0xFF02, 0xFF01]), ("brown-out", [0x3200])],
+)
+def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
+    plumb: Plumb, pair: Master, fault: str, codes: list[int]
+) -> None:
+    mark = pair.mark()
+    plumb.type(f"fault b {fault}")
+    for code in codes:
+        emcy(pair, mark, 2, code)
+    emcy(pair, mark, 2, OWN_CODE)
+    emcy(pair, mark, 1, OTHER_CODE)
+    ill(pair)
+    # A part that was ill once is not believed before somebody has looked.
+    plumb.type("heal b")
+    time.sleep(0.5)
+    ill(pair)
+    recovered(pair)
+
+
+def ill(master: Master) -> None:
+    """B is ill: it says so, A says so, and A goes on measuring."""
+    assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_ILL, OTHER_ILL]
+    assert master.read(2, 0x2020) & 0x83 == 0x80, "no angle, and a latched fault"
+    assert master.read(1, 0x2020) & 0x0F == 0x03, "its own angles alone"
+    assert [master.read(node, 0x1001) & 0x81 for node in (1, 2)] == [0x81, 0x81]
+    assert master.read(2, 0x6010) == INVALID16
+
+
+def recovered(master: Master) -> None:
+    """A reset of B is enough."""
+    mark = master.mark()
+    master.reset(2)
+    master.nmt(START, 2)
+    for node in (1, 2):
+        state(master, node, AGREE)
+        until(lambda: master.read(node, 0x1001) == 0, f"no error of node {node}")
+    emcy(master, mark, 1, 0)
+
+
+def test_an_invalid_angle_is_never_sent_as_a_plausible_number(plumb: Plumb, pair: Master) -> None:
+    plumb.turn(30)
+    mark = pair.mark()
+    plumb.type("fault b silent")
+    emcy(pair, mark, 2, 0xFF01)
+    time.sleep(0.1)
+    frames = [signed(f.data) for f in pair.since(mark, 0x182)]
+    for x, y in frames:
+        assert (x, y) == (INVALID16, INVALID16) or (abs(x) < 30 and abs(y - 3000) < 30)
+    assert frames[-1] == [INVALID16, INVALID16]
+    exchange = pair.since(mark, 0x382)[-1].data
+    assert 0 < exchange[6] < 32 and 0 < exchange[7] < 32, "reasons, not qualities"
+    assert pair.read(1, 0x6820) == INVALID16
+
+
+def test_without_its_power_the_other_channel_counts_as_ill(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("power b off")
+    emcy(pair, mark, 1, OTHER_CODE)
+    emcy(pair, mark, 1, 0x8130)
+    assert pair.read(1, 0x2021) == OTHER_ILL
+    assert pair.read(1, 0x2020) & 0x3F == 0x03, "this one's angles, and no comparison"
+    assert pair.read(1, 0x6810) == INVALID16
+    plumb.type("power b on")
+    pair.next(0x702, mark, data=lambda d: d == b"\0")
+    pair.nmt(START, 2)
+    state(pair, 1, AGREE, 8)
+
+
+def test_without_any_channel_nobody_measures(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("fault a silent", "fault b silent")
+    emcy(pair, mark, 1, NONE_CODE)
+    emcy(pair, mark, 2, NONE_CODE)
+    assert [pair.read(node, 0x2021) for node in (1, 2)] == [NONE_MEASURES] * 2
+
+
+def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
+    plumb: Plumb, pair: Master
+) -> None:
+    """Level, the length of a vector says nothing about its slope, so nobody can be named."""
+    mark = pair.mark()
+    plumb.type("fault b offset 50")
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+        assert pair.read(node, 0x2021) == DISAGREE
+    plumb.type("heal b")
+    time.sleep(0.5)
+    assert pair.read(1, 0x2021) == DISAGREE, "latched until a reset"
+    pair.reset()
+    begin(pair)
+
+
+def test_the_peers_stopping_is_noticed(pair: Master) -> None:
+    mark = pair.mark()
+    pair.nmt(0x80, 2)
+    emcy(pair, mark, 1, OTHER_CODE)
+    pair.nmt(START, 2)
+    state(pair, 1, AGREE, 8)
+
+
+def test_single_lost_frames_are_no_fault(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("bus loss 0.02")
+    time.sleep(2)
+    plumb.type("bus heal")
+    codes = {bytes(f.data[:2]) for n in (0x081, 0x082) for f in pair.since(mark, n)}
+    assert OTHER_CODE.to_bytes(2, "little") not in codes
+    assert [pair.read(node, 0x2021) for node in (1, 2)] == [AGREE, AGREE]
