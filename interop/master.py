@@ -137,7 +137,7 @@ class Master(can.Listener):
         self,
         identifier: int,
         mark: int,
-        timeout: float = 2.0,
+        timeout: float = 6.0,
         data: Callable[[bytes], bool] = lambda _: True,
     ) -> can.Message:
         """The first frame with this identifier, and data that fit, since the mark."""
@@ -176,7 +176,7 @@ class Master(can.Listener):
         self.nmt(command, node)
         for id in self.nodes if node == 0 else [node]:
             self.next(0x700 + id, mark, data=lambda d: d == b"\0")
-            until(lambda: self.read(id, 0x2020) & 0x03, f"angles of node {id}", 5)
+            until(lambda: self.read(id, 0x2020) & 0x03, f"angles of node {id}", 10)
 
     def close(self) -> None:
         """Leaves the bus."""
@@ -205,7 +205,7 @@ def master(joined: Master) -> Master:
     return joined
 
 
-def until(condition: Callable[[], Any], what: str, timeout: float = 2.0) -> Any:
+def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
     """Waits for a condition; what it was waiting for is told when it never comes."""
     end = time.monotonic() + timeout
     while True:

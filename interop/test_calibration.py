@@ -8,7 +8,7 @@ from typing import Iterator
 
 import canopen
 import pytest
-from master import START, Master, Plumb, joined, master
+from master import START, Master, Plumb
 
 STORE_REFUSED, WRONG_STATE, TOO_LONG = 0x0800_0020, 0x0800_0022, 0x0607_0012
 START_X, START_Y, FINISH, ABANDON = 1, 2, 3, 4
@@ -144,7 +144,8 @@ def test_the_data_can_be_kept_and_carried_to_another_piece(delivered: Master) ->
     for data, node in ((one, 1), (other, 2)):
         assert data[:4] == b"PLMC" and int.from_bytes(data[8:12], "little") == len(data)
         # The last word is the check sum of all before it, and 2062h is that word.
-        assert zlib.crc32(data[:-4]) == int.from_bytes(data[-4:], "little") == identity(delivered, node)
+        check_sum = int.from_bytes(data[-4:], "little")
+        assert zlib.crc32(data[:-4]) == check_sum == identity(delivered, node)
     for block in (True, False):
         assert download(delivered, 1, other, block) == 0
         assert upload(delivered, 1) == other

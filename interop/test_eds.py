@@ -1,4 +1,4 @@
-"""The electronic data sheets: a tool loads them, and the device keeps what they promise (CiA 306)."""
+"""The electronic data sheets load, and the device keeps what they promise (CiA 306)."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import Iterator
 
 import canopen
 import pytest
-from master import PRE_OPERATIONAL, RESET_NODE, START, STOP, Master, Plumb, joined, master, until
+from master import PRE_OPERATIONAL, RESET_NODE, START, STOP, Master, Plumb, until
 
 TRIPPED, OVER = 0x5020, 0x0000
 DEVICE = 0x21

@@ -9,7 +9,7 @@ from typing import Iterator
 
 import can
 import pytest
-from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, joined, master, until
+from master import RESET_NODE, PRE_OPERATIONAL, START, STOP, Master, Plumb, until
 
 HEARTBEAT_LOST, OVER = 0x8130, 0x0000
 STOPPED, OPERATIONAL, PREOP = 4, 5, 127
@@ -30,6 +30,16 @@ SLCAN = free_port()
 def plumb() -> Iterator[Plumb]:
     with Plumb("--slcan", f"127.0.0.1:{SLCAN}") as plumb:
         yield plumb
+
+
+@pytest.fixture
+def master(joined: Master) -> Master:
+    """A master of both nodes, fresh from a reset; nothing here needs valid angles."""
+    mark = joined.mark()
+    joined.nmt(RESET_NODE)
+    for node in joined.nodes:
+        joined.next(0x700 + node, mark, data=lambda data: data == b"\0")
+    return joined
 
 
 @pytest.fixture
@@ -140,12 +150,13 @@ class Guard:
     """A master on the SLCAN port, since socketcand has no remote frames."""
 
     def __init__(self) -> None:
-        self.bus = can.Bus(interface="slcan", channel=f"socket://127.0.0.1:{SLCAN}")
+        channel = f"socket://127.0.0.1:{SLCAN}"
+        self.bus = can.Bus(interface="slcan", channel=channel, sleep_after_open=0)
 
     def ask(self, node: int = 1, timeout: float = 0.5) -> int | None:
         """Sends the guarding request; the answer's byte, None if there is none."""
-        while self.bus.recv(0) is not None:
-            pass
+        while self.bus.recv(0.02) is not None:
+            pass  # what is still on its way from before
         request = can.Message(
             arbitration_id=0x700 + node, is_extended_id=False, is_remote_frame=True, dlc=1
         )

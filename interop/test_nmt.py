@@ -6,7 +6,7 @@ from typing import Iterator
 
 import pytest
 from master import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, STOP
-from master import Master, Plumb, joined, master
+from master import Master, Plumb
 
 INITIALISING, STOPPED, OPERATIONAL, PREOP = 0, 4, 5, 127
 PERIOD = 20  # ms between two heartbeats
@@ -16,6 +16,16 @@ PERIOD = 20  # ms between two heartbeats
 def plumb() -> Iterator[Plumb]:
     with Plumb("--uncalibrated") as plumb:
         yield plumb
+
+
+@pytest.fixture
+def master(joined: Master) -> Master:
+    """A master of both nodes, fresh from a reset; nothing here needs valid angles."""
+    mark = joined.mark()
+    joined.nmt(RESET_NODE)
+    for node in joined.nodes:
+        joined.next(0x700 + node, mark, data=lambda data: data == b"\0")
+    return joined
 
 
 @pytest.fixture

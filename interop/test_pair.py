@@ -8,7 +8,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, START, Master, Plumb, joined, master, signed, until
+from master import INVALID16, START, Master, Plumb, signed, until
 
 AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 1, 6, 7, 8, 9
 DISAGREE_CODE = 0xFF13
@@ -39,11 +39,11 @@ def begin(master: Master) -> None:
         state(master, node, AGREE)
 
 
-def state(master: Master, node: int, wanted: int, timeout: float = 3.0) -> None:
+def state(master: Master, node: int, wanted: int, timeout: float = 8.0) -> None:
     until(lambda: master.read(node, 0x2021) == wanted, f"2021h = {wanted} of {node}", timeout)
 
 
-def emcy(master: Master, mark: int, node: int, code: int, timeout: float = 3.0) -> bytes:
+def emcy(master: Master, mark: int, node: int, code: int, timeout: float = 8.0) -> bytes:
     """The first EMCY of a node with this code since the mark."""
     wanted = code.to_bytes(2, "little")
     found = master.next(0x80 + node, mark, timeout, lambda d: d[:2] == wanted)

@@ -6,7 +6,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, INVALID32, START, Master, Plumb, joined, master, until
+from master import INVALID16, INVALID32, START, Master, Plumb, until
 
 READ_ONLY, BAD_VALUE, TOO_HIGH, TOO_LOW = 0x0601_0002, 0x0609_0030, 0x0609_0031, 0x0609_0032
 INVERTED, SCALED = 1, 2
@@ -100,7 +100,8 @@ def test_the_resolution_is_the_unit_of_everything(master: Master) -> None:
 
 def test_a_resolution_that_16_bit_cannot_hold_is_refused(master: Master) -> None:
     for bad in (0, 1, 2, 5, 20, 999, 1001, 10_000, 65_535):
-        assert master.refusal(1, 0x6000, 0, bad.to_bytes(2, "little")) in (BAD_VALUE, TOO_HIGH, TOO_LOW)
+        refused = master.refusal(1, 0x6000, 0, bad.to_bytes(2, "little"))
+        assert refused in (BAD_VALUE, TOO_HIGH, TOO_LOW), bad
         assert master.read(1, 0x6000) == 10
     assert master.refusal(1, 0x6000, 0, b"\x01\x00") == BAD_VALUE
 

@@ -6,7 +6,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, joined, master, signed, until
+from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, signed, until
 
 VALID = 0xA5
 BAD_VALUE, INCOMPATIBLE = 0x0609_0030, 0x0604_0043

@@ -7,7 +7,7 @@ from typing import Iterator
 
 import can
 import pytest
-from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, joined, master, until
+from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, until
 
 PRODUCE = 0x4000_0000
 BAD_VALUE, WRONG_STATE = 0x0609_0030, 0x0800_0022
