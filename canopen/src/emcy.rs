@@ -31,6 +31,7 @@ const GENERIC: u8 = 1;
 const OFF: u32 = 1 << 31;
 
 #[derive(Clone, Copy, Debug)]
+#[repr(align(4))]
 struct Message {
     code: u16,
     register: u8,

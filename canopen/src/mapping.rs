@@ -156,7 +156,7 @@ impl Mapping {
     /// Errors: the first limit that is broken.
     pub fn fits(&self, dictionary: &Dictionary, data: u64) -> Result<(), Abort> {
         self.each(data, |at, value| {
-            dictionary.admits(dictionary.entry(at)?, &value)
+            dictionary.admits(&dictionary.entry(at)?, &value)
         })
     }
 

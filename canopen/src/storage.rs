@@ -6,7 +6,7 @@
 //!
 //! Left out: the memory itself, which is the application's.
 
-use crate::object::{Abort, Access, Dictionary, Entry, Value};
+use crate::object::{Abort, Access, Dictionary, Entries, Entry, Value};
 
 /// "save" as it stands in 1010h, first letter in the lowest byte.
 pub const SAVE: u32 = u32::from_le_bytes(*b"save");
@@ -61,9 +61,28 @@ pub fn signed(value: &Value, signature: u32) -> Result<(), Abort> {
 }
 
 /// The rows of a group that are kept.
-pub fn rows(dictionary: &Dictionary, group: Group) -> impl Iterator<Item = &'static Entry> {
-    let kept = move |e: &&Entry| group.holds(e.index) && e.access.has(Access::STORED);
-    dictionary.entries.iter().filter(kept)
+pub fn rows(dictionary: &Dictionary, group: Group) -> Rows {
+    Rows {
+        left: dictionary.entries(),
+        group,
+    }
+}
+
+/// What [`rows`] goes through.
+#[derive(Clone, Debug)]
+pub struct Rows {
+    left: Entries,
+    group: Group,
+}
+
+impl Iterator for Rows {
+    type Item = Entry;
+
+    fn next(&mut self) -> Option<Entry> {
+        let group = self.group;
+        self.left
+            .find(|e| group.holds(e.index) && e.access.has(Access::STORED))
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! A device made of a shelf of numbers, for the tests of PDOs and SRDOs.
 
+use crate::object::packed::Packed;
 use crate::object::{
-    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Value, at,
+    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Table, Value, at,
 };
 use DataType::{Boolean, Domain, Integer16, Unsigned8, Unsigned32, Unsigned64};
 
@@ -61,6 +62,16 @@ const ROWS: [Entry; 18] = [
     row(0x6221, Integer16, SAFE_OUT),
 ];
 
+static PACKED: Packed<18, 18> = Packed::of(&ROWS);
+static TABLE: Table = Table {
+    rows: &PACKED.rows,
+    kinds: &PACKED.kinds.0,
+    forms: &PACKED.forms.0,
+    defaults: &PACKED.defaults.0,
+    limits: &[(0, 100)],
+    variants: &[],
+};
+
 /// Numbers by address; everything that is not there reads 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Shelf {
@@ -97,9 +108,7 @@ impl Shelf {
 impl Objects for Shelf {
     fn dictionary(&self) -> Dictionary {
         Dictionary {
-            entries: &ROWS,
-            limits: &[(0, 100)],
-            variants: &[],
+            table: &TABLE,
             variant: 0,
         }
     }

@@ -147,6 +147,21 @@ enum Service {
     ErrorControl,
 }
 
+/// The earliest of the instants after `now`.
+struct Next {
+    now: Instant,
+    at: Option<Instant>,
+}
+
+impl Next {
+    /// What is due already waits for the controller and needs no further call.
+    // As with `sooner`.
+    #[inline(never)]
+    fn not_after(&mut self, at: Option<Instant>) {
+        self.at = sooner(self.at, at.filter(|at| *at > self.now));
+    }
+}
+
 impl Node {
     /// A node that is not on the bus: call [`Node::start`].
     pub const fn new() -> Self {
@@ -197,8 +212,8 @@ impl Node {
                     let address = at(entry.index, sub);
                     let kept = app.stored(*group, address);
                     // A value of a former version that no longer fits is not taken.
-                    let kept = kept.filter(|v| dictionary.admits(entry, v).is_ok());
-                    let Some(value) = kept.or_else(|| dictionary.default(entry, self.node_id))
+                    let kept = kept.filter(|v| dictionary.admits(&entry, v).is_ok());
+                    let Some(value) = kept.or_else(|| dictionary.default(&entry, self.node_id))
                     else {
                         continue;
                     };
@@ -210,13 +225,24 @@ impl Node {
         }
     }
 
-    fn reset_communication<A: Application>(&mut self, app: &mut A, now: Instant) {
-        self.server.reset(&mut View {
+    /// The SDO server, and what it serves.
+    fn serving<'a, A>(&'a mut self, app: &'a mut A, now: Instant) -> (&'a mut Server, View<'a, A>) {
+        let view = View {
             communication: &mut self.communication,
             application: app,
             node_id: self.node_id,
             now,
-        });
+        };
+        (&mut self.server, view)
+    }
+
+    fn end_transfer<A: Application>(&mut self, app: &mut A, now: Instant) {
+        let (server, mut view) = self.serving(app, now);
+        server.reset(&mut view);
+    }
+
+    fn reset_communication<A: Application>(&mut self, app: &mut A, now: Instant) {
+        self.end_transfer(app, now);
         self.node_id = self.lss.take_node_id();
         self.communication.clear();
         // What the controller says of the bus holds until it says otherwise.
@@ -264,13 +290,8 @@ impl Node {
     }
 
     fn request<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
-        let mut view = View {
-            communication: &mut self.communication,
-            application: app,
-            node_id: self.node_id,
-            now,
-        };
-        self.server.request(&mut view, frame, now);
+        let (server, mut view) = self.serving(app, now);
+        server.request(&mut view, frame, now);
         self.communication.pdo.window_us = self.communication.sync.window_us();
         // A loss that is no longer supervised cannot end by itself.
         let forgotten = self.present & SUPERVISED & !self.communication.error_control.lost();
@@ -362,12 +383,7 @@ impl Node {
             self.communication.safety.start(now);
         }
         if state == State::Stopped {
-            self.server.reset(&mut View {
-                communication: &mut self.communication,
-                application: app,
-                node_id: self.node_id,
-                now,
-            });
+            self.end_transfer(app, now);
         }
         app.event(Event::State(state), now);
     }
@@ -548,29 +564,20 @@ impl Node {
         while let Some(event) = self.communication.error_control.expired(now) {
             self.control(app, event, now);
         }
-        let server = self.server.poll(
-            &mut View {
-                communication: &mut self.communication,
-                application: app,
-                node_id: self.node_id,
-                now,
-            },
-            now,
-        );
+        let (server, mut view) = self.serving(app, now);
+        let mut next = Next { now, at: None };
+        next.not_after(server.poll(&mut view, now));
         let services = &mut self.communication;
-        let register = services.emergency.register();
-        let mut mapped = Mapped {
-            application: app,
-            register,
-        };
-        // What is due already waits for the controller and needs no further call.
-        let later = |at: Option<Instant>| at.filter(|at| *at > now);
-        let mut next = sooner(later(server), later(services.error_control.poll()));
-        next = sooner(next, later(services.sync.poll(services.state)));
-        next = sooner(next, later(services.emergency.poll(services.state)));
+        next.not_after(services.error_control.poll());
+        next.not_after(services.sync.poll(services.state));
+        next.not_after(services.emergency.poll(services.state));
         if services.state.allows_pdo() {
-            next = sooner(next, later(services.pdo.poll(&mut mapped, now)));
-            next = sooner(next, later(services.safety.poll(&mut mapped, now)));
+            let mut mapped = Mapped {
+                application: app,
+                register: services.emergency.register(),
+            };
+            next.not_after(services.pdo.poll(&mut mapped, now));
+            next.not_after(services.safety.poll(&mut mapped, now));
             if let Some(srdo) = services.safety.take_lost() {
                 app.event(Event::SafetyLost(srdo), now);
             }
@@ -578,7 +585,7 @@ impl Node {
                 self.emergency(0x8250, [rpdo + 1, 0, 0, 0, 0]);
             }
         }
-        next
+        next.at
     }
 
     /// The frame to send now: of all that wait, the one with the lowest identifier.
@@ -610,13 +617,8 @@ impl Node {
     }
 
     fn response<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        let mut view = View {
-            communication: &mut self.communication,
-            application: app,
-            node_id: self.node_id,
-            now,
-        };
-        let data = self.server.transmit(&mut view, now)?;
+        let (server, mut view) = self.serving(app, now);
+        let data = server.transmit(&mut view, now)?;
         Some(Frame::data_frame(0x580 + u16::from(self.node_id), &data))
     }
 
@@ -625,32 +627,28 @@ impl Node {
         let services = &self.communication;
         let id = u16::from(self.node_id);
         let sdo = self.server.is_pending() && services.state.allows_sdo();
-        let waiting = [
-            (
-                services.sync.next_cob_id(services.state, now),
-                Service::Sync,
-            ),
-            (
-                services.emergency.next_cob_id(services.state, now),
-                Service::Emergency,
-            ),
-            (services.safety.next_cob_id(), Service::Safety),
-            (services.pdo.next_cob_id(now), Service::Pdo),
-            (sdo.then_some(0x580 + id), Service::Sdo),
-            (
-                services.error_control.is_due(now).then_some(0x700 + id),
-                Service::ErrorControl,
-            ),
-        ];
+        let error_control = services.error_control.is_due(now);
+        let mut lowest = u16::MAX;
         let mut first = None;
-        for (cob_id, service) in waiting {
-            if let Some(cob_id) = cob_id
-                && first.is_none_or(|(lowest, _)| cob_id < lowest)
-            {
-                first = Some((cob_id, service));
+        let mut waits = |cob_id: Option<u16>, service| {
+            if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < lowest) {
+                lowest = cob_id;
+                first = Some(service);
             }
-        }
-        first.map(|(_, service)| service)
+        };
+        waits(
+            services.sync.next_cob_id(services.state, now),
+            Service::Sync,
+        );
+        waits(
+            services.emergency.next_cob_id(services.state, now),
+            Service::Emergency,
+        );
+        waits(services.safety.next_cob_id(), Service::Safety);
+        waits(services.pdo.next_cob_id(now), Service::Pdo);
+        waits(sdo.then_some(0x580 + id), Service::Sdo);
+        waits(error_control.then_some(0x700 + id), Service::ErrorControl);
+        first
     }
 
     /// The boot-up message, after which the node is pre-operational, or starts itself (1F80h).

@@ -366,8 +366,8 @@ fn guarding_is_answered_with_the_state_and_a_toggle_bit() {
 #[test]
 fn every_communication_row_can_be_read() {
     let mut bench = Bench::new();
-    let rows = bench.plant.dictionary().entries;
-    for row in rows.iter().filter(|row| row.data_type.size().is_some()) {
+    let rows = bench.plant.dictionary().entries();
+    for row in rows.filter(|row| row.data_type.size().is_some()) {
         for sub in row.sub..=row.last {
             let no_error_yet = row.index == 0x1003 && sub > 0;
             let expected = if no_error_yet {

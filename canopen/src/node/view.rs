@@ -64,7 +64,7 @@ impl<A: Application> Objects for View<'_, A> {
         let dictionary = self.application.dictionary();
         let entry = dictionary.entry(at)?;
         if entry.access.has(Access::CONST)
-            && let Some(value) = dictionary.default(entry, self.node_id)
+            && let Some(value) = dictionary.default(&entry, self.node_id)
         {
             return Ok(value);
         }

@@ -17,7 +17,7 @@ mod configuration_tests;
 mod tests;
 
 use crate::frame::Frame;
-use crate::object::{Abort, Address, Dictionary, Objects, Value};
+use crate::object::{Abort, Access, Address, Dictionary, Objects, Value};
 use crate::time::{Instant, sooner};
 use rpdo::Rpdo;
 use setup::{Part, Setup};
@@ -65,10 +65,10 @@ enum Place {
 fn place(at: Address) -> Option<Place> {
     let n = usize::from(at.index & 0x1FF);
     let place = match at.index & !0x1FF {
-        0x1400 => Place::Receive(n, Part::Communication),
-        0x1600 => Place::Receive(n, Part::Mapping),
-        0x1800 => Place::Transmit(n, Part::Communication),
-        0x1A00 => Place::Transmit(n, Part::Mapping),
+        0x1400 => Place::Receive(n, Part::Communication(Access::RPDO)),
+        0x1600 => Place::Receive(n, Part::Mapping(Access::RPDO)),
+        0x1800 => Place::Transmit(n, Part::Communication(Access::TPDO)),
+        0x1A00 => Place::Transmit(n, Part::Mapping(Access::TPDO)),
         _ => return None,
     };
     (n < PDOS).then_some(place)
@@ -134,11 +134,14 @@ impl Pdos {
     ///
     /// Errors: what is wrong with the first one of them.
     pub fn check(&mut self, dictionary: &Dictionary) -> Result<(), Abort> {
-        let rx = self.rx.iter_mut().map(|pdo| &mut pdo.setup);
-        let tx = self.tx.iter_mut().map(|pdo| &mut pdo.setup);
-        rx.chain(tx)
-            .map(|setup| setup.check(dictionary))
-            .fold(Ok(()), Result::and)
+        let mut result = Ok(());
+        for pdo in &mut self.rx {
+            result = result.and(pdo.setup.check(dictionary, Access::RPDO));
+        }
+        for pdo in &mut self.tx {
+            result = result.and(pdo.setup.check(dictionary, Access::TPDO));
+        }
+        result
     }
 
     fn restart(&mut self, running: bool) {
@@ -174,10 +177,10 @@ impl Pdos {
         for (n, pdo) in self.rx.iter_mut().enumerate() {
             applied |= u8::from(pdo.sync(objects)) << n;
         }
-        let window = self.window_us;
-        let tx = self.tx.iter_mut();
-        let lost = tx.filter_map(|pdo| pdo.sync(objects, counter, window, now).then_some(()));
-        let lost = lost.count();
+        let mut lost = 0;
+        for pdo in &mut self.tx {
+            lost += usize::from(pdo.sync(objects, counter, self.window_us, now));
+        }
         self.count(lost);
         applied
     }
@@ -227,9 +230,10 @@ impl Pdos {
         if !self.running {
             return;
         }
-        let tx = self.tx.iter_mut();
-        let lost = tx.filter_map(|pdo| pdo.event(objects, now).then_some(()));
-        let lost = lost.count();
+        let mut lost = 0;
+        for pdo in &mut self.tx {
+            lost += usize::from(pdo.event(objects, now));
+        }
         self.count(lost);
     }
 

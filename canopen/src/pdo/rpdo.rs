@@ -8,7 +8,7 @@
 use super::Received;
 use super::setup::Setup;
 use crate::frame::Frame;
-use crate::object::{Access, Objects};
+use crate::object::Objects;
 use crate::time::Instant;
 
 /// An RPDO: configuration and state.
@@ -28,7 +28,7 @@ impl Rpdo {
     /// An RPDO that does not exist.
     pub const fn new() -> Self {
         Self {
-            setup: Setup::new(Access::RPDO),
+            setup: Setup::new(),
             waiting: None,
             deadline: None,
             missed: false,

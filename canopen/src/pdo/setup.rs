@@ -23,21 +23,22 @@ pub const LAST_SYNCHRONOUS: u8 = 240;
 const HIGHEST_TRANSMIT: u8 = 6;
 const HIGHEST_RECEIVE: u8 = 5;
 
-/// Which of a PDO's two objects.
+/// Which of a PDO's two objects; with it [`Access::TPDO`] or [`Access::RPDO`], the direction and
+/// what mapped objects must allow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Communication parameters, 1400h or 1800h and following.
-    Communication,
+    Communication(Access),
     /// Mapping, 1600h or 1A00h and following.
-    Mapping,
+    Mapping(Access),
 }
 
 /// The configuration of one PDO.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// [`Access::TPDO`] or [`Access::RPDO`]: what mapped objects must allow.
-    access: Access,
-    cob_id: u32,
+    /// COB-ID with bit 31 turned over. All bytes of a PDO that does not exist are 0 so, and no
+    /// picture of it has to stand in the program.
+    turned: u32,
     /// Transmission type.
     pub kind: u8,
     /// Least time between two frames, in 100 µs; RPDOs keep it without using it.
@@ -65,12 +66,11 @@ const fn transmission_type(kind: u8) -> Result<(), Abort> {
 }
 
 impl Setup {
-    /// A PDO that does not exist, for objects with this access.
-    pub const fn new(access: Access) -> Self {
+    /// A PDO that does not exist.
+    pub const fn new() -> Self {
         Self {
-            access,
-            cob_id: INVALID,
-            kind: 254,
+            turned: 0,
+            kind: 0,
             inhibit: 0,
             event_ms: 0,
             sync_start: 0,
@@ -78,19 +78,27 @@ impl Setup {
         }
     }
 
+    const fn cob_id(&self) -> u32 {
+        self.turned ^ INVALID
+    }
+
+    const fn exists(&self) -> bool {
+        self.turned & INVALID != 0
+    }
+
     /// True when it exists and maps something.
     pub const fn is_active(&self) -> bool {
-        self.cob_id & INVALID == 0 && self.mapping.count() > 0
+        self.exists() && self.mapping.count() > 0
     }
 
     /// The 11-bit identifier.
     pub const fn id(&self) -> u16 {
-        self.cob_id as u16 & 0x7FF
+        self.turned as u16 & 0x7FF
     }
 
     /// True when a remote frame may ask for it.
     pub const fn answers_remote(&self) -> bool {
-        self.cob_id & NO_REMOTE == 0
+        self.turned & NO_REMOTE == 0
     }
 
     /// True for transmission types 0 to 240.
@@ -98,29 +106,26 @@ impl Setup {
         self.kind <= LAST_SYNCHRONOUS
     }
 
-    fn transmits(&self) -> bool {
-        self.access == Access::TPDO
-    }
-
     /// A sub-index's value.
     ///
     /// Errors: [`Abort::NoSuchSubIndex`].
     pub fn read(&self, part: Part, sub: u8) -> Result<Value, Abort> {
-        if part == Part::Mapping {
+        let Part::Communication(access) = part else {
             return match sub.checked_sub(1) {
                 None => Some(Value::u8(self.mapping.count())),
                 Some(n) => self.mapping.entry(n).map(Value::u32),
             }
             .ok_or(Abort::NoSuchSubIndex);
-        }
+        };
+        let transmits = access == Access::TPDO;
         Ok(match sub {
-            0 if self.transmits() => Value::u8(HIGHEST_TRANSMIT),
+            0 if transmits => Value::u8(HIGHEST_TRANSMIT),
             0 => Value::u8(HIGHEST_RECEIVE),
-            1 => Value::u32(self.cob_id),
+            1 => Value::u32(self.cob_id()),
             2 => Value::u8(self.kind),
             3 => Value::u16(self.inhibit),
             5 => Value::u16(self.event_ms),
-            6 if self.transmits() => Value::u8(self.sync_start),
+            6 if transmits => Value::u8(self.sync_start),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -129,13 +134,13 @@ impl Setup {
     pub fn load(&mut self, part: Part, sub: u8, value: Value) -> bool {
         let number = value.unsigned() as u32;
         match (part, sub) {
-            (Part::Mapping, 0) => self.mapping.set_count(number as u8),
-            (Part::Mapping, sub) => return self.mapping.set_entry(sub.wrapping_sub(1), number),
-            (_, 1) => self.cob_id = number,
+            (Part::Mapping(_), 0) => self.mapping.set_count(number as u8),
+            (Part::Mapping(_), sub) => return self.mapping.set_entry(sub.wrapping_sub(1), number),
+            (_, 1) => self.turned = number ^ INVALID,
             (_, 2) => self.kind = number as u8,
             (_, 3) => self.inhibit = number as u16,
             (_, 5) => self.event_ms = number as u16,
-            (_, 6) if self.transmits() => self.sync_start = number as u8,
+            (Part::Communication(Access::TPDO), 6) => self.sync_start = number as u8,
             _ => return false,
         }
         true
@@ -153,8 +158,8 @@ impl Setup {
     ) -> Result<(), Abort> {
         let number = value.unsigned() as u32;
         match part {
-            Part::Mapping => self.may_map(dictionary, sub, number)?,
-            Part::Communication => self.may_set(sub, number)?,
+            Part::Mapping(access) => self.may_map(dictionary, access, sub, number)?,
+            Part::Communication(_) => self.may_set(part, sub, number)?,
         }
         if self.load(part, sub, value) {
             Ok(())
@@ -165,16 +170,22 @@ impl Setup {
 
     /// CiA 301, 7.5.2.36 and 7.5.2.38: a mapping changes while the PDO does not exist, and its
     /// entries while none of them counts.
-    fn may_map(&self, dictionary: &Dictionary, sub: u8, number: u32) -> Result<(), Abort> {
+    fn may_map(
+        &self,
+        dictionary: &Dictionary,
+        access: Access,
+        sub: u8,
+        number: u32,
+    ) -> Result<(), Abort> {
         if sub > ENTRIES {
             return Err(Abort::NoSuchSubIndex);
         }
-        if self.cob_id & INVALID == 0 {
+        if self.exists() {
             return Err(Abort::UnsupportedAccess);
         }
         if sub == 0 {
             let count = u8::try_from(number).unwrap_or(u8::MAX);
-            return self.mapping.check(dictionary, self.access, count);
+            return self.mapping.check(dictionary, access, count);
         }
         if self.mapping.count() != 0 {
             return Err(Abort::UnsupportedAccess);
@@ -182,13 +193,13 @@ impl Setup {
         if number == 0 {
             return Ok(()); // Takes an entry out, which is as good as never written.
         }
-        mapping::admits(dictionary, number, self.access)
+        mapping::admits(dictionary, number, access)
     }
 
     /// CiA 301, 7.5.2.35 and 7.5.2.37.
-    fn may_set(&self, sub: u8, number: u32) -> Result<(), Abort> {
-        let old = self.read(Part::Communication, sub)?.unsigned() as u32;
-        let exists = self.cob_id & INVALID == 0;
+    fn may_set(&self, part: Part, sub: u8, number: u32) -> Result<(), Abort> {
+        let old = self.read(part, sub)?.unsigned() as u32;
+        let exists = self.exists();
         match sub {
             0 => Err(Abort::ReadOnly),
             1 => {
@@ -206,20 +217,20 @@ impl Setup {
         }
     }
 
-    fn holds(&self, dictionary: &Dictionary) -> Result<(), Abort> {
+    fn holds(&self, dictionary: &Dictionary, access: Access) -> Result<(), Abort> {
         self.mapping
-            .check(dictionary, self.access, self.mapping.count())?;
+            .check(dictionary, access, self.mapping.count())?;
         transmission_type(self.kind)?;
-        identifier(self.cob_id)
+        identifier(self.cob_id())
     }
 
     /// Switches the PDO off, with nothing mapped, when what was loaded does not hold.
     ///
     /// Errors: what is wrong with it.
-    pub fn check(&mut self, dictionary: &Dictionary) -> Result<(), Abort> {
-        let result = self.holds(dictionary);
+    pub fn check(&mut self, dictionary: &Dictionary, access: Access) -> Result<(), Abort> {
+        let result = self.holds(dictionary, access);
         if result.is_err() {
-            self.cob_id = INVALID;
+            self.turned = 0;
             self.mapping.set_count(0);
         }
         result

@@ -8,7 +8,7 @@
 
 use super::setup::Setup;
 use crate::frame::Frame;
-use crate::object::{Access, Objects, Value};
+use crate::object::{Objects, Value};
 use crate::time::{Instant, sooner};
 
 const NEVER: Instant = Instant(u64::MAX);
@@ -43,7 +43,7 @@ impl Tpdo {
     /// A TPDO that does not exist.
     pub const fn new() -> Self {
         Self {
-            setup: Setup::new(Access::TPDO),
+            setup: Setup::new(),
             sample: None,
             waiting: None,
             due: false,

@@ -63,7 +63,7 @@ impl Server {
         let bytes = self.begin(objects, data);
         let entry = writable(objects, self.content.at())?;
         let size = (command & SIZE_INDICATED != 0).then(|| u32::from_le_bytes(bytes));
-        self.content.create(objects, entry, size)?;
+        self.content.create(objects, &entry, size)?;
         self.incoming = Incoming {
             with_crc: command & CRC != 0,
             ..Incoming::NEW

@@ -33,7 +33,7 @@ pub(super) struct Content {
 /// The row of an object that is to be written.
 ///
 /// Errors: the object does not exist, or cannot be written.
-pub(super) fn writable<O: Objects>(objects: &O, at: Address) -> Result<&'static Entry, Abort> {
+pub(super) fn writable<O: Objects>(objects: &O, at: Address) -> Result<Entry, Abort> {
     permitted(objects, at, Access::WRITE, Abort::ReadOnly)
 }
 
@@ -42,7 +42,7 @@ fn permitted<O: Objects>(
     at: Address,
     wanted: Access,
     refusal: Abort,
-) -> Result<&'static Entry, Abort> {
+) -> Result<Entry, Abort> {
     let entry = objects.dictionary().entry(at)?;
     if entry.access.has(wanted) {
         return Ok(entry);
@@ -198,7 +198,7 @@ impl Content {
         let bytes = self.bytes.get(..self.done as usize);
         let value = bytes.and_then(Value::new).ok_or(Abort::LengthTooHigh)?;
         let dictionary = objects.dictionary();
-        dictionary.admits(dictionary.entry(self.at)?, &value)?;
+        dictionary.admits(&dictionary.entry(self.at)?, &value)?;
         objects.write(self.at, value)
     }
 

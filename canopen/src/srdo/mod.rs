@@ -59,7 +59,9 @@ pub enum SrdoState {
     TimedOut,
 }
 
+// With a tag of its own, `Off` is 0.
 #[derive(Clone, Debug)]
+#[repr(u8)]
 enum Role {
     Off,
     Produce(Producer),

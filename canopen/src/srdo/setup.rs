@@ -73,13 +73,14 @@ fn together(
 }
 
 impl Setup {
-    /// An SRDO that does not exist, with the times that EN 50325-5 gives as defaults.
+    /// An SRDO that does not exist; all bytes are 0, so that no picture of it has to stand in the
+    /// program.
     pub const fn new() -> Self {
         Self {
             direction: OFF,
-            sct_ms: 25,
-            srvt_ms: 20,
-            kind: TRANSMISSION_TYPE,
+            sct_ms: 0,
+            srvt_ms: 0,
+            kind: 0,
             cob_ids: [0; 2],
             plain: Mapping::new(),
             inverted: Mapping::new(),

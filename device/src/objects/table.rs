@@ -6,7 +6,8 @@
 //!
 //! Left out: values that change.
 
-use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry};
+use canopen::object::packed::Packed;
+use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table};
 
 use super::communication::COMMUNICATION;
 use super::manufacturer::MANUFACTURER;
@@ -69,12 +70,22 @@ pub fn rows() -> &'static [Row] {
 /// The table as the stack uses it, for one channel.
 pub fn dictionary(channel: Channel) -> Dictionary {
     Dictionary {
-        entries: &ENTRIES,
-        limits: &LIMITS,
-        variants: &VARIANTS,
+        table: &TABLE,
         variant: channel as u8,
     }
 }
+
+/// A reference to it is one place in memory, since nothing in it can change.
+const TABLE: Table = Table {
+    rows: &first::<_, COUNT>(&PACKED.rows),
+    kinds: &first::<_, { PACKED.kinds.1 }>(&PACKED.kinds.0),
+    forms: &first::<_, { PACKED.forms.1 }>(&PACKED.forms.0),
+    defaults: &first::<_, { PACKED.defaults.1 }>(&PACKED.defaults.0),
+    limits: &NARROW,
+    variants: &VARIANTS,
+};
+const PACKED: Packed<COUNT, 256> = Packed::of(&ENTRIES);
+const NARROW: [(i32, u32); DISTINCT_LIMITS] = narrow();
 
 const fn count() -> usize {
     let mut sum = 0;
@@ -171,6 +182,16 @@ const fn variants() -> ([[u32; 2]; COUNT], usize) {
         i += 1;
     }
     (found, used)
+}
+
+/// The limits as the chip holds them; [`sound_limits`] sees to it that nothing is cut.
+const fn narrow() -> [(i32, u32); DISTINCT_LIMITS] {
+    let (mut narrow, mut i) = ([(0, 0); DISTINCT_LIMITS], 0);
+    while i < DISTINCT_LIMITS {
+        narrow[i] = (LIMITS[i].0 as i32, LIMITS[i].1 as u32);
+        i += 1;
+    }
+    narrow
 }
 
 const fn entries() -> [Entry; COUNT] {
@@ -290,13 +311,18 @@ const fn within(number: i64, span: (i64, i64)) -> bool {
     span.0 <= number && number <= span.1
 }
 
+/// The lowest value fits an `i32` and the highest a `u32`, as the chip holds them.
+const fn sound_limits(limits: (i64, i64)) -> bool {
+    within(limits.0, (i32::MIN as i64, i32::MAX as i64)) && within(limits.1, (0, u32::MAX as i64))
+}
+
 /// Limits lie within the type and defaults within the limits, for every node-id; a parameter that
 /// is stored has a default to go back to.
 const fn sound_values(row: &Row) -> bool {
     let whole = span(row.data_type);
-    let limits = match row.limits {
-        None => whole,
-        Some(limits) => limits,
+    let (limits, narrow) = match row.limits {
+        None => (whole, true),
+        Some(limits) => (limits, sound_limits(limits)),
     };
     let text = matches!(row.data_type, DataType::VisibleString);
     let default = match row.default {
@@ -307,7 +333,7 @@ const fn sound_values(row: &Row) -> bool {
         Default::Channel(a, b) => within(a, limits) && within(b, limits),
     };
     let ordered = limits.0 <= limits.1;
-    ordered && within(limits.0, whole) && within(limits.1, whole) && default
+    ordered && narrow && within(limits.0, whole) && within(limits.1, whole) && default
 }
 
 #[cfg(test)]

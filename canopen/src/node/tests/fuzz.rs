@@ -96,10 +96,9 @@ impl Torment {
 
     /// A row of the dictionary, or something near it.
     fn place(&self) -> (u16, u8, u8) {
-        let rows = self.bench.plant.dictionary().entries;
-        let row = self
-            .dice
-            .of(&[rows[self.dice.roll() as usize % rows.len()]]);
+        let dictionary = self.bench.plant.dictionary();
+        let n = self.dice.roll() as usize % dictionary.table.rows.len();
+        let row = dictionary.entries().nth(n).unwrap();
         let span = u64::from(row.last - row.sub) + 1;
         let stray = u8::from(self.dice.one_in(20));
         let sub = row.sub + self.dice.below(span) as u8 + stray;

@@ -38,7 +38,7 @@ fn defaults_count_from_the_reset_after_a_restore() {
     assert_eq!(bench.says(), [spoken(0x705, &[0])]);
     let dictionary = bench.plant.dictionary();
     for row in storage::rows(&dictionary, Group::Communication) {
-        let default = dictionary.default(row, ID).unwrap().unsigned() as u32;
+        let default = dictionary.default(&row, ID).unwrap().unsigned() as u32;
         for sub in row.sub..=row.last {
             assert_eq!(
                 bench.read(row.index, sub),

@@ -7,8 +7,9 @@ use std::collections::BTreeMap;
 use std::vec::Vec;
 
 use crate::node::{Application, Event};
+use crate::object::packed::Packed;
 use crate::object::{
-    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Value,
+    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Table, Value,
 };
 use crate::storage::Group;
 use crate::time::Instant;
@@ -124,7 +125,7 @@ fn srdo(lines: &mut Vec<Line>, n: u16, [direction, plain, inverted]: [u64; 3], m
     lines.push((mapping, 3, 16, Unsigned32, access, 0));
 }
 
-fn entries() -> &'static [Entry] {
+fn table() -> &'static Table {
     let mut lines = lines();
     lines.sort_by_key(|(index, sub, ..)| (*index, *sub));
     let entry = |(index, sub, last, data_type, access, default): Line| Entry {
@@ -141,12 +142,21 @@ fn entries() -> &'static [Entry] {
         },
         default: default as u32,
     };
-    Box::leak(lines.into_iter().map(entry).collect())
+    let entries: Vec<_> = lines.into_iter().map(entry).collect();
+    let packed: &Packed<200, 200> = Box::leak(Box::new(Packed::of(&entries)));
+    Box::leak(Box::new(Table {
+        rows: &packed.rows[..entries.len()],
+        kinds: &packed.kinds.0,
+        forms: &packed.forms.0,
+        defaults: &packed.defaults.0,
+        limits: &[],
+        variants: &[],
+    }))
 }
 
 /// The device.
 pub struct Plant {
-    entries: &'static [Entry],
+    table: &'static Table,
     values: BTreeMap<Key, Value>,
     stored: BTreeMap<Key, Value>,
     staged: BTreeMap<Key, Value>,
@@ -170,7 +180,7 @@ const fn key(at: Address) -> Key {
 impl Plant {
     pub fn new() -> Self {
         Self {
-            entries: entries(),
+            table: table(),
             values: BTreeMap::new(),
             stored: BTreeMap::new(),
             staged: BTreeMap::new(),
@@ -194,9 +204,7 @@ impl Plant {
 impl Objects for Plant {
     fn dictionary(&self) -> Dictionary {
         Dictionary {
-            entries: self.entries,
-            limits: &[],
-            variants: &[],
+            table: self.table,
             variant: 0,
         }
     }
@@ -207,7 +215,7 @@ impl Objects for Plant {
         }
         let dictionary = self.dictionary();
         let entry = dictionary.entry(at)?;
-        dictionary.default(entry, 0).ok_or(Abort::NoSuchObject)
+        dictionary.default(&entry, 0).ok_or(Abort::NoSuchObject)
     }
 
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {

@@ -16,8 +16,9 @@ use std::vec::Vec;
 
 use super::Server;
 use crate::frame::Frame;
+use crate::object::packed::Packed;
 use crate::object::{
-    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Value, at,
+    Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Table, Value, at,
 };
 use crate::time::Instant;
 
@@ -47,7 +48,7 @@ const fn row(at: Address, data_type: DataType, access: Access, limits: u8) -> En
     }
 }
 
-static ENTRIES: [Entry; 9] = [
+const ENTRIES: [Entry; 9] = [
     row(TYPE, DataType::Unsigned32, READ, 255),
     row(BYTE, DataType::Unsigned8, BOTH, 0),
     row(FLAG, DataType::Boolean, BOTH, 255),
@@ -58,6 +59,16 @@ static ENTRIES: [Entry; 9] = [
     row(at(0x2007, 0), DataType::Unsigned8, Access::TPDO, 255),
     row(IMAGE, DataType::Domain, BOTH, 255),
 ];
+
+static PACKED: Packed<9, 9> = Packed::of(&ENTRIES);
+static TABLE: Table = Table {
+    rows: &PACKED.rows,
+    kinds: &PACKED.kinds.0,
+    forms: &PACKED.forms.0,
+    defaults: &PACKED.defaults.0,
+    limits: &[(0, 100), (-100, 100)],
+    variants: &[],
+};
 
 /// Objects that note what is done to them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -86,9 +97,7 @@ impl Mock {
 impl Objects for Mock {
     fn dictionary(&self) -> Dictionary {
         Dictionary {
-            entries: &ENTRIES,
-            limits: &[(0, 100), (-100, 100)],
-            variants: &[],
+            table: &TABLE,
             variant: 0,
         }
     }

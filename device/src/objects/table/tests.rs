@@ -2,6 +2,7 @@
 
 extern crate std;
 
+use canopen::object::packed::{Form, Row as PackedRow};
 use canopen::object::{Abort, Address, Value, at};
 use std::collections::BTreeMap;
 use std::vec::Vec;
@@ -11,7 +12,7 @@ use super::*;
 fn default(channel: Channel, address: Address) -> i64 {
     let dictionary = dictionary(channel);
     let entry = dictionary.entry(address).unwrap();
-    let value = dictionary.default(entry, channel.node_id()).unwrap();
+    let value = dictionary.default(&entry, channel.node_id()).unwrap();
     value.number(entry.data_type)
 }
 
@@ -179,7 +180,7 @@ fn signatures_as_delivered_are_the_computed_ones() {
 #[test]
 fn limits_refuse_at_the_write() {
     let dictionary = dictionary(Channel::A);
-    let admits = |address, value| dictionary.admits(dictionary.entry(address).unwrap(), &value);
+    let admits = |address, value| dictionary.admits(&dictionary.entry(address).unwrap(), &value);
     assert_eq!(admits(at(0x2001, 0), Value::u8(0)), Err(Abort::ValueTooLow));
     assert_eq!(
         admits(at(0x2001, 0), Value::u8(128)),
@@ -217,16 +218,17 @@ fn every_twin_of_32_bit_is_stored_and_none_of_16_bit() {
 #[test]
 fn the_table_is_small() {
     let dictionary = dictionary(Channel::A);
-    let bytes = 12 * dictionary.entries.len()
-        + 16 * dictionary.limits.len()
-        + 8 * dictionary.variants.len();
-    assert!(
-        bytes < 4096,
-        "{bytes} bytes in {} rows",
-        dictionary.entries.len()
-    );
-    assert_eq!(size_of::<Entry>(), 12);
-    let strings = dictionary.entries.iter();
-    let texts = strings.filter(|e| e.data_type == DataType::VisibleString);
+    let table = dictionary.table;
+    let bytes = size_of_val(table.rows)
+        + size_of_val(table.kinds)
+        + size_of_val(table.forms)
+        + size_of_val(table.defaults)
+        + size_of_val(table.limits)
+        + size_of_val(table.variants);
+    assert!(bytes < 2304, "{bytes} bytes in {} rows", table.rows.len());
+    assert_eq!((size_of::<PackedRow>(), size_of::<Form>()), (4, 4));
+    let texts = dictionary
+        .entries()
+        .filter(|e| e.data_type == DataType::VisibleString);
     assert_eq!(texts.count(), 3);
 }
