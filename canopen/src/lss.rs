@@ -122,6 +122,11 @@ impl Lss {
         self.selected = 0;
     }
 
+    /// True when an answer waits.
+    pub const fn is_pending(&self) -> bool {
+        self.answer.is_some()
+    }
+
     /// The answer that waits.
     pub const fn transmit(&mut self) -> Option<[u8; 8]> {
         self.answer.take()

@@ -264,6 +264,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         bus.transmit(&mut panel, bus_time(now))
     }
 
+    /// The identifier of what [`Device::transmit`] would give.
+    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
+        self.bus.next_cob_id(bus_time(now))
+    }
+
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
         let part = self.node.channel.poll(&self.settings, now);

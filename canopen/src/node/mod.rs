@@ -601,7 +601,7 @@ impl Node {
         if self.communication.state == State::Initialising {
             return Some(self.boot_up(app, now));
         }
-        match self.first(now)? {
+        match self.first(now)?.1 {
             Service::Sync => self.communication.sync.transmit(now),
             Service::Emergency => self.communication.emergency.transmit(now),
             Service::Safety => self.communication.safety.transmit(now),
@@ -622,8 +622,22 @@ impl Node {
         Some(Frame::data_frame(0x580 + u16::from(self.node_id), &data))
     }
 
+    /// The identifier of what [`Node::transmit`] would give now.
+    ///
+    /// For a driver with few mailboxes: it keeps one free for what outranks all that wait there.
+    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
+        if self.lss.is_pending() {
+            return Some(crate::lss::RESPONSE);
+        }
+        match self.communication.state {
+            _ if self.node_id == UNCONFIGURED => None,
+            State::Initialising => Some(0x700 + u16::from(self.node_id)),
+            _ => self.first(now).map(|(cob_id, _)| cob_id),
+        }
+    }
+
     /// Which service holds the lowest identifier.
-    fn first(&self, now: Instant) -> Option<Service> {
+    fn first(&self, now: Instant) -> Option<(u16, Service)> {
         let services = &self.communication;
         let id = u16::from(self.node_id);
         let sdo = self.server.is_pending() && services.state.allows_sdo();
@@ -633,7 +647,7 @@ impl Node {
         let mut waits = |cob_id: Option<u16>, service| {
             if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < lowest) {
                 lowest = cob_id;
-                first = Some(service);
+                first = Some((cob_id, service));
             }
         };
         waits(

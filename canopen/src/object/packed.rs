@@ -110,7 +110,7 @@ impl<const ROWS: usize, const SHARED: usize> Packed<ROWS, SHARED> {
     /// Packs the entries. For constants: it panics, and so stops the build, when they do not fit
     /// or when a byte cannot count what they share.
     pub const fn of(entries: &[Entry]) -> Self {
-        assert!(SHARED <= 256, "a byte picks one of 256");
+        const { assert!(SHARED <= 256, "a byte picks one of 256") };
         let mut packed = Self::EMPTY;
         let mut i = 0;
         while i < entries.len() {

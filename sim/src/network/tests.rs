@@ -318,6 +318,20 @@ fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
 }
 
 #[test]
+fn a_sync_is_not_held_up_by_what_waits_behind_a_flood() {
+    let mut site = Site::working(250);
+    // Node 1 makes SYNC; everything else that it says has a higher number than the flood.
+    site.run(&mut level(), 600 * MS);
+    let flood = Frame::data_frame(0x100, &[0; 8]);
+    site.network.bus.babble(site.host, Some(flood));
+    site.run(&mut level(), 100 * MS);
+    site.trace.clear();
+    site.run(&mut level(), 1000 * MS);
+    assert_eq!(site.times_of(0x80).len(), 50);
+    assert_eq!(site.times_of(0x181).len(), 0);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bus() {
     let run = || {
         let mut site = Site::working(250);

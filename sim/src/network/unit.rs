@@ -36,8 +36,6 @@ pub struct Unit {
     next_poll: Instant,
     /// What is in the controller's mailboxes.
     mailboxes: [Option<Frame>; MAILBOXES],
-    /// A frame that must not overtake one with the same identifier.
-    held: Option<Frame>,
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
     /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
@@ -70,7 +68,6 @@ impl Unit {
             powered: false,
             next_poll: Instant(0),
             mailboxes: [None; MAILBOXES],
-            held: None,
             recover_at: None,
             switch_at: None,
             delay_ms: 0,
@@ -106,7 +103,6 @@ impl Unit {
     fn forget(&mut self, bus: &mut Bus) {
         bus.reset(self.port);
         self.mailboxes = [None; MAILBOXES];
-        self.held = None;
         self.recover_at = None;
         self.switch_at = None;
         self.search = None;
@@ -246,7 +242,6 @@ impl Unit {
         };
         if state == BusState::Off {
             self.mailboxes = [None; MAILBOXES];
-            self.held = None;
             bus.clear(self.port);
             self.recover_at = self.device.recovery(now);
         }
@@ -265,29 +260,29 @@ impl Unit {
     /// Moves frames into free mailboxes, and does what the device wishes.
     ///
     /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
-    /// two frames with one identifier never wait side by side: the order would be lost.
+    /// two frames with one identifier never wait side by side: the order would be lost. The last
+    /// free mailbox is for what outranks the others, or a SYNC would wait behind a heartbeat for
+    /// as long as somebody floods the bus with identifiers between the two.
     fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
         let now = self.now(now_ns);
         let silent = self.switch_at.is_some() || self.search.is_some();
-        while !silent && self.mailboxes.contains(&None) {
-            let Some(frame) = self.held.take().or_else(|| self.device.transmit(now)) else {
-                break;
-            };
-            let twin = self
+        while !silent && let Some(id) = self.device.next_cob_id(now) {
+            let waiting = self.mailboxes.iter().flatten().filter_map(Frame::cob_id);
+            let highest = waiting.clone().min();
+            let outranks = highest.is_none_or(|highest| id < highest);
+            let free = self
                 .mailboxes
                 .iter()
-                .flatten()
-                .any(|f| f.id() == frame.id());
-            if twin {
-                self.held = Some(frame);
+                .filter(|place| place.is_none())
+                .count();
+            if free == 0 || (free == 1 && !outranks) || waiting.clone().any(|other| other == id) {
                 break;
             }
-            match bus.offer(self.port, frame) {
-                Ok(mailbox) => self.mailboxes[mailbox.number()] = Some(frame),
-                Err(_) => {
-                    self.held = Some(frame);
-                    break;
-                }
+            let Some(frame) = self.device.transmit(now) else {
+                break;
+            };
+            if let Ok(mailbox) = bus.offer(self.port, frame) {
+                self.mailboxes[mailbox.number()] = Some(frame);
             }
         }
         // What a frame has changed may be due sooner than the deadline that was known.
