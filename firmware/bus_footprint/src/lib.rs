@@ -27,6 +27,8 @@ pub struct Entries<A> {
     pub poll: fn(&mut Node, &mut A, Instant) -> Option<Instant>,
     /// A frame to the bus.
     pub transmit: fn(&mut Node, &mut A, Instant) -> Option<Frame>,
+    /// What would come next.
+    pub next_cob_id: fn(&Node, Instant) -> Option<u16>,
     /// A frame has gone out.
     pub sent: fn(&mut Node, &mut A, &Frame, Instant),
     /// The controller's error state.
@@ -56,6 +58,7 @@ impl<A: Application> Entries<A> {
             receive: Node::receive::<A>,
             poll: Node::poll::<A>,
             transmit: Node::transmit::<A>,
+            next_cob_id: Node::next_cob_id,
             sent: Node::sent::<A>,
             bus_state: Node::bus_state::<A>,
             report: Node::report::<A>,
