@@ -120,13 +120,13 @@ impl Mapping {
         Ok(())
     }
 
-    /// True when both lists have the same lengths at the same places.
+    /// True when each entry of `other` is the twin of the one at its place here: the object with
+    /// the next index (CiA 410: 6210h and 6211h) or the next sub-index. Anything else would be
+    /// signed and sent in vain, or with the halves swapped.
     pub fn is_parallel(&self, other: &Self) -> bool {
-        self.count == other.count
-            && self
-                .used()
-                .zip(other.used())
-                .all(|(a, b)| bits(a) == bits(b))
+        let twin =
+            |plain: u32, inverted| matches!(u32::wrapping_sub(inverted, plain), 0x1_0000 | 0x100);
+        self.count == other.count && self.used().zip(other.used()).all(|(a, b)| twin(a, b))
     }
 
     /// Bytes that the mapped objects take in a frame.
@@ -209,6 +209,19 @@ mod tests {
     fn checked(entries: &[u32], access: Access) -> Result<(), Abort> {
         let dictionary = Shelf::new().dictionary();
         mapping(entries).check(&dictionary, access, entries.len() as u8)
+    }
+
+    /// Such a configuration could be signed, and sent angles with their halves swapped.
+    #[test]
+    fn swapped_or_foreign_twins_are_none() {
+        let plain = mapping(&[0x6210_0010, 0x2012_0110]);
+        assert!(plain.is_parallel(&mapping(&[0x6211_0010, 0x2012_0210])));
+        assert!(!plain.is_parallel(&mapping(&[0x6211_0010])));
+        let slope = mapping(&[0x6210_0010]);
+        for other in [0x6210_0010, 0x6221_0010, 0x6211_0008, 0x2012_0210] {
+            assert!(!slope.is_parallel(&mapping(&[other])), "{other:X}");
+        }
+        assert!(!mapping(&[0x6211_0010]).is_parallel(&slope));
     }
 
     #[test]

@@ -160,6 +160,8 @@ impl Sync {
         let number = value.unsigned() as u32;
         let refused = match at.index {
             0x1005 => self.refuse_cob_id(number),
+            // Faster than this it would take the bus, and nobody could take it back.
+            0x1006 if matches!(number, 1..1000) => Some(Abort::ValueTooLow),
             0x1019 if self.period_us != 0 => Some(Abort::WrongState),
             0x1019 if number == 1 || number > 240 => Some(Abort::InvalidValue),
             _ => None,
@@ -236,6 +238,15 @@ mod tests {
         // Three periods late: one SYNC, and no burst after it.
         assert!(sync.transmit(Instant(50_000)).is_some());
         assert_eq!(sync.poll(OP), Some(Instant(60_000)));
+    }
+
+    #[test]
+    fn a_period_that_would_take_the_whole_bus_is_refused() {
+        let mut sync = Sync::new();
+        assert_eq!(write(&mut sync, 0x1006, 1), Err(Abort::ValueTooLow));
+        assert_eq!(write(&mut sync, 0x1006, 999), Err(Abort::ValueTooLow));
+        assert_eq!(write(&mut sync, 0x1006, 1000), Ok(()));
+        assert_eq!(write(&mut sync, 0x1006, 0), Ok(()));
     }
 
     #[test]

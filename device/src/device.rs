@@ -500,10 +500,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         found.set(Fault::Storage, self.values.storage_failed);
         let fail_safe = self.values.news.fail_safe;
         found.set(Fault::FailSafe, fail_safe);
-        self.values.process.flag(
-            validity::LATCHED,
-            fail_safe || self.node.channel.fault().is_some(),
-        );
+        let latched = fail_safe
+            || self.node.channel.fault().is_some()
+            || self.judgement.is_some_and(|judgement| {
+                matches!(judgement, Judgement::Disagree | Judgement::PhysicalFault)
+            });
+        self.values.process.flag(validity::LATCHED, latched);
         self.pending = found;
     }
 

@@ -280,7 +280,7 @@ fn check(site: &mut Site) {
     assert_eq!(node.state(), site.device.values().state);
     let services = node.communication();
     let read = |index, sub| {
-        let pdo = services.pdo.read(at(index, sub));
+        let pdo = services.pdo.clone().read(at(index, sub));
         let value = pdo
             .or_else(|| services.safety.read(at(index, sub)))
             .unwrap();
@@ -467,6 +467,22 @@ fn a_safe_slope_that_overflows_has_no_value() {
     assert_eq!(site.read(at(0x6211, 0)), Some(Ok(Value::i16(!9000))));
     assert_eq!(site.write(at(0x6200, 0), Value::u16(1)), Some(Ok(())));
     assert_eq!(site.read(at(0x6210, 0)), Some(Err(0x0800_0024)));
+}
+
+/// Outside a small measuring range at a fine unit the slope stopped at 32767 and looked valid.
+#[test]
+fn a_slope_that_overflows_16_bit_is_no_number() {
+    let mut site = Site::upright(Channel::A);
+    site.measure(3000);
+    assert_eq!(site.read(at(0x6010, 0)), Some(Ok(Value::i16(9000))));
+    for (sub, bound) in [(1, -30_000), (2, 30_000), (3, -30_000), (4, 30_000)] {
+        let taken = site.write(at(0x2040, sub), Value::i32(bound));
+        assert_eq!(taken, Some(Ok(())));
+    }
+    assert_eq!(site.write(at(0x6000, 0), Value::u16(1)), Some(Ok(())));
+    let wide = site.read(at(0x6110, 0)).unwrap().unwrap().signed();
+    assert!((89_900..=90_000).contains(&wide), "{wide}");
+    assert_eq!(site.read(at(0x6010, 0)), Some(Ok(Value::i16(i16::MIN))));
 }
 
 /// A restart by 1F51h that came before its answer left the client with a time-out.

@@ -34,7 +34,7 @@ const fn run(index: u16, data_type: DataType, access: Access) -> Entry {
     }
 }
 
-const ROWS: [Entry; 18] = [
+const ROWS: [Entry; 19] = [
     row(0x2021, Unsigned8, OUT),
     row(0x2030, Unsigned32, OUT),
     row(0x2040, Unsigned64, BOTH),
@@ -47,9 +47,10 @@ const ROWS: [Entry; 18] = [
     row(0x2061, Domain, BOTH),
     row(0x2070, Integer16, SAFE),
     row(0x2071, Integer16, SAFE),
+    row(0x2072, Integer16, SAFE),
     Entry {
         limits: 0,
-        ..row(0x2072, Integer16, SAFE)
+        ..row(0x2073, Integer16, SAFE)
     },
     row(0x6010, Integer16, OUT),
     row(0x6011, Unsigned8, READ.and(Access::WRITE)),
@@ -62,7 +63,7 @@ const ROWS: [Entry; 18] = [
     row(0x6221, Integer16, SAFE_OUT),
 ];
 
-static PACKED: Packed<18, 18> = Packed::of(&ROWS);
+static PACKED: Packed<19, 19> = Packed::of(&ROWS);
 static TABLE: Table = Table {
     rows: &PACKED.rows,
     kinds: &PACKED.kinds.0,

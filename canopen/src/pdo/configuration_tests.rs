@@ -28,7 +28,7 @@ fn sub_indices_are_those_of_the_standard() {
         (0x1800, 7),
         (0x1A00, 9),
     ] {
-        let read = bench.pdo.read(at(index, sub));
+        let read = bench.pdo.clone().read(at(index, sub));
         assert_eq!(read, Some(Err(Abort::NoSuchSubIndex)));
     }
 }

@@ -95,11 +95,8 @@ impl Pdos {
 
     /// The value of 1400h to 1403h, 1600h to 1603h, 1800h to 1803h or 1A00h to 1A03h; `None` for
     /// any other index.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
-        let (setup, part) = match place(at)? {
-            Place::Receive(n, part) => (&self.rx.get(n)?.setup, part),
-            Place::Transmit(n, part) => (&self.tx.get(n)?.setup, part),
-        };
+    pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+        let (setup, part) = self.setup(at)?;
         Some(setup.read(part, at.sub))
     }
 

@@ -36,7 +36,12 @@ impl Bench {
     }
 
     pub fn read(&self, index: u16, sub: u8) -> u64 {
-        self.pdo.read(at(index, sub)).unwrap().unwrap().unsigned()
+        self.pdo
+            .clone()
+            .read(at(index, sub))
+            .unwrap()
+            .unwrap()
+            .unsigned()
     }
 
     pub fn map(&mut self, index: u16, entries: &[u32]) -> Result<(), Abort> {

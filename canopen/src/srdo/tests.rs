@@ -584,14 +584,14 @@ fn a_twin_out_of_its_range_leaves_both_objects_as_they_are() {
     bench.set_up(
         1,
         [2, 50, 20, 254, 0x103, 0x104],
-        &[0x2070_0010, 0x2072_0010],
+        &[0x2072_0010, 0x2073_0010],
     );
     bench.sign(1).unwrap();
     bench.safety.start(ms(0));
     assert_eq!(bench.hear_pair(!200, ms(1)), Some(SafetyReceived::Lost(1)));
-    assert_eq!(bench.shelf.get(0x2070, 0), 0);
+    assert_eq!(bench.shelf.get(0x2072, 0), 0);
     assert_eq!(bench.hear_pair(!100, ms(2)), Some(SafetyReceived::Taken));
-    assert_eq!(bench.shelf.get(0x2072, 0), 100);
+    assert_eq!(bench.shelf.get(0x2073, 0), 100);
 }
 
 #[test]

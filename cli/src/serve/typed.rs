@@ -16,9 +16,10 @@ const LIMIT: usize = 64;
 pub fn listen() -> Result<Receiver<String>, ServeError> {
     let (sender, lines) = sync_channel(LIMIT);
     spawn("typed", move || {
-        let read = std::io::stdin().lock().lines();
-        // Text that is not UTF-8 ends it like the end of the input.
+        // What is not UTF-8 becomes a word that nobody knows, and is named as such.
+        let read = std::io::stdin().lock().split(b'\n');
         for line in read.map_while(Result::ok) {
+            let line = String::from_utf8_lossy(&line).into_owned();
             if sender.send(line).is_err() {
                 return;
             }

@@ -88,7 +88,7 @@ pub const COMMUNICATION: &[Row] = &[
         0x1006,
         "Communication cycle period",
         Unsigned32,
-        "Time between two SYNCs of this node; 0 produces none.",
+        "Time between two SYNCs of this node; 0 produces none. Less than 1000 is refused.",
     )
     .rw()
     .stored()

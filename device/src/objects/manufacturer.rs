@@ -448,7 +448,14 @@ pub const MANUFACTURER: &[Row] = &[
         "Calibration identity",
         "Which calibration is in force.",
     ),
-    member(0x2062, 1, "Check sum", Unsigned32, "CRC-32 of 2061h."),
+    member(
+        0x2062,
+        1,
+        "Check sum",
+        Unsigned32,
+        "CRC-32 of 2061h without its last \
+         four bytes, which hold the same number.",
+    ),
     member(
         0x2062,
         2,

@@ -99,11 +99,14 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             None => {
                 let scale = self.scale(which.slope, self.resolution(device));
                 let angle = self.angle(which.slope);
-                return Ok(match angle.map(|a| slope.displayed(a, &scale)) {
-                    Some(number) => sized(number, which.wide),
-                    None if which.wide => Value::i32(i32::MIN),
-                    None => Value::i16(i16::MIN),
-                });
+                let number = angle.map(|a| slope.displayed(a, &scale));
+                if which.wide {
+                    return Ok(Value::i32(number.unwrap_or(i32::MIN)));
+                }
+                // Outside the measuring range it may not fit, and the nearest number that does
+                // would be a wrong angle.
+                let narrow = number.and_then(|n| i16::try_from(n).ok());
+                return Ok(Value::i16(narrow.unwrap_or(i16::MIN)));
             }
         };
         Ok(sized(number, which.wide))

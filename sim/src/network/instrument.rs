@@ -84,8 +84,11 @@ impl Delivered {
         let (seed, unit, mode) = (self.seed, self.unit, self.mode);
         let [a, b] = self.settings;
         let [mut for_a, mut for_b] = fittings;
-        introduce(&mut for_a.memory, for_b.node_id);
-        introduce(&mut for_b.memory, for_a.node_id);
+        let as_delivered = [Channel::A.node_id(), Channel::B.node_id()];
+        if [for_a.node_id, for_b.node_id] != as_delivered {
+            introduce(&mut for_a.memory, for_b.node_id);
+            introduce(&mut for_b.memory, for_a.node_id);
+        }
         [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, fitting)| {
             let node = channel as u32 + 1;
             let rng = Rng::stream(seed, &format!("unit {unit} node {node}"));
