@@ -170,12 +170,17 @@ class Master(can.Listener):
             return abort.code
         return 0
 
-    def reset(self, node: int = 0, command: int = RESET_NODE) -> None:
-        """Resets one node or all, and waits until they are there with valid angles."""
+    def reboot(self, node: int = 0, command: int = RESET_NODE) -> None:
+        """Resets one node or all, and waits for their boot-up; their angles come later."""
         mark = self.mark()
         self.nmt(command, node)
         for id in self.nodes if node == 0 else [node]:
             self.next(0x700 + id, mark, data=lambda d: d == b"\0")
+
+    def reset(self, node: int = 0, command: int = RESET_NODE) -> None:
+        """Resets one node or all, and waits until they are there with valid angles."""
+        self.reboot(node, command)
+        for id in self.nodes if node == 0 else [node]:
             until(lambda: self.read(id, 0x2020) & 0x03, f"angles of node {id}", 10)
 
     def close(self) -> None:

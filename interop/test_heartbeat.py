@@ -9,7 +9,7 @@ from typing import Iterator
 
 import can
 import pytest
-from master import RESET_NODE, PRE_OPERATIONAL, START, STOP, Master, Plumb, until
+from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, until
 
 HEARTBEAT_LOST, OVER = 0x8130, 0x0000
 STOPPED, OPERATIONAL, PREOP = 4, 5, 127
@@ -35,10 +35,7 @@ def plumb() -> Iterator[Plumb]:
 @pytest.fixture
 def master(joined: Master) -> Master:
     """A master of both nodes, fresh from a reset; nothing here needs valid angles."""
-    mark = joined.mark()
-    joined.nmt(RESET_NODE)
-    for node in joined.nodes:
-        joined.next(0x700 + node, mark, data=lambda data: data == b"\0")
+    joined.reboot()
     return joined
 
 

@@ -21,10 +21,7 @@ def plumb() -> Iterator[Plumb]:
 @pytest.fixture
 def master(joined: Master) -> Master:
     """A master of both nodes, fresh from a reset; nothing here needs valid angles."""
-    mark = joined.mark()
-    joined.nmt(RESET_NODE)
-    for node in joined.nodes:
-        joined.next(0x700 + node, mark, data=lambda data: data == b"\0")
+    joined.reboot()
     return joined
 
 

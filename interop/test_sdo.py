@@ -10,7 +10,7 @@ from typing import Iterator
 
 import canopen
 import pytest
-from master import RESET_NODE, START, STOP, Master, Plumb, until
+from master import START, STOP, Master, Plumb, until
 
 TOGGLE, TIMEOUT, COMMAND, BLOCK_SIZE = 0x0503_0000, 0x0504_0000, 0x0504_0001, 0x0504_0002
 SEQUENCE, CRC, MEMORY = 0x0504_0003, 0x0504_0004, 0x0504_0005
@@ -33,10 +33,7 @@ def plumb() -> Iterator[Plumb]:
 @pytest.fixture
 def master(joined: Master) -> Master:
     """A master of both nodes, fresh from a reset; nothing here needs valid angles."""
-    mark = joined.mark()
-    joined.nmt(RESET_NODE)
-    for node in joined.nodes:
-        joined.next(0x700 + node, mark, data=lambda data: data == b"\0")
+    joined.reboot()
     return joined
 
 

@@ -33,7 +33,7 @@ use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
 use crate::objects::process::{SyncSource, validity};
 use crate::objects::safety::VALID;
 use crate::objects::values::{Latched, Values};
-use crate::profile::{Range, Resolution};
+use crate::profile::Resolution;
 use crate::records::Record;
 use crate::sensor::InitError;
 
@@ -378,8 +378,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.values.news.sync = false;
         self.values.process.source = source;
         self.last_sync = now;
-        if source == SyncSource::Bus && core::mem::take(&mut self.standing_in) {
-            self.bus.stand_in_for_sync(None, bus_time(now));
+        if source == SyncSource::Bus {
+            self.end_standing_in(now);
         }
         if let Some(before) = self.values.news.unanswered.take() {
             let process = &mut self.values.process;
@@ -388,6 +388,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             if self.misses > MISSES_ALLOWED {
                 self.judge(before.reading, SILENT, before.at);
             }
+        }
+    }
+
+    fn end_standing_in(&mut self, now: Instant) {
+        if core::mem::take(&mut self.standing_in) {
+            self.bus.stand_in_for_sync(None, bus_time(now));
         }
     }
 
@@ -456,10 +462,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if self.values.state != State::Operational {
             // A node that is stopped or being set up makes no SYNC of its own accord.
             self.last_sync = now;
-            if core::mem::take(&mut self.standing_in) {
-                self.bus.stand_in_for_sync(None, bus_time(now));
-            }
-            return;
+            return self.end_standing_in(now);
         }
         let first = self.bus.node_id() < parameters.peer;
         let patience_ms = i64::from(parameters.fallback_ms) * if first { 1 } else { 2 };
@@ -484,11 +487,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let [x, y, ..] = self.values.process.slopes;
         let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
         let outside = |slope: Option<_>, low, high| {
-            let range = Range { low, high };
-            slope.is_some_and(|a| {
-                let angle = Resolution::Thousandth.units(a);
-                angle < range.low || angle > range.high
-            })
+            slope.is_some_and(|a| !(low..=high).contains(&Resolution::Thousandth.units(a)))
         };
         found.set(Fault::RangeX, outside(x, low_x, high_x));
         found.set(Fault::RangeY, outside(y, low_y, high_y));

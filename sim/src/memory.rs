@@ -21,7 +21,6 @@ pub struct Memory {
     staged: Option<(Record, Vec<u8>)>,
     program: Vec<u8>,
     incoming: Option<Vec<u8>>,
-    active: bool,
     commits: u32,
     broken: bool,
 }
@@ -45,11 +44,6 @@ impl Memory {
     /// The image that was downloaded last.
     pub fn program(&self) -> &[u8] {
         &self.program
-    }
-
-    /// True once the downloaded image has been chosen to run.
-    pub fn program_is_active(&self) -> bool {
-        self.active
     }
 
     /// Flips one bit of a committed record, as a cosmic ray or a bad cell does.
@@ -127,7 +121,6 @@ impl RecordStore for Memory {
 impl ProgramMemory for Memory {
     fn erase(&mut self) -> Result<(), ProgramError> {
         self.program.clear();
-        self.active = false;
         self.broken
             .then_some(ProgramError::Write)
             .map_or(Ok(()), Err)
@@ -163,7 +156,6 @@ impl ProgramMemory for Memory {
         if self.program.is_empty() {
             return Err(ProgramError::NoProgram);
         }
-        self.active = true;
         Ok(())
     }
 

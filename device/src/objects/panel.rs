@@ -306,9 +306,8 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
                 let reading = self.source.reading(self.settings, self.now);
                 self.values.latch(reading, self.now);
             }
-            Event::Heartbeat { node, alive } if node == self.values.parameters.peer => {
-                news.peer_alive = Some(alive);
-            }
+            // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
+            // exchange.
             Event::Heartbeat { .. } | Event::LifeGuarding { .. } => {}
             Event::Received(0) => news.exchange = true,
             Event::Received(_) => {}

@@ -39,8 +39,6 @@ pub struct News {
     pub restart: bool,
     /// LSS has activated a bit rate: rate (`None`: find it) and delay in ms.
     pub bit_rate: Option<(Option<u16>, u16)>,
-    /// A supervised node has been lost (false) or heard (true).
-    pub peer_alive: Option<bool>,
     /// A GFC, or a received SRDO that failed: the safe state until a reset.
     pub fail_safe: bool,
 }
@@ -90,7 +88,6 @@ impl Values {
                 reset: false,
                 restart: false,
                 bit_rate: None,
-                peer_alive: None,
                 fail_safe: false,
             },
             command: 0,
@@ -107,7 +104,6 @@ impl Values {
     pub fn latch(&mut self, reading: Reading, at: Instant) {
         self.process.show(&reading);
         self.process.syncs = self.process.syncs.wrapping_add(1);
-        // In paper mode readings are judged in any order; a pair is of one SYNC here.
         self.news.unanswered = self.news.own.replace(Latched { reading, at });
         self.news.exchange = false;
         self.news.sync = true;
