@@ -85,19 +85,24 @@ pub struct ErrorControl {
 }
 
 impl ErrorControl {
+    /// As [`ErrorControl::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
+    pub(crate) const NONE: Self = Self {
+        producer_ms: 0,
+        guard_ms: 0,
+        life_factor: 0,
+        consumers: [Consumer::OFF; SUPERVISED],
+        heartbeat_at: None,
+        asked: false,
+        toggle: false,
+        guarded_until: None,
+        guarding_lost: false,
+    };
+
     /// Nothing produced, nobody supervised.
+    // Within a whole node it would be cleared by a second and third form of the library's memclr.
+    #[inline(never)]
     pub const fn new() -> Self {
-        Self {
-            producer_ms: 0,
-            guard_ms: 0,
-            life_factor: 0,
-            consumers: [Consumer::OFF; SUPERVISED],
-            heartbeat_at: None,
-            asked: false,
-            toggle: false,
-            guarded_until: None,
-            guarding_lost: false,
-        }
+        Self::NONE
     }
 
     /// Boot-up has gone out: the heartbeat begins, and guarding starts with toggle 0.

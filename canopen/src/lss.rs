@@ -132,6 +132,8 @@ impl Lss {
         self.answer.take()
     }
 
+    // As with `Server::close`.
+    #[inline(never)]
     fn respond(&mut self, specifier: u8, rest: [u8; 4]) {
         let [a, b, c, d] = rest;
         self.answer = Some([specifier, a, b, c, d, 0, 0, 0]);

@@ -124,9 +124,15 @@ impl Mapping {
     /// the next index (CiA 410: 6210h and 6211h) or the next sub-index. Anything else would be
     /// signed and sent in vain, or with the halves swapped.
     pub fn is_parallel(&self, other: &Self) -> bool {
+        self.count == other.count && self.are_twins(other, self.count)
+    }
+
+    /// As [`Mapping::is_parallel`], if the first `count` entries of both counted.
+    pub(crate) fn are_twins(&self, other: &Self, count: u8) -> bool {
         let twin =
-            |plain: u32, inverted| matches!(u32::wrapping_sub(inverted, plain), 0x1_0000 | 0x100);
-        self.count == other.count && self.used().zip(other.used()).all(|(a, b)| twin(a, b))
+            |plain: u32, inverted: u32| matches!(inverted.wrapping_sub(plain), 0x1_0000 | 0x100);
+        let mut pairs = self.entries.iter().zip(&other.entries).take(count.into());
+        pairs.all(|(a, b)| twin(*a, *b))
     }
 
     /// Bytes that the mapped objects take in a frame.

@@ -11,7 +11,7 @@ pub struct Instant(pub u64);
 impl Instant {
     /// The instant `micros` later, stopping at the end of the clock.
     // A call is a third of the code on a 32-bit part, and there are dozens.
-    #[inline(never)]
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub const fn after(self, micros: u64) -> Self {
         Self(self.0.saturating_add(micros))
     }
@@ -29,7 +29,7 @@ impl Instant {
 
 /// The earlier of two deadlines, where either may be missing.
 // As with `Instant::after`.
-#[inline(never)]
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 pub fn sooner(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.min(b)),

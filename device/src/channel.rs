@@ -9,15 +9,19 @@
 //! What is found wrong is latched until [`Channel::start`], because a part that has lost its
 //! supply once is not to be believed before somebody has looked (R13, Table I).
 //!
-//! Left out: the CAN bus, which joins in `node` when the `canopen` crate comes, and naming a
-//! faulty channel by comparing signals.
+//! Between two read-backs the part is watched sample by sample: a sample that does not come is
+//! asked after at once, codes that stand still are no signal, and a temperature that jumps as no
+//! die's can takes the channel's word away, because its compensation would follow the jump.
+//!
+//! Left out: comparing one channel with the other, which is `tilt::cross_check`'s.
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use tilt::angle::Axes;
 use tilt::chain::{Chain, Invalid, Reading, State};
 use tilt::filter::Filtered;
-use tilt::sample::{Instant, Temperature};
+use tilt::health::{self, Health};
+use tilt::observation::Observation;
+use tilt::sample::{FullScale, Instant, Temperature};
 
 use crate::sensor::{Config, InitError, Lis2dw12, Register, VerifyError};
 
@@ -37,16 +41,61 @@ pub const CHECK_INTERVAL_US: i64 = 100_000;
 /// (LIS2DW12), with a margin.
 const OUTAGE_US: i64 = 75_000;
 
+/// 400 samples/s, until settings say otherwise.
+const NOMINAL_PERIOD_US: u32 = 2500;
+
+/// How often somebody has to look whether samples still come.
+const WATCH_US: i64 = 4_000;
+
+/// The die's temperature moves by less than this between two readings, 1/256 degC, ...
+const JUMP: i32 = 640;
+/// ... and by this much more for each second between them, 1/256 degC.
+const JUMP_PER_S: i64 = 128;
+
+/// Readings of the temperature in a row that jump before the thermometer is not believed.
+const JUMPS: u8 = 3;
+
+/// The last temperature that was believed, when, and how many readings have jumped since.
+#[derive(Clone, Copy, Debug)]
+struct Thermometer {
+    believed: Option<Temperature>,
+    at: Instant,
+    jumps: u8,
+}
+
+impl Thermometer {
+    const fn new(at: Instant) -> Self {
+        Self {
+            believed: None,
+            at,
+            jumps: 0,
+        }
+    }
+
+    /// True when a die's temperature can have come to this by `now`.
+    fn believes(&self, reading: Temperature, now: Instant) -> bool {
+        let pause_us = now.micros_since(self.at).clamp(0, 1_000_000_000);
+        let allowed = i64::from(JUMP) + pause_us * JUMP_PER_S / 1_000_000;
+        self.believed
+            .is_none_or(|last| i64::from(reading.0.abs_diff(last.0)) <= allowed)
+    }
+}
+
 /// One channel's state.
 #[derive(Debug)]
 pub struct Channel<SPI> {
     part: Lis2dw12<SPI>,
     state: State,
+    health: Health,
+    watch: health::State,
+    thermometer: Thermometer,
+    /// A sample is overdue and the part does not answer as itself.
+    lost: bool,
     fault: Option<Invalid>,
     next_check: Instant,
     samples: u32,
-    /// The last read-back found another name than the part's.
-    nameless: bool,
+    /// Since when read-backs have found another name than the part's.
+    nameless: Option<Instant>,
 }
 
 impl<SPI: SpiDevice> Channel<SPI> {
@@ -55,10 +104,14 @@ impl<SPI: SpiDevice> Channel<SPI> {
         Self {
             part: Lis2dw12::new(spi),
             state: State::default(),
+            health: Health::new(0, FullScale::G2, NOMINAL_PERIOD_US),
+            watch: health::State::default(),
+            thermometer: Thermometer::new(Instant(0)),
+            lost: false,
             fault: Some(Invalid::NoSample),
             next_check: Instant(0),
             samples: 0,
-            nameless: false,
+            nameless: None,
         }
     }
 
@@ -72,10 +125,17 @@ impl<SPI: SpiDevice> Channel<SPI> {
         delay: &mut D,
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
+        let chain = &settings.chain;
+        let noise = chain.calibration.budget.noise;
         self.state = State::default();
+        self.health = Health::new(noise, chain.full_scale, chain.period_us);
+        self.watch = health::State::default();
+        self.thermometer = Thermometer::new(now);
+        self.lost = false;
         self.samples = 0;
-        self.nameless = false;
-        self.next_check = now;
+        self.nameless = None;
+        // The part has no temperature before its first conversion, and says 25 degC until then.
+        self.next_check = now.offset(CHECK_INTERVAL_US);
         self.fault = Some(Invalid::Bus);
         self.part.init(&settings.part, delay)?;
         self.fault = None;
@@ -87,6 +147,11 @@ impl<SPI: SpiDevice> Channel<SPI> {
         match self.part.read() {
             Ok(Some(sample)) => {
                 self.samples = self.samples.wrapping_add(1);
+                self.lost = false;
+                if self.age_us(captured) > 3 * i64::from(settings.chain.period_us) / 2 {
+                    self.health.restart(&mut self.watch);
+                }
+                self.health.sample(&mut self.watch, sample.counts);
                 settings
                     .chain
                     .sample(&mut self.state, sample.counts, captured);
@@ -97,37 +162,63 @@ impl<SPI: SpiDevice> Channel<SPI> {
         }
     }
 
-    /// Housekeeping that is due at `now`; returns when to call again.
-    pub fn poll(&mut self, settings: &Settings, now: Instant) -> Instant {
-        if now < self.next_check {
-            return self.next_check;
-        }
-        self.next_check = now.offset(CHECK_INTERVAL_US);
-        if self.fault.is_none() {
-            self.check(settings, now);
-        }
-        self.next_check
+    /// Time from the newest sample to `now`, us; 0 before the first.
+    fn age_us(&self, now: Instant) -> i64 {
+        let newest = self.state.filtered();
+        newest.map_or(0, |(_, at)| now.micros_since(at))
     }
 
-    fn check(&mut self, settings: &Settings, now: Instant) {
+    /// Housekeeping that is due at `now`; returns when to call again.
+    pub fn poll(&mut self, settings: &Settings, now: Instant) -> Instant {
+        let overdue = 2 * self.age_us(now) > 3 * i64::from(settings.chain.period_us);
+        if (now >= self.next_check || overdue) && self.fault.is_none() {
+            self.check(settings, now, overdue);
+        }
+        if now >= self.next_check {
+            self.next_check = now.offset(CHECK_INTERVAL_US);
+        }
+        let watch_us = WATCH_US.max(i64::from(settings.chain.period_us));
+        self.next_check.min(now.offset(watch_us))
+    }
+
+    fn check(&mut self, settings: &Settings, now: Instant, overdue: bool) {
         match self.part.verify() {
-            Ok(_) => self.nameless = false,
+            Ok(_) => self.nameless = None,
             Err(VerifyError::Bus(_)) => return self.latch(Invalid::Bus),
             // A part in a brown-out does not answer until it has booted, so its name is asked for
-            // once more before the bus is blamed.
-            Err(VerifyError::Mismatch(m)) if m.register == Register::WhoAmI && !self.nameless => {
-                self.nameless = true;
-                self.next_check = now.offset(OUTAGE_US);
-                return;
-            }
+            // again before the bus is blamed. Meanwhile its samples are missed.
             Err(VerifyError::Mismatch(m)) if m.register == Register::WhoAmI => {
-                return self.latch(Invalid::Bus);
+                self.lost |= overdue;
+                let again = self.nameless.get_or_insert(now).offset(OUTAGE_US);
+                if now >= again {
+                    return self.latch(Invalid::Bus);
+                }
+                self.next_check = again;
+                return;
             }
             Err(VerifyError::Mismatch(_)) => return self.latch(Invalid::PartReset),
         }
-        match self.part.read_temperature() {
-            Ok(temperature) => settings.chain.temperature(&mut self.state, temperature),
-            Err(_) => self.latch(Invalid::Bus),
+        // A part that has stopped converting shows a temperature of nobody knows when.
+        if now >= self.next_check && !overdue && self.samples > 0 {
+            match self.part.read_temperature() {
+                Ok(temperature) => self.take_temperature(settings, temperature, now),
+                Err(_) => self.latch(Invalid::Bus),
+            }
+        }
+    }
+
+    /// A temperature that jumps is not used; one that stays where it jumped is a fault.
+    fn take_temperature(&mut self, settings: &Settings, reading: Temperature, now: Instant) {
+        if self.thermometer.believes(reading, now) {
+            self.thermometer = Thermometer {
+                believed: Some(reading),
+                ..Thermometer::new(now)
+            };
+            return settings.chain.temperature(&mut self.state, reading);
+        }
+        self.thermometer.jumps = self.thermometer.jumps.saturating_add(1);
+        if self.thermometer.jumps >= JUMPS {
+            self.latch(Invalid::Thermometer);
         }
     }
 
@@ -136,15 +227,38 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.fault.get_or_insert(reason);
     }
 
+    /// Why there is nothing to say, when that is not the chain's business.
+    pub fn reason(&self) -> Option<Invalid> {
+        let lost = self.lost.then_some(Invalid::Stale);
+        let stuck = || self.health.stuck(&self.watch).then_some(Invalid::Stuck);
+        self.fault.or(lost).or_else(stuck)
+    }
+
     /// What the channel says at `now`.
     pub fn reading(&self, settings: &Settings, now: Instant) -> Reading {
-        match self.fault {
-            Some(reason) => Axes {
-                x: Err(reason),
-                y: Err(reason),
-            },
+        match self.reason() {
+            Some(reason) => Observation::absent(reason).reading,
             None => settings.chain.reading(&self.state, now),
         }
+    }
+
+    /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
+    pub fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+        let activity = self.health.take_activity(&mut self.watch);
+        let (reading, vector) = match self.reason() {
+            Some(reason) => (Observation::absent(reason).reading, None),
+            None => settings.chain.reading_and_vector(&self.state, now),
+        };
+        Observation {
+            reading,
+            vector,
+            activity,
+        }
+    }
+
+    /// Takes the channel's word away until it is started: something beside the part is wrong.
+    pub fn condemn(&mut self, reason: Invalid) {
+        self.latch(reason);
     }
 
     /// The newest filtered acceleration and its time: what a calibration memorises (R5).

@@ -5,37 +5,40 @@
 //!
 //! At each SYNC the channel's reading for that very instant is latched before any PDO is made
 //! (R11, erratum E11), goes to the peer, and waits for the peer's reading of the same SYNC; then
-//! the pair is judged (R12, R13). A peer that misses a few SYNCs is waited for; one that stays
-//! silent counts as a channel without samples.
+//! the pair is judged (R12, R13; `pair`). What follows from a judgement, faults, EMCY, the fault
+//! log and the consent to safety frames, is in `report`.
 //!
 //! Left out: the board, flash, and the time that the sensor's set-up takes, which is the
 //! caller's to pass.
 
+mod pair;
+mod report;
+
 use canopen::Frame;
 use canopen::Instant as BusInstant;
-use canopen::nmt::State;
 use canopen::node::{BusState, Node as BusNode};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use tilt::angle::Axes;
-use tilt::chain::{Invalid, Reading};
-use tilt::cross_check::{CrossCheck, Judgement, Verdict};
+use tilt::chain::Reading;
+use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
+use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
-use crate::calibration::encoding::decode_into;
+use crate::black_box::BlackBox;
+use crate::calibration::encoding::{decode_into, identity};
 use crate::calibration::motor::{Motor, Terms};
 use crate::channel::{Channel, Settings};
-use crate::exchange;
-use crate::fault::{Fault, Faults};
+use crate::fault::Faults;
+use crate::fault_log::FaultLog;
 use crate::node::Node;
 use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
-use crate::objects::process::{SyncSource, validity};
-use crate::objects::safety::VALID;
-use crate::objects::values::{Latched, Values};
-use crate::profile::Resolution;
+use crate::objects::process::SyncSource;
+use crate::objects::values::Values;
 use crate::records::Record;
 use crate::sensor::InitError;
+
+use pair::Pair;
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -59,6 +62,8 @@ pub struct Factory {
 pub enum Wish {
     /// Start the device anew.
     Reset,
+    /// Set the sensor up anew: [`Device::restart_sensor`].
+    Sensor,
     /// Be silent for the delay, change the bit rate, be silent for the delay again (CiA 305).
     BitRate {
         /// The rate; `None`: find it.
@@ -71,19 +76,8 @@ pub enum Wish {
 /// Time between two looks at everything that moves without a SYNC.
 pub const REFRESH_US: i64 = 10_000;
 
-/// SYNCs in a row that may pass without the peer's reading before it counts as silent.
-const MISSES_ALLOWED: u8 = 5;
-
 /// The SDO server answers with this identifier and the node-id (1200h sub 2).
 const SDO_ANSWER: u16 = 0x580;
-
-/// How long a judgement is shown once no new one comes.
-const JUDGED_FOR_US: i64 = 1_000_000;
-
-/// Outside these the part is not specified (DS11811, table 4), in 1/256 degC.
-const COLDEST: i32 = -40 * 256;
-/// See [`COLDEST`].
-const HOTTEST: i32 = 85 * 256;
 
 /// A device: its state.
 #[derive(Debug)]
@@ -98,9 +92,15 @@ pub struct Device<SPI, M> {
     faults: Faults,
     /// What was found wrong at the last look, reported or not.
     pending: Faults,
-    judgement: Option<Judgement>,
-    judged_at: Instant,
-    misses: u8,
+    pair: Pair,
+    log: FaultLog,
+    black_box: BlackBox,
+    /// When the code was started: the log's time begins here.
+    started: Instant,
+    /// When the sensor was last seen sound, for setting it up anew.
+    sensor_sound: Instant,
+    /// When the calibration in force is next compared with what came into force.
+    next_sum: Instant,
     last_sync: Instant,
     standing_in: bool,
     record_damaged: bool,
@@ -111,6 +111,10 @@ pub struct Device<SPI, M> {
 impl<SPI: SpiDevice> Source for Channel<SPI> {
     fn reading(&self, settings: &Settings, now: Instant) -> Reading {
         self.reading(settings, now)
+    }
+
+    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+        self.observe(settings, now)
     }
 
     fn filtered(&self) -> Option<Filtered> {
@@ -125,12 +129,6 @@ impl<SPI: SpiDevice> Source for Channel<SPI> {
 const fn bus_time(now: Instant) -> BusInstant {
     BusInstant(now.0)
 }
-
-/// A reading of a channel that says nothing.
-const SILENT: Reading = Axes {
-    x: Err(Invalid::Stale),
-    y: Err(Invalid::Stale),
-};
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A device that has not been started.
@@ -151,9 +149,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             factory,
             faults: Faults::default(),
             pending: Faults::default(),
-            judgement: None,
-            judged_at: Instant(0),
-            misses: 0,
+            pair: Pair::new(),
+            log: FaultLog::new(),
+            black_box: BlackBox::new(),
+            started: Instant(0),
+            sensor_sound: Instant(0),
+            next_sum: Instant(0),
             last_sync: Instant(0),
             standing_in: false,
             record_damaged: false,
@@ -168,12 +169,21 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             values: &mut self.values,
             settings: &mut self.settings,
             memory: &mut self.memory,
-            source: &self.node.channel,
+            source: &mut self.node.channel,
             work: &mut self.work,
+            log: &mut self.log,
+            black_box: &mut self.black_box,
             identity: self.factory.identity,
             now,
         };
         (&mut self.bus, panel)
+    }
+
+    /// The supply was gone: the fault log and the black box are empty. A reset leaves them alone,
+    /// because whoever resets a machine that has stopped wants to know why it did.
+    pub fn power_lost(&mut self) {
+        self.log.clear();
+        self.black_box.clear();
     }
 
     /// First half of a start or reset: the stored calibration, then the part's set-up.
@@ -188,12 +198,26 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.values = Values::new();
         self.faults = Faults::default();
         self.pending = Faults::default();
-        self.judgement = None;
-        self.misses = 0;
+        self.pair = Pair::new();
         self.standing_in = false;
         self.work.motor = Motor::new();
         self.recall_calibration();
+        self.remember_calibration();
+        self.sensor_sound = now;
         self.node.start(&self.settings, delay, now)
+    }
+
+    /// Sets the sensor up anew while the bus goes on: what [`Wish::Sensor`] asks for.
+    ///
+    /// Takes about 20 ms of `delay`. Errors: see [`Channel::start`]; the channel then keeps its
+    /// reason, and is tried again later.
+    pub fn restart_sensor<D: DelayNs>(
+        &mut self,
+        delay: &mut D,
+        now: Instant,
+    ) -> Result<(), InitError<SPI::Error>> {
+        self.sensor_sound = now;
+        self.node.channel.start(&self.settings, delay, now)
     }
 
     /// The calibration in memory, or the factory's where there is none or it is damaged.
@@ -216,17 +240,24 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.record_damaged = understood.is_err();
     }
 
+    /// Remembers what the calibration in force looks like, to see it change by itself.
+    fn remember_calibration(&mut self) {
+        self.values.calibration_sum = identity(&self.settings.chain.calibration);
+    }
+
     /// Second half of a start: everything stored comes back, and boot-up is due.
     pub fn start_bus(&mut self, now: Instant) {
         let (node_id, rate) = stored_lss(&self.memory);
         self.values.bit_rate = rate.unwrap_or(self.factory.kbit_s);
         let node_id = node_id.unwrap_or(self.factory.node_id);
         self.last_sync = now;
-        self.judged_at = now;
+        self.started = now;
+        self.next_sum = now;
         self.next_refresh = now;
         self.next = now;
         let (bus, mut panel) = self.split(now);
         bus.start(&mut panel, node_id, bus_time(now));
+        self.choose_check();
     }
 
     /// The part has raised data-ready at `captured`.
@@ -236,6 +267,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// A frame has ended on the bus at `now`.
     pub fn receive(&mut self, frame: &Frame, now: Instant) {
+        self.watch_peer(frame);
         let (bus, mut panel) = self.split(now);
         bus.receive(&mut panel, frame, bus_time(now));
         if self.values.news.sync {
@@ -250,6 +282,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let news = &mut self.values.news;
             news.reset |= core::mem::take(&mut news.restart);
         }
+        self.pair.gone(frame.cob_id());
         let (bus, mut panel) = self.split(now);
         bus.sent(&mut panel, frame, bus_time(now));
         if self.values.news.sync {
@@ -261,7 +294,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The next frame to hand to the controller; call it when there is room for one.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        bus.transmit(&mut panel, bus_time(now))
+        let frame = bus.transmit(&mut panel, bus_time(now));
+        self.pair.hand_over(frame.as_ref().and_then(Frame::cob_id));
+        frame
     }
 
     /// The identifier of what [`Device::transmit`] would give.
@@ -272,6 +307,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
         let part = self.node.channel.poll(&self.settings, now);
+        self.watch_own(now);
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
@@ -299,6 +335,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         };
         if code == 2 && shown.state != 2 {
             shown.bus_offs = shown.bus_offs.saturating_add(1);
+        }
+        if code == 2 {
+            // Whatever waited in the controller is gone.
+            self.pair.forget_sending();
         }
         shown.state = code;
         shown.transmit_errors = transmit;
@@ -337,6 +377,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if core::mem::take(&mut news.reset) {
             return Some(Wish::Reset);
         }
+        if core::mem::take(&mut news.sensor) {
+            return Some(Wish::Sensor);
+        }
         let (kbit_s, delay_ms) = news.bit_rate.take()?;
         Some(Wish::BitRate { kbit_s, delay_ms })
     }
@@ -361,6 +404,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         &self.settings
     }
 
+    /// The settings in force, for fault injection and tests: nothing else may change them.
+    pub const fn settings_mut(&mut self) -> &mut Settings {
+        &mut self.settings
+    }
+
     /// The memory.
     pub const fn memory(&mut self) -> &mut M {
         &mut self.memory
@@ -369,183 +417,5 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Faults that stand.
     pub const fn faults(&self) -> Faults {
         self.faults
-    }
-}
-
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
-    /// A SYNC was obeyed, from `source`.
-    fn synchronised(&mut self, source: SyncSource, now: Instant) {
-        self.values.news.sync = false;
-        self.values.process.source = source;
-        self.last_sync = now;
-        if source == SyncSource::Bus {
-            self.end_standing_in(now);
-        }
-        if let Some(before) = self.values.news.unanswered.take() {
-            let process = &mut self.values.process;
-            process.missed = process.missed.saturating_add(1);
-            self.misses = self.misses.saturating_add(1);
-            if self.misses > MISSES_ALLOWED {
-                self.judge(before.reading, SILENT, before.at);
-            }
-        }
-    }
-
-    fn end_standing_in(&mut self, now: Instant) {
-        if core::mem::take(&mut self.standing_in) {
-            self.bus.stand_in_for_sync(None, bus_time(now));
-        }
-    }
-
-    /// What every call ends with.
-    fn after(&mut self, now: Instant) {
-        // Whatever has happened may be due sooner than what was known.
-        self.next = now;
-        if core::mem::take(&mut self.values.news.exchange) {
-            self.answered(now);
-        }
-        self.report(now);
-    }
-
-    /// The peer's exchange has come: the pair is whole.
-    fn answered(&mut self, now: Instant) {
-        self.misses = 0;
-        // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
-        let own = self.values.news.own.take().unwrap_or_else(|| Latched {
-            reading: self.node.reading(&self.settings, now),
-            at: now,
-        });
-        let process = &self.values.process;
-        let latency_us = process.latency_us;
-        let at = own.at.offset(-i64::from(latency_us));
-        let peer = exchange::decode(process.received, at, latency_us);
-        self.judge(own.reading, peer, own.at);
-    }
-
-    fn judge(&mut self, own: Reading, peer: Reading, at: Instant) {
-        let verdict: Verdict = self.node.judge(own, peer, at);
-        self.values.process.judge(&verdict);
-        self.judgement = Some(verdict.judgement());
-        self.judged_at = at;
-    }
-
-    /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
-    fn refresh(&mut self, now: Instant) {
-        let reading = self.node.reading(&self.settings, now);
-        let channel = &self.node.channel;
-        let process = &mut self.values.process;
-        process.show(&reading);
-        process.samples = channel.samples();
-        process.period_q8 = channel.period_q8();
-        if let Some((filtered, _)) = channel.filtered() {
-            process.filtered = filtered.accel;
-        }
-        if let Some(t) = channel.temperature() {
-            process.temperature_c = (t.0.saturating_add(128) >> 8).clamp(-128, 127) as i8;
-        }
-        process.bus.overruns = self.bus.overruns();
-        process.flag(validity::CALIBRATED, self.values.calibrated);
-        if now.micros_since(self.judged_at) > JUDGED_FOR_US {
-            process.not_judged();
-            // What was found stays found until a judgement takes it back or a reset does.
-            self.judgement = self.judgement.filter(|judgement| judgement.is_fault());
-        }
-        self.look_for_sync(now);
-        self.find_faults(&reading);
-        let (bus, mut panel) = self.split(now);
-        bus.data_changed(&mut panel, bus_time(now));
-    }
-
-    /// With no SYNC on the bus the lower node-id makes it, the other one if that fails (2050h).
-    fn look_for_sync(&mut self, now: Instant) {
-        let parameters = &self.values.parameters;
-        if self.values.state != State::Operational {
-            // A node that is stopped or being set up makes no SYNC of its own accord.
-            self.last_sync = now;
-            return self.end_standing_in(now);
-        }
-        let first = self.bus.node_id() < parameters.peer;
-        let patience_ms = i64::from(parameters.fallback_ms) * if first { 1 } else { 2 };
-        let silent_us = now.micros_since(self.last_sync);
-        if patience_ms == 0 || silent_us <= patience_ms * 1000 {
-            return;
-        }
-        self.values.process.source = SyncSource::None;
-        if !self.standing_in {
-            self.standing_in = true;
-            let period_us = Some(parameters.fallback_period_us);
-            self.bus.stand_in_for_sync(period_us, bus_time(now));
-        }
-    }
-
-    fn find_faults(&mut self, reading: &Reading) {
-        let mut found = Faults::default();
-        found.of_reading(reading);
-        if let Some(judgement) = self.judgement {
-            found.of_judgement(judgement);
-        }
-        let [x, y, ..] = self.values.process.slopes;
-        let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
-        let outside = |slope: Option<_>, low, high| {
-            slope.is_some_and(|a| !(low..=high).contains(&Resolution::Thousandth.units(a)))
-        };
-        found.set(Fault::RangeX, outside(x, low_x, high_x));
-        found.set(Fault::RangeY, outside(y, low_y, high_y));
-        let temperature = self.node.channel.temperature();
-        let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
-        found.set(Fault::Temperature, beyond);
-        found.set(Fault::NotCalibrated, !self.values.calibrated);
-        found.set(Fault::CalibrationRecord, self.record_damaged);
-        found.set(Fault::Storage, self.values.storage_failed);
-        let fail_safe = self.values.news.fail_safe;
-        found.set(Fault::FailSafe, fail_safe);
-        let latched = fail_safe
-            || self.node.channel.fault().is_some()
-            || self.judgement.is_some_and(|judgement| {
-                matches!(judgement, Judgement::Disagree | Judgement::PhysicalFault)
-            });
-        self.values.process.flag(validity::LATCHED, latched);
-        self.pending = found;
-    }
-
-    /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs.
-    fn report(&mut self, now: Instant) {
-        let (before, found) = (self.faults, self.pending);
-        if before != found {
-            self.faults = found;
-            for fault in found.new_since(before).iter() {
-                let (code, _, _) = fault.report();
-                self.tell(Some(code), found, now);
-            }
-            if !before.new_since(found).is_empty() {
-                self.tell(None, found, now);
-            }
-        }
-        let consent = self.consents();
-        self.bus.consent_to_safety(consent);
-    }
-
-    /// EMCY with the set of faults in its bytes 3 to 6 and the state of the pair in byte 7.
-    fn tell(&mut self, code: Option<u16>, found: Faults, now: Instant) {
-        let [a, b, c, d] = found.bits().to_le_bytes();
-        let detail = [a, b, c, d, self.values.process.state];
-        let bits = found.register();
-        let (bus, mut panel) = self.split(now);
-        match code {
-            Some(code) => bus.report(&mut panel, code, bits, detail, bus_time(now)),
-            None => bus.cleared(bits, detail),
-        }
-    }
-
-    /// A safety frame is sent only of an angle that is valid, checked and configured as signed.
-    fn consents(&self) -> bool {
-        let process = &self.values.process;
-        let valid = process.validity & validity::OWN != 0;
-        let judged = matches!(
-            self.judgement,
-            Some(Judgement::Agree | Judgement::DataDelay)
-        );
-        let sound = !self.faults.iter().any(Fault::forbids_safety);
-        valid && judged && sound && self.values.parameters.safety_valid == VALID
     }
 }

@@ -1,8 +1,9 @@
-//! What one node tells the other at each SYNC: two angles and what each of them is worth.
+//! What one node tells the other at each SYNC, in two PDOs of eight bytes.
 //!
-//! In: a [`Reading`]. Out: an [`Exchange`], eight bytes on the bus (two angles of 24 bits and two
-//! quality bytes), and from it the peer's reading again. An angle step is 2^-24 of a circle,
-//! 2.15e-5 deg, which no channel resolves.
+//! In: an [`Observation`]. Out: an [`Exchange`], and from it the peer's observation again.
+//!
+//! The first PDO carries two angles of 24 bits and two quality bytes. An angle step is 2^-24 of a
+//! circle, 2.15e-5 deg, which no channel resolves.
 //!
 //! | quality | meaning |
 //! |---|---|
@@ -16,20 +17,83 @@
 //! channels never gets tighter by the bus than it is by the signals. The top code stays an angle:
 //! a vague one accuses nobody, where a reason would.
 //!
-//! Left out: the PDO that carries it, and its age.
+//! The second PDO carries what is behind the angles: the calibrated acceleration in steps of
+//! 2^-13 g (0.12 mg, +-4 g), the instant of its SYNC in steps of 2 ms of the sender's clock (the
+//! low byte), and the energy above 150 Hz ([`Activity`]).
+//!
+//! Left out: the PDOs themselves, and what the instant says about their age (`peer_clock`).
 
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::health::Activity;
+use tilt::observation::Observation;
 use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
+use tilt::vector::Corrected;
+
+use crate::peer_clock::low_steps;
 
 /// What travels from node to node.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exchange {
     /// Angle X and Y in 2^-24 of a circle, -2^23 to 2^23 - 1; 0 where there is none.
     pub angle: [i32; 2],
     /// What each is worth; see the table above. The default, 0, is "nothing said yet".
     pub quality: [u8; 2],
+    /// The acceleration along the housing's axes, 2^-13 g; [`NO_VECTOR`] where there is none.
+    pub vector: [i16; 3],
+    /// The instant of the SYNC, 2 ms of the sender's clock, the low byte.
+    pub captured: u8,
+    /// Energy above 150 Hz, as [`Activity`] counts it.
+    pub activity: u8,
+}
+
+/// In place of an acceleration that there is not.
+pub const NO_VECTOR: [i16; 3] = [i16::MIN; 3];
+
+impl Exchange {
+    /// Nothing said yet.
+    pub const NOTHING: Self = Self {
+        angle: [0; 2],
+        quality: [0; 2],
+        vector: NO_VECTOR,
+        captured: 0,
+        activity: 0,
+    };
+
+    /// Both PDOs as they are on the bus, the first one first.
+    pub const fn bytes(&self) -> [u8; 16] {
+        let [x, y] = self.angle;
+        let [x0, x1, x2, _] = x.to_le_bytes();
+        let [y0, y1, y2, _] = y.to_le_bytes();
+        let [qx, qy] = self.quality;
+        let [a, b, c] = self.vector;
+        let ([a0, a1], [b0, b1], [c0, c1]) = (a.to_le_bytes(), b.to_le_bytes(), c.to_le_bytes());
+        [
+            x0,
+            x1,
+            x2,
+            y0,
+            y1,
+            y2,
+            qx,
+            qy,
+            a0,
+            a1,
+            b0,
+            b1,
+            c0,
+            c1,
+            self.captured,
+            self.activity,
+        ]
+    }
+}
+
+impl Default for Exchange {
+    fn default() -> Self {
+        Self::NOTHING
+    }
 }
 
 /// The code of a reason, 1 to 31: in a quality byte, and in the objects that tell it.
@@ -43,6 +107,17 @@ pub const fn reason_code(reason: Invalid) -> u8 {
         Invalid::NotMeasured => 6,
         Invalid::PartReset => 7,
         Invalid::Bus => 8,
+        Invalid::Stuck => 9,
+        Invalid::Noise => 10,
+        Invalid::Spikes => 11,
+        Invalid::Thermometer => 12,
+        Invalid::Biased => 13,
+        Invalid::Corrupt => 14,
+        Invalid::Silent => 15,
+        Invalid::Late => 16,
+        Invalid::Refused => 17,
+        Invalid::Unconfirmed => 18,
+        Invalid::Alone => 19,
     }
 }
 
@@ -57,6 +132,17 @@ pub const fn reason(code: u8) -> Option<Invalid> {
         6 => Invalid::NotMeasured,
         7 => Invalid::PartReset,
         8 => Invalid::Bus,
+        9 => Invalid::Stuck,
+        10 => Invalid::Noise,
+        11 => Invalid::Spikes,
+        12 => Invalid::Thermometer,
+        13 => Invalid::Biased,
+        14 => Invalid::Corrupt,
+        15 => Invalid::Silent,
+        16 => Invalid::Late,
+        17 => Invalid::Refused,
+        18 => Invalid::Unconfirmed,
+        19 => Invalid::Alone,
         _ => return None,
     })
 }
@@ -115,21 +201,33 @@ fn encode_axis(axis: Result<Measurement, Invalid>) -> (i32, u8) {
     }
 }
 
-/// What to tell the peer about `reading`.
-pub fn encode(reading: &Reading) -> Exchange {
-    let (x, quality_x) = encode_axis(reading.x);
-    let (y, quality_y) = encode_axis(reading.y);
+/// An acceleration of 2^-26 g per step in steps of 2^-13 g, rounded, stopping at +-4 g.
+fn coarse(accel: i32) -> i16 {
+    let steps = accel.saturating_add(1 << 12) >> 13;
+    steps.clamp(-i32::from(i16::MAX), i32::from(i16::MAX)) as i16
+}
+
+/// What to tell the peer about `observation`, made for the SYNC of `at`.
+pub fn encode(observation: &Observation, at: Instant) -> Exchange {
+    let (x, quality_x) = encode_axis(observation.reading.x);
+    let (y, quality_y) = encode_axis(observation.reading.y);
     Exchange {
         angle: [x, y],
         quality: [quality_x, quality_y],
+        vector: observation
+            .vector
+            .map_or(NO_VECTOR, |v| v.accel.map(coarse)),
+        captured: low_steps(at),
+        activity: observation.activity.0,
     }
 }
 
-/// What the peer has told, as its reading for the instant `at`, `latency_us` before it was asked.
+/// The angles that the peer has told, as its reading for the instant `at`, `latency_us` before it
+/// was asked.
 ///
 /// Both uncertainties are the unshared one. Nothing said yet is [`Invalid::NoSample`]; a reason
 /// that this program does not know is [`Invalid::Stale`], which does not pass for a start.
-pub fn decode(exchange: Exchange, at: Instant, latency_us: u32) -> Reading {
+pub fn decode_reading(exchange: &Exchange, at: Instant, latency_us: u32) -> Reading {
     let axis = |angle: i32, quality: u8| match quality {
         0 => Err(Invalid::NoSample),
         1..FIRST_ANGLE => Err(reason(quality).unwrap_or(Invalid::Stale)),
@@ -145,6 +243,20 @@ pub fn decode(exchange: Exchange, at: Instant, latency_us: u32) -> Reading {
     Axes {
         x: axis(x, quality_x),
         y: axis(y, quality_y),
+    }
+}
+
+/// All that the peer has told; see [`decode_reading`].
+///
+/// `backed` is false when the second PDO of this SYNC has not come.
+pub fn decode(exchange: &Exchange, at: Instant, latency_us: u32, backed: bool) -> Observation {
+    let there = backed && exchange.vector != NO_VECTOR;
+    Observation {
+        reading: decode_reading(exchange, at, latency_us),
+        vector: there.then(|| Corrected {
+            accel: exchange.vector.map(|step| i32::from(step) << 13),
+        }),
+        activity: Activity(if backed { exchange.activity } else { 0 }),
     }
 }
 
@@ -170,7 +282,7 @@ mod tests {
             x: Err(Invalid::Bus),
             y: axis,
         };
-        let decoded = decode(encode(&reading), AT, 30_000);
+        let decoded = decode_reading(&encode(&reading.into(), AT), AT, 30_000);
         assert_eq!(decoded.x, Err(Invalid::Bus));
         decoded.y
     }
@@ -185,18 +297,19 @@ mod tests {
             assert_eq!(told(Err(why)), Err(why));
             count += 1;
         }
-        assert_eq!(count, 8);
+        assert_eq!(count, 19);
     }
 
     #[test]
     fn silence_is_no_sample_and_an_unknown_reason_is_no_angle() {
-        let silent = decode(Exchange::default(), AT, 0);
+        let silent = decode_reading(&Exchange::default(), AT, 0);
         assert_eq!(silent.x, Err(Invalid::NoSample));
         let unknown = Exchange {
             angle: [1, 1],
-            quality: [9, 31],
+            quality: [30, 31],
+            ..Exchange::NOTHING
         };
-        let decoded = decode(unknown, AT, 0);
+        let decoded = decode_reading(&unknown, AT, 0);
         assert_eq!(decoded.x, Err(Invalid::Stale));
         assert_eq!(decoded.y, Err(Invalid::Stale));
     }
@@ -224,6 +337,46 @@ mod tests {
         assert_eq!(quality(Uncertainty(0)), 32);
         assert_eq!(quality(Uncertainty::from_degrees(15.1)), 255);
         assert_eq!(quality(Uncertainty(u32::MAX)), 255);
+    }
+
+    #[test]
+    fn what_is_behind_the_angles_survives_to_half_a_step() {
+        let accel = [tilt::ONE_G, -5_000_000, i32::MAX];
+        let observation = Observation {
+            vector: Some(Corrected { accel }),
+            activity: Activity(77),
+            ..Observation::absent(Invalid::Noise)
+        };
+        let told = encode(&observation, Instant(1_234_999));
+        assert_eq!(told.captured, (617 % 256) as u8);
+        let back = decode(&told, AT, 0, true);
+        assert_eq!(
+            (back.reading.x, back.activity),
+            (Err(Invalid::Noise), Activity(77))
+        );
+        let vector = back.vector.unwrap().accel;
+        assert_eq!(vector[0], tilt::ONE_G);
+        assert!((vector[1] + 5_000_000).abs() <= 1 << 12);
+        assert_eq!(vector[2], 32_767 << 13, "the end of what can be told");
+        let bare = decode(&told, AT, 0, false);
+        assert_eq!((bare.vector, bare.activity), (None, Activity::NONE));
+        let none = encode(&Observation::absent(Invalid::Bus), AT);
+        assert_eq!(decode(&none, AT, 0, true).vector, None);
+    }
+
+    #[test]
+    fn bytes_are_those_of_the_two_pdos() {
+        let exchange = Exchange {
+            angle: [0x0003_0201, -1],
+            quality: [0x40, 0x41],
+            vector: [0x0706, -1, 0x0908],
+            captured: 0xAA,
+            activity: 0xBB,
+        };
+        let want = [
+            1, 2, 3, 255, 255, 255, 0x40, 0x41, 6, 7, 255, 255, 8, 9, 0xAA, 0xBB,
+        ];
+        assert_eq!(exchange.bytes(), want);
     }
 
     #[test]

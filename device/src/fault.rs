@@ -48,11 +48,21 @@ pub enum Fault {
     NoChannel = 15,
     /// A safe state was demanded by GFC, or a received SRDO failed; stays until a reset.
     FailSafe = 16,
+    /// The codes of the sensor stand still.
+    SensorStuck = 17,
+    /// The sensor is noisier than it is and than the other channel's.
+    SensorNoise = 18,
+    /// Single samples are far off, in this channel only.
+    SensorSpikes = 19,
+    /// The sensor's temperature jumps as no die's can.
+    Thermometer = 20,
+    /// At standstill this channel's gravity is of the wrong length.
+    Biased = 21,
 }
 
 impl Fault {
     /// Every fault, in the order of their numbers.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 22] = [
         Self::RangeX,
         Self::RangeY,
         Self::SensorSupply,
@@ -70,6 +80,11 @@ impl Fault {
         Self::PeerChannel,
         Self::NoChannel,
         Self::FailSafe,
+        Self::SensorStuck,
+        Self::SensorNoise,
+        Self::SensorSpikes,
+        Self::Thermometer,
+        Self::Biased,
     ];
 
     /// EMCY error code, bit of the error register, and what to tell a person.
@@ -98,12 +113,36 @@ impl Fault {
             Self::PeerChannel => (0xFF15, MANUFACTURER, "the other channel is ill or silent"),
             Self::NoChannel => (0xFF16, MANUFACTURER, "neither channel measures"),
             Self::FailSafe => (0xFF17, MANUFACTURER, "the safe state was demanded"),
+            Self::SensorStuck => (0xFF04, MANUFACTURER, "the sensor's codes stand still"),
+            Self::SensorNoise => (0xFF05, MANUFACTURER, "the sensor is too noisy"),
+            Self::SensorSpikes => (0xFF06, MANUFACTURER, "single samples are far off"),
+            Self::Thermometer => (0xFF07, MANUFACTURER, "the sensor's temperature jumps"),
+            Self::Biased => (
+                0xFF08,
+                MANUFACTURER,
+                "this channel's gravity is of the wrong length",
+            ),
         }
     }
 
     /// True for what must keep a safety frame from being sent.
     pub const fn forbids_safety(self) -> bool {
         !matches!(self, Self::NotCalibrated | Self::Storage)
+    }
+}
+
+impl Fault {
+    /// True for what the black box keeps the samples of: not for what is part of the work.
+    pub const fn keeps_samples(self) -> bool {
+        !matches!(
+            self,
+            Self::RangeX
+                | Self::RangeY
+                | Self::SensorOverRange
+                | Self::Temperature
+                | Self::NotCalibrated
+                | Self::Storage
+        )
     }
 }
 
@@ -157,7 +196,7 @@ impl Faults {
         self.iter().fold(0, |bits, fault| bits | fault.report().1)
     }
 
-    /// The set as a number, bit n for fault n: what stands in EMCY bytes 3 to 6.
+    /// The set as a number, bit n for fault n: what stands in EMCY bytes 3 to 5.
     pub const fn bits(self) -> u32 {
         self.0
     }
@@ -165,16 +204,33 @@ impl Faults {
     /// Sets what a reading says of its sensor. Transient reasons accuse nobody.
     pub fn of_reading(&mut self, reading: &Reading) {
         for reason in [reading.x.err(), reading.y.err()].into_iter().flatten() {
-            match reason {
-                Invalid::PartReset => self.insert(Fault::SensorSupply),
-                Invalid::Bus => self.insert(Fault::SensorBus),
-                Invalid::Stale => self.insert(Fault::SensorSilent),
-                Invalid::OverRange => self.insert(Fault::SensorOverRange),
-                Invalid::NoSample
-                | Invalid::Settling
-                | Invalid::NoTemperature
-                | Invalid::NotMeasured => {}
-            }
+            self.of_reason(reason);
+        }
+    }
+
+    /// Sets what a reason says of this channel's sensor.
+    fn of_reason(&mut self, reason: Invalid) {
+        match reason {
+            Invalid::PartReset => self.insert(Fault::SensorSupply),
+            Invalid::Bus => self.insert(Fault::SensorBus),
+            Invalid::Stale => self.insert(Fault::SensorSilent),
+            Invalid::OverRange => self.insert(Fault::SensorOverRange),
+            Invalid::Stuck => self.insert(Fault::SensorStuck),
+            Invalid::Noise => self.insert(Fault::SensorNoise),
+            Invalid::Spikes => self.insert(Fault::SensorSpikes),
+            Invalid::Thermometer => self.insert(Fault::Thermometer),
+            Invalid::Biased => self.insert(Fault::Biased),
+            Invalid::Corrupt => self.insert(Fault::CalibrationRecord),
+            // Passing, or the pair's business, which the judgement tells.
+            Invalid::NoSample
+            | Invalid::Settling
+            | Invalid::NoTemperature
+            | Invalid::NotMeasured
+            | Invalid::Silent
+            | Invalid::Late
+            | Invalid::Refused
+            | Invalid::Unconfirmed
+            | Invalid::Alone => {}
         }
     }
 
@@ -189,7 +245,13 @@ impl Faults {
             Judgement::StopMotion => self.insert(Fault::StopMotion),
             Judgement::PhysicalFault => self.insert(Fault::PhysicalFault),
             Judgement::Disagree => self.insert(Fault::Disagree),
-            Judgement::OneChannel { ill: Node::Own, .. } => self.insert(Fault::OwnChannel),
+            Judgement::OneChannel {
+                ill: Node::Own,
+                reason,
+            } => {
+                self.insert(Fault::OwnChannel);
+                self.of_reason(reason);
+            }
             Judgement::OneChannel {
                 ill: Node::Peer, ..
             } => self.insert(Fault::PeerChannel),

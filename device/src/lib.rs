@@ -4,18 +4,21 @@
 //! peer's reading. Out: readings and verdicts. The world is reached through those traits only, so
 //! the same code runs on the chip, in emulation and in the simulation, bit for bit.
 //!
-//! This is the only crate in which the leaves meet: `tilt` today; `canopen` (the object
-//! dictionary and the bus) and `flash` (storage and update) will join here.
+//! This is the only crate in which the leaves meet: `tilt` and `canopen` today; `flash` (storage
+//! and update) will join here.
 #![no_std]
 
 pub mod bit_rate;
+pub mod black_box;
 pub mod calibration;
 pub mod channel;
 pub mod device;
 pub mod exchange;
 pub mod fault;
+pub mod fault_log;
 pub mod node;
 pub mod objects;
+pub mod peer_clock;
 pub mod profile;
 pub mod program;
 pub mod records;

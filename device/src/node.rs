@@ -1,14 +1,15 @@
 //! One node of the instrument: its own channel, and the check against its peer's reading.
 //!
 //! The paper's instrument has two of these, each on its own microcontroller (R11). Where the
-//! peer's reading comes from is the caller's business: a bus once the `canopen` crate is here (its
-//! place is between [`Node::reading`], which goes out, and [`Node::judge`], which takes the
-//! peer's), or the simulation directly.
+//! peer's reading comes from is the caller's business: the bus (`device`, between
+//! [`Node::observe`], which goes out, and [`Node::judge`], which takes the peer's), or the
+//! simulation directly.
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::Reading;
-use tilt::cross_check::{CrossCheck, Verdict};
+use tilt::cross_check::{CrossCheck, Latch, Verdict};
+use tilt::observation::Observation;
 use tilt::sample::Instant;
 
 use crate::channel::{Channel, Settings};
@@ -54,8 +55,35 @@ impl<SPI: SpiDevice> Node<SPI> {
         self.channel.reading(settings, now)
     }
 
-    /// Judges this node's reading against the peer's for the same instant.
-    pub fn judge(&mut self, own: Reading, peer: Reading, now: Instant) -> Verdict {
+    /// All that this node's channel says at `now`, the instant of SYNC.
+    pub fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+        self.channel.observe(settings, now)
+    }
+
+    /// Judges what this node says against what the peer says of the same instant.
+    pub fn judge(
+        &mut self,
+        own: impl Into<Observation>,
+        peer: impl Into<Observation>,
+        now: Instant,
+    ) -> Verdict {
         self.check.step(own, peer, now)
+    }
+
+    /// How long the product's check holds what it finds, from now on.
+    pub const fn set_latch(&mut self, latch: Latch) {
+        if let CrossCheck::Product(check, _) = &mut self.check {
+            check.latch = latch;
+        }
+    }
+
+    /// The peer has been started anew.
+    pub fn peer_restarted(&mut self) {
+        self.check.peer_restarted();
+    }
+
+    /// Own minus peer, low-passed, 2^-26 g per step.
+    pub fn residual(&self) -> [i32; 3] {
+        self.check.residual()
     }
 }

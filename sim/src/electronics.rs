@@ -1,8 +1,9 @@
 //! The hardware of one side: a part with its analogue side, a crystal and a supply.
 //!
-//! In: the force that the housing feels, tick by tick. Out: data-ready edges with their time, and
-//! the register-level chip behind an SPI port. Whatever code runs on that side is the caller's:
-//! [`crate::instrument`] runs a channel alone, [`crate::network`] a whole CANopen device.
+//! In: the force that the housing feels, tick by tick, and faults on demand. Out: data-ready edges
+//! with their time, and the register-level chip behind an SPI port. Whatever code runs on that
+//! side is the caller's: [`crate::instrument`] runs a channel alone, [`crate::network`] a whole
+//! CANopen device.
 //!
 //! Left out: the microcontroller, and the time that code takes to run.
 
@@ -14,6 +15,7 @@ use tilt::sample::Instant;
 
 use crate::TICK_S;
 use crate::error_model::{ErrorModel, Part};
+use crate::fault::{Injected, SensorFault};
 use crate::lis2dw12::{Chip, SpiPort, Traits};
 use crate::low_pass::LowPass;
 use crate::motion::add;
@@ -49,6 +51,16 @@ struct Sensor {
     now_s: f64,
     sampling: Option<Sampling>,
     rng: Rng,
+    fault: Option<Box<Injected>>,
+}
+
+/// A data-ready edge; times of the world, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// When the code gets to know of it.
+    pub at_s: f64,
+    /// When it came and its sample was taken: the time stamp. The same, unless samples are late.
+    pub captured_s: f64,
 }
 
 /// What the part does while it converts.
@@ -80,6 +92,7 @@ impl Sensor {
             now_s: 0.0,
             sampling: None,
             rng,
+            fault: None,
         }
     }
 
@@ -105,7 +118,7 @@ impl Sensor {
 
     /// One tick up to `time_s`, in which the force goes to `force_g`; calls `ready` for samples.
     #[inline]
-    fn tick(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(f64)) {
+    fn tick(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(Edge)) {
         let before_g = self.felt_g;
         let before_s = self.now_s;
         self.felt_g = self.analogue.step(force_g);
@@ -115,8 +128,10 @@ impl Sensor {
             let way = ((due_s - before_s) / (time_s - before_s).max(1e-9)).clamp(0.0, 1.0);
             let at_g = [0, 1, 2].map(|i| before_g[i] + way * (self.felt_g[i] - before_g[i]));
             self.convert(at_g, &sampling);
-            if self.chip.borrow().data_ready() {
-                ready(due_s);
+            if self.chip.borrow().data_ready()
+                && let Some(edge) = self.edge(due_s)
+            {
+                ready(edge);
             }
             self.sampling = Some(Sampling {
                 next_s: due_s + sampling.period_s,
@@ -125,7 +140,26 @@ impl Sensor {
         }
     }
 
+    /// What becomes of the edge of `due_s`; `None` when it gets lost.
+    #[inline]
+    fn edge(&mut self, due_s: f64) -> Option<Edge> {
+        let mut captured_s = due_s;
+        if let Some(fault) = &mut self.fault {
+            if !fault.arrives() {
+                return None;
+            }
+            captured_s = fault.captured_s(due_s);
+        }
+        Some(Edge {
+            at_s: due_s,
+            captured_s,
+        })
+    }
+
     fn convert(&mut self, force_g: [f64; 3], sampling: &Sampling) {
+        if self.fault.is_some() {
+            return self.convert_faulty(force_g, sampling);
+        }
         let Sampling {
             next_s,
             period_s,
@@ -136,6 +170,34 @@ impl Sensor {
         let mut chip = self.chip.borrow_mut();
         chip.advance_to(nanoseconds(next_s));
         chip.convert(felt_g, die_c);
+    }
+
+    /// [`Sensor::convert`] with the fault in its way; draws the same numbers from the part.
+    fn convert_faulty(&mut self, force_g: [f64; 3], sampling: &Sampling) {
+        let Some(fault) = &mut self.fault else {
+            return;
+        };
+        let at_s = sampling.next_s;
+        let sigma_g = sampling.sigma_g * fault.noise();
+        let felt_g = self
+            .part
+            .feel(force_g, sigma_g, sampling.period_s, &mut self.rng);
+        let die_c = fault.thermometer_c(self.part.thermometer(&mut self.rng));
+        let felt_g = fault.force_g(felt_g, at_s);
+        let mut chip = self.chip.borrow_mut();
+        chip.advance_to(nanoseconds(at_s));
+        chip.convert_through(felt_g, die_c, |codes| fault.codes(codes, at_s));
+    }
+
+    /// What an injected fault leaves of the supply in the tick that ends at `time_s`.
+    ///
+    /// A part cannot boot before its supply is back, however long that takes.
+    fn starve(&self, time_s: f64) -> Condition {
+        let supply = (self.fault.as_ref()).map_or(Condition::Good, |f| f.supply(time_s));
+        if supply == Condition::BrownOut {
+            self.chip.borrow_mut().brown_out(nanoseconds(time_s));
+        }
+        supply
     }
 
     fn brown_out(&mut self, time_s: f64) {
@@ -168,6 +230,7 @@ impl DelayNs for Standing<'_> {
         while self.sensor.now_s < end_s {
             let next_s = (self.sensor.now_s + TICK_S).min(end_s);
             self.sensor.tick(self.force_g, next_s, |_| {});
+            self.sensor.starve(next_s);
         }
         self.sensor.chip.borrow_mut().advance_to(nanoseconds(end_s));
     }
@@ -251,9 +314,9 @@ impl Electronics {
         result
     }
 
-    /// One tick up to `time_s`; calls `ready` with the time of each data-ready edge.
+    /// One tick up to `time_s`; calls `ready` with each data-ready edge.
     #[inline]
-    pub fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(f64)) {
+    pub fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(Edge)) {
         self.follow_supply(time_s);
         self.sensor.tick(add(force_g, self.offset_g), time_s, ready);
     }
@@ -268,7 +331,11 @@ impl Electronics {
 
     #[inline]
     fn follow_supply(&mut self, time_s: f64) {
-        let now = condition(self.supply.step(time_s));
+        let mut now = condition(self.supply.step(time_s));
+        if self.sensor.fault.is_some() {
+            let fault = self.sensor.starve(time_s);
+            now = if fault as u8 > now as u8 { fault } else { now };
+        }
         if now == self.condition {
             return;
         }
@@ -277,6 +344,22 @@ impl Electronics {
             self.sensor.brown_out(time_s);
         }
         self.condition = now;
+    }
+
+    /// From now on this goes wrong, instead of what went wrong before; `rng` is the fault's own.
+    pub fn inject(&mut self, fault: SensorFault, rng: Rng) {
+        let now_s = self.sensor.now_s;
+        self.sensor.fault = Some(Box::new(Injected::new(fault, now_s, rng)));
+    }
+
+    /// Ends the fault that was injected. A part that it has reset stays so.
+    pub fn heal(&mut self) {
+        self.sensor.fault = None;
+    }
+
+    /// The fault that was injected.
+    pub fn fault(&self) -> Option<SensorFault> {
+        self.sensor.fault.as_ref().map(|fault| fault.fault())
     }
 
     /// Takes the power away and gives it back: new turn-on offsets.

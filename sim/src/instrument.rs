@@ -18,6 +18,7 @@ use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
 use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
+use tilt::observation::Observation;
 use tilt::sample::Instant;
 
 use crate::TICK_S;
@@ -76,8 +77,8 @@ impl Side {
             ..
         } = self;
         let clock = *electronics.crystal();
-        electronics.tick(force_g, time_s, |due_s| {
-            node.channel.data_ready(settings, clock.at(due_s));
+        electronics.tick(force_g, time_s, |edge| {
+            node.channel.data_ready(settings, clock.at(edge.captured_s));
         });
         let now = clock.at(time_s);
         if now >= self.next_poll {
@@ -103,8 +104,8 @@ pub struct Instrument {
     /// Node 1 and node 2.
     pub sides: [Side; 2],
     ticks: u64,
-    /// Node 2's readings on their way to node 1; empty while nothing is late.
-    late: VecDeque<Reading>,
+    /// What node 2 says on its way to node 1; empty while nothing is late.
+    late: VecDeque<Observation>,
     late_syncs: usize,
 }
 
@@ -197,29 +198,31 @@ impl Instrument {
         self.late.clear();
     }
 
-    /// What reaches node 1 of node 2's reading.
-    fn arrive(&mut self, reading: Reading) -> Reading {
+    /// What reaches node 1 of what node 2 says.
+    fn arrive(&mut self, said: Observation) -> Observation {
         if self.late_syncs == 0 {
-            return reading;
+            return said;
         }
-        self.late.push_back(reading);
+        self.late.push_back(said);
         if self.late.len() > self.late_syncs {
-            return self.late.pop_front().unwrap_or(reading);
+            return self.late.pop_front().unwrap_or(said);
         }
-        self.late.front().copied().unwrap_or(reading)
+        self.late.front().copied().unwrap_or(said)
     }
 
     /// Both nodes report at the same instant, and node 1 judges.
     pub fn sync(&mut self) -> Pair {
         let time_s = self.time_s();
         let [own, peer] = [0, 1].map(|i| {
-            let side = &self.sides[i];
-            side.node.reading(&side.settings, side.clock(time_s))
+            let side = &mut self.sides[i];
+            let now = side.clock(time_s);
+            side.node.observe(&side.settings, now)
         });
-        let readings = [own, self.arrive(peer)];
+        let said = [own, self.arrive(peer)];
         let [own, _] = &mut self.sides;
         let now = own.clock(time_s);
-        let verdict = own.node.judge(readings[0], readings[1], now);
+        let verdict = own.node.judge(said[0], said[1], now);
+        let readings = said.map(|s| s.reading);
         Pair { readings, verdict }
     }
 

@@ -11,11 +11,13 @@
 //! with it.
 
 pub mod bench;
+pub mod campaign;
 pub mod can_bus;
 pub mod chamber;
 pub mod electronics;
 pub mod error_model;
 pub mod excavator;
+pub mod fault;
 pub mod instrument;
 pub mod lis2dw12;
 pub mod low_pass;
@@ -26,6 +28,7 @@ pub mod network;
 pub mod rig;
 pub mod rng;
 pub mod supply;
+pub mod trial;
 
 /// Length of one tick of the world, s.
 pub const TICK_S: f64 = 0.001;

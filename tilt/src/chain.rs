@@ -44,6 +44,28 @@ pub enum Invalid {
     PartReset,
     /// The part does not answer as itself on its bus.
     Bus,
+    /// The part's codes repeat as no living part's do.
+    Stuck,
+    /// The channel is noisier than it is and than the other channel.
+    Noise,
+    /// Single samples are far off, in this channel only.
+    Spikes,
+    /// The part's temperature jumps as no die's can.
+    Thermometer,
+    /// At standstill this channel's gravity is of the wrong length.
+    Biased,
+    /// The calibration in memory is not the one that was loaded.
+    Corrupt,
+    /// Nothing has come from the channel in time.
+    Silent,
+    /// What has come from the channel belongs to the past.
+    Late,
+    /// The channels differ and nobody knows which is right.
+    Refused,
+    /// The other channel has not been heard yet.
+    Unconfirmed,
+    /// The other channel is ill, and this one alone is not allowed to do.
+    Alone,
 }
 
 impl Invalid {
@@ -53,6 +75,12 @@ impl Invalid {
             self,
             Self::NoSample | Self::Settling | Self::OverRange | Self::NoTemperature
         )
+    }
+
+    /// True for what is over when its cause is: data that did not come, or came late. Nothing
+    /// that was measured was wrong.
+    pub const fn passes_with_its_cause(self) -> bool {
+        matches!(self, Self::Stale | Self::Silent | Self::Late)
     }
 }
 
@@ -291,21 +319,30 @@ impl Chain {
 
     /// The reading at `now`, belonging to the instant that [`Timing`] says.
     pub fn reading(&self, state: &State, now: Instant) -> Reading {
+        self.reading_and_vector(state, now).0
+    }
+
+    /// The reading at `now`, and the calibrated acceleration that it came from where there is one.
+    pub fn reading_and_vector(&self, state: &State, now: Instant) -> (Reading, Option<Corrected>) {
         match self.take(state, now) {
-            Err(reason) => Axes {
-                x: Err(reason),
-                y: Err(reason),
-            },
+            Err(reason) => {
+                let absent = Axes {
+                    x: Err(reason),
+                    y: Err(reason),
+                };
+                (absent, None)
+            }
             Ok((filtered, temperature, at)) => {
                 let latency_us = u32::try_from(now.micros_since(at)).unwrap_or(0);
-                self.evaluate(filtered, temperature)
-                    .map(|found| Measurement {
-                        angle: found.angle,
-                        uncertainty: found.unshared.combined_with(found.motion),
-                        unshared: found.unshared,
-                        at,
-                        latency_us,
-                    })
+                let (found, vector) = self.correct(filtered, temperature);
+                let reading = found.map(|found| Measurement {
+                    angle: found.angle,
+                    uncertainty: found.unshared.combined_with(found.motion),
+                    unshared: found.unshared,
+                    at,
+                    latency_us,
+                });
+                (reading, vector)
             }
         }
     }
@@ -348,6 +385,10 @@ impl Chain {
         filtered: Filtered,
         temperature: Temperature,
     ) -> Axes<Result<Found, Invalid>> {
+        self.correct(filtered, temperature).0
+    }
+
+    fn correct(&self, filtered: Filtered, temperature: Temperature) -> (Sight, Option<Corrected>) {
         let compensated = self.calibration.temperature.apply(filtered, temperature);
         let accel = self.calibration.budget.accel(&self.filter, temperature);
         self.calibration.correct(compensated, accel)
@@ -364,8 +405,11 @@ impl<T, E> Axes<Result<T, E>> {
     }
 }
 
+/// What is found on each axis.
+type Sight = Axes<Result<Found, Invalid>>;
+
 impl Calibration {
-    fn correct(&self, input: Compensated, accel: u32) -> Axes<Result<Found, Invalid>> {
+    fn correct(&self, input: Compensated, accel: u32) -> (Sight, Option<Corrected>) {
         let budget = &self.budget;
         match &self.correction {
             Correction::Tables { tables, rule } => {
@@ -377,10 +421,11 @@ impl Calibration {
                     })
                 };
                 let [x, y, _] = input.accel;
-                Axes {
+                let sight = Axes {
                     x: read(&tables.x, x),
                     y: read(&tables.y, y),
-                }
+                };
+                (sight, None)
             }
             Correction::TwoAxis { vector, harmonics } => {
                 let v = vector.apply(input);
@@ -394,10 +439,11 @@ impl Calibration {
                         motion,
                     })
                 };
-                Axes {
+                let sight = Axes {
                     x: found(harmonics.x.apply_to_slope(raw.x), hypot(y, z)),
                     y: found(harmonics.y.apply_to_slope(raw.y), hypot(x, z)),
-                }
+                };
+                (sight, Some(v))
             }
             Correction::OneAxis { vector, harmonics } => {
                 let v = vector.apply(input);
@@ -409,10 +455,11 @@ impl Calibration {
                     unshared: budget.of_vector(ONE_AXIS_NEVER_FOLDS, accel),
                     motion: budget.of_motion(plane, accel),
                 };
-                Axes {
+                let sight = Axes {
                     x: Ok(found),
                     y: Err(Invalid::NotMeasured),
-                }
+                };
+                (sight, Some(plane))
             }
         }
     }

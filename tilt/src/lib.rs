@@ -22,6 +22,8 @@ pub mod calibration;
 pub mod chain;
 pub mod cross_check;
 pub mod filter;
+pub mod health;
+pub mod observation;
 pub mod sample;
 pub mod table;
 pub mod temperature;

@@ -156,7 +156,7 @@ struct Next {
 impl Next {
     /// What is due already waits for the controller and needs no further call.
     // As with `sooner`.
-    #[inline(never)]
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn not_after(&mut self, at: Option<Instant>) {
         self.at = sooner(self.at, at.filter(|at| *at > self.now));
     }

@@ -66,7 +66,7 @@ impl Tpdo {
     /// Keeps a sample to be sent in `window`; true when it takes the place of one that was free
     /// to go.
     // Four callers, each of which would hold a copy of it.
-    #[inline(never)]
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn keep(&mut self, sample: Value, window: Window, now: Instant) -> bool {
         let lost = self.waiting.is_some_and(|old| old.from <= now);
         self.sample = Some(sample);

@@ -45,6 +45,23 @@ impl Incoming {
         crc: 0,
         failed: None,
     };
+
+    /// Back to before the first segment, field by field: a copy of [`Self::NEW`] would bring the
+    /// library's memcpy along.
+    fn begin(&mut self, crc_follows: bool) {
+        let Self {
+            sequence,
+            held,
+            with_crc,
+            crc,
+            failed,
+        } = self;
+        *sequence = 0;
+        *held = None;
+        *with_crc = crc_follows;
+        *crc = 0;
+        *failed = None;
+    }
 }
 
 /// True for the command that ends a block download, whatever its number of unused bytes.
@@ -64,10 +81,7 @@ impl Server {
         let entry = writable(objects, self.content.at())?;
         let size = (command & SIZE_INDICATED != 0).then(|| u32::from_le_bytes(bytes));
         self.content.create(objects, &entry, size)?;
-        self.incoming = Incoming {
-            with_crc: command & CRC != 0,
-            ..Incoming::NEW
-        };
+        self.incoming.begin(command & CRC != 0);
         self.phase = Phase::BlockDownload;
         self.respond(0xA0 | CRC, u32::from(BLOCK));
         Ok(())

@@ -189,6 +189,8 @@ impl Server {
     }
 
     /// The transfer is over; the prepared response still goes out.
+    // Eight callers, each of which would hold a copy of it.
+    #[inline(never)]
     pub(super) fn close(&mut self) {
         self.phase = Phase::Idle;
         self.content = Content::NONE;

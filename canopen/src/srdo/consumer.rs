@@ -48,6 +48,8 @@ impl Consumer {
     }
 
     /// Notes why there is nothing to rely on; true when that is news.
+    // Six callers, each of which would hold a copy of it.
+    #[inline(never)]
     fn lose(&mut self, state: SrdoState) -> bool {
         let news = matches!(self.state, SrdoState::Waiting | SrdoState::Running);
         self.state = state;

@@ -136,15 +136,20 @@ fn place(at: Address) -> Option<Place> {
 }
 
 impl Safety {
+    /// As [`Safety::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
+    pub(crate) const NONE: Self = Self {
+        srdos: [const { Srdo::new() }; SRDOS],
+        gfc: 0,
+        valid: false,
+        running: false,
+        consent: false,
+    };
+
     /// Nothing configured, not valid, and no consent; defaults come in through [`Safety::load`].
+    // Within a whole node it would be cleared by a second and third form of the library's memclr.
+    #[inline(never)]
     pub const fn new() -> Self {
-        Self {
-            srdos: [const { Srdo::new() }; SRDOS],
-            gfc: 0,
-            valid: false,
-            running: false,
-            consent: false,
-        }
+        Self::NONE
     }
 
     /// The value of 1300h to 1302h, 1381h, 1382h, 13FEh or 13FFh; `None` for any other index.

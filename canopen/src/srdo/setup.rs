@@ -58,20 +58,6 @@ const fn is_identifier(id: u32, plain: bool) -> bool {
     id >= 0x101 && id <= 0x180 && (id & 1 == 1) == plain
 }
 
-fn together(
-    plain: &Mapping,
-    inverted: &Mapping,
-    dictionary: &Dictionary,
-    access: Access,
-) -> Result<(), Abort> {
-    plain.check(dictionary, access, plain.count())?;
-    inverted.check(dictionary, access, inverted.count())?;
-    if !plain.is_parallel(inverted) {
-        return Err(Abort::ParameterIncompatible);
-    }
-    Ok(())
-}
-
 impl Setup {
     /// An SRDO that does not exist; all bytes are 0, so that no picture of it has to stand in the
     /// program.
@@ -194,10 +180,23 @@ impl Setup {
         if number & 1 == 1 {
             return Err(Abort::InvalidValue);
         }
-        let (mut plain, mut inverted) = (self.plain, self.inverted);
-        plain.set_count((number >> 1) as u8);
-        inverted.set_count((number >> 1) as u8);
-        together(&plain, &inverted, dictionary, Access::SRDO)
+        let half = (number >> 1) as u8;
+        self.together([half; 2], dictionary, Access::SRDO)
+    }
+
+    /// Whether both halves go together if as many entries of each counted.
+    fn together(
+        &self,
+        [plain, inverted]: [u8; 2],
+        dictionary: &Dictionary,
+        access: Access,
+    ) -> Result<(), Abort> {
+        self.plain.check(dictionary, access, plain)?;
+        self.inverted.check(dictionary, access, inverted)?;
+        if plain != inverted || !self.plain.are_twins(&self.inverted, plain) {
+            return Err(Abort::ParameterIncompatible);
+        }
+        Ok(())
     }
 
     fn may_set(sub: u8, number: u32) -> Result<(), Abort> {
@@ -220,7 +219,8 @@ impl Setup {
             CONSUME => Access::SRDO.and(Access::WRITE),
             _ => return Err(Abort::ParameterIncompatible),
         };
-        together(&self.plain, &self.inverted, dictionary, access)?;
+        let counts = [self.plain.count(), self.inverted.count()];
+        self.together(counts, dictionary, access)?;
         let [plain, inverted] = self.cob_ids;
         let sound = self.sct_ms != 0
             && self.srvt_ms != 0

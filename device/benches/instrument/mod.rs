@@ -6,8 +6,10 @@
 
 use canopen::node::Node;
 use canopen::{Frame, Instant as BusInstant};
+use device::black_box::BlackBox;
 use device::calibration::motor::{Motor, Terms};
 use device::channel::Settings;
+use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
@@ -17,6 +19,7 @@ use device::sensor::Config;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::filter::{Filtered, LowPass};
+use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
 use tilt::table::Rule;
 use tilt::temperature::TemperatureModel;
@@ -86,10 +89,11 @@ impl ProgramMemory for Nothing {
 
 impl Source for Nothing {
     fn reading(&self, _: &Settings, _: Instant) -> Reading {
-        Axes {
-            x: Err(Invalid::Stale),
-            y: Err(Invalid::Stale),
-        }
+        Observation::absent(Invalid::Stale).reading
+    }
+
+    fn observe(&mut self, _: &Settings, _: Instant) -> Observation {
+        Observation::absent(Invalid::Stale)
     }
 
     fn filtered(&self) -> Option<Filtered> {
@@ -108,6 +112,8 @@ pub struct Instrument {
     settings: Settings,
     work: Work,
     memory: Nothing,
+    log: FaultLog,
+    black_box: BlackBox,
 }
 
 fn settings() -> Settings {
@@ -149,6 +155,8 @@ impl Instrument {
             settings,
             work,
             memory: Nothing,
+            log: FaultLog::new(),
+            black_box: BlackBox::new(),
         };
         instrument.with(|node, panel| node.start(panel, NODE_ID, BusInstant(0)));
         instrument.with(|node, panel| node.transmit(panel, BusInstant(0)));
@@ -160,7 +168,9 @@ impl Instrument {
             values: &mut self.values,
             settings: &mut self.settings,
             memory: &mut self.memory,
-            source: &Nothing,
+            source: &mut Nothing,
+            log: &mut self.log,
+            black_box: &mut self.black_box,
             work: &mut self.work,
             identity: Identity {
                 channel: Channel::A,

@@ -51,9 +51,43 @@ pub const MANUFACTURER: &[Row] = &[
     )
     .constant()
     .channel(0, 1),
+    var(
+        0x2003,
+        "Cross-check",
+        Unsigned8,
+        "How the two channels are judged. 0: as the instrument was built, 1: the paper's rule, 2: \
+         the product's ladder. Counts from the next reset.",
+    )
+    .rw()
+    .stored()
+    .limits(0, 2)
+    .value(0),
+    var(
+        0x2004,
+        "Latch time",
+        Unsigned16,
+        "How long a channel that was found ill, or a disagreement, must be over before it counts \
+         as over. 0: until a reset. A channel that was only late or silent counts again after 1 s.",
+    )
+    .rw()
+    .stored()
+    .unit("s")
+    .limits(0, 3600)
+    .value(0),
+    var(
+        0x2005,
+        "Degraded operation",
+        Unsigned8,
+        "1: while the other channel is ill, this one's angles stay valid and 2021h shows 8. 0: \
+         they become invalid.",
+    )
+    .rw()
+    .stored()
+    .limits(0, 1)
+    .value(1),
     record(
         0x2010,
-        4,
+        9,
         "Exchange sent",
         "What this channel tells the other at each SYNC.",
     ),
@@ -65,11 +99,19 @@ pub const MANUFACTURER: &[Row] = &[
         .unit(CIRCLE),
     member(0x2010, 3, "Quality X", Unsigned8, QUALITY).tpdo(),
     member(0x2010, 4, "Quality Y", Unsigned8, QUALITY).tpdo(),
+    member(0x2010, 5, "Acceleration X", Integer16, VECTOR)
+        .to(7)
+        .tpdo()
+        .unit(COARSE),
+    member(0x2010, 8, "Capture time", Unsigned8, CAPTURED)
+        .tpdo()
+        .unit("2 ms"),
+    member(0x2010, 9, "Activity", Unsigned8, ACTIVITY).tpdo(),
     record(
         0x2011,
-        4,
+        9,
         "Exchange received",
-        "What the other channel has told; mapped into RPDO 1 as delivered.",
+        "What the other channel has told; mapped into RPDO 1 and 2 as delivered.",
     ),
     member(0x2011, 1, "Angle X", Integer24, ANGLE)
         .rpdo()
@@ -79,6 +121,14 @@ pub const MANUFACTURER: &[Row] = &[
         .unit(CIRCLE),
     member(0x2011, 3, "Quality X", Unsigned8, QUALITY).rpdo(),
     member(0x2011, 4, "Quality Y", Unsigned8, QUALITY).rpdo(),
+    member(0x2011, 5, "Acceleration X", Integer16, VECTOR)
+        .to(7)
+        .rpdo()
+        .unit(COARSE),
+    member(0x2011, 8, "Capture time", Unsigned8, CAPTURED)
+        .rpdo()
+        .unit("2 ms"),
+    member(0x2011, 9, "Activity", Unsigned8, ACTIVITY).rpdo(),
     record(
         0x2012,
         4,
@@ -182,7 +232,10 @@ pub const MANUFACTURER: &[Row] = &[
         "Reason",
         "Why there is no angle. 0: there is one. 1 no sample yet, 2 settling, 3 samples have \
          stopped, 4 over range, 5 temperature not known, 6 axis not measured, 7 the part has \
-         lost its set-up, 8 the part does not answer.",
+         lost its set-up, 8 the part does not answer, 9 codes stand still, 10 noise, 11 spikes, 12 \
+         the temperature jumps, 13 gravity is of the wrong length, 14 the calibration is damaged, \
+         15 silent, 16 late, 17 the channels differ, 18 the other channel has not been heard, 19 \
+         degraded operation is forbidden.",
     ),
     member(0x2025, 1, "Reason X", Unsigned8, "See sub-index 0.").tpdo(),
     member(0x2025, 2, "Reason Y", Unsigned8, "See sub-index 0.").tpdo(),
@@ -211,6 +264,52 @@ pub const MANUFACTURER: &[Row] = &[
         "0 none, 1 the bus, 2 this node.",
     )
     .tpdo(),
+    record(
+        0x2027,
+        3,
+        "Verdict",
+        "Which channel the state of the pair (2021h) blames, and why.",
+    ),
+    member(
+        0x2027,
+        1,
+        "Blamed channel",
+        Unsigned8,
+        "0 none, 1 this channel, 2 the other, 3 both.",
+    )
+    .tpdo(),
+    member(
+        0x2027,
+        2,
+        "Reason of the blame",
+        Unsigned8,
+        "A reason as in 2025h; 0 for none.",
+    )
+    .tpdo(),
+    member(
+        0x2027,
+        3,
+        "Time of the verdict",
+        Unsigned32,
+        "When the state of the pair became what it is, since the start.",
+    )
+    .unit("ms"),
+    array(
+        0x2028,
+        3,
+        "Residual",
+        "This channel's calibrated acceleration minus the other's, low-passed with 0.5 s.",
+    ),
+    member(
+        0x2028,
+        1,
+        "Residual X",
+        Integer16,
+        "Along the housing's axes X, Y, Z.",
+    )
+    .to(3)
+    .tpdo()
+    .unit("0.1 mg"),
     var(
         0x2030,
         "Mode of measurement",
@@ -463,6 +562,28 @@ pub const MANUFACTURER: &[Row] = &[
         Unsigned8,
         "0: a table per axis. 1: two slopes by vector. 2: one angle of 360 deg by vector.",
     ),
+    var(
+        0x2070,
+        "Fault log",
+        Domain,
+        "The last 16 events, newest first; the format is in docs/canopen.md. A reset leaves it, a \
+         loss of the supply doesn't.",
+    ),
+    array(
+        0x2071,
+        2,
+        "Black box",
+        "Both channels' samples around an event; the format is in docs/canopen.md. 1: the first \
+         event, 2: the latest.",
+    ),
+    member(
+        0x2071,
+        1,
+        "Box",
+        Domain,
+        "Empty while there was no event: 0800 0024h.",
+    )
+    .to(2),
 ];
 
 const fn range(sub: u8, name: &'static str, default: i32) -> Row {
@@ -483,5 +604,10 @@ const fn range(sub: u8, name: &'static str, default: i32) -> Row {
 const ANGLE: &str = "Without preset and offsets. Counts only where the quality is 32 or more.";
 const QUALITY: &str = "0: nothing said yet. 1 to 31: no angle, for the reason of 2025h. 32 and up: \
      standard uncertainty of the angle on a logarithmic scale.";
+const COARSE: &str = "2^-13 g";
+const VECTOR: &str = "Along the housing's axes X, Y, Z; -32768: there is none.";
+const CAPTURED: &str = "Instant of the SYNC on the sender's clock, the low byte.";
+const ACTIVITY: &str = "Energy above 150 Hz since the SYNC before, 8 steps per doubling; 64 is the \
+     channel's own noise, 0: no samples.";
 const UNKNOWN: &str = "65535: not known, or larger than that.";
 const NONE: &str = "-32768: there is none. Larger ones stop at 32767.";

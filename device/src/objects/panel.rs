@@ -12,14 +12,17 @@ use canopen::storage::Group;
 use canopen::{Instant as BusInstant, nmt};
 use tilt::chain::Reading;
 use tilt::filter::Filtered;
+use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
 use super::safety::VALID;
 use super::table::{self, Channel};
 use super::values::Values;
+use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, Terms};
 use crate::channel::Settings;
+use crate::fault_log::FaultLog;
 use crate::program::ProgramMemory;
 use crate::records::{Record, RecordStore, StoreError, parameters};
 use tilt::chain::Calibration;
@@ -28,6 +31,8 @@ use tilt::chain::Calibration;
 pub trait Source {
     /// The reading at `now`.
     fn reading(&self, settings: &Settings, now: Instant) -> Reading;
+    /// All that the channel says at `now`, a SYNC.
+    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation;
     /// The newest filtered acceleration.
     fn filtered(&self) -> Option<Filtered>;
     /// The part's temperature.
@@ -68,9 +73,13 @@ pub struct Panel<'a, M, S> {
     /// The memory.
     pub memory: &'a mut M,
     /// The channel.
-    pub source: &'a S,
+    pub source: &'a mut S,
     /// Calibration under way.
     pub work: &'a mut Work,
+    /// The fault log.
+    pub log: &'a mut FaultLog,
+    /// The black box.
+    pub black_box: &'a mut BlackBox,
     /// Who this is.
     pub identity: Identity,
     /// When the call is.
@@ -127,6 +136,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             (0x2026, 1) => Value::u32(process.syncs),
             (0x2026, 2) => Value::u16(process.missed),
             (0x2026, _) => Value::u8(process.source as u8),
+            (0x2027, 1) => Value::u8(process.blamed),
+            (0x2027, 2) => Value::u8(process.why),
+            (0x2027, _) => Value::u32(process.since_ms),
+            (0x2028, _) => Value::i16(*process.residual.get(axis)?),
             (0x2031, _) => Value::i32(*process.filtered.get(axis)?),
             (0x2032, _) => Value::u32(process.samples),
             (0x2033, _) => Value::u32(process.period_q8),
@@ -190,7 +203,9 @@ fn exchange_value(exchange: &crate::exchange::Exchange, sub: u8) -> Option<Value
         2 => Value::i24(y),
         3 => Value::u8(quality_x),
         4 => Value::u8(quality_y),
-        _ => return None,
+        8 => Value::u8(exchange.captured),
+        9 => Value::u8(exchange.activity),
+        _ => Value::i16(*exchange.vector.get(usize::from(sub).wrapping_sub(5))?),
     })
 }
 
@@ -213,7 +228,14 @@ fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value
         1 => *x = value.signed() as i32,
         2 => *y = value.signed() as i32,
         3 => *quality_x = value.unsigned() as u8,
-        _ => *quality_y = value.unsigned() as u8,
+        4 => *quality_y = value.unsigned() as u8,
+        8 => exchange.captured = value.unsigned() as u8,
+        9 => exchange.activity = value.unsigned() as u8,
+        sub => {
+            if let Some(axis) = exchange.vector.get_mut(usize::from(sub).wrapping_sub(5)) {
+                *axis = value.signed() as i16;
+            }
+        }
     }
 }
 
@@ -303,13 +325,14 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
                 self.mend_slopes();
             }
             Event::Sync => {
-                let reading = self.source.reading(self.settings, self.now);
-                self.values.latch(reading, self.now);
+                let observation = self.source.observe(self.settings, self.now);
+                self.values.latch(observation, self.now);
             }
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
             Event::Heartbeat { .. } | Event::LifeGuarding { .. } => {}
             Event::Received(0) => news.exchange = true,
+            Event::Received(1) => news.backing = true,
             Event::Received(_) => {}
             Event::BitRate { kbit_s, delay_ms } => news.bit_rate = Some((kbit_s, delay_ms)),
             Event::SafetyLost(_) | Event::FailSafe => news.fail_safe = true,

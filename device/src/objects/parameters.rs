@@ -19,6 +19,12 @@ pub struct Parameters {
     pub slopes: [Slope; 4],
     /// 2001h.
     pub peer: u8,
+    /// 2003h: 0 the check that the instrument was built with, 1 the paper's, 2 the product's.
+    pub check: u8,
+    /// 2004h: seconds for which a channel must be sound before it counts again; 0: a reset.
+    pub latch_s: u16,
+    /// 2005h: 1 when this channel may work while the other is ill.
+    pub degraded: u8,
     /// 2040h: lowest and highest X, lowest and highest Y, 0.001 deg.
     pub range: [i32; 4],
     /// 2050h sub 1.
@@ -84,6 +90,9 @@ impl Parameters {
         resolution: [10; 2],
         slopes: [Slope::new(); 4],
         peer: 0,
+        check: 0,
+        latch_s: 0,
+        degraded: 0,
         range: [0; 4],
         fallback_ms: 0,
         fallback_period_us: 0,
@@ -100,6 +109,9 @@ impl Parameters {
         let member = usize::from(at.sub).wrapping_sub(1);
         Some(match (at.index, at.sub) {
             (0x2001, 0) => Place::U8(&mut self.peer),
+            (0x2003, 0) => Place::U8(&mut self.check),
+            (0x2004, 0) => Place::U16(&mut self.latch_s),
+            (0x2005, 0) => Place::U8(&mut self.degraded),
             (0x2012, _) => Place::I16(self.safe_received.get_mut(member)?),
             (0x2040, _) => Place::I32(self.range.get_mut(member)?),
             (0x2050, 1) => Place::U16(&mut self.fallback_ms),

@@ -3,10 +3,11 @@
 //!
 //! In: nothing. Out: the rows of four RPDOs and four TPDOs.
 //!
-//! - TPDO 1: slopes X and Y in 16 bit, every SYNC.
+//! - TPDO 1: slopes X and Y in 16 bit with validity and state of the pair, every SYNC.
 //! - TPDO 2: validity, state, uncertainty, latency, difference, temperature, every tenth SYNC.
-//! - TPDO 3: what the other channel needs, every SYNC. RPDO 1 takes the other's.
-//! - TPDO 4 and RPDO 2 to 4 are off and empty.
+//! - TPDO 3: the angles for the other channel, every SYNC. RPDO 1 takes the other's.
+//! - TPDO 4: what is behind them, every SYNC. RPDO 2 takes the other's.
+//! - RPDO 3 and 4 are off and empty.
 //!
 //! Left out: the inhibit time of RPDOs, which the standard gives no effect.
 
@@ -20,7 +21,7 @@ const OFF: i64 = 0x8000_0000;
 
 /// Communication parameters of the RPDOs.
 pub const RPDO: [[Row; 4]; 4] = [
-    // The other channel's TPDO 3, with node-ids 1 and 2 as delivered.
+    // The other channel's TPDO 3 and 4, with node-ids 1 and 2 as delivered.
     rpdo(
         0x1400,
         "RPDO 1 communication parameter",
@@ -29,7 +30,7 @@ pub const RPDO: [[Row; 4]; 4] = [
     rpdo(
         0x1401,
         "RPDO 2 communication parameter",
-        Default::NodeId(OFF + 0x300),
+        Default::Channel(0x482, 0x481),
     ),
     rpdo(
         0x1402,
@@ -48,7 +49,7 @@ pub const TPDO: [[Row; 6]; 4] = [
     tpdo(0x1800, "TPDO 1 communication parameter", 0x180, 1),
     tpdo(0x1801, "TPDO 2 communication parameter", 0x280, 10),
     tpdo(0x1802, "TPDO 3 communication parameter", 0x380, 1),
-    tpdo(0x1803, "TPDO 4 communication parameter", OFF + 0x480, 254),
+    tpdo(0x1803, "TPDO 4 communication parameter", 0x480, 1),
 ];
 
 /// Mapping of RPDO 1: the other channel's angles and what they are worth.
@@ -57,17 +58,27 @@ pub const RPDO_1_MAPPING: [Row; 6] = mapping(
     "RPDO 1 mapping parameter",
     &[0x2011_0118, 0x2011_0218, 0x2011_0308, 0x2011_0408],
 );
-/// Mapping of RPDO 2: empty.
-pub const RPDO_2_MAPPING: [Row; 2] = mapping(0x1601, "RPDO 2 mapping parameter", &[]);
+/// Mapping of RPDO 2: what is behind them.
+pub const RPDO_2_MAPPING: [Row; 7] = mapping(
+    0x1601,
+    "RPDO 2 mapping parameter",
+    &[
+        0x2011_0510,
+        0x2011_0610,
+        0x2011_0710,
+        0x2011_0808,
+        0x2011_0908,
+    ],
+);
 /// Mapping of RPDO 3: empty.
 pub const RPDO_3_MAPPING: [Row; 2] = mapping(0x1602, "RPDO 3 mapping parameter", &[]);
 /// Mapping of RPDO 4: empty.
 pub const RPDO_4_MAPPING: [Row; 2] = mapping(0x1603, "RPDO 4 mapping parameter", &[]);
-/// Mapping of TPDO 1: slope X, slope Y.
-pub const TPDO_1_MAPPING: [Row; 4] = mapping(
+/// Mapping of TPDO 1: slope X, slope Y, validity, state.
+pub const TPDO_1_MAPPING: [Row; 6] = mapping(
     0x1A00,
     "TPDO 1 mapping parameter",
-    &[0x6010_0010, 0x6020_0010],
+    &[0x6010_0010, 0x6020_0010, 0x2020_0008, 0x2021_0008],
 );
 /// Mapping of TPDO 2: validity, state, larger uncertainty, latency, larger difference,
 /// temperature.
@@ -89,8 +100,18 @@ pub const TPDO_3_MAPPING: [Row; 6] = mapping(
     "TPDO 3 mapping parameter",
     &[0x2010_0118, 0x2010_0218, 0x2010_0308, 0x2010_0408],
 );
-/// Mapping of TPDO 4: empty.
-pub const TPDO_4_MAPPING: [Row; 2] = mapping(0x1A03, "TPDO 4 mapping parameter", &[]);
+/// Mapping of TPDO 4: what is behind them.
+pub const TPDO_4_MAPPING: [Row; 7] = mapping(
+    0x1A03,
+    "TPDO 4 mapping parameter",
+    &[
+        0x2010_0510,
+        0x2010_0610,
+        0x2010_0710,
+        0x2010_0808,
+        0x2010_0908,
+    ],
+);
 
 const fn rpdo(index: u16, name: &'static str, cob_id: Default) -> [Row; 4] {
     let mut first = member(index, 1, "COB-ID used by RPDO", Unsigned32, COB_ID)

@@ -7,8 +7,8 @@
 //! (`profile`).
 
 use tilt::angle::{Angle, Axes};
-use tilt::chain::{Measurement, Reading};
-use tilt::cross_check::Verdict;
+use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::cross_check::{Judgement, Node, Verdict};
 use tilt::uncertainty::Uncertainty;
 
 use crate::exchange::{self, Exchange};
@@ -61,6 +61,14 @@ pub struct Process {
     pub validity: u8,
     /// The code of 2021h.
     pub state: u8,
+    /// The channel that is blamed, 2027h sub 1: 0 none, 1 this one, 2 the other.
+    pub blamed: u8,
+    /// Why, 2027h sub 2: a reason code, 0 for none.
+    pub why: u8,
+    /// When the state of the pair became what it is, 2027h sub 3: ms since the start.
+    pub since_ms: u32,
+    /// This channel's acceleration minus the other's, low-passed, 0.1 mg.
+    pub residual: [i16; 3],
     /// Standard uncertainty of X and Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
     pub uncertainty: [u16; 2],
     /// Age of the reading at its SYNC, us.
@@ -105,16 +113,14 @@ impl Process {
     /// Nothing measured, nothing heard.
     pub const NOTHING: Self = Self {
         slopes: [None; 4],
-        sent: Exchange {
-            angle: [0; 2],
-            quality: [0; 2],
-        },
-        received: Exchange {
-            angle: [0; 2],
-            quality: [0; 2],
-        },
+        sent: Exchange::NOTHING,
+        received: Exchange::NOTHING,
         validity: 0,
         state: NOT_JUDGED,
+        blamed: 0,
+        why: 0,
+        since_ms: 0,
+        residual: [0; 3],
         uncertainty: [UNKNOWN_UNCERTAINTY; 2],
         latency_us: 0,
         delta: [NO_DIFFERENCE; 2],
@@ -152,13 +158,27 @@ impl Process {
         if let Some(m) = axes.iter().flatten().next() {
             self.latency_us = m.latency_us;
         }
-        self.sent = exchange::encode(reading);
     }
 
-    /// Shows the comparison of both channels.
-    pub fn judge(&mut self, verdict: &Verdict) {
-        self.state = state_code(verdict.judgement());
-        let Axes { x, y } = verdict.peer();
+    /// Shows the comparison of both channels; `residual` is own minus peer, 2^-26 g.
+    pub fn judge(&mut self, verdict: &Verdict, residual: [i32; 3]) {
+        let judgement = verdict.judgement();
+        self.state = state_code(judgement);
+        (self.blamed, self.why) = blame(judgement);
+        self.residual = residual.map(tenths_of_mg);
+        let Axes { x, y } = match judgement {
+            // What cannot be trusted isn't shown as a number.
+            Judgement::Disagree
+            | Judgement::PhysicalFault
+            | Judgement::NoChannel(_)
+            | Judgement::OneChannel {
+                ill: Node::Peer, ..
+            } => Axes {
+                x: Err(Invalid::Refused),
+                y: Err(Invalid::Refused),
+            },
+            _ => verdict.peer(),
+        };
         let peer: [Result<Measurement, _>; 2] = [x, y];
         self.mark(validity::PEER, peer.map(|a| a.is_ok()));
         for (i, axis) in peer.iter().enumerate() {
@@ -172,6 +192,7 @@ impl Process {
     /// Comparisons have stopped: what they showed is not shown any longer.
     pub fn not_judged(&mut self) {
         self.state = NOT_JUDGED;
+        (self.blamed, self.why) = (0, 0);
         self.mark(validity::PEER, [false; 2]);
         self.mark(validity::COMPARED, [false; 2]);
         self.delta = [NO_DIFFERENCE; 2];
@@ -216,6 +237,29 @@ impl Process {
         let ms = self.latency_us.saturating_add(500) / 1000;
         u8::try_from(ms).unwrap_or(u8::MAX)
     }
+}
+
+/// The channel that a judgement blames, and the code of why.
+pub const fn blame(judgement: Judgement) -> (u8, u8) {
+    match judgement {
+        Judgement::OneChannel {
+            ill: Node::Own,
+            reason,
+        } => (1, exchange::reason_code(reason)),
+        Judgement::OneChannel {
+            ill: Node::Peer,
+            reason,
+        } => (2, exchange::reason_code(reason)),
+        // Both are; the reason is this channel's.
+        Judgement::NoChannel(reason) => (3, exchange::reason_code(reason)),
+        _ => (0, 0),
+    }
+}
+
+/// 2^-26 g per step to 0.1 mg, stopping at +-3.2767 g.
+fn tenths_of_mg(accel: i32) -> i16 {
+    let tenths = (i64::from(accel) * 10_000 + (1 << 25)) >> 26;
+    tenths.clamp(-i64::from(i16::MAX), i64::from(i16::MAX)) as i16
 }
 
 fn put<T: Copy>(places: &mut [T], which: usize, value: T) {

@@ -1,5 +1,6 @@
-//! What is longer than eight bytes, and what works with it: names, the calibration and the
-//! program (1008h to 100Ah, 2060h to 2062h, 1F50h to 1F57h).
+//! What is longer than eight bytes, and what works with it: names, the calibration, the fault log
+//! with its black box, and the program (1008h to 100Ah, 2060h to 2062h, 2070h and 2071h, 1F50h to
+//! 1F57h).
 //!
 //! In: bytes in order, commands, references. Out: bytes from any offset, progress, results.
 //! A downloaded calibration is staged in the memory first; it counts when all of it has come, has
@@ -45,6 +46,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         }
         match at.index {
             0x2061 => Ok(encoding::length(&self.settings.chain.calibration)),
+            0x2070 => Ok(self.log.open()),
+            0x2071 => self.black_box.open(at.sub, self.now).ok_or(Abort::NoData),
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -64,6 +67,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 offset,
                 into,
             )),
+            0x2070 => Ok(self.log.read_at(offset, into)),
+            0x2071 => Ok(self.black_box.read_at(at.sub, offset, into, self.now)),
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -137,6 +142,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             .chain
             .calibration
             .clone_from(&self.work.result);
+        self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
         self.values.calibrated = true;
         Ok(())
     }
@@ -162,6 +168,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             .chain
             .calibration
             .clone_from(&self.work.result);
+        self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
         self.values.calibrated = true;
         Ok(())
     }

@@ -6,18 +6,21 @@
 //! Left out: the rules of each row (`panel`), calibration and settings, which the device owns.
 
 use canopen::nmt::State;
-use tilt::chain::Reading;
+use tilt::angle::Axes;
+use tilt::chain::{Invalid, Reading};
+use tilt::observation::Observation;
 use tilt::sample::Instant;
 
 use super::parameters::Parameters;
 use super::process::Process;
+use crate::exchange;
 use crate::program::Program;
 
-/// A reading that belongs to one SYNC.
+/// What belongs to one SYNC.
 #[derive(Clone, Copy, Debug)]
 pub struct Latched {
     /// What this channel says.
-    pub reading: Reading,
+    pub observation: Observation,
     /// When SYNC was.
     pub at: Instant,
 }
@@ -29,14 +32,18 @@ pub struct News {
     pub own: Option<Latched>,
     /// The reading of a SYNC for which the peer's has not come in time.
     pub unanswered: Option<Latched>,
-    /// The peer's exchange was received.
+    /// The first PDO of the peer's exchange was received.
     pub exchange: bool,
+    /// The second one was.
+    pub backing: bool,
     /// A SYNC was obeyed.
     pub sync: bool,
     /// A reset of the node is asked for.
     pub reset: bool,
     /// 1F51h asks for one too, which waits until the client has its answer.
     pub restart: bool,
+    /// The sensor is to be set up anew.
+    pub sensor: bool,
     /// LSS has activated a bit rate: rate (`None`: find it) and delay in ms.
     pub bit_rate: Option<(Option<u16>, u16)>,
     /// A GFC, or a received SRDO that failed: the safe state until a reset.
@@ -70,6 +77,12 @@ pub struct Values {
     pub storage_failed: bool,
     /// The calibration in force is the channel's own.
     pub calibrated: bool,
+    /// Check sum of the calibration in force, as it was when it came into force.
+    pub calibration_sum: u32,
+    /// Whether this channel's angles may be used; the reason when they may not.
+    pub standing: Result<(), Invalid>,
+    /// What this channel is held ill for, which the peer is told instead of angles.
+    pub own_ill: Option<Invalid>,
 }
 
 impl Values {
@@ -84,9 +97,11 @@ impl Values {
                 own: None,
                 unanswered: None,
                 exchange: false,
+                backing: false,
                 sync: false,
                 reset: false,
                 restart: false,
+                sensor: false,
                 bit_rate: None,
                 fail_safe: false,
             },
@@ -97,16 +112,39 @@ impl Values {
             receiving: false,
             storage_failed: false,
             calibrated: false,
+            calibration_sum: 0,
+            standing: Ok(()),
+            own_ill: None,
         }
     }
 
-    /// SYNC: shows the reading of this instant and keeps it for the peer's.
-    pub fn latch(&mut self, reading: Reading, at: Instant) {
-        self.process.show(&reading);
+    /// SYNC: shows the reading of this instant, tells it to the peer and keeps it for the peer's.
+    pub fn latch(&mut self, observation: Observation, at: Instant) {
+        self.show(&observation.reading);
+        self.tell(&observation, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
-        self.news.unanswered = self.news.own.replace(Latched { reading, at });
-        self.news.exchange = false;
+        let latched = Latched { observation, at };
+        self.news.unanswered = self.news.own.replace(latched);
         self.news.sync = true;
+    }
+
+    /// Shows a reading as far as this channel's standing allows.
+    pub fn show(&mut self, reading: &Reading) {
+        let allowed = |axis: Result<_, _>| axis.and_then(|m| self.standing.map(|()| m));
+        let shown = Axes {
+            x: allowed(reading.x),
+            y: allowed(reading.y),
+        };
+        self.process.show(&shown);
+    }
+
+    /// Puts into the exchange what the peer is to know.
+    pub fn tell(&mut self, observation: &Observation, at: Instant) {
+        let told = match self.own_ill {
+            Some(reason) if observation.reading.x.is_ok() => observation.refused(reason),
+            _ => *observation,
+        };
+        self.process.sent = exchange::encode(&told, at);
     }
 }
 

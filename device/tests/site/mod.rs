@@ -184,7 +184,11 @@ fn settings() -> Settings {
                 vector: Vector::IDENTITY,
                 harmonics: Axes::<Harmonics>::default(),
             },
-            budget: Budget::default(),
+            // This part's codes stand still, as those of one without noise may.
+            budget: Budget {
+                noise: 1,
+                ..Budget::default()
+            },
         },
     };
     Settings { part, chain }
@@ -274,6 +278,10 @@ impl Site {
         }
         match self.device.take_wish() {
             Some(Wish::Reset) => self.boot(),
+            Some(Wish::Sensor) => {
+                let now = self.now;
+                let _ = self.device.restart_sensor(&mut Hurry, now);
+            }
             Some(Wish::BitRate { .. }) | None => {}
         }
     }

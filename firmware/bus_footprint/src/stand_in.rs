@@ -15,6 +15,7 @@ use device::program::{ProgramError, ProgramMemory};
 use device::records::{Record, RecordStore, StoreError};
 use tilt::chain::Reading;
 use tilt::filter::Filtered;
+use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
 /// Records and programs.
@@ -89,6 +90,7 @@ impl ProgramMemory for Memory {
 /// A channel that measures.
 pub struct Measuring {
     reading: fn(&Settings, Instant) -> Reading,
+    observe: fn(&Settings, Instant) -> Observation,
     filtered: fn() -> Option<Filtered>,
     temperature: fn() -> Option<Temperature>,
 }
@@ -96,6 +98,10 @@ pub struct Measuring {
 impl Source for Measuring {
     fn reading(&self, settings: &Settings, now: Instant) -> Reading {
         (self.reading)(settings, now)
+    }
+
+    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+        (self.observe)(settings, now)
     }
 
     fn filtered(&self) -> Option<Filtered> {

@@ -130,12 +130,12 @@ impl Controller {
     }
 
     /// The frame it would send now, and from where.
-    pub(super) fn next(&self) -> Option<(Source, Waiting)> {
-        if let Some(babble) = self.babble {
+    pub(super) fn next(&self) -> Option<(Source, &Waiting)> {
+        if let Some(babble) = &self.babble {
             return Some((Source::Babble, babble));
         }
         let full = (self.mailboxes.iter().zip(0..))
-            .filter_map(|(slot, number)| Some((Source::Mailbox(Mailbox(number)), (*slot)?)));
+            .filter_map(|(slot, number)| Some((Source::Mailbox(Mailbox(number)), slot.as_ref()?)));
         match self.order {
             Order::Identifier => full.min_by_key(|(_, waiting)| waiting.priority),
             Order::Offered => full.min_by_key(|(_, waiting)| waiting.number),

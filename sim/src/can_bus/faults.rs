@@ -1,6 +1,7 @@
 //! Faults on demand: which attempt to send goes wrong, and how.
 //!
-//! In: a plan (the nth attempt on the bus, from 0) and rates per attempt with a seed. Out: at most
+//! In: a plan (the nth attempt on the bus, from 0), rates per attempt with a seed, and controllers
+//! whose frames all go wrong. Out: at most
 //! one [`Fault`] for each attempt. Left out: shorts, cut lines and babble, which last; the bus has
 //! calls for them.
 
@@ -11,6 +12,10 @@ use crate::rng::Rng;
 
 /// Bits a drawn corruption may hit; a longer number than any frame, so each bit is as likely.
 const DRAWN_BITS: f64 = 65_536.0;
+
+/// Which bit of a frame goes wrong that a spoiled controller sends: behind the identifier, so the
+/// arbitration is over.
+const SPOILED_BIT: u16 = 16;
 
 /// What goes wrong with one attempt to send a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +57,7 @@ pub struct Rates {
 pub struct Faults {
     planned: BTreeMap<u64, Fault>,
     rates: Rates,
+    spoiled: Ports,
     rng: Rng,
 }
 
@@ -61,6 +67,7 @@ impl Faults {
         Self {
             planned: BTreeMap::new(),
             rates: Rates::default(),
+            spoiled: Ports::NONE,
             rng: Rng::stream(seed, "can bus faults"),
         }
     }
@@ -75,8 +82,25 @@ impl Faults {
         self.rates = rates;
     }
 
-    /// The fault of this attempt; `receivers` are those who listen at its bit rate.
-    pub(super) fn strike(&mut self, attempt: u64, receivers: Ports) -> Option<Fault> {
+    /// From now on every frame that this controller sends is corrupted, or none is.
+    pub fn spoil(&mut self, port: Port, on: bool) {
+        if on {
+            self.spoiled.insert(port);
+        } else {
+            self.spoiled.remove(port);
+        }
+    }
+
+    /// The fault of this attempt by `senders`; `receivers` are those who listen at its bit rate.
+    pub(super) fn strike(
+        &mut self,
+        attempt: u64,
+        senders: Ports,
+        receivers: Ports,
+    ) -> Option<Fault> {
+        if !self.spoiled.among(senders).is_empty() {
+            return Some(Fault::Corrupt { bit: SPOILED_BIT });
+        }
         if !self.planned.is_empty()
             && let Some(fault) = self.planned.remove(&attempt)
         {

@@ -96,6 +96,8 @@ pub struct Bus {
     /// Who is on its way back from bus-off.
     recovering: Ports,
     phase: Phase,
+    /// Room for the next attempt: that of the last one.
+    spare: Option<Box<Attempt>>,
     events: VecDeque<Event>,
     faults: Faults,
     /// `busy_ns` counts to the end of the last frame, `at_ns` isn't kept.
@@ -122,6 +124,7 @@ impl Bus {
             pending: Ports::NONE,
             recovering: Ports::NONE,
             phase: Phase::Idle { since_ns: 0 },
+            spare: None,
             events: VecDeque::new(),
             faults: Faults::none(seed),
             statistics: Statistics::default(),
@@ -306,7 +309,18 @@ impl Bus {
 
     /// Goes to the next event, but not past `limit_ns`; `None` once the bus has come there, which
     /// leaves [`Bus::now_ns`] at the limit.
+    #[inline]
     pub fn step(&mut self, limit_ns: u64) -> Option<Event> {
+        // The most frequent case by far: nothing to tell, nothing to send, nobody on the way back.
+        if self.is_quiet() {
+            self.now_ns = self.now_ns.max(limit_ns);
+            return None;
+        }
+        self.go_on(limit_ns)
+    }
+
+    /// [`Bus::step`] where something may happen.
+    fn go_on(&mut self, limit_ns: u64) -> Option<Event> {
         loop {
             if let Some(event) = self.events.pop_front() {
                 return Some(event);
@@ -335,6 +349,11 @@ enum Due {
 }
 
 impl Bus {
+    fn is_quiet(&self) -> bool {
+        let idle = matches!(self.phase, Phase::Idle { .. });
+        idle && self.pending.with(self.recovering).is_empty() && self.events.is_empty()
+    }
+
     fn controller(&mut self, port: Port) -> &mut Controller {
         &mut self.controllers[port.index()]
     }

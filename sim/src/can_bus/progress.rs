@@ -3,9 +3,10 @@
 //! In: the state of a [`Bus`] and the instant that has come. Out: events and counters. Left out:
 //! how an attempt ends; that is decided when it begins.
 
+use std::cmp::Ordering;
+
 use super::attempt::{Attempt, DELIMITER_BITS, Decision, FLAG_BITS, Failure, resolve};
 use super::confinement::State;
-use super::controller::Waiting;
 use super::event::{ErrorKind, Event};
 use super::ports::{Port, Ports};
 use super::wire::INTERMISSION_BITS;
@@ -17,20 +18,21 @@ const HELD_BITS: u64 = 8;
 /// Those who begin together.
 struct Contest {
     winners: Ports,
-    best: Option<Waiting>,
+    /// The winners' priority; above all that there are while nobody has entered.
+    best: u32,
     contenders: u64,
     rate_ns: Option<u64>,
     rates_differ: bool,
 }
 
 impl Contest {
-    fn enter(&mut self, port: Port, waiting: Waiting, bit_ns: u64) {
+    fn enter(&mut self, port: Port, priority: u32, bit_ns: u64) {
         self.contenders += 1;
         self.rates_differ |= *self.rate_ns.get_or_insert(bit_ns) != bit_ns;
-        match self.best {
-            Some(best) if best.priority < waiting.priority => {}
-            Some(best) if best.priority == waiting.priority => self.winners.insert(port),
-            _ => (self.winners, self.best) = (Ports::only(port), Some(waiting)),
+        match priority.cmp(&self.best) {
+            Ordering::Less => (self.winners, self.best) = (Ports::only(port), priority),
+            Ordering::Equal => self.winners.insert(port),
+            Ordering::Greater => {}
         }
     }
 }
@@ -42,7 +44,7 @@ impl Bus {
         self.now_ns = start_ns;
         let mut contest = Contest {
             winners: Ports::NONE,
-            best: None,
+            best: u32::MAX,
             contenders: 0,
             rate_ns: None,
             rates_differ: false,
@@ -53,7 +55,7 @@ impl Bus {
                 && controller.ready_ns <= start_ns
                 && let Some((_, waiting)) = controller.next()
             {
-                contest.enter(port, waiting, controller.bit_ns);
+                contest.enter(port, waiting.priority, controller.bit_ns);
             }
         }
         self.launch(start_ns, &contest);
@@ -75,14 +77,20 @@ impl Bus {
         let decision = Decision {
             controllers: &self.controllers,
             tie,
-            waiting,
+            waiting: *waiting,
             start_ns,
             bit_ns: controller.bit_ns,
             rates_differ: contest.rates_differ,
         };
-        let faults = &mut self.faults;
-        let attempt = decision.attempt(|receivers| faults.strike(attempt_number, receivers));
-        self.phase = Phase::Busy(Box::new(attempt));
+        let (faults, senders) = (&mut self.faults, contest.winners);
+        let attempt =
+            decision.attempt(|receivers| faults.strike(attempt_number, senders, receivers));
+        let mut place = self
+            .spare
+            .take()
+            .unwrap_or_else(|| Box::new(attempt.clone()));
+        *place = attempt;
+        self.phase = Phase::Busy(place);
         self.statistics.attempts += 1;
         self.statistics.arbitrations_lost += contest.contenders - contest.winners.count() as u64;
     }
@@ -116,6 +124,7 @@ impl Bus {
         }
         if attempt.next_ns().is_none() {
             self.fall_idle(attempt.start_ns, attempt.idle_ns);
+            self.spare = Some(attempt);
         } else {
             self.phase = Phase::Busy(attempt);
         }

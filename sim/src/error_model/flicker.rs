@@ -39,15 +39,21 @@ impl Markov {
     #[inline]
     pub(super) fn step(&mut self, dt_s: f64, rng: &mut Rng) -> bool {
         self.waited_s += dt_s;
-        if self.waited_s < 0.01 * self.tau_s {
-            return false;
+        let changes = self.waited_s >= 0.01 * self.tau_s;
+        if changes {
+            self.renew(rng);
         }
+        changes
+    }
+
+    /// Seldom beside the steps, and kept out of them: those run at every sample.
+    #[inline(never)]
+    fn renew(&mut self, rng: &mut Rng) {
         let keep = (-self.waited_s / self.tau_s).exp();
         let drive = (1.0 - keep * keep).sqrt();
         let normals = rng.normals();
         self.value = [0, 1, 2].map(|i| keep * self.value[i] + drive * normals[i]);
         self.waited_s = 0.0;
-        true
     }
 }
 

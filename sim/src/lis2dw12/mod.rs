@@ -25,6 +25,7 @@
 //! chip.deselect();
 //! ```
 
+mod burst;
 mod fifo;
 mod output;
 mod port;
@@ -226,12 +227,23 @@ impl Chip {
     /// in degC that its thermometer reports. Without supply, in power-down or while booting
     /// nothing happens.
     pub fn convert(&mut self, force_g: [f64; 3], die_c: f64) {
+        self.convert_through(force_g, die_c, |codes| codes);
+    }
+
+    /// [`Chip::convert`], with `path` between the converter and the outputs: for faults there.
+    #[inline]
+    pub fn convert_through(
+        &mut self,
+        force_g: [f64; 3],
+        die_c: f64,
+        path: impl FnOnce([i16; 3]) -> [i16; 3],
+    ) {
         if self.phase != Phase::Ready || self.mode.odr_hz.is_none() {
             return;
         }
         let felt_g = self.with_self_test(force_g);
         let counts = output::counts(felt_g, &self.mode, self.traits.full_register).0;
-        self.latch(counts.map(i16::to_le_bytes));
+        self.latch(path(counts).map(i16::to_le_bytes));
         self.sampled_ns = self.now_ns;
         if self.temperature_due == 0 {
             self.temperature_due = self.temperature_every;

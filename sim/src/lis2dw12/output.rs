@@ -25,11 +25,16 @@ pub struct Pair {
 impl Pair {
     /// A new value arrives.
     pub fn update(&mut self, bytes: [u8; 2], block_data_update: bool) {
-        if block_data_update && self.low_read != self.high_read {
+        if block_data_update && self.is_half_read() {
             self.waiting = Some(bytes);
         } else {
             self.bytes = bytes;
         }
+    }
+
+    /// One of its bytes has been read and the other not.
+    pub fn is_half_read(&self) -> bool {
+        self.low_read != self.high_read
     }
 
     /// A byte is read: 0 is the low one, anything else the high one.

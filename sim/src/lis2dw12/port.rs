@@ -55,7 +55,7 @@ impl SpiDevice for SpiPort {
 /// One operation of a transaction.
 fn run(chip: &mut Chip, operation: &mut Operation<'_, u8>) {
     match operation {
-        Operation::Read(bytes) => bytes.iter_mut().for_each(|byte| *byte = chip.exchange(0)),
+        Operation::Read(bytes) => chip.read_into(bytes),
         Operation::Write(bytes) => bytes.iter().for_each(|&byte| {
             chip.exchange(byte);
         }),

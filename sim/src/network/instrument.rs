@@ -63,14 +63,19 @@ impl Delivered {
         })
     }
 
-    /// As it was soldered: its nodes say that they are not calibrated.
+    /// As it was soldered: its nodes say that they are not calibrated, and know no more of their
+    /// parts than whether these have any noise at all.
     pub fn bare(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
+        let mut settings = mode.settings();
+        if world.parts.white_noise == 0.0 {
+            settings.chain.calibration.budget.noise = 1;
+        }
         Self {
             mode,
             parts: world.parts,
             seed,
             unit,
-            settings: [mode.settings(), mode.settings()],
+            settings: [settings.clone(), settings],
             calibrated: false,
         }
     }

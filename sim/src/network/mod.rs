@@ -8,6 +8,7 @@
 //!
 //! Left out: the time that code takes to run: a node answers at the instant at which it is asked.
 
+mod fault;
 pub mod hand;
 pub mod instrument;
 mod unit;
@@ -15,11 +16,12 @@ mod unit;
 #[cfg(test)]
 mod tests;
 
+use canopen::Frame;
 use device::device::Factory;
 use tilt::cross_check::CrossCheck;
 
 use crate::TICK_S;
-use crate::can_bus::{Bus, Event, Order, Port, Statistics};
+use crate::can_bus::{Bus, Event, Order, Port, Ports, Statistics};
 use crate::electronics::Electronics;
 use crate::memory::Memory;
 use crate::motion::Mover;
@@ -32,14 +34,22 @@ const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 /// Time between two looks at the bus load, ns.
 const LOAD_NS: u64 = 1_000_000_000;
 
+/// A node that wants nothing.
+const NEVER: u64 = u64::MAX;
+
 /// Nodes on a bus.
 #[derive(Debug)]
 pub struct Network {
     /// The bus.
     pub bus: Bus,
     units: Vec<Unit>,
-    /// Data-ready edges of the tick under way: time and node, the latest first.
-    edges: Vec<(u64, usize)>,
+    /// When each node next wants the processor, ns, [`NEVER`] without power; kept while time goes
+    /// on, since that is asked more often than it changes.
+    due_ns: Vec<u64>,
+    /// The first of them.
+    first_due_ns: u64,
+    /// Data-ready edges of the tick under way: time, node and time stamp, the latest first.
+    edges: Vec<(u64, usize, u64)>,
     /// End of the tick under way, ns.
     tick_ns: u64,
     counted: Statistics,
@@ -54,6 +64,8 @@ impl Network {
             counted: bus.statistics(),
             bus,
             units: Vec::new(),
+            due_ns: Vec::new(),
+            first_due_ns: NEVER,
             edges: Vec::new(),
             tick_ns: 0,
             load_percent: 0,
@@ -77,6 +89,7 @@ impl Network {
         self.bus.connect(port, false);
         let unit = Unit::new(electronics, check, factory, memory, port);
         self.units.push(unit);
+        self.due_ns.push(NEVER);
         self.units.len() - 1
     }
 
@@ -140,6 +153,8 @@ impl Network {
         until_ns: u64,
         mut seen: impl FnMut(&Event),
     ) {
+        // Whoever called may have done anything to the nodes since the last time.
+        (0..self.units.len()).for_each(|number| self.look_at(number));
         loop {
             let next = self.next_ns().min(until_ns);
             while let Some(event) = self.bus.step(next) {
@@ -152,10 +167,8 @@ impl Network {
             // An event may have brought something forward; then the loop goes round again.
             let now = self.now_ns();
             self.deliver_edges(now);
-            for unit in &mut self.units {
-                if unit.next_ns().is_some_and(|at| at <= now) {
-                    unit.poll(&mut self.bus, now);
-                }
+            if self.first_due_ns <= now {
+                self.poll(now);
             }
             if now >= self.tick_ns {
                 self.tick(mover);
@@ -168,12 +181,26 @@ impl Network {
 
     /// The next instant at which anything but the bus has something to do.
     fn next_ns(&self) -> u64 {
-        let edge = self.edges.last().map(|(at, _)| *at);
-        let units = self.units.iter().filter_map(Unit::next_ns);
-        units
-            .chain(edge)
-            .fold(self.tick_ns, u64::min)
-            .max(self.now_ns())
+        let edge = self.edges.last().map_or(NEVER, |(at_ns, ..)| *at_ns);
+        let first = self.tick_ns.min(edge).min(self.first_due_ns);
+        first.max(self.now_ns())
+    }
+
+    /// Lets the nodes run that want to.
+    fn poll(&mut self, now_ns: u64) {
+        for number in 0..self.units.len() {
+            if self.due_ns[number] <= now_ns {
+                self.units[number].poll(&mut self.bus, now_ns);
+                self.look_at(number);
+            }
+        }
+    }
+
+    /// Notes when a node next wants the processor, after anything has happened to it.
+    fn look_at(&mut self, number: usize) {
+        let next = self.units[number].next_ns(self.bus.now_ns());
+        self.due_ns[number] = next.unwrap_or(NEVER);
+        self.first_due_ns = self.due_ns.iter().copied().min().unwrap_or(NEVER);
     }
 
     /// One tick: the housing feels its force up to the tick's end, and the parts sample.
@@ -187,8 +214,9 @@ impl Network {
             if unit.electronics.now_s() >= end_s {
                 continue;
             }
-            unit.electronics.tick(motion.force_g, end_s, |due_s| {
-                edges.push(((due_s * 1e9) as u64, number));
+            unit.electronics.tick(motion.force_g, end_s, |edge| {
+                let [at_ns, captured_ns] = [edge.at_s, edge.captured_s].map(|s| (s * 1e9) as u64);
+                edges.push((at_ns, number, captured_ns));
             });
         }
         edges.sort_unstable_by(|a, b| b.cmp(a));
@@ -209,31 +237,48 @@ impl Network {
     }
 
     fn deliver_edges(&mut self, now_ns: u64) {
-        while let Some(&(at_ns, number)) = self.edges.last().filter(|(at, _)| *at <= now_ns) {
-            self.edges.pop();
-            self.units[number].data_ready(&mut self.bus, at_ns);
+        while let Some(edge) = self.edges.pop_if(|(at_ns, ..)| *at_ns <= now_ns) {
+            let (at_ns, number, captured_ns) = edge;
+            self.units[number].data_ready(&mut self.bus, at_ns, captured_ns);
+            self.look_at(number);
         }
     }
 
     fn hand_out(&mut self, event: &Event) {
-        let Self { bus, units, .. } = self;
-        for unit in units {
-            match event {
-                Event::Delivered {
-                    frame, to, at_ns, ..
-                } if to.contains(unit.port) => unit.receive(bus, frame, *at_ns),
-                Event::Sent {
-                    port,
-                    mailbox: Some(mailbox),
-                    frame,
-                    end_ns,
-                    ..
-                } if *port == unit.port => unit.sent(bus, mailbox.number(), frame, *end_ns),
-                Event::Changed { port, state, at_ns } if *port == unit.port => {
-                    unit.bus_changed(bus, *state, *at_ns);
-                }
-                _ => {}
+        match event {
+            Event::Delivered {
+                frame, to, at_ns, ..
+            } => self.deliver(frame, *to, *at_ns),
+            Event::Sent {
+                port,
+                mailbox: Some(mailbox),
+                frame,
+                end_ns,
+                ..
+            } => self.with_owner(*port, |unit, bus| {
+                unit.sent(bus, mailbox.number(), frame, *end_ns);
+            }),
+            Event::Changed { port, state, at_ns } => self.with_owner(*port, |unit, bus| {
+                unit.bus_changed(bus, *state, *at_ns);
+            }),
+            Event::Sent { .. } | Event::Error { .. } => {}
+        }
+    }
+
+    fn deliver(&mut self, frame: &Frame, to: Ports, at_ns: u64) {
+        for number in 0..self.units.len() {
+            if to.contains(self.units[number].port) {
+                self.units[number].receive(&mut self.bus, frame, at_ns);
+                self.look_at(number);
             }
+        }
+    }
+
+    /// Tells the node at this port, if a node it is.
+    fn with_owner(&mut self, port: Port, tell: impl FnOnce(&mut Unit, &mut Bus)) {
+        if let Some(number) = self.units.iter().position(|unit| unit.port == port) {
+            tell(&mut self.units[number], &mut self.bus);
+            self.look_at(number);
         }
     }
 }

@@ -14,6 +14,7 @@ use device::device::{Device, Factory, Wish};
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
+use super::fault::Faulty;
 use crate::can_bus::{Bus, MAILBOXES, Port, State};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
@@ -43,6 +44,8 @@ pub struct Unit {
     delay_ms: u16,
     /// The bit rate is being looked for; nothing is sent meanwhile.
     search: Option<Search>,
+    /// What goes wrong with it.
+    pub(super) faulty: Faulty,
 }
 
 fn seconds(time_ns: u64) -> f64 {
@@ -72,6 +75,7 @@ impl Unit {
             switch_at: None,
             delay_ms: 0,
             search: None,
+            faulty: Faulty::default(),
         }
     }
 
@@ -96,6 +100,7 @@ impl Unit {
     /// Power on: new turn-on offsets, and the code starts.
     pub fn power_on(&mut self, bus: &mut Bus, now_ns: u64) {
         self.electronics.power_cycle();
+        self.device.power_lost();
         self.powered = true;
         self.reset(bus, now_ns);
     }
@@ -106,7 +111,14 @@ impl Unit {
         self.recover_at = None;
         self.switch_at = None;
         self.search = None;
+        self.faulty.forget();
         bus.listen_only(self.port, false);
+    }
+
+    /// The code stands still until a reset; the controller goes on by itself.
+    pub(super) fn halt(&mut self) {
+        self.running = false;
+        self.ready_ns = u64::MAX;
     }
 
     /// The code starts anew: the part is set up first, which takes its time.
@@ -124,8 +136,8 @@ impl Unit {
         self.ready_ns = (self.electronics.now_s() * 1e9).ceil() as u64;
     }
 
-    /// When this node next wants the processor, ns.
-    pub fn next_ns(&self) -> Option<u64> {
+    /// When this node, asked at `now_ns`, next wants the processor, ns.
+    pub fn next_ns(&self, now_ns: u64) -> Option<u64> {
         if !self.powered {
             return None;
         }
@@ -139,17 +151,19 @@ impl Unit {
             self.search.map(|s| s.until()),
         ];
         let first = own.into_iter().flatten().min()?;
-        Some(self.electronics.when_ns(first))
+        let first_ns = self.electronics.when_ns(first);
+        let faulty_ns = self.faulty.next_ns(now_ns);
+        Some(faulty_ns.map_or(first_ns, |at_ns| at_ns.min(first_ns)))
     }
 
     fn now(&self, now_ns: u64) -> Instant {
         self.electronics.clock(seconds(now_ns))
     }
 
-    /// A data-ready edge at `at_ns`.
-    pub fn data_ready(&mut self, bus: &mut Bus, at_ns: u64) {
+    /// A data-ready edge of `captured_ns` gets here at `at_ns`.
+    pub fn data_ready(&mut self, bus: &mut Bus, at_ns: u64, captured_ns: u64) {
         if self.running {
-            self.device.data_ready(self.now(at_ns));
+            self.device.data_ready(self.now(captured_ns));
             self.pump(bus, at_ns);
         }
     }
@@ -172,6 +186,7 @@ impl Unit {
             bus.recover(self.port);
         }
         self.switch(bus, now);
+        self.faulty.poll(bus, self.port, now_ns);
         if let Some(search) = &mut self.search
             && search.poll(now)
         {
@@ -208,6 +223,10 @@ impl Unit {
 
     /// A frame has ended that this node's controller took.
     pub fn receive(&mut self, bus: &mut Bus, frame: &Frame, at_ns: u64) {
+        let sync = &self.device.bus().communication().sync;
+        if self.faulty.is_deaf_to_sync() && sync.recognises(frame) {
+            return;
+        }
         if self.running {
             if let Some(found) = self.search {
                 self.set_rate(bus, Some(found.kbit_s()), self.now(at_ns));
@@ -266,23 +285,15 @@ impl Unit {
     fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
         let now = self.now(now_ns);
         let silent = self.switch_at.is_some() || self.search.is_some();
-        while !silent && let Some(id) = self.device.next_cob_id(now) {
-            let waiting = self.mailboxes.iter().flatten().filter_map(Frame::cob_id);
-            let highest = waiting.clone().min();
-            let outranks = highest.is_none_or(|highest| id < highest);
-            let free = self
-                .mailboxes
-                .iter()
-                .filter(|place| place.is_none())
-                .count();
-            if free == 0 || (free == 1 && !outranks) || waiting.clone().any(|other| other == id) {
-                break;
-            }
-            let Some(frame) = self.device.transmit(now) else {
-                break;
-            };
-            if let Ok(mailbox) = bus.offer(self.port, frame) {
-                self.mailboxes[mailbox.number()] = Some(frame);
+        if self.faulty.is_late() && !silent {
+            self.pump_late(bus, now, now_ns);
+        } else {
+            while !silent
+                && let Some(id) = self.device.next_cob_id(now)
+                && self.has_room(id)
+                && let Some(frame) = self.device.transmit(now)
+            {
+                self.post(bus, frame);
             }
         }
         // What a frame has changed may be due sooner than the deadline that was known.
@@ -290,10 +301,49 @@ impl Unit {
         self.wish(bus, now, now_ns);
     }
 
+    /// True when a frame of this identifier may go into a mailbox.
+    fn has_room(&self, id: u16) -> bool {
+        let waiting = self.mailboxes.iter().flatten().filter_map(Frame::cob_id);
+        let outranks = waiting.clone().min().is_none_or(|highest| id < highest);
+        let free = self
+            .mailboxes
+            .iter()
+            .filter(|place| place.is_none())
+            .count();
+        (free > 1 || (free == 1 && outranks)) && !waiting.clone().any(|other| other == id)
+    }
+
+    fn post(&mut self, bus: &mut Bus, frame: Frame) {
+        if let Ok(mailbox) = bus.offer(self.port, frame) {
+            self.mailboxes[mailbox.number()] = Some(frame);
+        }
+    }
+
+    /// [`Unit::pump`] of a node whose frames get to the controller late.
+    fn pump_late(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
+        while let Some(frame) = self.device.transmit(now) {
+            self.faulty.delay(frame, now_ns);
+        }
+        while let Some(frame) = self.faulty.arriving(now_ns)
+            && frame.cob_id().is_some_and(|id| self.has_room(id))
+        {
+            self.faulty.arrived();
+            self.post(bus, frame);
+        }
+    }
+
     fn wish(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
         match self.device.take_wish() {
             None => {}
             Some(Wish::Reset) => self.reset(bus, now_ns),
+            Some(Wish::Sensor) => {
+                self.electronics.catch_up(seconds(now_ns));
+                let device = &mut self.device;
+                self.electronics.run_waiting(|mut delay, now| {
+                    // A part that still does not answer leaves its channel invalid.
+                    let _ = device.restart_sensor(&mut delay, now);
+                });
+            }
             Some(Wish::BitRate { kbit_s, delay_ms }) => {
                 self.delay_ms = delay_ms;
                 let at = now.offset(i64::from(delay_ms) * 1000);

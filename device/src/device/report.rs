@@ -1,0 +1,232 @@
+//! What follows from all that is known: the values shown, faults, EMCY, the fault log, consent.
+//!
+//! In: the channel, the pair's judgement, the memory's state, the time. Out: the values of the
+//! dictionary as they move without a SYNC, one EMCY for each fault that appears and one when
+//! faults have gone, an entry in the log with the samples around it, and whether safety frames
+//! may go out.
+//!
+//! Left out: how a judgement comes about (`pair`).
+
+use canopen::nmt::State;
+use embedded_hal::spi::SpiDevice;
+use tilt::chain::{Invalid, Reading};
+use tilt::cross_check::Judgement;
+use tilt::observation::Observation;
+use tilt::sample::Instant;
+
+use super::{Device, Memory, bus_time};
+use crate::calibration::encoding::identity;
+use crate::fault::{Fault, Faults};
+use crate::fault_log::Entry;
+use crate::objects::process::{SyncSource, validity};
+use crate::objects::safety::VALID;
+use crate::profile::Resolution;
+
+/// Outside these the part is not specified (DS11811, table 4), in 1/256 degC.
+const COLDEST: i32 = -40 * 256;
+/// See [`COLDEST`].
+const HOTTEST: i32 = 85 * 256;
+
+/// Time between two looks at the calibration in force, us.
+const SUM_INTERVAL_US: i64 = 250_000;
+
+impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+    /// What every call ends with.
+    pub(super) fn after(&mut self, now: Instant) {
+        // Whatever has happened may be due sooner than what was known.
+        self.next = now;
+        if self.values.news.exchange || self.values.news.backing {
+            self.pair_up(now);
+        }
+        self.report(now);
+    }
+
+    /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
+    pub(super) fn refresh(&mut self, now: Instant) {
+        self.check_calibration(now);
+        self.age_judgement(now);
+        let reading = self.node.reading(&self.settings, now);
+        self.values.show(&reading);
+        if self.values.process.source == SyncSource::None {
+            // Nobody says when to tell the peer, so it is told what is so now.
+            self.values.tell(&Observation::from(reading), now);
+        }
+        let channel = &self.node.channel;
+        let process = &mut self.values.process;
+        process.samples = channel.samples();
+        process.period_q8 = channel.period_q8();
+        if let Some((filtered, _)) = channel.filtered() {
+            process.filtered = filtered.accel;
+        }
+        if let Some(t) = channel.temperature() {
+            process.temperature_c = (t.0.saturating_add(128) >> 8).clamp(-128, 127) as i8;
+        }
+        process.bus.overruns = self.bus.overruns();
+        process.flag(validity::CALIBRATED, self.values.calibrated);
+        self.look_for_sync(now);
+        self.mend_sensor(now);
+        self.find_faults(&reading);
+        let (bus, mut panel) = self.split(now);
+        bus.data_changed(&mut panel, bus_time(now));
+    }
+
+    /// A calibration that changes by itself makes wrong angles that look right.
+    fn check_calibration(&mut self, now: Instant) {
+        if now < self.next_sum {
+            return;
+        }
+        self.next_sum = now.offset(SUM_INTERVAL_US);
+        if identity(&self.settings.chain.calibration) != self.values.calibration_sum {
+            self.node.channel.condemn(Invalid::Corrupt);
+        }
+    }
+
+    /// A sensor that has lost its set-up gets it again once the latch allows (2004h).
+    fn mend_sensor(&mut self, now: Instant) {
+        let curable = matches!(
+            self.node.channel.fault(),
+            Some(Invalid::PartReset | Invalid::Bus | Invalid::Thermometer)
+        );
+        let wait_us = i64::from(self.values.parameters.latch_s) * 1_000_000;
+        if !curable {
+            self.sensor_sound = now;
+        } else if wait_us != 0 && now.micros_since(self.sensor_sound) >= wait_us {
+            self.sensor_sound = now;
+            self.values.news.sensor = true;
+        }
+    }
+
+    /// With no SYNC on the bus the lower node-id makes it, the other one if that fails (2050h).
+    fn look_for_sync(&mut self, now: Instant) {
+        let parameters = &self.values.parameters;
+        if self.values.state != State::Operational {
+            // A node that is stopped or being set up makes no SYNC of its own accord.
+            self.last_sync = now;
+            return self.end_standing_in(now);
+        }
+        let first = self.bus.node_id() < parameters.peer;
+        let patience_ms = i64::from(parameters.fallback_ms) * if first { 1 } else { 2 };
+        let silent_us = now.micros_since(self.last_sync);
+        if patience_ms == 0 || silent_us <= patience_ms * 1000 {
+            return;
+        }
+        self.values.process.source = SyncSource::None;
+        if !self.standing_in {
+            self.standing_in = true;
+            let period_us = Some(parameters.fallback_period_us);
+            self.bus.stand_in_for_sync(period_us, bus_time(now));
+        }
+    }
+
+    fn find_faults(&mut self, reading: &Reading) {
+        let mut found = Faults::default();
+        found.of_reading(reading);
+        if let Some(judgement) = self.pair.judgement {
+            found.of_judgement(judgement);
+        }
+        let [x, y, ..] = self.values.process.slopes;
+        let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
+        let outside = |slope: Option<_>, low, high| {
+            slope.is_some_and(|a| !(low..=high).contains(&Resolution::Thousandth.units(a)))
+        };
+        found.set(Fault::RangeX, outside(x, low_x, high_x));
+        found.set(Fault::RangeY, outside(y, low_y, high_y));
+        let temperature = self.node.channel.temperature();
+        let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
+        found.set(Fault::Temperature, beyond);
+        found.set(Fault::NotCalibrated, !self.values.calibrated);
+        let corrupt = self.node.channel.fault() == Some(Invalid::Corrupt);
+        found.set(Fault::CalibrationRecord, self.record_damaged || corrupt);
+        found.set(Fault::Storage, self.values.storage_failed);
+        let fail_safe = self.values.news.fail_safe;
+        found.set(Fault::FailSafe, fail_safe);
+        self.values
+            .process
+            .flag(validity::LATCHED, self.is_latched());
+        self.pending = found;
+    }
+
+    /// True when something stands that only a reset takes away.
+    fn is_latched(&self) -> bool {
+        let until_reset = self.values.parameters.latch_s == 0;
+        let channel = self.node.channel.fault();
+        let by_latch = match self.pair.judgement {
+            Some(Judgement::PhysicalFault) => return true,
+            Some(Judgement::Disagree) => true,
+            Some(Judgement::OneChannel { reason, .. } | Judgement::NoChannel(reason)) => {
+                !reason.passes_with_its_cause()
+            }
+            _ => false,
+        };
+        self.values.news.fail_safe
+            || channel == Some(Invalid::Corrupt)
+            || (until_reset && (channel.is_some() || by_latch))
+    }
+
+    /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs.
+    fn report(&mut self, now: Instant) {
+        let (before, found) = (self.faults, self.pending);
+        if before != found {
+            self.faults = found;
+            for fault in found.new_since(before).iter() {
+                self.tell(Some(fault.report().0), found, now);
+                self.write_down(Some(fault), now);
+            }
+            if !before.new_since(found).is_empty() {
+                self.tell(None, found, now);
+                self.write_down(None, now);
+            }
+        }
+        let consent = self.consents();
+        self.bus.consent_to_safety(consent);
+    }
+
+    /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the
+    /// state of the pair in byte 7.
+    fn tell(&mut self, code: Option<u16>, found: Faults, now: Instant) {
+        let process = &self.values.process;
+        let [a, b, c, _] = found.bits().to_le_bytes();
+        let blame = process.blamed << 6 | process.why & 0x3F;
+        let detail = [a, b, c, blame, process.state];
+        let bits = found.register();
+        let (bus, mut panel) = self.split(now);
+        match code {
+            Some(code) => bus.report(&mut panel, code, bits, detail, bus_time(now)),
+            None => bus.cleared(bits, detail),
+        }
+    }
+
+    /// An event for the log; a new fault keeps the samples around it.
+    fn write_down(&mut self, fault: Option<Fault>, now: Instant) {
+        let keeps_samples = fault.is_some_and(Fault::keeps_samples);
+        let code = fault.map_or(0, |fault| fault.report().0);
+        let process = &self.values.process;
+        let mut entry = Entry {
+            at_ms: self.uptime_ms(now),
+            sync: process.syncs,
+            code,
+            faults: self.faults.bits(),
+            state: process.state,
+            blamed: process.blamed,
+            reason: process.why,
+            ..Entry::default()
+        };
+        if !self.log.add(entry) || !keeps_samples {
+            return;
+        }
+        entry.box_number = self.black_box.trigger(entry, now);
+        self.log.in_box(entry.box_number);
+    }
+
+    /// A safety frame is sent only of an angle that is valid, checked and configured as signed.
+    fn consents(&self) -> bool {
+        let process = &self.values.process;
+        let valid = process.validity & validity::OWN != 0;
+        let judged = matches!(
+            self.pair.judgement,
+            Some(Judgement::Agree | Judgement::DataDelay)
+        );
+        let sound = !self.faults.iter().any(Fault::forbids_safety);
+        valid && judged && sound && self.values.parameters.safety_valid == VALID
+    }
+}

@@ -1,0 +1,294 @@
+//! The rules that a trial holds the instrument to, applied to what is said on the bus.
+//!
+//! In: messages with their time, the truth, and what the world does (a fault begins, all is well
+//! again). Out: a [`Violation`] for each rule that was broken, once for each time it was.
+//!
+//! - [`angle`]: an angle marked valid is right, or is wrong for no longer than [`REACTION_S`].
+//! - [`detection`]: how soon each channel tells of a fault, and whom it blames: never the wrong
+//!   one.
+//! - [`safety`]: a safety frame carries a right angle, and none is sent of a pair that isn't in
+//!   order.
+//! - [`alarm`]: without a fault nobody is accused.
+//! - [`emergency`]: what is told by EMCY is taken back once, when it has gone.
+//! - [`order`]: when everything is well again, the instrument is in order within
+//!   [`RECOVERY_S`].
+//!
+//! Left out: everything that isn't on the bus.
+
+pub mod alarm;
+pub mod angle;
+pub mod detection;
+pub mod emergency;
+pub mod order;
+pub mod safety;
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use crate::trial::message::Message;
+
+/// The declared reaction time: a wrong angle may be marked valid for so long, s.
+pub const REACTION_S: f64 = 0.5;
+/// An angle is right within this, deg.
+pub const LIMIT_DEG: f64 = 0.6;
+/// Within this time after everything is well the instrument is in order, s.
+pub const RECOVERY_S: f64 = 5.0;
+/// SYNCs that are remembered, to recognise the angle of an earlier one.
+const SYNCS_KEPT: usize = 32;
+
+/// A rule that can be broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Rule {
+    /// A wrong angle was marked valid for longer than the reaction time.
+    WrongAngle,
+    /// The angle of an earlier SYNC was marked valid for a later one, for as long.
+    OldAngle,
+    /// The healthy channel was blamed.
+    WrongBlame,
+    /// A safety frame of a pair that doesn't agree.
+    SafetyFrame,
+    /// Somebody was accused without a fault.
+    FalseAlarm,
+    /// An EMCY without its counterpart.
+    UnpairedEmergency,
+    /// Everything was well again, and the instrument not in order.
+    NotInOrder,
+}
+
+impl Rule {
+    /// A short name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WrongAngle => "wrong angle marked valid",
+            Self::OldAngle => "old angle marked valid",
+            Self::WrongBlame => "wrong channel blamed",
+            Self::SafetyFrame => "safety frame without consent",
+            Self::FalseAlarm => "false alarm",
+            Self::UnpairedEmergency => "EMCY without its counterpart",
+            Self::NotInOrder => "not in order again",
+        }
+    }
+}
+
+/// One breach of a rule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Violation {
+    /// Which rule.
+    pub rule: Rule,
+    /// When it was broken, s.
+    pub at_s: f64,
+    /// By which channel, 0 or 1.
+    pub channel: usize,
+    /// What was seen.
+    pub what: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            rule,
+            at_s,
+            channel,
+            what,
+        } = self;
+        let name = ["A", "B"].get(*channel).unwrap_or(&"?");
+        write!(f, "{at_s:.3} s, channel {name}: {}: {what}", rule.name())
+    }
+}
+
+/// What the instrument is held to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// How long a wrong angle may be marked valid, s.
+    pub reaction_s: f64,
+    /// Whether only [`Rule::WrongAngle`] and [`Rule::OldAngle`] count: beyond the promise.
+    pub angles_only: bool,
+    /// Whether the bus itself is healthy, so that every EMCY gets through.
+    pub sound_bus: bool,
+    /// Whether safety frames have been commissioned.
+    pub safety: bool,
+    /// The largest state (2021h) of a pair in order, counted from 1.
+    pub order_up_to: u8,
+    /// How far a valid angle of a pair in order may be off, deg.
+    pub order_deg: f64,
+}
+
+impl Terms {
+    /// The product within its promise on a sound bus.
+    pub const PRODUCT: Self = Self {
+        reaction_s: REACTION_S,
+        angles_only: false,
+        sound_bus: true,
+        safety: false,
+        order_up_to: 1,
+        order_deg: LIMIT_DEG,
+    };
+}
+
+/// A fault as the rules see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Affected {
+    /// The channel that is ill.
+    pub channel: usize,
+    /// Since when, s.
+    pub from_s: f64,
+    /// Whether a channel that blames the other one is wrong; a fault of the bus leaves that open.
+    pub blame_counts: bool,
+}
+
+/// All rules with what they have seen.
+#[derive(Clone, Debug)]
+pub struct Checks {
+    terms: Terms,
+    syncs: VecDeque<f64>,
+    angles: angle::Angles,
+    /// How soon each fault was told, in the order of the faults.
+    pub detections: detection::Detections,
+    safety: safety::Safety,
+    alarms: alarm::Alarms,
+    emergencies: emergency::Emergencies,
+    order: order::Order,
+    /// What was broken, in the order of time.
+    pub violations: Vec<Violation>,
+}
+
+impl Checks {
+    /// The clock starts at 0 with the instrument starting.
+    pub fn new(terms: Terms) -> Self {
+        Self {
+            terms,
+            syncs: VecDeque::new(),
+            angles: angle::Angles::new(terms.reaction_s),
+            detections: detection::Detections::default(),
+            safety: safety::Safety::new(terms.reaction_s),
+            alarms: alarm::Alarms::default(),
+            emergencies: emergency::Emergencies::new(terms.sound_bus),
+            order: order::Order::starting(&terms),
+            violations: Vec::new(),
+        }
+    }
+
+    /// A fault begins.
+    pub fn fault(&mut self, affected: Affected) {
+        self.detections.begin(affected);
+        self.alarms.expect();
+        self.order.excuse();
+    }
+
+    /// The last fault has ended; what is told of it still counts.
+    pub fn healed(&mut self, at_s: f64) {
+        self.detections.end(at_s);
+    }
+
+    /// Everything is well: from `at_s` on the instrument has [`RECOVERY_S`] to be in order.
+    pub fn well(&mut self, at_s: f64) {
+        self.order.demand(at_s);
+    }
+
+    /// True while both channels are in order.
+    pub fn in_order(&self, at_s: f64) -> bool {
+        self.order.is_good(at_s)
+    }
+
+    /// The longest time for which a wrong angle was marked valid, s.
+    pub fn longest_wrong_s(&self) -> f64 {
+        self.angles.longest_s
+    }
+
+    /// Angles of earlier SYNCs that were marked valid for a later one so far.
+    pub fn old_angles(&self) -> u32 {
+        self.angles.old
+    }
+
+    /// One message at `at_s`; `ideal` gives the true slopes, deg, for an instant.
+    pub fn see(
+        &mut self,
+        at_s: f64,
+        channel: usize,
+        message: &Message,
+        ideal: impl Fn(f64) -> Option<[f64; 2]>,
+    ) {
+        let before = self.violations.len();
+        match message {
+            Message::Sync => self.sync(at_s),
+            Message::Slopes(slopes) => {
+                let truth = |sync: &f64| ideal(sync - super::LATENCY_S);
+                let newest = self.syncs.front().and_then(truth);
+                let older = || self.syncs.iter().skip(1).map_while(truth).collect();
+                let found = (self.angles).see(at_s, channel, slopes.deg, newest, older);
+                self.violations.extend(found);
+                self.order.slopes(at_s, channel, slopes.deg, newest);
+            }
+            Message::Safety(deg) => {
+                let found = self.safety.see(at_s, channel, *deg, ideal);
+                self.violations.extend(found);
+                self.order.safety(at_s, channel);
+            }
+            Message::Emergency(emergency) => {
+                let found = self.emergencies.see(at_s, channel, emergency);
+                self.violations.extend(found);
+                let found = self.alarms.emergency(at_s, channel, emergency);
+                self.violations.extend(found);
+            }
+            Message::BootUp => {
+                self.emergencies.forget(channel);
+                self.order.nmt(at_s, channel, 0);
+            }
+            Message::Heartbeat(state) => self.order.nmt(at_s, channel, *state),
+            Message::State(_) => {}
+        }
+        if let Some(state) = message.state() {
+            self.judge(at_s, channel, state);
+        }
+        self.pass(at_s);
+        self.keep_what_counts(before);
+    }
+
+    fn sync(&mut self, at_s: f64) {
+        self.syncs.push_front(at_s);
+        self.syncs.truncate(SYNCS_KEPT);
+    }
+
+    fn judge(&mut self, at_s: f64, channel: usize, state: u8) {
+        let found = self.detections.state(at_s, channel, state);
+        self.violations.extend(found);
+        let found = self.alarms.state(at_s, channel, state);
+        self.violations.extend(found);
+        self.order.state(at_s, channel, state);
+        self.safety.state(at_s, channel, state);
+    }
+
+    /// Time passes: deadlines.
+    pub fn pass(&mut self, at_s: f64) {
+        let before = self.violations.len();
+        let found = self.order.pass(at_s);
+        self.violations.extend(found);
+        if self.order.arrived() {
+            self.alarms.forbid();
+        }
+        self.keep_what_counts(before);
+    }
+
+    /// The run is over.
+    pub fn end(&mut self, at_s: f64) {
+        let before = self.violations.len();
+        self.pass(at_s);
+        let found = self.emergencies.end(at_s);
+        self.violations.extend(found);
+        self.keep_what_counts(before);
+    }
+
+    fn keep_what_counts(&mut self, from: usize) {
+        if self.terms.angles_only {
+            let counts = |v: &Violation| matches!(v.rule, Rule::WrongAngle | Rule::OldAngle);
+            let mut index = 0;
+            self.violations.retain(|v| {
+                index += 1;
+                index <= from || counts(v)
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,90 @@
+//! A safety frame carries a right angle, and none is sent of a pair that isn't in order.
+//!
+//! In: SRDO 1 of each channel, the truth, and the states that the channels show. Out: a violation
+//! when the angles of safety frames are wrong for longer than the reaction time, and when a
+//! channel goes on sending while it accuses somebody.
+//!
+//! A safety frame has no SYNC: its angle is of any instant within [`AGE_S`] before it.
+//!
+//! Left out: the inverted twins and the cycle time, which are the receiver's to check.
+
+use super::angle::Angles;
+use super::{Rule, Violation};
+use crate::trial::CHANNELS;
+
+/// Age of the angle in a safety frame, least and most, s.
+pub const AGE_S: (f64, f64) = (0.024, 0.060);
+/// Steps in which the truth is looked up.
+const STEPS: u32 = 6;
+/// States (2021h) that accuse somebody.
+const ACCUSING: std::ops::RangeInclusive<u8> = 6..=9;
+/// What had been handed to the controller before may still go out, s.
+const UNDER_WAY_S: f64 = 0.05;
+
+/// What the rule remembers.
+#[derive(Clone, Debug)]
+pub struct Safety {
+    angles: Angles,
+    /// Since when a channel accuses somebody, s.
+    accuses: [Option<f64>; CHANNELS],
+    told: [bool; CHANNELS],
+}
+
+impl Safety {
+    /// Nothing heard yet; a wrong angle may be sent for `reaction_s`.
+    pub fn new(reaction_s: f64) -> Self {
+        Self {
+            angles: Angles::new(reaction_s),
+            accuses: [None; CHANNELS],
+            told: [false; CHANNELS],
+        }
+    }
+
+    /// A channel shows a state.
+    pub fn state(&mut self, at_s: f64, channel: usize, state: u8) {
+        if ACCUSING.contains(&state) {
+            self.accuses[channel].get_or_insert(at_s);
+        } else {
+            self.accuses[channel] = None;
+            self.told[channel] = false;
+        }
+    }
+
+    /// A channel sends a safety frame; `ideal` gives the true slopes, deg, for an instant.
+    pub fn see(
+        &mut self,
+        at_s: f64,
+        channel: usize,
+        deg: [f64; 2],
+        ideal: impl Fn(f64) -> Option<[f64; 2]>,
+    ) -> Vec<Violation> {
+        let nearest = nearest(at_s, deg, ideal);
+        let valid = deg.map(Some);
+        let mut found = (self.angles).see(at_s, channel, valid, nearest, Vec::new);
+        let late = self.accuses[channel].is_some_and(|since| at_s - since > UNDER_WAY_S);
+        if late && !std::mem::replace(&mut self.told[channel], true) {
+            found.push(Violation {
+                rule: Rule::SafetyFrame,
+                at_s,
+                channel,
+                what: "sent while the channel accuses somebody".into(),
+            });
+        }
+        found
+    }
+}
+
+/// Of all true slopes that a frame may mean, those next to what it says.
+fn nearest(at_s: f64, deg: [f64; 2], ideal: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
+    let (youngest, oldest) = AGE_S;
+    let step_s = (oldest - youngest) / f64::from(STEPS);
+    let mut range: Option<[(f64, f64); 2]> = None;
+    for step in 0..=STEPS {
+        let truth = ideal(at_s - youngest - f64::from(step) * step_s)?;
+        let so_far = range.get_or_insert(truth.map(|t| (t, t)));
+        for ((low, high), t) in so_far.iter_mut().zip(truth) {
+            (*low, *high) = (low.min(t), high.max(t));
+        }
+    }
+    range.map(|range| [0, 1].map(|axis| deg[axis].clamp(range[axis].0, range[axis].1)))
+}

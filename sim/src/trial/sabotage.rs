@@ -1,0 +1,64 @@
+//! A device broken on purpose: the trial must find it out, or it finds nothing.
+//!
+//! In: a node without power. Out: the same node with other code.
+
+use device::calibration::motor::Terms;
+use device::device::{Device, Factory};
+use device::objects::panel::Identity;
+use device::objects::table::Channel;
+use tilt::cross_check::{CrossCheck, WindowCheck, WindowState};
+use tilt::table::Rule;
+
+use crate::bench::Mode;
+use crate::network::Network;
+use crate::trial::Setup;
+
+/// What is broken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sabotage {
+    /// Nothing.
+    #[default]
+    None,
+    /// The cross-check sees no difference, however large.
+    Blind,
+}
+
+impl Sabotage {
+    /// Puts the broken code into a node; before power comes on.
+    pub fn apply(self, setup: &Setup, network: &mut Network, node: usize) {
+        match self {
+            Self::None => {}
+            Self::Blind => {
+                let check = WindowCheck {
+                    threshold: u32::MAX,
+                    ..WindowCheck::PRODUCT
+                };
+                let check = CrossCheck::Window(check, WindowState::default());
+                replace(setup, network, node, check);
+            }
+        }
+    }
+}
+
+/// The same device with another check.
+fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck) {
+    let unit = network.unit(node);
+    let settings = unit.device.settings().clone();
+    let channel = [Channel::A, Channel::B][node % 2];
+    let paper = setup.mode == Mode::Paper;
+    let factory = Factory {
+        identity: Identity {
+            channel,
+            serial: 2 * setup.unit + node as u32 + 1,
+        },
+        node_id: channel.node_id(),
+        kbit_s: setup.kbit_s,
+        terms: Terms {
+            rule: if paper { Rule::Nearest } else { Rule::Linear },
+            budget: settings.chain.calibration.budget,
+        },
+        settings,
+        calibrated: true,
+    };
+    unit.device = Device::new(unit.electronics.port(), check, factory, setup.memory());
+}

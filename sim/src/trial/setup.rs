@@ -1,0 +1,217 @@
+//! Everything that a trial depends on.
+//!
+//! In: nothing. Out: [`Setup`], which prints as lines that a person can read.
+
+use std::fmt;
+
+use canopen::object::{Address, Value, at};
+use device::objects::safety::VALID;
+use device::records::{Record, RecordStore, parameters};
+
+use crate::bench::Mode;
+use crate::can_bus::Rates;
+use crate::excavator::ExcavatorSetup;
+use crate::memory::Memory;
+use crate::trial::checks::{LIMIT_DEG, Terms};
+use crate::trial::inject::{Injection, What};
+use crate::trial::sabotage::Sabotage;
+
+/// Paper mode takes up to 10 min 45 s (erratum E16), s.
+const PAPER_REACTION_S: f64 = 645.0;
+/// Paper mode: the last of the states that its rule gives to two channels that measure.
+const PAPER_ORDER_UP_TO: u8 = 5;
+
+/// A trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Seed of everything drawn during the trial.
+    pub seed: u64,
+    /// Which instrument.
+    pub mode: Mode,
+    /// Which unit of it.
+    pub unit: u32,
+    /// How often it was switched on before: other turn-on offsets, other noise.
+    pub power_cycles: u32,
+    /// The machine it is mounted on.
+    pub machine: ExcavatorSetup,
+    /// Bit rate, kbit/s.
+    pub kbit_s: u16,
+    /// SYNC period by the host's clock, us.
+    pub sync_us: u32,
+    /// Error of the host's clock, ppm.
+    pub host_clock_ppm: f64,
+    /// Temperature of both dies at the start, degC.
+    pub start_c: f64,
+    /// Its change, K/min.
+    pub ramp_c_per_min: f64,
+    /// After how long a finding ends, s; 0: not until a reset (2004h).
+    pub latch_s: u16,
+    /// Whether a channel goes on while the other one is ill (2005h).
+    pub degraded: bool,
+    /// Whether safety frames have been commissioned.
+    pub safety_frames: bool,
+    /// How often frames go wrong.
+    pub rates: Rates,
+    /// What goes wrong, in the order of time.
+    pub faults: Vec<Injection>,
+    /// The trial lasts at least so long, s.
+    pub safety_s: f64,
+    /// Whether everything stays within what is promised.
+    pub within_promise: bool,
+    /// What is broken on purpose.
+    pub sabotage: Sabotage,
+}
+
+impl Setup {
+    /// A healthy product on a machine that digs, for 10 s.
+    pub fn healthy(seed: u64) -> Self {
+        Self {
+            seed,
+            mode: Mode::Product,
+            unit: 0,
+            power_cycles: 0,
+            machine: ExcavatorSetup::NOMINAL,
+            kbit_s: 250,
+            sync_us: 20_000,
+            host_clock_ppm: 0.0,
+            start_c: 25.0,
+            ramp_c_per_min: 0.0,
+            latch_s: 0,
+            degraded: true,
+            safety_frames: false,
+            rates: Rates::default(),
+            faults: Vec::new(),
+            safety_s: 10.0,
+            within_promise: true,
+            sabotage: Sabotage::None,
+        }
+    }
+
+    /// Temperature of the dies at a time, degC.
+    pub fn temperature_c(&self, time_s: f64) -> f64 {
+        self.start_c + self.ramp_c_per_min * time_s / 60.0
+    }
+
+    /// What both nodes find in their memory: the parameters that differ from the delivered ones.
+    pub fn memory(&self) -> Memory {
+        let mut memory = Memory::new();
+        let policy = [
+            (at(0x2004, 0), Value::u16(self.latch_s)),
+            (at(0x2005, 0), Value::u8(self.degraded.into())),
+        ];
+        store(&mut memory, Record::Manufacturer, &policy);
+        if self.safety_frames {
+            // The signatures of what was delivered are there already.
+            let protocol = [(at(0x13FE, 0), Value::u8(VALID))];
+            store(&mut memory, Record::Communication, &protocol);
+            let application = [(at(0x63FE, 0), Value::u8(VALID))];
+            store(&mut memory, Record::Profile, &application);
+        }
+        memory
+    }
+
+    /// What the instrument is held to.
+    pub fn terms(&self) -> Terms {
+        let paper = self.mode == Mode::Paper;
+        let faultless = self.rates == Rates::default();
+        let sound = |injection: &Injection| injection.what.leaves_bus_sound();
+        Terms {
+            reaction_s: if paper {
+                PAPER_REACTION_S
+            } else {
+                Terms::PRODUCT.reaction_s
+            },
+            angles_only: !self.within_promise,
+            sound_bus: faultless && self.faults.iter().all(sound),
+            safety: self.safety_frames,
+            order_up_to: if paper { PAPER_ORDER_UP_TO } else { 1 },
+            // The paper's angle has no instant of its own, so no truth to be held to in motion.
+            order_deg: if paper { f64::INFINITY } else { LIMIT_DEG },
+        }
+    }
+
+    /// Whether one of the faults is of this kind.
+    pub fn has(&self, kind: impl Fn(&What) -> bool) -> bool {
+        self.faults.iter().any(|injection| kind(&injection.what))
+    }
+}
+
+fn store(memory: &mut Memory, record: Record, told: &[(Address, Value)]) {
+    let stored = RecordStore::begin(memory, record).and_then(|()| {
+        for (address, value) in told {
+            parameters::put(memory, *address, value)?;
+        }
+        RecordStore::commit(memory)
+    });
+    stored.expect("an empty memory holds two numbers");
+}
+
+impl fmt::Display for Setup {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let machine = &self.machine;
+        let rates = &self.rates;
+        writeln!(f, "seed           {}", self.seed)?;
+        writeln!(
+            f,
+            "instrument     {:?}, unit {}, switched on {} times before",
+            self.mode, self.unit, self.power_cycles
+        )?;
+        writeln!(
+            f,
+            "machine        {:?}, sensor {:.2} m from the pivot, sway {:.1} deg, rumble {:.0} mg, \
+             engine {:.0} mg, shocks {:.1} to {:.1} g",
+            machine.scene,
+            machine.lever_arm_m,
+            machine.sway_deg,
+            machine.rumble_g * 1e3,
+            machine.engine_g * 1e3,
+            machine.shock_g.0,
+            machine.shock_g.1
+        )?;
+        writeln!(
+            f,
+            "bus            {} kbit/s, SYNC every {:.3} ms, host's clock {:+.1} ppm",
+            self.kbit_s,
+            f64::from(self.sync_us) * 1e-3,
+            self.host_clock_ppm
+        )?;
+        writeln!(
+            f,
+            "frames         corrupt {:.4}, local {:.4}, last but one bit {:.4}, overrun {:.4}",
+            rates.corrupt, rates.local, rates.last_but_one, rates.overrun
+        )?;
+        writeln!(
+            f,
+            "temperature    {:.1} degC, {:+.2} K/min",
+            self.start_c, self.ramp_c_per_min
+        )?;
+        let latch = match self.latch_s {
+            0 => "until a reset".into(),
+            seconds => format!("until {seconds} s after its end"),
+        };
+        let alone = if self.degraded {
+            "goes on"
+        } else {
+            "stops too"
+        };
+        let safety = if self.safety_frames { "sent" } else { "off" };
+        writeln!(
+            f,
+            "policy         a finding stays {latch}, the healthy channel {alone}, safety frames \
+             {safety}"
+        )?;
+        let promise = if self.within_promise {
+            "within the promise"
+        } else {
+            "beyond the promise: only a wrong angle marked valid counts"
+        };
+        writeln!(f, "faults         {}, {promise}", self.faults.len())?;
+        for injection in &self.faults {
+            writeln!(f, "               {injection}")?;
+        }
+        if self.sabotage != Sabotage::None {
+            writeln!(f, "sabotage       {:?}", self.sabotage)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,262 @@
+//! The three-axis residual: the difference of the two calibrated accelerations, low-passed.
+//!
+//! In: both channels' vectors of the same instant (2^-26 g per step) and the time since the pair
+//! before. Out: whether the difference is larger than two healthy channels can have. Both
+//! channels feel the same motion, so the difference holds their errors alone: a step or drift of
+//! the zero-g offset, a gain, a sagging supply, a swapped axis.
+//!
+//! Two healthy channels differ a little, and steadily: what switching on, hysteresis and
+//! calibration have left in each. That habit is learned while they agree, within [`HABIT_LIMIT`],
+//! and taken off; what remains is as small as the pair's noise. The difference goes through
+//! low-passes of different lengths, each with its own threshold: the short ones find large faults
+//! at once, the long ones small ones. Beside them the whole difference, habit included, has a
+//! threshold of its own, so that a fault that was there from the start, or grows slowly, is found.
+//!
+//! Left out: which of the two is wrong; that takes a standstill (`standstill`).
+
+use crate::vector::Corrected;
+
+/// One low-pass with its threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stage {
+    /// Time constant, us.
+    pub tau_us: u32,
+    /// Differences above this are faults, 2^-26 g per step; of the length of the vector.
+    pub threshold: u32,
+}
+
+/// Low-passes in use.
+pub const STAGES: usize = 4;
+
+/// Configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Residual {
+    /// The low-passes of the difference without its habit, the longest last.
+    pub stages: [Stage; STAGES],
+    /// The low-pass of the whole difference.
+    pub whole: Stage,
+    /// Its threshold is at least this many combined standard uncertainties of the pair.
+    pub coverage: u32,
+    /// Time constant with which the habit is learned, us.
+    pub habit_us: u32,
+}
+
+/// A thousandth of g in 2^-26 g.
+const MG: u32 = 67_109;
+
+/// How large a habit may become on each axis, 2^-26 g.
+pub const HABIT_LIMIT: i32 = 2 * MG as i32;
+
+/// Pairs that a habit takes to be known: five seconds at 50 a second.
+const KNOWN: u32 = 250;
+
+impl Residual {
+    /// What two LIS2DW12 channels on one housing never reach in healthy work; `docs/faults.md`
+    /// has the evidence.
+    pub const PRODUCT: Self = Self {
+        stages: [
+            stage(20_000, 30 * MG),
+            stage(100_000, 10 * MG),
+            stage(250_000, 9 * MG / 2),
+            stage(500_000, 3 * MG),
+        ],
+        whole: stage(500_000, 4 * MG),
+        coverage: 5,
+        habit_us: 100_000_000,
+    };
+}
+
+const fn stage(tau_us: u32, threshold: u32) -> Stage {
+    Stage { tau_us, threshold }
+}
+
+/// What the detector remembers; accelerations in 2^-34 g per step, which leaves room for +-8 g in
+/// each of three axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct State {
+    low: [[i64; 3]; STAGES],
+    whole: [i64; 3],
+    habit: [i64; 3],
+    /// Pairs that the habit was learned from, up to the time constant.
+    learned: u32,
+}
+
+/// Fraction bits of the low-passes below 2^-26 g, against a dead band.
+const FRACTION: u32 = 8;
+
+impl State {
+    /// The whole difference own minus peer, low-passed, 2^-26 g per step.
+    pub fn difference(&self) -> [i32; 3] {
+        self.whole.map(|low| {
+            let steps = low >> FRACTION;
+            steps.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+        })
+    }
+
+    /// There was a gap: the low-passes start from zero. The habit stays.
+    pub fn restart(&mut self) {
+        self.low = [[0; 3]; STAGES];
+        self.whole = [0; 3];
+    }
+}
+
+impl Residual {
+    /// Takes in a pair `elapsed_us` after the one before; true when a threshold is exceeded.
+    ///
+    /// `uncertainty` is the combined standard uncertainty of the pair, 2^-26 g per step.
+    pub fn step(
+        &self,
+        state: &mut State,
+        own: Corrected,
+        peer: Corrected,
+        uncertainty: u32,
+        elapsed_us: u32,
+    ) -> bool {
+        let mut whole = [0; 3];
+        for (d, (own, peer)) in whole.iter_mut().zip(own.accel.iter().zip(&peer.accel)) {
+            *d = (i64::from(*own) - i64::from(*peer)) << FRACTION;
+        }
+        follow(&mut state.whole, &whole, self.whole.tau_us, elapsed_us);
+        let least = uncertainty.saturating_mul(self.coverage);
+        let mut exceeded = length_exceeds(&state.whole, self.whole.threshold.max(least));
+        let known = state.learned >= KNOWN;
+        let mut rest = whole;
+        for (rest, habit) in rest.iter_mut().zip(&state.habit) {
+            *rest -= habit;
+        }
+        for (stage, low) in self.stages.iter().zip(&mut state.low) {
+            follow(low, &rest, stage.tau_us, elapsed_us);
+            exceeded |= known && length_exceeds(low, stage.threshold);
+        }
+        if !exceeded {
+            self.learn(state, &whole, elapsed_us);
+        }
+        exceeded
+    }
+
+    /// The first pairs count alike, later ones by the time constant.
+    fn learn(&self, state: &mut State, whole: &[i64; 3], elapsed_us: u32) {
+        let so_far = state.learned.saturating_mul(elapsed_us);
+        follow(
+            &mut state.habit,
+            whole,
+            so_far.min(self.habit_us),
+            elapsed_us,
+        );
+        let limit = i64::from(HABIT_LIMIT) << FRACTION;
+        for habit in &mut state.habit {
+            *habit = (*habit).clamp(-limit, limit);
+        }
+        state.learned = state.learned.saturating_add(1);
+    }
+}
+
+/// A pair counts for this long at most: on a slow bus a shock that is seen once must not count
+/// for more than on a fast one.
+const LONGEST_US: u32 = 20_000;
+
+fn follow(low: &mut [i64; 3], value: &[i64; 3], tau_us: u32, elapsed_us: u32) {
+    let elapsed = u64::from(elapsed_us.min(LONGEST_US));
+    let whole = elapsed.saturating_add(u64::from(tau_us)).max(1);
+    // 2^-22 of the way is the least: a hundred seconds in steps of a millisecond are 2^-17.
+    let share = ((elapsed << 22) / whole) as i64;
+    for (low, value) in low.iter_mut().zip(value) {
+        *low += ((value - *low).saturating_mul(share)) >> 22;
+    }
+}
+
+/// True when the vector is longer than `threshold`, 2^-26 g per step, without a root.
+fn length_exceeds(vector: &[i64; 3], threshold: u32) -> bool {
+    let squares = vector.iter().map(|c| {
+        let size = c.unsigned_abs() >> 4;
+        size.saturating_mul(size)
+    });
+    let sum = squares.fold(0u64, u64::saturating_add);
+    let threshold = u64::from(threshold) << (FRACTION - 4);
+    sum > threshold.saturating_mul(threshold)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ONE_G;
+
+    const LEVEL: Corrected = Corrected {
+        accel: [0, 0, ONE_G],
+    };
+
+    fn shifted(mg: f64) -> Corrected {
+        Corrected {
+            accel: [(mg * f64::from(MG)) as i32, 0, ONE_G],
+        }
+    }
+
+    /// Steps of 20 ms; a habit of `habit` mg for `before` pairs, then the pair until it is found.
+    fn found_after(habit: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
+        let mut state = State::default();
+        let mut step = |mg| Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 20_000);
+        assert!((0..before).all(|_| !step(habit)));
+        (0..most).find(|_| step(mg))
+    }
+
+    #[test]
+    fn the_whole_difference_may_be_4_mg_from_the_start() {
+        assert_eq!(found_after(0.0, 0, 3.99, 3000), None);
+        assert_eq!(found_after(0.0, 0, -3.99, 3000), None);
+        assert!(found_after(0.0, 0, 4.1, 3000).is_some());
+    }
+
+    #[test]
+    fn a_habit_is_taken_off_up_to_2_mg() {
+        assert_eq!(found_after(1.5, 1000, 1.5, 10_000), None);
+        let five = found_after(1.5, 1000, 6.5, 100).expect("found");
+        assert!((15..30).contains(&five), "{five}");
+        let back = found_after(-1.5, 1000, 3.5, 100).expect("4 mg alone would not show it");
+        assert!((15..30).contains(&back), "{back}");
+    }
+
+    #[test]
+    fn the_larger_the_sooner() {
+        let after = [4.0, 5.0, 10.0, 50.0, 1000.0]
+            .map(|mg| found_after(0.0, 500, mg, 1000).expect("found"));
+        assert!(after.is_sorted_by(|a, b| a >= b), "{after:?}");
+        assert!(after[1] < 25 && after[2] < 9, "{after:?}");
+        assert!(after[3] <= 1 && after[4] == 0, "{after:?}");
+    }
+
+    #[test]
+    fn a_slow_drift_is_not_learned_away() {
+        let mut state = State::default();
+        let mut mg = 0.0;
+        let found = (0..10_000).find(|_| {
+            mg += 0.2 * 0.02;
+            Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 20_000)
+        });
+        assert!(found.is_some() && mg < 4.3, "{mg} mg");
+    }
+
+    #[test]
+    fn a_vague_pair_is_allowed_more() {
+        let mut state = State::default();
+        let check = Residual::PRODUCT;
+        let wide = |state: &mut State, mg| check.step(state, shifted(mg), LEVEL, 2 * MG, 20_000);
+        assert!(
+            (0..200).all(|_| !wide(&mut state, 9.0)),
+            "five uncertainties are 10 mg"
+        );
+        assert!((0..200).any(|_| wide(&mut state, 11.0)));
+    }
+
+    #[test]
+    fn extremes_do_not_overflow() {
+        let mut state = State::default();
+        let [low, high] = [i32::MIN, i32::MAX].map(|v| Corrected { accel: [v; 3] });
+        for elapsed in [0, 1, u32::MAX] {
+            for uncertainty in [0, u32::MAX] {
+                Residual::PRODUCT.step(&mut state, low, high, uncertainty, elapsed);
+                Residual::PRODUCT.step(&mut state, high, low, uncertainty, elapsed);
+            }
+        }
+        assert!((0..100).any(|_| Residual::PRODUCT.step(&mut state, high, low, 0, u32::MAX)));
+    }
+}

@@ -1,0 +1,60 @@
+//! What one channel says of one instant: its angles, and what stands behind them.
+//!
+//! In: a [`Reading`] and, where the channel has them, the calibrated acceleration it came from and
+//! the signal's energy at high frequency. Out: an [`Observation`], which travels to the other
+//! channel and is judged there by `cross_check`.
+//!
+//! Left out: the journey (counters, capture times), which is the device's.
+
+use crate::angle::Axes;
+use crate::chain::{Invalid, Reading};
+use crate::health::Activity;
+use crate::vector::Corrected;
+
+/// What one channel says of one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Observation {
+    /// The angles, or the reasons why there are none.
+    pub reading: Reading,
+    /// The calibrated acceleration behind the angles; `None` where there is none: no reading, or
+    /// the paper's tables, which make no vector.
+    pub vector: Option<Corrected>,
+    /// Energy above 150 Hz since the observation before.
+    pub activity: Activity,
+}
+
+impl Observation {
+    /// A channel that says nothing, for this reason.
+    pub const fn absent(reason: Invalid) -> Self {
+        Self {
+            reading: Axes {
+                x: Err(reason),
+                y: Err(reason),
+            },
+            vector: None,
+            activity: Activity(0),
+        }
+    }
+
+    /// The same observation without its angles, for this reason; what is behind them stays.
+    pub const fn refused(self, reason: Invalid) -> Self {
+        Self {
+            reading: Axes {
+                x: Err(reason),
+                y: Err(reason),
+            },
+            ..self
+        }
+    }
+}
+
+impl From<Reading> for Observation {
+    /// Angles alone, as a recording or the paper's instrument has them.
+    fn from(reading: Reading) -> Self {
+        Self {
+            reading,
+            vector: None,
+            activity: Activity(0),
+        }
+    }
+}
