@@ -6,8 +6,9 @@
 //! what is between them is learned from the first exchange and followed, a step at a time.
 //!
 //! An exchange that has waited in the peer or on the bus past its SYNC shows an instant that is
-//! older than it should be. One that seems to come from the future shows that what was learned
-//! first was late itself; it is learned anew.
+//! older than it should be. Several in a row that seem to come from the future show that what was
+//! learned first was late itself; it is learned anew. A single one belongs to a SYNC that this
+//! node has missed.
 //!
 //! Left out: delays above 384 ms, which show as missing exchanges first.
 
@@ -26,13 +27,16 @@ const FUTURE: u8 = 192;
 /// Late exchanges in a row that make the peer late: one may have met a busy bus.
 const LATE_IN_A_ROW: u8 = 2;
 
+/// Exchanges in a row from the future that prove what was learned wrong.
+const EARLY_IN_A_ROW: u8 = 3;
+
 /// What an exchange's instant says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// It belongs to the SYNC that it came for.
     InTime,
-    /// It belongs to an earlier one, which may be the bus's fault.
-    OnceLate,
+    /// It belongs to another one, which may be the bus's fault.
+    Other,
     /// Once more: the peer is late.
     Late,
 }
@@ -43,6 +47,7 @@ pub struct PeerClock {
     /// This clock minus the peer's in steps, the low byte.
     apart: Option<u8>,
     late: u8,
+    early: u8,
 }
 
 impl PeerClock {
@@ -51,6 +56,7 @@ impl PeerClock {
         Self {
             apart: None,
             late: 0,
+            early: 0,
         }
     }
 
@@ -60,17 +66,23 @@ impl PeerClock {
         let known = *self.apart.get_or_insert(apart);
         let behind = apart.wrapping_sub(known);
         if (LATE + 1..FUTURE).contains(&behind) {
-            self.late = self.late.saturating_add(1);
+            (self.late, self.early) = (self.late.saturating_add(1), 0);
             let late = self.late >= LATE_IN_A_ROW;
-            return if late { Heard::Late } else { Heard::OnceLate };
+            return if late { Heard::Late } else { Heard::Other };
         }
         self.late = 0;
-        self.apart = Some(match behind {
-            0 | 1 | 255 => known,
+        if (FUTURE..u8::MAX - LATE).contains(&behind) {
+            self.early = self.early.saturating_add(1);
+            if self.early < EARLY_IN_A_ROW {
+                return Heard::Other;
+            }
+            self.apart = Some(apart);
+        }
+        self.early = 0;
+        self.apart = self.apart.map(|known| match behind {
             2..=LATE => known.wrapping_add(1),
-            254 => known.wrapping_sub(1),
-            // From the future: what was learned came from a late one.
-            _ => apart,
+            253 | 254 => known.wrapping_sub(1),
+            _ => known,
         });
         Heard::InTime
     }
@@ -111,7 +123,7 @@ mod tests {
             let mut clock = PeerClock::new();
             assert!((0..100).all(|n| clock.hear(peer(n, 50), own(n)) == Heard::InTime));
             let mut heard = |of, at| clock.hear(peer(of, 50), own(at));
-            assert_eq!(heard(100 - behind, 100), Heard::OnceLate);
+            assert_eq!(heard(100 - behind, 100), Heard::Other);
             assert_eq!(heard(101 - behind, 101), Heard::Late);
             assert_eq!(heard(102 - behind, 102), Heard::Late, "as long as it lasts");
             assert_eq!(heard(103, 103), Heard::InTime);
@@ -123,8 +135,19 @@ mod tests {
         let mut clock = PeerClock::new();
         let mut heard = |of, at| clock.hear(peer(of, 0), own(at));
         assert_eq!(heard(0, 2), Heard::InTime);
+        assert_eq!([heard(3, 3), heard(4, 4)], [Heard::Other; 2]);
+        assert_eq!(heard(5, 5), Heard::InTime);
+        assert_eq!(heard(5, 6), Heard::Other);
+        assert_eq!(heard(6, 7), Heard::Late);
+    }
+
+    #[test]
+    fn one_sync_missed_here_made_the_peer_late_for_ever() {
+        let mut clock = PeerClock::new();
+        let mut heard = |of, at| clock.hear(peer(of, 0), own(at));
+        assert_eq!(heard(0, 0), Heard::InTime);
+        assert_eq!(heard(2, 1), Heard::Other);
         assert_eq!(heard(3, 3), Heard::InTime);
-        assert_eq!(heard(3, 4), Heard::OnceLate);
-        assert_eq!(heard(4, 5), Heard::Late);
+        assert_eq!(heard(4, 4), Heard::InTime);
     }
 }

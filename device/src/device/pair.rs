@@ -220,7 +220,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             match self.pair.clock.hear(received.captured, own.at) {
                 Heard::InTime => {}
                 // It belongs to another SYNC, so there is nothing to compare it with.
-                Heard::OnceLate => return,
+                Heard::Other => return,
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
