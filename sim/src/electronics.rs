@@ -71,8 +71,11 @@ struct Sampling {
     sigma_g: f64,
 }
 
+/// Rounded as `round` does, whose call would cost more than all the rest.
 fn nanoseconds(time_s: f64) -> u64 {
-    (time_s * 1e9).round() as u64
+    let time_ns = time_s * 1e9;
+    let whole = time_ns as u64;
+    whole + u64::from(time_ns - whole as f64 >= 0.5)
 }
 
 impl Sensor {
@@ -286,7 +289,10 @@ impl Electronics {
 
     /// When this side's clock shows `instant`, ns of the world, never too early.
     pub fn when_ns(&self, instant: Instant) -> u64 {
-        (self.clock.when(instant) * 1e9).max(0.0).ceil() as u64 + 1000
+        let time_ns = (self.clock.when(instant) * 1e9).max(0.0);
+        // Rounded up as `ceil` does, whose call would cost more than all the rest.
+        let whole = time_ns as u64;
+        (whole + u64::from((whole as f64) < time_ns)).saturating_add(1000)
     }
 
     /// Virtual time that this side has reached, s.

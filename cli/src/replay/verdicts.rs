@@ -81,6 +81,17 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::NotMeasured => "not measured",
         Invalid::PartReset => "the part has lost its set-up",
         Invalid::Bus => "the part does not answer",
+        Invalid::Stuck => "its codes stand still",
+        Invalid::Noise => "it is too noisy",
+        Invalid::Spikes => "single samples are far off",
+        Invalid::Thermometer => "its temperature jumps",
+        Invalid::Biased => "its gravity is of the wrong length",
+        Invalid::Corrupt => "its calibration is damaged",
+        Invalid::Silent => "it is silent",
+        Invalid::Late => "its data are late",
+        Invalid::Refused => "the channels differ",
+        Invalid::Unconfirmed => "the other channel has not been heard",
+        Invalid::Alone => "the other channel is ill, and this one alone is not allowed to do",
     }
 }
 

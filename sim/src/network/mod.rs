@@ -237,10 +237,8 @@ impl Network {
     }
 
     fn deliver_edges(&mut self, now_ns: u64) {
-        while let Some(edge) = self.edges.pop_if(|(at_ns, ..)| *at_ns <= now_ns) {
-            let (at_ns, number, captured_ns) = edge;
-            self.units[number].data_ready(&mut self.bus, at_ns, captured_ns);
-            self.look_at(number);
+        while let Some((_, number, captured_ns)) = self.edges.pop_if(|(at, ..)| *at <= now_ns) {
+            self.units[number].data_ready(captured_ns);
         }
     }
 

@@ -160,11 +160,10 @@ impl Unit {
         self.electronics.clock(seconds(now_ns))
     }
 
-    /// A data-ready edge of `captured_ns` gets here at `at_ns`.
-    pub fn data_ready(&mut self, bus: &mut Bus, at_ns: u64, captured_ns: u64) {
+    /// A data-ready edge of `captured_ns` gets here: a sample is taken, and nothing else.
+    pub fn data_ready(&mut self, captured_ns: u64) {
         if self.running {
             self.device.data_ready(self.now(captured_ns));
-            self.pump(bus, at_ns);
         }
     }
 
@@ -232,7 +231,7 @@ impl Unit {
                 self.set_rate(bus, Some(found.kbit_s()), self.now(at_ns));
             }
             self.device.receive(frame, self.now(at_ns));
-            self.pump(bus, at_ns);
+            self.serve(bus, at_ns);
         }
     }
 
@@ -243,8 +242,14 @@ impl Unit {
         }
         if self.running {
             self.device.sent(frame, self.now(at_ns));
-            self.pump(bus, at_ns);
+            self.serve(bus, at_ns);
         }
+    }
+
+    /// The device has been told something: what it wants to do about that is done at once.
+    fn serve(&mut self, bus: &mut Bus, at_ns: u64) {
+        self.next_poll = self.next_poll.min(self.device.next_deadline());
+        self.poll(bus, at_ns);
     }
 
     /// The controller's error state is another one.

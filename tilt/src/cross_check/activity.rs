@@ -102,12 +102,18 @@ fn towards(average: u32, value: u32, tau_us: u32, elapsed_us: u32) -> u32 {
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     channels: [Channel; 2],
+    /// Which of them has had a look since the last judgement.
+    fresh: [bool; 2],
+    /// Time since then, us.
+    elapsed_us: u32,
 }
 
 impl Default for State {
     fn default() -> Self {
         Self {
             channels: [Channel::NEW; 2],
+            fresh: [false; 2],
+            elapsed_us: 0,
         }
     }
 }
@@ -124,7 +130,8 @@ impl State {
 impl Loudness {
     /// Takes in what both channels say; who is too loud, and how.
     ///
-    /// [`Activity::NONE`] is no look: too few samples since the last one.
+    /// [`Activity::NONE`] is no look: too few samples since the last one. The two are judged when
+    /// both have had a look, because what the one has heard may still be coming from the other.
     pub fn step(
         &self,
         state: &mut State,
@@ -132,24 +139,22 @@ impl Loudness {
         peer: Activity,
         elapsed_us: u32,
     ) -> Option<(Node, Invalid)> {
-        let [a, b] = &mut state.channels;
-        let looks = [(&mut *a, own), (&mut *b, peer)];
-        for (channel, activity) in looks {
+        let channels = state.channels.iter_mut().zip(&mut state.fresh);
+        for ((channel, fresh), activity) in channels.zip([own, peer]) {
             if activity != Activity::NONE {
                 channel.push(activity.energy_q8());
+                *fresh = true;
             }
         }
-        let new = |activity| activity != Activity::NONE;
-        let of_own = if new(own) {
-            self.judge(a, b, elapsed_us)
-        } else {
-            None
-        };
-        let of_peer = if new(peer) {
-            self.judge(b, a, elapsed_us)
-        } else {
-            None
-        };
+        state.elapsed_us = state.elapsed_us.saturating_add(elapsed_us);
+        if state.fresh != [true; 2] {
+            return None;
+        }
+        state.fresh = [false; 2];
+        let elapsed_us = core::mem::take(&mut state.elapsed_us);
+        let [a, b] = &mut state.channels;
+        let of_own = self.judge(a, b, elapsed_us);
+        let of_peer = self.judge(b, a, elapsed_us);
         let blame = |node| move |reason| (node, reason);
         of_own
             .map(blame(Node::Own))
@@ -233,5 +238,11 @@ mod tests {
             let verdict = Loudness::PRODUCT.step(&mut state, Activity(0), Activity(64), u32::MAX);
             assert_eq!(verdict, None);
         }
+    }
+
+    #[test]
+    fn a_shock_that_the_other_had_not_told_yet_was_called_noise() {
+        let shock = [(64, 64), (150, 0), (150, 160), (64, 64), (64, 64), (64, 64)];
+        assert_eq!(after_quiet(5, &shock), None);
     }
 }

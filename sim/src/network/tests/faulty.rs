@@ -45,7 +45,12 @@ impl Site {
         for (node, id) in [(0, 0x181), (1, 0x182)] {
             assert_eq!(self.times_of(id).len(), 20);
             let device = &self.network.units()[node].device;
-            assert!(device.faults().is_empty(), "node {node} {:?} {:?}", device.faults(), self.process(node));
+            assert!(
+                device.faults().is_empty(),
+                "node {node} {:?} {:?}",
+                device.faults(),
+                self.process(node)
+            );
         }
         assert_eq!(self.process(0).state, 1, "{:?}", self.process(0));
     }
