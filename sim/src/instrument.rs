@@ -47,7 +47,10 @@ impl Side {
         Self {
             electronics,
             node: Node::new(port, check),
-            settings,
+            settings: Settings {
+                noise: model.known_noise(),
+                ..settings
+            },
             next_poll: Instant(0),
         }
     }

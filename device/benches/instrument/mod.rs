@@ -134,6 +134,7 @@ fn settings() -> Settings {
                 budget: Budget::default(),
             },
         },
+        noise: 0,
     }
 }
 

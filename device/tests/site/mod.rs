@@ -184,14 +184,15 @@ fn settings() -> Settings {
                 vector: Vector::IDENTITY,
                 harmonics: Axes::<Harmonics>::default(),
             },
-            // This part's codes stand still, as those of one without noise may.
-            budget: Budget {
-                noise: 1,
-                ..Budget::default()
-            },
+            budget: Budget::default(),
         },
     };
-    Settings { part, chain }
+    // This part's codes stand still, as those of one without noise may.
+    Settings {
+        part,
+        chain,
+        noise: 1,
+    }
 }
 
 fn factory(channel: Channel) -> Factory {

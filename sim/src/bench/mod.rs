@@ -87,7 +87,11 @@ impl Mode {
                 budget: Budget::default(),
             },
         };
-        Settings { part, chain }
+        Settings {
+            part,
+            chain,
+            noise: 0,
+        }
     }
 
     /// The cross-check of this mode, fresh.

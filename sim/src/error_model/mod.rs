@@ -120,6 +120,12 @@ impl ErrorModel {
         sag_wander_mg: 0.0,
     };
 
+    /// What a device has to know of parts without noise, whose codes stand still by right:
+    /// [`device::channel::Settings::noise`]. 0 for others, which say nothing.
+    pub fn known_noise(&self) -> u32 {
+        u32::from(self.white_noise == 0.0)
+    }
+
     /// A pessimistic column: nominal with hysteresis and turn-on repeatability multiplied. The
     /// columns of spec/sensor.md are (2, 3) and (3, 6). `[ASSUME]`
     pub const fn pessimistic(hysteresis_factor: f64, turn_on_factor: f64) -> ErrorModel {

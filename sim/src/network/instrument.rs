@@ -67,9 +67,7 @@ impl Delivered {
     /// parts than whether these have any noise at all.
     pub fn bare(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
         let mut settings = mode.settings();
-        if world.parts.white_noise == 0.0 {
-            settings.chain.calibration.budget.noise = 1;
-        }
+        settings.noise = world.parts.known_noise();
         Self {
             mode,
             parts: world.parts,

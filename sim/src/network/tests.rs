@@ -57,8 +57,7 @@ impl Mover for Turning {
 
 fn factory(channel: Channel, kbit_s: u16) -> Factory {
     let mut settings = Mode::Product.settings();
-    // These parts have no noise, so their codes may stand still.
-    settings.chain.calibration.budget.noise = 1;
+    settings.noise = ErrorModel::PERFECT.known_noise();
     Factory {
         identity: Identity {
             channel,

@@ -172,7 +172,9 @@ impl Loudness {
         one.usual = towards(one.usual, mean, self.slow_us, elapsed_us);
         let others = u64::from(other.usual.max(OWN_LEVEL));
         let exceeds = |mine: u32, ratio: u32| u64::from(mine) << 8 > others * u64::from(ratio);
-        let noisy = exceeds(mean, self.fast) || exceeds(one.usual, self.slow);
+        // A shock that fades out is heard by both, and by one of them longer.
+        let alone = u64::from(mean) > 3 * u64::from(other.mean(self.ceiling));
+        let noisy = alone && exceeds(mean, self.fast) || exceeds(one.usual, self.slow);
         noisy.then_some(Invalid::Noise)
     }
 }
