@@ -183,6 +183,16 @@ class Master(can.Listener):
         for id in self.nodes if node == 0 else [node]:
             until(lambda: self.read(id, 0x2020) & 0x03, f"angles of node {id}", 10)
 
+    def compare(self) -> None:
+        """Sends SYNC until all nodes agree: before that no slope counts in OPERATIONAL."""
+
+        def agreed() -> bool:
+            self.sync()
+            time.sleep(0.02)
+            return all(self.read(node, 0x2021) == 1 for node in self.nodes)
+
+        until(agreed, "agreement", 10)
+
     def close(self) -> None:
         """Leaves the bus."""
         self.network.disconnect()
@@ -202,8 +212,10 @@ def joined(plumb: Plumb) -> Iterator[Master]:
 
 
 @pytest.fixture
-def master(joined: Master) -> Master:
+def master(plumb: Plumb, joined: Master) -> Master:
     """The same with both nodes fresh from a reset, and no SYNC but the master's."""
+    # What was typed has been done when this is answered; a frame may overtake it.
+    plumb.truth()
     joined.reset()
     for node in joined.nodes:
         joined.write(node, 0x2050, 1, 0)
@@ -223,3 +235,9 @@ def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
 def signed(data: bytes) -> list[int]:
     """Little-endian signed 16-bit numbers."""
     return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data), 2)]
+
+
+def slopes(data: bytes) -> list[int]:
+    """Slope X and Y of TPDO 1 as delivered; validity and state are in the two bytes behind them."""
+    assert len(data) == 6
+    return signed(data[:4])

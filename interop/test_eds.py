@@ -14,8 +14,9 @@ from master import ROOT, Master, Plumb
 NO_DATA = 0x0800_0024
 CHANNELS = {1: "a", 2: "b"}
 
-# What has nothing to read on a fresh node: an error that never was, a residual without a point.
-EMPTY = {(0x1003, sub) for sub in range(1, 9)} | {(0x2060, 6)}
+# What has nothing to read on a fresh node: an error that never was, a residual without a point,
+# samples around an event.
+EMPTY = {(0x1003, sub) for sub in range(1, 9)} | {(0x2060, 6), (0x2071, 1), (0x2071, 2)}
 
 
 class Row(NamedTuple):
@@ -191,5 +192,6 @@ def test_pdos_decode_by_the_sheet(fresh: Master, node: int) -> None:
     """What a tool does: read the mapping from the node, then take values by name."""
     remote = fresh.nodes[node]
     remote.tpdo.read()
-    assert [variable.name for variable in remote.tpdo[1]] == ["Slope long16", "Slope lateral16"]
-    assert len(remote.tpdo[2]) == 6 and len(remote.tpdo[3]) == 4
+    names = [variable.name for variable in remote.tpdo[1]]
+    assert names == ["Slope long16", "Slope lateral16", "Validity", "State of the pair"]
+    assert [len(remote.tpdo[n]) for n in (2, 3, 4)] == [6, 4, 5]

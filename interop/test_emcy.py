@@ -44,13 +44,14 @@ def test_an_error_is_sent_once_and_once_more_when_it_has_gone(master: Master) ->
     data = emcy(master, mark, TRIPPED)
     assert len(data) == 8
     assert data[2] == DEVICE == master.read(1, 0x1001)
-    assert int.from_bytes(data[3:7], "little") == 1 << 1, "fault 1: slope Y out of range"
+    assert int.from_bytes(data[3:6], "little") == 1 << 1, "fault 1: slope Y out of range"
+    assert data[6:] == bytes(2), "nobody is blamed, and nothing was compared"
     time.sleep(0.2)
     assert len(master.since(mark, 0x081)) == 1
     enter_range(master)
     data = emcy(master, mark, OVER)
     assert data[2] == 0 == master.read(1, 0x1001)
-    assert data[3:7] == bytes(4)
+    assert data[3:] == bytes(5)
 
 
 def test_python_canopen_gets_it_as_an_emergency(master: Master) -> None:
@@ -165,6 +166,67 @@ def test_1029h_says_what_an_error_of_the_instrument_does(
 
 def test_1029h_as_delivered_changes_no_state(master: Master) -> None:
     assert [master.read(1, 0x1029, sub) for sub in (1, 2)] == [1, 1]
+
+
+# The bit that stands for a code in bytes 3 to 5, by docs/canopen.md.
+FAULTS = {
+    code: bit
+    for bit, code in enumerate(
+        [0x5010, 0x5020, 0x3200, 0x4200, 0xFF01, 0xFF02, 0xFF03, 0xFF20, 0xFF21, 0xFF22]
+        + [0xFF11, 0xFF12, 0xFF13, 0xFF14, 0xFF15, 0xFF16, 0xFF17]
+        + [0xFF04, 0xFF05, 0xFF06, 0xFF07, 0xFF08]
+    )
+}
+
+
+def balance(master: Master, mark: int, node: int) -> set[int]:
+    """Checks that every fault was told once and taken back once; the codes told."""
+    standing, codes = 0, set()
+    for frame in master.since(mark, 0x80 + node):
+        data = bytes(frame.data)
+        faults = int.from_bytes(data[3:6], "little")
+        if code(data) == OVER:
+            assert standing & ~faults, "something has gone"
+            standing &= faults
+            assert standing == faults, "nothing stands that was never told"
+            assert (data[2] == 0) == (faults == 0)
+        else:
+            bit = 1 << FAULTS[code(data)]
+            assert faults & bit and not standing & bit, f"{code(data):X} told once"
+            standing |= bit
+            codes.add(code(data))
+    assert standing == 0, "all was taken back"
+    return codes
+
+
+@pytest.mark.parametrize(
+    ("fault", "of_a", "of_b"),
+    [
+        ("brown-out", {0xFF15}, {0x3200, 0xFF14}),
+        ("offset 20", {0xFF13, 0xFF15}, {0xFF13, 0xFF14, 0xFF08}),
+        ("silent", {0xFF15}, {0xFF14}),
+    ],
+)
+def test_every_emcy_is_taken_back_once(
+    plumb: Plumb, master: Master, fault: str, of_a: set[int], of_b: set[int]
+) -> None:
+    for node in (1, 2):
+        master.write(node, 0x2004, 0, 1)
+        master.write(node, 0x2050, 1, 50)
+    mark = master.mark()
+    master.nmt(START)
+    for node in (1, 2):
+        until(lambda: master.read(node, 0x2021) == 1, f"agreement of node {node}", 10)
+    plumb.type(f"fault b {fault}")
+    try:
+        for node, last in ((1, 0xFF15), (2, 0xFF14)):
+            emcy(master, mark, last, node)
+    finally:
+        plumb.type("heal b")
+    for node, codes in ((1, of_a), (2, of_b)):
+        until(lambda: master.read(node, 0x2021) == 1, f"agreement of node {node} again", 10)
+        until(lambda: master.read(node, 0x1001) == 0, f"no error of node {node}")
+        assert codes <= balance(master, mark, node)
 
 
 def test_a_lost_heartbeat_is_8130h_and_its_return_ends_it(plumb: Plumb, master: Master) -> None:

@@ -8,10 +8,11 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, START, Master, Plumb, signed, until
+from master import INVALID16, INVALID32, START, Master, Plumb, signed, slopes, until
 
-AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 1, 6, 7, 8, 9
-DISAGREE_CODE = 0xFF13
+WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
+BIASED, REFUSED, UNCONFIRMED = 13, 17, 18
+DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
 DEGREES_24 = 360 / 2**24
 
@@ -41,6 +42,22 @@ def begin(master: Master) -> None:
 
 def state(master: Master, node: int, wanted: int, timeout: float = 8.0) -> None:
     until(lambda: master.read(node, 0x2021) == wanted, f"2021h = {wanted} of {node}", timeout)
+
+
+def verdict(master: Master, node: int) -> list[int]:
+    """Who is blamed, and why."""
+    return [master.read(node, 0x2027, sub) for sub in (1, 2)]
+
+
+def reasons(master: Master, node: int) -> list[int]:
+    return [master.read(node, 0x2025, sub) for sub in (1, 2)]
+
+
+def newest(master: Master, node: int) -> bytes:
+    """TPDO 1 of a SYNC that is still to come."""
+    master.read(node, 0x1001)
+    master.next(0x180 + node, master.mark())
+    return bytes(master.next(0x180 + node, master.mark()).data)
 
 
 def emcy(master: Master, mark: int, node: int, code: int, timeout: float = 8.0) -> bytes:
@@ -171,6 +188,29 @@ def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
     recovered(pair)
 
 
+@pytest.mark.parametrize(
+    ("fault", "code", "bit", "why"),
+    [
+        ("frozen", 0xFF04, 17, 9),
+        ("frozen x", 0xFF04, 17, 9),
+        ("noise 10", 0xFF05, 18, 10),
+        ("spikes 500 20", 0xFF06, 19, 11),
+        ("calibration", 0xFF21, 8, 14),
+    ],
+)
+def test_what_a_channel_shows_of_itself_is_named(
+    plumb: Plumb, pair: Master, fault: str, code: int, bit: int, why: int
+) -> None:
+    mark = pair.mark()
+    plumb.type(f"fault b {fault}")
+    assert int.from_bytes(emcy(pair, mark, 2, code)[3:6], "little") & 1 << bit
+    emcy(pair, mark, 2, OWN_CODE)
+    assert emcy(pair, mark, 1, OTHER_CODE)[6:] == bytes([2 << 6 | why, OTHER_ILL])
+    assert [verdict(pair, node) for node in (1, 2)] == [[2, why], [1, why]]
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and reasons(pair, 2) == [why] * 2
+    assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
+
+
 def ill(master: Master) -> None:
     """B is ill: it says so, A says so, and A goes on measuring."""
     assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_ILL, OTHER_ILL]
@@ -197,7 +237,7 @@ def test_an_invalid_angle_is_never_sent_as_a_plausible_number(plumb: Plumb, pair
     plumb.type("fault b silent")
     emcy(pair, mark, 2, 0xFF01)
     time.sleep(0.1)
-    frames = [signed(f.data) for f in pair.since(mark, 0x182)]
+    frames = [slopes(f.data) for f in pair.since(mark, 0x182)]
     for x, y in frames:
         assert (x, y) == (INVALID16, INVALID16) or (abs(x) < 30 and abs(y - 3000) < 30)
     assert frames[-1] == [INVALID16, INVALID16]
@@ -233,15 +273,90 @@ def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
 ) -> None:
     """Level, the length of a vector says nothing about its slope, so nobody can be named."""
     mark = pair.mark()
-    plumb.type("fault b offset 50")
+    plumb.type("fault b offset 20")
     for node in (1, 2):
-        emcy(pair, mark, node, DISAGREE_CODE)
+        told = emcy(pair, mark, node, DISAGREE_CODE)
+        assert int.from_bytes(told[3:6], "little") == 1 << 12 and told[6:] == bytes([0, DISAGREE])
         assert pair.read(node, 0x2021) == DISAGREE
+        assert verdict(pair, node) == [0, 0]
     plumb.type("heal b")
     time.sleep(0.5)
     assert pair.read(1, 0x2021) == DISAGREE, "latched until a reset"
     pair.reset()
     begin(pair)
+
+
+def test_no_angle_counts_before_the_first_comparison(master: Master) -> None:
+    assert INVALID16 not in [master.read(1, index) for index in (0x6010, 0x6020)], "to set it up"
+    master.nmt(START, 1)
+    mark = master.mark()
+    for _ in range(3):
+        master.sync()
+        time.sleep(0.02)
+    assert reasons(master, 1) == [UNCONFIRMED] * 2
+    assert [master.read(1, index) for index in (0x6110, 0x6120)] == [INVALID32] * 2
+    for frame in master.since(mark, 0x181):
+        assert slopes(frame.data) == [INVALID16] * 2
+        assert frame.data[4] & 0x3F == 0 and frame.data[5] == WAITING
+    master.nmt(START, 2)
+    master.compare()
+    mark = master.mark()
+    master.sync()
+    for node in (1, 2):
+        data = master.next(0x180 + node, mark).data
+        assert all(abs(slope) < 30 for slope in slopes(data)), "level"
+        assert data[4] & 0x3F == 0x3F and data[5] == AGREE
+        assert reasons(master, node) == [0, 0]
+
+
+def test_every_tpdo_1_carries_validity_and_state_with_its_angles(
+    plumb: Plumb, pair: Master
+) -> None:
+    mark = pair.mark()
+    newest(pair, 2)
+    plumb.type("fault b brown-out")
+    emcy(pair, mark, 1, OTHER_CODE)
+    newest(pair, 1)
+    seen = set()
+    for node in (1, 2):
+        for frame in pair.since(mark, 0x180 + node):
+            x, y = slopes(frame.data)
+            assert [x != INVALID16, y != INVALID16] == [bool(frame.data[4] & b) for b in (1, 2)]
+            seen.add((node, frame.data[4] & 3, frame.data[5]))
+    assert {(1, 3, AGREE), (2, 3, AGREE), (1, 3, OTHER_ILL), (2, 0, OWN_ILL)} <= seen
+    assert {state for node, _, state in seen if node == 1} == {AGREE, OTHER_ILL}
+
+
+def test_a_disagreement_takes_the_angles_of_both_away(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("fault b offset 20")
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+    for node in (1, 2):
+        data = newest(pair, node)
+        assert slopes(data) == [INVALID16] * 2
+        assert data[4] & 0x0F == 0 and data[5] == DISAGREE
+        assert reasons(pair, node) == [REFUSED] * 2
+        assert [pair.read(node, index) for index in (0x6110, 0x6120)] == [INVALID32] * 2
+        assert [pair.read(node, index) for index in (0x6810, 0x6820)] == [INVALID16] * 2
+        assert pair.read(node, 0x2024, 1) != INVALID16, "by how much they differ stays to be seen"
+        until(lambda: 150 < abs(pair.read(node, 0x2028, 1)) < 250, "a residual of 20 mg")
+
+
+def test_where_the_pose_tells_the_loose_board_is_named(plumb: Plumb, pair: Master) -> None:
+    """At 30 deg an offset along X and Y makes gravity longer, after a second at rest."""
+    mark = pair.mark()
+    plumb.turn(30, 10)
+    assert not pair.since(mark, 0x081) and not pair.since(mark, 0x082), "motion is no fault"
+    plumb.type("fault b offset 20")
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+    emcy(pair, mark, 1, OTHER_CODE)
+    emcy(pair, mark, 2, OWN_CODE)
+    assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
+    assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
+    assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2 and reasons(pair, 2) == [BIASED] * 2
 
 
 def test_the_peers_stopping_is_noticed(pair: Master) -> None:

@@ -7,8 +7,7 @@ from typing import Iterator
 
 import can
 import pytest
-from master import INVALID16, PRE_OPERATIONAL, START, STOP, Master, Plumb, signed
-from master import until
+from master import INVALID16, PRE_OPERATIONAL, START, STOP, Master, Plumb, slopes, until
 
 OFF = 0x8000_0000
 UNSUPPORTED, NO_OBJECT, NOT_MAPPABLE = 0x0601_0000, 0x0602_0000, 0x0604_0041
@@ -52,9 +51,12 @@ def syncs(master: Master, count: int) -> int:
 
 def test_tpdo_1_as_delivered_carries_the_angles_that_sdo_reads(master: Master) -> None:
     master.nmt(START)
+    master.compare()
     mark = syncs(master, 2)
     for node in (1, 2):
-        x, y = signed(master.next(0x180 + node, mark).data)
+        data = master.next(0x180 + node, mark).data
+        x, y = slopes(data)
+        assert list(data[4:]) == [0x7F, 1] == [master.read(node, i) for i in (0x2020, 0x2021)]
         unit = master.read(node, 0x6000)
         assert unit == 10
         # 0.2 deg: noise, and what is left after the calibration.
@@ -66,24 +68,37 @@ def test_tpdo_1_as_delivered_carries_the_angles_that_sdo_reads(master: Master) -
 def test_python_canopen_decodes_every_default_tpdo(master: Master) -> None:
     node = master.nodes[1]
     node.tpdo.read()
-    names = [[v.index for v in node.tpdo[n].map] for n in (1, 2, 3)]
-    assert names[0] == [0x6010, 0x6020]
+    names = [[v.index for v in node.tpdo[n].map] for n in (1, 2, 3, 4)]
+    assert names[0] == [0x6010, 0x6020, 0x2020, 0x2021]
     assert names[1] == [0x2020, 0x2021, 0x2022, 0x2023, 0x2024, 0x6511]
-    assert names[2] == [0x2010] * 4
+    assert names[2] == [0x2010] * 4 and names[3] == [0x2010] * 5
     master.nmt(START)
+    master.compare()
     syncs(master, 10)
     assert abs(node.tpdo[1][0].raw + 1000) < 20
+    assert node.tpdo[1][2].raw & 3 == 3 and node.tpdo[1][3].raw == 1
     assert node.tpdo[2][0].raw & 3 == 3
     assert node.tpdo[2][5].raw == pytest.approx(25, abs=6)
     assert node.tpdo[3][0].raw * 360 / 2**24 == pytest.approx(-10, abs=0.2)
+    gravity = [node.tpdo[4][axis].raw / 2**13 for axis in range(3)]
+    assert sum(g * g for g in gravity) == pytest.approx(1, abs=0.01)
+    assert node.tpdo[4][4].raw == pytest.approx(64, abs=16), "the channel's own noise"
 
 
 def test_tpdos_go_out_in_operational_only(master: Master) -> None:
     for command, expected in ((PRE_OPERATIONAL, 0), (START, 3), (STOP, 0), (START, 3)):
         master.nmt(command)
-        mark = syncs(master, 3)
-        found = [len(master.since(mark, i)) for i in (0x181, 0x182, 0x381, 0x382)]
-        assert found == [expected] * 4, f"NMT {command:#x}"
+        mark = master.mark()
+        for _ in range(3):
+            last = master.mark()
+            master.sync()
+            if expected:
+                master.next(0x482, last)
+            else:
+                time.sleep(0.02)
+        pdos = [base + node for base in (0x180, 0x380, 0x480) for node in (1, 2)]
+        found = [len(master.since(mark, i)) for i in pdos]
+        assert found == [expected] * 6, f"NMT {command:#x}"
 
 
 def test_two_syncs_back_to_back_are_two_samples(master: Master) -> None:
@@ -96,9 +111,9 @@ def test_two_syncs_back_to_back_are_two_samples(master: Master) -> None:
         time.sleep(0.02)
     assert master.read(1, 0x2026, 1) == count + 20
     # SYNC outranks every PDO: what still waited when the second one came is replaced, and counted.
-    sent = len(master.since(mark, 0x181)) + len(master.since(mark, 0x381))
-    assert sent + master.read(1, 0x2052, 5) - replaced == 40
-    assert sent >= 20
+    sent = sum(len(master.since(mark, i)) for i in (0x181, 0x381, 0x481))
+    assert sent + master.read(1, 0x2052, 5) - replaced == 60
+    assert sent >= 30
 
 
 @pytest.mark.parametrize("n", [1, 3, 10])
@@ -170,11 +185,12 @@ def test_python_canopen_remaps_by_the_standard_procedure(master: Master) -> None
     tpdo.clear()
     tpdo.add_variable(0x6120)
     tpdo.add_variable(0x6511)
-    tpdo.cob_id, tpdo.trans_type, tpdo.enabled = 0x481, 1, True
+    tpdo.cob_id, tpdo.trans_type, tpdo.enabled = 0x4E1, 1, True
     tpdo.save()
     master.nmt(START)
+    master.compare()
     mark = syncs(master, 2)
-    data = master.next(0x481, mark).data
+    data = master.next(0x4E1, mark).data
     assert len(data) == 5
     assert int.from_bytes(data[:4], "little", signed=True) == pytest.approx(3000, abs=20)
 
@@ -330,7 +346,7 @@ def test_a_remote_frame_is_answered_unless_bit_30_is_set(
 ) -> None:
     master.nmt(START)
     request = can.Message(
-        arbitration_id=0x181, is_remote_frame=True, dlc=4, is_extended_id=False
+        arbitration_id=0x181, is_remote_frame=True, dlc=6, is_extended_id=False
     )
     # Two clients have no order among each other: the answer says that START has come.
     master.read(1, 0x1001)
@@ -351,9 +367,11 @@ def test_before_the_first_valid_angle_a_slope_is_never_a_plausible_number(master
     master.next(0x701, mark, data=lambda d: d == b"\0")
     master.nmt(START)
     mark = syncs(master, 60)
-    samples = [signed(f.data) for f in master.since(mark, 0x181)]
-    assert samples[0] == [INVALID16, INVALID16]
-    for x, y in samples:
+    frames = [bytes(f.data) for f in master.since(mark, 0x181)]
+    assert slopes(frames[0]) == [INVALID16, INVALID16]
+    for data in frames:
+        x, y = slopes(data)
+        assert [x != INVALID16, y != INVALID16] == [data[4] & 1 != 0, data[4] & 2 != 0]
         assert x == INVALID16 or abs(x + 1000) < 25
         assert y == INVALID16 or abs(y - 3000) < 25
-    assert samples[-1] != [INVALID16, INVALID16]
+    assert INVALID16 not in slopes(frames[-1])

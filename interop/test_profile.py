@@ -154,10 +154,34 @@ def test_without_a_valid_angle_there_is_neither_slope_nor_preset(
 
 def test_the_temperature_is_in_degrees(plumb: Plumb, master: Master) -> None:
     assert master.read(1, 0x6511) == near(25, 6)
+    try:
+        start_at(plumb, master, -20)
+    finally:
+        start_at(plumb, master, 25)
+
+
+def start_at(plumb: Plumb, master: Master, degc: int) -> None:
+    """The nodes are left there without power for long, then started."""
+    plumb.type("power all off", f"temp {degc} now")
+    time.sleep(0.1)
+    mark = master.mark()
+    plumb.type("power all on")
+    for node in (1, 2):
+        master.next(0x700 + node, mark, data=lambda d: d == b"\0")
+        until(lambda: master.read(node, 0x6511) == near(degc, 6), f"{degc} degC", 5)
+
+
+def test_a_temperature_that_jumps_is_none(plumb: Plumb, master: Master) -> None:
+    """No die changes by 45 degC at once, so it is the thermometer that is ill."""
+    mark = master.mark()
     plumb.type("temp -20 now")
-    until(lambda: master.read(1, 0x6511) == near(-20, 6), "the cold", 5)
-    plumb.type("temp 25 now")
-    until(lambda: master.read(1, 0x6511) == near(25, 6), "the warmth", 5)
+    try:
+        for node in (1, 2):
+            told = master.next(0x080 + node, mark, data=lambda d: d[:2] == b"\x07\xff")
+            assert int.from_bytes(told.data[3:6], "little") & 1 << 20
+            assert master.read(node, 0x6010) == INVALID16 and master.read(node, 0x2025, 1) == 12
+    finally:
+        start_at(plumb, master, 25)
 
 
 def test_the_second_logical_device_is_the_other_channel(plumb: Plumb, master: Master) -> None:

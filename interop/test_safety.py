@@ -251,6 +251,37 @@ def test_a_fault_is_silence(plumb: Plumb, running: Master) -> None:
         plumb.type("heal b")
 
 
+def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> None:
+    for node in (1, 2):
+        running.next(PLAIN[node], running.mark())
+    try:
+        mark = running.mark()
+        plumb.type("fault b offset 20")
+        for node in (1, 2):
+            running.next(0x080 + node, mark, data=lambda d: d[:2] == b"\x13\xff" and d[7] == 6)
+        time.sleep(0.05)
+        mark = running.mark()
+        time.sleep(0.15)
+        assert not [f for f in running.frames[mark:] if 0x101 <= f.arbitration_id <= 0x104]
+    finally:
+        plumb.type("heal b")
+
+
+def test_one_channel_alone_sends_no_safety_frame(plumb: Plumb, running: Master) -> None:
+    running.next(PLAIN[1], running.mark())
+    try:
+        mark = running.mark()
+        plumb.type("fault b brown-out")
+        running.next(0x081, mark, data=lambda d: d[:2] == b"\x15\xff" and d[7] == 8)
+        time.sleep(0.05)
+        assert running.read(1, 0x2020) & 3 == 3, "it measures on"
+        mark = running.mark()
+        time.sleep(0.15)
+        assert not running.since(mark, PLAIN[1]) and not running.since(mark, INVERTED[1])
+    finally:
+        plumb.type("heal b")
+
+
 def test_gfc_is_obeyed_where_1300h_says_so(master: Master) -> None:
     master.write(1, 0x1300, 0, 1)
     for node in (1, 2):

@@ -385,3 +385,54 @@ fn more_node_ids_than_nodes_are_refused() {
     let said = refused(&served(&["--node-ids", "1,2,3"]));
     assert!(said.contains("3 node-ids for 2 nodes"), "{said}");
 }
+
+#[test]
+fn a_typed_fault_is_blamed_by_the_status_and_a_wrong_one_is_named() {
+    let mut server = Server::start(&["--speed", "10"]);
+    let mut client = Client::connect(server.at());
+    client.send(0, &[1, 0]);
+    server.types("fault b wobbly");
+    server.types("fault b frozen");
+    server.types("+5 s status");
+    server.prints("the other channel is ill (codes stand still)");
+    server.prints("this channel is ill (codes stand still)");
+    server.prints("      broken: frozen");
+}
+
+#[test]
+fn a_wrong_fault_in_a_script_is_named_with_what_is_possible() {
+    let scratch = Scratch::new();
+    for (line, told) in [
+        (
+            "fault b wobbly",
+            "there is no fault \"wobbly\"; the faults are stuck, ",
+        ),
+        (
+            "at 5 s fault a bias 10 mg",
+            "write fault NODE bias AXIS MG (-2000 to 2000)",
+        ),
+    ] {
+        let script = scratch.script(line);
+        let said = refused(&served(&["--listen", "127.0.0.1:0", "--script", &script]));
+        assert!(
+            said.contains("script line 1: ") && said.contains(told),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn the_manual_of_the_command_line_and_the_page_list_every_word() {
+    let output = served(&["--help"]);
+    assert!(output.status.success());
+    let told = String::from_utf8(output.stdout).unwrap();
+    let (_, words) = told
+        .split_once("Words, typed or in a script:\n")
+        .expect("a list");
+    assert!(words.contains("fault NODE sync-lost: "), "{words}");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/serve.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    for line in words.lines().map(str::trim_end) {
+        assert!(page.contains(line), "docs/serve.md lacks: {line}");
+    }
+}

@@ -13,6 +13,7 @@
 
 mod pair;
 mod report;
+mod sending;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
@@ -39,6 +40,7 @@ use crate::records::Record;
 use crate::sensor::InitError;
 
 use pair::Pair;
+use sending::Sending;
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -282,7 +284,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let news = &mut self.values.news;
             news.reset |= core::mem::take(&mut news.restart);
         }
-        self.pair.gone(frame.cob_id());
+        if let Some(id) = frame.cob_id() {
+            self.pair.sending.gone(id);
+        }
         let (bus, mut panel) = self.split(now);
         bus.sent(&mut panel, frame, bus_time(now));
         if self.values.news.sync {
@@ -295,7 +299,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
         let frame = bus.transmit(&mut panel, bus_time(now));
-        self.pair.hand_over(frame.as_ref().and_then(Frame::cob_id));
+        if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
+            self.pair.sending.hand_over(id);
+        }
         frame
     }
 
@@ -338,7 +344,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         if code == 2 {
             // Whatever waited in the controller is gone.
-            self.pair.forget_sending();
+            self.pair.sending = Sending::new();
         }
         shown.state = code;
         shown.transmit_errors = transmit;

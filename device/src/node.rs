@@ -77,6 +77,11 @@ impl<SPI: SpiDevice> Node<SPI> {
         }
     }
 
+    /// A pair could not be compared.
+    pub fn pair_lost(&mut self) {
+        self.check.pair_lost();
+    }
+
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
         self.check.peer_restarted();

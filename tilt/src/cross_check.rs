@@ -257,6 +257,14 @@ impl CrossCheck {
         }
     }
 
+    /// One channel's word on an instant has got lost on the way, so that what the other has heard
+    /// since the instant before has nothing to be held against.
+    pub fn pair_lost(&mut self) {
+        if let Self::Product(_, state) = self {
+            state.pair_lost();
+        }
+    }
+
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
         if let Self::Product(_, state) = self {
@@ -273,5 +281,9 @@ impl CrossCheck {
     }
 }
 
+#[cfg(test)]
+mod product_tests;
+#[cfg(test)]
+mod standstill_tests;
 #[cfg(test)]
 mod tests;

@@ -5,8 +5,10 @@
 //! sub-command is not known. Nothing here is shipped and nothing depends on it.
 
 mod accuracy;
+mod campaign;
 mod command;
 mod difference;
+mod faults;
 mod interop;
 mod size;
 mod steps;
@@ -24,6 +26,8 @@ usage: cargo xtask COMMAND
   tidy                the house rules alone: imports, sizes, words, documents
   fmt                 format every crate
   accuracy [--write]  compare docs/accuracy.md with the generator, or write it anew
+  faults              repeat the last section of docs/faults.md and compare it
+  faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
   size --write        the same, written to docs/size.md
   interop             plumb serve against python-canopen, in an environment made for it
@@ -40,6 +44,9 @@ fn main() -> ExitCode {
         ["fmt"] => steps::alone(&steps::FORMAT, &workspace),
         ["accuracy"] => steps::alone(&steps::ACCURACY, &workspace),
         ["accuracy", "--write"] => steps::alone(&steps::ACCURACY_WRITE, &workspace),
+        ["faults"] => steps::alone(&steps::FAULTS, &workspace),
+        ["faults", "--write"] => steps::alone(&steps::FAULTS_WRITE, &workspace),
+        ["faults", "--write", "--long"] => steps::alone(&steps::FAULTS_WRITE_LONG, &workspace),
         ["size"] => steps::alone(&steps::SIZE, &workspace),
         ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
         ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),

@@ -10,7 +10,9 @@ use std::time::Instant;
 use std::{env, fmt, fs, io, process};
 
 use crate::accuracy::{self, AccuracyError};
+use crate::campaign;
 use crate::command::{self, CommandError, Tally};
+use crate::faults::{self, FaultsError};
 use crate::interop::{self, InteropError};
 use crate::size::{self, SizeError};
 use crate::tidy;
@@ -27,6 +29,10 @@ const ALL_TESTS: [&str; 5] = [
     "--",
     "--show-output",
 ];
+
+/// What to do when the page on faults doesn't belong to the code.
+const FAULTS_ADVICE: &str = "if the change is meant, run `cargo xtask faults --write --long`, \
+     which takes a quarter of an hour, and commit the file";
 
 /// What to do when a test in Python fails.
 const INTEROP_ADVICE: &str =
@@ -55,6 +61,8 @@ enum StepError {
     Untidy(usize),
     /// The accuracy document.
     Accuracy(AccuracyError),
+    /// The page on faults.
+    Faults(FaultsError),
     /// The bus side on the part.
     Size(SizeError),
     /// The master written by others.
@@ -78,6 +86,7 @@ impl fmt::Display for StepError {
             Self::NoTests => write!(out, "not one test ran"),
             Self::Untidy(count) => write!(out, "{count} breaches of the house rules"),
             Self::Accuracy(error) => write!(out, "{error}"),
+            Self::Faults(error) => write!(out, "{error}"),
             Self::Size(error) => write!(out, "{error}"),
             Self::Interop(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
@@ -98,6 +107,12 @@ impl From<AccuracyError> for StepError {
     }
 }
 
+impl From<FaultsError> for StepError {
+    fn from(error: FaultsError) -> Self {
+        Self::Faults(error)
+    }
+}
+
 impl From<InteropError> for StepError {
     fn from(error: InteropError) -> Self {
         Self::Interop(error)
@@ -110,7 +125,7 @@ impl From<SizeError> for StepError {
     }
 }
 
-const TEST: [Step; 10] = [
+const TEST: [Step; 12] = [
     Step {
         name: "toolchain: rustfmt, clippy and the chip's target",
         advice: "then start again",
@@ -142,6 +157,11 @@ const TEST: [Step; 10] = [
         run: check_interop,
     },
     Step {
+        name: "the world tries to break the instrument",
+        advice: "the failing seed stands above; `cargo sim seed N --trace` shows it frame by frame",
+        run: try_to_break,
+    },
+    Step {
         name: "documentation, warnings denied",
         advice: "mend the doc comment it names above",
         run: documentation,
@@ -150,6 +170,11 @@ const TEST: [Step; 10] = [
         name: "accuracy tables against docs/accuracy.md",
         advice: "if the change is meant, run `cargo xtask accuracy --write` and commit the file",
         run: compare_accuracy,
+    },
+    Step {
+        name: "faults: what is told of them, against docs/faults.md",
+        advice: FAULTS_ADVICE,
+        run: compare_faults,
     },
     Step {
         name: "size of the bus side on the part, and no panic in it",
@@ -196,6 +221,27 @@ pub const ACCURACY_WRITE: Step = Step {
     name: "writing docs/accuracy.md",
     advice: "the generator is `cargo run --release -p sim --example accuracy`",
     run: write_accuracy,
+};
+
+/// Compares the page on faults.
+pub const FAULTS: Step = Step {
+    name: "faults: what is told of them, against docs/faults.md",
+    advice: FAULTS_ADVICE,
+    run: compare_faults,
+};
+
+/// Writes the last section of the page on faults anew.
+pub const FAULTS_WRITE: Step = Step {
+    name: "writing the last section of docs/faults.md",
+    advice: "the generator is `cargo run --release -p sim --example faults`",
+    run: write_faults,
+};
+
+/// Writes the whole page on faults anew.
+pub const FAULTS_WRITE_LONG: Step = Step {
+    name: "writing docs/faults.md, which takes a quarter of an hour",
+    advice: "the generator is `cargo run --release -p sim --example faults -- --long`",
+    run: write_all_faults,
 };
 
 /// Measures the bus side on the part.
@@ -386,6 +432,22 @@ fn compare_accuracy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepErro
 
 fn write_accuracy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(accuracy::write(workspace)?)
+}
+
+fn compare_faults(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(faults::compare(workspace)?)
+}
+
+fn write_faults(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(faults::write_short(workspace)?)
+}
+
+fn write_all_faults(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(faults::write_long(workspace)?)
+}
+
+fn try_to_break(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(campaign::run(workspace)?)
 }
 
 fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

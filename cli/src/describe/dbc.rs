@@ -43,6 +43,7 @@ struct Signal<'a> {
     bits: u32,
     scale: Scale,
     row: &'a Row,
+    sub: u8,
 }
 
 /// The database of both nodes.
@@ -112,14 +113,15 @@ fn signals(rows: &[Row], mapped: impl Iterator<Item = i64>) -> Vec<Signal<'_>> {
     let mut signals = Vec::new();
     for entry in mapped {
         let bits = (entry & 0xFF) as u32;
-        let object = dictionary::row(rows, (entry >> 16) as u16, (entry >> 8) as u8);
-        if let Some(row) = object {
+        let sub = (entry >> 8) as u8;
+        if let Some(row) = dictionary::row(rows, (entry >> 16) as u16, sub) {
             signals.push(Signal {
-                name: identifier(row.name),
+                name: identifier(&dictionary::entry_name(rows, row, sub)),
                 start,
                 bits,
                 scale: meaning::scale(rows, row),
                 row,
+                sub,
             });
         }
         start += bits;
@@ -165,16 +167,12 @@ fn range(data_type: DataType, factor: f64) -> (f64, f64) {
 fn comments(message: &Message<'_>) -> String {
     let mut text = String::new();
     for signal in &message.signals {
-        let place = address(signal.row);
+        let place = format!("{:04X}h sub {}", signal.row.index, signal.sub);
         let doc = signal.row.doc.replace('"', "'");
         let (id, name) = (message.id, &signal.name);
         let _ = writeln!(text, "CM_ SG_ {id} {name} \"{place}: {doc}\";");
     }
     text
-}
-
-fn address(row: &Row) -> String {
-    format!("{:04X}h sub {}", row.index, row.sub)
 }
 
 fn values(message: &Message<'_>) -> String {

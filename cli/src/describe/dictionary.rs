@@ -73,12 +73,26 @@ fn name(group: &[Row], row: &Row, sub: u8) -> String {
                 .filter(|other| other.name == row.name && matches!(other.shape, Shape::Member));
             let taken: usize = namesakes.map(|r| usize::from(r.last - r.sub) + 1).sum();
             if taken > 1 {
-                format!("{} {sub}", row.name)
+                axis(row, sub).unwrap_or_else(|| format!("{} {sub}", row.name))
             } else {
                 row.name.to_owned()
             }
         }
     }
+}
+
+/// A run that is called "... X" is one quantity along three axes.
+fn axis(row: &Row, sub: u8) -> Option<String> {
+    let stem = row.name.strip_suffix('X').filter(|_| row.last > row.sub)?;
+    let letter = ['X', 'Y', 'Z'].get(usize::from(sub.checked_sub(row.sub)?))?;
+    Some(format!("{stem}{letter}"))
+}
+
+/// The name of a sub-index of `row`, unique within its object.
+pub fn entry_name(rows: &[Row], row: &Row, sub: u8) -> String {
+    let first = rows.partition_point(|other| other.index < row.index);
+    let end = rows.partition_point(|other| other.index <= row.index);
+    name(rows.get(first..end).unwrap_or(&[]), row, sub)
 }
 
 /// The rows put the inverted twin right behind its plain half and call it inverted.

@@ -318,6 +318,11 @@ fn states_and_reasons_are_called_what_the_device_means() {
         (Invalid::Settling, "settling"),
         (Invalid::OverRange, "over range"),
         (Invalid::Bus, "the part does not answer"),
+        (Invalid::Stuck, "codes stand still"),
+        (Invalid::Biased, "gravity is of the wrong length"),
+        (Invalid::Silent, "silent"),
+        (Invalid::Refused, "the channels differ"),
+        (Invalid::Alone, "degraded operation is forbidden"),
     ] {
         assert_eq!(called(0x2025, reason_code(invalid)), name);
     }
@@ -339,28 +344,60 @@ fn message<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
 fn the_database_holds_the_delivered_tpdos_of_both_nodes() {
     let text = dbc::database(rows());
     let slopes = message(&text, "Plumb_B_TPDO_1");
-    assert_eq!(slopes[0], "BO_ 386 Plumb_B_TPDO_1: 4 Plumb_B");
+    assert_eq!(slopes[0], "BO_ 386 Plumb_B_TPDO_1: 6 Plumb_B");
     assert_eq!(
         slopes[1],
         " SG_ Slope_long16 : 0|16@1- (0.01,0) [-327.68|327.67] \"deg\" Master"
     );
-    assert_eq!(slopes.len(), 3);
-    assert_eq!(text.matches("\nBO_ ").count(), 6);
-    // TPDO 4 is off as delivered.
-    assert!(!text.contains("TPDO_4"));
+    assert_eq!(
+        slopes[4],
+        " SG_ State_of_the_pair : 40|8@1+ (1,0) [0|255] \"\" Master"
+    );
+    assert_eq!(slopes.len(), 5);
+    assert_eq!(text.matches("\nBO_ ").count(), 8);
+}
+
+#[test]
+fn three_axes_under_one_row_are_three_names() {
+    let sheet = eds::sheet(rows(), Channel::A);
+    let text = dbc::database(rows());
+    let backing = message(&text, "Plumb_A_TPDO_4");
+    for (n, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+        let name = value(&sheet, &format!("2010sub{}", n + 5), "ParameterName");
+        assert_eq!(name, Some(format!("Acceleration {axis}").as_str()));
+        let signal = format!(" SG_ Acceleration_{axis} : {}|16@1- ", 16 * n);
+        assert!(backing[n + 1].starts_with(&signal), "{}", backing[n + 1]);
+        let comment = format!("CM_ SG_ 1153 Acceleration_{axis} \"2010h sub {}: ", n + 5);
+        assert!(text.contains(&comment), "{comment}");
+    }
+}
+
+#[test]
+fn names_of_signals_are_unique_within_their_message() {
+    let text = dbc::database(rows());
+    for message in text.split("\nBO_ ").skip(1) {
+        let signals = message
+            .lines()
+            .filter_map(|line| line.strip_prefix(" SG_ "));
+        let mut names: Vec<_> = signals.filter_map(|line| line.split(' ').next()).collect();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count, "{message}");
+    }
 }
 
 #[test]
 fn the_exchange_is_heard_by_the_other_node_only() {
     let text = dbc::database(rows());
     for (sender, other) in [("A", "B"), ("B", "A")] {
-        let exchange = message(&text, &format!("Plumb_{sender}_TPDO_3"));
-        assert_eq!(exchange.len(), 5);
-        for signal in exchange.iter().skip(1) {
-            assert!(
-                signal.ends_with(&format!(" Master,Plumb_{other}")),
-                "{signal}"
-            );
+        for (pdo, length) in [(3, 5), (4, 6)] {
+            let exchange = message(&text, &format!("Plumb_{sender}_TPDO_{pdo}"));
+            assert_eq!(exchange.len(), length);
+            for signal in exchange.iter().skip(1) {
+                let heard_by = format!(" Master,Plumb_{other}");
+                assert!(signal.ends_with(&heard_by), "{signal}");
+            }
         }
     }
 }

@@ -24,6 +24,7 @@ mod stage;
 mod status;
 mod stop;
 mod tcp;
+mod trouble;
 mod typed;
 mod words;
 
@@ -31,6 +32,8 @@ mod words;
 mod stage_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod trouble_tests;
 
 use std::io::Write as _;
 use std::process::ExitCode;

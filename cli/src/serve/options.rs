@@ -12,6 +12,7 @@ use sim::bench;
 use super::pace::Speed;
 use super::stop::Stopped;
 use super::tcp;
+use super::words::help;
 
 /// Bit rates of CiA 301, kbit/s.
 const BIT_RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
@@ -66,6 +67,7 @@ fn bit_rate(text: &str) -> Result<u16, String> {
 
 /// What is served, where and how.
 #[derive(Clone, Debug, Args)]
+#[command(after_help = format!("Words, typed or in a script:\n{}", help()))]
 pub struct Arguments {
     /// Where socketcand clients connect; port 0 for any free one
     #[arg(long, default_value_t = tcp::SOCKETCAND_AT, value_name = "ADDRESS:PORT")]
@@ -106,7 +108,7 @@ pub struct Arguments {
     /// Let virtual time begin when the first client has opened the bus
     #[arg(long)]
     pub await_client: bool,
-    /// File with motion and faults, one word-command per line; type `help` to see the words
+    /// File with motion and faults, one of the words below per line
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// Folder that keeps the nodes' stored parameters and node-ids over a restart

@@ -12,6 +12,7 @@ use std::collections::VecDeque;
 use canopen::Frame;
 use sim::can_bus::{Event, MAILBOXES, Order, Port, Rates, State};
 use sim::chamber::Chamber;
+use sim::fault::NodeFault;
 use sim::lis2dw12::Fault;
 use sim::network::Network;
 use sim::network::hand::{Hand, Pose};
@@ -19,7 +20,8 @@ use sim::rng::Rng;
 use sim::supply::Supply;
 
 use super::hub::{ClientId, Incoming};
-use super::words::{BusTrouble, Trouble, Word, help};
+use super::trouble::Trouble;
+use super::words::{BusTrouble, Word, help};
 
 /// Frames of clients that may wait here; the rest wait with the clients.
 const OUTGOING_LIMIT: usize = 64;
@@ -261,9 +263,9 @@ impl Stage {
             Word::Fault(nodes, trouble) => self.each(&nodes.0, |s, n| s.trouble(n, *trouble)),
             Word::Heal(nodes) => self.each(&nodes.0, Self::heal),
             Word::Power(nodes, true) => self.each(&nodes.0, Self::power_on),
-            Word::Power(nodes, false) => self.each(&nodes.0, |s, n| s.network.power_off(n)),
+            Word::Power(nodes, false) => self.each(&nodes.0, Self::power_off),
             Word::Wire(nodes, on) => self.each(&nodes.0, |s, n| s.wire(n, *on)),
-            Word::Reset(nodes) => self.each(&nodes.0, |s, n| s.network.reset(n)),
+            Word::Reset(nodes) => self.each(&nodes.0, Self::reset),
             Word::Status => return Done::Told(super::status::text(self)),
             Word::Help => return Done::Told(help()),
             Word::Quit => return Done::Quit,
@@ -323,24 +325,24 @@ impl Stage {
     fn trouble(&mut self, number: usize, trouble: Trouble) {
         let (now_ns, rng) = (self.network.now_ns(), &mut self.rng);
         let unit = self.network.unit(number);
-        let mut chip = unit.electronics.chip().borrow_mut();
+        let break_part = |fault| unit.electronics.chip().borrow_mut().set_fault(Some(fault));
         match trouble {
-            Trouble::Stuck => chip.set_fault(Some(Fault::MisoHigh)),
-            Trouble::Silent => chip.set_fault(Some(Fault::MisoLow)),
-            Trouble::Spi => chip.set_fault(Some(Fault::Bus)),
-            Trouble::ResetStuck => chip.set_fault(Some(Fault::ResetStuck)),
-            Trouble::BrownOut => chip.brown_out(now_ns),
+            Trouble::Stuck => break_part(Fault::MisoHigh),
+            Trouble::Silent => break_part(Fault::MisoLow),
+            Trouble::Spi => break_part(Fault::Bus),
+            Trouble::ResetStuck => break_part(Fault::ResetStuck),
+            Trouble::BrownOut => unit.electronics.chip().borrow_mut().brown_out(now_ns),
             Trouble::Supply => {
-                drop(chip);
                 unit.electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
             }
-            Trouble::Offset(g) => {
-                drop(chip);
-                unit.electronics.offset_g = [g, g, 0.0];
-            }
-            Trouble::Memory => {
-                drop(chip);
-                unit.device.memory().set_broken(true);
+            Trouble::Offset(g) => unit.electronics.offset_g = [g, g, 0.0],
+            Trouble::Memory => unit.device.memory().set_broken(true),
+            Trouble::Sensor(fault) => unit.electronics.inject(fault, rng.fork()),
+            // Code that does not run can't stand still.
+            Trouble::Node(NodeFault::Halted) if !unit.is_powered() => {}
+            Trouble::Node(fault) => {
+                let mut rng = rng.fork();
+                self.network.inject(number, fault, &mut rng);
             }
         }
     }
@@ -351,7 +353,9 @@ impl Stage {
         unit.electronics.chip().borrow_mut().set_fault(None);
         unit.electronics.supply.repair(now_s);
         unit.electronics.offset_g = [0.0; 3];
+        unit.electronics.heal();
         unit.device.memory().set_broken(false);
+        self.network.heal(number);
     }
 
     /// Power for one that has none; a node that has power keeps it.
@@ -359,6 +363,26 @@ impl Stage {
         if !self.network.units()[number].is_powered() {
             self.network.power_on(number);
         }
+    }
+
+    fn power_off(&mut self, number: usize) {
+        self.end_halt(number);
+        self.network.power_off(number);
+    }
+
+    fn reset(&mut self, number: usize) {
+        if !self.end_halt(number) {
+            self.network.reset(number);
+        }
+    }
+
+    /// Code that stood still starts anew with a reset, and doesn't wait to be healed; true then.
+    fn end_halt(&mut self, number: usize) -> bool {
+        let halted = self.network.fault(number) == Some(NodeFault::Halted);
+        if halted {
+            self.network.heal(number);
+        }
+        halted
     }
 
     fn wire(&mut self, number: usize, on: bool) {

@@ -255,6 +255,10 @@ fn the_chamber_takes_its_time_unless_told_otherwise() {
     };
     let before_c = shown(&stage);
     says(&mut stage, "temp 60 now");
+    go(&mut stage, 1000);
+    // No die jumps like this, so the thermometer is not believed before a reset.
+    assert!(faults(&stage, 0).contains(&Fault::Thermometer));
+    says(&mut stage, "reset all");
     go(&mut stage, 20_000);
     // The thermometer has an offset, which cancels, and smooths.
     let change = shown(&stage) - before_c;

@@ -1,14 +1,21 @@
 //! How things stand: truth, nodes and verdicts as text.
 //!
-//! In: the stage. Out: a line for the housing, one for the bus, and one for each node.
+//! In: the stage. Out: a line for the housing and the bus, one for each node as it sees itself and
+//! its peer, and one more for each node in which something is broken.
 //!
-//! Left out: what the nodes tell on the bus in more detail; that is a client's to read.
+//! Left out: what the nodes tell on the bus in more detail, which is a client's to read; supplies
+//! and memories that are broken, which don't show it.
 
 use std::fmt::Write as _;
 
 use canopen::nmt;
-use sim::network::Unit;
+use device::exchange::reason;
+use device::objects::process::Process;
+use sim::fault::{NodeFault, SensorFault};
+use sim::lis2dw12::Fault;
+use sim::network::{Network, Unit};
 use tilt::angle::Angle;
+use tilt::chain::Invalid;
 
 use super::stage::Stage;
 use super::words::node_name;
@@ -26,9 +33,60 @@ pub fn text(stage: &Stage) -> String {
     for (number, unit) in network.units().iter().enumerate() {
         let name = node_name(number);
         // Writing to a string does not fail.
-        let _ = writeln!(text, "  {name:<4}{}", node(unit));
+        let halted = network.fault(number) == Some(NodeFault::Halted);
+        let node = if halted {
+            "halted".to_owned()
+        } else {
+            node(unit)
+        };
+        let _ = writeln!(text, "  {name:<4}{node}");
+        let broken = broken(network, number);
+        if !broken.is_empty() {
+            let _ = writeln!(text, "      broken: {}", broken.join("; "));
+        }
     }
     text
+}
+
+/// What is broken in a node, whether it has noticed or not.
+fn broken(network: &Network, number: usize) -> Vec<String> {
+    let Some(unit) = network.units().get(number) else {
+        return Vec::new();
+    };
+    let electronics = &unit.electronics;
+    let part = electronics.chip().borrow().fault();
+    let loose_g = Some(electronics.offset_g[0]).filter(|g| *g != 0.0);
+    let all = [
+        part.map(|fault| part_name(fault).to_owned()),
+        loose_g.map(|g| format!("offset {} mg", (g * 1e6).round() / 1e3)),
+        electronics.fault().map(sensor_name),
+        network.fault(number).map(|fault| fault.to_string()),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+/// A fault of the sensor with its axis; `stuck` is a word for another one.
+fn sensor_name(fault: SensorFault) -> String {
+    let name = |axis: usize| ["x", "y", "z"].get(axis).copied().unwrap_or("no axis");
+    match fault {
+        SensorFault::Stuck { axis: None } => "frozen".to_owned(),
+        SensorFault::Stuck { axis: Some(axis) } => format!("frozen {}", name(axis)),
+        SensorFault::Bias { axis, .. }
+        | SensorFault::Drift { axis, .. }
+        | SensorFault::Gain { axis, .. } => format!("{fault} in {}", name(axis)),
+        _ => fault.to_string(),
+    }
+}
+
+/// The word that has broken the part.
+fn part_name(fault: Fault) -> &'static str {
+    match fault {
+        Fault::MisoHigh => "stuck",
+        Fault::MisoLow => "silent",
+        Fault::Bus => "spi",
+        Fault::ResetStuck => "reset-stuck",
+        Fault::WriteRefused(_) => "write refused",
+    }
 }
 
 fn node(unit: &Unit) -> String {
@@ -53,9 +111,9 @@ fn node(unit: &Unit) -> String {
     format!(
         "{id}, {}, pitch {}, roll {}, {}, {faults}",
         state(device.bus().state()),
-        degrees(y),
-        degrees(x),
-        verdict(process.state)
+        degrees(y, process.reason[1]),
+        degrees(x, process.reason[0]),
+        verdict(process)
     )
 }
 
@@ -68,22 +126,58 @@ fn state(state: nmt::State) -> &'static str {
     }
 }
 
-fn degrees(angle: Option<Angle>) -> String {
-    angle.map_or("invalid".to_owned(), |a| format!("{:.3}", a.degrees()))
+fn degrees(angle: Option<Angle>, reason: u8) -> String {
+    match angle {
+        Some(angle) => format!("{:.3}", angle.degrees()),
+        None => format!("invalid ({})", because(reason)),
+    }
 }
 
-/// Object 2021h in words.
-fn verdict(code: u8) -> &'static str {
-    match code {
+/// Objects 2021h and 2027h in words: the state of the pair, which channel is blamed, and why.
+fn verdict(process: &Process) -> String {
+    let state = match process.state {
         0 => "not compared",
         1 => "both agree",
         2 => "they differ, not for long",
         3 => "stop the motion",
         4 => "data were late",
         5 => "physical fault",
-        6 => "they differ for too long",
+        6 => "they differ and neither can be blamed",
         7 => "this channel is ill",
         8 => "the other channel is ill",
         _ => "neither measures",
+    };
+    match process.why {
+        0 => state.to_owned(),
+        why => format!("{state} ({})", because(why)),
     }
+}
+
+/// The reason behind a code of 2025h or 2027h.
+fn because(code: u8) -> String {
+    let Some(reason) = reason(code) else {
+        return format!("reason {code}");
+    };
+    let text = match reason {
+        Invalid::NoSample => "no sample yet",
+        Invalid::Settling => "settling",
+        Invalid::Stale => "samples have stopped",
+        Invalid::OverRange => "over range",
+        Invalid::NoTemperature => "temperature not known",
+        Invalid::NotMeasured => "axis not measured",
+        Invalid::PartReset => "sensor has lost its set-up",
+        Invalid::Bus => "sensor does not answer",
+        Invalid::Stuck => "codes stand still",
+        Invalid::Noise => "too noisy",
+        Invalid::Spikes => "spikes",
+        Invalid::Thermometer => "thermometer jumps",
+        Invalid::Biased => "gravity of the wrong length",
+        Invalid::Corrupt => "calibration corrupted",
+        Invalid::Silent => "not heard",
+        Invalid::Late => "data late",
+        Invalid::Refused => "channels disagree",
+        Invalid::Unconfirmed => "other channel not heard yet",
+        Invalid::Alone => "alone, which 2005h forbids",
+    };
+    text.to_owned()
 }

@@ -4,31 +4,12 @@
 //! can be wrong with it is found here, before anything happens; what follows from the lines
 //! before it (which pose, which time) is `script`'s to see.
 //!
-//! Left out: what the words do (`stage`).
+//! Left out: what can break in a node (`trouble`); what the words do (`stage`).
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// A part of one node, broken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Trouble {
-    /// The data line from the part reads ones.
-    Stuck,
-    /// The data line from the part reads zeros: it does not answer.
-    Silent,
-    /// The microcontroller's SPI reports errors.
-    Spi,
-    /// A reset of the part does not end.
-    ResetStuck,
-    /// The part loses its supply for a moment, and with it its set-up.
-    BrownOut,
-    /// The supply sags and breaks down from now on.
-    Supply,
-    /// The board has come loose: slope X and Y are off by so many g.
-    Offset(f64),
-    /// The memory takes no more records.
-    Memory,
-}
+use super::trouble::{self, Trouble};
 
 /// What the wires of the bus do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,6 +105,8 @@ pub enum WordError {
     Form(String, &'static str),
     /// There is no such node; how many there are.
     NoNode(String, usize),
+    /// There is no such fault.
+    NoFault(String),
 }
 
 impl std::error::Error for WordError {}
@@ -144,6 +127,14 @@ impl fmt::Display for WordError {
                 (0..*count).try_for_each(|n| write!(f, "{}, ", node_name(n)))?;
                 write!(f, "and all of them together are `all`")
             }
+            Self::NoFault(name) => {
+                let faults: Vec<_> = trouble::names().collect();
+                write!(
+                    f,
+                    "there is no fault {name:?}; the faults are {}",
+                    faults.join(", ")
+                )
+            }
         }
     }
 }
@@ -162,12 +153,12 @@ const FORMS: [(&str, &str, &str); 20] = [
     (
         "temp",
         "temp DEGC (-40 to 85), with `now` behind it at once",
-        "the chamber goes there by 2 degC/min",
+        "the chamber goes there by 2 degC/min; a sudden jump is a fault until a reset",
     ),
     (
         "fault",
-        "fault NODE stuck|silent|spi|reset-stuck|brown-out|supply|offset MG|memory",
-        "something breaks",
+        "fault NODE WHAT",
+        "something breaks; WHAT is in the list below",
     ),
     (
         "heal",
@@ -192,7 +183,11 @@ const FORMS: [(&str, &str, &str); 20] = [
         "bit-rate KBIT/S (10 to 1000)",
         "the clients' adapter follows a change by LSS",
     ),
-    ("status", "status", "how things stand"),
+    (
+        "status",
+        "status",
+        "how things stand: what is broken, what each node shows, whom it blames and why",
+    ),
     ("help", "help", "this list"),
     ("quit", "quit", "end, exit status 0"),
     (
@@ -210,7 +205,8 @@ pub fn help() -> String {
     let words: String = FORMS.iter().map(line).collect();
     format!(
         "{words}  NODE is a, b, a2, b2, ... or all; `+SECONDS` or `at SECONDS` before a word put \
-         it off\n"
+         it off\n{}",
+        trouble::help()
     )
 }
 
@@ -226,7 +222,8 @@ pub fn node_name(number: usize) -> String {
 /// Reads a line; `None` for one without words. `#` begins a comment.
 pub fn read(text: &str, nodes: usize) -> Result<Option<Line>, WordError> {
     let text = text.split('#').next().unwrap_or_default().trim();
-    let words: Vec<&str> = text.split_ascii_whitespace().collect();
+    let words = with_units(text);
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let (when, words) = when(text, &words)?;
     let Some((first, rest)) = words.split_first() else {
         return Ok(None);
@@ -236,6 +233,23 @@ pub fn read(text: &str, nodes: usize) -> Result<Option<Line>, WordError> {
     let reader = Reader { text, form, nodes };
     let word = reader.word(first, rest)?;
     Ok(Some(Line { when, word }))
+}
+
+/// What may stand behind a number, with a space between.
+const UNITS: [&str; 10] = [
+    "deg", "deg/s", "degC", "mg", "mg/s", "s", "ms", "/s", "%", "kbit/s",
+];
+
+/// The words of a line; a unit belongs to the number before it.
+fn with_units(text: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in text.split_ascii_whitespace() {
+        match words.last_mut() {
+            Some(last) if UNITS.contains(&word) && last.parse::<f64>().is_ok() => *last += word,
+            _ => words.push(word.to_owned()),
+        }
+    }
+    words
 }
 
 /// Splits off `+SECONDS` or `at SECONDS`.
@@ -258,10 +272,17 @@ fn when<'a, 'b>(text: &str, words: &'a [&'b str]) -> Result<(When, &'a [&'b str]
 }
 
 /// A number in a range, with or without its unit.
-fn number(text: &str, unit: &str, range: RangeInclusive<f64>) -> Option<f64> {
+pub fn number(text: &str, unit: &str, range: RangeInclusive<f64>) -> Option<f64> {
     let digits = text.strip_suffix(unit).unwrap_or(text);
     let number = digits.parse().ok();
     number.filter(|number: &f64| range.contains(number))
+}
+
+/// A hexadecimal identifier of 11 bits.
+pub fn identifier(text: &str) -> Option<u16> {
+    let digits = text.strip_prefix("0x").unwrap_or(text);
+    let id = u16::from_str_radix(digits, 16).ok();
+    id.filter(|id| *id <= 0x7FF)
 }
 
 /// What the rest of a line is read with.
@@ -292,7 +313,7 @@ impl Reader<'_> {
             ("reset", [who]) => Word::Reset(self.who(who)?),
             ("bus", what) => Word::Bus(self.bus(what)?),
             ("babble", ["off"]) => Word::Babble(None),
-            ("babble", [id]) => Word::Babble(Some(self.identifier(id)?)),
+            ("babble", [id]) => Word::Babble(Some(identifier(id).ok_or_else(|| self.bad())?)),
             ("bit-rate", [rate]) => {
                 Word::BitRate(self.number(rate, "kbit/s", 10.0..=1000.0)?.round() as u16)
             }
@@ -323,12 +344,6 @@ impl Reader<'_> {
         }
     }
 
-    fn identifier(&self, text: &str) -> Result<u16, WordError> {
-        let digits = text.strip_prefix("0x").unwrap_or(text);
-        let id = u16::from_str_radix(digits, 16).ok();
-        id.filter(|id| *id <= 0x7FF).ok_or_else(|| self.bad())
-    }
-
     fn who(&self, name: &str) -> Result<Nodes, WordError> {
         let chosen: Vec<usize> = (0..self.nodes)
             .filter(|n| name == "all" || name == node_name(*n))
@@ -340,17 +355,11 @@ impl Reader<'_> {
     }
 
     fn trouble(&self, what: &[&str]) -> Result<Trouble, WordError> {
-        Ok(match what {
-            ["stuck"] => Trouble::Stuck,
-            ["silent"] => Trouble::Silent,
-            ["spi"] => Trouble::Spi,
-            ["reset-stuck"] => Trouble::ResetStuck,
-            ["brown-out"] => Trouble::BrownOut,
-            ["supply"] => Trouble::Supply,
-            ["memory"] => Trouble::Memory,
-            ["offset", mg] => Trouble::Offset(self.number(mg, "mg", -2000.0..=2000.0)? / 1000.0),
-            _ => return Err(self.bad()),
-        })
+        let Some(first) = what.first() else {
+            return Err(WordError::NoFault(String::new()));
+        };
+        let form = trouble::form(first).ok_or_else(|| WordError::NoFault((*first).to_owned()))?;
+        trouble::read(what).ok_or_else(|| WordError::Form(self.text.to_owned(), form))
     }
 
     fn bus(&self, what: &[&str]) -> Result<BusTrouble, WordError> {
@@ -410,6 +419,43 @@ mod tests {
     }
 
     #[test]
+    fn a_unit_may_stand_apart_from_its_number() {
+        for (apart, together) in [
+            ("pitch 30 deg", "pitch 30deg"),
+            ("at 5 s level", "at 5s level"),
+            ("+5 s level", "+5s level"),
+            ("fault a bias x 10 mg", "fault a bias x 10mg"),
+            ("bit-rate 500 kbit/s", "bit-rate 500"),
+        ] {
+            assert_eq!(read(apart, 2), read(together, 2), "{apart}");
+            assert!(matches!(read(apart, 2), Ok(Some(_))), "{apart}");
+        }
+        assert!(matches!(read("pitch 30 mg", 2), Err(WordError::Form(..))));
+        assert!(matches!(read("pitch deg 30", 2), Err(WordError::Form(..))));
+    }
+
+    #[test]
+    fn help_lists_every_word_and_every_fault() {
+        let help = help();
+        for (_, form, _) in FORMS {
+            assert!(help.contains(&format!("  {form}: ")), "{form}");
+        }
+        for name in trouble::names() {
+            assert!(help.contains(&format!("fault NODE {name}")), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_page_of_words_is_fresh() {
+        let page = include_str!("../../../docs/serve.md");
+        assert!(
+            page.contains(&format!("```text\n{}```", help())),
+            "{}",
+            help()
+        );
+    }
+
+    #[test]
     fn comments_and_empty_lines_say_nothing() {
         for text in ["", "   ", "# pitch 30", "\t# at"] {
             assert_eq!(read(text, 2), Ok(None), "{text:?}");
@@ -434,6 +480,12 @@ mod tests {
         assert_eq!(said("pitch thirty"), form);
         assert!(said("heal c").ends_with("are a, b, and all of them together are `all`"));
         assert!(said("+x level").contains("+SECONDS WORD"));
+        let faults = "there is no fault \"bent\"; the faults are stuck, silent, spi, ";
+        assert!(said("fault a bent").starts_with(faults));
+        assert!(said("fault a").ends_with("bus-off, sync-lost"));
+        let form = "does not fit: write fault NODE bias AXIS MG (-2000 to 2000)";
+        assert!(said("fault a bias 10").ends_with(form));
+        assert!(said("fault bias x 10").starts_with("there is no node \"bias\""));
     }
 
     #[test]

@@ -20,6 +20,7 @@ use tilt::cross_check::{
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
+use super::sending::Sending;
 use super::{Device, Memory, bus_time};
 use crate::black_box::{self, blamed_reason};
 use crate::exchange;
@@ -33,9 +34,6 @@ const MISSES_ALLOWED: u8 = 2;
 /// How long a judgement counts once no new one comes: three SYNCs, but at least and at most this
 /// long, us.
 const JUDGED_FOR_US: (i64, i64) = (1_000_000, 10_000_000);
-
-/// Identifiers of PDOs in the predefined connection set (CiA 301, table 39).
-const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;
 
 /// Boot-up and heartbeats have this identifier plus the node-id (CiA 301, 7.2.8.3.2).
 const ERROR_CONTROL: u16 = 0x700;
@@ -58,10 +56,8 @@ pub(super) struct Pair {
     judged_at: Instant,
     /// Time between the last two SYNCs, us.
     period_us: i64,
-    /// A PDO of this node that the controller has not sent yet, and SYNCs since.
-    under_way: Option<(u16, u8)>,
-    /// PDOs in a row that went out after a later SYNC.
-    late_sends: u8,
+    /// PDOs of this node on their way to the bus.
+    pub(super) sending: Sending,
 }
 
 impl Pair {
@@ -76,8 +72,7 @@ impl Pair {
             judgement: None,
             judged_at: Instant(0),
             period_us: 0,
-            under_way: None,
-            late_sends: 0,
+            sending: Sending::new(),
         }
     }
 
@@ -88,38 +83,6 @@ impl Pair {
         } else {
             Invalid::NoSample
         })
-    }
-
-    /// A frame goes to the controller.
-    pub(super) fn hand_over(&mut self, cob_id: Option<u16>) {
-        let pdo = cob_id.filter(|id| PDOS.contains(id));
-        self.under_way = self.under_way.or(pdo.map(|id| (id, 0)));
-    }
-
-    /// The controller has sent a frame.
-    pub(super) fn gone(&mut self, cob_id: Option<u16>) {
-        if let Some((_, syncs)) = self.under_way.filter(|(id, _)| Some(*id) == cob_id) {
-            self.under_way = None;
-            self.late_sends = if syncs == 0 {
-                0
-            } else {
-                self.late_sends.saturating_add(1)
-            };
-        }
-    }
-
-    /// The controller has dropped what it had.
-    pub(super) const fn forget_sending(&mut self) {
-        self.under_way = None;
-        self.late_sends = 0;
-    }
-
-    /// True when what this node says gets onto the bus too late to be told from what is new.
-    fn is_late(&self) -> bool {
-        let stuck = self
-            .under_way
-            .is_some_and(|(_, syncs)| syncs > MISSES_ALLOWED);
-        stuck || self.late_sends > 1
     }
 
     /// How long a judgement counts.
@@ -160,9 +123,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.values.news.sync = false;
         self.values.process.source = source;
         self.pair.period_us = now.micros_since(self.last_sync);
-        if let Some((_, syncs)) = &mut self.pair.under_way {
-            *syncs = syncs.saturating_add(1);
-        }
+        self.pair.sending.sync();
         self.last_sync = now;
         if source == SyncSource::Bus {
             self.end_standing_in(now);
@@ -171,6 +132,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let Some(before) = self.values.news.unanswered.take() else {
             return;
         };
+        // What this channel has heard since the SYNC before has nothing to be held against.
+        self.node.pair_lost();
         if first && !second {
             // The angles have come and what is behind them has not: they are compared alone.
             return self.answered(before, false);
@@ -200,12 +163,17 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return;
         }
         self.pair.came = [false; 2];
-        // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
-        let own = news.own.take().unwrap_or_else(|| Latched {
-            observation: self.node.observe(&self.settings, now),
-            at: now,
-        });
-        self.answered(own, true);
+        match news.own.take() {
+            Some(own) => self.answered(own, true),
+            // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
+            None if self.values.process.source == SyncSource::None => {
+                let observation = self.node.observe(&self.settings, now);
+                let at = now;
+                self.answered(Latched { observation, at }, true);
+            }
+            // The peer has heard a SYNC that this node has missed: there is nothing to compare.
+            None => self.node.pair_lost(),
+        }
     }
 
     /// The peer's exchange for the SYNC of `own` has come; `backed` with its second PDO.
@@ -220,7 +188,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             match self.pair.clock.hear(received.captured, own.at) {
                 Heard::InTime => {}
                 // It belongs to another SYNC, so there is nothing to compare it with.
-                Heard::Other => return,
+                Heard::Other => return self.node.pair_lost(),
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
@@ -254,7 +222,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     fn judge(&mut self, own: Observation, peer: Observation, at: Instant) {
         let off = self.values.process.bus.state == BUS_OFF;
-        let own = match (off, self.pair.is_late()) {
+        let own = match (off, self.pair.sending.is_late()) {
             (true, _) => own.refused(Invalid::Silent),
             (false, true) => own.refused(Invalid::Late),
             (false, false) => own,

@@ -54,11 +54,14 @@ enum Verb {
         #[arg(long)]
         keep_going: bool,
     },
-    /// Run the seeds from 1 on
+    /// Run so many seeds, one after the other
     Fixed {
         /// How many
         #[arg(long)]
         seeds: u64,
+        /// The first seed
+        #[arg(long, default_value_t = 1)]
+        from: u64,
         /// Go on after a failure, and list all that fail
         #[arg(long)]
         keep_going: bool,
@@ -105,8 +108,12 @@ fn main() -> ExitCode {
             from,
             keep_going,
         } => for_a_time(minutes, from, keep_going),
-        Verb::Fixed { seeds, keep_going } => Many {
-            from: 1,
+        Verb::Fixed {
+            seeds,
+            from,
+            keep_going,
+        } => Many {
+            from,
             count: seeds,
             time: None,
             keep_going,

@@ -28,6 +28,8 @@ pub struct Loudness {
     pub spike: u32,
     /// The mean of the last three looks above this many times the other's usual level is noise.
     pub fast: u32,
+    /// ... when the two quieter ones of the three have a mean above this as well.
+    pub two: u32,
     /// A look counts up to this in that mean.
     pub ceiling: u32,
     /// A channel's usual level above this many times the other's is noise too.
@@ -43,6 +45,7 @@ impl Loudness {
         quiet: 5 * 256,
         spike: 60 * 256,
         fast: 1664,
+        two: 896,
         ceiling: 16 * 256,
         slow: 3 * 256,
         slow_us: 250_000,
@@ -82,6 +85,15 @@ impl Channel {
         looks.fold(0, |sum: u32, look| sum.saturating_add(*look.min(&ceiling))) / 3
     }
 
+    /// The mean of the two quieter ones of the three looks.
+    fn quieter_two(&self) -> u32 {
+        let sum = self
+            .looks
+            .iter()
+            .fold(0, |sum: u64, look| sum + u64::from(*look));
+        ((sum - u64::from(self.loudest())) / 2) as u32
+    }
+
     fn is_spike(&self, check: &Loudness) -> bool {
         let [after, middle, before] = self.looks;
         middle > check.spike && before < check.quiet && after < check.quiet
@@ -102,8 +114,8 @@ fn towards(average: u32, value: u32, tau_us: u32, elapsed_us: u32) -> u32 {
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     channels: [Channel; 2],
-    /// Which of them has had a look since the last judgement.
-    fresh: [bool; 2],
+    /// What each has heard since the last judgement, until both have had a look.
+    heard: [Option<u32>; 2],
     /// Time since then, us.
     elapsed_us: u32,
 }
@@ -112,7 +124,7 @@ impl Default for State {
     fn default() -> Self {
         Self {
             channels: [Channel::NEW; 2],
-            fresh: [false; 2],
+            heard: [None; 2],
             elapsed_us: 0,
         }
     }
@@ -124,6 +136,7 @@ impl State {
         for channel in &mut self.channels {
             channel.push(UNKNOWN);
         }
+        self.heard = [None; 2];
     }
 }
 
@@ -131,7 +144,9 @@ impl Loudness {
     /// Takes in what both channels say; who is too loud, and how.
     ///
     /// [`Activity::NONE`] is no look: too few samples since the last one. The two are judged when
-    /// both have had a look, because what the one has heard may still be coming from the other.
+    /// both have had a look, because what the one has heard may still be coming from the other;
+    /// what one of them has said meanwhile counts as a single look, or the other's would reach
+    /// further back.
     pub fn step(
         &self,
         state: &mut State,
@@ -139,41 +154,57 @@ impl Loudness {
         peer: Activity,
         elapsed_us: u32,
     ) -> Option<(Node, Invalid)> {
-        let channels = state.channels.iter_mut().zip(&mut state.fresh);
-        for ((channel, fresh), activity) in channels.zip([own, peer]) {
+        for (heard, activity) in state.heard.iter_mut().zip([own, peer]) {
             if activity != Activity::NONE {
-                channel.push(activity.energy_q8());
-                *fresh = true;
+                let energy = activity.energy_q8();
+                *heard = Some(heard.map_or(energy, |before| before.midpoint(energy)));
             }
         }
         state.elapsed_us = state.elapsed_us.saturating_add(elapsed_us);
-        if state.fresh != [true; 2] {
+        let [Some(of_own), Some(of_peer)] = state.heard else {
             return None;
-        }
-        state.fresh = [false; 2];
+        };
+        state.heard = [None; 2];
         let elapsed_us = core::mem::take(&mut state.elapsed_us);
         let [a, b] = &mut state.channels;
-        let of_own = self.judge(a, b, elapsed_us);
-        let of_peer = self.judge(b, a, elapsed_us);
+        a.push(of_own);
+        b.push(of_peer);
+        // Both learn before either is judged, so that both nodes judge alike.
+        self.learn(a, b, elapsed_us);
+        self.learn(b, a, elapsed_us);
+        let (of_own, of_peer) = (self.judge(a, b), self.judge(b, a));
         let blame = |node| move |reason| (node, reason);
         of_own
             .map(blame(Node::Own))
             .or(of_peer.map(blame(Node::Peer)))
     }
 
-    fn judge(&self, one: &mut Channel, other: &Channel, elapsed_us: u32) -> Option<Invalid> {
-        if other.loudest() > self.quiet || one.loudest() == UNKNOWN {
+    /// True while what `one` says can be held against it.
+    fn is_clear(&self, one: &Channel, other: &Channel) -> bool {
+        other.loudest() <= self.quiet && one.loudest() != UNKNOWN
+    }
+
+    fn learn(&self, one: &mut Channel, other: &Channel, elapsed_us: u32) {
+        if self.is_clear(one, other) && !one.is_spike(self) {
+            let mean = one.mean(self.ceiling);
+            one.usual = towards(one.usual, mean, self.slow_us, elapsed_us);
+        }
+    }
+
+    fn judge(&self, one: &Channel, other: &Channel) -> Option<Invalid> {
+        if !self.is_clear(one, other) {
             return None;
         }
         if one.is_spike(self) {
             return Some(Invalid::Spikes);
         }
         let mean = one.mean(self.ceiling);
-        one.usual = towards(one.usual, mean, self.slow_us, elapsed_us);
         let others = u64::from(other.usual.max(OWN_LEVEL));
         let exceeds = |mine: u32, ratio: u32| u64::from(mine) << 8 > others * u64::from(ratio);
-        // A shock that fades out is heard by both, and by one of them longer.
-        let alone = u64::from(mean) > 3 * u64::from(other.mean(self.ceiling));
+        // A shock that fades out is heard by both, and by one of them longer. Nor does a single
+        // look make noise, since a shock may begin at the end of one.
+        let alone = u64::from(mean) > 3 * u64::from(other.mean(self.ceiling))
+            && one.quieter_two() > self.two;
         let noisy = alone && exceeds(mean, self.fast) || exceeds(one.usual, self.slow);
         noisy.then_some(Invalid::Noise)
     }
@@ -239,6 +270,32 @@ mod tests {
         for _ in 0..100 {
             let verdict = Loudness::PRODUCT.step(&mut state, Activity(0), Activity(64), u32::MAX);
             assert_eq!(verdict, None);
+        }
+    }
+
+    #[test]
+    fn two_looks_of_the_one_beside_one_of_the_other_made_a_shock_noise() {
+        // Fifteen milliseconds between SYNCs hold five samples or six, and six make a look.
+        let shock = [(64, 0), (150, 150), (64, 0), (64, 72), (64, 0), (64, 72)];
+        let looks = [shock; 20].concat();
+        assert_eq!(after_quiet(5, &looks), None);
+        let swapped: std::vec::Vec<_> = looks.iter().map(|(own, peer)| (*peer, *own)).collect();
+        assert_eq!(after_quiet(5, &swapped), None);
+    }
+
+    #[test]
+    fn a_shock_whose_other_half_was_lost_on_the_way_was_called_noise() {
+        let mut state = State::default();
+        let step = |state: &mut State, own, peer| {
+            let (own, peer) = (Activity(own), Activity(peer));
+            Loudness::PRODUCT.step(state, own, peer, 20_000)
+        };
+        assert!((0..10).all(|_| step(&mut state, 64, 64).is_none()));
+        // A shock in one look, of which the peer's never comes.
+        state.skip();
+        assert_eq!(step(&mut state, 160, 0), None);
+        for (own, peer) in [(64, 64); 4] {
+            assert_eq!(step(&mut state, own, peer), None, "{own}");
         }
     }
 

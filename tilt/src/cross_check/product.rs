@@ -107,6 +107,11 @@ impl ProductState {
         self.residual.difference()
     }
 
+    /// A pair was lost on the way: what was heard at its instant stands alone.
+    pub fn pair_lost(&mut self) {
+        self.activity.skip();
+    }
+
     /// The peer has been started anew: what it is held ill for belongs to its life before.
     pub fn peer_restarted(&mut self) {
         let [_, peer] = &mut self.ill;

@@ -76,6 +76,8 @@ const fn stage(tau_us: u32, threshold: u32) -> Stage {
 pub struct State {
     low: [[i64; 3]; STAGES],
     whole: [i64; 3],
+    /// As `whole`, without an end.
+    shown: [i64; 3],
     habit: [i64; 3],
     /// Pairs that the habit was learned from, up to the time constant.
     learned: u32,
@@ -87,7 +89,7 @@ const FRACTION: u32 = 8;
 impl State {
     /// The whole difference own minus peer, low-passed, 2^-26 g per step.
     pub fn difference(&self) -> [i32; 3] {
-        self.whole.map(|low| {
+        self.shown.map(|low| {
             let steps = low >> FRACTION;
             steps.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
         })
@@ -97,6 +99,7 @@ impl State {
     pub fn restart(&mut self) {
         self.low = [[0; 3]; STAGES];
         self.whole = [0; 3];
+        self.shown = [0; 3];
     }
 }
 
@@ -116,9 +119,12 @@ impl Residual {
         for (d, (own, peer)) in whole.iter_mut().zip(own.accel.iter().zip(&peer.accel)) {
             *d = (i64::from(*own) - i64::from(*peer)) << FRACTION;
         }
-        follow(&mut state.whole, &whole, self.whole.tau_us, elapsed_us);
         let least = uncertainty.saturating_mul(self.coverage);
-        let mut exceeded = length_exceeds(&state.whole, self.whole.threshold.max(least));
+        let threshold = self.whole.threshold.max(least);
+        follow(&mut state.shown, &whole, self.whole.tau_us, elapsed_us);
+        follow(&mut state.whole, &whole, self.whole.tau_us, elapsed_us);
+        stop(&mut state.whole, threshold);
+        let mut exceeded = length_exceeds(&state.whole, threshold);
         let known = state.learned >= KNOWN;
         let mut rest = whole;
         for (rest, habit) in rest.iter_mut().zip(&state.habit) {
@@ -126,6 +132,7 @@ impl Residual {
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
             follow(low, &rest, stage.tau_us, elapsed_us);
+            stop(low, stage.threshold);
             exceeded |= known && length_exceeds(low, stage.threshold);
         }
         if !exceeded {
@@ -154,6 +161,17 @@ impl Residual {
 /// A pair counts for this long at most: on a slow bus a shock that is seen once must not count
 /// for more than on a fast one.
 const LONGEST_US: u32 = 20_000;
+
+/// A low-pass holds up to this many times its threshold on each axis: beyond, it would take the
+/// longer to come back the larger the fault was that has gone.
+const CEILING: i64 = 4;
+
+fn stop(low: &mut [i64; 3], threshold: u32) {
+    let limit = (i64::from(threshold) << FRACTION) * CEILING;
+    for low in low {
+        *low = (*low).clamp(-limit, limit);
+    }
+}
 
 fn follow(low: &mut [i64; 3], value: &[i64; 3], tau_us: u32, elapsed_us: u32) {
     let elapsed = u64::from(elapsed_us.min(LONGEST_US));
@@ -222,6 +240,17 @@ mod tests {
         assert!(after.is_sorted_by(|a, b| a >= b), "{after:?}");
         assert!(after[1] < 25 && after[2] < 9, "{after:?}");
         assert!(after[3] <= 1 && after[4] == 0, "{after:?}");
+    }
+
+    #[test]
+    fn a_swapped_axis_was_held_against_the_pair_for_ten_seconds_after_its_end() {
+        // 50 ms between pairs, as on a slow bus.
+        let mut state = State::default();
+        let mut step = |mg| Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 50_000);
+        assert!((0..300).all(|_| !step(0.0)));
+        assert!((0..200).filter(|_| step(1400.0)).count() > 190);
+        let over = (0..1000).find(|_| !step(0.0)).expect("it ends");
+        assert!(over < 40, "{over}");
     }
 
     #[test]

@@ -1,0 +1,262 @@
+"""What a machine builder decides: how long a fault stays (2004h), whether one channel may do
+alone (2005h), and who judges (2003h)."""
+
+from __future__ import annotations
+
+import time
+from typing import Iterator
+
+import pytest
+from master import INVALID16, INVALID32, PRE_OPERATIONAL, START, Master, Plumb, slopes, until
+
+WAITING, AGREE, WARNING, DISAGREE, OWN_ILL, OTHER_ILL = 0, 1, 2, 6, 7, 8
+DISAGREE_CODE, OWN_CODE, OTHER_CODE, SUPPLY = 0xFF13, 0xFF14, 0xFF15, 0x3200
+PEER, SET_UP_LOST, SILENT, ALONE = 2, 7, 15, 19
+LATCHED = 0x80
+TOO_HIGH = 0x0609_0031
+SPEED = 5
+
+
+@pytest.fixture(scope="module")
+def plumb() -> Iterator[Plumb]:
+    with Plumb("--speed", str(SPEED)) as plumb:
+        yield plumb
+
+
+@pytest.fixture
+def pair(plumb: Plumb, master: Master) -> Iterator[Master]:
+    """Both nodes in OPERATIONAL with a SYNC every 20 ms, in agreement; whole again afterwards."""
+    begin(master)
+    yield master
+    plumb.type("heal all", "power all on", "wire all on")
+
+
+def begin(master: Master) -> None:
+    for node in (1, 2):
+        master.write(node, 0x2050, 1, 50)
+    master.nmt(START)
+    both(master, AGREE, AGREE)
+
+
+def both(master: Master, *wanted: int) -> None:
+    """Waits for the state of the pair as each node sees it."""
+    for node, state in enumerate(wanted, 1):
+        until(lambda: master.read(node, 0x2021) == state, f"2021h = {state} of {node}", 12)
+
+
+def latch(master: Master, seconds: int) -> None:
+    for node in (1, 2):
+        master.write(node, 0x2004, 0, seconds)
+
+
+def emcy(master: Master, mark: int, node: int, code: int) -> bytes:
+    """The first EMCY of a node with this code since the mark."""
+    wanted = code.to_bytes(2, "little")
+    return bytes(master.next(0x80 + node, mark, 12, lambda d: d[:2] == wanted).data)
+
+
+def newest(master: Master, node: int) -> bytes:
+    """TPDO 1 of a SYNC that is still to come."""
+    master.read(node, 0x1001)
+    mark = master.mark()
+    master.next(0x180 + node, mark)
+    return bytes(master.next(0x180 + node, master.mark()).data)
+
+
+def reasons(master: Master, node: int) -> list[int]:
+    return [master.read(node, 0x2025, sub) for sub in (1, 2)]
+
+
+def verdict(master: Master, node: int) -> list[int]:
+    """Who is blamed, and why."""
+    return [master.read(node, 0x2027, sub) for sub in (1, 2)]
+
+
+def test_as_delivered_faults_stay_and_one_channel_may_do_alone(master: Master) -> None:
+    assert [master.read(1, index) for index in (0x2003, 0x2004, 0x2005)] == [0, 0, 1]
+
+
+def test_what_is_no_policy_is_refused(master: Master) -> None:
+    assert master.refusal(1, 0x2003, 0, b"\x03") == TOO_HIGH
+    assert master.refusal(1, 0x2004, 0, (3601).to_bytes(2, "little")) == TOO_HIGH
+    assert master.refusal(1, 0x2005, 0, b"\x02") == TOO_HIGH
+    assert [master.read(1, index) for index in (0x2003, 0x2004, 0x2005)] == [0, 0, 1]
+
+
+def alone(master: Master, allowed: bool) -> None:
+    """A is left alone: it works on, or says that it may not."""
+    data = newest(master, 1)
+    assert data[5] == OTHER_ILL
+    if allowed:
+        assert data[4] & 0x3F == 0x03, "its own angles, no comparison"
+        assert all(abs(slope) < 30 for slope in slopes(data)), "level"
+        assert reasons(master, 1) == [0, 0]
+    else:
+        assert data[4] & 0x3F == 0
+        assert slopes(data) == [INVALID16] * 2
+        assert reasons(master, 1) == [ALONE] * 2
+        assert [master.read(1, i) for i in (0x6110, 0x6120)] == [INVALID32] * 2
+
+
+def test_a_supply_fault_of_b_leaves_a_working_unless_that_is_forbidden(
+    plumb: Plumb, pair: Master
+) -> None:
+    mark = pair.mark()
+    plumb.type("fault b supply")
+    assert emcy(pair, mark, 1, OTHER_CODE)[7] == OTHER_ILL
+    assert emcy(pair, mark, 2, OWN_CODE)[7] == OWN_ILL
+    assert verdict(pair, 1)[0] == PEER
+    alone(pair, allowed=True)
+    pair.write(1, 0x2005, 0, 0)
+    alone(pair, allowed=False)
+    pair.write(1, 0x2005, 0, 1)
+    alone(pair, allowed=True)
+    assert slopes(newest(pair, 2)) == [INVALID16] * 2
+
+
+def test_without_b_s_power_a_alone_is_invalid_where_it_may_not_do(
+    plumb: Plumb, pair: Master
+) -> None:
+    pair.write(1, 0x2005, 0, 0)
+    plumb.type("power b off")
+    both(pair, OTHER_ILL)
+    assert verdict(pair, 1) == [PEER, SILENT]
+    alone(pair, allowed=False)
+    plumb.type("power b on")
+
+
+def test_a_node_whose_peer_never_speaks_goes_on_alone(plumb: Plumb, master: Master) -> None:
+    """The peer may still be starting, so it has two seconds."""
+    master.write(1, 0x2050, 1, 50)
+    mark = master.mark()
+    master.nmt(START, 1)
+    both(master, OTHER_ILL)
+    newest(master, 1)
+    frames = master.since(mark, 0x181)
+    first = next(f.timestamp for f in frames if f.data[5] == OTHER_ILL)
+    assert first - frames[0].timestamp == pytest.approx(2.0, abs=0.2)
+    for frame in frames:
+        if frame.data[5] == WAITING:
+            assert slopes(frame.data) == [INVALID16] * 2 and frame.data[4] & 3 == 0
+    alone(master, allowed=True)
+
+
+def heal_after(plumb: Plumb, master: Master, node: int) -> float:
+    """Heals; the virtual time until the node takes its fault back."""
+    master.read(node, 0x1001)
+    mark, since = master.mark(), master.frames[-1].timestamp
+    plumb.type("heal all")
+    wanted = master.next(0x80 + node, mark, 12, lambda d: d[:6] == bytes(6))
+    return wanted.timestamp - since
+
+
+def test_a_disagreement_is_over_once_the_channels_have_agreed_for_2004h(
+    plumb: Plumb, pair: Master
+) -> None:
+    latch(pair, 3)
+    mark = pair.mark()
+    plumb.type("fault b offset 20")
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+    both(pair, DISAGREE, DISAGREE)
+    assert [pair.read(node, 0x2020) & LATCHED for node in (1, 2)] == [0, 0], "it passes by itself"
+    assert 2.9 < heal_after(plumb, pair, 1) < 6
+    both(pair, AGREE, AGREE)
+    for node in (1, 2):
+        assert newest(pair, node)[4] & 0x3F == 0x3F
+
+
+def test_a_disagreement_stays_while_it_lasts_whatever_2004h_says(
+    plumb: Plumb, pair: Master
+) -> None:
+    latch(pair, 1)
+    mark = pair.mark()
+    plumb.type("fault b offset 20")
+    emcy(pair, mark, 1, DISAGREE_CODE)
+    time.sleep(5 / SPEED)
+    both(pair, DISAGREE, DISAGREE)
+    codes = [bytes(f.data[:2]) for f in pair.since(mark, 0x081)]
+    assert codes == [DISAGREE_CODE.to_bytes(2, "little")]
+
+
+def test_a_sensor_that_lost_its_set_up_gets_it_again_after_2004h(
+    plumb: Plumb, pair: Master
+) -> None:
+    latch(pair, 2)
+    mark = pair.mark()
+    plumb.type("fault b brown-out")
+    emcy(pair, mark, 2, SUPPLY)
+    emcy(pair, mark, 1, OTHER_CODE)
+    both(pair, OTHER_ILL, OWN_ILL)
+    assert verdict(pair, 1) == [PEER, SET_UP_LOST]
+    assert [pair.read(node, 0x2020) & LATCHED for node in (1, 2)] == [0, 0]
+    both(pair, AGREE, AGREE)
+    for node in (1, 2):
+        until(lambda: pair.read(node, 0x1001) == 0, f"no error of node {node}")
+        assert newest(pair, node)[4] & 0x3F == 0x3F
+
+
+def test_latched_is_said_by_both_until_the_ill_one_is_reset(plumb: Plumb, pair: Master) -> None:
+    plumb.type("fault b brown-out")
+    both(pair, OTHER_ILL, OWN_ILL)
+    assert [newest(pair, node)[4] & LATCHED for node in (1, 2)] == [LATCHED, LATCHED]
+    pair.reset(1)
+    pair.nmt(START, 1)
+    both(pair, OTHER_ILL, OWN_ILL)
+    pair.reset(2)
+    begin(pair)
+    assert [newest(pair, node)[4] & LATCHED for node in (1, 2)] == [0, 0]
+
+
+def test_a_channel_that_was_only_silent_is_back_after_a_second(
+    plumb: Plumb, pair: Master
+) -> None:
+    assert pair.read(1, 0x2004) == 0, "even where faults stay until a reset"
+    plumb.type("wire b off")
+    both(pair, OTHER_ILL)
+    assert verdict(pair, 1) == [PEER, SILENT]
+    assert pair.read(1, 0x2020) & LATCHED == 0
+    mark = pair.mark()
+    plumb.type("wire b on")
+    both(pair, AGREE, AGREE)
+    newest(pair, 1)
+    heard = pair.next(0x382, mark).timestamp
+    back = next(f for f in pair.since(mark, 0x181) if f.data[5] == AGREE).timestamp
+    assert 0.9 < back - heard < 3
+
+
+def test_silence_counts_after_three_syncs(plumb: Plumb, pair: Master) -> None:
+    pair.write(1, 0x1006, 0, 100_000)
+    pair.write(1, 0x1005, 0, 0x4000_0080)
+    for node in (1, 2):
+        pair.write(node, 0x2050, 1, 0)
+    time.sleep(0.2)
+    mark = pair.mark()
+    pair.nmt(PRE_OPERATIONAL, 2)
+    told = pair.next(0x081, mark, data=lambda d: d[:2] == OTHER_CODE.to_bytes(2, "little"))
+    last = [f for f in pair.frames if f.arbitration_id == 0x382 and f.timestamp < told.timestamp]
+    syncs = [f for f in pair.since(0, 0x080) if last[-1].timestamp < f.timestamp < told.timestamp]
+    # A SYNC tells that the one before it has gone unanswered: the fourth has three behind it.
+    assert len(syncs) == 4
+
+
+def test_the_paper_s_rule_is_chosen_from_the_next_reset_on(plumb: Plumb, pair: Master) -> None:
+    """By the paper's rule 1.1 deg are warnings, and only the 111th in ten minutes is more."""
+    pair.nmt(PRE_OPERATIONAL)
+    try:
+        for node in (1, 2):
+            pair.write(node, 0x2003, 0, 1)
+            assert pair.refusal(node, 0x1010, 4, b"save") == 0
+        pair.reset()
+        begin(pair)
+        plumb.type("fault b offset 20")
+        both(pair, WARNING, WARNING)
+        data = newest(pair, 1)
+        assert data[4] & 3 == 3 and INVALID16 not in slopes(data), "a warning takes no angle away"
+        plumb.type("heal b")
+    finally:
+        pair.nmt(PRE_OPERATIONAL)
+        for node in (1, 2):
+            assert pair.refusal(node, 0x1011, 1, b"load") == 0
+        pair.reset()
+    assert [pair.read(node, 0x2003) for node in (1, 2)] == [0, 0]
