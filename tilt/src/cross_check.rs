@@ -284,6 +284,8 @@ impl CrossCheck {
 #[cfg(test)]
 mod product_tests;
 #[cfg(test)]
+mod random_tests;
+#[cfg(test)]
 mod standstill_tests;
 #[cfg(test)]
 mod tests;

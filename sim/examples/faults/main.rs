@@ -180,7 +180,8 @@ the healthy channel was named, at any time; *unknown* those in which nobody was.
 Paper mode is watched for 20 s, which is enough for 110 warnings but not for its verdict. Its single
 warnings stand by themselves: how many there are in a second of 50 comparisons, in the last 5 s
 before the fault and in the first 5 s after its beginning. Where both are alike, a warning says
-nothing about the fault. *Stopped before* are the runs in which 110 of them had been reached while
+nothing about the fault. The machine goes on whatever is asked of it, so that they are those of the
+scene. *Stopped before* are the runs in which 110 of them had been reached while
 the instrument was healthy; *stop* is the share of the others in which it was reached afterwards.
 
 With faults marked (bus) frames come late or not at all, for which either side may be the cause: a

@@ -215,12 +215,11 @@ impl Observer {
             return;
         };
         let at = Instant(at_ns / 1000);
-        let silent = if self.heard_ns == 0 {
-            Invalid::NoSample
-        } else {
-            Invalid::Silent
-        };
-        let [a, b] = told.map(|told| reading(told, silent, at));
+        // What has never been heard may still be starting; the rule begins with the first pair.
+        if self.judgement.is_none() && told.iter().any(Option::is_none) {
+            return;
+        }
+        let [a, b] = told.map(|told| reading(told, at));
         let now = RULE.step(rule, a, b, at).judgement();
         let before = self.judgement.replace(now);
         let outcome = &mut self.outcome;
@@ -296,11 +295,11 @@ fn told_by(bytes: &[u8]) -> Option<Told> {
 }
 
 /// A channel's reading as the paper's rule takes it.
-fn reading(told: Option<Told>, silent: Invalid, at: Instant) -> Reading {
+fn reading(told: Option<Told>, at: Instant) -> Reading {
     let Some(Told { angle, quality }) = told else {
         return Axes {
-            x: Err(silent),
-            y: Err(silent),
+            x: Err(Invalid::Silent),
+            y: Err(Invalid::Silent),
         };
     };
     let told = Exchange {

@@ -246,20 +246,20 @@ impl Counts {
     /// What every run of the tests repeats.
     pub const SHORT: Self = Self {
         units: 4,
-        cell: 1,
-        promise: 1,
-        worlds: 1,
+        cell: 20,
+        promise: 200,
+        worlds: 12,
         paper_worlds: 2,
         world_s: 300.0,
         paper: false,
     };
     /// What the page is about.
     pub const LONG: Self = Self {
-        units: 4,
-        cell: 6,
-        promise: 9,
-        worlds: 1,
-        paper_worlds: 2,
+        units: 10,
+        cell: 60,
+        promise: 1000,
+        worlds: 200,
+        paper_worlds: 40,
         world_s: 1800.0,
         paper: true,
     };
@@ -290,6 +290,7 @@ pub fn case(label: &str, scene: Scene, kind: Option<&Kind>, number: usize, units
         watch_s: kind.map_or(WATCH_S, |kind| kind.watch_s),
         ends_early: true,
         wants_plain: true,
+        obeys: false,
     }
 }
 
@@ -337,6 +338,7 @@ pub fn healthy(mode: Mode, scene: Scene, number: usize, counts: &Counts) -> Case
         from_s: 0.0,
         watch_s: length_s,
         ends_early: false,
+        obeys: true,
         ..case(&label, scene, None, number, counts.units)
     }
 }

@@ -2,8 +2,6 @@
 
 use std::vec::Vec;
 
-use proptest::prelude::*;
-
 use super::*;
 use crate::angle::slopes;
 use crate::health::Activity;
@@ -56,11 +54,11 @@ pub(super) fn along(mg: [f64; 3]) -> Observation {
     }
 }
 
-fn level() -> Observation {
+pub(super) fn level() -> Observation {
     along([0.0, 0.0, G])
 }
 
-fn loud(activity: u8) -> Observation {
+pub(super) fn loud(activity: u8) -> Observation {
     Observation {
         activity: Activity(activity),
         ..level()
@@ -88,7 +86,7 @@ impl Bench {
     }
 
     /// Findings end after this many seconds.
-    fn that_forgives(seconds: u32) -> Self {
+    pub(super) fn that_forgives(seconds: u32) -> Self {
         let check = ProductCheck {
             latch: Latch::Healthy(seconds * 1_000_000),
             ..ProductCheck::PRODUCT
@@ -304,6 +302,25 @@ fn a_restart_of_the_peer_does_not_forgive_the_own_channel_or_a_difference() {
 }
 
 #[test]
+fn a_difference_that_is_explained_goes_with_what_explains_it() {
+    // Found first and named later, or made by a channel that is ill already.
+    let biased = along([0.0, 0.0, G + 30.0]);
+    let mut named = Bench::working();
+    named.lasts(level(), biased, 4.0);
+    assert_eq!(named.last, ill(Node::Peer, Invalid::Biased));
+    let mut noisy = Bench::working();
+    noisy.lasts(level(), loud(120), 0.5);
+    noisy.lasts(level(), along(pose(5.0, 0.0)), 2.0);
+    assert_eq!(noisy.last, ill(Node::Peer, Invalid::Noise));
+    for mut bench in [named, noisy] {
+        // It was taken out and put in again, and is sound now.
+        bench.lasts(level(), level(), 5.0);
+        bench.check.peer_restarted();
+        assert_eq!(bench.step(level(), level()), Judgement::Agree);
+    }
+}
+
+#[test]
 fn a_disagreement_becomes_a_name_at_the_next_standstill() {
     let mut bench = Bench::working();
     // Moving: the difference is seen, and nobody is named.
@@ -469,225 +486,5 @@ fn the_paper_s_rule_takes_nothing_but_the_angles() {
         };
         assert!((0..110).all(|n| at(n * PERIOD_US) == Judgement::Warning));
         assert_eq!(at(last_us), expected);
-    }
-}
-
-/// Numbers as random as a test needs them, the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Mean 0, standard deviation 1.
-    fn normal(&mut self) -> f64 {
-        let length = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        length * (core::f64::consts::TAU * self.uniform()).cos()
-    }
-
-    /// A look at noise of a channel's own level, whose energy scatters by half.
-    fn look(&mut self) -> Activity {
-        let energy = (0..8).map(|_| self.normal().powi(2)).sum::<f64>() / 8.0;
-        Activity((64.0 + 8.0 * energy.log2()).round().clamp(1.0, 255.0) as u8)
-    }
-
-    /// A healthy channel with its noise behind the filter and an offset of its own, mg.
-    fn feels(&mut self, gravity: [f64; 3], offset: [f64; 3]) -> Observation {
-        let mut felt = [0.0; 3];
-        for (felt, (gravity, offset)) in felt.iter_mut().zip(gravity.iter().zip(&offset)) {
-            *felt = gravity + offset + 0.35 * self.normal();
-        }
-        Observation {
-            activity: self.look(),
-            ..along(felt)
-        }
-    }
-}
-
-#[test]
-fn healthy_noise_accuses_nobody_in_an_hour_of_work() {
-    let mut dice = Dice(0x2545_F491_4F6C_DD1D);
-    // Each channel within what its calibration leaves.
-    let offsets = [[0.8, -0.6, 0.5], [-0.5, 0.7, -0.4]];
-    let mut bench = Bench::new();
-    for n in 0..180_000_u32 {
-        let t = f64::from(n) * 0.02;
-        // Five minutes of work, five of standing, at another place each time.
-        let works = n % 30_000 < 15_000;
-        let angle = 25.0 * (t / 600.0).sin() + if works { 20.0 * (0.7 * t).sin() } else { 0.0 };
-        let gravity = pose(angle, 5.0).map(|c| c * 1.0015);
-        let own = dice.feels(gravity, offsets[0]);
-        let peer = dice.feels(gravity, offsets[1]);
-        let judgement = bench.step(own, peer);
-        assert_eq!(judgement, Judgement::Agree, "{t} s");
-    }
-}
-
-fn any_reason() -> impl Strategy<Value = Invalid> {
-    prop::sample::select(std::vec![
-        Invalid::NoSample,
-        Invalid::Settling,
-        Invalid::Stale,
-        Invalid::OverRange,
-        Invalid::NoTemperature,
-        Invalid::NotMeasured,
-        Invalid::PartReset,
-        Invalid::Bus,
-        Invalid::Stuck,
-        Invalid::Noise,
-        Invalid::Spikes,
-        Invalid::Thermometer,
-        Invalid::Biased,
-        Invalid::Corrupt,
-        Invalid::Silent,
-        Invalid::Late,
-        Invalid::Refused,
-        Invalid::Unconfirmed,
-        Invalid::Alone,
-    ])
-}
-
-fn any_axis() -> impl Strategy<Value = Result<Measurement, Invalid>> {
-    prop_oneof![
-        (any::<i32>(), any::<u32>()).prop_map(|(angle, unshared)| Ok(Measurement {
-            angle: Angle(angle),
-            uncertainty: Uncertainty(unshared),
-            unshared: Uncertainty(unshared),
-            at: Instant(0),
-            latency_us: 0,
-        })),
-        any_reason().prop_map(Err),
-    ]
-}
-
-fn any_observation() -> impl Strategy<Value = Observation> {
-    let accel = prop_oneof![any::<[i32; 3]>(), Just([i32::MIN; 3]), Just([i32::MAX; 3])];
-    (any_axis(), any_axis(), prop::option::of(accel), any::<u8>()).prop_map(
-        |(x, y, accel, activity)| Observation {
-            reading: Axes { x, y },
-            vector: accel.map(|accel| Corrected { accel }),
-            activity: Activity(activity),
-        },
-    )
-}
-
-/// Something that happens to a channel, to judge alike whichever it is.
-#[derive(Clone, Copy, Debug)]
-enum Happens {
-    Nothing,
-    /// Slope X in hundredths of a degree.
-    Tilt(i32),
-    /// An axis and its offset, 0.1 mg.
-    Offset(usize, i32),
-    Loud(u8),
-    Absent(Invalid),
-}
-
-impl Happens {
-    fn observed(self) -> Observation {
-        match self {
-            Self::Nothing => level(),
-            Self::Tilt(hundredths) => along(pose(f64::from(hundredths) * 0.01, 0.0)),
-            Self::Offset(axis, tenths) => {
-                let mut felt = [0.0, 0.0, G];
-                felt[axis] += f64::from(tenths) * 0.1;
-                along(felt)
-            }
-            Self::Loud(activity) => loud(activity),
-            Self::Absent(reason) => Observation::absent(reason),
-        }
-    }
-}
-
-fn happens() -> impl Strategy<Value = Happens> {
-    let passing = [Invalid::Stale, Invalid::Silent, Invalid::Late];
-    prop_oneof![
-        4 => Just(Happens::Nothing),
-        2 => (-200..=200_i32).prop_map(Happens::Tilt),
-        2 => (0..3_usize, -400..=400_i32).prop_map(|(axis, mg)| Happens::Offset(axis, mg)),
-        2 => (1..=255_u8).prop_map(Happens::Loud),
-        1 => prop::sample::select(passing.to_vec()).prop_map(Happens::Absent),
-    ]
-}
-
-/// The judgement of who sits on the other side, without the reasons that only one is shown of two.
-fn mirrored(judgement: Judgement) -> Judgement {
-    match judgement {
-        Judgement::OneChannel { ill, reason } => Judgement::OneChannel {
-            ill: match ill {
-                Node::Own => Node::Peer,
-                Node::Peer => Node::Own,
-            },
-            reason,
-        },
-        Judgement::NoChannel(_) => Judgement::NoChannel(Invalid::NoSample),
-        other => other,
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None,
-        ..ProptestConfig::default() })]
-
-    #[test]
-    fn whatever_comes_there_is_a_judgement(
-        pairs in prop::collection::vec(
-            (any_observation(), any_observation(), any::<u32>(), any::<bool>()), 1..60),
-        seconds in prop::option::of(0..=u32::MAX),
-        back: bool,
-    ) {
-        let check = ProductCheck {
-            latch: seconds.map_or(Latch::UntilReset, Latch::Healthy),
-            ..ProductCheck::PRODUCT
-        };
-        let mut check = CrossCheck::Product(check, ProductState::default());
-        let mut now = Instant(if back { u64::MAX / 2 } else { 0 });
-        for (own, peer, pause, restarted) in pairs {
-            let pause = i64::from(pause);
-            now = now.offset(if back { -pause } else { pause });
-            let verdict = check.step(own, peer, now);
-            prop_assert_eq!((verdict.own(), verdict.peer()), (own.reading, peer.reading));
-            let judgement = verdict.judgement();
-            let of_the_paper = matches!(
-                judgement,
-                Judgement::StopMotion | Judgement::DataDelay | Judgement::PhysicalFault
-            );
-            prop_assert!(!of_the_paper, "{:?}", judgement);
-            if restarted {
-                check.peer_restarted();
-            }
-        }
-        check.reset();
-        prop_assert_eq!(check.step(level(), level(), now).judgement(), Judgement::Agree);
-    }
-
-    #[test]
-    fn who_sits_on_the_other_side_judges_alike(
-        phases in prop::collection::vec((happens(), happens(), 1..120_u32), 1..15),
-        own_is_loud: bool,
-    ) {
-        // One of the two is quiet throughout.
-        let hushed = |happens, may_be_loud: bool| match happens {
-            Happens::Loud(_) if !may_be_loud => Happens::Nothing,
-            other => other,
-        };
-        // What a channel says of itself is forgiven by itself, so that is judged without a time.
-        let speaks = |happens| !matches!(happens, Happens::Absent(_));
-        let forgives = phases.iter().all(|(own, peer, _)| speaks(*own) && speaks(*peer));
-        let bench = || if forgives { Bench::that_forgives(2) } else { Bench::new() };
-        let (mut here, mut there) = (bench(), bench());
-        for (own, peer, pairs) in phases {
-            let own = hushed(own, own_is_loud).observed();
-            let peer = hushed(peer, !own_is_loud).observed();
-            for _ in 0..pairs {
-                let judged = here.step(own, peer);
-                let seen = there.step(peer, own);
-                prop_assert_eq!(mirrored(judged), mirrored(mirrored(seen)));
-            }
-        }
     }
 }

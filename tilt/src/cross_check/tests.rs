@@ -1,3 +1,5 @@
+//! The checks of two angles: the paper's rule at its boundaries, and the window.
+
 use super::*;
 use crate::uncertainty::Uncertainty;
 

@@ -1,0 +1,213 @@
+//! The product's thresholds for parts that are noisier than the product's.
+//!
+//! In: the healthy pairs of the first third of a recording. Out: [`Tuned`]: a [`ProductCheck`], and
+//! every number of it that isn't the product's, with what was measured. A threshold is raised to
+//! [`TIMES_RMS`] times the root mean square of what it judges, and never lowered.
+
+use tilt::ONE_G;
+use tilt::angle::{Angle, hypot};
+use tilt::chain::Measurement;
+use tilt::cross_check::{Latch, ProductCheck, residual};
+use tilt::observation::Observation;
+use tilt::vector::Corrected;
+
+use super::board::{PAIR_US, Pair};
+
+/// A threshold is so many times the healthy root mean square. The length of a vector of three
+/// equal Gaussians is above 4 times its own once in 10^9 looks; of one axis alone, in 10^4.
+pub const TIMES_RMS: f64 = 4.0;
+
+/// The gate of a standstill is so many times the healthy median of what it judges.
+pub const TIMES_MEDIAN: f64 = 2.0;
+
+/// How long a finding stays, us: nobody can reset a recording.
+pub const LATCH_US: u32 = 1_000_000;
+
+/// One number of the check.
+pub struct Changed {
+    /// What it is, in words.
+    pub what: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// In the product.
+    pub product: f64,
+    /// Measured on the healthy pair.
+    pub healthy: f64,
+    /// Here.
+    pub here: f64,
+}
+
+/// A check for the parts of a recording.
+pub struct Tuned {
+    /// The check.
+    pub check: ProductCheck,
+    /// What differs from the product's, or was looked at and left.
+    pub changed: Vec<Changed>,
+    /// Combined standard uncertainty of the pair, as the check takes it: median, mg.
+    pub uncertainty_mg: f64,
+}
+
+/// 2^-26 g as mg.
+pub fn mg(steps: f64) -> f64 {
+    steps * 1000.0 / f64::from(ONE_G)
+}
+
+fn steps(mg: f64) -> u32 {
+    (mg / 1000.0 * f64::from(ONE_G)).round() as u32
+}
+
+/// The product's check with the product's thresholds, for a recording that nobody resets.
+pub fn product() -> ProductCheck {
+    ProductCheck {
+        latch: Latch::Healthy(LATCH_US),
+        ..ProductCheck::PRODUCT
+    }
+}
+
+/// Scales the product's thresholds by the healthy pairs at standstill.
+pub fn tuned(pairs: &[Pair]) -> Tuned {
+    let mut tuned = Tuned {
+        check: product(),
+        changed: Vec::new(),
+        uncertainty_mg: median(pairs.iter().filter_map(uncertainty_mg).collect()),
+    };
+    tuned.scale_residual(pairs);
+    tuned.scale_standstill(pairs);
+    tuned
+}
+
+impl Tuned {
+    fn note(&mut self, what: String, unit: &'static str, numbers: [f64; 3]) {
+        let [product, healthy, here] = numbers;
+        self.changed.push(Changed {
+            what,
+            unit,
+            product,
+            healthy,
+            here,
+        });
+    }
+
+    fn scale_residual(&mut self, pairs: &[Pair]) {
+        let habit = mean(pairs);
+        for index in 0..residual::STAGES {
+            let stage = &mut self.check.residual.stages[index];
+            let numbers = scaled(stage, pairs, habit);
+            let what = format!("difference, low-passed {} s", seconds(stage.tau_us));
+            self.note(what, "mg", numbers);
+        }
+        let whole = &mut self.check.residual.whole;
+        let numbers = scaled(whole, pairs, [0.0; 3]);
+        let what = format!("whole difference, {} s", seconds(whole.tau_us));
+        self.note(what, "mg", numbers);
+    }
+
+    fn scale_standstill(&mut self, pairs: &[Pair]) {
+        let window = (u64::from(self.check.standstill.window_us) / PAIR_US) as usize;
+        let seconds: Vec<&[Pair]> = pairs
+            .chunks(window.max(1))
+            .filter(|second| second.iter().all(|pair| pair.lies))
+            .collect();
+        let gate = &mut self.check.standstill;
+        let product_mg = mg(f64::from(gate.norm));
+        let norm_mg = median(seconds.iter().map(|s| norm_width_mg(s)).collect());
+        let here_mg = product_mg.max(TIMES_MEDIAN * norm_mg);
+        gate.norm = steps(here_mg);
+        let product_deg = Angle(gate.angle.cast_signed()).degrees();
+        let angle_deg = median(seconds.iter().map(|s| angle_width_deg(s)).collect());
+        let here_deg = product_deg.max(TIMES_MEDIAN * angle_deg);
+        gate.angle = Angle::from_degrees(here_deg).magnitude();
+        let what = |of| format!("standstill: {of} within 1 s, peak to peak");
+        self.note(what("length"), "mg", [product_mg, norm_mg, here_mg]);
+        self.note(what("angle"), "deg", [product_deg, angle_deg, here_deg]);
+    }
+}
+
+fn seconds(us: u32) -> f64 {
+    f64::from(us) / 1e6
+}
+
+/// Raises the threshold of one low-pass; what it was, what the healthy pair has, and what it is.
+fn scaled(stage: &mut residual::Stage, pairs: &[Pair], habit: [f64; 3]) -> [f64; 3] {
+    let product_mg = mg(f64::from(stage.threshold));
+    let rms_mg = low_passed_mg(pairs, seconds(stage.tau_us), habit);
+    let here_mg = product_mg.max(TIMES_RMS * rms_mg);
+    stage.threshold = steps(here_mg);
+    [product_mg, rms_mg, here_mg]
+}
+
+/// Own minus peer, mg.
+fn difference(pair: &Pair) -> Option<[f64; 3]> {
+    let (a, b) = (pair.own.vector?.accel, pair.peer.vector?.accel);
+    let of = |i: usize| mg(f64::from(a[i]) - f64::from(b[i]));
+    Some([of(0), of(1), of(2)])
+}
+
+/// Root mean square length of the difference, mg.
+pub fn rms_mg<'a>(pairs: impl Iterator<Item = &'a Pair>) -> f64 {
+    let squares = |d: [f64; 3]| d.iter().map(|c| c * c).sum::<f64>();
+    let all: Vec<f64> = pairs.filter_map(difference).map(squares).collect();
+    (all.iter().sum::<f64>() / all.len().max(1) as f64).sqrt()
+}
+
+/// Combined uncertainty of what the channels of a pair don't share, of the surer slope, mg.
+fn uncertainty_mg(pair: &Pair) -> Option<f64> {
+    let (own, peer) = (pair.own.reading, pair.peer.reading);
+    let of = |a: Measurement, b: Measurement| a.unshared.combined_with(b.unshared).degrees();
+    let (x, y) = (of(own.x.ok()?, peer.x.ok()?), of(own.y.ok()?, peer.y.ok()?));
+    Some(1000.0 * x.min(y).to_radians())
+}
+
+fn mean(pairs: &[Pair]) -> [f64; 3] {
+    let still = pairs.iter().filter(|pair| pair.lies);
+    let all: Vec<[f64; 3]> = still.filter_map(difference).collect();
+    [0, 1, 2].map(|i| all.iter().map(|d| d[i]).sum::<f64>() / all.len().max(1) as f64)
+}
+
+/// Root mean square length of the difference behind one pole, over the standstills.
+fn low_passed_mg(pairs: &[Pair], tau_s: f64, habit: [f64; 3]) -> f64 {
+    let step_s = PAIR_US as f64 / 1e6;
+    let share = step_s / (step_s + tau_s);
+    let (mut low, mut squares, mut count) = ([0.0; 3], 0.0, 0);
+    for pair in pairs {
+        let Some(now) = difference(pair) else {
+            continue;
+        };
+        low = [0, 1, 2].map(|i| low[i] + share * (now[i] - habit[i] - low[i]));
+        if pair.lies {
+            squares += low.iter().map(|l| l * l).sum::<f64>();
+            count += 1;
+        }
+    }
+    (squares / f64::from(count.max(1))).sqrt()
+}
+
+fn width(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+}
+
+/// The wider of the two channels'.
+fn norm_width_mg(second: &[Pair]) -> f64 {
+    let length = |vector: Option<Corrected>| {
+        let [x, y, z] = vector.map_or([0; 3], |v| v.accel);
+        mg(f64::from(hypot(hypot(x, y), z)))
+    };
+    let own = width(second.iter().map(|pair| length(pair.own.vector)));
+    own.max(width(second.iter().map(|pair| length(pair.peer.vector))))
+}
+
+/// The widest of both channels' angles; a pose in which an angle wraps gives too wide a one.
+fn angle_width_deg(second: &[Pair]) -> f64 {
+    let of = |pick: fn(&Pair) -> &Observation| {
+        let angles = second.iter().filter_map(|pair| pick(pair).reading.x.ok());
+        let others = second.iter().filter_map(|pair| pick(pair).reading.y.ok());
+        let x = width(angles.map(|m| m.angle.degrees()));
+        x.max(width(others.map(|m| m.angle.degrees())))
+    };
+    of(|pair| &pair.own).max(of(|pair| &pair.peer))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
