@@ -16,7 +16,7 @@ use crate::time::{Instant, sooner};
 pub const SUPERVISED: usize = 4;
 
 /// Identifier of error control for node-id 0.
-const ERROR_CONTROL: u16 = 0x700;
+pub(crate) const ERROR_CONTROL: u16 = 0x700;
 
 /// What has been noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -29,6 +29,8 @@ const DUMMIES: [u8; 8] = [0, 0, 8, 16, 32, 8, 16, 32];
 pub struct Mapping {
     entries: [u32; ENTRIES as usize],
     count: u8,
+    /// All objects named take any value of their length: there is nothing to look up.
+    unlimited: bool,
 }
 
 const fn address(entry: u32) -> Address {
@@ -73,6 +75,7 @@ impl Mapping {
         Self {
             entries: [0; ENTRIES as usize],
             count: 0,
+            unlimited: false,
         }
     }
 
@@ -84,6 +87,18 @@ impl Mapping {
     /// Sets how many entries count, unchecked.
     pub const fn set_count(&mut self, count: u8) {
         self.count = count;
+        self.unlimited = false;
+    }
+
+    /// Looks once whether any of the objects has limits, which [`Mapping::fits`] asks at every
+    /// frame.
+    pub fn look_for_limits(&mut self, dictionary: &Dictionary) {
+        let free = |entry| match dummy(entry) {
+            Some(_) => true,
+            None => (dictionary.entry(address(entry))).is_ok_and(|row| !dictionary.limits(&row)),
+        };
+        let unlimited = self.used().all(free);
+        self.unlimited = unlimited;
     }
 
     /// Entry number `n` from 0, 0 when it was never written; `None` from 8 on.
@@ -93,6 +108,7 @@ impl Mapping {
 
     /// Sets entry number `n` from 0, unchecked; false from 8 on.
     pub fn set_entry(&mut self, n: u8, entry: u32) -> bool {
+        self.unlimited = false;
         let slot = self.entries.get_mut(usize::from(n));
         slot.map(|slot| *slot = entry).is_some()
     }
@@ -161,6 +177,9 @@ impl Mapping {
     ///
     /// Errors: the first limit that is broken.
     pub fn fits(&self, dictionary: &Dictionary, data: u64) -> Result<(), Abort> {
+        if self.unlimited {
+            return Ok(());
+        }
         self.each(data, |at, value| {
             dictionary.admits(&dictionary.entry(at)?, &value)
         })
@@ -260,6 +279,22 @@ mod tests {
         assert_eq!((shelf.get(0x2050, 0), shelf.get(0x2051, 0)), (0, 0));
         assert_eq!(list.unpack(&mut shelf, 0x64_01), Ok(()));
         assert_eq!((shelf.get(0x2050, 0), shelf.get(0x2051, 0)), (1, 100));
+    }
+
+    #[test]
+    fn limits_that_were_looked_for_count_until_the_list_changes() {
+        let mut shelf = Shelf::new();
+        let mut list = mapping(&[0x2050_0008, 0x0005_0008]);
+        list.look_for_limits(&shelf.dictionary());
+        assert!(list.unlimited);
+        assert_eq!(list.unpack(&mut shelf, 0xFF), Ok(()));
+        assert_eq!(shelf.get(0x2050, 0), 0xFF);
+        list.set_entry(1, 0x2051_0008);
+        assert_eq!(list.unpack(&mut shelf, 0x65_01), Err(Abort::ValueTooHigh));
+        list.look_for_limits(&shelf.dictionary());
+        assert_eq!(list.unpack(&mut shelf, 0x65_01), Err(Abort::ValueTooHigh));
+        list.set_count(1);
+        assert_eq!(list.unpack(&mut shelf, 0x01), Ok(()));
     }
 
     #[test]

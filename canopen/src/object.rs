@@ -242,6 +242,12 @@ impl Dictionary {
         Some(Value::cut(u64::from(number), entry.data_type.size()?))
     }
 
+    /// True when not every value of the row's length may be written.
+    pub fn limits(&self, entry: &Entry) -> bool {
+        let narrow = usize::from(entry.limits) < self.table.limits.len();
+        narrow || entry.data_type == DataType::Boolean
+    }
+
     /// Whether `value` may be written to `entry`: length and limits, not access.
     ///
     /// Errors: [`Abort::LengthTooHigh`], [`Abort::LengthTooLow`], [`Abort::ValueTooHigh`],
@@ -298,14 +304,13 @@ impl Value {
 
     /// The lowest `size` bytes of a number; more than eight count as eight.
     pub fn cut(number: u64, size: usize) -> Self {
-        let mut value = Self {
-            bytes: [0; 8],
-            length: size.min(8) as u8,
-        };
-        for (to, from) in value.bytes.iter_mut().zip(number.to_le_bytes()).take(size) {
-            *to = from;
+        let length = size.min(8) as u8;
+        let beyond = 64 - 8 * u32::from(length);
+        let kept = u64::MAX.checked_shr(beyond).unwrap_or(0);
+        Self {
+            bytes: (number & kept).to_le_bytes(),
+            length,
         }
-        value
     }
 
     /// An 8-bit value.

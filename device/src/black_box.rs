@@ -96,10 +96,13 @@ impl Frame {
     /// The frame in the format above.
     fn encode(&self) -> [u8; FRAME] {
         let mut bytes = [0; FRAME];
-        let judged = [self.state, self.blamed_reason];
-        let from = self.own.iter().chain(&self.peer).chain(&judged);
-        for (to, byte) in bytes.iter_mut().zip(from) {
-            *to = *byte;
+        // Whole arrays are copied by words.
+        if let Some((own, rest)) = bytes.split_first_chunk_mut()
+            && let Some((peer, rest)) = rest.split_first_chunk_mut()
+            && let [state, blamed_reason] = rest
+        {
+            (*own, *peer) = (self.own, self.peer);
+            (*state, *blamed_reason) = (self.state, self.blamed_reason);
         }
         bytes
     }

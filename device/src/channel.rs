@@ -48,7 +48,7 @@ const OUTAGE_US: i64 = 75_000;
 /// 400 samples/s, until settings say otherwise.
 const NOMINAL_PERIOD_US: u32 = 2500;
 
-/// How often somebody has to look whether samples still come.
+/// How often a sample that is overdue is asked after.
 const WATCH_US: i64 = 4_000;
 
 /// The die's temperature moves by less than this between two readings, 1/256 degC, ...
@@ -97,6 +97,8 @@ pub struct Channel<SPI> {
     lost: bool,
     fault: Option<Invalid>,
     next_check: Instant,
+    /// A sample that is overdue is not asked after again before this.
+    next_watch: Instant,
     samples: u32,
     /// Since when read-backs have found another name than the part's.
     nameless: Option<Instant>,
@@ -114,6 +116,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             lost: false,
             fault: Some(Invalid::NoSample),
             next_check: Instant(0),
+            next_watch: Instant(0),
             samples: 0,
             nameless: None,
         }
@@ -143,6 +146,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.nameless = None;
         // The part has no temperature before its first conversion, and says 25 degC until then.
         self.next_check = now.offset(CHECK_INTERVAL_US);
+        self.next_watch = now;
         self.fault = Some(Invalid::Bus);
         self.part.init(&settings.part, delay)?;
         self.fault = None;
@@ -175,17 +179,34 @@ impl<SPI: SpiDevice> Channel<SPI> {
         newest.map_or(0, |(_, at)| now.micros_since(at))
     }
 
+    /// When the next sample will be missed; `None` before the first.
+    fn overdue_at(&self, settings: &Settings) -> Option<Instant> {
+        let (_, newest) = self.state.filtered()?;
+        Some(newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1))
+    }
+
+    /// When [`Channel::poll`] is next due. Every sample puts it off.
+    pub fn deadline(&self, settings: &Settings) -> Instant {
+        match self.overdue_at(settings) {
+            Some(at) if self.fault.is_none() => at.max(self.next_watch).min(self.next_check),
+            _ => self.next_check,
+        }
+    }
+
     /// Housekeeping that is due at `now`; returns when to call again.
     pub fn poll(&mut self, settings: &Settings, now: Instant) -> Instant {
-        let overdue = 2 * self.age_us(now) > 3 * i64::from(settings.chain.period_us);
+        let overdue = self.overdue_at(settings).is_some_and(|at| now >= at);
         if (now >= self.next_check || overdue) && self.fault.is_none() {
             self.check(settings, now, overdue);
         }
         if now >= self.next_check {
             self.next_check = now.offset(CHECK_INTERVAL_US);
         }
-        let watch_us = WATCH_US.max(i64::from(settings.chain.period_us));
-        self.next_check.min(now.offset(watch_us))
+        if overdue {
+            let watch_us = WATCH_US.max(i64::from(settings.chain.period_us));
+            self.next_watch = now.offset(watch_us);
+        }
+        self.deadline(settings)
     }
 
     fn check(&mut self, settings: &Settings, now: Instant, overdue: bool) {

@@ -40,7 +40,7 @@ use crate::records::Record;
 use crate::sensor::InitError;
 
 use pair::Pair;
-use sending::Sending;
+use sending::{PDOS, Sending};
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -107,6 +107,7 @@ pub struct Device<SPI, M> {
     standing_in: bool,
     record_damaged: bool,
     next_refresh: Instant,
+    /// When the next call is due, the channel's own deadline apart.
     next: Instant,
 }
 
@@ -201,6 +202,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.faults = Faults::default();
         self.pending = Faults::default();
         self.pair = Pair::new();
+        self.log.restarted();
         self.standing_in = false;
         self.work.motor = Motor::new();
         self.recall_calibration();
@@ -265,15 +267,24 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The part has raised data-ready at `captured`.
     pub fn data_ready(&mut self, captured: Instant) {
         self.node.channel.data_ready(&self.settings, captured);
+        if self.values.own_ill.is_none() && self.node.channel.reason().is_some() {
+            // A channel that knows itself to be ill doesn't wait to say so.
+            self.next = self.next.min(captured);
+        }
     }
 
     /// A frame has ended on the bus at `now`.
     pub fn receive(&mut self, frame: &Frame, now: Instant) {
         self.watch_peer(frame);
         let (bus, mut panel) = self.split(now);
-        bus.receive(&mut panel, frame, bus_time(now));
-        if self.values.news.sync {
+        if !bus.receive(&mut panel, frame, bus_time(now)) {
+            return;
+        }
+        let news = &self.values.news;
+        if news.sync {
             self.synchronised(SyncSource::Bus, now);
+        } else if news.exchange || news.backing {
+            return self.exchanged(now);
         }
         self.after(now);
     }
@@ -288,7 +299,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             self.pair.sending.gone(id);
         }
         let (bus, mut panel) = self.split(now);
-        bus.sent(&mut panel, frame, bus_time(now));
+        let obeyed = bus.sent(&mut panel, frame, bus_time(now));
+        // What else a PDO brings about was known when it was made.
+        if !obeyed && frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
+            return;
+        }
         if self.values.news.sync {
             self.synchronised(SyncSource::Own, now);
         }
@@ -297,8 +312,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The next frame to hand to the controller; call it when there is room for one.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+        self.transmit_if(now, |_| true)
+    }
+
+    /// [`Device::transmit`], if there is room for a frame of its identifier.
+    pub fn transmit_if(&mut self, now: Instant, room: impl FnOnce(u16) -> bool) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        let frame = bus.transmit(&mut panel, bus_time(now));
+        let frame = bus.transmit_if(&mut panel, bus_time(now), room);
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
             self.pair.sending.hand_over(id);
         }
@@ -312,7 +332,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
-        let part = self.node.channel.poll(&self.settings, now);
+        self.node.channel.poll(&self.settings, now);
         self.watch_own(now);
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
@@ -322,13 +342,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let bus = bus.poll(&mut panel, bus_time(now));
         let bus = bus.map_or(self.next_refresh, |at| Instant(at.0));
         self.after(now);
-        self.next = part.min(bus).min(self.next_refresh);
-        self.next
+        self.next = bus.min(self.next_refresh);
+        self.next_deadline()
     }
 
-    /// When [`Device::poll`] is next due.
-    pub const fn next_deadline(&self) -> Instant {
-        self.next
+    /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
+    pub fn next_deadline(&self) -> Instant {
+        self.next.min(self.node.channel.deadline(&self.settings))
     }
 
     /// What the CAN controller says of itself.
@@ -343,8 +363,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             shown.bus_offs = shown.bus_offs.saturating_add(1);
         }
         if code == 2 {
-            // Whatever waited in the controller is gone.
+            // Whatever waited in the controller is gone, and so is what the peer has said.
             self.pair.sending = Sending::new();
+            self.pair.misses = 0;
+            self.values.news.own = None;
+            self.node.pair_lost();
         }
         shown.state = code;
         shown.transmit_errors = transmit;

@@ -128,6 +128,8 @@ pub(crate) fn copy(head: &[u8], body: &[u8], offset: u32, into: &mut [u8]) -> us
 struct Kept {
     entry: Entry,
     last_ms: u32,
+    /// Made before the last reset, when times were others.
+    before_reset: bool,
 }
 
 /// The places of the ring from the one before `next` backwards, whether they count or not.
@@ -158,6 +160,7 @@ impl FaultLog {
         const NOTHING: Kept = Kept {
             entry: Entry::NONE,
             last_ms: 0,
+            before_reset: false,
         };
         Self {
             kept: [NOTHING; ENTRIES],
@@ -176,7 +179,7 @@ impl FaultLog {
         let known = self.kept.iter_mut().take(usize::from(self.count));
         for kept in known {
             let since = entry.at_ms.wrapping_sub(kept.last_ms);
-            if since <= REPEAT_MS && kept.entry.is_same(&entry) {
+            if !kept.before_reset && since <= REPEAT_MS && kept.entry.is_same(&entry) {
                 kept.last_ms = entry.at_ms;
                 kept.entry.repeats = kept.entry.repeats.saturating_add(1);
                 return false;
@@ -186,6 +189,7 @@ impl FaultLog {
             *kept = Kept {
                 entry,
                 last_ms: entry.at_ms,
+                before_reset: false,
             };
         }
         self.next = (self.next + 1) % ENTRIES as u8;
@@ -230,6 +234,13 @@ impl FaultLog {
         let [_, _, count, _] = self.head;
         let entries = self.body.get(..usize::from(count)).unwrap_or(&[]);
         copy(&self.head, entries.as_flattened(), offset, into)
+    }
+
+    /// The device starts anew, and its time with it: what comes now is no repetition.
+    pub fn restarted(&mut self) {
+        for kept in &mut self.kept {
+            kept.before_reset = true;
+        }
     }
 
     /// Forgets every event. A copy under read stays whole.
@@ -381,6 +392,17 @@ mod tests {
         let mut log = FaultLog::new();
         assert!(log.add(event(u32::MAX - 10, 7)));
         assert!(!log.add(event(20, 7)));
+    }
+
+    /// Time begins anew with a reset, so the same event looked like a repetition of the old one.
+    #[test]
+    fn the_same_event_after_a_reset_is_a_new_one() {
+        let mut log = FaultLog::new();
+        assert!(log.add(event(500, 0xFF13)));
+        log.restarted();
+        assert!(log.add(event(600, 0xFF13)));
+        assert!(!log.add(event(700, 0xFF13)));
+        assert_eq!(log.iter().count(), 2);
     }
 
     #[test]

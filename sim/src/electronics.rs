@@ -20,24 +20,26 @@ use crate::lis2dw12::{Chip, SpiPort, Traits};
 use crate::low_pass::LowPass;
 use crate::motion::add;
 use crate::rng::Rng;
-use crate::supply::{Condition, Supply, condition};
+use crate::supply::{Condition, Supply};
 
 /// A microcontroller's crystal: within +-50 ppm, started at a time of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     start_s: f64,
-    rate: f64,
+    /// Microseconds that it counts in a second.
+    us_per_s: f64,
+    ns_per_us: f64,
 }
 
 impl Clock {
     /// What the clock shows at `time_s`.
     pub fn at(&self, time_s: f64) -> Instant {
-        Instant(((time_s - self.start_s) * self.rate * 1e6) as u64)
+        Instant(((time_s - self.start_s) * self.us_per_s) as u64)
     }
 
     /// When the clock shows `instant`, s: the earliest time at which [`Clock::at`] gives it.
     pub fn when(&self, instant: Instant) -> f64 {
-        instant.0 as f64 / (self.rate * 1e6) + self.start_s
+        instant.0 as f64 / self.us_per_s + self.start_s
     }
 }
 
@@ -169,9 +171,12 @@ impl Sensor {
             sigma_g,
         } = *sampling;
         let felt_g = self.part.feel(force_g, sigma_g, period_s, &mut self.rng);
-        let die_c = self.part.thermometer(&mut self.rng);
         let mut chip = self.chip.borrow_mut();
         chip.advance_to(nanoseconds(next_s));
+        let die_c = match chip.reads_temperature() {
+            true => self.part.thermometer(&mut self.rng),
+            false => self.part.die_c(),
+        };
         chip.convert(felt_g, die_c);
     }
 
@@ -185,10 +190,14 @@ impl Sensor {
         let felt_g = self
             .part
             .feel(force_g, sigma_g, sampling.period_s, &mut self.rng);
-        let die_c = fault.thermometer_c(self.part.thermometer(&mut self.rng));
         let felt_g = fault.force_g(felt_g, at_s);
         let mut chip = self.chip.borrow_mut();
         chip.advance_to(nanoseconds(at_s));
+        let die_c = match chip.reads_temperature() {
+            true => self.part.thermometer(&mut self.rng),
+            false => self.part.die_c(),
+        };
+        let die_c = fault.thermometer_c(die_c);
         chip.convert_through(felt_g, die_c, |codes| fault.codes(codes, at_s));
     }
 
@@ -254,9 +263,12 @@ pub struct Electronics {
 impl Electronics {
     /// Drawn from `rng`; powered, level.
     pub fn new(model: &ErrorModel, mut rng: Rng) -> Self {
+        let start_s = -rng.range(0.1, 10.0);
+        let rate = 1.0 + rng.range(-5e-5, 5e-5);
         let clock = Clock {
-            start_s: -rng.range(0.1, 10.0),
-            rate: 1.0 + rng.range(-5e-5, 5e-5),
+            start_s,
+            us_per_s: rate * 1e6,
+            ns_per_us: 1e3 / rate,
         };
         Self {
             sensor: Sensor::new(model, rng),
@@ -289,10 +301,11 @@ impl Electronics {
 
     /// When this side's clock shows `instant`, ns of the world, never too early.
     pub fn when_ns(&self, instant: Instant) -> u64 {
-        let time_ns = (self.clock.when(instant) * 1e9).max(0.0);
-        // Rounded up as `ceil` does, whose call would cost more than all the rest.
-        let whole = time_ns as u64;
-        (whole + u64::from((whole as f64) < time_ns)).saturating_add(1000)
+        // Signed numbers are the ones that the processor converts by itself, and there is no
+        // instant beyond them.
+        let shown_us = i64::try_from(instant.0).unwrap_or(i64::MAX) as f64;
+        let time_ns = shown_us * self.clock.ns_per_us + self.clock.start_s * 1e9;
+        (time_ns as i64).max(0) as u64 + 1001
     }
 
     /// Virtual time that this side has reached, s.
@@ -337,7 +350,7 @@ impl Electronics {
 
     #[inline]
     fn follow_supply(&mut self, time_s: f64) {
-        let mut now = condition(self.supply.step(time_s));
+        let mut now = self.supply.condition(time_s);
         if self.sensor.fault.is_some() {
             let fault = self.sensor.starve(time_s);
             now = if fault as u8 > now as u8 { fault } else { now };

@@ -28,49 +28,45 @@ pub fn delay_s(bandwidth_hz: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct LowPass {
     response: Response,
-    /// The force at the previous tick, or none before the first.
-    input_g: Option<[f64; 3]>,
-    /// Per axis the output and its slope divided by the corner's angular frequency, both g.
-    state: [[f64; 2]; 3],
+    /// The force at the previous tick, g; the first one fills the state.
+    input_g: [f64; 3],
+    /// The output of each axis, g.
+    output_g: [f64; 3],
+    /// Its slope divided by the corner's angular frequency, g.
+    slope_g: [f64; 3],
+    started: bool,
 }
 
 /// What one tick does to the state; depends on the bandwidth alone.
+///
+/// Output and slope at the tick's end are sums of what there was at its beginning, output, slope
+/// and input, and of the input at its end, each times one of these.
 #[derive(Clone, Copy, Debug)]
 struct Response {
-    /// One over the angle that the corner frequency turns in one tick, 1/rad.
-    per_corner: f64,
-    /// exp(A t) of the undriven filter over one tick.
-    decay: [[f64; 2]; 2],
+    output: [f64; 4],
+    slope: [f64; 4],
 }
 
 impl Response {
+    /// The steady answer to a line lags it by sqrt(2) slopes; what differs from it decays by
+    /// exp(A t) of the undriven filter.
     fn new(bandwidth_hz: f64) -> Response {
         // Unlike `clamp`, `max` turns NaN into the lower limit.
         let at_least_hz = bandwidth_hz.max(MIN_BANDWIDTH_HZ);
         let corner_rad = TAU * at_least_hz.min(MAX_BANDWIDTH_HZ) * TICK_S;
         let (sin, cos) = (corner_rad * FRAC_1_SQRT_2).sin_cos();
         let keep = (-corner_rad * FRAC_1_SQRT_2).exp();
-        let decay = [
-            [keep * (cos + sin), keep * SQRT_2 * sin],
-            [-keep * SQRT_2 * sin, keep * (cos - sin)],
-        ];
-        Response {
-            per_corner: 1.0 / corner_rad,
-            decay,
-        }
-    }
-
-    /// Moves one axis over a tick in which the input goes from `from` to `to` in a line. The
-    /// steady answer to that line lags it by sqrt(2) slopes; what differs from it decays.
-    #[inline]
-    fn step(&self, state: &mut [f64; 2], from: f64, to: f64) -> f64 {
-        let slope = (to - from) * self.per_corner;
+        let [a, b] = [keep * (cos + sin), keep * SQRT_2 * sin];
+        let [c, d] = [-keep * SQRT_2 * sin, keep * (cos - sin)];
+        // The line's slope and its lag, for a force that goes from 0 to 1 g in the tick.
+        let slope = 1.0 / corner_rad;
         let lag = SQRT_2 * slope;
-        let off = [state[0] - (from - lag), state[1] - slope];
-        let [[a, b], [c, d]] = self.decay;
-        state[0] = a * off[0] + b * off[1] + to - lag;
-        state[1] = c * off[0] + d * off[1] + slope;
-        state[0]
+        let output = a * lag - b * slope - lag;
+        let turn = c * lag - d * slope + slope;
+        Response {
+            output: [a, b, -a - output, 1.0 + output],
+            slope: [c, d, -c - turn, turn],
+        }
     }
 }
 
@@ -80,8 +76,10 @@ impl LowPass {
     pub fn new(bandwidth_hz: f64) -> LowPass {
         LowPass {
             response: Response::new(bandwidth_hz),
-            input_g: None,
-            state: Default::default(),
+            input_g: [0.0; 3],
+            output_g: [0.0; 3],
+            slope_g: [0.0; 3],
+            started: false,
         }
     }
 
@@ -95,16 +93,23 @@ impl LowPass {
     /// state, as if it had stood there for ever.
     #[inline]
     pub fn step(&mut self, force_g: [f64; 3]) -> [f64; 3] {
-        let Some(from_g) = self.input_g.replace(force_g) else {
-            self.state = force_g.map(|f| [f, 0.0]);
+        if !self.started {
+            self.started = true;
+            (self.input_g, self.output_g) = (force_g, force_g);
             return force_g;
-        };
-        // A loop: `map` over an array is not always inlined, and this runs at every tick.
-        let mut filtered_g = force_g;
-        for ((axis_g, from_g), state) in filtered_g.iter_mut().zip(from_g).zip(&mut self.state) {
-            *axis_g = self.response.step(state, from_g, *axis_g);
         }
-        filtered_g
+        let Response { output, slope } = &self.response;
+        // A loop: `map` over an array is not always inlined, and this runs at every tick.
+        let states = self.output_g.iter_mut().zip(&mut self.slope_g);
+        let inputs = self.input_g.iter_mut().zip(force_g);
+        for ((out_g, slope_g), (from_g, to_g)) in states.zip(inputs) {
+            let before = [*out_g, *slope_g, *from_g, to_g];
+            let sum = |of: &[f64; 4]| {
+                of[0] * before[0] + of[1] * before[1] + of[2] * before[2] + of[3] * before[3]
+            };
+            (*out_g, *slope_g, *from_g) = (sum(output), sum(slope), to_g);
+        }
+        self.output_g
     }
 }
 

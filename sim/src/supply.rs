@@ -110,6 +110,15 @@ impl Supply {
         }
     }
 
+    /// What the rail at `time_s` means for the part; the time may not go back.
+    #[inline]
+    pub fn condition(&mut self, time_s: f64) -> Condition {
+        match self.unrest {
+            None => Condition::Good,
+            Some(_) => condition(self.step(time_s)),
+        }
+    }
+
     /// The rail at `time_s`, V; the time may not go back.
     #[inline]
     pub fn step(&mut self, time_s: f64) -> f64 {

@@ -76,10 +76,24 @@ pub fn hypot(a: i32, b: i32) -> i32 {
 /// true roll of 10 deg at 45 deg pitch (erratum E7). Error of the integer arithmetic: under
 /// 2e-4 deg.
 pub fn slopes(vector: Corrected) -> Axes<Angle> {
+    slopes_beside(vector, beside(vector))
+}
+
+/// What slope X and slope Y don't take part in: the length of the other two components.
+pub fn beside(vector: Corrected) -> Axes<i32> {
     let [x, y, z] = vector.accel;
     Axes {
-        x: Angle(idsp::atan2(x, hypot(y, z))),
-        y: Angle(idsp::atan2(y, hypot(x, z))),
+        x: hypot(y, z),
+        y: hypot(x, z),
+    }
+}
+
+/// [`slopes`] where [`beside`] is known already.
+pub fn slopes_beside(vector: Corrected, beside: Axes<i32>) -> Axes<Angle> {
+    let [x, y, _] = vector.accel;
+    Axes {
+        x: Angle(idsp::atan2(x, beside.x)),
+        y: Angle(idsp::atan2(y, beside.y)),
     }
 }
 

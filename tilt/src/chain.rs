@@ -17,7 +17,7 @@
 //!
 //! Left out: reading the part, and judging one channel by the other (`cross_check`).
 
-use crate::angle::{Angle, Axes, Harmonics, hypot, slopes, turn};
+use crate::angle::{Angle, Axes, Harmonics, beside, slopes_beside, turn};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
 use crate::sample::{Counts, FullScale, Instant, Temperature};
 use crate::table::{Rule, Table};
@@ -80,7 +80,7 @@ impl Invalid {
     /// True for what is over when its cause is: data that did not come, or came late. Nothing
     /// that was measured was wrong.
     pub const fn passes_with_its_cause(self) -> bool {
-        matches!(self, Self::Stale | Self::Silent | Self::Late)
+        self.is_transient() || matches!(self, Self::Stale | Self::Silent | Self::Late)
     }
 }
 
@@ -112,6 +112,12 @@ pub struct Found {
     pub unshared: Uncertainty,
     /// Uncertainty by the machine's motion; the tables of paper mode cannot see it and give 0.
     pub motion: Uncertainty,
+}
+
+impl Found {
+    const fn spread(&self) -> (u32, u32) {
+        (self.unshared.0, self.motion.0)
+    }
 }
 
 /// How the compensated acceleration becomes an angle.
@@ -335,9 +341,15 @@ impl Chain {
             Ok((filtered, temperature, at)) => {
                 let latency_us = u32::try_from(now.micros_since(at)).unwrap_or(0);
                 let (found, vector) = self.correct(filtered, temperature);
+                let of_x = found.x.ok();
+                let of_x = of_x.map(|x| (x, x.unshared.combined_with(x.motion)));
                 let reading = found.map(|found| Measurement {
                     angle: found.angle,
-                    uncertainty: found.unshared.combined_with(found.motion),
+                    uncertainty: match of_x {
+                        // As a rule both axes are worth the same, and a root is dear.
+                        Some((x, whole)) if x.spread() == found.spread() => whole,
+                        _ => found.unshared.combined_with(found.motion),
+                    },
                     unshared: found.unshared,
                     at,
                     latency_us,
@@ -429,19 +441,20 @@ impl Calibration {
             }
             Correction::TwoAxis { vector, harmonics } => {
                 let v = vector.apply(input);
-                let [x, y, z] = v.accel;
-                let raw = slopes(v);
+                let beside = beside(v);
+                let raw = slopes_beside(v, beside);
+                let unshared = budget.of_vectors(beside, accel);
                 let motion = budget.of_motion(v, accel);
-                let found = |angle, beside| {
+                let found = |angle, unshared| {
                     Ok(Found {
                         angle,
-                        unshared: budget.of_vector(beside, accel),
+                        unshared,
                         motion,
                     })
                 };
                 let sight = Axes {
-                    x: found(harmonics.x.apply_to_slope(raw.x), hypot(y, z)),
-                    y: found(harmonics.y.apply_to_slope(raw.y), hypot(x, z)),
+                    x: found(harmonics.x.apply_to_slope(raw.x), unshared.x),
+                    y: found(harmonics.y.apply_to_slope(raw.y), unshared.y),
                 };
                 (sight, Some(v))
             }

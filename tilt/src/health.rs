@@ -79,6 +79,8 @@ pub struct State {
     /// Energy and samples since the last look.
     energy: u64,
     samples: u16,
+    /// Some of what there was since the last look is not in them.
+    gap: bool,
 }
 
 /// One axis' memory.
@@ -101,8 +103,8 @@ struct HighPass {
 /// Energy above 150 Hz since the last look, against the unit's own noise.
 ///
 /// In eighths of an octave of energy (0.376 dB): 64 is the own noise, 72 twice its energy, 89
-/// three times its amplitude, 255 the most. 1 is the least, 2^-7.9; 0 says that there have
-/// been too few samples to judge by.
+/// three times its amplitude, 254 the most. 1 is the least, 2^-7.9; 0 says that there have
+/// been too few samples to judge by, 255 that some are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Activity(pub u8);
 
@@ -112,6 +114,9 @@ impl Activity {
 
     /// The unit's own noise.
     pub const OWN: Self = Self(64);
+
+    /// Samples are missing since the last look: what the others have heard may be in those.
+    pub const GAP: Self = Self(255);
 
     /// The energy as a ratio to the own noise's, in 1/256: 256 at [`Activity::OWN`], 2^31.9 at
     /// most. [`Activity::NONE`] gives 0.
@@ -133,8 +138,8 @@ impl Activity {
         let steps = Self::OWN.0 as i32 + ((octaves_q8 + 16) >> 5);
         if steps < 1 {
             Self(1)
-        } else if steps > 255 {
-            Self(255)
+        } else if steps > 254 {
+            Self(254)
         } else {
             Self(steps as u8)
         }
@@ -183,6 +188,7 @@ impl Health {
     /// Repeats count on: a code is no likelier to come back after a gap than without one.
     pub fn restart(&self, state: &mut State) {
         state.warm = 0;
+        state.gap = true;
     }
 
     /// Whether the codes have stood still for longer than a healthy part's ever do.
@@ -199,8 +205,14 @@ impl Health {
     /// is longer ago.
     ///
     /// Fewer than six samples give [`Activity::NONE`] and are kept for the next look, as in paper
-    /// mode, where each look brings one.
+    /// mode, where each look brings one. A look with a gap in it gives [`Activity::GAP`], and so
+    /// does the one after it as long as the high-pass starts.
     pub fn take_activity(&self, state: &mut State) -> Activity {
+        if state.gap {
+            state.gap = state.warm < WARM_UP;
+            (state.energy, state.samples) = (0, 0);
+            return Activity::GAP;
+        }
         if state.samples < SHORTEST {
             return Activity::NONE;
         }

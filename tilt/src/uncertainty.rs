@@ -15,7 +15,7 @@
 //! added; what does not show, no accelerometer can know, and the figure does not contain it.
 
 use crate::ONE_G;
-use crate::angle::{Angle, hypot};
+use crate::angle::{Angle, Axes, hypot};
 use crate::filter::LowPass;
 use crate::sample::Temperature;
 use crate::table::{Rule, Table};
@@ -38,6 +38,10 @@ impl Uncertainty {
 
     /// Root of the sum of two squares.
     pub fn combined_with(self, other: Self) -> Self {
+        if other.0 == 0 {
+            // The root of a square.
+            return Self(self.0.min(KNOWS_NOTHING));
+        }
         root(square(self.0).saturating_add(square(other.0)))
     }
 }
@@ -106,12 +110,25 @@ impl Budget {
     /// `accel` is [`Budget::accel`]; `beside` is the length of what the angle's own axis does not
     /// take part in (hypot(y, z) for slope X).
     pub fn of_vector(&self, beside: i32, accel: u32) -> Uncertainty {
-        let mut variance = square(accel);
-        if beside.unsigned_abs() < accel.saturating_mul(2) {
-            variance = variance.saturating_mul(2);
-        }
-        let from_accel = accel_to_angle(root(variance).0);
+        let accel = if folds(beside, accel) {
+            root(square(accel).saturating_mul(2)).0
+        } else {
+            accel.min(KNOWS_NOTHING)
+        };
+        let from_accel = accel_to_angle(accel);
         root(square(from_accel.0).saturating_add(self.systematic()))
+    }
+
+    /// [`Budget::of_vector`] of both slopes, `beside` each of them; it is the same as a rule.
+    pub fn of_vectors(&self, beside: Axes<i32>, accel: u32) -> Axes<Uncertainty> {
+        let x = self.of_vector(beside.x, accel);
+        let same = folds(beside.x, accel) == folds(beside.y, accel);
+        let y = if same {
+            x
+        } else {
+            self.of_vector(beside.y, accel)
+        };
+        Axes { x, y }
     }
 
     /// What the machine's acceleration may do to the angle, as far as the vector's length shows
@@ -147,6 +164,11 @@ impl Budget {
                 .saturating_add(self.systematic()),
         )
     }
+}
+
+/// True near the vertical, where the fold of the square root adds.
+const fn folds(beside: i32, accel: u32) -> bool {
+    beside.unsigned_abs() < accel.saturating_mul(2)
 }
 
 fn accel_to_angle(accel: u32) -> Uncertainty {
@@ -239,6 +261,24 @@ mod tests {
         let folded =
             budget.of_vector(0, accel).degrees() / budget.of_vector(ONE_G, accel).degrees();
         assert!((folded - 2f64.sqrt()).abs() < 1e-4, "{folded}");
+    }
+
+    #[test]
+    fn both_slopes_are_worth_what_each_of_them_is() {
+        let budget = Budget {
+            repeatability: (0.7 * MG) as u32,
+            reference: Uncertainty::from_degrees(0.01),
+            ..Budget::default()
+        };
+        for accel in [0, 1, MG as u32, 1 << 28, u32::MAX] {
+            for (x, y) in [(0, 0), (0, ONE_G), (ONE_G, 0), (ONE_G, i32::MAX)] {
+                let both = budget.of_vectors(Axes { x, y }, accel);
+                assert_eq!(both.x, budget.of_vector(x, accel));
+                assert_eq!(both.y, budget.of_vector(y, accel));
+            }
+        }
+        let alone = Uncertainty(KNOWS_NOTHING + 7).combined_with(Uncertainty(0));
+        assert_eq!(alone, Uncertainty(KNOWS_NOTHING));
     }
 
     #[test]

@@ -139,6 +139,8 @@ const OFF: u8 = 0x40;
 /// Services of one node, in no order: arbitration decides.
 #[derive(Clone, Copy)]
 enum Service {
+    Lss,
+    BootUp,
     Sync,
     Emergency,
     Pdo,
@@ -259,17 +261,22 @@ impl Node {
         self.set_register();
     }
 
-    /// Takes a frame that has ended on the bus at `now`. Frames of no concern are ignored.
-    pub fn receive<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
-        let Some(id) = frame.cob_id() else { return };
+    /// Takes a frame that has ended on the bus at `now`. Frames of no concern are ignored, which
+    /// gives false: nothing has changed then.
+    pub fn receive<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+        let Some(id) = frame.cob_id() else {
+            return false;
+        };
         if let Some(request) = self.lss_frame(app, frame) {
-            return self.lss_request(app, request, now);
+            self.lss_request(app, request, now);
+            return true;
         }
         if self.node_id == UNCONFIGURED {
-            return;
+            return false;
         }
         if let Some(command) = nmt::command(frame, self.node_id) {
-            return self.command(app, command, now);
+            self.command(app, command, now);
+            return true;
         }
         let state = self.communication.state;
         if let Some(event) = self
@@ -285,8 +292,10 @@ impl Node {
         } else if self.communication.sync.recognises(frame) {
             self.sync_frame(app, frame, now);
         } else {
-            self.process_data(app, frame, now);
+            // Error control may have taken it without anything to tell.
+            return self.process_data(app, frame, now) || id >= crate::error_control::ERROR_CONTROL;
         }
+        true
     }
 
     fn request<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
@@ -301,9 +310,10 @@ impl Node {
         }
     }
 
-    fn process_data<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+    /// True when somebody here has taken it.
+    fn process_data<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
         if !self.communication.state.allows_pdo() {
-            return;
+            return false;
         }
         let register = self.communication.emergency.register();
         let mut mapped = Mapped {
@@ -311,11 +321,21 @@ impl Node {
             register,
         };
         match self.communication.safety.receive(&mut mapped, frame, now) {
-            Some(SafetyReceived::FailSafe) => return app.event(Event::FailSafe, now),
-            Some(SafetyReceived::Lost(srdo)) => return app.event(Event::SafetyLost(srdo), now),
-            Some(SafetyReceived::Taken) => return,
-            None => {}
+            Some(SafetyReceived::FailSafe) => app.event(Event::FailSafe, now),
+            Some(SafetyReceived::Lost(srdo)) => app.event(Event::SafetyLost(srdo), now),
+            Some(SafetyReceived::Taken) => {}
+            None => return self.pdo_frame(app, frame, now),
         }
+        true
+    }
+
+    /// True when it is for one of the PDOs.
+    fn pdo_frame<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+        let register = self.communication.emergency.register();
+        let mut mapped = Mapped {
+            application: app,
+            register,
+        };
         match self.communication.pdo.receive(&mut mapped, frame, now) {
             Some(Received::Taken(rpdo)) => app.event(Event::Received(rpdo), now),
             Some(Received::TooShort(rpdo)) => self.emergency(0x8210, [rpdo + 1, 0, 0, 0, 0]),
@@ -323,8 +343,10 @@ impl Node {
             // What a master may not write by SDO it may not write by PDO either, but nobody
             // waits for an answer; the message says at least whose data were not taken.
             Some(Received::Refused(rpdo)) => self.emergency(0x8200, [rpdo + 1, 0, 0, 0, 0]),
-            Some(Received::Waiting) | Some(Received::Requested) | None => {}
+            Some(Received::Waiting) | Some(Received::Requested) => {}
+            None => return false,
         }
+        true
     }
 
     /// A SYNC has come from somebody else, or this node's own has gone out.
@@ -530,8 +552,9 @@ impl Node {
     }
 
     /// Whether the device consents to SRDOs. Without consent the producer stops: the safe state.
-    pub fn consent_to_safety(&mut self, consent: bool) {
-        self.communication.safety.release(consent);
+    /// True when it did not say so before.
+    pub fn consent_to_safety(&mut self, consent: bool) -> bool {
+        self.communication.safety.release(consent)
     }
 
     fn lss_frame<A: Application>(&mut self, app: &A, frame: &Frame) -> Option<Request> {
@@ -592,16 +615,26 @@ impl Node {
     ///
     /// Hand it to the controller, and call [`Node::sent`] when it has gone out.
     pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        if let Some(answer) = self.lss.transmit() {
-            return Some(Frame::data_frame(crate::lss::RESPONSE, &answer));
-        }
-        if self.node_id == UNCONFIGURED {
+        self.transmit_if(app, now, |_| true)
+    }
+
+    /// [`Node::transmit`], if there is room for a frame of its identifier.
+    pub fn transmit_if<A: Application>(
+        &mut self,
+        app: &mut A,
+        now: Instant,
+        room: impl FnOnce(u16) -> bool,
+    ) -> Option<Frame> {
+        let (cob_id, service) = self.waits(now)?;
+        if !room(cob_id) {
             return None;
         }
-        if self.communication.state == State::Initialising {
-            return Some(self.boot_up(app, now));
-        }
-        match self.first(now)?.1 {
+        match service {
+            Service::Lss => {
+                let answer = self.lss.transmit()?;
+                Some(Frame::data_frame(cob_id, &answer))
+            }
+            Service::BootUp => Some(self.boot_up(app, now)),
             Service::Sync => self.communication.sync.transmit(now),
             Service::Emergency => self.communication.emergency.transmit(now),
             Service::Safety => self.communication.safety.transmit(now),
@@ -626,13 +659,18 @@ impl Node {
     ///
     /// For a driver with few mailboxes: it keeps one free for what outranks all that wait there.
     pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
+        self.waits(now).map(|(cob_id, _)| cob_id)
+    }
+
+    /// What [`Node::transmit`] would give: its identifier and whose it is.
+    fn waits(&self, now: Instant) -> Option<(u16, Service)> {
         if self.lss.is_pending() {
-            return Some(crate::lss::RESPONSE);
+            return Some((crate::lss::RESPONSE, Service::Lss));
         }
         match self.communication.state {
             _ if self.node_id == UNCONFIGURED => None,
-            State::Initialising => Some(0x700 + u16::from(self.node_id)),
-            _ => self.first(now).map(|(cob_id, _)| cob_id),
+            State::Initialising => Some((0x700 + u16::from(self.node_id), Service::BootUp)),
+            _ => self.first(now),
         }
     }
 
@@ -681,11 +719,14 @@ impl Node {
 
     /// A frame from [`Node::transmit`] has ended on the bus at `now`.
     ///
-    /// Only then has this node's own SYNC happened, at the same instant as for everybody else.
-    pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
-        if self.communication.sync.is_own(frame) {
+    /// Only then has this node's own SYNC happened, at the same instant as for everybody else;
+    /// true when that was it.
+    pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+        let sync = self.communication.sync.is_own(frame);
+        if sync {
             self.sync_frame(app, frame, now);
         }
+        sync
     }
 }
 

@@ -466,3 +466,25 @@ fn lss_configuration_state_survives_a_machine_that_worked() {
     bench.hears(0x7E5, &[0x11, 9, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bench.says(), []);
 }
+
+#[test]
+fn a_node_tells_frames_of_concern_from_others() {
+    let mut bench = Bench::operational();
+    let mut concerns = |id: u16, bytes: &[u8]| {
+        let frame = Frame::data_frame(id, bytes);
+        bench.node.receive(&mut bench.plant, &frame, bench.now)
+    };
+    assert!(concerns(0x080, &[]));
+    assert!(concerns(
+        0x600 + u16::from(ID),
+        &[0x40, 0, 0x10, 0, 0, 0, 0, 0]
+    ));
+    assert!(concerns(0x000, &[2, ID]));
+    // Error control looks at every heartbeat, whoever is supervised.
+    assert!(concerns(0x70A, &[5]));
+    assert!(!concerns(0x000, &[2, ID + 1]));
+    assert!(!concerns(0x60A, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]));
+    assert!(!concerns(0x38A, &[1, 2, 3]));
+    let foreign = Frame::with(embedded_can::ExtendedId::new(0x80).unwrap(), &[]).unwrap();
+    assert!(!bench.node.receive(&mut bench.plant, &foreign, bench.now));
+}

@@ -162,6 +162,9 @@ impl Setup {
             Part::Communication(_) => self.may_set(part, sub, number)?,
         }
         if self.load(part, sub, value) {
+            if part == Part::Mapping(Access::RPDO) {
+                self.mapping.look_for_limits(dictionary);
+            }
             Ok(())
         } else {
             Err(Abort::NoSuchSubIndex)
@@ -233,6 +236,7 @@ impl Setup {
             self.turned = 0;
             self.mapping.set_count(0);
         }
+        self.mapping.look_for_limits(dictionary);
         result
     }
 }

@@ -306,14 +306,17 @@ impl Safety {
     }
 
     /// The application lets producers send, or withdraws that. A pair of which one frame has gone
-    /// out is finished, nothing else is sent without consent.
-    pub fn release(&mut self, allowed: bool) {
-        self.consent = allowed;
+    /// out is finished, nothing else is sent without consent. True when that is new.
+    pub fn release(&mut self, allowed: bool) -> bool {
+        if core::mem::replace(&mut self.consent, allowed) == allowed {
+            return false;
+        }
         for srdo in &mut self.srdos {
             if let (Role::Produce(producer), false) = (&mut srdo.role, allowed) {
                 producer.withhold();
             }
         }
+        true
     }
 
     /// Samples producers that are due, watches over consumers; when to call again.

@@ -33,6 +33,8 @@ mod windows;
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
+mod injected;
+#[cfg(test)]
 mod real;
 #[cfg(test)]
 mod real_chain;

@@ -166,9 +166,9 @@ const FORMS: [(&str, &str, &str); 25] = [
 ];
 
 /// Behind the list: what is common to the words of it.
-const NOTE: &str = "  AXIS is x, y or z of the sensor. `brown-out MS` and from `bias` to `swapped` one \
-                    at a time per sensor, and from `calibration` to `sync-lost` one per node: the next one \
-                    takes its place.\n";
+const NOTE: &str = "  AXIS is x, y or z of the sensor. `brown-out MS` and from `bias` to \
+                    `swapped` one at a time per sensor, and from `calibration` to `sync-lost` \
+                    one per node: the next one takes its place.\n";
 
 /// How a fault is written; `None` when there is none of this name.
 pub fn form(first: &str) -> Option<&'static str> {

@@ -49,7 +49,7 @@ pub(super) struct Pair {
     came: [bool; 2],
     /// The peer has been heard since this node became OPERATIONAL.
     heard: bool,
-    misses: u8,
+    pub(super) misses: u8,
     /// What the peer said last.
     peer: Observation,
     pub(super) judgement: Option<Judgement>,
@@ -127,6 +127,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.last_sync = now;
         if source == SyncSource::Bus {
             self.end_standing_in(now);
+        }
+        if self.values.state != State::Operational {
+            // No PDOs here, so nobody is silent who says nothing.
+            self.values.news.unanswered = None;
+            self.pair.came = [false; 2];
+            self.pair.misses = 0;
+            return;
         }
         let [first, second] = core::mem::take(&mut self.pair.came);
         let Some(before) = self.values.news.unanswered.take() else {

@@ -41,6 +41,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.report(now);
     }
 
+    /// What a PDO of the peer's exchange ends with: hardly ever anything that hurries.
+    pub(super) fn exchanged(&mut self, now: Instant) {
+        self.pair_up(now);
+        if self.report(now) {
+            self.next = now;
+        }
+    }
+
     /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
     pub(super) fn refresh(&mut self, now: Instant) {
         self.check_calibration(now);
@@ -163,10 +171,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             || (until_reset && (channel.is_some() || by_latch))
     }
 
-    /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs.
-    fn report(&mut self, now: Instant) {
+    /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs; true
+    /// when that is something new.
+    fn report(&mut self, now: Instant) -> bool {
         let (before, found) = (self.faults, self.pending);
-        if before != found {
+        let news = before != found;
+        if news {
             self.faults = found;
             for fault in found.new_since(before).iter() {
                 self.tell(Some(fault.report().0), found, now);
@@ -178,7 +188,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             }
         }
         let consent = self.consents();
-        self.bus.consent_to_safety(consent);
+        self.bus.consent_to_safety(consent) || news
     }
 
     /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the

@@ -10,7 +10,7 @@
 //! Left out: what to do about it, which is `pair`'s.
 
 /// Identifiers of PDOs in the predefined connection set (CiA 301, table 39).
-const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;
+pub(super) const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;
 
 /// TPDOs that a node has.
 const TPDOS: usize = 4;

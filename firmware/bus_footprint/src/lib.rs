@@ -22,7 +22,7 @@ pub struct Entries<A> {
     /// Power-on.
     pub start: fn(&mut Node, &mut A, u8, Instant),
     /// A frame from the bus.
-    pub receive: fn(&mut Node, &mut A, &Frame, Instant),
+    pub receive: fn(&mut Node, &mut A, &Frame, Instant) -> bool,
     /// The time.
     pub poll: fn(&mut Node, &mut A, Instant) -> Option<Instant>,
     /// A frame to the bus.
@@ -30,7 +30,7 @@ pub struct Entries<A> {
     /// What would come next.
     pub next_cob_id: fn(&Node, Instant) -> Option<u16>,
     /// A frame has gone out.
-    pub sent: fn(&mut Node, &mut A, &Frame, Instant),
+    pub sent: fn(&mut Node, &mut A, &Frame, Instant) -> bool,
     /// The controller's error state.
     pub bus_state: fn(&mut Node, &mut A, BusState, Instant),
     /// A fault of the device.
@@ -46,7 +46,7 @@ pub struct Entries<A> {
     /// SYNC by this node.
     pub stand_in_for_sync: fn(&mut Node, Option<u32>, Instant),
     /// SRDOs may be sent.
-    pub consent_to_safety: fn(&mut Node, bool),
+    pub consent_to_safety: fn(&mut Node, bool) -> bool,
 }
 
 impl<A: Application> Entries<A> {

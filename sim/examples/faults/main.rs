@@ -219,10 +219,10 @@ fn whole(page: &mut String, all: &Everything, fingerprint: u64) {
     page.push_str("## Beside the study\n\n");
     page.push_str(
         "The study that came before this instrument ran its tests on two streams of samples; here \
-         the same faults go through two nodes and a bus, and the delays are those of the frame that \
-         tells of them. Stop-and-go. It is at least as good where more or as many faults are told, \
-         the median delay is no longer, and as many are isolated. \"At the first\" is taken as \
-         0.1 s. The wait for the next SYNC alone is 10 ms in the mean.\n\n",
+         the same faults go through two nodes and a bus, and the delays are those of the frame \
+         that tells of them. Stop-and-go. It is at least as good where more or as many faults are \
+         told, the median delay is no longer, and as many are isolated. \"At the first\" is \
+         taken as 0.1 s. The wait for the next SYNC alone is 10 ms in the mean.\n\n",
     );
     tables::beside_the_study(page, &all.cells[1]);
     page.push_str("## False alarms\n\n");
@@ -243,9 +243,9 @@ fn whole(page: &mut String, all: &Everything, fingerprint: u64) {
 fn faults(page: &mut String, all: &Everything) {
     let _ = writeln!(
         page,
-        "## Fault by fault\n\n{} runs of each line: one of {} units, channel, axis, sign and moment \
-         drawn; the fault comes after 8 to 15 s of healthy work, and stays. The line \"none\" is a \
-         healthy instrument watched for as long: what stands there is chance.\n",
+        "## Fault by fault\n\n{} runs of each line: one of {} units, channel, axis, sign and \
+         moment drawn; the fault comes after 8 to 15 s of healthy work, and stays. The line \
+         \"none\" is a healthy instrument watched for as long: what stands there is chance.\n",
         all.counts.cell, all.counts.units
     );
     page.push_str(HOW_TO_READ);
@@ -260,9 +260,9 @@ fn repeated(page: &mut String, all: &Everything) {
     page.push_str("## What every run of the tests repeats\n\n");
     let _ = writeln!(
         page,
-        "`cargo xtask test` runs this section and compares it. The fingerprint is that of every bus \
-         of every run below: when it has changed, the instrument or its world behaves in another \
-         way, and the sections above belong to the past until they are made anew.\n\n\
+        "`cargo xtask test` runs this section and compares it. The fingerprint is that of every \
+         bus of every run below: when it has changed, the instrument or its world behaves in \
+         another way, and the sections above belong to the past until they are made anew.\n\n\
          Fingerprint `{:016x}`.\n",
         all.fingerprint()
     );

@@ -325,7 +325,7 @@ pub fn healthy(mode: Mode, scene: Scene, number: usize, counts: &Counts) -> Case
         rng.range(TEMPERATURES_C.0, TEMPERATURES_C.1),
         rng.range(TEMPERATURES_C.0, TEMPERATURES_C.1),
     );
-    let steady = number % 2 == 0;
+    let steady = number.is_multiple_of(2);
     let length_s = counts.world_s;
     Case {
         mode,

@@ -302,7 +302,8 @@ pub fn false_alarms(page: &mut String, scenes: &[Healthy]) {
 pub fn repeated(page: &mut String, scenes: &[Vec<Cell>], counts: &Counts) {
     let _ = writeln!(
         page,
-        "| fault, {} runs | told, % | median, s | 95 %, s | right, % | wrong, % | plain: told, % |\n\
+        "| fault, {} runs | told, % | median, s | 95 %, s | right, % | wrong, % \
+         | plain: told, % |\n\
          |---|---|---|---|---|---|---|",
         counts.cell * scenes.len(),
     );

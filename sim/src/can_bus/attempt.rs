@@ -58,6 +58,31 @@ pub(super) struct Attempt {
     pub(super) idle_ns: u64,
 }
 
+impl Attempt {
+    /// A lone sender's frame that everybody takes.
+    pub(super) fn smooth(
+        waiting: &Waiting,
+        sender: Port,
+        receivers: Ports,
+        start_ns: u64,
+        bit_ns: u64,
+    ) -> Self {
+        let bits = waiting.stuffed_bits + TAIL_BITS;
+        Self {
+            frame: waiting.frame,
+            senders: Ports::only(sender),
+            dropped: Ports::NONE,
+            start_ns,
+            bit_ns,
+            receivers,
+            bewildered: Ports::NONE,
+            take: Some((start_ns + (bits - 1) * bit_ns, receivers)),
+            end: Some((start_ns + bits * bit_ns, None)),
+            idle_ns: start_ns + (bits + INTERMISSION_BITS) * bit_ns,
+        }
+    }
+}
+
 /// Everybody but the senders.
 struct Audience {
     /// At the senders' rate.

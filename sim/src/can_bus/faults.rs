@@ -91,6 +91,11 @@ impl Faults {
         }
     }
 
+    /// True when none can strike.
+    pub(super) fn are_none(&self) -> bool {
+        self.spoiled.is_empty() && self.planned.is_empty() && self.rates == Rates::default()
+    }
+
     /// The fault of this attempt by `senders`; `receivers` are those who listen at its bit rate.
     pub(super) fn strike(
         &mut self,

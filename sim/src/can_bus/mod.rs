@@ -85,6 +85,17 @@ struct Held {
     senders: Ports,
 }
 
+/// Whether all who are on the bus get on with each other, so that a lone sender's frame goes well.
+#[derive(Clone, Copy, Debug)]
+enum Harmony {
+    /// A setting has changed since that was looked at.
+    Unknown,
+    /// Bit rates differ, or somebody only listens or flags errors passively.
+    Not,
+    /// These hear each other, at this length of a bit.
+    Among(Ports, u64),
+}
+
 /// One bus with its controllers.
 #[derive(Clone, Debug)]
 pub struct Bus {
@@ -93,6 +104,8 @@ pub struct Bus {
     controllers: Vec<Controller>,
     /// Who has a frame to send.
     pending: Ports,
+    /// What is known of the controllers while their settings stay.
+    harmony: Harmony,
     /// Who is on its way back from bus-off.
     recovering: Ports,
     phase: Phase,
@@ -122,6 +135,7 @@ impl Bus {
             bit_ns: bit_ns(bit_rate),
             controllers: Vec::new(),
             pending: Ports::NONE,
+            harmony: Harmony::Unknown,
             recovering: Ports::NONE,
             phase: Phase::Idle { since_ns: 0 },
             spare: None,
@@ -140,6 +154,7 @@ impl Bus {
         let port = Port::new(self.controllers.len());
         let port = port.expect("a bus has at most 128 controllers: attach fewer");
         self.controllers.push(Controller::new(self.bit_ns, order));
+        self.harmony = Harmony::Unknown;
         port
     }
 
@@ -184,18 +199,21 @@ impl Bus {
     /// Sets a controller's bit rate, bit/s, from the next frame on.
     pub fn set_bit_rate(&mut self, port: Port, bit_rate: u32) {
         self.controller(port).bit_ns = bit_ns(bit_rate);
+        self.harmony = Harmony::Unknown;
     }
 
     /// In listen-only mode a controller neither sends nor acknowledges nor flags errors; it
     /// receives and counts. From the next frame on.
     pub fn listen_only(&mut self, port: Port, on: bool) {
         self.controller(port).listen_only = on;
+        self.harmony = Harmony::Unknown;
     }
 
     /// Cuts a controller off the wires, or connects it again. A frame it was sending breaks off,
     /// and stays in its mailbox.
     pub fn connect(&mut self, port: Port, connected: bool) {
         self.controller(port).connected = connected;
+        self.harmony = Harmony::Unknown;
         if !connected {
             self.silence(port);
             self.controller(port).fail();
@@ -311,7 +329,7 @@ impl Bus {
     /// leaves [`Bus::now_ns`] at the limit.
     #[inline]
     pub fn step(&mut self, limit_ns: u64) -> Option<Event> {
-        // The most frequent case by far: nothing to tell, nothing to send, nobody on the way back.
+        // The most frequent case by far.
         if self.is_quiet() {
             self.now_ns = self.now_ns.max(limit_ns);
             return None;
@@ -349,7 +367,8 @@ enum Due {
 }
 
 impl Bus {
-    fn is_quiet(&self) -> bool {
+    /// True when nothing happens by itself: nothing to tell or to send, nobody on the way back.
+    pub(crate) fn is_quiet(&self) -> bool {
         let idle = matches!(self.phase, Phase::Idle { .. });
         idle && self.pending.with(self.recovering).is_empty() && self.events.is_empty()
     }
@@ -370,6 +389,7 @@ impl Bus {
         let state = controller.counters.state();
         if state != controller.told {
             controller.told = state;
+            self.harmony = Harmony::Unknown;
             self.emit(Event::Changed { port, state, at_ns });
         }
     }
@@ -437,7 +457,7 @@ impl Bus {
             return;
         };
         for port in self.recovering.iter() {
-            let controller = self.controller(port);
+            let controller = &mut self.controllers[port.index()];
             let from_ns = since_ns.max(controller.recovery_from_ns);
             let sequences = at_ns.saturating_sub(from_ns) / (RECOVERY_BITS * controller.bit_ns);
             controller.recovery_left = controller.recovery_left.saturating_sub(sequences);

@@ -44,6 +44,15 @@ impl Ports {
         self.0.count_ones() as usize
     }
 
+    /// The only member; `None` when there is nobody or there are several.
+    pub const fn lone(self) -> Option<Port> {
+        // Not by counting bits: for that this width has no instruction, and it takes fifty.
+        if self.0 == 0 || self.0 & (self.0 - 1) != 0 {
+            return None;
+        }
+        Some(Port(self.0.trailing_zeros() as u8))
+    }
+
     /// True when nobody is in it.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
@@ -106,6 +115,12 @@ mod tests {
         let set: Ports = members.iter().rev().copied().collect();
         assert!(set.iter().eq(members));
         assert_eq!(set.count(), 4);
+        assert_eq!([set.lone(), Ports::NONE.lone()], [None; 2]);
+        assert!(
+            members
+                .iter()
+                .all(|port| Ports::only(*port).lone() == Some(*port))
+        );
         assert!(!set.contains(Port::new(1).unwrap()));
         assert_eq!(Port::new(128), None);
     }

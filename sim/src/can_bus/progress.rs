@@ -10,7 +10,7 @@ use super::confinement::State;
 use super::event::{ErrorKind, Event};
 use super::ports::{Port, Ports};
 use super::wire::INTERMISSION_BITS;
-use super::{Bus, Held, Phase, SUSPEND_BITS};
+use super::{Bus, Harmony, Held, Phase, SUSPEND_BITS};
 
 /// A level that stays dominant after an error flag counts again after so many bits.
 const HELD_BITS: u64 = 8;
@@ -61,8 +61,70 @@ impl Bus {
         self.launch(start_ns, &contest);
     }
 
+    /// Looks whether all who are on the bus get on with each other.
+    fn harmony(&self) -> Harmony {
+        let mut found = None;
+        for (controller, port) in self.controllers.iter().zip(super::attempt::all()) {
+            if !controller.hears() {
+                continue;
+            }
+            let (among, bit_ns) = found.get_or_insert((Ports::NONE, controller.bit_ns));
+            if !controller.flags() || *bit_ns != controller.bit_ns {
+                return Harmony::Not;
+            }
+            among.insert(port);
+        }
+        found.map_or(Harmony::Not, |(among, bit_ns)| {
+            Harmony::Among(among, bit_ns)
+        })
+    }
+
+    /// The attempt of a lone sender that nothing can disturb; `None` where how it ends has to be
+    /// worked out.
+    fn smooth(&mut self, start_ns: u64, winners: Ports) -> Option<Attempt> {
+        if matches!(self.harmony, Harmony::Unknown) {
+            self.harmony = self.harmony();
+        }
+        let Harmony::Among(all, bit_ns) = self.harmony else {
+            return None;
+        };
+        let port = winners.lone().filter(|_| self.faults.are_none())?;
+        let receivers = all.without(winners);
+        if receivers.is_empty() {
+            return None;
+        }
+        let controller = self.controller(port);
+        let (source, waiting) = controller.next()?;
+        let attempt = Attempt::smooth(waiting, port, receivers, start_ns, bit_ns);
+        controller.sending = Some(source);
+        Some(attempt)
+    }
+
     /// The winners' frame goes onto the wire.
     fn launch(&mut self, start_ns: u64, contest: &Contest) {
+        let Some(attempt) = self
+            .smooth(start_ns, contest.winners)
+            .or_else(|| self.rough(start_ns, contest))
+        else {
+            return;
+        };
+        match &mut self.spare {
+            Some(place) => **place = attempt,
+            place => *place = Some(Box::new(attempt)),
+        }
+        if let Some(place) = self.spare.take() {
+            self.phase = Phase::Busy(place);
+        }
+        self.statistics.attempts += 1;
+        let winners = match contest.winners.lone() {
+            Some(_) => 1,
+            None => contest.winners.count() as u64,
+        };
+        self.statistics.arbitrations_lost += contest.contenders - winners;
+    }
+
+    /// The attempt, with all that may come of it.
+    fn rough(&mut self, start_ns: u64, contest: &Contest) -> Option<Attempt> {
         for port in contest.winners.iter() {
             let controller = self.controller(port);
             controller.sending = controller.next().map(|(source, _)| source);
@@ -70,9 +132,7 @@ impl Bus {
         let tie = resolve(&self.controllers, contest.winners);
         let first = tie.senders.iter().next();
         let controller = first.map(|port| &self.controllers[port.index()]);
-        let Some((controller, waiting)) = controller.and_then(|c| Some((c, c.next()?.1))) else {
-            return;
-        };
+        let (controller, waiting) = controller.and_then(|c| Some((c, c.next()?.1)))?;
         let attempt_number = self.statistics.attempts;
         let decision = Decision {
             controllers: &self.controllers,
@@ -83,16 +143,7 @@ impl Bus {
             rates_differ: contest.rates_differ,
         };
         let (faults, senders) = (&mut self.faults, contest.winners);
-        let attempt =
-            decision.attempt(|receivers| faults.strike(attempt_number, senders, receivers));
-        let mut place = self
-            .spare
-            .take()
-            .unwrap_or_else(|| Box::new(attempt.clone()));
-        *place = attempt;
-        self.phase = Phase::Busy(place);
-        self.statistics.attempts += 1;
-        self.statistics.arbitrations_lost += contest.contenders - contest.winners.count() as u64;
+        Some(decision.attempt(|receivers| faults.strike(attempt_number, senders, receivers)))
     }
 
     /// The wire has come to the next instant that matters.
@@ -131,8 +182,14 @@ impl Bus {
     }
 
     fn deliver(&mut self, attempt: &Attempt, to: Ports) {
-        let listening = |port: &Port| self.controllers[port.index()].hears();
-        let to: Ports = to.iter().filter(listening).collect();
+        // Somebody may have been cut off since the frame began.
+        let mut listening = to;
+        for port in to.iter() {
+            if !self.controllers[port.index()].hears() {
+                listening.remove(port);
+            }
+        }
+        let to = listening;
         if to.is_empty() {
             return;
         }
@@ -144,8 +201,11 @@ impl Bus {
             at_ns: self.now_ns,
         });
         for port in to.iter() {
-            self.controller(port).counters.received();
-            self.tell(port);
+            let controller = self.controller(port);
+            if controller.counters.receive() != 0 {
+                controller.counters.received();
+                self.tell(port);
+            }
         }
     }
 
@@ -161,11 +221,16 @@ impl Bus {
                 start_ns: attempt.start_ns,
                 end_ns: self.now_ns,
             });
-            self.controller(port).counters.sent();
-            self.suspend(attempt, port);
+            let controller = self.controller(port);
+            if controller.counters.transmit() != 0 || controller.told >= State::Passive {
+                controller.counters.sent();
+                self.suspend(attempt, port);
+            }
         }
-        self.blame(attempt, attempt.dropped, true);
-        self.count(attempt.bewildered, 1);
+        if !attempt.dropped.with(attempt.bewildered).is_empty() {
+            self.blame(attempt, attempt.dropped, true);
+            self.count(attempt.bewildered, 1);
+        }
     }
 
     fn break_off(&mut self, attempt: &Attempt, failure: &Failure) {

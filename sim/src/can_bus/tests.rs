@@ -359,3 +359,30 @@ fn a_reset_controller_has_forgotten_its_frames_and_errors() {
     bus.connect(b, true);
     assert_eq!(sent(&events(&mut bus, 9000)), []);
 }
+
+/// Frames of three nodes on one bus: now one alone, now several, now one that only listens.
+fn traffic(bus: &mut Bus, ports: [Port; 3]) -> u64 {
+    for round in 0..200u64 {
+        for (port, id) in ports.iter().zip(0x181..) {
+            if (round * 7 + u64::from(id)) % 3 == 0 {
+                let _ = bus.offer(*port, Frame::data_frame(id, &round.to_le_bytes()));
+            }
+        }
+        if round == 100 {
+            bus.listen_only(ports[2], true);
+        } else if round == 150 {
+            bus.connect(ports[1], false);
+        }
+        events(bus, 300 * (round + 1));
+    }
+    bus.fingerprint()
+}
+
+#[test]
+fn a_lone_frame_goes_as_when_all_that_may_happen_is_worked_out() {
+    let ((mut short, ports), (mut long, _)) = (bus::<3>(), bus::<3>());
+    // A fault for an attempt that never comes keeps everything possible.
+    long.faults().plan(u64::MAX, Fault::Corrupt { bit: 1 });
+    assert_eq!(traffic(&mut short, ports), traffic(&mut long, ports));
+    assert_eq!(short.statistics(), long.statistics());
+}

@@ -61,6 +61,8 @@ impl Markov {
 #[derive(Clone, Debug)]
 pub(super) struct Flicker {
     each_g: f64,
+    /// Time that the processes have not been told of, s.
+    waited_s: f64,
     processes: [Markov; 3],
     /// The present sum on each axis, g.
     pub(super) sum_g: [f64; 3],
@@ -69,6 +71,9 @@ pub(super) struct Flicker {
 /// Time constants of the floor's processes, s. `[ASSUME]`
 const TAUS_S: [f64; 3] = [1.0, 10.0, 100.0];
 
+/// None of them changes sooner than this, s.
+const LOOK_S: f64 = 0.01;
+
 impl Flicker {
     /// A floor of this rms, g, that has run for ever.
     pub(super) fn settled(rms_g: f64, rng: &mut Rng) -> Flicker {
@@ -76,6 +81,7 @@ impl Flicker {
         let each_g = rms_g / (TAUS_S.len() as f64).sqrt();
         let mut flicker = Flicker {
             each_g,
+            waited_s: 0.0,
             processes,
             sum_g: [0.0; 3],
         };
@@ -85,9 +91,18 @@ impl Flicker {
 
     #[inline]
     pub(super) fn step(&mut self, dt_s: f64, rng: &mut Rng) {
+        self.waited_s += dt_s;
+        if self.waited_s >= LOOK_S {
+            self.look(rng);
+        }
+    }
+
+    #[inline(never)]
+    fn look(&mut self, rng: &mut Rng) {
+        let waited_s = std::mem::take(&mut self.waited_s);
         let mut changed = false;
         for process in &mut self.processes {
-            changed |= process.step(dt_s, rng);
+            changed |= process.step(waited_s, rng);
         }
         if changed {
             self.add_up();

@@ -203,14 +203,18 @@ impl Part {
             offset_g = crate::motion::add(offset_g, wander.value.map(|w| rms_g * w));
         }
         let [x, y, z] = force_g;
+        let [quadratic, cubic] = [
+            &self.personality.quadratic_per_g,
+            &self.personality.cubic_per_g2,
+        ];
+        let noise = rng.normals();
         // A loop: `map` over an array is not always inlined, and this runs at every sample.
-        let mut felt_g = offset_g;
-        for (i, felt_g) in felt_g.iter_mut().enumerate() {
+        let mut felt_g = [0.0; 3];
+        for i in 0..3 {
             let [a, b, c] = self.matrix[i];
             let sensed = a * x + b * y + c * z;
-            let bend =
-                self.personality.quadratic_per_g[i] + self.personality.cubic_per_g2[i] * sensed;
-            *felt_g = sensed + sensed * sensed * bend + *felt_g + sigma_g * rng.normal();
+            let bend = quadratic[i] + cubic[i] * sensed;
+            felt_g[i] = sensed + sensed * sensed * bend + offset_g[i] + sigma_g * noise[i];
         }
         felt_g
     }

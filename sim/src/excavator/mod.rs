@@ -129,12 +129,39 @@ impl Mover for Excavator {
     }
 }
 
+/// Sines of two angles, rad; far faster than the library's where the arm can go.
+///
+/// The series to the 17th power: off by less than 2e-15 up to 1.25 rad (71 degrees).
+#[inline]
+fn sines(angles: [f64; 2]) -> [f64; 2] {
+    /// Over the factorials 17 to 3, the odd ones.
+    const OVER: [f64; 8] = [
+        1.0 / 355_687_428_096_000.0,
+        -1.0 / 1_307_674_368_000.0,
+        1.0 / 6_227_020_800.0,
+        -1.0 / 39_916_800.0,
+        1.0 / 362_880.0,
+        -1.0 / 5_040.0,
+        1.0 / 120.0,
+        -1.0 / 6.0,
+    ];
+    let [a, b] = angles;
+    if a.abs().max(b.abs()) > 1.25 {
+        return [a.sin(), b.sin()];
+    }
+    let squares = [a * a, b * b];
+    let mut sums = [0.0; 2];
+    for over in OVER {
+        sums = [0, 1].map(|i| (sums[i] + over) * squares[i]);
+    }
+    [a + a * sums[0], b + b * sums[1]]
+}
+
 /// Gravity and the forces of turning, g. Slopes are the arcsines of gravity's components, so
 /// the components are the sines of the slopes, and z is what is left of 1 g.
 #[inline]
 fn felt_g(pose: &Pose, lever_arm_m: f64) -> [f64; 3] {
-    let x = pose.sway_deg.to_radians().sin();
-    let y = pose.pitch_deg.to_radians().sin();
+    let [x, y] = sines([pose.sway_deg, pose.pitch_deg].map(f64::to_radians));
     let across_2 = 1.0 - y * y;
     let z = (across_2 - x * x).max(0.0).sqrt();
     let lever = lever_arm_m / STANDARD_GRAVITY_M_S2;

@@ -167,3 +167,13 @@ fn one_seed_gives_the_same_bits_and_roughness_does_not_change_the_moves() {
             .all(|(n, s)| n.attitude == s.attitude)
     );
 }
+
+#[test]
+fn sines_are_those_of_the_library_wherever_the_arm_goes() {
+    for step in -2000..=2000 {
+        let angle = f64::from(step) * 1e-3;
+        for (got, of) in sines([angle, 0.3 * angle]).iter().zip([angle, 0.3 * angle]) {
+            assert!((got - of.sin()).abs() < 5e-15, "{of}: {got}");
+        }
+    }
+}

@@ -252,6 +252,12 @@ impl Chip {
         self.temperature_due -= 1;
     }
 
+    /// Whether the next [`Chip::convert`] reads the thermometer too; others don't use its
+    /// temperature.
+    pub fn reads_temperature(&self) -> bool {
+        self.temperature_due == 0
+    }
+
     /// Whether INT1 is asserted by what CTRL4 routes to it: data-ready, FIFO threshold, FIFO full.
     pub fn data_ready(&self) -> bool {
         let routed = self.register(CTRL4_INT1);

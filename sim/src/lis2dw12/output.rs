@@ -83,7 +83,12 @@ pub fn counts(force_g: [f64; 3], mode: &Mode, full_register: bool) -> Counts {
     let below = 16 - bits;
     let steps_per_g = f64::from(mode.full_scale.counts_per_g() >> below);
     let limit = 1 << (bits - 1);
-    Counts(force_g.map(|force_g| (quantise(force_g * steps_per_g, limit) << below) as i16))
+    // A loop: `map` over an array is not always inlined, and this runs at every sample.
+    let mut counts = [0; 3];
+    for (count, force_g) in counts.iter_mut().zip(force_g) {
+        *count = (quantise(force_g * steps_per_g, limit) << below) as i16;
+    }
+    Counts(counts)
 }
 
 /// OUT_T_L and OUT_T_H for a temperature in degC: 1/16 degC, zero at 25 degC, left-justified,

@@ -68,7 +68,11 @@ impl Faulty {
 
     /// When this next wants to be polled, ns, after `now_ns`; what is due already waits for
     /// something else.
+    #[inline]
     pub(super) fn next_ns(&self, now_ns: u64) -> Option<u64> {
+        if self.late.is_empty() && self.babble.is_none() {
+            return None;
+        }
         let late = self.late.front().map(|(at_ns, _)| *at_ns);
         let late = late.filter(|at_ns| *at_ns > now_ns);
         let babble = self.babble.as_ref().map(|babble| babble.next_ns);

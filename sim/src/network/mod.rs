@@ -166,12 +166,13 @@ impl Network {
             }
             // An event may have brought something forward; then the loop goes round again.
             let now = self.now_ns();
-            self.deliver_edges(now);
+            self.deliver_edges(now, until_ns);
             if self.first_due_ns <= now {
                 self.poll(now);
             }
             if now >= self.tick_ns {
                 self.tick(mover);
+                self.deliver_edges(now, until_ns);
             }
             if now >= until_ns && self.next_ns() > until_ns {
                 return;
@@ -224,10 +225,10 @@ impl Network {
     }
 
     fn look_at_load(&mut self) {
-        let now = self.bus.statistics();
-        if now.at_ns.saturating_sub(self.counted.at_ns) < LOAD_NS {
+        if self.now_ns().saturating_sub(self.counted.at_ns) < LOAD_NS {
             return;
         }
+        let now = self.bus.statistics();
         let load = now.load_since(&self.counted);
         self.load_percent = (load * 100.0).round().clamp(0.0, 100.0) as u8;
         self.counted = now;
@@ -236,9 +237,26 @@ impl Network {
         }
     }
 
-    fn deliver_edges(&mut self, now_ns: u64) {
-        while let Some((_, number, captured_ns)) = self.edges.pop_if(|(at, ..)| *at <= now_ns) {
+    /// Lets the nodes take the samples of edges up to now, and while nothing else can happen
+    /// before them also later ones.
+    #[inline]
+    fn deliver_edges(&mut self, now_ns: u64, until_ns: u64) {
+        if !self.edges.is_empty() {
+            self.take_edges(now_ns, until_ns);
+        }
+    }
+
+    fn take_edges(&mut self, now_ns: u64, until_ns: u64) {
+        let undisturbed = self.bus.is_quiet();
+        while let Some(&(at_ns, number, captured_ns)) = self.edges.last() {
+            let first = undisturbed && at_ns < self.first_due_ns && at_ns <= until_ns;
+            if at_ns > now_ns && !first {
+                return;
+            }
+            self.edges.pop();
             self.units[number].data_ready(captured_ns);
+            // A sample puts off the instant at which it would have been missed.
+            self.look_at(number);
         }
     }
 

@@ -343,3 +343,19 @@ fn the_same_seed_gives_the_same_bus() {
     };
     assert_eq!(run(), run());
 }
+
+/// A sample that is missed is asked after when it is, not at the next look at everything.
+#[test]
+fn a_part_that_falls_silent_is_noticed_within_5_ms() {
+    let mut site = Site::working(250);
+    site.run(&mut level(), 1000 * MS);
+    let now_ns = site.network.now_ns();
+    let chip = site.network.unit(0).electronics.chip().clone();
+    chip.borrow_mut().brown_out(now_ns);
+    site.run(&mut level(), 5 * MS);
+    let reason = |node: usize| site.network.units()[node].device.channel().reason();
+    assert_eq!(
+        [reason(0), reason(1)],
+        [Some(tilt::chain::Invalid::Stale), None]
+    );
+}

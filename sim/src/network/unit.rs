@@ -31,10 +31,11 @@ pub struct Unit {
     pub port: Port,
     /// When the device's set-up is over, ns; frames before it are not heard.
     ready_ns: u64,
+    /// A frame waits for a mailbox.
+    waiting: bool,
     /// Powered and past its set-up.
     running: bool,
     powered: bool,
-    next_poll: Instant,
     /// What is in the controller's mailboxes.
     mailboxes: [Option<Frame>; MAILBOXES],
     /// When to ask the controller back from bus-off.
@@ -46,6 +47,21 @@ pub struct Unit {
     search: Option<Search>,
     /// What goes wrong with it.
     pub(super) faulty: Faulty,
+}
+
+/// True when a frame of this identifier may go into a mailbox.
+fn has_room(mailboxes: &[Option<Frame>], id: u16) -> bool {
+    let (mut free, mut highest, mut twin) = (0, u16::MAX, false);
+    for mailbox in mailboxes {
+        match mailbox.as_ref().map(Frame::cob_id) {
+            None => free += 1,
+            Some(other) => {
+                highest = other.map_or(highest, |other| highest.min(other));
+                twin |= other == Some(id);
+            }
+        }
+    }
+    (free > 1 || (free == 1 && id < highest)) && !twin
 }
 
 fn seconds(time_ns: u64) -> f64 {
@@ -67,9 +83,9 @@ impl Unit {
             device,
             port,
             ready_ns: 0,
+            waiting: false,
             running: false,
             powered: false,
-            next_poll: Instant(0),
             mailboxes: [None; MAILBOXES],
             recover_at: None,
             switch_at: None,
@@ -144,13 +160,16 @@ impl Unit {
         if !self.running {
             return Some(self.ready_ns);
         }
-        let own = [
-            Some(self.next_poll),
-            self.recover_at,
-            self.switch_at.map(|s| s.0),
-            self.search.map(|s| s.until()),
-        ];
-        let first = own.into_iter().flatten().min()?;
+        let mut first = self.device.next_deadline();
+        if let Some(at) = self.recover_at {
+            first = first.min(at);
+        }
+        if let Some((at, _)) = self.switch_at {
+            first = first.min(at);
+        }
+        if let Some(search) = &self.search {
+            first = first.min(search.until());
+        }
         let first_ns = self.electronics.when_ns(first);
         let faulty_ns = self.faulty.next_ns(now_ns);
         Some(faulty_ns.map_or(first_ns, |at_ns| at_ns.min(first_ns)))
@@ -175,7 +194,6 @@ impl Unit {
             self.device.start_bus(now);
             self.set_rate(bus, self.device.bit_rate(), now);
             bus.connect(self.port, true);
-            self.next_poll = now;
         }
         if !self.running {
             return;
@@ -191,9 +209,9 @@ impl Unit {
         {
             bus.set_bit_rate(self.port, u32::from(search.kbit_s()) * 1000);
         }
-        if self.next_poll <= now {
+        if self.device.next_deadline() <= now {
             self.electronics.settle(seconds(now_ns));
-            self.next_poll = self.device.poll(now);
+            self.device.poll(now);
         }
         self.pump(bus, now_ns);
     }
@@ -227,11 +245,16 @@ impl Unit {
             return;
         }
         if self.running {
-            if let Some(found) = self.search {
-                self.set_rate(bus, Some(found.kbit_s()), self.now(at_ns));
+            let now = self.now(at_ns);
+            let found = self.search;
+            if let Some(found) = found {
+                self.set_rate(bus, Some(found.kbit_s()), now);
             }
-            self.device.receive(frame, self.now(at_ns));
-            self.serve(bus, at_ns);
+            self.device.receive(frame, now);
+            // What the device wants to do about it is done at once.
+            if found.is_some() || self.device.next_deadline() <= now {
+                self.poll(bus, at_ns);
+            }
         }
     }
 
@@ -241,15 +264,14 @@ impl Unit {
             *place = None;
         }
         if self.running {
-            self.device.sent(frame, self.now(at_ns));
-            self.serve(bus, at_ns);
+            let now = self.now(at_ns);
+            self.device.sent(frame, now);
+            if self.device.next_deadline() <= now {
+                self.poll(bus, at_ns);
+            } else if self.waiting {
+                self.pump(bus, at_ns);
+            }
         }
-    }
-
-    /// The device has been told something: what it wants to do about that is done at once.
-    fn serve(&mut self, bus: &mut Bus, at_ns: u64) {
-        self.next_poll = self.next_poll.min(self.device.next_deadline());
-        self.poll(bus, at_ns);
     }
 
     /// The controller's error state is another one.
@@ -272,7 +294,6 @@ impl Unit {
         let [sending, receiving] =
             [counters.transmit(), counters.receive()].map(|c| c.min(255) as u8);
         self.device.bus_state(state, sending, receiving, now);
-        self.next_poll = now;
         self.pump(bus, at_ns);
     }
 
@@ -293,29 +314,20 @@ impl Unit {
         if self.faulty.is_late() && !silent {
             self.pump_late(bus, now, now_ns);
         } else {
-            while !silent
-                && let Some(id) = self.device.next_cob_id(now)
-                && self.has_room(id)
-                && let Some(frame) = self.device.transmit(now)
-            {
+            self.waiting = silent;
+            while !self.waiting {
+                let (mailboxes, waiting) = (&self.mailboxes, &mut self.waiting);
+                let frame = self.device.transmit_if(now, |id| {
+                    *waiting = !has_room(mailboxes, id);
+                    !*waiting
+                });
+                let Some(frame) = frame else {
+                    break;
+                };
                 self.post(bus, frame);
             }
         }
-        // What a frame has changed may be due sooner than the deadline that was known.
-        self.next_poll = self.next_poll.min(self.device.next_deadline());
         self.wish(bus, now, now_ns);
-    }
-
-    /// True when a frame of this identifier may go into a mailbox.
-    fn has_room(&self, id: u16) -> bool {
-        let waiting = self.mailboxes.iter().flatten().filter_map(Frame::cob_id);
-        let outranks = waiting.clone().min().is_none_or(|highest| id < highest);
-        let free = self
-            .mailboxes
-            .iter()
-            .filter(|place| place.is_none())
-            .count();
-        (free > 1 || (free == 1 && outranks)) && !waiting.clone().any(|other| other == id)
     }
 
     fn post(&mut self, bus: &mut Bus, frame: Frame) {
@@ -326,11 +338,14 @@ impl Unit {
 
     /// [`Unit::pump`] of a node whose frames get to the controller late.
     fn pump_late(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
+        self.waiting = true;
         while let Some(frame) = self.device.transmit(now) {
             self.faulty.delay(frame, now_ns);
         }
         while let Some(frame) = self.faulty.arriving(now_ns)
-            && frame.cob_id().is_some_and(|id| self.has_room(id))
+            && frame
+                .cob_id()
+                .is_some_and(|id| has_room(&self.mailboxes, id))
         {
             self.faulty.arrived();
             self.post(bus, frame);

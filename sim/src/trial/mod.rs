@@ -23,6 +23,7 @@ pub mod truth;
 #[cfg(test)]
 mod tests;
 
+use crate::bench::Mode;
 use crate::can_bus::Event;
 use crate::excavator::Excavator;
 use crate::network::Network;
@@ -284,7 +285,9 @@ impl<'a> Run<'a> {
     /// Whoever has removed the cause looks whether all is well again.
     fn look(&mut self, now_s: f64) {
         let setup = self.setup;
-        let by_itself = setup.latch_s != 0 && !setup.has(What::needs_reset);
+        // What the paper's rule calls a physical fault stays until a reset.
+        let product = setup.mode == Mode::Product;
+        let by_itself = product && setup.latch_s != 0 && !setup.has(What::needs_reset);
         if by_itself {
             return self.checks.well(now_s + f64::from(setup.latch_s));
         }

@@ -4,7 +4,6 @@ use super::checks::Rule;
 use super::checks::detection::Blame;
 use super::inject::Injection;
 use super::*;
-use crate::bench::Mode;
 use crate::fault::{NodeFault, SensorFault};
 
 fn pool() -> Pool {
@@ -74,4 +73,26 @@ fn a_trial_needs_its_instrument() {
     let mut setup = Setup::healthy(1);
     setup.unit = 7;
     assert!(run(&setup, &Pool::default(), |_| {}).is_err());
+}
+
+#[test]
+fn frames_that_stay_late_were_marked_valid_again_and_again() {
+    for (sync_us, ms) in [(20_000, 50), (50_000, 50), (25_000, 200), (50_000, 200)] {
+        let mut setup = Setup::healthy(371);
+        setup.sync_us = sync_us;
+        setup.faults = vec![Injection {
+            what: What::Node(NodeFault::LateFrames { ms }),
+            channel: 0,
+            from_s: 6.0,
+            until_s: 14.0,
+        }];
+        let report = run(&setup, &pool(), |_| {}).unwrap();
+        assert_eq!(report.violations, [], "SYNC {sync_us} us, {ms} ms late");
+    }
+}
+
+#[test]
+fn a_node_back_from_bus_off_blamed_the_other_for_the_silence() {
+    let report = with(What::Node(NodeFault::BusOff));
+    assert_eq!(report.detections[0].blame(), Blame::Right);
 }

@@ -44,8 +44,8 @@ impl Loudness {
     pub const PRODUCT: Self = Self {
         quiet: 5 * 256,
         spike: 60 * 256,
-        fast: 1664,
-        two: 896,
+        fast: 1344,
+        two: 840,
         ceiling: 16 * 256,
         slow: 3 * 256,
         slow_us: 250_000,
@@ -100,6 +100,17 @@ impl Channel {
     }
 }
 
+/// What a channel has heard so far, and what it has heard since.
+fn joined(before: Option<u32>, activity: Activity) -> u32 {
+    let energy = activity.energy_q8();
+    match before {
+        _ if activity == Activity::GAP => UNKNOWN,
+        Some(UNKNOWN) => UNKNOWN,
+        Some(before) => before.midpoint(energy),
+        None => energy,
+    }
+}
+
 /// An exponential average.
 fn towards(average: u32, value: u32, tau_us: u32, elapsed_us: u32) -> u32 {
     let whole = u64::from(tau_us)
@@ -131,7 +142,14 @@ impl Default for State {
 }
 
 impl State {
-    /// A pair was missing, or one of the two could not measure: its look is not known.
+    /// One of the two could not measure: nothing is known of what they heard meanwhile, and what
+    /// was usual may have changed.
+    pub fn restart(&mut self) {
+        self.channels = [Channel::NEW; 2];
+        self.heard = [None; 2];
+    }
+
+    /// A pair was missing: its look is not known.
     pub fn skip(&mut self) {
         for channel in &mut self.channels {
             channel.push(UNKNOWN);
@@ -156,8 +174,7 @@ impl Loudness {
     ) -> Option<(Node, Invalid)> {
         for (heard, activity) in state.heard.iter_mut().zip([own, peer]) {
             if activity != Activity::NONE {
-                let energy = activity.energy_q8();
-                *heard = Some(heard.map_or(energy, |before| before.midpoint(energy)));
+                *heard = Some(joined(*heard, activity));
             }
         }
         state.elapsed_us = state.elapsed_us.saturating_add(elapsed_us);
@@ -281,6 +298,26 @@ mod tests {
         assert_eq!(after_quiet(5, &looks), None);
         let swapped: std::vec::Vec<_> = looks.iter().map(|(own, peer)| (*peer, *own)).collect();
         assert_eq!(after_quiet(5, &swapped), None);
+    }
+
+    #[test]
+    fn a_shock_in_a_gap_of_the_other_was_called_a_spike() {
+        let gap = Activity::GAP.0;
+        let looks = [(gap, 150), (gap, 64), (64, 64), (64, 64), (64, 64)];
+        assert_eq!(after_quiet(5, &looks), None);
+        let uneven = [(gap, 0), (64, 150), (64, 64), (64, 64), (64, 64)];
+        assert_eq!(after_quiet(5, &uneven), None);
+    }
+
+    #[test]
+    fn noise_that_had_gone_while_the_channel_was_refused_was_found_again() {
+        let mut state = State::default();
+        let step = |state: &mut State, own| {
+            Loudness::PRODUCT.step(state, Activity(own), Activity(64), 50_000)
+        };
+        assert!((0..50).any(|_| step(&mut state, 80).is_some()));
+        state.restart();
+        assert!((0..50).all(|_| step(&mut state, 64).is_none()));
     }
 
     #[test]

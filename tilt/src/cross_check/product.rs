@@ -107,6 +107,18 @@ impl ProductState {
         self.residual.difference()
     }
 
+    /// There is no pair, so whatever is averaged begins anew; what is usual does so after a
+    /// `lasting` pause.
+    fn interrupt(&mut self, lasting: bool) {
+        self.activity.skip();
+        self.residual.restart();
+        self.standstill.interrupt();
+        if lasting {
+            self.activity.restart();
+            self.window.interrupt();
+        }
+    }
+
     /// A pair was lost on the way: what was heard at its instant stands alone.
     pub fn pair_lost(&mut self) {
         self.activity.skip();
@@ -187,9 +199,9 @@ impl ProductCheck {
         if absent == [None, None] {
             self.compare(state, own, peer, (now, elapsed_us));
         } else {
-            state.activity.skip();
-            state.residual.restart();
-            state.standstill.interrupt();
+            // A shock takes the angle away for a moment only.
+            let lasting = absent.iter().flatten().any(|why| !why.is_transient());
+            state.interrupt(lasting);
         }
         let waiting = waiting.map(Judgement::Waiting);
         state.held().or(waiting).unwrap_or(Judgement::Agree)
@@ -220,9 +232,7 @@ impl ProductCheck {
         (now, elapsed_us): (Instant, u32),
     ) {
         if elapsed_us == LONGEST_PAUSE_US {
-            state.activity.skip();
-            state.residual.restart();
-            state.standstill.interrupt();
+            state.interrupt(true);
         }
         let loud = self
             .loudness

@@ -24,6 +24,13 @@ pub struct WindowCheck {
     pub latched: bool,
 }
 
+impl WindowState {
+    /// There is no pair: an excess that lasts must begin anew.
+    pub(super) fn interrupt(&mut self) {
+        self.excess_since = None;
+    }
+}
+
 impl WindowCheck {
     /// 0.40 deg or five standard uncertainties, for longer than 0.2 s; latched.
     pub const PRODUCT: Self = Self {

@@ -158,7 +158,7 @@ fn logarithm_and_power_are_right_to_their_last_place() {
     assert_eq!(Activity::OWN.energy_q8(), 256);
     assert_eq!(Activity::NONE.energy_q8(), 0);
     assert_eq!(Activity::from_octaves(i32::MIN / 2), Activity(1));
-    assert_eq!(Activity::from_octaves(i32::MAX / 2), Activity(255));
+    assert_eq!(Activity::from_octaves(i32::MAX / 2), Activity(254));
 }
 
 /// The normal distribution below `x`, by Simpson's rule.
@@ -430,8 +430,12 @@ fn a_shock_of_3_g_looks_like_a_fault_in_its_onset() {
 #[test]
 fn after_a_start_or_a_gap_eight_samples_are_not_judged() {
     let mut state = State::default();
-    for _ in 0..2 {
-        for _ in 0..WARM_UP + 5 {
+    for first in [Activity::NONE, Activity::GAP] {
+        for _ in 0..WARM_UP {
+            PRODUCT.sample(&mut state, counts([1000.0, 0.0, 0.0]));
+        }
+        assert_eq!(PRODUCT.take_activity(&mut state), first);
+        for _ in 0..5 {
             PRODUCT.sample(&mut state, counts([1000.0, 0.0, 0.0]));
         }
         assert_eq!(PRODUCT.take_activity(&mut state), Activity::NONE);
@@ -443,6 +447,25 @@ fn after_a_start_or_a_gap_eight_samples_are_not_judged() {
         PRODUCT.sample(&mut state, counts([-1000.0; 3]));
         PRODUCT.restart(&mut state);
     }
+}
+
+#[test]
+fn a_look_tells_of_a_gap_until_the_high_pass_has_started_again() {
+    let mut state = State::default();
+    let mut look = |count: u32, gap: bool| {
+        if gap {
+            PRODUCT.restart(&mut state);
+        }
+        for _ in 0..count {
+            PRODUCT.sample(&mut state, counts([1000.0, 0.0, 0.0]));
+        }
+        PRODUCT.take_activity(&mut state)
+    };
+    look(20, false);
+    assert_eq!(look(8, false), Activity(1));
+    assert_eq!(look(5, true), Activity::GAP);
+    assert_eq!(look(8, false), Activity::GAP, "it began within this look");
+    assert_eq!(look(8, false), Activity(1));
 }
 
 #[test]

@@ -12,12 +12,16 @@ mod tuned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use sim::fault::SensorFault;
+use sim::rng::Rng;
 use tilt::chain::Chain;
+use tilt::sample::Instant;
 
 use super::arguments::{Arguments, Mode};
 use super::prepare::{Prepared, prepare};
 use super::tuning;
 use crate::progress::Progress;
+use channel::Channel;
 use section::Section;
 
 const FILES: [&str; 2] = ["mimu4444/exp1_imu1.csv.gz", "mimu4444/exp1_imu3.csv.gz"];
@@ -49,6 +53,24 @@ fn channels() -> Option<([Prepared; 2], [Chain; 2])> {
     let prepared: Result<[Prepared; 2], _> = prepared.try_into();
     let chains: Result<[Chain; 2], _> = chains.try_into();
     prepared.ok().zip(chains.ok())
+}
+
+#[test]
+fn ten_times_the_noise_is_ten_times_that_of_these_parts() {
+    let Some(([one, _], [chain, _])) = channels() else {
+        return;
+    };
+    let healthy = Channel::new(&one, &chain);
+    let fault = SensorFault::Noise { factor: 10.0 };
+    let noisy = healthy.with(fault, Instant(0), Rng::stream(1, "noise"));
+    // In eighths of an octave of energy: 8 log2(10^2) = 53 above the part's own, which is 64.
+    for (mut channel, around) in [(healthy, 59..=69), (noisy, 112..=122)] {
+        let looks = (0..1000).map(|n| channel.observe(Instant(n * board::PAIR_US)).activity.0);
+        let mut looks: Vec<u8> = looks.filter(|look| *look > 0).collect();
+        looks.sort_unstable();
+        let median = looks[looks.len() / 2];
+        assert!(around.contains(&median), "{median}");
+    }
 }
 
 const BEGIN: &str = "<!-- real recordings: begin -->\n";

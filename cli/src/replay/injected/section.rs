@@ -256,10 +256,11 @@ longest. Wrong: the healthy channel was named, if only for a moment. Nobody: tol
             f,
             "
 Of {} trials {wrong} named the wrong channel at some time; {lying} of them first did so while the
-board lay still, the others when it was turned and put down, which one end of a board hears louder
-than the other. An offset of 5 or 10 mg is told and not named, because {:.0} mg of length are
-needed here. Which pose the board is in decides whether gravity shows the error at all. One sample
-in ten lost is mended by the chain and no fault by itself.
+board lay still, the others when it was turned and put down: one end of a board hears that louder
+than the other, and a channel that loses samples hears less of it. An offset of 5 or 10 mg is told
+and not named, because {:.0} mg of length are needed here. Which pose the
+board is in decides whether gravity shows the error at all. One sample in ten lost is mended by the
+chain and no fault by itself.
 
 ### Faults that begin while the board is shaken
 
