@@ -192,7 +192,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let at = own.at.offset(-i64::from(latency_us));
         let mut peer = exchange::decode(&received, at, latency_us, backed);
         if backed {
-            match self.pair.clock.hear(received.captured, own.at) {
+            let sound = peer.reading.x.is_ok() || peer.reading.y.is_ok();
+            match self.pair.clock.hear(received.captured, own.at, sound) {
                 Heard::InTime => {}
                 // It belongs to another SYNC, so there is nothing to compare it with.
                 Heard::Other => return self.node.pair_lost(),

@@ -256,10 +256,10 @@ impl Counts {
     /// What the page is about.
     pub const LONG: Self = Self {
         units: 10,
-        cell: 60,
+        cell: 30,
         promise: 1000,
         worlds: 200,
-        paper_worlds: 40,
+        paper_worlds: 10,
         world_s: 1800.0,
         paper: true,
     };
