@@ -256,10 +256,10 @@ impl Counts {
     /// What the page is about.
     pub const LONG: Self = Self {
         units: 10,
-        cell: 30,
+        cell: 20,
         promise: 1000,
-        worlds: 200,
-        paper_worlds: 10,
+        worlds: 24,
+        paper_worlds: 2,
         world_s: 1800.0,
         paper: true,
     };
