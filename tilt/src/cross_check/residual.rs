@@ -55,10 +55,10 @@ impl Residual {
     /// has the evidence.
     pub const PRODUCT: Self = Self {
         stages: [
-            stage(20_000, 30 * MG),
-            stage(100_000, 10 * MG),
-            stage(250_000, 9 * MG / 2),
-            stage(500_000, 3 * MG),
+            stage(20_000, 45 * MG),
+            stage(100_000, 13 * MG),
+            stage(250_000, 11 * MG / 2),
+            stage(500_000, 7 * MG / 2),
         ],
         whole: stage(500_000, 4 * MG),
         coverage: 5,
@@ -228,9 +228,9 @@ mod tests {
     fn a_habit_is_taken_off_up_to_2_mg() {
         assert_eq!(found_after(1.5, 1000, 1.5, 10_000), None);
         let five = found_after(1.5, 1000, 6.5, 100).expect("found");
-        assert!((15..30).contains(&five), "{five}");
+        assert!((15..36).contains(&five), "{five}");
         let back = found_after(-1.5, 1000, 3.5, 100).expect("4 mg alone would not show it");
-        assert!((15..30).contains(&back), "{back}");
+        assert!((15..36).contains(&back), "{back}");
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
         let after = [4.0, 5.0, 10.0, 50.0, 1000.0]
             .map(|mg| found_after(0.0, 500, mg, 1000).expect("found"));
         assert!(after.is_sorted_by(|a, b| a >= b), "{after:?}");
-        assert!(after[1] < 25 && after[2] < 9, "{after:?}");
+        assert!(after[1] < 36 && after[2] < 12, "{after:?}");
         assert!(after[3] <= 1 && after[4] == 0, "{after:?}");
     }
 
