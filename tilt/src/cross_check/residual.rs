@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn the_larger_the_sooner() {
-        let after = [4.0, 5.0, 10.0, 50.0, 1000.0]
+        let after = [4.8, 5.0, 10.0, 50.0, 1000.0]
             .map(|mg| found_after(0.0, 500, mg, 1000).expect("found"));
         assert!(after.is_sorted_by(|a, b| a >= b), "{after:?}");
         assert!(after[1] < 36 && after[2] < 12, "{after:?}");
