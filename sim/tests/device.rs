@@ -321,6 +321,7 @@ fn a_start_forgets_a_disagreement_and_nothing_else_does() {
         Judgement::Agree,
         "it has to last"
     );
+    assert_eq!(judge(&mut alone.node, peer, 100), Judgement::Agree);
     assert_eq!(judge(&mut alone.node, peer, 201), Judgement::Disagree);
     assert_eq!(
         judge(&mut alone.node, own, 9000),

@@ -44,8 +44,8 @@ impl Loudness {
     pub const PRODUCT: Self = Self {
         quiet: 5 * 256,
         spike: 60 * 256,
-        fast: 1344,
-        two: 840,
+        fast: 1664,
+        two: 896,
         ceiling: 16 * 256,
         slow: 3 * 256,
         slow_us: 250_000,
