@@ -152,7 +152,8 @@ def test_the_cycle_and_the_pairs_keep_their_times(running: Master) -> None:
         inverted = [f.timestamp for f in running.since(mark, INVERTED[node])]
         assert len(plain) > 30
         # SCT 25 ms: a consumer fails the producer whose pairs are further apart.
-        assert max(b - a for a, b in zip(plain, plain[1:])) <= 0.0255
+        # A frame of eight bytes under way, 0.54 ms at 250 kbit/s, may hold one of them up.
+        assert max(b - a for a, b in zip(plain, plain[1:])) <= 0.02556
         later = [next((i - p for i in inverted if i > p), 0) for p in plain]
         assert max(later) < 0.020, "SRVT"
 
