@@ -90,7 +90,7 @@ impl PaperCheck {
     ///
     /// The paper knows no missing reading. An axis that one channel measures and the other does
     /// not counts as a difference above the threshold, because the two do not agree; only a
-    /// channel that starts is waited for, [`PATIENCE_US`] long.
+    /// channel that starts is waited for, [`PATIENCE_US`](super::PATIENCE_US) long.
     pub fn step(
         &self,
         state: &mut PaperState,
