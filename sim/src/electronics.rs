@@ -124,14 +124,14 @@ impl Sensor {
     /// One tick up to `time_s`, in which the force goes to `force_g`; calls `ready` for samples.
     #[inline]
     fn tick(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(Edge)) {
-        let before_g = self.felt_g;
+        let before = self.analogue.moment();
         let before_s = self.now_s;
         self.felt_g = self.analogue.step(force_g);
         self.now_s = time_s;
         while let Some(sampling) = self.sampling.filter(|s| s.next_s <= time_s) {
             let due_s = sampling.next_s;
             let way = ((due_s - before_s) / (time_s - before_s).max(1e-9)).clamp(0.0, 1.0);
-            let at_g = [0, 1, 2].map(|i| before_g[i] + way * (self.felt_g[i] - before_g[i]));
+            let at_g = before.towards(&self.analogue.moment(), way);
             self.convert(at_g, &sampling);
             if self.chip.borrow().data_ready()
                 && let Some(edge) = self.edge(due_s)

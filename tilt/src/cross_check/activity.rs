@@ -36,6 +36,8 @@ pub struct Loudness {
     pub slow: u32,
     /// Time constant of the usual level, us.
     pub slow_us: u32,
+    /// The machine is calm again when neither channel has been loud for this long, us.
+    pub calm_us: u32,
 }
 
 impl Loudness {
@@ -44,11 +46,12 @@ impl Loudness {
     pub const PRODUCT: Self = Self {
         quiet: 5 * 256,
         spike: 60 * 256,
-        fast: 1664,
-        two: 896,
+        fast: 5 * 256,
+        two: 1152,
         ceiling: 16 * 256,
-        slow: 3 * 256,
+        slow: 640,
         slow_us: 250_000,
+        calm_us: 80_000,
     };
 }
 
@@ -129,6 +132,8 @@ pub struct State {
     heard: [Option<u32>; 2],
     /// Time since then, us.
     elapsed_us: u32,
+    /// For how long neither has been loud, us.
+    quiet_us: u32,
 }
 
 impl Default for State {
@@ -137,6 +142,7 @@ impl Default for State {
             channels: [Channel::NEW; 2],
             heard: [None; 2],
             elapsed_us: 0,
+            quiet_us: 0,
         }
     }
 }
@@ -147,6 +153,7 @@ impl State {
     pub fn restart(&mut self) {
         self.channels = [Channel::NEW; 2];
         self.heard = [None; 2];
+        self.quiet_us = 0;
     }
 
     /// A pair was missing: its look is not known.
@@ -155,6 +162,7 @@ impl State {
             channel.push(UNKNOWN);
         }
         self.heard = [None; 2];
+        self.quiet_us = 0;
     }
 }
 
@@ -183,6 +191,9 @@ impl Loudness {
         };
         state.heard = [None; 2];
         let elapsed_us = core::mem::take(&mut state.elapsed_us);
+        let quiet = of_own.max(of_peer) <= self.quiet;
+        let quiet_us = state.quiet_us.saturating_add(elapsed_us);
+        state.quiet_us = if quiet { quiet_us } else { 0 };
         let [a, b] = &mut state.channels;
         a.push(of_own);
         b.push(of_peer);
@@ -194,6 +205,11 @@ impl Loudness {
         of_own
             .map(blame(Node::Own))
             .or(of_peer.map(blame(Node::Peer)))
+    }
+
+    /// True while a shock may be going through the machine, or what the filters have left of it.
+    pub fn is_shaken(&self, state: &State) -> bool {
+        state.quiet_us < self.calm_us
     }
 
     /// True while what `one` says can be held against it.
@@ -274,6 +290,24 @@ mod tests {
         let (n, node, reason) = after_quiet(5, &[(64, 80); 50]).expect("found");
         assert_eq!((node, reason), (Node::Peer, Invalid::Noise));
         assert!(n < 45, "{n}");
+    }
+
+    #[test]
+    fn the_machine_counts_as_shaken_until_both_have_been_quiet_for_80_ms() {
+        let check = Loudness::PRODUCT;
+        let mut state = State::default();
+        let mut shaken_after = |own, peer| {
+            check.step(&mut state, Activity(own), Activity(peer), 20_000);
+            check.is_shaken(&state)
+        };
+        assert_eq!(
+            [(); 4].map(|()| shaken_after(64, 64)),
+            [true, true, true, false]
+        );
+        assert!(shaken_after(64, 90), "five times the energy");
+        assert!((0..3).all(|_| shaken_after(64, 64)));
+        assert!(!shaken_after(64, 64));
+        assert!(shaken_after(Activity::GAP.0, 64), "nobody knows");
     }
 
     #[test]

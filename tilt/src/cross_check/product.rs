@@ -247,8 +247,9 @@ impl ProductCheck {
         let mut culprit = None;
         if let (Some(a), Some(b)) = (own.vector, peer.vector) {
             let uncertainty = uncertainty(own, peer);
+            let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
-            differ |= self.residual.step(residual, a, b, uncertainty, elapsed_us);
+            differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
             culprit = self.weigh(state, (own, a), (peer, b), (now, uncertainty, differ));
         }
         self.differ(state, differ, culprit, now);

@@ -8,34 +8,40 @@
 //! Two healthy channels differ a little, and steadily: what switching on, hysteresis and
 //! calibration have left in each. That habit is learned while they agree, within [`HABIT_LIMIT`],
 //! and taken off; what remains is as small as the pair's noise. The difference goes through
-//! low-passes of different lengths, each with its own threshold: the short ones find large faults
-//! at once, the long ones small ones. Beside them the whole difference, habit included, has a
-//! threshold of its own, so that a fault that was there from the start, or grows slowly, is found.
+//! low-passes of different lengths, each with its own thresholds: the short ones find large faults
+//! at once, the long ones small ones. In a shock two healthy channels differ by ten times as much
+//! as without one, briefly, so each low-pass has one threshold for calm and one for shaken times.
+//! Beside them the whole difference, habit included, has a threshold of its own, so that a fault
+//! that was there from the start, or grows slowly, is found.
 //!
 //! Left out: which of the two is wrong; that takes a standstill (`standstill`).
 
 use crate::vector::Corrected;
 
-/// One low-pass with its threshold.
+/// One low-pass with its thresholds, 2^-26 g per step, of the length of the vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stage {
-    /// Time constant, us.
+    /// Time constant, us; 0 lets every pair stand for itself.
     pub tau_us: u32,
-    /// Differences above this are faults, 2^-26 g per step; of the length of the vector.
-    pub threshold: u32,
+    /// Differences above this are faults.
+    pub calm: u32,
+    /// The same while a shock goes through the machine, or nobody knows whether one does.
+    pub shaken: u32,
 }
 
 /// Low-passes in use.
-pub const STAGES: usize = 4;
+pub const STAGES: usize = 5;
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Residual {
     /// The low-passes of the difference without its habit, the longest last.
     pub stages: [Stage; STAGES],
-    /// The low-pass of the whole difference.
-    pub whole: Stage,
-    /// Its threshold is at least this many combined standard uncertainties of the pair.
+    /// Time constant of the low-pass of the whole difference, us.
+    pub whole_us: u32,
+    /// The whole difference above this is a fault, 2^-26 g per step.
+    pub whole: u32,
+    /// It is at least this many combined standard uncertainties of the pair.
     pub coverage: u32,
     /// Time constant with which the habit is learned, us.
     pub habit_us: u32,
@@ -55,19 +61,25 @@ impl Residual {
     /// has the evidence.
     pub const PRODUCT: Self = Self {
         stages: [
-            stage(20_000, 45 * MG),
-            stage(100_000, 13 * MG),
-            stage(250_000, 11 * MG / 2),
-            stage(500_000, 7 * MG / 2),
+            stage(0, 20 * MG, 110 * MG),
+            stage(20_000, 9 * MG, 45 * MG),
+            stage(100_000, 6 * MG, 13 * MG),
+            stage(250_000, 4 * MG, 11 * MG / 2),
+            stage(500_000, 3 * MG, 7 * MG / 2),
         ],
-        whole: stage(500_000, 4 * MG),
+        whole_us: 500_000,
+        whole: 4 * MG,
         coverage: 5,
         habit_us: 100_000_000,
     };
 }
 
-const fn stage(tau_us: u32, threshold: u32) -> Stage {
-    Stage { tau_us, threshold }
+const fn stage(tau_us: u32, calm: u32, shaken: u32) -> Stage {
+    Stage {
+        tau_us,
+        calm,
+        shaken,
+    }
 }
 
 /// What the detector remembers; accelerations in 2^-34 g per step, which leaves room for +-8 g in
@@ -106,13 +118,14 @@ impl State {
 impl Residual {
     /// Takes in a pair `elapsed_us` after the one before; true when a threshold is exceeded.
     ///
-    /// `uncertainty` is the combined standard uncertainty of the pair, 2^-26 g per step.
+    /// `uncertainty` is the combined standard uncertainty of the pair, 2^-26 g per step; `shaken`
+    /// says that a shock may be going through the machine.
     pub fn step(
         &self,
         state: &mut State,
-        own: Corrected,
-        peer: Corrected,
+        [own, peer]: [Corrected; 2],
         uncertainty: u32,
+        shaken: bool,
         elapsed_us: u32,
     ) -> bool {
         let mut whole = [0; 3];
@@ -120,9 +133,9 @@ impl Residual {
             *d = (i64::from(*own) - i64::from(*peer)) << FRACTION;
         }
         let least = uncertainty.saturating_mul(self.coverage);
-        let threshold = self.whole.threshold.max(least);
-        follow(&mut state.shown, &whole, self.whole.tau_us, elapsed_us);
-        follow(&mut state.whole, &whole, self.whole.tau_us, elapsed_us);
+        let threshold = self.whole.max(least);
+        follow(&mut state.shown, &whole, self.whole_us, elapsed_us);
+        follow(&mut state.whole, &whole, self.whole_us, elapsed_us);
         stop(&mut state.whole, threshold);
         let mut exceeded = length_exceeds(&state.whole, threshold);
         let known = state.learned >= KNOWN;
@@ -132,8 +145,9 @@ impl Residual {
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
             follow(low, &rest, stage.tau_us, elapsed_us);
-            stop(low, stage.threshold);
-            exceeded |= known && length_exceeds(low, stage.threshold);
+            stop(low, stage.shaken);
+            let threshold = if shaken { stage.shaken } else { stage.calm };
+            exceeded |= known && length_exceeds(low, threshold);
         }
         if !exceeded {
             self.learn(state, &whole, elapsed_us);
@@ -212,7 +226,8 @@ mod tests {
     /// Steps of 20 ms; a habit of `habit` mg for `before` pairs, then the pair until it is found.
     fn found_after(habit: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
         let mut state = State::default();
-        let mut step = |mg| Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 20_000);
+        let mut step =
+            |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 20_000);
         assert!((0..before).all(|_| !step(habit)));
         (0..most).find(|_| step(mg))
     }
@@ -246,7 +261,8 @@ mod tests {
     fn a_swapped_axis_was_held_against_the_pair_for_ten_seconds_after_its_end() {
         // 50 ms between pairs, as on a slow bus.
         let mut state = State::default();
-        let mut step = |mg| Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 50_000);
+        let mut step =
+            |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 50_000);
         assert!((0..300).all(|_| !step(0.0)));
         assert!((0..200).filter(|_| step(1400.0)).count() > 190);
         let over = (0..1000).find(|_| !step(0.0)).expect("it ends");
@@ -259,16 +275,31 @@ mod tests {
         let mut mg = 0.0;
         let found = (0..10_000).find(|_| {
             mg += 0.2 * 0.02;
-            Residual::PRODUCT.step(&mut state, shifted(mg), LEVEL, 0, 20_000)
+            Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 20_000)
         });
         assert!(found.is_some() && mg < 4.3, "{mg} mg");
+    }
+
+    #[test]
+    fn a_shock_allows_more() {
+        let found = |mg: f64, shaken: bool| {
+            let mut state = State::default();
+            let mut step = |mg, shaken| {
+                Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, shaken, 20_000)
+            };
+            assert!((0..300).all(|_| !step(0.0, false)));
+            step(mg, shaken)
+        };
+        assert_eq!((found(60.0, true), found(17.0, false)), (false, false));
+        assert_eq!((found(120.0, true), found(21.0, false)), (true, true));
     }
 
     #[test]
     fn a_vague_pair_is_allowed_more() {
         let mut state = State::default();
         let check = Residual::PRODUCT;
-        let wide = |state: &mut State, mg| check.step(state, shifted(mg), LEVEL, 2 * MG, 20_000);
+        let wide =
+            |state: &mut State, mg| check.step(state, [shifted(mg), LEVEL], 2 * MG, false, 20_000);
         assert!(
             (0..200).all(|_| !wide(&mut state, 9.0)),
             "five uncertainties are 10 mg"
@@ -282,10 +313,17 @@ mod tests {
         let [low, high] = [i32::MIN, i32::MAX].map(|v| Corrected { accel: [v; 3] });
         for elapsed in [0, 1, u32::MAX] {
             for uncertainty in [0, u32::MAX] {
-                Residual::PRODUCT.step(&mut state, low, high, uncertainty, elapsed);
-                Residual::PRODUCT.step(&mut state, high, low, uncertainty, elapsed);
+                let check = Residual::PRODUCT;
+                check.step(&mut state, [low, high], uncertainty, false, elapsed);
+                check.step(&mut state, [high, low], uncertainty, true, elapsed);
             }
         }
-        assert!((0..100).any(|_| Residual::PRODUCT.step(&mut state, high, low, 0, u32::MAX)));
+        assert!((0..100).any(|_| Residual::PRODUCT.step(
+            &mut state,
+            [high, low],
+            0,
+            true,
+            u32::MAX
+        )));
     }
 }
