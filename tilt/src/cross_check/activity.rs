@@ -132,8 +132,10 @@ pub struct State {
     heard: [Option<u32>; 2],
     /// Time since then, us.
     elapsed_us: u32,
-    /// For how long neither has been loud, us.
+    /// For how long no shock has been heard, us.
     quiet_us: u32,
+    /// One of the two has just become loud: the next look will show whether it was a shock.
+    pending: bool,
 }
 
 impl Default for State {
@@ -143,6 +145,7 @@ impl Default for State {
             heard: [None; 2],
             elapsed_us: 0,
             quiet_us: 0,
+            pending: false,
         }
     }
 }
@@ -151,9 +154,7 @@ impl State {
     /// One of the two could not measure: nothing is known of what they heard meanwhile, and what
     /// was usual may have changed.
     pub fn restart(&mut self) {
-        self.channels = [Channel::NEW; 2];
-        self.heard = [None; 2];
-        self.quiet_us = 0;
+        *self = Self::default();
     }
 
     /// A pair was missing: its look is not known.
@@ -191,12 +192,13 @@ impl Loudness {
         };
         state.heard = [None; 2];
         let elapsed_us = core::mem::take(&mut state.elapsed_us);
-        let quiet = of_own.max(of_peer) <= self.quiet;
-        let quiet_us = state.quiet_us.saturating_add(elapsed_us);
-        state.quiet_us = if quiet { quiet_us } else { 0 };
         let [a, b] = &mut state.channels;
         a.push(of_own);
         b.push(of_peer);
+        let shock = self.was_shock(a, b) || self.was_shock(b, a);
+        let quiet_us = state.quiet_us.saturating_add(elapsed_us);
+        state.quiet_us = if shock { 0 } else { quiet_us };
+        state.pending = self.is_new(a) || self.is_new(b);
         // Both learn before either is judged, so that both nodes judge alike.
         self.learn(a, b, elapsed_us);
         self.learn(b, a, elapsed_us);
@@ -207,9 +209,24 @@ impl Loudness {
             .or(of_peer.map(blame(Node::Peer)))
     }
 
-    /// True while a shock may be going through the machine, or what the filters have left of it.
+    /// True while a shock may be going through the machine, or what the filters have left of it;
+    /// between two looks nobody knows.
     pub fn is_shaken(&self, state: &State) -> bool {
-        state.quiet_us < self.calm_us
+        let between_looks = state.elapsed_us > 0;
+        between_looks || state.pending || state.quiet_us < self.calm_us
+    }
+
+    /// True when what made `one` loud in the look before the last was heard by the other as well,
+    /// in that look or in one beside it.
+    fn was_shock(&self, one: &Channel, other: &Channel) -> bool {
+        let [_, middle, _] = one.looks;
+        middle > self.quiet && other.loudest() > self.quiet / 2
+    }
+
+    /// True when `one` has become loud in the last look.
+    fn is_new(&self, one: &Channel) -> bool {
+        let [newest, before, _] = one.looks;
+        newest > self.quiet && before <= self.quiet
     }
 
     /// True while what `one` says can be held against it.
@@ -301,13 +318,38 @@ mod tests {
             check.is_shaken(&state)
         };
         assert_eq!(
-            [(); 4].map(|()| shaken_after(64, 64)),
-            [true, true, true, false]
+            [(); 5].map(|()| shaken_after(64, 64)),
+            [true, true, true, true, false]
         );
-        assert!(shaken_after(64, 90), "five times the energy");
-        assert!((0..3).all(|_| shaken_after(64, 64)));
+        assert!(
+            shaken_after(90, 64) && shaken_after(64, 90),
+            "9 times the energy"
+        );
+        assert!((0..4).all(|_| shaken_after(64, 64)));
         assert!(!shaken_after(64, 64));
+        assert!(shaken_after(90, 64), "the other may hear it later");
+        assert!(!shaken_after(90, 64), "a step of one channel, and no shock");
         assert!(shaken_after(Activity::GAP.0, 64), "nobody knows");
+    }
+
+    #[test]
+    fn a_shock_that_began_between_two_looks_was_taken_for_a_fault_of_the_pair() {
+        // Ten milliseconds between SYNCs: a look at every other pair.
+        let check = Loudness::PRODUCT;
+        let mut state = State::default();
+        let mut shaken_after = |activity| {
+            check.step(&mut state, Activity(activity), Activity(activity), 10_000);
+            check.is_shaken(&state)
+        };
+        assert_eq!(
+            (0..100)
+                .map(|_| shaken_after(64))
+                .filter(|shaken| *shaken)
+                .count(),
+            8
+        );
+        assert!(shaken_after(0));
+        assert!(!shaken_after(64));
     }
 
     #[test]
