@@ -223,10 +223,10 @@ impl Loudness {
         middle > self.quiet && other.loudest() > self.quiet / 2
     }
 
-    /// True when `one` has become loud in the last look.
+    /// True when `one` has become loud in the last look, or nothing is known of that.
     fn is_new(&self, one: &Channel) -> bool {
         let [newest, before, _] = one.looks;
-        newest > self.quiet && before <= self.quiet
+        newest == UNKNOWN || newest > self.quiet && before <= self.quiet
     }
 
     /// True while what `one` says can be held against it.
