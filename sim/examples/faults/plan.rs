@@ -153,7 +153,7 @@ pub const KINDS: [Kind; 29] = [
         }),
     ),
     sensor("gain -2 %", |a, _| gain(a), study(100, 0.24)),
-    sensor("gain -2 %, axis z", |_, _| gain(2), None),
+    sensor("gain -2 %, axis z", |_, _| gain(2), study(100, 0.24)),
     sensor("delay 50 ms", |_, _| late(0.05), study(100, 0.02)),
     sensor("delay 200 ms", |_, _| late(0.2), None),
     sensor("sample loss 10 %", |_, _| loss(0.1), None),
@@ -256,9 +256,9 @@ impl Counts {
     /// What the page is about.
     pub const LONG: Self = Self {
         units: 10,
-        cell: 20,
+        cell: 60,
         promise: 1000,
-        worlds: 24,
+        worlds: 200,
         paper_worlds: 2,
         world_s: 1800.0,
         paper: true,
