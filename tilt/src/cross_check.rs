@@ -149,8 +149,13 @@ struct Silence {
 impl Silence {
     /// A pair without both angles at `now`; true when that has lasted too long.
     fn lasts(&mut self, now: Instant) -> bool {
+        self.lasts_for(now, PATIENCE_US)
+    }
+
+    /// [`Silence::lasts`] with a patience of its own, us.
+    fn lasts_for(&mut self, now: Instant, patience_us: i64) -> bool {
         self.heard_since = None;
-        now.micros_since(*self.since.get_or_insert(now)) > PATIENCE_US
+        now.micros_since(*self.since.get_or_insert(now)) > patience_us
     }
 
     /// A pair with both angles at `now`.

@@ -8,6 +8,7 @@
 use canopen::nmt::State;
 use tilt::angle::Axes;
 use tilt::chain::{Invalid, Reading};
+use tilt::health::Activity;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
@@ -119,7 +120,13 @@ impl Values {
     }
 
     /// SYNC: shows the reading of this instant, tells it to the peer and keeps it for the peer's.
-    pub fn latch(&mut self, observation: Observation, at: Instant) {
+    ///
+    /// Where the SYNC before has no answer the peer may never have been told what this channel
+    /// heard until then (a SYNC that comes twice within a millisecond): its activity is not known.
+    pub fn latch(&mut self, mut observation: Observation, at: Instant) {
+        if self.news.own.is_some() {
+            observation.activity = Activity::GAP;
+        }
         self.show(&observation.reading);
         self.tell(&observation, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
@@ -151,5 +158,27 @@ impl Values {
 impl Default for Values {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_heard_before_a_doubled_sync_got_lost_and_the_other_was_called_spiky() {
+        let mut values = Values::new();
+        let heard = Observation {
+            activity: Activity(121),
+            ..Observation::absent(Invalid::Settling)
+        };
+        values.latch(heard, Instant(0));
+        assert_eq!(values.process.sent.activity, 121);
+        let nothing = Observation::absent(Invalid::Settling);
+        values.latch(nothing, Instant(200));
+        assert_eq!(values.process.sent.activity, Activity::GAP.0);
+        values.news.own = None;
+        values.latch(nothing, Instant(20_000));
+        assert_eq!(values.process.sent.activity, Activity::NONE.0);
     }
 }

@@ -194,10 +194,16 @@ fn both_at_once(rng: &mut Rng) -> Vec<Injection> {
     ]
 }
 
-/// Two faults of one kind may cancel each other out, which no comparison can see.
+/// Two faults of one kind may cancel each other out, which no comparison can see; so may a step of
+/// one channel and the drift of the other.
 fn same_kind(a: &What, b: &What) -> bool {
     use std::mem::discriminant;
+    let shifts = |fault: &SensorFault| {
+        use SensorFault::{Bias, Drift, Gain};
+        matches!(fault, Bias { .. } | Drift { .. } | Gain { .. })
+    };
     match (a, b) {
+        (What::Sensor(a), What::Sensor(b)) if shifts(a) && shifts(b) => true,
         (What::Sensor(a), What::Sensor(b)) => discriminant(a) == discriminant(b),
         (What::Node(a), What::Node(b)) => discriminant(a) == discriminant(b),
         _ => false,
@@ -305,6 +311,14 @@ mod tests {
             assert_ne!(a.channel, b.channel);
             assert!(b.from_s < a.until_s && !same_kind(&a.what, &b.what));
         }
+    }
+
+    #[test]
+    fn a_drift_that_met_the_others_step_made_both_wrong_alike() {
+        let drift = |mg_per_s| What::Sensor(SensorFault::Drift { axis: 0, mg_per_s });
+        let step = What::Sensor(SensorFault::Bias { axis: 0, mg: -20.0 });
+        assert!(same_kind(&drift(-10.0), &step));
+        assert!(!same_kind(&drift(-10.0), &What::Sensor(SensorFault::Sag)));
     }
 
     #[test]

@@ -24,7 +24,7 @@ use super::activity::{self, Loudness};
 use super::residual::{self, Residual};
 use super::standstill::{self, Standstill};
 use super::window::{WindowCheck, WindowState};
-use super::{Judgement, Node, Silence, difference, reason};
+use super::{HEARD_US, Judgement, Node, PATIENCE_US, Silence, difference, reason};
 
 /// How long something found stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +67,13 @@ impl ProductCheck {
 /// How long a channel that was late or silent has to be in time before it counts again.
 pub const RECOVERY_US: i64 = 1_000_000;
 
-/// The longest time between two pairs that averages are fed with, us; beyond, they start anew.
-const LONGEST_PAUSE_US: u32 = 200_000;
+/// The longest time between two pairs that averages are fed with, us; beyond, they start anew. A
+/// master may send SYNC as seldom as every ten seconds.
+const LONGEST_PAUSE_US: u32 = 11_000_000;
+
+/// How long both channels together may go without an angle while shocks drive both over their
+/// range, us: that is the machine's doing and accuses neither, but somebody has to be told at last.
+const SHAKEN_PATIENCE_US: i64 = 10_000_000;
 
 /// A finding, and when it was last seen.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +93,8 @@ pub struct ProductState {
     standstill: standstill::State,
     /// Own channel, then the peer.
     silence: [Silence; 2],
+    /// When both were last over their range at once.
+    both_over: Option<Instant>,
     before: Option<Instant>,
     /// Own channel, then the peer.
     ill: [Option<Held<Invalid>>; 2],
@@ -155,6 +162,19 @@ impl ProductState {
         }
     }
 
+    /// How long a channel may go without an angle for a reason that passes.
+    fn patience_us(&mut self, absent: [Option<Invalid>; 2], now: Instant) -> i64 {
+        if absent == [Some(Invalid::OverRange); 2] {
+            self.both_over = Some(now);
+        }
+        let shaken = |at: Instant| now.micros_since(at) < HEARD_US;
+        if self.both_over.is_some_and(shaken) {
+            SHAKEN_PATIENCE_US
+        } else {
+            PATIENCE_US
+        }
+    }
+
     fn accused(&self) -> bool {
         self.ill.iter().any(Option::is_some)
     }
@@ -183,6 +203,7 @@ impl ProductCheck {
         self.release(state, now);
         let elapsed_us = pause(state.before.replace(now), now);
         let absent = [reason(own.reading), reason(peer.reading)];
+        let patience_us = state.patience_us(absent, now);
         let mut waiting = None;
         for (node, why) in [Node::Own, Node::Peer].into_iter().zip(absent) {
             let [own, peer] = &mut state.silence;
@@ -192,7 +213,9 @@ impl ProductCheck {
             };
             match why {
                 None => silence.hear(now),
-                Some(why) if why.is_transient() && !silence.lasts(now) => waiting = Some(why),
+                Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
+                    waiting = Some(why);
+                }
                 Some(why) => state.hold(node, why, now, node == Node::Peer),
             }
         }

@@ -373,11 +373,25 @@ fn two_channels_that_clip_in_turn_are_not_added_up() {
             assert_eq!(judged, [Judgement::Waiting(Invalid::OverRange)]);
         }
     }
-    let both = bench.lasts(clipped, clipped, 2.5);
-    assert!(matches!(
-        both.last(),
-        Some(Judgement::NoChannel(Invalid::OverRange))
-    ));
+}
+
+#[test]
+fn a_machine_that_shook_both_over_their_range_for_two_seconds_stopped_for_good() {
+    let mut bench = Bench::working();
+    let clipped = level().refused(Invalid::OverRange);
+    // Shock after shock: never half a second without one.
+    for _ in 0..12 {
+        let judged = bench.lasts(clipped, clipped, 0.3);
+        assert_eq!(judged, [Judgement::Waiting(Invalid::OverRange)]);
+        bench.lasts(clipped, level(), 0.02);
+        bench.lasts(level(), level(), 0.3);
+    }
+    bench.lasts(level(), level(), 1.0);
+    assert_eq!(bench.last, Judgement::Agree);
+    bench.lasts(clipped, clipped, 9.9);
+    assert_eq!(bench.last, Judgement::Waiting(Invalid::OverRange));
+    bench.lasts(clipped, clipped, 0.2);
+    assert_eq!(bench.last, Judgement::NoChannel(Invalid::OverRange));
 }
 
 #[test]

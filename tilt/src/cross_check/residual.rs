@@ -53,8 +53,8 @@ const MG: u32 = 67_109;
 /// How large a habit may become on each axis, 2^-26 g.
 pub const HABIT_LIMIT: i32 = 2 * MG as i32;
 
-/// Pairs that a habit takes to be known: five seconds at 50 a second.
-const KNOWN: u32 = 250;
+/// How long a habit takes to be known, us.
+const KNOWN_US: u32 = 5_000_000;
 
 impl Residual {
     /// What two LIS2DW12 channels on one housing never reach in healthy work; `docs/faults.md`
@@ -91,8 +91,8 @@ pub struct State {
     /// As `whole`, without an end.
     shown: [i64; 3],
     habit: [i64; 3],
-    /// Pairs that the habit was learned from, up to the time constant.
-    learned: u32,
+    /// How long the habit has been learned, us.
+    learned_us: u32,
 }
 
 /// Fraction bits of the low-passes below 2^-26 g, against a dead band.
@@ -134,17 +134,18 @@ impl Residual {
         }
         let least = uncertainty.saturating_mul(self.coverage);
         let threshold = self.whole.max(least);
-        follow(&mut state.shown, &whole, self.whole_us, elapsed_us);
-        follow(&mut state.whole, &whole, self.whole_us, elapsed_us);
+        let counted_us = elapsed_us.min(LONGEST_US);
+        follow(&mut state.shown, &whole, self.whole_us, counted_us);
+        follow(&mut state.whole, &whole, self.whole_us, counted_us);
         stop(&mut state.whole, threshold);
         let mut exceeded = length_exceeds(&state.whole, threshold);
-        let known = state.learned >= KNOWN;
+        let known = state.learned_us >= KNOWN_US;
         let mut rest = whole;
         for (rest, habit) in rest.iter_mut().zip(&state.habit) {
             *rest -= habit;
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
-            follow(low, &rest, stage.tau_us, elapsed_us);
+            follow(low, &rest, stage.tau_us, counted_us);
             stop(low, stage.shaken);
             let threshold = if shaken { stage.shaken } else { stage.calm };
             exceeded |= known && length_exceeds(low, threshold);
@@ -155,20 +156,15 @@ impl Residual {
         exceeded
     }
 
-    /// The first pairs count alike, later ones by the time constant.
+    /// The first pairs count by their time, later ones by the time constant.
     fn learn(&self, state: &mut State, whole: &[i64; 3], elapsed_us: u32) {
-        let so_far = state.learned.saturating_mul(elapsed_us);
-        follow(
-            &mut state.habit,
-            whole,
-            so_far.min(self.habit_us),
-            elapsed_us,
-        );
+        let so_far_us = state.learned_us.min(self.habit_us);
+        follow(&mut state.habit, whole, so_far_us, elapsed_us);
         let limit = i64::from(HABIT_LIMIT) << FRACTION;
         for habit in &mut state.habit {
             *habit = (*habit).clamp(-limit, limit);
         }
-        state.learned = state.learned.saturating_add(1);
+        state.learned_us = state.learned_us.saturating_add(elapsed_us);
     }
 }
 
@@ -188,7 +184,7 @@ fn stop(low: &mut [i64; 3], threshold: u32) {
 }
 
 fn follow(low: &mut [i64; 3], value: &[i64; 3], tau_us: u32, elapsed_us: u32) {
-    let elapsed = u64::from(elapsed_us.min(LONGEST_US));
+    let elapsed = u64::from(elapsed_us);
     let whole = elapsed.saturating_add(u64::from(tau_us)).max(1);
     // 2^-22 of the way is the least: a hundred seconds in steps of a millisecond are 2^-17.
     let share = ((elapsed << 22) / whole) as i64;
@@ -220,6 +216,22 @@ mod tests {
     fn shifted(mg: f64) -> Corrected {
         Corrected {
             accel: [(mg * f64::from(MG)) as i32, 0, ONE_G],
+        }
+    }
+
+    #[test]
+    fn a_pair_was_blind_where_sync_came_every_200_ms_or_slower() {
+        for period_us in [200_000, 300_000, 1_000_000, 10_000_000] {
+            let mut state = State::default();
+            let mut step =
+                |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, period_us);
+            assert!((0..60).all(|_| !step(1.0)));
+            let after = [40.0, 10.0].map(|mg| (0..60).position(|_| step(mg)));
+            assert_eq!(after[0], Some(0), "{period_us}");
+            assert!(
+                after[1].is_some_and(|pairs| pairs < 20),
+                "{period_us} {after:?}"
+            );
         }
     }
 

@@ -43,6 +43,10 @@ const MG: u32 = 67_109;
 /// calibration's own error.
 pub const HABIT_LIMIT: i32 = 4 * MG as i32;
 
+/// A window has at least this many pairs: two that are seconds apart may lie both at the ends of a
+/// move.
+const LEAST_PAIRS: u32 = 10;
+
 /// The wrong channel's length must be off by this many times the other's, in quarters.
 const CLEARLY_QUARTERS: u64 = 10;
 
@@ -144,7 +148,8 @@ impl Standstill {
             state.interrupt();
             return None;
         }
-        if now.micros_since(window.since) < i64::from(self.window_us) {
+        let long = now.micros_since(window.since) >= i64::from(self.window_us);
+        if !long || window.count < LEAST_PAIRS {
             return None;
         }
         let means = window.means();
