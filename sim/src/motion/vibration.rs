@@ -5,6 +5,7 @@
 //! a fixed step, noise runs through two second-order sections. Left out: how vibration travels
 //! through the structure; each axis gets its share as its owner says.
 
+use super::{Lanes, axes, each};
 use crate::TICK_S;
 use crate::rng::Rng;
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -62,15 +63,15 @@ pub struct BandNoise {
     every: u32,
     state: [[SectionState; 2]; 3],
     tick: u32,
-    axes: [Spline; 3],
+    spline: Spline,
 }
 
-/// One axis of the spline: its last four points, and its value with three forward differences.
+/// The spline on all axes: its last four points, and its value with three forward differences.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spline {
-    points: [f64; 4],
-    value: f64,
-    differences: [f64; 3],
+    points: [Lanes; 4],
+    value: Lanes,
+    differences: [Lanes; 3],
 }
 
 /// The points' weights in the spline a share `t` of the way through a piece, oldest first.
@@ -87,27 +88,28 @@ fn spline_weights(t: f64) -> [f64; 4] {
 impl Spline {
     /// Begins the piece that `next` is the newest point of, `step` of a piece per tick.
     #[inline]
-    fn begin(&mut self, next: f64, step: f64) {
+    fn begin(&mut self, next: Lanes, step: f64) {
         let [_, a, b, c] = self.points;
         self.points = [a, b, c, next];
-        let (d1, d2) = ((c - a) / 2.0, (a + c) / 2.0 - b);
-        let d3 = (next - a) / 6.0 + (b - c) / 2.0;
+        let d1 = each(|i| (c[i] - a[i]) / 2.0);
+        let d2 = each(|i| (a[i] + c[i]) / 2.0 - b[i]);
+        let d3 = each(|i| (next[i] - a[i]) / 6.0 + (b[i] - c[i]) / 2.0);
         let (h2, h3) = (step * step, step * step * step);
-        self.value = (a + 4.0 * b + c) / 6.0;
+        self.value = each(|i| (a[i] + 4.0 * b[i] + c[i]) / 6.0);
         self.differences = [
-            d1 * step + d2 * h2 + d3 * h3,
-            2.0 * d2 * h2 + 6.0 * d3 * h3,
-            6.0 * d3 * h3,
+            each(|i| d1[i] * step + d2[i] * h2 + d3[i] * h3),
+            each(|i| 2.0 * d2[i] * h2 + 6.0 * d3[i] * h3),
+            each(|i| 6.0 * d3[i] * h3),
         ];
     }
 
     /// The value at this tick; moves on to the next.
     #[inline]
-    fn step(&mut self) -> f64 {
+    fn step(&mut self) -> Lanes {
         let value = self.value;
         let [d1, d2, d3] = self.differences;
-        self.value += d1;
-        self.differences = [d1 + d2, d2 + d3, d3];
+        self.value = each(|i| value[i] + d1[i]);
+        self.differences = [each(|i| d1[i] + d2[i]), each(|i| d2[i] + d3[i]), d3];
         value
     }
 }
@@ -125,7 +127,7 @@ impl BandNoise {
             every,
             state: Default::default(),
             tick: 0,
-            axes: Default::default(),
+            spline: Spline::default(),
         };
         let ring_out = (20.0 * rate_hz / low_hz) as usize;
         noise.gain_g = rms_g / noise.power_gain(ring_out).sqrt();
@@ -172,14 +174,15 @@ impl BandNoise {
         }
         if self.tick == 0 {
             let step = 1.0 / f64::from(self.every);
-            for axis in 0..3 {
-                let next_g = self.next_g(axis, rng);
-                self.axes[axis].begin(next_g, step);
+            let mut next_g = [0.0; 4];
+            for (axis, next_g) in next_g.iter_mut().take(3).enumerate() {
+                *next_g = self.next_g(axis, rng);
             }
+            self.spline.begin(next_g, step);
             self.tick = self.every;
         }
         self.tick -= 1;
-        [0, 1, 2].map(|axis| self.axes[axis].step())
+        axes(self.spline.step())
     }
 
     #[inline]
@@ -225,7 +228,8 @@ impl Phasor {
 #[derive(Clone, Debug)]
 pub struct Tone {
     phasor: Phasor,
-    share_g: [[f64; 2]; 3],
+    /// Shares of the phasor's real part and of its imaginary part.
+    share_g: [Lanes; 2],
 }
 
 impl Tone {
@@ -233,10 +237,12 @@ impl Tone {
     pub fn new(rms_g: f64, frequency_hz: f64, rng: &mut Rng) -> Tone {
         let mut phasor = Phasor::new(frequency_hz, f64::INFINITY);
         phasor.re = 1.0;
-        let share_g = [0; 3].map(|_| {
+        let mut share_g = [[0.0; 4]; 2];
+        for axis in 0..3 {
             let (sin, cos) = rng.range(0.0, TAU).sin_cos();
-            [rms_g * SQRT_2 * cos, rms_g * SQRT_2 * sin]
-        });
+            share_g[0][axis] = rms_g * SQRT_2 * cos;
+            share_g[1][axis] = rms_g * SQRT_2 * sin;
+        }
         Tone { phasor, share_g }
     }
 
@@ -249,8 +255,8 @@ impl Tone {
         let hold = 1.5 - 0.5 * length_2;
         self.phasor.re *= hold;
         self.phasor.im *= hold;
-        self.share_g
-            .map(|[re, im]| re * self.phasor.re + im * self.phasor.im)
+        let [re, im] = self.share_g;
+        axes(each(|i| re[i] * self.phasor.re + im[i] * self.phasor.im))
     }
 }
 
@@ -381,10 +387,10 @@ mod tests {
         let weights = spline_weights(0.4);
         assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         let mut spline = Spline {
-            points: [9.0, 1.0, -2.0, 5.0],
+            points: [9.0, 1.0, -2.0, 5.0].map(|point| [point; 4]),
             ..Spline::default()
         };
-        spline.begin(3.0, 0.2);
+        spline.begin([3.0; 4], 0.2);
         (0..2).for_each(|_| {
             spline.step();
         });
@@ -393,7 +399,7 @@ mod tests {
             .zip([1.0, -2.0, 5.0, 3.0])
             .map(|(w, p)| w * p)
             .sum();
-        assert!((spline.step() - expected).abs() < 1e-12);
+        assert!((spline.step().iter()).all(|value| (value - expected).abs() < 1e-12));
     }
 
     #[test]
