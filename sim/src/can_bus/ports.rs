@@ -59,14 +59,19 @@ impl Ports {
     }
 
     /// The members, lowest number first.
+    #[inline]
     pub fn iter(self) -> impl Iterator<Item = Port> {
-        let mut rest = self.0;
+        // Two halves, because for the whole width counting zeros and taking one away are long.
+        let mut halves = [self.0 as u64, (self.0 >> 64) as u64];
         std::iter::from_fn(move || {
-            let port = Port(rest.trailing_zeros() as u8);
-            (rest != 0).then(|| {
-                rest &= rest - 1;
-                port
-            })
+            let [low, high] = &mut halves;
+            let (rest, first) = if *low != 0 { (low, 0) } else { (high, 64) };
+            if *rest == 0 {
+                return None;
+            }
+            let port = Port(first + rest.trailing_zeros() as u8);
+            *rest &= *rest - 1;
+            Some(port)
         })
     }
 
