@@ -145,6 +145,14 @@ impl LowPass {
             (self.input_g, self.output_g) = (to_g, to_g);
             return force_g;
         }
+        self.advance(to_g);
+        axes(self.output_g)
+    }
+
+    /// The state at the tick's end. By itself, because among other code the axes are no longer
+    /// taken in pairs.
+    #[inline(never)]
+    fn advance(&mut self, to_g: Lanes) {
         let Response { output, slope, .. } = self.response;
         let (out_g, slope_g, from_g) = (self.output_g, self.slope_g, self.input_g);
         let sum = |of: [f64; 4], i: usize| {
@@ -153,7 +161,6 @@ impl LowPass {
         self.output_g = each(|i| sum(output, i));
         self.slope_g = each(|i| sum(slope, i));
         self.input_g = to_g;
-        axes(self.output_g)
     }
 }
 

@@ -62,16 +62,19 @@ impl Ports {
     #[inline]
     pub fn iter(self) -> impl Iterator<Item = Port> {
         // Two halves, because for the whole width counting zeros and taking one away are long.
-        let mut halves = [self.0 as u64, (self.0 >> 64) as u64];
+        let (mut low, mut high) = (self.0 as u64, (self.0 >> 64) as u64);
         std::iter::from_fn(move || {
-            let [low, high] = &mut halves;
-            let (rest, first) = if *low != 0 { (low, 0) } else { (high, 64) };
-            if *rest == 0 {
-                return None;
+            if low != 0 {
+                let port = Port(low.trailing_zeros() as u8);
+                low &= low - 1;
+                return Some(port);
             }
-            let port = Port(first + rest.trailing_zeros() as u8);
-            *rest &= *rest - 1;
-            Some(port)
+            if high != 0 {
+                let port = Port(64 + high.trailing_zeros() as u8);
+                high &= high - 1;
+                return Some(port);
+            }
+            None
         })
     }
 

@@ -5,7 +5,7 @@
 //! a fixed step, noise runs through two second-order sections. Left out: how vibration travels
 //! through the structure; each axis gets its share as its owner says.
 
-use super::{Lanes, axes, each};
+use super::{Lanes, axes, each, lanes};
 use crate::TICK_S;
 use crate::rng::Rng;
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -14,7 +14,8 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 #[derive(Clone, Copy, Debug)]
 struct Section([f64; 5]);
 
-type SectionState = [f64; 2];
+/// What a section remembers of each axis.
+type SectionState = [Lanes; 2];
 
 impl Section {
     /// Butterworth low-pass, -3 dB at `corner_hz`, by the pre-warped bilinear transform.
@@ -39,11 +40,14 @@ impl Section {
     }
 
     #[inline]
-    fn step(&self, state: &mut SectionState, x: f64) -> f64 {
+    fn step(&self, state: &mut SectionState, x: Lanes) -> Lanes {
         let [b0, b1, b2, a1, a2] = self.0;
-        let y = b0 * x + state[0];
-        state[0] = b1 * x - a1 * y + state[1];
-        state[1] = b2 * x - a2 * y;
+        let [first, second] = *state;
+        let y = each(|i| b0 * x[i] + first[i]);
+        *state = [
+            each(|i| b1 * x[i] - a1 * y[i] + second[i]),
+            each(|i| b2 * x[i] - a2 * y[i]),
+        ];
         y
     }
 }
@@ -61,7 +65,7 @@ pub struct BandNoise {
     low_pass: Section,
     gain_g: f64,
     every: u32,
-    state: [[SectionState; 2]; 3],
+    state: [SectionState; 2],
     tick: u32,
     spline: Spline,
 }
@@ -141,7 +145,8 @@ impl BandNoise {
         let (mut lags, mut past) = ([0.0; 4], [0.0; 4]);
         for n in 0..length {
             let [a, b, c, _] = past;
-            let h = self.pass(&mut state, if n == 0 { 1.0 } else { 0.0 });
+            let impulse = if n == 0 { 1.0 } else { 0.0 };
+            let [h, ..] = self.pass(&mut state, [impulse, 0.0, 0.0, 0.0]);
             past = [h, a, b, c];
             for (lag, before) in lags.iter_mut().zip(past) {
                 *lag += h * before;
@@ -161,7 +166,7 @@ impl BandNoise {
     }
 
     #[inline]
-    fn pass(&self, state: &mut [SectionState; 2], x: f64) -> f64 {
+    fn pass(&self, state: &mut [SectionState; 2], x: Lanes) -> Lanes {
         let high = self.high_pass.step(&mut state[0], x);
         self.low_pass.step(&mut state[1], high)
     }
@@ -170,14 +175,11 @@ impl BandNoise {
     #[inline]
     pub fn step(&mut self, rng: &mut Rng) -> [f64; 3] {
         if self.every == 1 {
-            return [0, 1, 2].map(|axis| self.next_g(axis, rng));
+            return axes(self.next_g(rng));
         }
         if self.tick == 0 {
             let step = 1.0 / f64::from(self.every);
-            let mut next_g = [0.0; 4];
-            for (axis, next_g) in next_g.iter_mut().take(3).enumerate() {
-                *next_g = self.next_g(axis, rng);
-            }
+            let next_g = self.next_g(rng);
             self.spline.begin(next_g, step);
             self.tick = self.every;
         }
@@ -185,12 +187,13 @@ impl BandNoise {
         axes(self.spline.step())
     }
 
-    #[inline]
-    fn next_g(&mut self, axis: usize, rng: &mut Rng) -> f64 {
-        let mut state = self.state[axis];
-        let next_g = self.gain_g * self.pass(&mut state, rng.normal());
-        self.state[axis] = state;
-        next_g
+    /// By itself, because among other code the axes are no longer taken in pairs.
+    #[inline(never)]
+    fn next_g(&mut self, rng: &mut Rng) -> Lanes {
+        let mut state = self.state;
+        let noise = self.pass(&mut state, lanes(rng.normals()));
+        self.state = state;
+        each(|i| self.gain_g * noise[i])
     }
 }
 
@@ -238,10 +241,11 @@ impl Tone {
         let mut phasor = Phasor::new(frequency_hz, f64::INFINITY);
         phasor.re = 1.0;
         let mut share_g = [[0.0; 4]; 2];
-        for axis in 0..3 {
+        let [re, im] = &mut share_g;
+        for (re, im) in re.iter_mut().zip(im).take(3) {
             let (sin, cos) = rng.range(0.0, TAU).sin_cos();
-            share_g[0][axis] = rms_g * SQRT_2 * cos;
-            share_g[1][axis] = rms_g * SQRT_2 * sin;
+            *re = rms_g * SQRT_2 * cos;
+            *im = rms_g * SQRT_2 * sin;
         }
         Tone { phasor, share_g }
     }
