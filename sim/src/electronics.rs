@@ -34,7 +34,7 @@ pub struct Clock {
 impl Clock {
     /// What the clock shows at `time_s`.
     pub fn at(&self, time_s: f64) -> Instant {
-        Instant(((time_s - self.start_s) * self.us_per_s) as u64)
+        Instant(whole((time_s - self.start_s) * self.us_per_s))
     }
 
     /// When the clock shows `instant`, s: the earliest time at which [`Clock::at`] gives it.
@@ -73,11 +73,19 @@ struct Sampling {
     sigma_g: f64,
 }
 
+/// The whole part of a time, 0 of one before 0.
+///
+/// By way of signed numbers, which the processor converts by itself; no time is beyond them.
+#[inline]
+pub(crate) fn whole(time: f64) -> u64 {
+    (time as i64).max(0) as u64
+}
+
 /// Rounded as `round` does, whose call would cost more than all the rest.
 fn nanoseconds(time_s: f64) -> u64 {
     let time_ns = time_s * 1e9;
-    let whole = time_ns as u64;
-    whole + u64::from(time_ns - whole as f64 >= 0.5)
+    let cut_ns = whole(time_ns);
+    cut_ns + u64::from(time_ns - cut_ns as i64 as f64 >= 0.5)
 }
 
 impl Sensor {
@@ -123,25 +131,33 @@ impl Sensor {
 
     /// One tick up to `time_s`, in which the force goes to `force_g`; calls `ready` for samples.
     #[inline]
-    fn tick(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(Edge)) {
+    fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(Edge)) {
+        if self.sampling.is_some_and(|s| s.next_s <= time_s) {
+            return self.tick_with_samples(force_g, time_s, ready);
+        }
+        self.felt_g = self.analogue.step(force_g);
+        self.now_s = time_s;
+    }
+
+    fn tick_with_samples(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(Edge)) {
         let before = self.analogue.moment();
         let before_s = self.now_s;
         self.felt_g = self.analogue.step(force_g);
         self.now_s = time_s;
+        let after = self.analogue.moment();
         while let Some(sampling) = self.sampling.filter(|s| s.next_s <= time_s) {
             let due_s = sampling.next_s;
             let way = ((due_s - before_s) / (time_s - before_s).max(1e-9)).clamp(0.0, 1.0);
-            let at_g = before.towards(&self.analogue.moment(), way);
+            let at_g = before.towards(&after, way);
             self.convert(at_g, &sampling);
             if self.chip.borrow().data_ready()
                 && let Some(edge) = self.edge(due_s)
             {
                 ready(edge);
             }
-            self.sampling = Some(Sampling {
-                next_s: due_s + sampling.period_s,
-                ..sampling
-            });
+            if let Some(sampling) = &mut self.sampling {
+                sampling.next_s = due_s + sampling.period_s;
+            }
         }
     }
 
@@ -305,7 +321,7 @@ impl Electronics {
         // instant beyond them.
         let shown_us = i64::try_from(instant.0).unwrap_or(i64::MAX) as f64;
         let time_ns = shown_us * self.clock.ns_per_us + self.clock.start_s * 1e9;
-        (time_ns as i64).max(0) as u64 + 1001
+        whole(time_ns) + 1001
     }
 
     /// Virtual time that this side has reached, s.

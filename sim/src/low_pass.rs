@@ -11,6 +11,7 @@
 //! Left out: the mechanical resonance of the sensing element (kilohertz) and its overload.
 
 use crate::TICK_S;
+use crate::motion::{Lanes, axes, each, lanes};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
 /// The highest bandwidth the tick can carry, Hz; a request above it gets this one.
@@ -29,11 +30,11 @@ pub fn delay_s(bandwidth_hz: f64) -> f64 {
 pub struct LowPass {
     response: Response,
     /// The force at the previous tick, g; the first one fills the state.
-    input_g: [f64; 3],
+    input_g: Lanes,
     /// The output of each axis, g.
-    output_g: [f64; 3],
+    output_g: Lanes,
     /// Its slope divided by the corner's angular frequency, g.
-    slope_g: [f64; 3],
+    slope_g: Lanes,
     started: bool,
 }
 
@@ -41,9 +42,9 @@ pub struct LowPass {
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
     /// Its value, g.
-    pub value_g: [f64; 3],
+    value_g: Lanes,
     /// Its slope, g per tick.
-    slope_g: [f64; 3],
+    slope_g: Lanes,
 }
 
 impl Moment {
@@ -60,12 +61,12 @@ impl Moment {
             way * way * (1.0 + 2.0 * left),
         );
         let (up, down) = (way * left * left, -way * way * left);
-        [0, 1, 2].map(|i| {
+        axes(each(|i| {
             here * self.value_g[i]
                 + there * after.value_g[i]
                 + up * self.slope_g[i]
                 + down * after.slope_g[i]
-        })
+        }))
     }
 }
 
@@ -111,9 +112,9 @@ impl LowPass {
     pub fn new(bandwidth_hz: f64) -> LowPass {
         LowPass {
             response: Response::new(bandwidth_hz),
-            input_g: [0.0; 3],
-            output_g: [0.0; 3],
-            slope_g: [0.0; 3],
+            input_g: [0.0; 4],
+            output_g: [0.0; 4],
+            slope_g: [0.0; 4],
             started: false,
         }
     }
@@ -130,7 +131,7 @@ impl LowPass {
         let per_tick = self.response.corner_rad;
         Moment {
             value_g: self.output_g,
-            slope_g: self.slope_g.map(|slope| slope * per_tick),
+            slope_g: each(|i| self.slope_g[i] * per_tick),
         }
     }
 
@@ -138,23 +139,28 @@ impl LowPass {
     /// state, as if it had stood there for ever.
     #[inline]
     pub fn step(&mut self, force_g: [f64; 3]) -> [f64; 3] {
+        let to_g = lanes(force_g);
         if !self.started {
             self.started = true;
-            (self.input_g, self.output_g) = (force_g, force_g);
+            (self.input_g, self.output_g) = (to_g, to_g);
             return force_g;
         }
-        let Response { output, slope, .. } = &self.response;
-        // A loop: `map` over an array is not always inlined, and this runs at every tick.
-        let states = self.output_g.iter_mut().zip(&mut self.slope_g);
-        let inputs = self.input_g.iter_mut().zip(force_g);
-        for ((out_g, slope_g), (from_g, to_g)) in states.zip(inputs) {
-            let before = [*out_g, *slope_g, *from_g, to_g];
-            let sum = |of: &[f64; 4]| {
-                of[0] * before[0] + of[1] * before[1] + of[2] * before[2] + of[3] * before[3]
-            };
-            (*out_g, *slope_g, *from_g) = (sum(output), sum(slope), to_g);
-        }
-        self.output_g
+        self.advance(to_g);
+        axes(self.output_g)
+    }
+
+    /// The state at the tick's end. By itself, because among other code the axes are no longer
+    /// taken in pairs.
+    #[inline(never)]
+    fn advance(&mut self, to_g: Lanes) {
+        let Response { output, slope, .. } = self.response;
+        let (out_g, slope_g, from_g) = (self.output_g, self.slope_g, self.input_g);
+        let sum = |of: [f64; 4], i: usize| {
+            of[0] * out_g[i] + of[1] * slope_g[i] + of[2] * from_g[i] + of[3] * to_g[i]
+        };
+        self.output_g = each(|i| sum(output, i));
+        self.slope_g = each(|i| sum(slope, i));
+        self.input_g = to_g;
     }
 }
 

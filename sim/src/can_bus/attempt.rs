@@ -368,10 +368,13 @@ impl Failure {
 
 impl Attempt {
     /// When it needs attention next, ns; `None` once nothing is left but the wait for idle.
+    #[inline]
     pub(super) fn next_ns(&self) -> Option<u64> {
-        let take = self.take.map(|(at_ns, _)| at_ns);
         let end = self.end.map(|(at_ns, _)| at_ns);
-        take.into_iter().chain(end).min()
+        match self.take {
+            Some((at_ns, _)) => Some(end.map_or(at_ns, |end_ns| end_ns.min(at_ns))),
+            None => end,
+        }
     }
 
     /// They don't get the frame.

@@ -134,11 +134,23 @@ impl Controller {
         if let Some(babble) = &self.babble {
             return Some((Source::Babble, babble));
         }
-        let full = (self.mailboxes.iter().zip(0..))
-            .filter_map(|(slot, number)| Some((Source::Mailbox(Mailbox(number)), slot.as_ref()?)));
+        // A loop, because this runs at every frame and iterators of options are not free.
+        let mut first: Option<(u8, &Waiting)> = None;
+        for (slot, number) in self.mailboxes.iter().zip(0..) {
+            if let Some(waiting) = slot
+                && first.is_none_or(|(_, before)| self.is_before(waiting, before))
+            {
+                first = Some((number, waiting));
+            }
+        }
+        first.map(|(number, waiting)| (Source::Mailbox(Mailbox(number)), waiting))
+    }
+
+    #[inline]
+    fn is_before(&self, one: &Waiting, other: &Waiting) -> bool {
         match self.order {
-            Order::Identifier => full.min_by_key(|(_, waiting)| waiting.priority),
-            Order::Offered => full.min_by_key(|(_, waiting)| waiting.number),
+            Order::Identifier => one.priority < other.priority,
+            Order::Offered => one.number < other.number,
         }
     }
 

@@ -421,11 +421,18 @@ impl Bus {
     }
 
     fn due_when_idle(&self, since_ns: u64) -> Option<Due> {
-        let start = (self.pending.iter())
-            .map(|port| &self.controllers[port.index()])
-            .filter(|controller| controller.speaks())
-            .map(|controller| controller.ready_ns.max(since_ns).max(self.now_ns))
-            .min();
+        let mut ready_ns = None;
+        for port in self.pending.iter() {
+            let controller = &self.controllers[port.index()];
+            if controller.speaks() {
+                let before_ns = ready_ns.unwrap_or(u64::MAX);
+                ready_ns = Some(controller.ready_ns.min(before_ns));
+            }
+        }
+        let start = ready_ns.map(|ready_ns| ready_ns.max(since_ns).max(self.now_ns));
+        if self.recovering.is_empty() {
+            return start.map(Due::Start);
+        }
         let recovery = (self.recovering.iter())
             .map(|port| (self.recovery_ns(port, since_ns), port))
             .min();

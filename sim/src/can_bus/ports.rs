@@ -59,14 +59,22 @@ impl Ports {
     }
 
     /// The members, lowest number first.
+    #[inline]
     pub fn iter(self) -> impl Iterator<Item = Port> {
-        let mut rest = self.0;
+        // Two halves, because for the whole width counting zeros and taking one away are long.
+        let (mut low, mut high) = (self.0 as u64, (self.0 >> 64) as u64);
         std::iter::from_fn(move || {
-            let port = Port(rest.trailing_zeros() as u8);
-            (rest != 0).then(|| {
-                rest &= rest - 1;
-                port
-            })
+            if low != 0 {
+                let port = Port(low.trailing_zeros() as u8);
+                low &= low - 1;
+                return Some(port);
+            }
+            if high != 0 {
+                let port = Port(64 + high.trailing_zeros() as u8);
+                high &= high - 1;
+                return Some(port);
+            }
+            None
         })
     }
 

@@ -182,11 +182,14 @@ impl Bus {
     }
 
     fn deliver(&mut self, attempt: &Attempt, to: Ports) {
-        // Somebody may have been cut off since the frame began.
-        let mut listening = to;
+        // Somebody may have been cut off since the frame began; and most have nothing to count.
+        let (mut listening, mut counting) = (to, Ports::NONE);
         for port in to.iter() {
-            if !self.controllers[port.index()].hears() {
+            let controller = &self.controllers[port.index()];
+            if !controller.hears() {
                 listening.remove(port);
+            } else if controller.counters.receive() != 0 {
+                counting.insert(port);
             }
         }
         let to = listening;
@@ -200,12 +203,9 @@ impl Bus {
             start_ns: attempt.start_ns,
             at_ns: self.now_ns,
         });
-        for port in to.iter() {
-            let controller = self.controller(port);
-            if controller.counters.receive() != 0 {
-                controller.counters.received();
-                self.tell(port);
-            }
+        for port in counting.iter() {
+            self.controller(port).counters.received();
+            self.tell(port);
         }
     }
 

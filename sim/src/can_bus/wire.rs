@@ -113,8 +113,9 @@ fn unstuffed(frame: &Frame) -> (u128, u32) {
         }
     };
     let data_bits = 8 * frame.bytes().len() as u32;
-    let data = (frame.bytes().iter()).fold(0u64, |data, byte| data << 8 | u64::from(*byte));
-    let body = header << data_bits | u128::from(data);
+    // What a frame has no room for, and what a remote one does not carry, is shifted out.
+    let padded = u128::from(u64::from_be_bytes(frame.padded()));
+    let body = header << data_bits | padded >> (64 - data_bits);
     let body_bits = header_bits + data_bits;
     let first = 16 - body_bits.div_ceil(8) as usize;
     let crc = crc15(&body.to_be_bytes()[first..]);

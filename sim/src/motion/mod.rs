@@ -62,6 +62,27 @@ pub trait Mover {
     fn step(&mut self, time_s: f64) -> Motion;
 }
 
+/// A value for each axis and one more that nobody reads: two pairs, and processors do pairs at once.
+pub(crate) type Lanes = [f64; 4];
+
+/// A force in lanes, the last one 0.
+#[inline]
+pub(crate) fn lanes([x, y, z]: [f64; 3]) -> Lanes {
+    [x, y, z, 0.0]
+}
+
+/// What this gives for each lane.
+#[inline(always)]
+pub(crate) fn each(value: impl Fn(usize) -> f64) -> Lanes {
+    [value(0), value(1), value(2), value(3)]
+}
+
+/// The axes of lanes.
+#[inline]
+pub(crate) fn axes([x, y, z, _]: Lanes) -> [f64; 3] {
+    [x, y, z]
+}
+
 /// A sum of two forces, g.
 #[inline]
 pub(crate) fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

@@ -5,6 +5,7 @@
 //! a fixed step, noise runs through two second-order sections. Left out: how vibration travels
 //! through the structure; each axis gets its share as its owner says.
 
+use super::{Lanes, axes, each, lanes};
 use crate::TICK_S;
 use crate::rng::Rng;
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -13,7 +14,8 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 #[derive(Clone, Copy, Debug)]
 struct Section([f64; 5]);
 
-type SectionState = [f64; 2];
+/// What a section remembers of each axis.
+type SectionState = [Lanes; 2];
 
 impl Section {
     /// Butterworth low-pass, -3 dB at `corner_hz`, by the pre-warped bilinear transform.
@@ -38,11 +40,14 @@ impl Section {
     }
 
     #[inline]
-    fn step(&self, state: &mut SectionState, x: f64) -> f64 {
+    fn step(&self, state: &mut SectionState, x: Lanes) -> Lanes {
         let [b0, b1, b2, a1, a2] = self.0;
-        let y = b0 * x + state[0];
-        state[0] = b1 * x - a1 * y + state[1];
-        state[1] = b2 * x - a2 * y;
+        let [first, second] = *state;
+        let y = each(|i| b0 * x[i] + first[i]);
+        *state = [
+            each(|i| b1 * x[i] - a1 * y[i] + second[i]),
+            each(|i| b2 * x[i] - a2 * y[i]),
+        ];
         y
     }
 }
@@ -60,17 +65,17 @@ pub struct BandNoise {
     low_pass: Section,
     gain_g: f64,
     every: u32,
-    state: [[SectionState; 2]; 3],
+    state: [SectionState; 2],
     tick: u32,
-    axes: [Spline; 3],
+    spline: Spline,
 }
 
-/// One axis of the spline: its last four points, and its value with three forward differences.
+/// The spline on all axes: its last four points, and its value with three forward differences.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spline {
-    points: [f64; 4],
-    value: f64,
-    differences: [f64; 3],
+    points: [Lanes; 4],
+    value: Lanes,
+    differences: [Lanes; 3],
 }
 
 /// The points' weights in the spline a share `t` of the way through a piece, oldest first.
@@ -87,27 +92,28 @@ fn spline_weights(t: f64) -> [f64; 4] {
 impl Spline {
     /// Begins the piece that `next` is the newest point of, `step` of a piece per tick.
     #[inline]
-    fn begin(&mut self, next: f64, step: f64) {
+    fn begin(&mut self, next: Lanes, step: f64) {
         let [_, a, b, c] = self.points;
         self.points = [a, b, c, next];
-        let (d1, d2) = ((c - a) / 2.0, (a + c) / 2.0 - b);
-        let d3 = (next - a) / 6.0 + (b - c) / 2.0;
+        let d1 = each(|i| (c[i] - a[i]) / 2.0);
+        let d2 = each(|i| (a[i] + c[i]) / 2.0 - b[i]);
+        let d3 = each(|i| (next[i] - a[i]) / 6.0 + (b[i] - c[i]) / 2.0);
         let (h2, h3) = (step * step, step * step * step);
-        self.value = (a + 4.0 * b + c) / 6.0;
+        self.value = each(|i| (a[i] + 4.0 * b[i] + c[i]) / 6.0);
         self.differences = [
-            d1 * step + d2 * h2 + d3 * h3,
-            2.0 * d2 * h2 + 6.0 * d3 * h3,
-            6.0 * d3 * h3,
+            each(|i| d1[i] * step + d2[i] * h2 + d3[i] * h3),
+            each(|i| 2.0 * d2[i] * h2 + 6.0 * d3[i] * h3),
+            each(|i| 6.0 * d3[i] * h3),
         ];
     }
 
     /// The value at this tick; moves on to the next.
     #[inline]
-    fn step(&mut self) -> f64 {
+    fn step(&mut self) -> Lanes {
         let value = self.value;
         let [d1, d2, d3] = self.differences;
-        self.value += d1;
-        self.differences = [d1 + d2, d2 + d3, d3];
+        self.value = each(|i| value[i] + d1[i]);
+        self.differences = [each(|i| d1[i] + d2[i]), each(|i| d2[i] + d3[i]), d3];
         value
     }
 }
@@ -125,7 +131,7 @@ impl BandNoise {
             every,
             state: Default::default(),
             tick: 0,
-            axes: Default::default(),
+            spline: Spline::default(),
         };
         let ring_out = (20.0 * rate_hz / low_hz) as usize;
         noise.gain_g = rms_g / noise.power_gain(ring_out).sqrt();
@@ -139,7 +145,8 @@ impl BandNoise {
         let (mut lags, mut past) = ([0.0; 4], [0.0; 4]);
         for n in 0..length {
             let [a, b, c, _] = past;
-            let h = self.pass(&mut state, if n == 0 { 1.0 } else { 0.0 });
+            let impulse = if n == 0 { 1.0 } else { 0.0 };
+            let [h, ..] = self.pass(&mut state, [impulse, 0.0, 0.0, 0.0]);
             past = [h, a, b, c];
             for (lag, before) in lags.iter_mut().zip(past) {
                 *lag += h * before;
@@ -159,7 +166,7 @@ impl BandNoise {
     }
 
     #[inline]
-    fn pass(&self, state: &mut [SectionState; 2], x: f64) -> f64 {
+    fn pass(&self, state: &mut [SectionState; 2], x: Lanes) -> Lanes {
         let high = self.high_pass.step(&mut state[0], x);
         self.low_pass.step(&mut state[1], high)
     }
@@ -168,26 +175,25 @@ impl BandNoise {
     #[inline]
     pub fn step(&mut self, rng: &mut Rng) -> [f64; 3] {
         if self.every == 1 {
-            return [0, 1, 2].map(|axis| self.next_g(axis, rng));
+            return axes(self.next_g(rng));
         }
         if self.tick == 0 {
             let step = 1.0 / f64::from(self.every);
-            for axis in 0..3 {
-                let next_g = self.next_g(axis, rng);
-                self.axes[axis].begin(next_g, step);
-            }
+            let next_g = self.next_g(rng);
+            self.spline.begin(next_g, step);
             self.tick = self.every;
         }
         self.tick -= 1;
-        [0, 1, 2].map(|axis| self.axes[axis].step())
+        axes(self.spline.step())
     }
 
-    #[inline]
-    fn next_g(&mut self, axis: usize, rng: &mut Rng) -> f64 {
-        let mut state = self.state[axis];
-        let next_g = self.gain_g * self.pass(&mut state, rng.normal());
-        self.state[axis] = state;
-        next_g
+    /// By itself, because among other code the axes are no longer taken in pairs.
+    #[inline(never)]
+    fn next_g(&mut self, rng: &mut Rng) -> Lanes {
+        let mut state = self.state;
+        let noise = self.pass(&mut state, lanes(rng.normals()));
+        self.state = state;
+        each(|i| self.gain_g * noise[i])
     }
 }
 
@@ -225,7 +231,8 @@ impl Phasor {
 #[derive(Clone, Debug)]
 pub struct Tone {
     phasor: Phasor,
-    share_g: [[f64; 2]; 3],
+    /// Shares of the phasor's real part and of its imaginary part.
+    share_g: [Lanes; 2],
 }
 
 impl Tone {
@@ -233,10 +240,13 @@ impl Tone {
     pub fn new(rms_g: f64, frequency_hz: f64, rng: &mut Rng) -> Tone {
         let mut phasor = Phasor::new(frequency_hz, f64::INFINITY);
         phasor.re = 1.0;
-        let share_g = [0; 3].map(|_| {
+        let mut share_g = [[0.0; 4]; 2];
+        let [re, im] = &mut share_g;
+        for (re, im) in re.iter_mut().zip(im).take(3) {
             let (sin, cos) = rng.range(0.0, TAU).sin_cos();
-            [rms_g * SQRT_2 * cos, rms_g * SQRT_2 * sin]
-        });
+            *re = rms_g * SQRT_2 * cos;
+            *im = rms_g * SQRT_2 * sin;
+        }
         Tone { phasor, share_g }
     }
 
@@ -249,8 +259,8 @@ impl Tone {
         let hold = 1.5 - 0.5 * length_2;
         self.phasor.re *= hold;
         self.phasor.im *= hold;
-        self.share_g
-            .map(|[re, im]| re * self.phasor.re + im * self.phasor.im)
+        let [re, im] = self.share_g;
+        axes(each(|i| re[i] * self.phasor.re + im[i] * self.phasor.im))
     }
 }
 
@@ -381,10 +391,10 @@ mod tests {
         let weights = spline_weights(0.4);
         assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         let mut spline = Spline {
-            points: [9.0, 1.0, -2.0, 5.0],
+            points: [9.0, 1.0, -2.0, 5.0].map(|point| [point; 4]),
             ..Spline::default()
         };
-        spline.begin(3.0, 0.2);
+        spline.begin([3.0; 4], 0.2);
         (0..2).for_each(|_| {
             spline.step();
         });
@@ -393,7 +403,7 @@ mod tests {
             .zip([1.0, -2.0, 5.0, 3.0])
             .map(|(w, p)| w * p)
             .sum();
-        assert!((spline.step() - expected).abs() < 1e-12);
+        assert!((spline.step().iter()).all(|value| (value - expected).abs() < 1e-12));
     }
 
     #[test]

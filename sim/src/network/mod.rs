@@ -22,7 +22,7 @@ use tilt::cross_check::CrossCheck;
 
 use crate::TICK_S;
 use crate::can_bus::{Bus, Event, Order, Port, Ports, Statistics};
-use crate::electronics::Electronics;
+use crate::electronics::{Electronics, whole};
 use crate::memory::Memory;
 use crate::motion::Mover;
 
@@ -216,11 +216,13 @@ impl Network {
                 continue;
             }
             unit.electronics.tick(motion.force_g, end_s, |edge| {
-                let [at_ns, captured_ns] = [edge.at_s, edge.captured_s].map(|s| (s * 1e9) as u64);
+                let [at_ns, captured_ns] = [edge.at_s, edge.captured_s].map(|s| whole(s * 1e9));
                 edges.push((at_ns, number, captured_ns));
             });
         }
-        edges.sort_unstable_by(|a, b| b.cmp(a));
+        if edges.len() > 1 {
+            edges.sort_unstable_by(|a, b| b.cmp(a));
+        }
         self.look_at_load();
     }
 
