@@ -216,7 +216,12 @@ impl ProductCheck {
                 Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
                     waiting = Some(why);
                 }
-                Some(why) => state.hold(node, why, now, node == Node::Peer),
+                Some(why) => {
+                    if !why.is_transient() {
+                        *silence = Silence::default();
+                    }
+                    state.hold(node, why, now, node == Node::Peer);
+                }
             }
         }
         if absent == [None, None] {

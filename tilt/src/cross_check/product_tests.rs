@@ -376,6 +376,20 @@ fn two_channels_that_clip_in_turn_are_not_added_up() {
 }
 
 #[test]
+fn a_shock_after_an_illness_was_added_to_one_before_it() {
+    let mut bench = Bench::that_forgives(1);
+    bench.lasts(level(), level(), 1.0);
+    let clipped = level().refused(Invalid::OverRange);
+    bench.lasts(level(), clipped, 0.1);
+    bench.lasts(level(), level().refused(Invalid::Thermometer), 12.0);
+    bench.lasts(level(), level(), 0.45);
+    let judged = bench.lasts(level(), clipped, 0.1);
+    assert_eq!(judged.last(), Some(&Judgement::Waiting(Invalid::OverRange)));
+    bench.lasts(level(), level(), 0.7);
+    assert_eq!(bench.last, Judgement::Agree);
+}
+
+#[test]
 fn a_machine_that_shook_both_over_their_range_for_two_seconds_stopped_for_good() {
     let mut bench = Bench::working();
     let clipped = level().refused(Invalid::OverRange);

@@ -3,8 +3,10 @@
 
 use proptest::prelude::*;
 
-use super::product_tests::{Bench, G, along, ill, pose, turned};
+use super::product_tests::{Bench, G, along, ill, level, pose, turned};
+use super::standstill::{Standstill, State};
 use super::*;
+use crate::vector::Corrected;
 
 /// Own and peer in one pose for so long that each other's habits are known.
 fn acquainted(gravity: [f64; 3]) -> Bench {
@@ -245,4 +247,21 @@ proptest! {
             prop_assert_eq!(judgement, Judgement::Disagree, "{} mg of it show", shown);
         }
     }
+}
+
+#[test]
+fn two_pairs_a_second_apart_are_no_standstill() {
+    let check = Standstill::PRODUCT;
+    let mut state = State::default();
+    let reading = level().reading;
+    let vector = Corrected {
+        accel: [0, 0, crate::ONE_G],
+    };
+    let mut weighed = |n: i64| {
+        let now = crate::sample::Instant(0).offset(n * 1_000_000);
+        check
+            .step(&mut state, (reading, vector), (reading, vector), now)
+            .is_some()
+    };
+    assert_eq!((0..30).filter(|n| weighed(*n)).count(), 3, "ten pairs each");
 }
