@@ -613,7 +613,8 @@ impl Node {
 
     /// The frame to send now: of all that wait, the one with the lowest identifier.
     ///
-    /// Hand it to the controller, and call [`Node::sent`] when it has gone out.
+    /// Hand it to the controller, and call [`Node::sent`] when it has gone out, or
+    /// [`Node::withdrawn`] when it was taken back because it [`expires`](Node::expires).
     pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
         self.transmit_if(app, now, |_| true)
     }
@@ -662,6 +663,20 @@ impl Node {
         self.waits(now).map(|(cob_id, _)| cob_id)
     }
 
+    /// From when on the frame of this identifier that was handed over last may not go out any
+    /// more; `None` when it may at any time. Process data and safety frames grow old, the others do
+    /// not.
+    pub fn expires(&self, cob_id: u16) -> Option<Instant> {
+        let services = &self.communication;
+        let safety = services.safety.expires(cob_id);
+        safety.or_else(|| services.pdo.expires(cob_id))
+    }
+
+    /// A frame from [`Node::transmit`] was taken back from the controller.
+    pub fn withdrawn(&mut self, cob_id: u16) {
+        self.communication.pdo.withdrawn(cob_id);
+    }
+
     /// What [`Node::transmit`] would give: its identifier and whose it is.
     fn waits(&self, now: Instant) -> Option<(u16, Service)> {
         if self.lss.is_pending() {
@@ -696,7 +711,7 @@ impl Node {
             services.emergency.next_cob_id(services.state, now),
             Service::Emergency,
         );
-        waits(services.safety.next_cob_id(), Service::Safety);
+        waits(services.safety.next_cob_id(now), Service::Safety);
         waits(services.pdo.next_cob_id(now), Service::Pdo);
         waits(sdo.then_some(0x580 + id), Service::Sdo);
         waits(error_control.then_some(0x700 + id), Service::ErrorControl);

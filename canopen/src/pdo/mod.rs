@@ -252,6 +252,23 @@ impl Pdos {
         self.tx.iter().filter_map(|pdo| pdo.ready(now)).min()
     }
 
+    /// From when on a frame of this identifier may not go out any more; `None` when no TPDO has it.
+    pub fn expires(&self, cob_id: u16) -> Option<Instant> {
+        let pdo = self
+            .tx
+            .iter()
+            .find(|pdo| pdo.setup.is_active() && pdo.setup.id() == cob_id)?;
+        Some(pdo.stale)
+    }
+
+    /// The controller has given back a frame of this identifier, which has not gone out.
+    pub fn withdrawn(&mut self, cob_id: u16) {
+        let mut tx = self.tx.iter_mut();
+        if let Some(pdo) = tx.find(|pdo| pdo.setup.id() == cob_id) {
+            pdo.withdrawn();
+        }
+    }
+
     /// An RPDO whose event timer has run out, counted from 0 and told once: EMCY 8250h.
     pub fn take_missed(&mut self) -> Option<u8> {
         let mut rx = (0..).zip(&mut self.rx);

@@ -209,6 +209,47 @@ fn a_sample_that_misses_the_synchronous_window_is_dropped() {
 }
 
 #[test]
+fn a_sample_that_the_bus_did_not_take_went_out_seconds_later() {
+    let mut bench = Bench::with_tpdo(1);
+    bench.pdo.start(ms(0));
+    bench.sync(ms(1));
+    assert_eq!(bench.pdo.expires(0x181), Some(ms(31)));
+    assert_eq!(bench.poll(ms(20)), Some(Instant(31_001)));
+    bench.poll(Instant(31_001));
+    assert_eq!(bench.sent(ms(32)), None);
+    assert_eq!(bench.pdo.expires(0x182), None);
+}
+
+#[test]
+fn a_sample_of_long_ago_was_the_answer_to_a_remote_frame() {
+    let mut bench = Bench::with_tpdo(1);
+    bench.pdo.start(ms(0));
+    bench.x(1);
+    bench.sync(ms(1));
+    assert_eq!(bench.sent(ms(2)), Some(1));
+    bench.x(2);
+    bench.ask(0x181, ms(31));
+    assert_eq!(bench.sent(ms(31)), Some(1));
+    bench.ask(0x181, ms(32));
+    assert_eq!(bench.sent(ms(32)), Some(2));
+}
+
+#[test]
+fn an_event_whose_frame_was_taken_back_is_told_again_as_it_is_then() {
+    let mut bench = Bench::with_tpdo(254);
+    bench.pdo.start(ms(0));
+    bench.x(1);
+    bench.poll(ms(0));
+    assert_eq!(bench.sent(ms(0)), Some(1));
+    bench.x(2);
+    bench.pdo.withdrawn(0x181);
+    bench.poll(ms(30));
+    assert_eq!(bench.sent(ms(30)), Some(2));
+    bench.poll(ms(40));
+    assert_eq!(bench.sent(ms(40)), None);
+}
+
+#[test]
 fn the_sync_start_value_says_which_sync_is_the_first() {
     let mut bench = Bench::with_tpdo(1);
     bench.write(0x1800, 1, OFF).unwrap();

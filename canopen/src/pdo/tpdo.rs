@@ -2,7 +2,8 @@
 //!
 //! In: SYNC, the application's word that data have changed, remote frames and time. Out: samples
 //! of the mapped objects, each with the time in which it may go out. It holds one sample: a newer
-//! one takes the place of one that the bus has not taken, since old process data help nobody.
+//! one takes the place of one that the bus has not taken, and one that the bus does not take for
+//! long is dropped, since old process data help nobody.
 //!
 //! Left out: which TPDO goes first (`pdo`).
 
@@ -12,6 +13,9 @@ use crate::object::{Objects, Value};
 use crate::time::{Instant, sooner};
 
 const NEVER: Instant = Instant(u64::MAX);
+
+/// A sample that has waited for so long is not sent any more, us.
+const LIFE_US: u64 = 30_000;
 
 /// When a sample may go out, both ends included.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +33,8 @@ pub struct Tpdo {
     sample: Option<Value>,
     /// The sample waits for the bus.
     waiting: Option<Window>,
+    /// From when on the newest sample of a SYNC, or the one handed over, may not be sent any more.
+    pub stale: Instant,
     /// The event has come: type 0 waits for SYNC, types 254 and 255 for the next poll.
     due: bool,
     /// SYNCs up to the next sample; `None` before the first SYNC that counts.
@@ -46,6 +52,7 @@ impl Tpdo {
             setup: Setup::new(),
             sample: None,
             waiting: None,
+            stale: Instant(0),
             due: false,
             left: None,
             quiet_until: Instant(0),
@@ -107,10 +114,12 @@ impl Tpdo {
         let Ok(sample) = self.setup.mapping.pack(objects) else {
             return false;
         };
-        let until = match window_us {
-            0 => NEVER,
-            us => now.after(u64::from(us)),
+        let life_us = match window_us {
+            0 => LIFE_US,
+            us => u64::from(us).min(LIFE_US),
         };
+        let until = now.after(life_us);
+        self.stale = until;
         self.keep(sample, Window { from: now, until }, now)
     }
 
@@ -157,21 +166,24 @@ impl Tpdo {
         self.keep_event(sample, now)
     }
 
-    /// A remote frame asks for it. Synchronous types answer with what SYNC has sampled last.
+    /// A remote frame asks for it. Synchronous types answer with what SYNC has sampled last, while
+    /// that may still go out.
     ///
     /// True when a sample was lost by that.
     pub fn request<O: Objects>(&mut self, objects: &mut O, now: Instant) -> bool {
-        let kept = self.sample.filter(|_| self.setup.is_synchronous());
+        let synchronous = self.setup.is_synchronous();
+        let kept = self.sample.filter(|_| synchronous && now <= self.stale);
+        let until = match kept {
+            Some(_) => self.stale,
+            None => now.after(LIFE_US),
+        };
         let Some(sample) = kept.or_else(|| self.setup.mapping.pack(objects).ok()) else {
             return false;
         };
         // The same sample once more is an answer, and nothing is lost by sending it once.
         let lost = self.sample != Some(sample);
-        let window = Window {
-            from: now,
-            until: NEVER,
-        };
-        self.keep(sample, window, now) && lost
+        self.stale = until;
+        self.keep(sample, Window { from: now, until }, now) && lost
     }
 
     /// Drops a synchronous sample whose window has ended, and samples when the event timer has;
@@ -182,6 +194,7 @@ impl Tpdo {
         }
         if self.waiting.is_some_and(|window| window.until < now) {
             self.waiting = None;
+            self.withdrawn();
             return true;
         }
         let expired = self.timer.is_some_and(|t| t <= now);
@@ -194,6 +207,14 @@ impl Tpdo {
                 self.wind(now);
                 false
             }
+        }
+    }
+
+    /// The sample did not get onto the bus: types 0, 254 and 255 owe it still.
+    pub fn withdrawn(&mut self) {
+        if self.waiting.is_none() {
+            self.sample = None;
+            self.due = true;
         }
     }
 
@@ -219,6 +240,7 @@ impl Tpdo {
         let id = self.ready(now)?;
         self.waiting = None;
         if !self.setup.is_synchronous() {
+            self.stale = now.after(LIFE_US);
             self.quiet_until = now.after(u64::from(self.setup.inhibit) * 100);
         }
         self.sample

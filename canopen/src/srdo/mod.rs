@@ -91,11 +91,15 @@ impl Srdo {
         };
     }
 
-    fn ready(&self) -> Option<u16> {
+    fn producer(&self) -> Option<&Producer> {
         match &self.role {
-            Role::Produce(producer) => producer.ready(&self.setup),
+            Role::Produce(producer) => Some(producer),
             Role::Consume(_) | Role::Off => None,
         }
+    }
+
+    fn ready(&self, now: Instant) -> Option<u16> {
+        self.producer()?.ready(&self.setup, now)
     }
 }
 
@@ -305,8 +309,8 @@ impl Safety {
         }
     }
 
-    /// The application lets producers send, or withdraws that. A pair of which one frame has gone
-    /// out is finished, nothing else is sent without consent. True when that is new.
+    /// The application lets producers send, or withdraws that. Without consent nothing is sent, not
+    /// even the other half of a pair that has begun. True when that is new.
     pub fn release(&mut self, allowed: bool) -> bool {
         if core::mem::replace(&mut self.consent, allowed) == allowed {
             return false;
@@ -334,18 +338,26 @@ impl Safety {
     }
 
     /// The frame of the lowest identifier that waits: the plain one first, then its twin.
-    pub fn transmit(&mut self, _now: Instant) -> Option<Frame> {
-        let id = self.next_cob_id()?;
-        let srdo = self.srdos.iter_mut().find(|s| s.ready() == Some(id))?;
+    pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+        let id = self.next_cob_id(now)?;
+        let srdo = self.srdos.iter_mut().find(|s| s.ready(now) == Some(id))?;
         match &mut srdo.role {
-            Role::Produce(producer) => producer.take(&srdo.setup),
+            Role::Produce(producer) => producer.take(&srdo.setup, now),
             Role::Consume(_) | Role::Off => None,
         }
     }
 
     /// The identifier of what [`Safety::transmit`] would give.
-    pub fn next_cob_id(&self) -> Option<u16> {
-        self.srdos.iter().filter_map(Srdo::ready).min()
+    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
+        self.srdos.iter().filter_map(|srdo| srdo.ready(now)).min()
+    }
+
+    /// From when on a frame of this identifier may not go out any more; `None` when no producer
+    /// sends it.
+    pub fn expires(&self, cob_id: u16) -> Option<Instant> {
+        let sends = |srdo: &&Srdo| srdo.setup.cob_ids.contains(&cob_id.into());
+        let producer = self.srdos.iter().find(sends)?.producer()?;
+        Some(producer.stale)
     }
 
     /// Takes a frame; `None` when it is none of CANopen Safety, or the node is not OPERATIONAL.

@@ -3,7 +3,8 @@
 //! In: time, and the mapped objects. Out: every safeguard cycle a plain and an inverted frame of
 //! one and the same sample, in this order. The inverted objects are read, not computed: the
 //! application has to have arrived at them its own way, and the pair is compared before any of it
-//! goes out.
+//! goes out. A sample that the bus does not take in time is dropped, also when half of it has gone
+//! out: to the receiver half a pair is none, while an old one looks like a new one.
 //!
 //! Left out: consent to send (`srdo`).
 
@@ -12,6 +13,10 @@ use crate::frame::Frame;
 use crate::object::{Objects, Value};
 use crate::time::Instant;
 
+/// A sample that has waited for so long is not sent any more, us; half the safeguard cycle where
+/// that is less.
+const LIFE_US: u64 = 10_000;
+
 /// State of a producer.
 #[derive(Clone, Debug)]
 pub struct Producer {
@@ -19,8 +24,10 @@ pub struct Producer {
     next: Instant,
     /// The pair that waits: the plain half, and the inverted one.
     pair: Option<(Value, Value)>,
-    /// The plain half has gone out.
+    /// The plain half has been handed over.
     half_sent: bool,
+    /// From when on the sample, waiting or handed over, may not be sent any more.
+    pub stale: Instant,
     /// The last sample was consistent.
     pub consistent: bool,
 }
@@ -32,16 +39,14 @@ impl Producer {
             next: now,
             pair: None,
             half_sent: false,
+            stale: now,
             consistent: true,
         }
     }
 
-    /// Drops a pair of which nothing has gone out; one that has begun is finished, since half a
-    /// pair tells nobody anything.
+    /// Drops what has not been handed over.
     pub fn withhold(&mut self) {
-        if !self.half_sent {
-            self.pair = None;
-        }
+        self.pair = None;
     }
 
     /// Samples when it is time; when the next sample is due.
@@ -54,23 +59,23 @@ impl Producer {
             late if late <= now => now.after_ms(period),
             next => next,
         };
-        if !self.half_sent {
-            self.pair = sampled(setup, objects);
-            self.consistent = self.pair.is_some();
-        }
+        self.pair = sampled(setup, objects);
+        self.half_sent = false;
+        self.stale = now.after((u64::from(period) * 500).min(LIFE_US));
+        self.consistent = self.pair.is_some();
         self.next
     }
 
     /// The identifier of the frame that waits.
-    pub fn ready(&self, setup: &Setup) -> Option<u16> {
+    pub fn ready(&self, setup: &Setup, now: Instant) -> Option<u16> {
         let [plain, inverted] = setup.cob_ids;
         let id = if self.half_sent { inverted } else { plain };
-        self.pair.map(|_| id as u16)
+        (self.pair.is_some() && now < self.stale).then_some(id as u16)
     }
 
     /// The frame that [`Producer::ready`] told of.
-    pub fn take(&mut self, setup: &Setup) -> Option<Frame> {
-        let id = self.ready(setup)?;
+    pub fn take(&mut self, setup: &Setup, now: Instant) -> Option<Frame> {
+        let id = self.ready(setup, now)?;
         let (plain, inverted) = self.pair?;
         if !self.half_sent {
             self.half_sent = true;

@@ -105,7 +105,7 @@ impl Bench {
 
     /// Identifier and first two bytes of the frame that goes out now.
     fn sent(&mut self, now: Instant) -> Option<(u16, u16)> {
-        let id = self.safety.next_cob_id();
+        let id = self.safety.next_cob_id(now);
         let frame = self.safety.transmit(now)?;
         assert_eq!((frame.cob_id(), frame.length()), (id, 4));
         let [low, high, ..] = frame.padded();
@@ -431,14 +431,33 @@ fn consent_has_to_be_given() {
 }
 
 #[test]
-fn a_pair_that_has_begun_is_finished_when_consent_ends() {
+fn the_other_half_of_a_pair_went_out_after_consent_had_ended() {
     let mut bench = Bench::producing();
     bench.poll(ms(0));
     assert_eq!(bench.sent(ms(0)), Some((0x101, 0x1234)));
     bench.safety.release(false);
-    assert_eq!(bench.sent(ms(1)), Some((0x102, !0x1234)));
+    assert_eq!(bench.sent(ms(1)), None);
     bench.poll(ms(25));
     assert_eq!(bench.sent(ms(25)), None);
+    bench.safety.release(true);
+    bench.poll(ms(25));
+    assert_eq!(bench.sent(ms(25)), Some((0x101, 0x1234)));
+}
+
+#[test]
+fn a_pair_that_the_bus_did_not_take_went_out_seconds_later() {
+    for (waits, frames) in [(9, 2), (10, 0), (24, 0)] {
+        let mut bench = Bench::producing();
+        bench.poll(ms(0));
+        assert_eq!(bench.safety.expires(0x102), Some(ms(10)));
+        let sent = (0..2).filter_map(|_| bench.sent(ms(waits)));
+        assert_eq!(sent.count(), frames, "{waits}");
+    }
+    let mut bench = Bench::producing();
+    bench.poll(ms(0));
+    assert_eq!(bench.sent(ms(9)), Some((0x101, 0x1234)));
+    assert_eq!(bench.sent(ms(10)), None);
+    assert_eq!(bench.safety.expires(0x103), None);
 }
 
 #[test]
@@ -448,10 +467,9 @@ fn a_pair_that_has_begun_is_not_mixed_with_the_next_sample() {
     bench.sent(ms(0));
     bench.slope(9);
     bench.poll(ms(25));
-    assert_eq!(bench.sent(ms(25)), Some((0x102, !0x1234)));
+    assert_eq!(bench.sent(ms(25)), Some((0x101, 9)));
+    assert_eq!(bench.sent(ms(25)), Some((0x102, !9)));
     assert_eq!(bench.sent(ms(25)), None);
-    bench.poll(ms(50));
-    assert_eq!(bench.sent(ms(50)), Some((0x101, 9)));
 }
 
 #[test]

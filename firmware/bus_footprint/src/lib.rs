@@ -31,6 +31,10 @@ pub struct Entries<A> {
     pub next_cob_id: fn(&Node, Instant) -> Option<u16>,
     /// A frame has gone out.
     pub sent: fn(&mut Node, &mut A, &Frame, Instant) -> bool,
+    /// Until when a frame may go out.
+    pub expires: fn(&Node, u16) -> Option<Instant>,
+    /// A frame was taken back.
+    pub withdrawn: fn(&mut Node, u16),
     /// The controller's error state.
     pub bus_state: fn(&mut Node, &mut A, BusState, Instant),
     /// A fault of the device.
@@ -60,6 +64,8 @@ impl<A: Application> Entries<A> {
             transmit: Node::transmit::<A>,
             next_cob_id: Node::next_cob_id,
             sent: Node::sent::<A>,
+            expires: Node::expires,
+            withdrawn: Node::withdrawn,
             bus_state: Node::bus_state::<A>,
             report: Node::report::<A>,
             cleared: Node::cleared,
