@@ -44,7 +44,7 @@ enum Verb {
     },
     /// Run seed after seed for a time, up to the first that fails
     Campaign {
-        /// How long, minutes
+        /// How long, minutes; more than 0
         #[arg(long)]
         minutes: f64,
         /// The first seed
@@ -56,7 +56,7 @@ enum Verb {
     },
     /// Run so many seeds, one after the other
     Fixed {
-        /// How many
+        /// How many; more than 0
         #[arg(long)]
         seeds: u64,
         /// The first seed
@@ -75,7 +75,12 @@ enum Verb {
 enum Problem {
     Bench(BenchError),
     Unit(NoSuchUnit),
+    /// A time that nothing can be done in.
     Minutes,
+    /// No seed at all.
+    NoSeeds,
+    /// More seeds than there are from this one on.
+    Seeds(u64),
 }
 
 impl From<BenchError> for Problem {
@@ -95,7 +100,13 @@ impl std::fmt::Display for Problem {
         match self {
             Self::Bench(error) => write!(f, "an instrument could not be calibrated: {error}"),
             Self::Unit(error) => error.fmt(f),
-            Self::Minutes => f.write_str("--minutes must be a number from 0 to 100000"),
+            Self::Minutes => f.write_str("--minutes must be above 0 and at most 100000"),
+            Self::NoSeeds => f.write_str("--seeds must be at least 1: no seed tells nothing"),
+            Self::Seeds(from) => write!(
+                f,
+                "there are not so many seeds from {from} on: the last one is {}",
+                u64::MAX
+            ),
         }
     }
 }
@@ -112,13 +123,7 @@ fn main() -> ExitCode {
             seeds,
             from,
             keep_going,
-        } => Many {
-            from,
-            count: seeds,
-            time: None,
-            keep_going,
-        }
-        .run(),
+        } => so_many(seeds, from, keep_going),
         Verb::Canary => canary(),
     };
     match ended {
@@ -174,23 +179,45 @@ fn canary() -> Result<bool, Problem> {
 }
 
 fn for_a_time(minutes: f64, from: u64, keep_going: bool) -> Result<bool, Problem> {
-    if !(0.0..=1e5).contains(&minutes) {
-        return Err(Problem::Minutes);
-    }
     let many = Many {
         from,
-        count: u64::MAX - from,
-        time: Some(Duration::from_secs_f64(minutes * 60.0)),
+        last: u64::MAX,
+        time: Some(time(minutes)?),
         keep_going,
     };
     many.run()
 }
 
+/// Nothing tried would be nothing failed, and count as passed.
+fn time(minutes: f64) -> Result<Duration, Problem> {
+    if minutes > 0.0 && minutes <= 1e5 {
+        Ok(Duration::from_secs_f64(minutes * 60.0))
+    } else {
+        Err(Problem::Minutes)
+    }
+}
+
+fn so_many(seeds: u64, from: u64, keep_going: bool) -> Result<bool, Problem> {
+    let many = Many {
+        from,
+        last: last(seeds, from)?,
+        time: None,
+        keep_going,
+    };
+    many.run()
+}
+
+/// The last of so many seeds.
+fn last(seeds: u64, from: u64) -> Result<u64, Problem> {
+    let further = seeds.checked_sub(1).ok_or(Problem::NoSeeds)?;
+    from.checked_add(further).ok_or(Problem::Seeds(from))
+}
+
 /// Many trials.
 struct Many {
     from: u64,
-    count: u64,
-    /// No trial begins later than this after the start.
+    last: u64,
+    /// No trial but the first begins later than this after the start.
     time: Option<Duration>,
     keep_going: bool,
 }
@@ -200,7 +227,8 @@ struct Shared {
     many: Many,
     pool: Pool,
     begun: Instant,
-    next: AtomicU64,
+    /// Seeds given to workers so far; a count, since the seed behind the last one is no number.
+    given: AtomicU64,
     stop: AtomicBool,
     /// Trials so far, and those that failed.
     done: Mutex<(Summary, Vec<Outcome>)>,
@@ -211,7 +239,7 @@ impl Many {
         eprintln!("calibrating the instruments");
         let pool = campaign::pool()?;
         let shared = Shared {
-            next: AtomicU64::new(self.from),
+            given: AtomicU64::new(0),
             many: self,
             pool,
             begun: Instant::now(),
@@ -233,20 +261,22 @@ impl Many {
 }
 
 impl Shared {
-    fn over(&self, seed: u64) -> bool {
+    /// The next seed; `None` when it is over.
+    fn next(&self) -> Option<u64> {
+        let given = self.given.fetch_add(1, Ordering::Relaxed);
+        let seed = self.many.from.checked_add(given);
+        let seed = seed.filter(|seed| *seed <= self.many.last)?;
         let late = self.many.time.is_some_and(|t| self.begun.elapsed() >= t);
-        late || seed - self.many.from >= self.many.count || self.stop.load(Ordering::Relaxed)
+        let over = (late && given > 0) || self.stop.load(Ordering::Relaxed);
+        (!over).then_some(seed)
     }
 
     fn work(&self) -> Result<(), NoSuchUnit> {
-        loop {
-            let seed = self.next.fetch_add(1, Ordering::Relaxed);
-            if self.over(seed) {
-                return Ok(());
-            }
+        while let Some(seed) = self.next() {
             let outcome = campaign::run(campaign::draw(seed), &self.pool, |_| {})?;
             self.take(outcome);
         }
+        Ok(())
     }
 
     fn take(&self, outcome: Outcome) {
@@ -274,7 +304,7 @@ impl Shared {
         let (summary, mut failed) = self.done.into_inner().unwrap_or_else(|e| e.into_inner());
         failed.sort_by_key(|outcome| outcome.setup.seed);
         print!("{summary}");
-        for outcome in failed.iter().skip(1) {
+        for outcome in &failed {
             println!("failed: {}", outcome.replay());
         }
         if let Some(first) = failed.first() {
@@ -282,5 +312,28 @@ impl Shared {
             print!("{first}");
         }
         failed.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_seed_was_counted_past_the_largest_number() {
+        assert_eq!(last(1, 7).ok(), Some(7));
+        assert_eq!(last(2, u64::MAX - 1).ok(), Some(u64::MAX));
+        assert_eq!(last(u64::MAX, 1).ok(), Some(u64::MAX));
+        let said = last(3, u64::MAX - 1).unwrap_err().to_string();
+        assert!(said.contains("from 18446744073709551614 on"), "{said}");
+    }
+
+    #[test]
+    fn a_campaign_of_nothing_had_passed() {
+        assert!(last(0, 1).unwrap_err().to_string().contains("at least 1"));
+        for minutes in [0.0, -1.0, f64::NAN, f64::INFINITY, 100_001.0] {
+            assert!(matches!(time(minutes), Err(Problem::Minutes)), "{minutes}");
+        }
+        assert_eq!(time(0.5).ok(), Some(Duration::from_secs(30)));
     }
 }

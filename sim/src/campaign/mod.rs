@@ -115,6 +115,14 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { setup, report } = self;
         write!(f, "{setup}")?;
+        if setup.mode == Mode::Paper {
+            let reaction_s = setup.terms().reaction_s;
+            writeln!(
+                f,
+                "paper mode     the promise is not for it: a wrong angle counts from {reaction_s} s \
+                 on (erratum E16)"
+            )?;
+        }
         for (injection, detection) in setup.faults.iter().zip(&report.detections) {
             writeln!(f, "told           {}: {}", injection.what, told(detection))?;
         }

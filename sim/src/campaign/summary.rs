@@ -27,6 +27,8 @@ pub struct Summary {
     pub trials: u64,
     /// Trials in which a rule was broken.
     pub failed: u64,
+    /// Trials in product mode within the promise.
+    pub promised: u64,
     /// The longest time for which a wrong angle was marked valid, in product mode within the
     /// promise, s.
     pub longest_wrong_s: f64,
@@ -49,6 +51,7 @@ impl Summary {
         if !setup.within_promise || setup.mode == Mode::Paper {
             return;
         }
+        self.promised += 1;
         self.longest_wrong_s = self.longest_wrong_s.max(report.longest_wrong_s);
         for (injection, detection) in setup.faults.iter().zip(&report.detections) {
             // Up or down makes no difference to how soon a fault is told.
@@ -72,6 +75,7 @@ impl Summary {
     pub fn join(&mut self, other: Self) {
         self.trials += other.trials;
         self.failed += other.failed;
+        self.promised += other.promised;
         self.virtual_s += other.virtual_s;
         self.longest_wrong_s = self.longest_wrong_s.max(other.longest_wrong_s);
         for (rule, count) in other.broken {
@@ -87,6 +91,11 @@ impl Summary {
     }
 }
 
+/// A delay; a dash where nothing was told.
+fn seconds(seconds: Option<f64>) -> String {
+    seconds.map_or("-".to_owned(), |s| format!("{s:.3}"))
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hours = self.virtual_s / 3600.0;
@@ -97,8 +106,9 @@ impl fmt::Display for Summary {
         )?;
         writeln!(
             f,
-            "a wrong angle was marked valid for {:.3} s at the most",
-            self.longest_wrong_s
+            "{} of them in product mode within the promise; in these a wrong angle was marked \
+             valid for {:.3} s at the most",
+            self.promised, self.longest_wrong_s
         )?;
         for (rule, count) in &self.broken {
             writeln!(f, "  {rule}: {count}")?;
@@ -109,20 +119,17 @@ impl fmt::Display for Summary {
         writeln!(
             f,
             "{:<24} {:>6} {:>6} {:>9} {:>9} {:>6} {:>6}",
-            "fault", "trials", "told %", "median s", "worst s", "right", "wrong"
+            "fault, in these", "trials", "told %", "median s", "worst s", "right", "wrong"
         )?;
         for (name, row) in &self.rows {
             let mut told_s = row.told_s.clone();
             let share = told_s.len() as f64 / f64::from(row.trials) * 100.0;
-            let worst_s = told_s.iter().copied().fold(f64::NAN, f64::max);
-            let median_s = if told_s.is_empty() {
-                f64::NAN
-            } else {
-                median(&mut told_s)
-            };
+            let worst_s = told_s.iter().copied().reduce(f64::max);
+            let median_s = worst_s.map(|_| median(&mut told_s));
+            let [median_s, worst_s] = [median_s, worst_s].map(seconds);
             writeln!(
                 f,
-                "{name:<24} {:>6} {share:>6.0} {median_s:>9.3} {worst_s:>9.3} {:>6} {:>6}",
+                "{name:<24} {:>6} {share:>6.0} {median_s:>9} {worst_s:>9} {:>6} {:>6}",
                 row.trials, row.right, row.wrong
             )?;
         }

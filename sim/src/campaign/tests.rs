@@ -29,3 +29,35 @@ fn a_blind_check_is_found_out() {
         "{sound}"
     );
 }
+
+#[test]
+fn a_fault_that_nobody_told_had_a_delay_that_is_no_number() {
+    let setup = (1..500).map(draw).find(|setup| {
+        setup.within_promise && setup.mode == Mode::Product && !setup.faults.is_empty()
+    });
+    let setup = setup.expect("a seed with a fault");
+    let pool = pool_for(&setup).unwrap();
+    let mut outcome = run(setup, &pool, |_| {}).unwrap();
+    for detection in &mut outcome.report.detections {
+        detection.by = Default::default();
+    }
+    let mut summary = Summary::default();
+    summary.add(&outcome);
+    let text = summary.to_string();
+    assert!(!text.contains("NaN") && text.contains(" - "), "{text}");
+    assert!(text.contains("1 of them in product mode within"), "{text}");
+}
+
+#[test]
+fn paper_mode_was_printed_as_if_the_promise_held_for_it() {
+    let says = |mode| {
+        let setup = Setup {
+            mode,
+            ..Setup::healthy(1)
+        };
+        let pool = pool_for(&setup).unwrap();
+        let outcome = run(setup, &pool, |_| {}).unwrap();
+        outcome.to_string().contains("the promise is not for it")
+    };
+    assert!(says(Mode::Paper) && !says(Mode::Product));
+}
