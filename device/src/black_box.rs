@@ -22,7 +22,7 @@
 //! |---|---|
 //! | 0 | version, 1 |
 //! | 1 | length of a frame in bytes, 34 |
-//! | 2 | frames before the trigger, 1 to 32; the last is of the SYNC that showed the fault |
+//! | 2 | frames before the trigger, 1 to 32; the last is of the newest SYNC that was judged |
 //! | 3 | frames after the trigger, 0 to 16 |
 //! | 4 to 7 | time from frame to frame at the trigger, us; 0 for a single frame |
 //! | 8 to 27 | the event: an entry of `fault_log`, with time, SYNC count and EMCY code |

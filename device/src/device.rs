@@ -20,7 +20,7 @@ use canopen::Instant as BusInstant;
 use canopen::node::{BusState, Node as BusNode};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use tilt::chain::Reading;
+use tilt::chain::{Invalid, Reading};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
@@ -221,6 +221,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
         self.sensor_sound = now;
+        self.pair.alone = Err(Invalid::Unconfirmed);
         self.node.channel.start(&self.settings, delay, now)
     }
 

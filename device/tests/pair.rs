@@ -48,16 +48,53 @@ fn in_operational_an_angle_counts_when_it_was_compared_once() {
 }
 
 #[test]
-fn a_peer_that_never_speaks_leaves_an_angle_that_says_so() {
-    for (degraded, valid) in [(1, true), (0, false)] {
+fn a_channel_that_started_alone_was_valid_without_ever_having_been_compared() {
+    for degraded in [1, 0] {
         let mut pair = Pair::new().set_policy(0, degraded);
         pair.peer.silent = true;
         pair.hears(0, &[1, 0]);
         pair.seconds(4.0);
         let told = pair.told();
-        assert_eq!((told.is_valid(), told.state), (valid, 8), "{told:?}");
+        assert_eq!((told.is_valid(), told.state), (false, 8), "{told:?}");
+        assert_eq!(pair.read(at(0x2025, 1)), 18);
         assert!(pair.has(Fault::PeerChannel));
+        // What the other one says of itself is no comparison either.
+        pair.peer.silent = false;
+        pair.peer.says = level().refused(Invalid::Stuck);
+        pair.seconds(4.0);
+        assert_eq!((pair.told().is_valid(), pair.told().state), (false, 8));
+        assert_eq!(pair.read(at(0x2025, 1)), 18);
+        // Once compared it goes on alone, if it may.
+        pair.peer.says = level();
+        pair.seconds(2.0);
+        assert!(pair.told().is_valid());
+        pair.peer.silent = true;
+        pair.seconds(1.0);
+        let told = pair.told();
+        assert_eq!(
+            (told.is_valid(), told.state),
+            (degraded == 1, 8),
+            "{told:?}"
+        );
     }
+}
+
+#[test]
+fn a_peer_that_was_never_heard_was_ill_for_having_no_sample() {
+    let mut pair = Pair::new();
+    pair.peer.silent = true;
+    pair.hears(0, &[1, 0]);
+    pair.seconds(4.0);
+    assert_eq!(
+        (pair.read(at(0x2027, 1)), pair.read(at(0x2027, 2))),
+        (2, 18)
+    );
+    // FF15h: fault 14; the peer is blamed, since it was not heard; state 8. Its heartbeat is
+    // missed as well, which is bit 4 of the register.
+    assert_eq!(
+        pair.of(0x81).pop().unwrap(),
+        [0x15, 0xFF, 0x91, 0, 0x40, 0, 2 << 6 | 18, 8]
+    );
 }
 
 #[test]
@@ -113,6 +150,44 @@ fn a_peer_s_own_word_is_told_with_its_reason() {
     pair.seconds(1.5);
     assert_eq!(pair.emergencies(), [0xFF15, 0]);
     assert_eq!(pair.told().state, 1);
+}
+
+#[test]
+fn a_disagreement_was_forgotten_when_the_other_channel_fell_silent() {
+    let mut pair = Pair::working();
+    pair.peer.says = tilted(2.0);
+    pair.seconds(1.0);
+    assert_eq!(pair.told().state, 6);
+    pair.peer.silent = true;
+    for n in 0..250 {
+        pair.sync();
+        assert!(!pair.told().is_valid(), "{n}: {:?}", pair.told());
+    }
+    assert_eq!(pair.told().state, 8);
+    assert_eq!(pair.read(at(0x2025, 1)), 17);
+    // Neither does it help that the other one has lost its sensor's set-up.
+    pair.peer.silent = false;
+    pair.peer.says = level().refused(Invalid::PartReset);
+    pair.seconds(2.0);
+    assert!(!pair.told().is_valid(), "{:?}", pair.told());
+    // It has found out that it is the wrong one.
+    pair.peer.says = level().refused(Invalid::Biased);
+    pair.seconds(2.0);
+    assert!(pair.told().is_valid(), "{:?}", pair.told());
+}
+
+#[test]
+fn a_sensor_set_up_anew_is_compared_before_it_goes_on_alone() {
+    let mut pair = Pair::new().set_policy(2, 1).at_work();
+    pair.brown_out();
+    pair.peer.silent = true;
+    pair.seconds(6.0);
+    assert_eq!(pair.sensor_restarts, 1);
+    assert_eq!((pair.told().is_valid(), pair.told().state), (false, 8));
+    assert_eq!(pair.read(at(0x2025, 1)), 18);
+    pair.peer.silent = false;
+    pair.seconds(2.0);
+    assert!(pair.told().is_valid());
 }
 
 #[test]
@@ -405,6 +480,23 @@ fn log_and_black_box_hold_the_event_and_what_was_on_the_bus_around_it() {
         0x1401,
         "head only: version and length, no entries"
     );
+}
+
+#[test]
+fn an_event_between_two_syncs_left_a_frame_twice_and_shortened_the_period() {
+    let mut pair = Pair::working();
+    pair.seconds(1.0);
+    pair.brown_out();
+    pair.seconds(1.0);
+    let black_box = pair.upload(at(0x2071, 1));
+    assert_eq!(black_box[..4], [1, 34, 32, 16]);
+    assert_eq!(black_box[4..8], 20_000_u32.to_le_bytes());
+    let frames: Vec<&[u8]> = black_box[28..].chunks(34).collect();
+    assert!(frames.windows(2).all(|two| two[0][..32] != two[1][..32]));
+    // The clock in them goes on by a SYNC from frame to frame, 2 ms a step.
+    let steps = |two: &[&[u8]]| two[1][14].wrapping_sub(two[0][14]);
+    assert!(frames.windows(2).all(|two| steps(two) == 10));
+    assert_eq!((frames[31][32], frames[32][32]), (1, 7));
 }
 
 #[test]

@@ -69,11 +69,16 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// True for what passes by itself within the filter's memory and accuses nobody.
+    /// True for what passes by itself within the filter's memory, or a start of the other channel,
+    /// and accuses nobody.
     pub const fn is_transient(self) -> bool {
         matches!(
             self,
-            Self::NoSample | Self::Settling | Self::OverRange | Self::NoTemperature
+            Self::NoSample
+                | Self::Settling
+                | Self::OverRange
+                | Self::NoTemperature
+                | Self::Unconfirmed
         )
     }
 

@@ -24,7 +24,7 @@ use super::sending::Sending;
 use super::{Device, Memory, bus_time};
 use crate::black_box::{self, blamed_reason};
 use crate::exchange;
-use crate::objects::process::SyncSource;
+use crate::objects::process::{SyncSource, validity};
 use crate::objects::values::Latched;
 use crate::peer_clock::{Heard, PeerClock};
 
@@ -54,6 +54,8 @@ pub(super) struct Pair {
     peer: Observation,
     pub(super) judgement: Option<Judgement>,
     judged_at: Instant,
+    /// Whether this channel may go on alone, for all that the last comparison has shown.
+    pub(super) alone: Result<(), Invalid>,
     /// Time between the last two SYNCs, us.
     period_us: i64,
     /// PDOs of this node on their way to the bus.
@@ -68,9 +70,10 @@ impl Pair {
             came: [false; 2],
             heard: false,
             misses: 0,
-            peer: Observation::absent(Invalid::NoSample),
+            peer: Observation::absent(Invalid::Unconfirmed),
             judgement: None,
             judged_at: Instant(0),
+            alone: Err(Invalid::Unconfirmed),
             period_us: 0,
             sending: Sending::new(),
         }
@@ -81,7 +84,7 @@ impl Pair {
         Observation::absent(if self.heard {
             Invalid::Silent
         } else {
-            Invalid::NoSample
+            Invalid::Unconfirmed
         })
     }
 
@@ -150,7 +153,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.pair.misses = self.pair.misses.saturating_add(1);
         if self.pair.misses > MISSES_ALLOWED {
             let silence = self.pair.silence();
-            self.judge(before.observation, silence, before.at);
+            self.judge_sync(before.observation, silence, before.at);
         }
     }
 
@@ -200,10 +203,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
-        self.judge(own.observation, peer, own.at);
+        self.judge_sync(own.observation, peer, own.at);
     }
 
-    /// A channel that knows itself to be ill doesn't wait for a SYNC to say so.
+    /// A channel that knows itself to be ill doesn't wait for a SYNC to say so. The black box does:
+    /// its frames are those of SYNCs.
     pub(super) fn watch_own(&mut self, now: Instant) {
         let fault = self.node.channel.reason();
         let known = |judgement| {
@@ -249,6 +253,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.pair.peer = peer;
         self.pair.judgement = Some(judgement);
         self.pair.judged_at = at;
+        self.compare(judgement);
         self.values.own_ill = match judgement {
             Judgement::OneChannel {
                 ill: Which::Own,
@@ -258,6 +263,28 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             _ => None,
         };
         self.values.standing = self.standing();
+    }
+
+    /// A channel goes on alone only after a comparison that left no doubt of it: an error that was
+    /// there at the start shows in nothing else, and one of two that differ falling silent does
+    /// not make the other right.
+    fn compare(&mut self, judgement: Judgement) {
+        let both = validity::COMPARED | validity::COMPARED << 1;
+        let compared = self.values.process.validity & both != 0;
+        let reason = Invalid::Biased;
+        let ill = Which::Peer;
+        let named = judgement == Judgement::OneChannel { ill, reason };
+        let alone = &mut self.pair.alone;
+        if matches!(judgement, Judgement::Disagree | Judgement::PhysicalFault) {
+            *alone = Err(Invalid::Refused);
+        } else if compared || named && *alone == Err(Invalid::Refused) {
+            *alone = Ok(());
+        }
+    }
+
+    /// Judges what was said at the SYNC of `at`, and keeps it.
+    fn judge_sync(&mut self, own: Observation, peer: Observation, at: Instant) {
+        self.judge(own, peer, at);
         let process = &self.values.process;
         let frame = black_box::Frame {
             own: process.sent.bytes(),
@@ -295,8 +322,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return Ok(());
         }
         let alone = || match self.values.parameters.degraded {
-            0 => Err(Invalid::Alone),
-            _ => Ok(()),
+            0 => self.pair.alone.and(Err(Invalid::Alone)),
+            _ => self.pair.alone,
         };
         match self.pair.judgement {
             None => Err(Invalid::Unconfirmed),

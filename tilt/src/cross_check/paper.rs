@@ -112,7 +112,8 @@ impl PaperCheck {
         peer: Reading,
         now: Instant,
     ) -> Judgement {
-        let starting = |reason: &Invalid| matches!(reason, Invalid::NoSample | Invalid::Settling);
+        use Invalid::{NoSample, Settling, Unconfirmed};
+        let starting = |reason: &Invalid| matches!(reason, NoSample | Settling | Unconfirmed);
         match [reason(own), reason(peer)]
             .into_iter()
             .flatten()
