@@ -348,6 +348,18 @@ fn an_unknown_word_is_found_before_anything_is_served() {
 }
 
 #[test]
+fn a_script_without_a_word_was_served_before_the_complaint() {
+    let scratch = Scratch::new();
+    for text in ["", "\n\n", "# nothing yet\n"] {
+        let script = scratch.script(text);
+        let output = served(&["--listen", "127.0.0.1:0", "--script", &script]);
+        let said = refused(&output);
+        assert!(said.contains("there is no word in the script"), "{said}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
 fn a_script_that_ends_says_so() {
     let scratch = Scratch::new();
     let script = scratch.script("pitch 10\nwait\nwait 1\n");

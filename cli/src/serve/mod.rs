@@ -122,6 +122,7 @@ fn build(
         task.advance(1);
     }
     let mut stage = Stage::new(network, arguments.seed);
+    stage.one_axis = arguments.mode == options::Mode::OneAxis;
     (0..node_ids.len()).for_each(|number| stage.power_on(number));
     Ok((stage, ids))
 }

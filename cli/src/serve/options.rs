@@ -12,10 +12,7 @@ use sim::bench;
 use super::pace::Speed;
 use super::stop::Stopped;
 use super::tcp;
-use super::words::help;
-
-/// Bit rates of CiA 301, kbit/s.
-const BIT_RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
+use super::words::{BIT_RATES, help};
 
 /// Node-ids in the order of the nodes, or none for all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]

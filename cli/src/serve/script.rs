@@ -32,6 +32,8 @@ pub enum Complaint {
     NeverReached(&'static str),
     /// A script that would begin again at once, for ever.
     NoTime,
+    /// Bytes that are no text.
+    NoText,
 }
 
 /// Why a script can't be carried out.
@@ -41,6 +43,8 @@ pub enum ScriptError {
     File(PathBuf, std::io::Error),
     /// The file is too long.
     Long(PathBuf),
+    /// There is no word in it.
+    Empty(PathBuf),
     /// A line, counted from 1, is wrong.
     Line(PathBuf, usize, Complaint),
 }
@@ -58,6 +62,11 @@ impl fmt::Display for ScriptError {
                 "the script {} is longer than {} kB; type the words from a program instead",
                 path.display(),
                 MOST_BYTES >> 10
+            ),
+            Self::Empty(path) => write!(
+                f,
+                "there is no word in the script {}: write at least `hold`, or leave --script away",
+                path.display()
             ),
             Self::Line(path, line, complaint) => {
                 write!(f, "{} line {line}: {complaint}", path.display())
@@ -84,6 +93,7 @@ impl fmt::Display for Complaint {
                 f,
                 "a script that repeats has to take time: put a `wait SECONDS` into it"
             ),
+            Self::NoText => f.write_str("these bytes are no text: save the script as UTF-8"),
         }
     }
 }
@@ -140,9 +150,25 @@ pub fn open(path: &Path, nodes: usize) -> Result<Script, ScriptError> {
     if std::fs::metadata(path).map_err(failed)?.len() > MOST_BYTES {
         return Err(ScriptError::Long(path.to_owned()));
     }
-    let text = std::fs::read_to_string(path).map_err(failed)?;
-    Script::new(text.trim_start_matches('\u{FEFF}'), nodes)
-        .map_err(|(line, complaint)| ScriptError::Line(path.to_owned(), line, complaint))
+    let bytes = std::fs::read(path).map_err(failed)?;
+    let script = text(&bytes).and_then(|text| Script::new(text, nodes));
+    let bad = |(line, complaint)| ScriptError::Line(path.to_owned(), line, complaint);
+    let script = script.map_err(bad)?;
+    if script.lines.is_empty() {
+        return Err(ScriptError::Empty(path.to_owned()));
+    }
+    Ok(script)
+}
+
+/// The text in these bytes, without the mark that some editors put first; else the line that is
+/// none, from 1.
+fn text(bytes: &[u8]) -> Result<&str, (usize, Complaint)> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let good = bytes.iter().take(error.valid_up_to());
+        let line = 1 + good.filter(|byte| **byte == b'\n').count();
+        (line, Complaint::NoText)
+    })?;
+    Ok(text.trim_start_matches('\u{FEFF}'))
 }
 
 /// What is known of a script while it is read.
@@ -319,5 +345,13 @@ mod tests {
         assert!(said("pitch 60\nroll 40").1.contains("pitch 60 and roll 40"));
         assert!(said("hold\nlevel").1.contains("behind `hold`"));
         assert!(said("pitch 3\nrepeat").1.contains("has to take time"));
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_were_complained_about_without_their_line() {
+        let said = text(b"pitch 3\nroll 4 # \xC3\xA4\n# \xE4\nhold").unwrap_err();
+        assert_eq!(said.0, 3);
+        assert!(said.1.to_string().contains("UTF-8"));
+        assert_eq!(text(b"\xEF\xBB\xBFhold").unwrap(), "hold");
     }
 }

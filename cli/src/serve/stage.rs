@@ -14,6 +14,7 @@ use sim::can_bus::{Event, MAILBOXES, Order, Port, Rates, State};
 use sim::chamber::Chamber;
 use sim::fault::NodeFault;
 use sim::lis2dw12::Fault;
+use sim::motion::Attitude;
 use sim::network::Network;
 use sim::network::hand::{Hand, Pose};
 use sim::rng::Rng;
@@ -54,6 +55,8 @@ struct Adapter {
 pub struct Stage {
     /// The bus with its nodes.
     pub network: Network,
+    /// The nodes measure one axis all the way round, so X is a turn and no slope.
+    pub one_axis: bool,
     hand: Hand,
     chamber: Chamber,
     chamber_ns: u64,
@@ -65,12 +68,22 @@ pub struct Stage {
     passed: Vec<Passed>,
 }
 
+/// The angle of gravity in the plane of the housing's x and z, in which a slope folds at 90 deg
+/// and a turn goes on.
+fn turn_deg(attitude: Attitude) -> f64 {
+    let [x, y] = [attitude.slope_x_deg, attitude.slope_y_deg].map(|deg| deg.to_radians().sin());
+    let down = (1.0 - x * x - y * y).max(0.0).sqrt();
+    let over = attitude.turn_deg.to_radians().cos();
+    x.atan2(down.copysign(over)).to_degrees()
+}
+
 impl Stage {
     /// A level housing at 25 degC around the nodes of `network`, which have no power yet.
     pub fn new(mut network: Network, seed: u64) -> Self {
         let port = network.attach_host();
         Self {
             network,
+            one_axis: false,
             hand: Hand::new(Rng::stream(seed, "hand")),
             chamber: Chamber::at(25.0),
             chamber_ns: 0,
@@ -92,11 +105,17 @@ impl Stage {
         self.hand.is_still()
     }
 
-    /// Where the housing truly stands: slopes X and Y in degrees; and air and die in degC.
+    /// Where the housing truly stands: X, as the nodes measure it, and slope Y in degrees; and
+    /// air and die in degC.
     pub fn truth(&self) -> ([f64; 2], [f64; 2]) {
         let attitude = self.hand.attitude();
+        let x_deg = if self.one_axis {
+            turn_deg(attitude)
+        } else {
+            attitude.slope_x_deg
+        };
         (
-            [attitude.slope_x_deg, attitude.slope_y_deg],
+            [x_deg, attitude.slope_y_deg],
             [self.chamber.air_c, self.chamber.die_c],
         )
     }

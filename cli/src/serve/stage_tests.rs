@@ -309,6 +309,29 @@ fn the_status_tells_truth_and_nodes() {
 }
 
 #[test]
+fn the_truth_of_an_instrument_with_one_axis_was_folded_at_90_deg() {
+    let mut stage = pair();
+    stage.one_axis = true;
+    says(&mut stage, "rate 400");
+    says(&mut stage, "roll 170");
+    go(&mut stage, 3000);
+    let ([x, y], _) = stage.truth();
+    assert!((x - 170.0).abs() < 1e-6 && y.abs() < 1e-6, "{x} {y}");
+    says(&mut stage, "roll -30");
+    says(&mut stage, "pitch 40");
+    go(&mut stage, 3000);
+    let ([x, y], _) = stage.truth();
+    // x is -0.5 and z sqrt(1 - 0.25 - sin(40 deg)^2).
+    assert!(
+        (x + 40.746).abs() < 0.001 && (y - 40.0).abs() < 1e-6,
+        "{x} {y}"
+    );
+    stage.one_axis = false;
+    let ([x, _], _) = stage.truth();
+    assert!((x + 30.0).abs() < 1e-6, "{x}");
+}
+
+#[test]
 fn what_a_node_stores_is_in_the_folder_and_comes_back() {
     let folder = std::env::temp_dir().join(format!("plumb-stage-{}", std::process::id()));
     let mut keep = Keep::open(&folder, 2).unwrap();

@@ -340,6 +340,26 @@ mod tests {
     }
 
     #[test]
+    fn every_line_of_the_page_of_faults_has_its_word() {
+        let faults = include_str!("../../../docs/faults.md");
+        let page = include_str!("../../../docs/serve.md");
+        let (_, table) = faults.split_once("### Digging").unwrap();
+        let (table, _) = table.split_once("###").unwrap();
+        let lines = table.lines().filter_map(|line| line.strip_prefix("| "));
+        let names = lines.filter_map(|line| line.split(" | ").next());
+        let mut found = 0;
+        for name in names.filter(|name| !["fault", "none"].contains(name)) {
+            let row = format!("\n| {} | `", name.trim_end_matches(" (bus)"));
+            let (_, rest) = page.split_once(&row).expect(name);
+            let (word, _) = rest.split_once('`').unwrap();
+            let line = crate::serve::words::read(word, 2);
+            assert!(matches!(line, Ok(Some(_))), "{name}: {word}: {line:?}");
+            found += 1;
+        }
+        assert_eq!(found, 29, "lines of the page");
+    }
+
+    #[test]
     fn every_name_of_the_list_is_read_and_every_size_has_its_bounds() {
         let sizes = ["", " x", " 1", " x 1"];
         for name in names() {

@@ -11,6 +11,9 @@ use std::ops::RangeInclusive;
 
 use super::trouble::{self, Trouble};
 
+/// Bit rates of CiA 301, kbit/s.
+pub const BIT_RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
+
 /// What the wires of the bus do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BusTrouble {
@@ -180,7 +183,7 @@ const FORMS: [(&str, &str, &str); 20] = [
     ),
     (
         "bit-rate",
-        "bit-rate KBIT/S (10 to 1000)",
+        "bit-rate KBIT/S (10, 20, 50, 125, 250, 500, 800 or 1000)",
         "the clients' adapter follows a change by LSS",
     ),
     (
@@ -314,9 +317,7 @@ impl Reader<'_> {
             ("bus", what) => Word::Bus(self.bus(what)?),
             ("babble", ["off"]) => Word::Babble(None),
             ("babble", [id]) => Word::Babble(Some(identifier(id).ok_or_else(|| self.bad())?)),
-            ("bit-rate", [rate]) => {
-                Word::BitRate(self.number(rate, "kbit/s", 10.0..=1000.0)?.round() as u16)
-            }
+            ("bit-rate", [rate]) => Word::BitRate(self.bit_rate(rate)?),
             ("status", []) => Word::Status,
             ("help", []) => Word::Help,
             ("quit", []) => Word::Quit,
@@ -330,6 +331,12 @@ impl Reader<'_> {
 
     fn number(&self, text: &str, unit: &str, range: RangeInclusive<f64>) -> Result<f64, WordError> {
         number(text, unit, range).ok_or_else(|| self.bad())
+    }
+
+    fn bit_rate(&self, text: &str) -> Result<u16, WordError> {
+        let asked = self.number(text, "kbit/s", 10.0..=1000.0)?;
+        let rate = BIT_RATES.into_iter().find(|rate| f64::from(*rate) == asked);
+        rate.ok_or_else(|| self.bad())
     }
 
     fn celsius(&self, text: &str) -> Result<f64, WordError> {
@@ -486,6 +493,21 @@ mod tests {
         let form = "does not fit: write fault NODE bias AXIS MG (-2000 to 2000)";
         assert!(said("fault a bias 10").ends_with(form));
         assert!(said("fault bias x 10").starts_with("there is no node \"bias\""));
+    }
+
+    #[test]
+    fn a_bit_rate_that_no_node_knows_was_taken() {
+        for rate in BIT_RATES {
+            assert_eq!(word(&format!("bit-rate {rate}")), Word::BitRate(rate));
+            assert!(help().contains(&rate.to_string()), "{rate}");
+        }
+        for rate in ["123", "249.9", "100"] {
+            let told = said(&format!("bit-rate {rate}"));
+            assert!(
+                told.ends_with("(10, 20, 50, 125, 250, 500, 800 or 1000)"),
+                "{told}"
+            );
+        }
     }
 
     #[test]

@@ -119,8 +119,8 @@ impl fmt::Display for Outcome {
             let reaction_s = setup.terms().reaction_s;
             writeln!(
                 f,
-                "paper mode     the promise is not for it: a wrong angle counts from {reaction_s} s \
-                 on (erratum E16)"
+                "paper mode     the promise is not for it: a wrong angle counts from \
+                 {reaction_s} s on (erratum E16)"
             )?;
         }
         for (injection, detection) in setup.faults.iter().zip(&report.detections) {
