@@ -200,10 +200,10 @@ impl fmt::Display for Setup {
             "policy         a finding stays {latch}, the healthy channel {alone}, safety frames \
              {safety}"
         )?;
-        let promise = if self.within_promise {
-            "within the promise"
-        } else {
-            "beyond the promise: only a wrong angle marked valid counts"
+        let promise = match (self.mode, self.within_promise) {
+            (Mode::Paper, _) => "in paper mode, of which nothing is promised",
+            (_, true) => "within the promise",
+            (_, false) => "beyond the promise: only a wrong angle marked valid counts",
         };
         writeln!(f, "faults         {}, {promise}", self.faults.len())?;
         for injection in &self.faults {

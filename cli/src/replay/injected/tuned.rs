@@ -92,13 +92,15 @@ impl Tuned {
         let habit = mean(pairs);
         for index in 0..residual::STAGES {
             let stage = &mut self.check.residual.stages[index];
-            let numbers = scaled(stage, pairs, habit);
-            let what = format!("difference, low-passed {} s", seconds(stage.tau_us));
+            let tau_us = stage.tau_us;
+            let numbers = scaled([&mut stage.calm, &mut stage.shaken], tau_us, pairs, habit);
+            let what = format!("difference, low-passed {} s", seconds(tau_us));
             self.note(what, "mg", numbers);
         }
-        let whole = &mut self.check.residual.whole;
-        let numbers = scaled(whole, pairs, [0.0; 3]);
-        let what = format!("whole difference, {} s", seconds(whole.tau_us));
+        let residual = &mut self.check.residual;
+        let tau_us = residual.whole_us;
+        let numbers = scaled([&mut residual.whole], tau_us, pairs, [0.0; 3]);
+        let what = format!("whole difference, {} s", seconds(tau_us));
         self.note(what, "mg", numbers);
     }
 
@@ -127,12 +129,24 @@ fn seconds(us: u32) -> f64 {
     f64::from(us) / 1e6
 }
 
-/// Raises the threshold of one low-pass; what it was, what the healthy pair has, and what it is.
-fn scaled(stage: &mut residual::Stage, pairs: &[Pair], habit: [f64; 3]) -> [f64; 3] {
-    let product_mg = mg(f64::from(stage.threshold));
-    let rms_mg = low_passed_mg(pairs, seconds(stage.tau_us), habit);
-    let here_mg = product_mg.max(TIMES_RMS * rms_mg);
-    stage.threshold = steps(here_mg);
+/// Raises the thresholds of one low-pass; what the first was, what the healthy pair has, and what
+/// it is.
+fn scaled<const N: usize>(
+    thresholds: [&mut u32; N],
+    tau_us: u32,
+    pairs: &[Pair],
+    habit: [f64; 3],
+) -> [f64; 3] {
+    let rms_mg = low_passed_mg(pairs, seconds(tau_us), habit);
+    let [product_mg, here_mg] = thresholds
+        .into_iter()
+        .rev()
+        .fold([f64::NAN; 2], |_, threshold| {
+            let product_mg = mg(f64::from(*threshold));
+            let here_mg = product_mg.max(TIMES_RMS * rms_mg);
+            *threshold = steps(here_mg);
+            [product_mg, here_mg]
+        });
     [product_mg, rms_mg, here_mg]
 }
 
