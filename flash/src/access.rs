@@ -1,0 +1,121 @@
+//! Verified access: what was programmed is read back, what was erased is looked through.
+//!
+//! In: a flash, an offset from its start in bytes, bytes. Out: nothing, or an [`AccessError`].
+//! Programs and erases whole half-words and pages of [`PAGE`]; a flash with other sizes does not
+//! compile.
+//!
+//! Left out: what the bytes mean.
+
+use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+
+use crate::check_sum::Crc32;
+use crate::layout::PAGE;
+
+/// Bytes that are read at a time where much is looked through.
+const PIECE: usize = 32;
+
+/// Why the flash did not do what was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccessError {
+    /// The driver refused the operation, with its reason.
+    Refused(NorFlashErrorKind),
+    /// The page around offset `at` did not erase, or does not hold what was programmed.
+    Worn {
+        /// Offset from the start of the flash, bytes.
+        at: u32,
+    },
+}
+
+fn refused<E: NorFlashError>(error: E) -> AccessError {
+    AccessError::Refused(error.kind())
+}
+
+/// Reads `into.len()` bytes from offset `at`.
+///
+/// Errors: [`AccessError::Refused`].
+pub fn read<F: ReadNorFlash>(flash: &mut F, at: u32, into: &mut [u8]) -> Result<(), AccessError> {
+    const { assert!(F::READ_SIZE == 1) };
+    flash.read(at, into).map_err(refused)
+}
+
+/// Hands the `length` bytes from offset `at` on to `take`, in pieces.
+///
+/// Errors: [`AccessError::Refused`].
+pub fn for_each<F: ReadNorFlash>(
+    flash: &mut F,
+    at: u32,
+    length: u32,
+    mut take: impl FnMut(&[u8]),
+) -> Result<(), AccessError> {
+    let mut piece = [0; PIECE];
+    let end = at.saturating_add(length);
+    let mut at = at;
+    while at < end {
+        let size = (end - at).min(PIECE as u32);
+        let part = piece.get_mut(..size as usize).unwrap_or_default();
+        read(flash, at, part)?;
+        take(part);
+        at = at.saturating_add(size);
+    }
+    Ok(())
+}
+
+/// Takes `length` bytes from offset `at` on into `crc`.
+///
+/// Errors: [`AccessError::Refused`].
+pub fn add_to<F: ReadNorFlash>(
+    crc: &mut Crc32,
+    flash: &mut F,
+    at: u32,
+    length: u32,
+) -> Result<(), AccessError> {
+    for_each(flash, at, length, |bytes| crc.add(bytes))
+}
+
+/// Whether `length` bytes from offset `at` on are all FFh.
+///
+/// Errors: [`AccessError::Refused`].
+pub fn is_blank<F: ReadNorFlash>(
+    flash: &mut F,
+    at: u32,
+    length: u32,
+) -> Result<bool, AccessError> {
+    let mut blank = true;
+    for_each(flash, at, length, |bytes| {
+        blank &= bytes.iter().all(|byte| *byte == u8::MAX);
+    })?;
+    Ok(blank)
+}
+
+/// Programs an even number of `bytes` at the even offset `at` and reads them back.
+///
+/// Errors: any of [`AccessError`].
+pub fn program<F: NorFlash>(flash: &mut F, at: u32, bytes: &[u8]) -> Result<(), AccessError> {
+    const { assert!(F::WRITE_SIZE == 1 || F::WRITE_SIZE == 2) };
+    flash.write(at, bytes).map_err(refused)?;
+    let mut rest = bytes;
+    let mut same = true;
+    for_each(flash, at, bytes.len() as u32, |held| {
+        let (expected, behind) = rest.split_at_checked(held.len()).unwrap_or_default();
+        same &= held == expected;
+        rest = behind;
+    })?;
+    if same {
+        Ok(())
+    } else {
+        Err(AccessError::Worn { at })
+    }
+}
+
+/// Erases the page that begins at offset `at` and looks it through.
+///
+/// Errors: any of [`AccessError`].
+pub fn erase<F: NorFlash>(flash: &mut F, at: u32) -> Result<(), AccessError> {
+    const { assert!(F::ERASE_SIZE == PAGE as usize) };
+    flash.erase(at, at.saturating_add(PAGE)).map_err(refused)?;
+    if is_blank(flash, at, PAGE)? {
+        Ok(())
+    } else {
+        Err(AccessError::Worn { at })
+    }
+}
