@@ -80,19 +80,32 @@ pub fn is_blank<F: ReadNorFlash>(
     at: u32,
     length: u32,
 ) -> Result<bool, AccessError> {
-    let mut blank = true;
-    for_each(flash, at, length, |bytes| {
-        blank &= bytes.iter().all(|byte| *byte == u8::MAX);
-    })?;
-    Ok(blank)
+    let mut done = 0;
+    while done < length {
+        let size = (length - done).min(PIECE as u32);
+        let mut blank = true;
+        for_each(flash, at.saturating_add(done), size, |bytes| {
+            blank = bytes.iter().all(|byte| *byte == u8::MAX);
+        })?;
+        if !blank {
+            return Ok(false);
+        }
+        done += size;
+    }
+    Ok(true)
 }
 
 /// Programs an even number of `bytes` at the even offset `at` and reads them back.
 ///
+/// Half-words of FFFFh are left alone: they read so already, and stay free to be programmed.
 /// Errors: any of [`AccessError`].
 pub fn program<F: NorFlash>(flash: &mut F, at: u32, bytes: &[u8]) -> Result<(), AccessError> {
     const { assert!(F::WRITE_SIZE == 1 || F::WRITE_SIZE == 2) };
-    flash.write(at, bytes).map_err(refused)?;
+    for (place, half_word) in (at..).step_by(2).zip(bytes.chunks(2)) {
+        if half_word != [u8::MAX; 2] {
+            flash.write(place, half_word).map_err(refused)?;
+        }
+    }
     let mut rest = bytes;
     let mut same = true;
     for_each(flash, at, bytes.len() as u32, |held| {

@@ -245,6 +245,20 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         if cut { Err(NorError::NoPower) } else { Ok(()) }
     }
 
+    fn read_page(&mut self, number: usize, at: usize, into: &mut [u8]) -> Result<(), NorError> {
+        let page = self.pages.as_ref().get(number);
+        let held = page.and_then(|page| page.bytes.get(at..)?.get(..into.len()));
+        let (Some(page), Some(held)) = (page, held) else {
+            return Err(NorError::OutOfBounds);
+        };
+        into.iter_mut().zip(held).for_each(|(byte, held)| *byte = *held);
+        if page.torn {
+            // Its cells stand between 0 and 1.
+            into.iter_mut().for_each(|byte| *byte |= self.draw.draw() as u8);
+        }
+        Ok(())
+    }
+
     fn erase_page(&mut self, number: usize) -> Result<(), NorError> {
         let cut = self.fails_now();
         let endurance = self.endurance;
@@ -281,14 +295,15 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> ReadNorFlash for Nor<P, D> {
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
         self.admit(offset, bytes.len(), 1)?;
-        for (at, into) in (offset..).zip(bytes) {
-            let Some(page) = self.pages.as_ref().get((at / PAGE) as usize) else {
-                return Err(NorError::OutOfBounds);
-            };
-            let held = page.bytes.get((at % PAGE) as usize).copied();
-            // The cells of a torn page stand between 0 and 1.
-            let noise = if page.torn { self.draw.draw() as u8 } else { 0 };
-            *into = held.unwrap_or(u8::MAX) | noise;
+        let mut at = offset;
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let place = (at % PAGE) as usize;
+            let size = rest.len().min(PAGE as usize - place);
+            let (now, later) = rest.split_at_mut_checked(size).unwrap_or_default();
+            self.read_page((at / PAGE) as usize, place, now)?;
+            at = at.saturating_add(size as u32);
+            rest = later;
         }
         Ok(())
     }
