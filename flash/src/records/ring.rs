@@ -192,8 +192,12 @@ impl<const KINDS: usize> Records<KINDS> {
         needed <= pages.saturating_mul(PAGE - HEAD)
     }
 
-    /// Makes one page ready, or one record less stand in its way.
+    /// Makes a page ready, or one record less stand in its way.
     pub(super) fn free_step<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), RecordError> {
+        // First, since behind a record that is stored next it would stay until the ring is round.
+        if self.head_is_waste() {
+            return self.take_back(flash);
+        }
         let in_use = self.ready.saturating_sub(self.tail);
         if in_use >= self.pages.count() {
             let tail = self.tail;
@@ -222,7 +226,7 @@ impl<const KINDS: usize> Records<KINDS> {
         }
         self.close_gap(flash)?;
         if self.space() < entry.length.max(1) {
-            return self.take_back(flash);
+            return Err(RecordError::Full);
         }
         self.start(flash, kind, true)?;
         let mut piece = [0; PIECE];
@@ -235,21 +239,24 @@ impl<const KINDS: usize> Records<KINDS> {
         self.commit(flash)
     }
 
-    /// Frees the head page, which holds nothing but what was cut.
-    ///
-    /// Needed only after several cuts in a row while records were stored anew.
-    fn take_back<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), RecordError> {
+    /// Whether the head page holds nothing but what was cut or discarded.
+    fn head_is_waste(&self) -> bool {
         let valid = self.index.iter().filter(|entry| entry.version != 0);
         let last = valid.map(Entry::last_page).max();
-        if self.head < self.tail || last.is_some_and(|last| last >= self.head) {
-            return Err(RecordError::Full);
-        }
+        self.head >= self.tail && last.is_none_or(|last| last < self.head)
+    }
+
+    /// Makes the head page ready anew, and goes on in the page before it.
+    fn take_back<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), RecordError> {
         let page = self.head;
         self.head = page.saturating_sub(1);
         self.at = PAGE;
         self.cut_at = None;
         self.renewed = self.renewed.saturating_add(1);
         self.pages.renew(flash, page)?;
+        if self.head >= self.tail && self.pages.has(flash, self.head)? {
+            self.at = self.walk(flash, self.head, &mut None)?;
+        }
         Ok(())
     }
 
