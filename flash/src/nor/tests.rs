@@ -33,6 +33,13 @@ impl Draw for Seeded {
 /// The flash that the tests use.
 pub(crate) type Bench = Nor<Vec<Page>, Seeded>;
 
+impl Bench {
+    /// Draws from another seed from now on.
+    pub(crate) fn reseed(&mut self, seed: u64) {
+        self.draw = Seeded::new(seed);
+    }
+}
+
 /// A flash of `pages` that takes every half-word once only.
 pub(crate) fn bench(pages: u32, seed: u64) -> Bench {
     let mut nor = Nor::new(vec![Page::new(); pages as usize], Seeded::new(seed));
