@@ -75,11 +75,7 @@ pub fn add_to<F: ReadNorFlash>(
 /// Whether `length` bytes from offset `at` on are all FFh.
 ///
 /// Errors: [`AccessError::Refused`].
-pub fn is_blank<F: ReadNorFlash>(
-    flash: &mut F,
-    at: u32,
-    length: u32,
-) -> Result<bool, AccessError> {
+pub fn is_blank<F: ReadNorFlash>(flash: &mut F, at: u32, length: u32) -> Result<bool, AccessError> {
     let mut done = 0;
     while done < length {
         let size = (length - done).min(PIECE as u32);

@@ -149,7 +149,18 @@ impl Header {
     /// [`ImageError::Header`].
     pub fn parse(bytes: &[u8]) -> Result<Self, ImageError> {
         let (words, _) = bytes.as_chunks::<4>();
-        let [magic, kind, hardware, version, address, length, crc, check, ..] = words else {
+        let [
+            magic,
+            kind,
+            hardware,
+            version,
+            address,
+            length,
+            crc,
+            check,
+            ..,
+        ] = words
+        else {
             return Err(ImageError::Magic);
         };
         if u32::from_le_bytes(*magic) != MAGIC {

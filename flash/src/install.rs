@@ -65,7 +65,9 @@ impl Rules {
     ///
     /// Errors: [`InstallError::Image`], [`InstallError::Downgrade`], [`InstallError::Unsigned`].
     pub fn admit(&self, header: &Header, slot: Region) -> Result<(), InstallError> {
-        header.suits(slot, self.hardware).map_err(InstallError::Image)?;
+        header
+            .suits(slot, self.hardware)
+            .map_err(InstallError::Image)?;
         if header.version < self.running && !self.downgrade {
             return Err(InstallError::Downgrade(header.version));
         }
@@ -147,11 +149,7 @@ impl Install {
     ///
     /// Errors: [`InstallError::NotErased`], [`InstallError::TooLong`], those of [`Rules::admit`]
     /// with the header's last byte, [`InstallError::Access`].
-    pub fn append<F: NorFlash>(
-        &mut self,
-        flash: &mut F,
-        bytes: &[u8],
-    ) -> Result<(), InstallError> {
+    pub fn append<F: NorFlash>(&mut self, flash: &mut F, bytes: &[u8]) -> Result<(), InstallError> {
         if self.erased < self.slot.pages() {
             return Err(InstallError::NotErased);
         }

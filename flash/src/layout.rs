@@ -225,7 +225,11 @@ impl fmt::Display for MemoryX {
             Program::Application(Slot::A) => "an application in slot A",
             Program::Application(Slot::B) => "an application in slot B",
         };
-        writeln!(f, "/* {}, {program}. Made from flash::layout. */", self.part)?;
+        writeln!(
+            f,
+            "/* {}, {program}. Made from flash::layout. */",
+            self.part
+        )?;
         writeln!(f, "MEMORY")?;
         writeln!(f, "{{")?;
         let (origin, length) = (self.room.address(), self.room.length);
@@ -274,7 +278,10 @@ mod tests {
 
     #[test]
     fn the_linker_script_is_the_map() {
-        let text = CB.memory_x(Program::Application(Slot::B)).unwrap().to_string();
+        let text = CB
+            .memory_x(Program::Application(Slot::B))
+            .unwrap()
+            .to_string();
         let expected = "/* STM32F103CB, an application in slot B. Made from flash::layout. */\n\
             MEMORY\n{\n  FLASH : ORIGIN = 0x0800F200, LENGTH = 52736\n  \
             RAM : ORIGIN = 0x20000000, LENGTH = 20480\n}\n";

@@ -6,7 +6,7 @@
 //!
 //! - One operation is one half-word programmed or one page erased.
 //! - A half-word is programmed once after its page was erased. A second time only 0000h is taken
-//!   (RM0008 3.3.3, "PGERR"), and [`Nor::set_once_only`] refuses that too. Programming FFFFh counts.
+//!   (PM0075 2.3.3), and [`Nor::set_once_only`] refuses that too. Programming FFFFh counts.
 //! - A program that is cut leaves any of its bits done, the others not.
 //! - An erase that is cut leaves any of the page's bits done, and from then on those that are not
 //!   done read differently each time. Such a page refuses programs until it was erased whole.
@@ -25,7 +25,7 @@ use crate::layout::PAGE;
 /// Half-words of a page.
 const HALF_WORDS: usize = PAGE as usize / 2;
 
-/// Erases that the data sheet promises for a page (STM32F103x8/xB, table 28).
+/// Erases that the data sheet promises for a page (STM32F103x8/xB, 5.3.9).
 pub const ENDURANCE: u32 = 10_000;
 
 /// Where random words come from: the caller's seeded generator.
@@ -251,10 +251,13 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         let (Some(page), Some(held)) = (page, held) else {
             return Err(NorError::OutOfBounds);
         };
-        into.iter_mut().zip(held).for_each(|(byte, held)| *byte = *held);
+        into.iter_mut()
+            .zip(held)
+            .for_each(|(byte, held)| *byte = *held);
         if page.torn {
             // Its cells stand between 0 and 1.
-            into.iter_mut().for_each(|byte| *byte |= self.draw.draw() as u8);
+            into.iter_mut()
+                .for_each(|byte| *byte |= self.draw.draw() as u8);
         }
         Ok(())
     }
@@ -270,7 +273,10 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
             page.torn = true;
             for bytes in page.bytes.chunks_mut(4) {
                 let done = self.draw.draw().to_le_bytes();
-                bytes.iter_mut().zip(done).for_each(|(byte, done)| *byte |= done);
+                bytes
+                    .iter_mut()
+                    .zip(done)
+                    .for_each(|(byte, done)| *byte |= done);
             }
             return Err(NorError::NoPower);
         }

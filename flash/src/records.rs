@@ -6,8 +6,8 @@
 //! half: events, one behind the other.
 //!
 //! # How it is kept
-//! All kinds share a ring of pages ([`pages`]), so a parameter that is stored daily wears the page
-//! of a calibration no more than its own. A record lies in the ring in one stretch, one [`chunk`]
+//! All kinds share a ring of pages (`pages`), so a parameter that is stored daily wears the page
+//! of a calibration no more than its own. A record lies in the ring in one stretch, one `chunk`
 //! in each page that it touches, and counts from the moment when the header of its last chunk is
 //! whole. At the other end of the ring the oldest page is freed: records in it that still count
 //! are stored anew first, as any record is stored.
@@ -17,13 +17,14 @@
 //! in reserve for it, so a store that is admitted is never stuck later.
 //!
 //! A cut costs the room of what was cut; `prepare` gets it back. A step programs the longest
-//! record at most: 3.1 kB take 0.11 s at 70 us for each half-word. An erase takes 40 ms at most (STM32F103x8/xB data sheet, table 28).
+//! record at most: 3.1 kB take 0.11 s at 70 us for each half-word. An erase takes 40 ms at most
+//! (STM32F103x8/xB data sheet, 5.3.9).
 //!
 //! Where a bit of the last version has gone bad, [`Records::mount`] takes the version before if
 //! that is still there, and counts the damage.
 //!
-//! The state is some 100 bytes and 16 for each kind. Chunks of an unknown kind, which a later program
-//! wrote, are passed over and lost when their page is freed.
+//! Chunks of an unknown kind, which a later program wrote, are passed over and lost when their page
+//! is freed.
 //!
 //! Left out: what the bytes mean, and when to store.
 
@@ -233,8 +234,14 @@ impl<const KINDS: usize> Records<KINDS> {
 
     /// Bytes of payload that can be stored without an erase, the reserve included.
     fn space(&self) -> u32 {
-        let here = if ring::has_room(self.at) { room(self.at) } else { 0 };
-        self.blank_pages().saturating_mul(LONGEST).saturating_add(here)
+        let here = if ring::has_room(self.at) {
+            room(self.at)
+        } else {
+            0
+        };
+        self.blank_pages()
+            .saturating_mul(LONGEST)
+            .saturating_add(here)
     }
 
     fn entry(&self, kind: u8) -> Option<&Entry> {

@@ -7,13 +7,14 @@
 //!
 //! | byte | content |
 //! |---|---|
-//! | 256 to 287 | four places for the activation, the first that is free is used: generation (4 bytes, little-endian), CRC-32 of "PLMG" and these |
+//! | 256 to 287 | four places for an activation, of which the first that is free is used |
 //! | 288 to 293 | three attempts: FFFFh free, anything else used |
 //! | 294, 295 | FFh |
 //! | 296 to 303 | confirmed when 16 of the 64 bits are 0 |
 //! | 304 to 511 | FFh |
 //!
-//! Every half-word of them is programmed once at most, and all are erased with the slot. The
+//! An activation is a generation (4 bytes) and the CRC-32 of "PLMG" and these bytes, little-endian.
+//! Every half-word of the marks is programmed once at most, and all are erased with the slot. The
 //! generation counts activations, so it says which of two confirmed images is newer, also after a
 //! permitted downgrade. One bit that goes bad does not confirm an image, takes at most one attempt
 //! away, and makes an activation void.
@@ -32,13 +33,14 @@
 //!
 //! | from | to | by | written | cut |
 //! |---|---|---|---|---|
-//! | any | bad | [`Install::erase`](crate::install::Install::erase), while the other slot runs confirmed | header page erased first | bad, or as before |
-//! | bad | idle | [`Install`](crate::install::Install) | the body, its last half-word last | bad |
+//! | any | bad | [`install`](crate::install), its start | first page erased | bad, or as before |
+//! | bad | idle | [`install`](crate::install) | header, then body | bad |
 //! | idle | trial | [`activate`] | generation, then its CRC | idle; the place is used up |
 //! | trial | trial, spent | [`boot`] | one attempt | one attempt less, or as before |
-//! | trial | confirmed | [`confirm`] after the self-check | up to four half-words | trial, or confirmed |
-//! | spent | spent | - | nothing: the other slot runs ("rolled back") | - |
-//! | any but bad | bad | a bit of header or body goes bad | - | the other slot runs, if it is confirmed or on trial |
+//! | trial | confirmed | [`confirm`] after the self-check | four half-words | trial, or confirmed |
+//! | any | bad | a bit of header or body goes bad | - | - |
+//!
+//! An install begins only while the other slot runs and is confirmed.
 //!
 //! # What starts
 //! Both slots count from the higher generation to the lower:

@@ -15,7 +15,9 @@ pub(crate) const HARDWARE: u32 = 0x0103_00CB;
 
 /// The file of an image for `slot`: header and a body of `length` bytes made from `version`.
 pub(crate) fn file(slot: Slot, version: Version, length: u32) -> Vec<u8> {
-    let body: Vec<u8> = (0..length).map(|n| (n * 7 + n / 251 + version.0 * 13) as u8).collect();
+    let body: Vec<u8> = (0..length)
+        .map(|n| (n * 7 + n / 251 + version.0 * 13) as u8)
+        .collect();
     let header = Header {
         signature: Signature::None,
         hardware: HARDWARE,
@@ -41,7 +43,10 @@ fn the_bytes_of_a_header_are_as_documented() {
         crc: 0xA1B2_C3D4,
     };
     let bytes = header.encode();
-    assert_eq!(&bytes[..16], b"PLMI\x01\0\x01\0\x04\x03\x02\x01\x04\x03\x02\x01");
+    assert_eq!(
+        &bytes[..16],
+        b"PLMI\x01\0\x01\0\x04\x03\x02\x01\x04\x03\x02\x01"
+    );
     assert_eq!(&bytes[16..24], b"\0\x22\0\x08\0\xC0\0\0");
     assert_eq!(&bytes[24..28], b"\xD4\xC3\xB2\xA1");
     assert_eq!(&bytes[28..32], Crc32::of(&bytes[..28]).to_le_bytes());
@@ -60,7 +65,10 @@ fn any_flipped_bit_of_header_or_body_is_found() {
         for bit in 0..8 {
             let mut nor = clean.clone();
             nor.flip(CB.a.start + at, 1 << bit);
-            assert!(verify(&mut nor, CB.a, HARDWARE).is_err(), "byte {at}, bit {bit}");
+            assert!(
+                verify(&mut nor, CB.a, HARDWARE).is_err(),
+                "byte {at}, bit {bit}"
+            );
         }
     }
 }
@@ -71,19 +79,28 @@ fn an_image_for_another_part_or_slot_or_too_long_is_refused() {
     let b = CB.b.unwrap();
     assert_eq!(whole.suits(b, HARDWARE), Ok(()));
     assert_eq!(whole.suits(b, 1), Err(ImageError::Hardware(HARDWARE)));
-    assert_eq!(whole.suits(CB.a, HARDWARE), Err(ImageError::Address(whole.address)));
+    assert_eq!(
+        whole.suits(CB.a, HARDWARE),
+        Err(ImageError::Address(whole.address))
+    );
     for length in [0, 1002, b.length - HEADER + 4, u32::MAX - 3] {
         let bad = Header { length, ..whole };
         assert_eq!(bad.suits(b, HARDWARE), Err(ImageError::Length(length)));
     }
     let longest = b.length - HEADER;
-    let longest = Header { length: longest, ..whole };
+    let longest = Header {
+        length: longest,
+        ..whole
+    };
     assert_eq!(longest.suits(b, HARDWARE), Ok(()));
 }
 
 #[test]
 fn an_empty_slot_and_an_unknown_format_are_told_apart() {
-    assert_eq!(verify(&mut bench(60, 1), CB.a, HARDWARE), Err(ImageError::Magic));
+    assert_eq!(
+        verify(&mut bench(60, 1), CB.a, HARDWARE),
+        Err(ImageError::Magic)
+    );
     let mut file = file(Slot::A, Version::new(1, 0, 0), 8);
     file[4] = 2;
     assert_eq!(Header::parse(&file), Err(ImageError::Header));

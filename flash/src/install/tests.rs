@@ -48,7 +48,10 @@ fn an_image_is_installed_whole_and_marks_in_the_file_are_left_out() {
     assert_eq!((header.version, header.length), (NEW, 4000));
     let b = CB.b;
     assert_eq!(standing(&mut nor, b, HARDWARE), Standing::Idle(header));
-    assert!(matches!(boot(&mut nor, &CB, HARDWARE), Decision::Run(Slot::A, ..)));
+    assert!(matches!(
+        boot(&mut nor, &CB, HARDWARE),
+        Decision::Run(Slot::A, ..)
+    ));
     assert_eq!(nor.broken_rules(), 0);
 }
 
@@ -91,14 +94,35 @@ fn a_cut_at_any_operation_of_an_update_leaves_the_old_or_the_new() {
 fn what_may_not_run_here_is_refused_with_its_header() {
     let cases = [
         (file(Slot::A, NEW, 64), RULES, "Image(Address("),
-        (file(Slot::B, Version::new(0, 9, 9), 64), RULES, "Downgrade("),
-        (file(Slot::B, NEW, 64), Rules { hardware: 1, ..RULES }, "Image(Hardware("),
-        (file(Slot::B, NEW, 64), Rules { unsigned: false, ..RULES }, "Unsigned"),
+        (
+            file(Slot::B, Version::new(0, 9, 9), 64),
+            RULES,
+            "Downgrade(",
+        ),
+        (
+            file(Slot::B, NEW, 64),
+            Rules {
+                hardware: 1,
+                ..RULES
+            },
+            "Image(Hardware(",
+        ),
+        (
+            file(Slot::B, NEW, 64),
+            Rules {
+                unsigned: false,
+                ..RULES
+            },
+            "Unsigned",
+        ),
     ];
     for (file, rules, expected) in cases {
         let mut nor = delivered();
         let mut install = Install::new(&mut nor, &CB, Slot::A, rules).unwrap();
-        assert_eq!(install.append(&mut nor, &file), Err(InstallError::NotErased));
+        assert_eq!(
+            install.append(&mut nor, &file),
+            Err(InstallError::NotErased)
+        );
         while install.erase(&mut nor).unwrap() == Progress::More {}
         assert_eq!(install.append(&mut nor, &file[..31]), Ok(()));
         let error = install.append(&mut nor, &file[31..32]).unwrap_err();
@@ -106,7 +130,10 @@ fn what_may_not_run_here_is_refused_with_its_header() {
         assert_eq!(install.finish(&mut nor), Err(InstallError::Incomplete));
     }
     let older = file(Slot::B, Version::new(0, 9, 9), 64);
-    let permitted = Rules { downgrade: true, ..RULES };
+    let permitted = Rules {
+        downgrade: true,
+        ..RULES
+    };
     assert!(install(&mut delivered(), &older, permitted).is_ok());
     let same = file(Slot::B, OLD, 64);
     assert!(install(&mut delivered(), &same, RULES).is_ok());

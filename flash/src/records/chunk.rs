@@ -15,9 +15,9 @@
 //! | 8 to 11 | offset of the payload in the record |
 //! | 12 to 15 | CRC-32 of the payload and bytes 0 to 11 |
 //!
-//! What is behind a chunk that was cut would be lost for use, since nothing says how long that chunk
-//! is. A chunk without payload that closes the gap stands behind it, with the cut chunk's offset in
-//! the page as its offset.
+//! What is behind a chunk that was cut would be lost for use, since nothing says how long that
+//! chunk is. A chunk without payload that closes the gap stands behind it, with the cut chunk's
+//! offset in the page as its offset.
 //!
 //! Left out: where chunks lie ([`Records`](super::Records)).
 

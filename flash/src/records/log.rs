@@ -146,7 +146,10 @@ impl<const ENTRY: usize> Log<ENTRY> {
     /// Whether [`Log::prepare`] could make room without losing the last `keep` entries.
     pub const fn needs_erase(&self, keep: u32) -> bool {
         let spare = self.pages.count().saturating_sub(2);
-        let kept = self.end.index.saturating_add(spare.saturating_mul(Self::PER_PAGE));
+        let kept = self
+            .end
+            .index
+            .saturating_add(spare.saturating_mul(Self::PER_PAGE));
         let enough = !self.open || self.end.index >= Self::PER_PAGE || kept >= keep;
         !self.next_ready && enough
     }
@@ -156,11 +159,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
     /// A full page is followed by a new one whatever `keep` says; of two pages, `keep` is
     /// [`Log::PER_PAGE`] at most. The processor stands still while a page is erased, so call it
     /// outside of OPERATIONAL. Errors: [`LogError::Access`].
-    pub fn prepare<F: NorFlash>(
-        &mut self,
-        flash: &mut F,
-        keep: u32,
-    ) -> Result<Progress, LogError> {
+    pub fn prepare<F: NorFlash>(&mut self, flash: &mut F, keep: u32) -> Result<Progress, LogError> {
         if self.needs_erase(keep) {
             let next = self.end.sequence.saturating_add(1);
             self.pages.renew(flash, next)?;

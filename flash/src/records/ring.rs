@@ -81,12 +81,16 @@ impl<const KINDS: usize> Records<KINDS> {
                 at = end;
                 continue;
             };
-            *open = self.join(open.take(), chunk, Entry {
-                sequence,
-                at,
-                length: 0,
-                version: chunk.version,
-            });
+            *open = self.join(
+                open.take(),
+                chunk,
+                Entry {
+                    sequence,
+                    at,
+                    length: 0,
+                    version: chunk.version,
+                },
+            );
             at = chunk.end(at);
         }
         Ok(at)
@@ -103,7 +107,11 @@ impl<const KINDS: usize> Records<KINDS> {
         let mut place = at.saturating_add(2);
         while room(place) > 0 {
             let mut bytes = [0; CHUNK_HEAD as usize];
-            read(flash, self.pages.offset(sequence).saturating_add(place), &mut bytes)?;
+            read(
+                flash,
+                self.pages.offset(sequence).saturating_add(place),
+                &mut bytes,
+            )?;
             if bytes == wanted {
                 return Ok(Some(place.saturating_add(CHUNK_HEAD)));
             }

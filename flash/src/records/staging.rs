@@ -11,8 +11,8 @@ use crate::check_sum::Crc32;
 use crate::layout::PAGE;
 
 use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, VOID, room};
-use super::ring::has_room;
 use super::pages::HEAD;
+use super::ring::has_room;
 use super::{Entry, RecordError, Records};
 
 /// Parts that a record can have.
@@ -110,7 +110,9 @@ impl<const KINDS: usize> Records<KINDS> {
         let last = staging.entry.length.saturating_sub(1);
         // The last byte is not in the flash as long as it waits for its other half.
         if let (Some(odd), Some(place)) = (staging.odd, last.checked_sub(offset))
-            && let Some(byte) = into.get_mut(..count).and_then(|b| b.get_mut(place as usize))
+            && let Some(byte) = into
+                .get_mut(..count)
+                .and_then(|b| b.get_mut(place as usize))
         {
             *byte = odd;
         }
@@ -207,7 +209,11 @@ impl<const KINDS: usize> Records<KINDS> {
             return Ok(());
         };
         let mut end = PAGE;
-        while end > cut && self.pages.is_blank(flash, self.head, end.saturating_sub(2))? {
+        while end > cut
+            && self
+                .pages
+                .is_blank(flash, self.head, end.saturating_sub(2))?
+        {
             end = end.saturating_sub(2);
         }
         if has_room(end.saturating_add(CHUNK_HEAD)) {

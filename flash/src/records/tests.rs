@@ -87,7 +87,9 @@ fn what_is_committed_is_read_from_any_offset_also_after_a_reset() {
         assert_eq!(store.length(CALIBRATION), 3075);
         for offset in (0..3080).step_by(7) {
             let mut into = [0; 61];
-            let count = store.read(&mut nor, CALIBRATION, offset, &mut into).unwrap();
+            let count = store
+                .read(&mut nor, CALIBRATION, offset, &mut into)
+                .unwrap();
             let rest = new.get(offset as usize..).unwrap_or(&[]);
             assert_eq!(into[..count], rest[..rest.len().min(61)]);
         }
@@ -121,7 +123,10 @@ fn nothing_counts_before_the_commit_and_a_discard_forgets() {
     assert_eq!(store.append(&mut nor, b"x"), Err(RecordError::NotBegun));
     store_it(&mut nor, &mut store, 1, b"other").unwrap();
     let store = mounted(&mut nor, 14);
-    assert_eq!(content(&mut nor, &store)[..2], [b"old".to_vec(), b"other".to_vec()]);
+    assert_eq!(
+        content(&mut nor, &store)[..2],
+        [b"old".to_vec(), b"other".to_vec()]
+    );
     assert_eq!((store.torn(), nor.broken_rules()), (0, 0));
 }
 
@@ -186,7 +191,10 @@ fn cut_everywhere(full: &Bench, kept: &Content, kind: u8, new: &[u8]) -> u64 {
         let mut now = content(&mut nor, &store);
         let slot = usize::from(kind);
         let stored = now[slot] == new;
-        assert!(stored || (!done && now[slot] == kept[slot]), "kind {kind}, cut {cut}");
+        assert!(
+            stored || (!done && now[slot] == kept[slot]),
+            "kind {kind}, cut {cut}"
+        );
         now[slot] = kept[slot].clone();
         assert_eq!(now, *kept, "kind {kind}, cut {cut}");
         // Life goes on.
@@ -277,7 +285,10 @@ fn pages_wear_alike() {
         let length = LONGEST_OF[usize::from(kind)];
         store_it(&mut nor, &mut store, kind, &bytes(length, version)).unwrap();
     }
-    let erases: Vec<u32> = nor.pages()[1..15].iter().map(|page| page.erases()).collect();
+    let erases: Vec<u32> = nor.pages()[1..15]
+        .iter()
+        .map(|page| page.erases())
+        .collect();
     let (least, most) = (erases.iter().min(), erases.iter().max());
     assert!(most.unwrap() - least.unwrap() <= 1, "{erases:?}");
     assert!(store.rounds() - most.unwrap() <= 1);
@@ -292,8 +303,8 @@ fn any_flipped_bit_leaves_a_version_that_was_stored_and_the_other_kinds_alone() 
     let mut store = mounted(&mut clean, 14);
     let lengths = [60, 50, 40, 16, 1500];
     for version in 0..2 {
-        for kind in 0..KINDS {
-            let new = bytes(lengths[kind], version);
+        for (kind, length) in lengths.into_iter().enumerate() {
+            let new = bytes(length, version);
             store_it(&mut clean, &mut store, kind as u8, &new).unwrap();
         }
     }

@@ -80,11 +80,20 @@ fn a_damaged_image_leaves_the_other_and_two_leave_the_bootloader() {
     assert_eq!(start(&mut nor), A_CONFIRMED);
     nor.flip(CB.a.start + 8, 1);
     assert_eq!(boot(&mut nor, &CB, HARDWARE), Decision::Stay(Stay::Bad));
-    assert_eq!(boot(&mut bench(128, 1), &CB, HARDWARE), Decision::Stay(Stay::Empty));
+    assert_eq!(
+        boot(&mut bench(128, 1), &CB, HARDWARE),
+        Decision::Stay(Stay::Empty)
+    );
     // The part with one slot looks at that one only.
-    assert_eq!(boot(&mut delivered(), &C8, HARDWARE), boot(&mut delivered(), &CB, HARDWARE));
+    assert_eq!(
+        boot(&mut delivered(), &C8, HARDWARE),
+        boot(&mut delivered(), &CB, HARDWARE)
+    );
     assert_eq!(boot(&mut delivered(), &CB, 1), Decision::Stay(Stay::Bad));
-    assert_eq!(activate(&mut delivered(), &C8, Slot::B, HARDWARE), Err(SlotError::Absent));
+    assert_eq!(
+        activate(&mut delivered(), &C8, Slot::B, HARDWARE),
+        Err(SlotError::Absent)
+    );
 }
 
 #[test]
@@ -107,9 +116,8 @@ fn every_pair_of_states_is_decided_as_in_the_table() {
             Standing::Confirmed(header, marks),
         ]
     };
-    let starts = |standing: &Standing| {
-        matches!(standing, Standing::Trial(..) | Standing::Confirmed(..))
-    };
+    let starts =
+        |standing: &Standing| matches!(standing, Standing::Trial(..) | Standing::Confirmed(..));
     for newer in states(2) {
         for older in states(1) {
             let decision = decide(&older, &newer);
@@ -243,7 +251,10 @@ fn an_attempt_that_is_not_held_passes_the_image_over() {
     // The flash loses its supply for good: reading works, writing does not.
     let mut read_only = ReadOnly(nor);
     let decision = boot(&mut read_only, &CB, HARDWARE);
-    assert!(matches!(decision, Decision::Run(Slot::A, _, Why::RolledBack)));
+    assert!(matches!(
+        decision,
+        Decision::Run(Slot::A, _, Why::RolledBack)
+    ));
 }
 
 /// A flash that is protected against writing.

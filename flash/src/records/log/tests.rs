@@ -120,7 +120,10 @@ fn a_cut_at_any_operation_leaves_the_entry_whole_or_absent() {
             let fresh = read.first() == Some(&filled);
             let old = if fresh { &read[1..] } else { &read[..] };
             assert_eq!(old, &before[..old.len()], "{filled} filled, cut {cut}");
-            assert!(old.len() as u32 >= (KEEP - 1).min(filled), "{filled} filled, cut {cut}");
+            assert!(
+                old.len() as u32 >= (KEEP - 1).min(filled),
+                "{filled} filled, cut {cut}"
+            );
             assert!(fresh || !done);
             store(&mut nor, &mut log, 1000).unwrap();
             assert_eq!(numbers(&mut nor, &log)[0], 1000);
