@@ -139,12 +139,59 @@ impl Pages {
             return Ok(());
         }
         let offset = self.offset(sequence);
-        let retired = offset.saturating_add(12);
-        // Where it is not blank a page was retired before, or has never been one.
-        if is_blank(flash, retired, 4)? {
-            program(flash, retired, &[0; 4])?;
+        let place = sequence.checked_rem(self.count).unwrap_or(0);
+        // Where no header is whole there is nothing to retire, or the last erase was cut; what
+        // such a page reads as says nothing about what may be programmed.
+        if self.number(flash, place)?.is_some() {
+            program(flash, offset.saturating_add(12), &[0; 4])?;
         }
         erase(flash, offset)?;
         program(flash, offset, &self.header(sequence))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nor::tests::bench;
+
+    const MARK: u32 = 0x1234_5678;
+
+    #[test]
+    fn a_page_whose_erase_was_cut_is_never_programmed_before_it_was_erased() {
+        let region = Region {
+            start: 0,
+            length: 4096,
+        };
+        let pages = Pages::new(region, MARK);
+        for seed in 0..2000 {
+            let mut nor = bench(4, seed);
+            pages.renew(&mut nor, 5).unwrap();
+            // The second operation after the retiring is the erase.
+            program(&mut nor, 1024 + 100, &[1; 20]).unwrap();
+            nor.cut_after(2);
+            assert!(pages.renew(&mut nor, 9).is_err());
+            nor.power_up();
+            assert!(!pages.has(&mut nor, 5).unwrap());
+            pages.renew(&mut nor, 9).unwrap();
+            assert!(pages.has(&mut nor, 9).unwrap());
+            assert_eq!((nor.broken_rules(), nor.pages()[1].erases()), (0, 3));
+        }
+    }
+
+    #[test]
+    fn a_page_counts_in_its_own_place_and_for_its_own_ring_only() {
+        let region = Region {
+            start: 1024,
+            length: 3072,
+        };
+        let pages = Pages::new(region, MARK);
+        let mut nor = bench(4, 1);
+        pages.renew(&mut nor, 7).unwrap();
+        assert_eq!(pages.newest(&mut nor), Ok(Some(7)));
+        // A number that belongs elsewhere, and one from another ring.
+        program(&mut nor, 1024, &pages.header(4)).unwrap();
+        assert_eq!(pages.newest(&mut nor), Ok(Some(7)));
+        assert_eq!(Pages::new(region, MARK + 1).newest(&mut nor), Ok(None));
     }
 }

@@ -242,7 +242,10 @@ fn storm(seed: u64, pages: u32, longest: [u32; KINDS], cuts: u32) -> Bench {
         };
         let new = bytes(length, version);
         if random.below(4) != 0 {
-            nor.cut_after(u64::from(random.below(2 * length + 40)));
+            // Soon, so that erases are hit too, or anywhere.
+            let within = [8, 60, 400, 2 * length + 40];
+            let within = within[random.below(4) as usize];
+            nor.cut_after(u64::from(random.below(within)));
         }
         let result = store_it(&mut nor, &mut store, kind as u8, &new);
         if nor.is_cut() {
