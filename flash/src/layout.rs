@@ -262,6 +262,14 @@ mod tests {
     }
 
     #[test]
+    fn e13_each_map_ends_where_the_flash_of_its_part_ends() {
+        let end = |layout: Layout| layout.log.address() + layout.log.length - 1;
+        // The paper's range, which is that of 128 kB, and half of it.
+        assert_eq!(end(CB), 0x0801_FFFF);
+        assert_eq!(end(C8), 0x0800_FFFF);
+    }
+
+    #[test]
     fn the_vector_table_is_aligned_and_the_budget_of_48_kb_fits() {
         for layout in ALL {
             for slot in [Slot::A, Slot::B] {

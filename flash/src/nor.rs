@@ -8,8 +8,9 @@
 //! - A half-word is programmed once after its page was erased. A second time only 0000h is taken
 //!   (PM0075 2.3.3), and [`Nor::set_once_only`] refuses that too. Programming FFFFh counts.
 //! - A program that is cut leaves any of its bits done, the others not.
-//! - An erase that is cut leaves any of the page's bits done, and from then on those that are not
-//!   done read differently each time. Such a page refuses programs until it was erased whole.
+//! - An erase that is cut leaves none, few, half, most or all of the page's bits done, and from
+//!   then on those that are not done read differently each time, with the same likelihood. Such a
+//!   page refuses programs until it was erased whole, also one that looks blank or untouched.
 //! - Wear is counted per page; behind the endurance a page keeps a bit that does not erase.
 //! - Whatever was broken is counted, so that a test sees it even where the code under test hides
 //!   the error.
@@ -40,7 +41,43 @@ pub struct Page {
     bytes: [u8; PAGE as usize],
     programmed: [bool; HALF_WORDS],
     erases: u32,
-    torn: bool,
+    /// How far its last erase came, if that was cut.
+    torn: Option<Torn>,
+}
+
+/// How many bits an erase has done when it was cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Torn {
+    None,
+    Few,
+    Half,
+    Most,
+    All,
+}
+
+impl Torn {
+    /// Any of them.
+    fn any(draw: &mut impl Draw) -> Self {
+        match draw.draw() % 5 {
+            0 => Self::None,
+            1 => Self::Few,
+            2 => Self::Half,
+            3 => Self::Most,
+            _ => Self::All,
+        }
+    }
+
+    /// 32 bits of which as many are 1: an eighth are few, seven eighths most.
+    fn bits(self, draw: &mut impl Draw) -> u32 {
+        let [a, b, c] = [draw.draw(), draw.draw(), draw.draw()];
+        match self {
+            Self::None => 0,
+            Self::Few => a & b & c,
+            Self::Half => a,
+            Self::Most => a | b | c,
+            Self::All => u32::MAX,
+        }
+    }
 }
 
 impl Default for Page {
@@ -56,7 +93,7 @@ impl Page {
             bytes: [u8::MAX; PAGE as usize],
             programmed: [false; HALF_WORDS],
             erases: 0,
-            torn: false,
+            torn: None,
         }
     }
 
@@ -217,7 +254,7 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         let Some(page) = self.pages.as_ref().get(number) else {
             return self.broken(NorError::OutOfBounds);
         };
-        if page.torn {
+        if page.torn.is_some() {
             return self.broken(NorError::NotErased);
         }
         let programmed = page.programmed.get(place / 2) != Some(&false);
@@ -254,10 +291,11 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         into.iter_mut()
             .zip(held)
             .for_each(|(byte, held)| *byte = *held);
-        if page.torn {
+        if let Some(torn) = page.torn {
             // Its cells stand between 0 and 1.
-            into.iter_mut()
-                .for_each(|byte| *byte |= self.draw.draw() as u8);
+            for byte in into {
+                *byte |= torn.bits(&mut self.draw) as u8;
+            }
         }
         Ok(())
     }
@@ -270,9 +308,10 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         };
         page.erases = page.erases.saturating_add(1);
         if cut {
-            page.torn = true;
+            let torn = Torn::any(&mut self.draw);
+            page.torn = Some(torn);
             for bytes in page.bytes.chunks_mut(4) {
-                let done = self.draw.draw().to_le_bytes();
+                let done = torn.bits(&mut self.draw).to_le_bytes();
                 bytes
                     .iter_mut()
                     .zip(done)

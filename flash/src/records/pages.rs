@@ -158,24 +158,25 @@ mod tests {
     const MARK: u32 = 0x1234_5678;
 
     #[test]
-    fn a_page_whose_erase_was_cut_is_never_programmed_before_it_was_erased() {
+    fn a_page_whose_erase_was_cut_has_no_header_and_is_erased_before_it_is_programmed() {
         let region = Region {
             start: 0,
             length: 4096,
         };
         let pages = Pages::new(region, MARK);
-        for seed in 0..2000 {
+        for (seed, cut) in (0..400).flat_map(|seed| (0..8).map(move |cut| (seed, cut))) {
             let mut nor = bench(4, seed);
             pages.renew(&mut nor, 5).unwrap();
-            // The second operation after the retiring is the erase.
             program(&mut nor, 1024 + 100, &[1; 20]).unwrap();
-            nor.cut_after(2);
+            nor.cut_after(cut);
             assert!(pages.renew(&mut nor, 9).is_err());
             nor.power_up();
-            assert!(!pages.has(&mut nor, 5).unwrap());
+            // From the start of the erase on, the old header is gone, however far that came.
+            let begun = nor.pages()[1].erases() > 1;
+            assert!(!(begun && pages.has(&mut nor, 5).unwrap()));
             pages.renew(&mut nor, 9).unwrap();
             assert!(pages.has(&mut nor, 9).unwrap());
-            assert_eq!((nor.broken_rules(), nor.pages()[1].erases()), (0, 3));
+            assert_eq!(nor.broken_rules(), 0);
         }
     }
 
