@@ -128,3 +128,72 @@ pub fn erase<F: NorFlash>(flash: &mut F, at: u32) -> Result<(), AccessError> {
         Err(AccessError::Worn { at })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use embedded_storage::nor_flash::ErrorType;
+
+    use super::*;
+    use crate::nor::tests::bench;
+
+    /// A flash of one page that says yes and holds what it held.
+    struct Deaf([u8; 1024]);
+
+    impl ErrorType for Deaf {
+        type Error = NorFlashErrorKind;
+    }
+
+    impl ReadNorFlash for Deaf {
+        const READ_SIZE: usize = 1;
+
+        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+            let at = offset as usize;
+            bytes.copy_from_slice(&self.0[at..at + bytes.len()]);
+            Ok(())
+        }
+
+        fn capacity(&self) -> usize {
+            1024
+        }
+    }
+
+    impl NorFlash for Deaf {
+        const WRITE_SIZE: usize = 2;
+        const ERASE_SIZE: usize = 1024;
+
+        fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
+            Ok(())
+        }
+
+        fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NorFlashErrorKind> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_the_flash_does_not_hold_is_found() {
+        let mut flash = Deaf([0xFF; 1024]);
+        let worn = Err(AccessError::Worn { at: 4 });
+        assert_eq!(program(&mut flash, 4, &[0xFF, 0xFF, 1, 2]), worn);
+        assert_eq!(program(&mut flash, 4, &[0xFF; 40]), Ok(()));
+        assert_eq!(erase(&mut flash, 0), Ok(()));
+        for at in [0, 31, 32, 1023] {
+            let mut flash = Deaf([0xFF; 1024]);
+            flash.0[at] = 0xFE;
+            assert_eq!(erase(&mut flash, 0), Err(AccessError::Worn { at: 0 }));
+        }
+    }
+
+    #[test]
+    fn half_words_that_are_blank_are_left_free() {
+        let mut nor = bench(1, 1);
+        program(&mut nor, 0, &[1, 2, 0xFF, 0xFF, 3, 0xFF]).unwrap();
+        program(&mut nor, 2, &[7, 8]).unwrap();
+        let mut held = [0; 6];
+        read(&mut nor, 0, &mut held).unwrap();
+        assert_eq!((held, nor.operations()), ([1, 2, 7, 8, 3, 0xFF], 3));
+        let beyond = AccessError::Refused(NorFlashErrorKind::OutOfBounds);
+        assert_eq!(read(&mut nor, 1020, &mut held), Err(beyond));
+        assert_eq!(program(&mut nor, 1024, &[0, 0]), Err(beyond));
+    }
+}

@@ -9,7 +9,7 @@
 //! | byte | content |
 //! |---|---|
 //! | 0 | kind of the record; FEh: thrown away; FDh: closes a gap |
-//! | 1 | part of the record, 0 to 127; with 80h it is the last |
+//! | 1 | 80h: the last of its record; 0: another one follows |
 //! | 2, 3 | bytes of payload; one more follows if that is odd |
 //! | 4 to 7 | version: every record that is stored has a higher one |
 //! | 8 to 11 | offset of the payload in the record |
@@ -48,7 +48,6 @@ const LAST: u8 = 0x80;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Chunk {
     pub kind: u8,
-    pub part: u8,
     pub last: bool,
     pub length: u32,
     pub version: u32,
@@ -68,7 +67,7 @@ impl Chunk {
         let [low, high, ..] = self.length.to_le_bytes();
         let (words, _) = bytes.as_chunks_mut::<4>();
         if let [what, version, offset, check] = words {
-            *what = [self.kind, self.part | last, low, high];
+            *what = [self.kind, last, low, high];
             *version = self.version.to_le_bytes();
             *offset = self.offset.to_le_bytes();
             crc.add(what);
@@ -83,7 +82,6 @@ impl Chunk {
     pub(crate) fn gap(at: u32) -> [u8; CHUNK_HEAD as usize] {
         let chunk = Self {
             kind: GAP,
-            part: 0,
             last: true,
             length: 0,
             version: 0,
@@ -103,13 +101,12 @@ impl Chunk {
         let offset = page.saturating_add(at);
         read(flash, offset, &mut bytes)?;
         let (words, _) = bytes.as_chunks::<4>();
-        let [[kind, part, low, high], version, offset_in_record, _] = words else {
+        let [[kind, last, low, high], version, offset_in_record, _] = words else {
             return Ok(None);
         };
         let chunk = Self {
             kind: *kind,
-            part: part & !LAST,
-            last: part & LAST != 0,
+            last: *last == LAST,
             length: u32::from(u16::from_le_bytes([*low, *high])),
             version: u32::from_le_bytes(*version),
             offset: u32::from_le_bytes(*offset_in_record),

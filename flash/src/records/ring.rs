@@ -126,12 +126,11 @@ impl<const KINDS: usize> Records<KINDS> {
         let follows = |before: &Chunk, entry: &Entry| {
             chunk.kind == before.kind
                 && chunk.version == before.version
-                && chunk.part == before.part.saturating_add(1)
                 && chunk.offset == entry.length
                 && here.at == HEAD
         };
         let mut entry = match open {
-            _ if chunk.part == 0 && chunk.offset == 0 => here,
+            _ if chunk.offset == 0 => here,
             Some((before, entry)) if follows(&before, &entry) => entry,
             _ => return None,
         };

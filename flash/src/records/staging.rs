@@ -6,7 +6,7 @@
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
-use crate::access::program;
+use crate::access::{is_blank, program};
 use crate::check_sum::Crc32;
 use crate::layout::PAGE;
 
@@ -15,17 +15,13 @@ use super::pages::HEAD;
 use super::ring::has_room;
 use super::{Entry, RecordError, Records};
 
-/// Parts that a record can have.
-const PARTS: u8 = 128;
-
 /// A record that is being stored.
 #[derive(Clone, Debug)]
 pub(super) struct Staging {
     kind: u8,
     /// Where it began, and how many bytes have come.
     entry: Entry,
-    /// The open chunk; it lies in the head page.
-    part: u8,
+    /// Offset of the open chunk in the head page.
     at: u32,
     /// Bytes of the record before the open chunk.
     before: u32,
@@ -51,7 +47,6 @@ impl Staging {
     fn chunk(&self, last: bool) -> Chunk {
         Chunk {
             kind: self.kind,
-            part: self.part,
             last,
             length: self.in_chunk(),
             version: self.entry.version,
@@ -72,7 +67,7 @@ impl<const KINDS: usize> Records<KINDS> {
 
     /// Adds `bytes` to what is staged.
     ///
-    /// Errors: [`RecordError::NotBegun`]; [`RecordError::NeedsErase`], [`RecordError::Full`] and
+    /// Errors: [`RecordError::NotBegun`]; [`RecordError::NeedsErase`] and
     /// [`RecordError::Access`] discard what is staged.
     pub fn append<F: NorFlash>(&mut self, flash: &mut F, bytes: &[u8]) -> Result<(), RecordError> {
         let mut staging = self.staging.take().ok_or(RecordError::NotBegun)?;
@@ -193,7 +188,6 @@ impl<const KINDS: usize> Records<KINDS> {
                 length: 0,
                 version: self.version,
             },
-            part: 0,
             at: self.at,
             before: 0,
             crc: Crc32::new(),
@@ -208,12 +202,9 @@ impl<const KINDS: usize> Records<KINDS> {
         let Some(cut) = self.cut_at.take() else {
             return Ok(());
         };
+        let page = self.pages.offset(self.head);
         let mut end = PAGE;
-        while end > cut
-            && self
-                .pages
-                .is_blank(flash, self.head, end.saturating_sub(2))?
-        {
+        while end > cut && is_blank(flash, page.saturating_add(end).saturating_sub(2), 2)? {
             end = end.saturating_sub(2);
         }
         if has_room(end.saturating_add(CHUNK_HEAD)) {
@@ -254,10 +245,6 @@ impl<const KINDS: usize> Records<KINDS> {
             staging.at = self.at;
             staging.before = staging.entry.length;
             staging.crc = Crc32::new();
-            staging.part = staging.part.saturating_add(1);
-            if staging.part >= PARTS {
-                return Err(RecordError::Full);
-            }
         }
         staging.crc.add(&[byte]);
         match staging.odd.take() {
