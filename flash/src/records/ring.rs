@@ -28,7 +28,7 @@ pub(super) const fn has_room(at: u32) -> bool {
 }
 
 /// A record whose last chunk has not been met.
-type Open = Option<(Chunk, Entry)>;
+pub(super) type Open = Option<(Chunk, Entry)>;
 
 impl<const KINDS: usize> Records<KINDS> {
     /// Goes through all pages in their order.
@@ -121,7 +121,7 @@ impl<const KINDS: usize> Records<KINDS> {
     }
 
     /// Adds `chunk`, which is at `here`, to the record that is open.
-    fn join(&mut self, open: Open, chunk: Chunk, here: Entry) -> Open {
+    pub(super) fn join(&mut self, open: Open, chunk: Chunk, here: Entry) -> Open {
         self.version = self.version.max(chunk.version);
         let follows = |before: &Chunk, entry: &Entry| {
             chunk.kind == before.kind

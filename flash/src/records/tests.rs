@@ -165,6 +165,50 @@ fn storing_erases_nothing_and_says_when_it_has_to() {
     store_it(&mut nor, &mut store, 0, &bytes(600, version)).unwrap();
 }
 
+#[test]
+fn chunks_that_do_not_follow_one_another_are_no_record() {
+    let first = chunk::Chunk {
+        kind: 1,
+        last: false,
+        length: 100,
+        version: 7,
+        offset: 0,
+    };
+    let second = chunk::Chunk {
+        last: true,
+        length: 20,
+        offset: 100,
+        ..first
+    };
+    let place = |sequence, at| Entry {
+        sequence,
+        at,
+        length: 0,
+        version: 7,
+    };
+    let joined = |second: chunk::Chunk, at| {
+        let mut store = mounted(&mut bench(16, 1), 14);
+        let open = store.join(None, first, place(20, 900));
+        store.join(open, second, place(21, at));
+        store.length(1)
+    };
+    assert_eq!(joined(second, 16), 120);
+    for bad in [
+        chunk::Chunk { kind: 2, ..second },
+        chunk::Chunk {
+            version: 8,
+            ..second
+        },
+        chunk::Chunk {
+            offset: 98,
+            ..second
+        },
+    ] {
+        assert_eq!(joined(bad, 16), 0, "{bad:?}");
+    }
+    assert_eq!(joined(second, 40), 0);
+}
+
 /// A store with every kind at its longest, after `rounds` of stores.
 fn filled(rounds: u32) -> (Bench, Content) {
     let mut nor = bench(16, 2);

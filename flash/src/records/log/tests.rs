@@ -84,7 +84,8 @@ fn without_an_erase_ahead_appending_says_so_and_loses_nothing() {
 fn a_cleared_log_is_empty_and_goes_on() {
     let mut nor = bench(4, 1);
     let mut log = mounted(&mut nor);
-    for number in 0..5 {
+    // More than a page, so that older entries lie in the page before.
+    for number in 0..50 {
         store(&mut nor, &mut log, number).unwrap();
     }
     log.clear(&mut nor).unwrap();
