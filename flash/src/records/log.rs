@@ -60,7 +60,7 @@ pub struct Cursor {
 
 /// A log of entries of `ENTRY` bytes, an even number up to 256.
 ///
-/// The flash is an argument of each call and has to be the same each time. 28 bytes.
+/// The flash is an argument of each call and has to be the same each time. 24 bytes.
 #[derive(Clone, Debug)]
 pub struct Log<const ENTRY: usize> {
     pages: Pages,
