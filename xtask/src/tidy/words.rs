@@ -1,9 +1,9 @@
 //! Words that must not stand in the code of a crate.
 //!
 //! In: the Rust sources. Out: a finding for each forbidden word outside comments and literals.
-//! `tilt` and `device` run on the part, so their code may neither name `std` nor hold a path
-//! that panics; those two and `sim` may not read the clock of the machine, start a thread or keep
-//! anything in a static.
+//! `tilt`, `canopen`, `flash` and `device` run on the part, so their code may neither name `std`
+//! nor hold a path that panics; those and `sim` may not read the clock of the machine, start a
+//! thread or keep anything in a static.
 //! Tests are free of these, but not of the words that no finished code holds.
 
 use super::Finding;
@@ -41,7 +41,7 @@ const RULES: [Rule; 6] = [
         applies: on_the_part,
         in_tests: false,
         in_constants: true,
-        why: "tilt, canopen and device run without std",
+        why: "tilt, canopen, flash and device run without std",
     },
     Rule {
         words: &[
@@ -56,7 +56,7 @@ const RULES: [Rule; 6] = [
         applies: on_the_part,
         in_tests: false,
         in_constants: false,
-        why: "tilt, canopen and device have no path that panics",
+        why: "tilt, canopen, flash and device have no path that panics",
     },
     Rule {
         words: &["SystemTime", "Instant::now", "thread::"],
@@ -82,7 +82,7 @@ fn reproducible(path: &str) -> bool {
 }
 
 fn on_the_part(path: &str) -> bool {
-    let folders = ["tilt/src/", "canopen/src/", "device/src/"];
+    let folders = ["tilt/src/", "canopen/src/", "flash/src/", "device/src/"];
     folders.iter().any(|folder| path.starts_with(folder))
 }
 

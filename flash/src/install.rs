@@ -1,0 +1,201 @@
+//! Installing an image: into the slot that does not run, while the other goes on.
+//!
+//! In: the bytes of an image's file, in pieces, in order. Out: a slot with a whole image that is
+//! not activated, or an [`InstallError`].
+//!
+//! The slot is erased first, one page for each call. The header is judged as soon as it is there,
+//! so what can't run here is refused before the rest comes. Marks in the file are left out: they
+//! are [`slots`](crate::slots)' own. Nothing that was cut can pass for an image, since its check
+//! sum would have to be right.
+//!
+//! Left out: the check of the signature, and the activation.
+
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+
+use crate::Progress;
+use crate::access::{AccessError, erase, program};
+use crate::image::{Header, ImageError, SIGNATURE_AT, Signature, Version, header, verify};
+use crate::layout::{HEADER, Layout, PAGE, Region, Slot};
+use crate::slots::{MARKS, marks};
+
+/// What an image has to be to be let in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rules {
+    /// The hardware it has to be made for.
+    pub hardware: u32,
+    /// The version that runs.
+    pub running: Version,
+    /// Whether a lower version is let in; the same one always is.
+    pub downgrade: bool,
+    /// Whether one without a signature is let in.
+    pub unsigned: bool,
+}
+
+/// Why an image was not installed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstallError {
+    /// The part has one slot only.
+    NoSlot,
+    /// The running image is on trial: the other one is still needed.
+    Unconfirmed,
+    /// Bytes came before the slot was erased.
+    NotErased,
+    /// It is no image, or none that can run here.
+    Image(ImageError),
+    /// It is older than the one that runs, and that is not permitted.
+    Downgrade(Version),
+    /// It has no signature, and that is not permitted.
+    Unsigned,
+    /// More bytes came than header and body have.
+    TooLong,
+    /// Fewer bytes came than header and body have.
+    Incomplete,
+    /// The flash refused, or did not hold what was written to it.
+    Access(AccessError),
+}
+
+impl From<AccessError> for InstallError {
+    fn from(error: AccessError) -> Self {
+        Self::Access(error)
+    }
+}
+
+impl Rules {
+    /// Whether an image with `header` may be installed in `slot`.
+    ///
+    /// Errors: [`InstallError::Image`], [`InstallError::Downgrade`], [`InstallError::Unsigned`].
+    pub fn admit(&self, header: &Header, slot: Region) -> Result<(), InstallError> {
+        header
+            .suits(slot, self.hardware)
+            .map_err(InstallError::Image)?;
+        if header.version < self.running && !self.downgrade {
+            return Err(InstallError::Downgrade(header.version));
+        }
+        if header.signature == Signature::None && !self.unsigned {
+            return Err(InstallError::Unsigned);
+        }
+        Ok(())
+    }
+}
+
+/// An image on its way into a slot.
+///
+/// After an error it goes no further: begin with a new one.
+#[derive(Clone, Debug)]
+pub struct Install {
+    slot: Region,
+    rules: Rules,
+    /// Pages erased.
+    erased: u32,
+    /// Bytes of the file that have come.
+    received: u32,
+    odd: Option<u8>,
+    header: Option<Header>,
+}
+
+impl Install {
+    /// Prepares an update while the image in `running` runs. Nothing is written.
+    ///
+    /// Errors: [`InstallError::NoSlot`], [`InstallError::Unconfirmed`], [`InstallError::Access`].
+    pub fn new<F: ReadNorFlash>(
+        flash: &mut F,
+        layout: &Layout,
+        running: Slot,
+        rules: Rules,
+    ) -> Result<Self, InstallError> {
+        let free = layout.slot(running.other()).ok_or(InstallError::NoSlot)?;
+        let runs = layout.slot(running).ok_or(InstallError::NoSlot)?;
+        let marks = marks(flash, runs)?;
+        if !marks.confirmed || marks.generation.is_none() {
+            return Err(InstallError::Unconfirmed);
+        }
+        Ok(Self {
+            slot: free,
+            rules,
+            erased: 0,
+            received: 0,
+            odd: None,
+            header: None,
+        })
+    }
+
+    /// The slot that is written to.
+    pub const fn slot(&self) -> Region {
+        self.slot
+    }
+
+    /// The header, once it has come and was let in.
+    pub const fn header(&self) -> Option<&Header> {
+        self.header.as_ref()
+    }
+
+    /// Erases the next page of the slot, the header's first.
+    ///
+    /// The processor stands still for 40 ms at most. Errors: [`InstallError::Access`].
+    pub fn erase<F: NorFlash>(&mut self, flash: &mut F) -> Result<Progress, InstallError> {
+        if self.erased < self.slot.pages() {
+            let page = self.erased.saturating_mul(PAGE);
+            erase(flash, self.slot.start.saturating_add(page))?;
+            self.erased = self.erased.saturating_add(1);
+        }
+        Ok(if self.erased < self.slot.pages() {
+            Progress::More
+        } else {
+            Progress::Done
+        })
+    }
+
+    /// Writes the next bytes of the file.
+    ///
+    /// Errors: [`InstallError::NotErased`], [`InstallError::TooLong`], those of [`Rules::admit`]
+    /// with the header's last byte, [`InstallError::Access`].
+    pub fn append<F: NorFlash>(&mut self, flash: &mut F, bytes: &[u8]) -> Result<(), InstallError> {
+        if self.erased < self.slot.pages() {
+            return Err(InstallError::NotErased);
+        }
+        bytes.iter().try_for_each(|byte| self.push(flash, *byte))
+    }
+
+    fn push<F: NorFlash>(&mut self, flash: &mut F, byte: u8) -> Result<(), InstallError> {
+        let at = self.received;
+        if at >= self.expected() {
+            return Err(InstallError::TooLong);
+        }
+        self.received = at.saturating_add(1);
+        let Some(first) = self.odd.take() else {
+            self.odd = Some(byte);
+            return Ok(());
+        };
+        // The half-word began with the byte before.
+        let place = self.slot.start.saturating_add(at.saturating_sub(1));
+        if !(MARKS..HEADER).contains(&at) {
+            program(flash, place, &[first, byte])?;
+        }
+        if self.received == SIGNATURE_AT {
+            let hardware = self.rules.hardware;
+            let header = header(flash, self.slot, hardware).map_err(InstallError::Image)?;
+            self.rules.admit(&header, self.slot)?;
+            self.header = Some(header);
+        }
+        Ok(())
+    }
+
+    /// Bytes of the whole file, as far as is known.
+    fn expected(&self) -> u32 {
+        let body = self.header.map_or(0, |header| header.length);
+        HEADER.saturating_add(body)
+    }
+
+    /// All bytes have come: checks the image as the bootloader will.
+    ///
+    /// Errors: [`InstallError::Incomplete`], [`InstallError::Image`].
+    pub fn finish<F: ReadNorFlash>(&self, flash: &mut F) -> Result<Header, InstallError> {
+        if self.header.is_none() || self.received < self.expected() {
+            return Err(InstallError::Incomplete);
+        }
+        verify(flash, self.slot, self.rules.hardware).map_err(InstallError::Image)
+    }
+}
+
+#[cfg(test)]
+mod tests;

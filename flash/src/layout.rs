@@ -1,0 +1,301 @@
+//! The flash map of each part: the only source of it, for boot, update, linker and host.
+//!
+//! Out: a [`Layout`] for each part, and the linker's `memory.x` made from it
+//! ([`Layout::memory_x`]). Offsets count from the start of the flash ([`BASE`]) in bytes. What a
+//! map has to obey (whole pages, no gap, no overlap, the part's size) is asserted when this
+//! compiles.
+//!
+//! Left out: what is inside a region ([`image`](crate::image), [`records`](crate::records)).
+//!
+//! Sources: RM0008 3.3.3, tables 4 and 5 (pages of 1 kB); STM32F103x8/xB data sheet, table 2
+//! (64 or 128 kB of flash, 20 kB of RAM).
+
+use core::fmt;
+
+/// Where the flash begins in the address space.
+pub const BASE: u32 = 0x0800_0000;
+
+/// Where the RAM begins in the address space.
+pub const RAM: u32 = 0x2000_0000;
+
+/// The smallest part that can be erased, bytes.
+pub const PAGE: u32 = 1024;
+
+/// Bytes before the vector table of an application, which the image's header has.
+///
+/// The STM32F103 has 16 + 60 vectors. VTOR asks for their number rounded up to a power of two,
+/// 128, in words: 512 bytes (PM0056 4.4.4).
+pub const HEADER: u32 = 512;
+
+/// Pages at the end of the records that the event log has for itself.
+pub const LOG_PAGES: u32 = 2;
+
+/// A piece of the flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// Offset from the start of the flash, bytes.
+    pub start: u32,
+    /// Bytes.
+    pub length: u32,
+}
+
+impl Region {
+    const fn kilobytes(start: u32, length: u32) -> Self {
+        Self {
+            start: start * 1024,
+            length: length * 1024,
+        }
+    }
+
+    /// Offset of the first byte behind it.
+    pub const fn end(&self) -> u32 {
+        self.start.saturating_add(self.length)
+    }
+
+    /// Whole pages in it.
+    pub const fn pages(&self) -> u32 {
+        self.length / PAGE
+    }
+
+    /// Where it begins in the address space.
+    pub const fn address(&self) -> u32 {
+        BASE.saturating_add(self.start)
+    }
+}
+
+/// Which slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Slot {
+    /// The slot that every part has.
+    A,
+    /// The slot that an update goes to while A runs.
+    B,
+}
+
+impl Slot {
+    /// The other one.
+    pub const fn other(self) -> Self {
+        match self {
+            Self::A => Self::B,
+            Self::B => Self::A,
+        }
+    }
+}
+
+/// The map of one part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// The part's name.
+    pub part: &'static str,
+    /// Flash, bytes.
+    pub flash: u32,
+    /// RAM, bytes.
+    pub ram: u32,
+    /// The bootloader.
+    pub boot: Region,
+    /// Slot A.
+    pub a: Region,
+    /// Slot B; a part without one is not updated in the field.
+    pub b: Option<Region>,
+    /// Calibration and parameters ([`Records`](crate::records::Records)).
+    pub records: Region,
+    /// The event log ([`Log`](crate::records::log::Log)).
+    pub log: Region,
+}
+
+/// STM32F103CB: 128 kB, two slots.
+pub const CB: Layout = Layout {
+    part: "STM32F103CB",
+    flash: 128 * 1024,
+    ram: 20 * 1024,
+    boot: Region::kilobytes(0, 8),
+    a: Region::kilobytes(8, 52),
+    b: Some(Region::kilobytes(60, 52)),
+    records: Region::kilobytes(112, 14),
+    log: Region::kilobytes(126, LOG_PAGES),
+};
+
+/// STM32F103C8: 64 kB, one slot, no update in the field.
+///
+/// Its records have room for the parameters and a calibration by harmonics, but not for two full
+/// tables beside their successors: storing those answers
+/// [`RecordError::Full`](crate::records::RecordError::Full).
+pub const C8: Layout = Layout {
+    part: "STM32F103C8",
+    flash: 64 * 1024,
+    ram: 20 * 1024,
+    boot: Region::kilobytes(0, 8),
+    a: Region::kilobytes(8, 48),
+    b: None,
+    records: Region::kilobytes(56, 6),
+    log: Region::kilobytes(62, LOG_PAGES),
+};
+
+/// Every layout.
+pub const ALL: [Layout; 2] = [CB, C8];
+
+const _: () = assert!(CB.is_sound() && C8.is_sound());
+const _: () = assert!(CB.boot.length <= 8 * 1024 && C8.boot.length <= 8 * 1024);
+const _: () = assert!(CB.records.length + CB.log.length == 16 * 1024);
+
+/// Which program a linker script is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// The bootloader.
+    Boot,
+    /// An application in a slot. It runs only there, since its addresses are fixed.
+    Application(Slot),
+}
+
+impl Layout {
+    /// The region of `slot`; `None` where the part has none.
+    pub const fn slot(&self, slot: Slot) -> Option<Region> {
+        match slot {
+            Slot::A => Some(self.a),
+            Slot::B => self.b,
+        }
+    }
+
+    /// Whether the regions are whole pages that follow one another from first byte to last.
+    pub const fn is_sound(&self) -> bool {
+        let b = match self.b {
+            Some(b) => b,
+            None => Region {
+                start: self.a.end(),
+                length: 0,
+            },
+        };
+        let order = [self.boot, self.a, b, self.records, self.log];
+        let mut end = 0;
+        let mut at = 0;
+        while at < order.len() {
+            if order[at].start != end || !order[at].length.is_multiple_of(PAGE) {
+                return false;
+            }
+            end = order[at].end();
+            at += 1;
+        }
+        end == self.flash && self.a.length > HEADER
+    }
+
+    /// Where `program` is linked to and how much room it has, header left out.
+    ///
+    /// `None` for an application in a slot that the part has not got.
+    pub const fn room(&self, program: Program) -> Option<Region> {
+        let slot = match program {
+            Program::Boot => return Some(self.boot),
+            Program::Application(slot) => self.slot(slot),
+        };
+        match slot {
+            Some(slot) => Some(Region {
+                start: slot.start + HEADER,
+                length: slot.length - HEADER,
+            }),
+            None => None,
+        }
+    }
+
+    /// The `memory.x` that links `program`: write its `Display` into a file.
+    ///
+    /// `None` for an application in a slot that the part has not got.
+    pub fn memory_x(&self, program: Program) -> Option<MemoryX> {
+        let room = self.room(program)?;
+        Some(MemoryX {
+            part: self.part,
+            ram: self.ram,
+            program,
+            room,
+        })
+    }
+}
+
+/// A linker script's memory regions, as text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryX {
+    part: &'static str,
+    ram: u32,
+    program: Program,
+    room: Region,
+}
+
+impl fmt::Display for MemoryX {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let program = match self.program {
+            Program::Boot => "the bootloader",
+            Program::Application(Slot::A) => "an application in slot A",
+            Program::Application(Slot::B) => "an application in slot B",
+        };
+        writeln!(
+            f,
+            "/* {}, {program}. Made from flash::layout. */",
+            self.part
+        )?;
+        writeln!(f, "MEMORY")?;
+        writeln!(f, "{{")?;
+        let (origin, length) = (self.room.address(), self.room.length);
+        writeln!(f, "  FLASH : ORIGIN = {origin:#010X}, LENGTH = {length}")?;
+        writeln!(f, "  RAM : ORIGIN = {RAM:#010X}, LENGTH = {}", self.ram)?;
+        writeln!(f, "}}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn regions_that_overlap_leave_gaps_or_split_pages_are_found() {
+        assert!(CB.is_sound() && C8.is_sound());
+        let mut bad = CB;
+        bad.a.length += PAGE;
+        assert!(!bad.is_sound());
+        let mut bad = CB;
+        bad.log.length -= PAGE;
+        assert!(!bad.is_sound());
+        let mut bad = C8;
+        bad.boot.length += 512;
+        bad.a.start += 512;
+        bad.a.length -= 512;
+        assert!(!bad.is_sound());
+    }
+
+    #[test]
+    fn e13_each_map_ends_where_the_flash_of_its_part_ends() {
+        let end = |layout: Layout| layout.log.address() + layout.log.length - 1;
+        // The paper's range, which is that of 128 kB, and half of it.
+        assert_eq!(end(CB), 0x0801_FFFF);
+        assert_eq!(end(C8), 0x0800_FFFF);
+    }
+
+    #[test]
+    fn the_vector_table_is_aligned_and_the_budget_of_48_kb_fits() {
+        for layout in ALL {
+            for slot in [Slot::A, Slot::B] {
+                let Some(room) = layout.room(Program::Application(slot)) else {
+                    assert_eq!(layout.part, "STM32F103C8");
+                    continue;
+                };
+                assert_eq!(room.address() % 512, 0);
+                // With its header an application has 48 kB at least.
+                assert!(room.length + HEADER >= 48 * 1024);
+            }
+        }
+    }
+
+    #[test]
+    fn the_linker_script_is_the_map() {
+        let text = CB
+            .memory_x(Program::Application(Slot::B))
+            .unwrap()
+            .to_string();
+        let expected = "/* STM32F103CB, an application in slot B. Made from flash::layout. */\n\
+            MEMORY\n{\n  FLASH : ORIGIN = 0x0800F200, LENGTH = 52736\n  \
+            RAM : ORIGIN = 0x20000000, LENGTH = 20480\n}\n";
+        assert_eq!(text, expected);
+        let text = C8.memory_x(Program::Boot).unwrap().to_string();
+        assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 8192"));
+        assert_eq!(C8.memory_x(Program::Application(Slot::B)), None);
+    }
+}
