@@ -392,6 +392,8 @@ fn no_std(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
         "canopen",
         "-p",
         "device",
+        "-p",
+        "flash",
         "--target",
         CHIP,
         "--release",
