@@ -333,7 +333,8 @@ impl Chain {
         self.reading_and_vector(state, now).0
     }
 
-    /// The reading at `now`, and the calibrated acceleration that it came from where there is one.
+    /// The reading at `now`, and the calibrated acceleration that it came from where there is one:
+    /// a calibration on three axes.
     pub fn reading_and_vector(&self, state: &State, now: Instant) -> (Reading, Option<Corrected>) {
         match self.take(state, now) {
             Err(reason) => {
@@ -477,7 +478,9 @@ impl Calibration {
                     x: Ok(found),
                     y: Err(Invalid::NotMeasured),
                 };
-                (sight, Some(plane))
+                // The matrix is right only while the turn is the only tilt, so two healthy
+                // channels differ in a vector that was tilted across.
+                (sight, None)
             }
         }
     }

@@ -258,6 +258,8 @@ fn one_axis_does_not_measure_y() {
     let reading = chain.reading(&state, Instant(1_998_000));
     assert!((reading.x.unwrap().angle.degrees() - 170.0).abs() < 0.01);
     assert_eq!(reading.y, Err(Invalid::NotMeasured));
+    let (_, vector) = chain.reading_and_vector(&state, Instant(1_998_000));
+    assert_eq!(vector, None, "of the third axis nothing is known");
 }
 
 proptest::proptest! {
