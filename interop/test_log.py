@@ -225,6 +225,18 @@ def test_the_box_shows_the_fault_at_its_event(plumb: Plumb, pair: Master) -> Non
     assert sum((step / 2**13) ** 2 for step in gravity) == pytest.approx(1, abs=0.02)
 
 
+@pytest.mark.parametrize("trouble", ["frozen", "spi", "brown-out", "delay 200"])
+def test_the_box_of_the_ill_channel_had_a_frame_twice_and_a_short_period(
+    plumb: Plumb, pair: Master, trouble: str
+) -> None:
+    wait_for_syncs(pair, 2 * BEFORE)
+    break_b(plumb, pair, trouble)
+    box = read_box(pair, 2, 1)
+    assert box.period_us == pytest.approx(PERIOD_US, rel=0.01), "its own clock"
+    frames = box.before + box.after
+    assert all(one.own != two.own for one, two in zip(frames, frames[1:]))
+
+
 def test_the_box_and_the_log_name_each_other(plumb: Plumb, pair: Master) -> None:
     break_b(plumb, pair)
     for node in (1, 2):

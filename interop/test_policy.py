@@ -11,7 +11,7 @@ from master import INVALID16, INVALID32, PRE_OPERATIONAL, START, Master, Plumb, 
 
 WAITING, AGREE, WARNING, DISAGREE, OWN_ILL, OTHER_ILL = 0, 1, 2, 6, 7, 8
 DISAGREE_CODE, OWN_CODE, OTHER_CODE, SUPPLY = 0xFF13, 0xFF14, 0xFF15, 0x3200
-PEER, SET_UP_LOST, SILENT, ALONE = 2, 7, 15, 19
+PEER, SET_UP_LOST, SILENT, UNCONFIRMED, ALONE = 2, 7, 15, 18, 19
 LATCHED = 0x80
 TOO_HIGH = 0x0609_0031
 SPEED = 5
@@ -125,8 +125,10 @@ def test_without_b_s_power_a_alone_is_invalid_where_it_may_not_do(
     plumb.type("power b on")
 
 
-def test_a_node_whose_peer_never_speaks_goes_on_alone(plumb: Plumb, master: Master) -> None:
-    """The peer may still be starting, so it has two seconds."""
+@pytest.mark.parametrize("degraded", [1, 0])
+def test_a_node_whose_peer_never_speaks_has_no_angle(master: Master, degraded: int) -> None:
+    """The peer may still be starting, so it has two seconds; without it nothing was compared."""
+    master.write(1, 0x2005, 0, degraded)
     master.write(1, 0x2050, 1, 50)
     mark = master.mark()
     master.nmt(START, 1)
@@ -136,9 +138,28 @@ def test_a_node_whose_peer_never_speaks_goes_on_alone(plumb: Plumb, master: Mast
     first = next(f.timestamp for f in frames if f.data[5] == OTHER_ILL)
     assert first - frames[0].timestamp == pytest.approx(2.0, abs=0.2)
     for frame in frames:
-        if frame.data[5] == WAITING:
-            assert slopes(frame.data) == [INVALID16] * 2 and frame.data[4] & 3 == 0
-    alone(master, allowed=True)
+        assert frame.data[5] in (WAITING, OTHER_ILL)
+        assert slopes(frame.data) == [INVALID16] * 2 and frame.data[4] & 3 == 0
+    assert reasons(master, 1) == [UNCONFIRMED] * 2
+    assert verdict(master, 1) == [PEER, UNCONFIRMED]
+
+
+def test_an_offset_from_before_the_start_was_shown_as_an_angle_when_b_had_no_power(
+    plumb: Plumb, master: Master
+) -> None:
+    plumb.type("power b off", "fault a bias x 100")
+    plumb.truth()
+    master.reset(1)
+    master.write(1, 0x2050, 1, 50)
+    mark = master.mark()
+    master.nmt(START, 1)
+    both(master, OTHER_ILL)
+    newest(master, 1)
+    frames = master.since(mark, 0x181)
+    assert all(slopes(frame.data) == [INVALID16] * 2 for frame in frames)
+    mark = master.mark()
+    plumb.type("heal a", "power b on")
+    master.next(0x702, mark, data=lambda d: d == b"\0")
 
 
 def heal_after(plumb: Plumb, master: Master, node: int) -> float:

@@ -544,3 +544,34 @@ fn no_safety_frame_goes_out_in_any_fault() {
         );
     }
 }
+
+#[test]
+fn one_0000h_takes_back_several_faults_and_a_reset_takes_them_back_without_any() {
+    let mut pair = Pair::new().set_policy(2, 1).at_work();
+    pair.brown_out();
+    pair.seconds(1.0);
+    let set = |frame: &[u8]| u32::from_le_bytes([frame[3], frame[4], frame[5], 0]);
+    let told = pair.of(0x81);
+    assert_eq!(told.len(), 2, "{told:X?}");
+    // Supply, and this channel ill: both stand after the second.
+    assert_eq!(set(&told[1]), 1 << 2 | 1 << 13);
+    // Communication is reset: nothing of it is told again.
+    pair.hears(0, &[130, 1]);
+    pair.hears(0, &[1, 0]);
+    pair.seconds(0.5);
+    assert_eq!(pair.emergencies().len(), 2);
+    assert_ne!(pair.read(at(0x1001, 0)), 0);
+    pair.seconds(6.0);
+    let told = pair.of(0x81).split_off(2);
+    assert!(told.iter().all(|frame| frame[..2] == [0, 0]), "{told:X?}");
+    assert_eq!(set(&told[told.len() - 1]), 0);
+    assert!(told.len() <= 2);
+    // A reset of the node: the boot-up message and no 0000h.
+    pair.brown_out();
+    pair.seconds(1.0);
+    let before = pair.emergencies().len();
+    pair.hears(0, &[129, 1]);
+    pair.seconds(1.0);
+    assert_eq!(pair.emergencies().len(), before);
+    assert_eq!(pair.of(0x701).iter().filter(|f| f[..] == [0]).count(), 2);
+}

@@ -17,7 +17,7 @@ pub struct Observation {
     /// The angles, or the reasons why there are none.
     pub reading: Reading,
     /// The calibrated acceleration behind the angles; `None` where there is none: no reading, or
-    /// the paper's tables, which make no vector.
+    /// the paper's tables, which make no vector, or one axis, which makes none of three.
     pub vector: Option<Corrected>,
     /// Energy above 150 Hz since the observation before.
     pub activity: Activity,

@@ -9,6 +9,7 @@
 
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
+use tilt::angle::Angle;
 use tilt::chain::{Invalid, Reading};
 use tilt::cross_check::Judgement;
 use tilt::observation::Observation;
@@ -29,6 +30,19 @@ const HOTTEST: i32 = 85 * 256;
 
 /// Time between two looks at the calibration in force, us.
 const SUM_INTERVAL_US: i64 = 250_000;
+
+/// A slope that was outside the measuring range has come back when it is inside by this much,
+/// 0.001 deg, so that noise at the end of the range does not make an EMCY of each sample.
+const BACK: i32 = 200;
+
+/// Whether a slope is outside a measuring range, 0.001 deg, or `stood` there and is not back.
+fn outside(slope: Angle, low: i32, high: i32, stood: bool) -> bool {
+    // In the middle of a narrow range a slope is back in any case.
+    let narrow = high.saturating_sub(low) / 4;
+    let margin = if stood { BACK.min(narrow) } else { 0 };
+    let inside = low.saturating_add(margin)..=high.saturating_sub(margin);
+    !inside.contains(&Resolution::Thousandth.units(slope))
+}
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What every call ends with.
@@ -134,11 +148,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         let [x, y, ..] = self.values.process.slopes;
         let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
-        let outside = |slope: Option<_>, low, high| {
-            slope.is_some_and(|a| !(low..=high).contains(&Resolution::Thousandth.units(a)))
-        };
-        found.set(Fault::RangeX, outside(x, low_x, high_x));
-        found.set(Fault::RangeY, outside(y, low_y, high_y));
+        for (fault, slope, low, high) in [
+            (Fault::RangeX, x, low_x, high_x),
+            (Fault::RangeY, y, low_y, high_y),
+        ] {
+            let stood = self.faults.has(fault);
+            found.set(fault, slope.is_some_and(|a| outside(a, low, high, stood)));
+        }
         let temperature = self.node.channel.temperature();
         let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
         found.set(Fault::Temperature, beyond);
@@ -238,5 +254,29 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         );
         let sound = !self.faults.iter().any(Fault::forbids_safety);
         valid && judged && sound && self.values.parameters.safety_valid == VALID
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(degrees: f64, stood: bool) -> bool {
+        outside(Angle::from_degrees(degrees), -90_000, 90_000, stood)
+    }
+
+    #[test]
+    fn noise_at_the_end_of_the_range_made_an_emergency_of_each_sample() {
+        assert!(!at(89.99, false) && at(90.01, false));
+        assert!(at(89.99, true) && at(-89.81, true));
+        assert!(!at(89.79, true) && !at(-89.79, true));
+        // A narrow range has its middle.
+        let narrow = |degrees| outside(Angle::from_degrees(degrees), 0, 100, true);
+        assert!(narrow(0.01) && !narrow(0.05) && narrow(0.09));
+        // The full circle has no end.
+        for degrees in [-180.0, 0.0, 179.999] {
+            let circle = outside(Angle::from_degrees(degrees), -180_000, 180_000, false);
+            assert!(!circle, "{degrees}");
+        }
     }
 }

@@ -28,7 +28,7 @@ pub const RECOVERY_MS: u16 = 1000;
 
 const MILLIDEGREE: &str = "0.001 deg";
 const CIRCLE: &str = "360 deg / 2^24";
-const HALF_TURN: i64 = 180_000;
+pub(super) const HALF_TURN: i64 = 180_000;
 
 /// The rows.
 pub const MANUFACTURER: &[Row] = &[

@@ -343,6 +343,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
         match at.index {
             0x6000..=0x61FF | 0x6800..=0x69FF => self.load_slope(at, value),
             _ => {
+                let value = self.range_of_a_turn(at).unwrap_or(value);
                 if let Some(mut place) = self.values.parameters.place(at) {
                     place.set(value);
                 }

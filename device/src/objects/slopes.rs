@@ -11,9 +11,11 @@ use canopen::object::{Abort, Address, Value};
 use tilt::angle::Angle;
 use tilt::chain::Correction;
 
+use super::manufacturer::HALF_TURN;
 use super::panel::{Memory, Panel, Source};
 use super::profile::{LOGICAL_DEVICE, RESOLUTION};
 use crate::profile::{Form, Parameter, Range, Resolution, Scale, Slope, narrow};
+use crate::records::{Record, parameters};
 
 /// A slope's object taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,6 +168,21 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             }
         }
         Ok(())
+    }
+
+    /// 2040h of X as delivered, where one axis measures the full circle: then that is its range.
+    pub(super) fn range_of_a_turn(&self, at: Address) -> Option<Value> {
+        let turns = matches!(
+            self.settings.chain.calibration.correction,
+            Correction::OneAxis { .. }
+        );
+        let end = match (at.index, at.sub) {
+            (0x2040, 1) => -HALF_TURN,
+            (0x2040, 2) => HALF_TURN,
+            _ => return None,
+        };
+        let stored = parameters::get(self.memory, Record::Manufacturer, at);
+        (turns && stored.is_none()).then_some(Value::i32(end as i32))
     }
 
     /// Whether every slope fits into 16 bit, with a calibration that corrects like this.

@@ -247,6 +247,25 @@ fn the_period_is_measured() {
 }
 
 #[test]
+fn one_axis_knows_less_of_its_turn_the_more_it_is_tilted_across() {
+    let share = |y: f64, z: f64| {
+        let accel = [0.0, y, z].map(|g| (g * f64::from(crate::ONE_G)) as i32);
+        across(Corrected { accel }).degrees()
+    };
+    assert_eq!(share(0.06, 1.0), 0.0, "an offset is no tilt");
+    // 10 deg across: 2 % of tan 10 deg, less what counts as none.
+    assert!((share(0.1736, 0.9848) - 0.190).abs() < 0.001);
+    assert_eq!(share(-0.5, 0.866), share(0.5, 0.866));
+    assert!((share(0.5, 0.866) - 0.657).abs() < 0.001);
+    assert!(share(1.0, 0.0) > 100.0, "flat on its side there is no turn");
+    for extreme in [i32::MIN, i32::MAX, 0] {
+        across(Corrected {
+            accel: [extreme, extreme, extreme],
+        });
+    }
+}
+
+#[test]
 fn one_axis_does_not_measure_y() {
     let mut chain = product();
     chain.calibration.correction = Correction::OneAxis {
@@ -258,6 +277,8 @@ fn one_axis_does_not_measure_y() {
     let reading = chain.reading(&state, Instant(1_998_000));
     assert!((reading.x.unwrap().angle.degrees() - 170.0).abs() < 0.01);
     assert_eq!(reading.y, Err(Invalid::NotMeasured));
+    let (_, vector) = chain.reading_and_vector(&state, Instant(1_998_000));
+    assert_eq!(vector, None, "of the third axis nothing is known");
 }
 
 proptest::proptest! {

@@ -1,0 +1,163 @@
+//! A one-axis instrument of 360 deg on its bus, turned about its axis and tilted across it.
+//!
+//! In: calibrated pairs, poses. Out: what the pair says of itself where nothing is wrong.
+
+use std::sync::LazyLock;
+
+use canopen::Frame;
+use device::fault::Fault;
+use sim::bench::{Mode, World};
+use sim::can_bus::Port;
+use sim::fault::SensorFault;
+use sim::memory::Memory;
+use sim::network::Network;
+use sim::network::hand::{Hand, Pose};
+use sim::network::instrument::{Delivered, Fitting};
+use sim::rng::Rng;
+
+const MS: u64 = 1_000_000;
+/// Pairs that are looked at.
+const UNITS: u32 = 6;
+
+/// A pair with a master that starts it and sends SYNC every 20 ms.
+struct Site {
+    network: Network,
+    host: Port,
+    hand: Hand,
+}
+
+impl Site {
+    fn new(unit: u32) -> Self {
+        static DELIVERED: LazyLock<Vec<Delivered>> = LazyLock::new(|| {
+            let one = |unit| Delivered::calibrated(Mode::OneAxis, &World::NOMINAL, 1, unit);
+            (0..UNITS)
+                .map(|unit| one(unit).expect("a good unit"))
+                .collect()
+        });
+        let fitting = |node_id| Fitting {
+            node_id,
+            kbit_s: 500,
+            memory: Memory::new(),
+        };
+        let mut network = Network::new(500_000, 1);
+        let delivered = DELIVERED[unit as usize].clone();
+        delivered.join(&mut network, [fitting(1), fitting(2)]);
+        let host = network.attach_host();
+        network.power_on(0);
+        network.power_on(1);
+        let hand = Hand::new(Rng::stream(1, "hand"));
+        let mut site = Self {
+            network,
+            host,
+            hand,
+        };
+        site.hand.set_rate(40.0);
+        site
+    }
+
+    fn start(&mut self) {
+        self.syncs(50);
+        self.send(0, &[1, 0]);
+    }
+
+    fn send(&mut self, id: u16, bytes: &[u8]) {
+        let frame = Frame::data_frame(id, bytes);
+        self.network.bus.offer(self.host, frame).expect("a mailbox");
+    }
+
+    fn syncs(&mut self, count: u32) {
+        for _ in 0..count {
+            self.send(0x80, &[]);
+            let until_ns = self.network.now_ns() + 20 * MS;
+            self.network.run_until(&mut self.hand, until_ns, |_| {});
+        }
+    }
+
+    fn go(&mut self, pitch_deg: f64, roll_deg: f64) {
+        let pose = Pose {
+            pitch_deg,
+            roll_deg,
+        };
+        assert!(self.hand.go(pose));
+        while !self.hand.is_still() {
+            self.syncs(10);
+        }
+        self.syncs(50);
+    }
+
+    /// State, differences and slope X of both.
+    fn says(&self) -> String {
+        let of = |number: usize| {
+            let process = &self.network.units()[number].device.values().process;
+            let slope = process.slopes[0].map(tilt::angle::Angle::degrees);
+            format!(
+                "{number}: state {}, why {}, delta {:?}, {slope:?}, uncertainty {:?}",
+                process.state, process.why, process.delta, process.uncertainty
+            )
+        };
+        format!("{}; {}", of(0), of(1))
+    }
+
+    fn agrees(&self) -> bool {
+        self.network.units().iter().all(|unit| {
+            let process = &unit.device.values().process;
+            process.state == 1 && process.validity & 1 == 1 && unit.device.faults().is_empty()
+        })
+    }
+}
+
+#[test]
+fn a_one_axis_pair_that_was_tilted_across_accused_itself() {
+    for unit in 0..UNITS {
+        for pitch in [5.0, 10.0, -20.0, 45.0] {
+            // Before the start, when nothing is known of either, and at work.
+            let mut site = Site::new(unit);
+            site.go(pitch, 0.0);
+            site.start();
+            site.syncs(300);
+            assert!(site.agrees(), "unit {unit} at {pitch} deg: {}", site.says());
+            for roll in [30.0, f64::abs(pitch) - 80.0] {
+                site.go(pitch, roll);
+                site.syncs(150);
+                let says = site.says();
+                assert!(site.agrees(), "unit {unit} at {pitch}, {roll} deg: {says}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_left_to_one_axis_finds_an_offset_and_names_nobody() {
+    let mut site = Site::new(0);
+    site.start();
+    site.syncs(150);
+    assert!(site.agrees(), "{}", site.says());
+    let bias = SensorFault::Bias { axis: 0, mg: 20.0 };
+    let electronics = &mut site.network.unit(1).electronics;
+    electronics.inject(bias, Rng::stream(1, "bias"));
+    site.syncs(50);
+    for unit in site.network.units() {
+        let process = &unit.device.values().process;
+        assert_eq!((process.state, process.blamed), (6, 0), "{}", site.says());
+    }
+}
+
+#[test]
+fn a_full_turn_is_within_the_range_and_agreed_upon() {
+    let mut site = Site::new(0);
+    site.start();
+    for roll in [90.0, 135.0, 179.9, -90.0, -175.0] {
+        site.go(0.0, roll);
+        for _ in 0..100 {
+            site.syncs(1);
+            assert!(site.agrees(), "{roll} deg: {}", site.says());
+        }
+        let process = &site.network.units()[0].device.values().process;
+        let slope = process.slopes[0].expect("an angle");
+        let off = slope
+            .minus(tilt::angle::Angle::from_degrees(roll))
+            .degrees();
+        assert!(off.abs() < 0.2, "{roll} deg: {off}");
+        assert!(!site.network.units()[0].device.faults().has(Fault::RangeX));
+    }
+}
