@@ -355,7 +355,7 @@ fn a_single_frame_of_before_a_silence_was_not_seen() {
 fn after_a_silence_a_channel_that_is_ill_itself_has_its_reaction_time() {
     for (is_ill, broken) in [(true, 0), (false, 1)] {
         let mut trace = working();
-        trace.fault_of(1 - usize::from(is_ill));
+        trace.fault_of(usize::from(is_ill));
         trace.now_s += 1.0;
         trace.say(1, CARRIERS[0]([3.0, 0.0]));
         let told = [(Rule::StaleAngle, 1)];
