@@ -1,7 +1,8 @@
 //! The device: a channel that measures and a node that speaks, joined.
 //!
 //! In: data-ready edges, frames and the controller's state, each with the time on this device's
-//! clock. Out: frames, a deadline, and now and then a [`Wish`] that only the board can fulfil.
+//! clock. Out: frames, those that have to be taken back, a deadline, and now and then a [`Wish`]
+//! that only the board can fulfil.
 //!
 //! At each SYNC the channel's reading for that very instant is latched before any PDO is made
 //! (R11, erratum E11), goes to the peer, and waits for the peer's reading of the same SYNC; then
@@ -321,9 +322,27 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let (bus, mut panel) = self.split(now);
         let frame = bus.transmit_if(&mut panel, bus_time(now), room);
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
-            self.pair.sending.hand_over(id);
+            let until = self.bus.expires(id).map(|until| Instant(until.0));
+            self.pair.sending.hand_over(id, until);
         }
         frame
+    }
+
+    /// The identifier of a frame that the controller may still have and that may not go out any
+    /// more, told once: abort it there, and call [`Device::withdrawn`] when it has not gone out.
+    ///
+    /// One that is on the wire ends with its transmission; where that fails it is not repeated. Ask
+    /// before each [`Device::transmit`].
+    pub fn withdraw(&mut self) -> Option<u16> {
+        self.pair.sending.recalled()
+    }
+
+    /// A frame that [`Device::withdraw`] has named was taken back and has not gone out.
+    pub fn withdrawn(&mut self, cob_id: u16, now: Instant) {
+        self.pair.sending.withdrawn(cob_id);
+        self.bus.withdrawn(cob_id);
+        // What is sent on events is told as it is now.
+        self.next = self.next.min(now);
     }
 
     /// The identifier of what [`Device::transmit`] would give.
@@ -335,6 +354,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     pub fn poll(&mut self, now: Instant) -> Instant {
         self.node.channel.poll(&self.settings, now);
         self.watch_own(now);
+        self.pair.sending.expire(now);
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
@@ -349,7 +369,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        self.next.min(self.node.channel.deadline(&self.settings))
+        let channel = self.node.channel.deadline(&self.settings);
+        self.next.min(channel).min(self.pair.sending.next)
     }
 
     /// What the CAN controller says of itself.

@@ -249,6 +249,49 @@ fn a_bus_that_fails_never_makes_a_wrong_angle_valid() {
     }
 }
 
+/// On a machine that moves: what goes out when a flood of 4 s ends is of then, not of before.
+#[test]
+fn frames_of_before_a_flood_went_out_after_it() {
+    let pool = pool();
+    for (channel, id, seed) in [(0, 0x10, 71), (1, 0x10, 72), (0, 0x17F, 73), (1, 0x17F, 74)] {
+        let flood = NodeFault::Babbling { id, share: 1.0 };
+        let until_s = FROM_S + 4.0;
+        let setup = Setup {
+            safety_frames: true,
+            faults: vec![Injection {
+                what: What::Node(flood),
+                channel,
+                from_s: FROM_S,
+                until_s,
+            }],
+            ..on(Scene::Digging, seed)
+        };
+        let mut slopes = 0;
+        let report = run(&setup, &pool, |seen| {
+            let after_s = seen.event.at_ns() as f64 * 1e-9 - until_s;
+            let (Some((by, message)), Some(truth)) = (seen.message, seen.truth) else {
+                return;
+            };
+            if !(0.0..0.1).contains(&after_s) {
+                return;
+            }
+            let name = format!("{after_s:.4} s after {id:X}h, channel {by}: {message:?}");
+            match message {
+                Message::Safety(_) => assert!(id == 0x17F || after_s > 0.015, "{name}"),
+                Message::Slopes(told) => {
+                    slopes += 1;
+                    let off = |axis: usize| told.deg[axis].map(|d| d - truth.ideal_deg[axis]);
+                    let wrong = (0..2).filter_map(off).any(|off| off.abs() > 1.0);
+                    assert!(!wrong, "{name}, {truth:?}");
+                }
+                _ => {}
+            }
+        });
+        assert_eq!(report.expect("the unit is in the pool").violations, []);
+        assert!(slopes > 4, "{slopes}");
+    }
+}
+
 #[test]
 fn a_healthy_pair_is_accused_of_nothing_in_any_scene() {
     let pool = pool();

@@ -204,7 +204,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             }
         }
         let consent = self.consents();
-        self.bus.consent_to_safety(consent) || news
+        let changed = self.bus.consent_to_safety(consent);
+        if changed && !consent {
+            self.pair.sending.withhold_safety();
+        }
+        changed || news
     }
 
     /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the

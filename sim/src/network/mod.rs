@@ -279,7 +279,17 @@ impl Network {
             Event::Changed { port, state, at_ns } => self.with_owner(*port, |unit, bus| {
                 unit.bus_changed(bus, *state, *at_ns);
             }),
-            Event::Sent { .. } | Event::Error { .. } => {}
+            Event::Error { senders, at_ns, .. } => self.fail(*senders, *at_ns),
+            Event::Sent { .. } => {}
+        }
+    }
+
+    fn fail(&mut self, senders: Ports, at_ns: u64) {
+        for number in 0..self.units.len() {
+            if senders.contains(self.units[number].port) {
+                self.units[number].failed(&mut self.bus, at_ns);
+                self.look_at(number);
+            }
         }
     }
 

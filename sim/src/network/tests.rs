@@ -1,6 +1,7 @@
 //! Two nodes on one bus, as a master and the world see them.
 
 mod faulty;
+mod stale;
 
 use super::*;
 

@@ -15,7 +15,7 @@ use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
 use super::fault::Faulty;
-use crate::can_bus::{Bus, MAILBOXES, Port, State};
+use crate::can_bus::{Bus, MAILBOXES, Mailbox, Port, State};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
 use crate::memory::Memory;
@@ -37,7 +37,7 @@ pub struct Unit {
     running: bool,
     powered: bool,
     /// What is in the controller's mailboxes.
-    mailboxes: [Option<Frame>; MAILBOXES],
+    mailboxes: [Option<Posted>; MAILBOXES],
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
     /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
@@ -49,11 +49,20 @@ pub struct Unit {
     pub(super) faulty: Faulty,
 }
 
+/// A frame in a mailbox.
+#[derive(Clone, Copy, Debug)]
+struct Posted {
+    frame: Frame,
+    mailbox: Mailbox,
+    /// It was on the wire when it was to be taken back: it goes out now or not at all.
+    aborted: bool,
+}
+
 /// True when a frame of this identifier may go into a mailbox.
-fn has_room(mailboxes: &[Option<Frame>], id: u16) -> bool {
+fn has_room(mailboxes: &[Option<Posted>], id: u16) -> bool {
     let (mut free, mut highest, mut twin) = (0, u16::MAX, false);
     for mailbox in mailboxes {
-        match mailbox.as_ref().map(Frame::cob_id) {
+        match mailbox.as_ref().map(|posted| posted.frame.cob_id()) {
             None => free += 1,
             Some(other) => {
                 highest = other.map_or(highest, |other| highest.min(other));
@@ -310,6 +319,7 @@ impl Unit {
     /// as long as somebody floods the bus with identifiers between the two.
     fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
         let now = self.now(now_ns);
+        self.withdraw(bus, now);
         let silent = self.switch_at.is_some() || self.search.is_some();
         if self.faulty.is_late() && !silent {
             self.pump_late(bus, now, now_ns);
@@ -330,9 +340,55 @@ impl Unit {
         self.wish(bus, now, now_ns);
     }
 
+    /// Takes back what may not go out any more.
+    fn withdraw(&mut self, bus: &mut Bus, now: Instant) {
+        self.give_up(bus, now);
+        while let Some(id) = self.device.withdraw() {
+            let mut mailboxes = self.mailboxes.iter_mut();
+            let place = mailboxes.find(|place| {
+                let posted = place.as_ref().and_then(|posted| posted.frame.cob_id());
+                posted == Some(id)
+            });
+            // What the driver holds itself, as one that is ill does, is beyond its reach.
+            let Some(Some(posted)) = place else {
+                continue;
+            };
+            posted.aborted = true;
+            bus.abort(self.port, posted.mailbox);
+            self.give_up(bus, now);
+        }
+    }
+
+    /// An aborted frame that is no longer in its mailbox and was not sent has not gone out.
+    fn give_up(&mut self, bus: &Bus, now: Instant) {
+        for place in &mut self.mailboxes {
+            if let Some(posted) = place
+                && posted.aborted
+                && bus.waiting(self.port, posted.mailbox).is_none()
+            {
+                if let Some(id) = posted.frame.cob_id() {
+                    self.device.withdrawn(id, now);
+                }
+                *place = None;
+            }
+        }
+    }
+
+    /// An attempt to send has failed; one that was aborted meanwhile is not repeated.
+    pub fn failed(&mut self, bus: &mut Bus, at_ns: u64) {
+        let aborted = |place: &Option<Posted>| place.is_some_and(|posted| posted.aborted);
+        if self.running && self.mailboxes.iter().any(aborted) {
+            self.pump(bus, at_ns);
+        }
+    }
+
     fn post(&mut self, bus: &mut Bus, frame: Frame) {
         if let Ok(mailbox) = bus.offer(self.port, frame) {
-            self.mailboxes[mailbox.number()] = Some(frame);
+            self.mailboxes[mailbox.number()] = Some(Posted {
+                frame,
+                mailbox,
+                aborted: false,
+            });
         }
     }
 

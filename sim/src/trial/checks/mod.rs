@@ -4,6 +4,7 @@
 //! again). Out: a [`Violation`] for each rule that was broken, once for each time it was.
 //!
 //! - [`angle`]: an angle marked valid is right, or is wrong for no longer than [`REACTION_S`].
+//! - [`stale`]: no frame, not even a single one, carries an angle older than that.
 //! - [`detection`]: how soon each channel tells of a fault, and whom it blames: never the wrong
 //!   one.
 //! - [`safety`]: a safety frame carries a right angle, and none is sent of a pair that isn't in
@@ -21,11 +22,13 @@ pub mod detection;
 pub mod emergency;
 pub mod order;
 pub mod safety;
+pub mod stale;
 
 use std::collections::VecDeque;
 use std::fmt;
 
 use crate::trial::message::Message;
+use stale::Kind;
 
 /// The declared reaction time: a wrong angle may be marked valid for so long, s.
 pub const REACTION_S: f64 = 0.5;
@@ -43,6 +46,8 @@ pub enum Rule {
     WrongAngle,
     /// The angle of an earlier SYNC was marked valid for a later one, for as long.
     OldAngle,
+    /// An angle older than the reaction time was marked valid, be it once.
+    StaleAngle,
     /// The healthy channel was blamed.
     WrongBlame,
     /// A safety frame of a pair that doesn't agree.
@@ -61,6 +66,7 @@ impl Rule {
         match self {
             Self::WrongAngle => "wrong angle marked valid",
             Self::OldAngle => "old angle marked valid",
+            Self::StaleAngle => "stale angle marked valid",
             Self::WrongBlame => "wrong channel blamed",
             Self::SafetyFrame => "safety frame without consent",
             Self::FalseAlarm => "false alarm",
@@ -101,7 +107,8 @@ impl fmt::Display for Violation {
 pub struct Terms {
     /// How long a wrong angle may be marked valid, s.
     pub reaction_s: f64,
-    /// Whether only [`Rule::WrongAngle`] and [`Rule::OldAngle`] count: beyond the promise.
+    /// Whether only [`Rule::WrongAngle`], [`Rule::OldAngle`] and [`Rule::StaleAngle`] count: beyond
+    /// the promise.
     pub angles_only: bool,
     /// Whether the bus itself is healthy, so that every EMCY gets through.
     pub sound_bus: bool,
@@ -142,6 +149,7 @@ pub struct Checks {
     terms: Terms,
     syncs: VecDeque<f64>,
     angles: angle::Angles,
+    stale: stale::Stale,
     /// How soon each fault was told, in the order of the faults.
     pub detections: detection::Detections,
     safety: safety::Safety,
@@ -159,6 +167,7 @@ impl Checks {
             terms,
             syncs: VecDeque::new(),
             angles: angle::Angles::new(terms.reaction_s),
+            stale: stale::Stale::new(terms.reaction_s),
             detections: detection::Detections::default(),
             safety: safety::Safety::new(terms.reaction_s),
             alarms: alarm::Alarms::default(),
@@ -170,6 +179,9 @@ impl Checks {
 
     /// A fault begins.
     pub fn fault(&mut self, affected: Affected) {
+        if affected.blame_counts {
+            self.stale.excuse(affected.channel);
+        }
         self.detections.begin(affected);
         self.alarms.expect();
         self.order.excuse();
@@ -182,6 +194,7 @@ impl Checks {
 
     /// Everything is well: from `at_s` on the instrument has [`RECOVERY_S`] to be in order.
     pub fn well(&mut self, at_s: f64) {
+        self.stale.well();
         self.order.demand(at_s);
     }
 
@@ -190,9 +203,9 @@ impl Checks {
         self.order.is_good(at_s)
     }
 
-    /// The longest time for which a wrong angle was marked valid, s.
+    /// The longest time for which a wrong angle was marked valid, in TPDO 1 or safety frames, s.
     pub fn longest_wrong_s(&self) -> f64 {
-        self.angles.longest_s
+        self.angles.longest_s.max(self.safety.longest_s())
     }
 
     /// Angles of earlier SYNCs that were marked valid for a later one so far.
@@ -217,10 +230,16 @@ impl Checks {
                 let older = || self.syncs.iter().skip(1).map_while(truth).collect();
                 let found = (self.angles).see(at_s, channel, slopes.deg, newest, older);
                 self.violations.extend(found);
+                let found = self
+                    .stale
+                    .see(at_s, (channel, Kind::Slopes), slopes.deg, &ideal);
+                self.violations.extend(found);
                 self.order.slopes(at_s, channel, slopes.deg, newest);
             }
             Message::Safety(deg) => {
-                let found = self.safety.see(at_s, channel, *deg, ideal);
+                let found = self.safety.see(at_s, channel, *deg, &ideal);
+                self.violations.extend(found);
+                let found = (self.stale).see(at_s, (channel, Kind::Safety), deg.map(Some), &ideal);
                 self.violations.extend(found);
                 self.order.safety(at_s, channel);
             }
@@ -280,7 +299,10 @@ impl Checks {
 
     fn keep_what_counts(&mut self, from: usize) {
         if self.terms.angles_only {
-            let counts = |v: &Violation| matches!(v.rule, Rule::WrongAngle | Rule::OldAngle);
+            let counts = |v: &Violation| {
+                use Rule::{OldAngle, StaleAngle, WrongAngle};
+                matches!(v.rule, WrongAngle | OldAngle | StaleAngle)
+            };
             let mut index = 0;
             self.violations.retain(|v| {
                 index += 1;

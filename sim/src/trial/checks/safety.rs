@@ -40,6 +40,11 @@ impl Safety {
         }
     }
 
+    /// The longest stretch of wrong angles so far, s.
+    pub fn longest_s(&self) -> f64 {
+        self.angles.longest_s
+    }
+
     /// A channel shows a state.
     pub fn state(&mut self, at_s: f64, channel: usize, state: u8) {
         if ACCUSING.contains(&state) {

@@ -326,3 +326,39 @@ fn a_right_name_followed_by_a_wrong_one_is_wrong() {
     trace.run(0.1, [Some(0.0); 2], [8, 8]);
     assert_eq!(trace.broken(), [(Rule::WrongBlame, 1)]);
 }
+
+/// The frames that carry angles.
+const CARRIERS: [fn([f64; 2]) -> Message; 2] = [Message::Safety, |deg| {
+    Message::Slopes(Slopes {
+        deg: deg.map(Some),
+        state: None,
+    })
+}];
+
+#[test]
+fn a_single_frame_of_before_a_silence_was_not_seen() {
+    for carrier in CARRIERS {
+        for (silence_s, broken) in [(0.5, 0), (0.6, 1), (4.0, 1)] {
+            let mut trace = Trace::new(Terms::PRODUCT, turning);
+            trace.run(0.2, [Some(0.0); 2], [1; 2]);
+            let then = turning(trace.now_s).expect("always known");
+            trace.say(1, carrier(then));
+            trace.now_s += silence_s;
+            trace.say(1, carrier(then));
+            let told = [(Rule::StaleAngle, 1)];
+            assert_eq!(trace.broken(), told[..broken], "{silence_s} s");
+        }
+    }
+}
+
+#[test]
+fn after_a_silence_a_channel_that_is_ill_itself_has_its_reaction_time() {
+    for (is_ill, broken) in [(true, 0), (false, 1)] {
+        let mut trace = working();
+        trace.fault_of(usize::from(is_ill));
+        trace.now_s += 1.0;
+        trace.say(1, CARRIERS[0]([3.0, 0.0]));
+        let told = [(Rule::StaleAngle, 1)];
+        assert_eq!(trace.broken(), told[..broken], "{is_ill}");
+    }
+}
