@@ -23,7 +23,7 @@ fn a_blind_check_is_found_out() {
     // It was the sabotage that was found out, not the trial.
     setup.sabotage = Sabotage::None;
     let sound = run(setup, &pool, |_| {}).unwrap();
-    let wrong = |rule| matches!(rule, Rule::WrongAngle | Rule::OldAngle);
+    let wrong = |rule| matches!(rule, Rule::WrongAngle | Rule::OldAngle | Rule::StaleAngle);
     assert!(
         !sound.report.violations.iter().any(|v| wrong(v.rule)),
         "{sound}"

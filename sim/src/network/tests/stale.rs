@@ -60,7 +60,6 @@ fn angles_of_before_a_short_went_out_after_it() {
     }
 }
 
-/// A frame that is on the wire when it is to be taken back, and fails there, leaves its mailbox.
 #[test]
 fn on_a_noisy_bus_nothing_is_kept_for_long_and_nothing_stays_behind() {
     let mut site = Site::working(250);
