@@ -49,7 +49,7 @@ impl Loudness {
         fast: 5 * 256,
         two: 1152,
         ceiling: 16 * 256,
-        slow: 640,
+        slow: 3 * 256,
         slow_us: 250_000,
         calm_us: 80_000,
     };
