@@ -62,7 +62,8 @@ pub trait Mover {
     fn step(&mut self, time_s: f64) -> Motion;
 }
 
-/// A value for each axis and one more that nobody reads: two pairs, and processors do pairs at once.
+/// A value for each axis and one more that nobody reads: two pairs, and processors do pairs at
+/// once.
 pub(crate) type Lanes = [f64; 4];
 
 /// A force in lanes, the last one 0.

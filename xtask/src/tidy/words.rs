@@ -206,7 +206,7 @@ mod tests {
             "//! x\nfn f() { panic!() }",
         )]));
         let expected =
-            "tilt/src/x.rs:2: `panic!`: tilt, canopen and device have no path that panics";
+            "tilt/src/x.rs:2: `panic!`: tilt, canopen, flash and device have no path that panics";
         assert_eq!(found[0].to_string(), expected);
     }
 }
