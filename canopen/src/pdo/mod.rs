@@ -261,11 +261,13 @@ impl Pdos {
         Some(pdo.stale)
     }
 
-    /// The controller has given back a frame of this identifier, which has not gone out.
+    /// The controller has given back a frame of this identifier, which has not gone out: its sample
+    /// counts as lost.
     pub fn withdrawn(&mut self, cob_id: u16) {
         let mut tx = self.tx.iter_mut();
         if let Some(pdo) = tx.find(|pdo| pdo.setup.id() == cob_id) {
             pdo.withdrawn();
+            self.count(1);
         }
     }
 

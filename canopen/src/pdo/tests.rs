@@ -243,6 +243,8 @@ fn an_event_whose_frame_was_taken_back_is_told_again_as_it_is_then() {
     assert_eq!(bench.sent(ms(0)), Some(1));
     bench.x(2);
     bench.pdo.withdrawn(0x181);
+    bench.pdo.withdrawn(0x201);
+    assert_eq!(bench.pdo.overruns(), 1, "a sample that was lost");
     bench.poll(ms(30));
     assert_eq!(bench.sent(ms(30)), Some(2));
     bench.poll(ms(40));
