@@ -177,6 +177,21 @@ fn a_disagreement_was_forgotten_when_the_other_channel_fell_silent() {
 }
 
 #[test]
+fn a_calibration_that_was_found_damaged_after_the_difference_took_both_angles() {
+    use Invalid::{Corrupt, Noise, Spikes, Stuck, Thermometer};
+    for reason in [Corrupt, Noise, Spikes, Stuck, Thermometer] {
+        let mut pair = Pair::working();
+        pair.peer.says = tilted(2.0);
+        pair.seconds(1.0);
+        assert_eq!((pair.told().is_valid(), pair.told().state), (false, 6));
+        pair.peer.says = level().refused(reason);
+        pair.seconds(1.0);
+        let told = pair.told();
+        assert_eq!((told.is_valid(), told.state), (true, 8), "{reason:?}");
+    }
+}
+
+#[test]
 fn a_sensor_set_up_anew_is_compared_before_it_goes_on_alone() {
     let mut pair = Pair::new().set_policy(2, 1).at_work();
     pair.brown_out();

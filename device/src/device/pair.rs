@@ -95,6 +95,16 @@ impl Pair {
     }
 }
 
+/// Whether a channel that is ill for this reason measures wrongly, and so explains a difference;
+/// one that doesn't measure, or isn't heard, explains nothing of what was before.
+const fn explains(reason: Invalid) -> bool {
+    use Invalid::{Biased, Corrupt, Noise, Spikes, Stuck, Thermometer};
+    matches!(
+        reason,
+        Biased | Corrupt | Noise | Spikes | Stuck | Thermometer
+    )
+}
+
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Takes the check that 2003h asks for, with a fresh memory.
     pub(super) fn choose_check(&mut self) {
@@ -271,9 +281,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     fn compare(&mut self, judgement: Judgement) {
         let both = validity::COMPARED | validity::COMPARED << 1;
         let compared = self.values.process.validity & both != 0;
-        let reason = Invalid::Biased;
-        let ill = Which::Peer;
-        let named = judgement == Judgement::OneChannel { ill, reason };
+        let named = match judgement {
+            Judgement::OneChannel { ill, reason } => ill == Which::Peer && explains(reason),
+            _ => false,
+        };
         let alone = &mut self.pair.alone;
         if matches!(judgement, Judgement::Disagree | Judgement::PhysicalFault) {
             *alone = Err(Invalid::Refused);
