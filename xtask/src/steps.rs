@@ -142,7 +142,7 @@ const TEST: [Step; 12] = [
         run: clippy,
     },
     Step {
-        name: "tilt, canopen and device without std, for the chip",
+        name: "tilt, canopen, flash and device without std, for the chip",
         advice: "they run on the part: use core only",
         run: no_std,
     },
