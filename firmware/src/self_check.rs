@@ -13,7 +13,7 @@ use flash::layout::{Region, Slot};
 use crate::chip::nor::Reader;
 use crate::chip::{stack, watchdog};
 use crate::node;
-use crate::part::{HARDWARE, LAYOUT};
+use crate::part::LAYOUT;
 
 /// Bytes that a step looks at.
 const PIECE: u32 = 32;
@@ -56,7 +56,7 @@ impl SelfCheck {
     /// Before the first byte.
     pub fn new() -> Self {
         let slot = LAYOUT.slot(running_slot()).unwrap_or(LAYOUT.a);
-        let found = header(&mut Reader, slot, HARDWARE);
+        let found = header(&mut Reader, slot, LAYOUT.hardware);
         // Without a header that fits, nobody knows what should be there.
         FAILED.store(found.is_err(), Ordering::Relaxed);
         Self {

@@ -87,6 +87,9 @@ impl Slot {
 pub struct Layout {
     /// The part's name.
     pub part: &'static str,
+    /// What an image's header calls the board with this part: "PL", the board's revision, and
+    /// the part, since the same program is linked to other addresses for another map.
+    pub hardware: u32,
     /// Flash, bytes.
     pub flash: u32,
     /// RAM, bytes.
@@ -106,6 +109,7 @@ pub struct Layout {
 /// STM32F103CB: 128 kB, two slots.
 pub const CB: Layout = Layout {
     part: "STM32F103CB",
+    hardware: u32::from_le_bytes([0xCB, 1, b'L', b'P']),
     flash: 128 * 1024,
     ram: 20 * 1024,
     boot: Region::kilobytes(0, 8),
@@ -122,6 +126,7 @@ pub const CB: Layout = Layout {
 /// [`RecordError::Full`](crate::records::RecordError::Full).
 pub const C8: Layout = Layout {
     part: "STM32F103C8",
+    hardware: u32::from_le_bytes([0xC8, 1, b'L', b'P']),
     flash: 64 * 1024,
     ram: 20 * 1024,
     boot: Region::kilobytes(0, 8),

@@ -16,7 +16,7 @@ mod boot {
     use cortex_m::peripheral::SCB;
     use firmware::chip::{board, trap};
     use firmware::crash::Crash;
-    use firmware::part::{HARDWARE, LAYOUT};
+    use firmware::part::LAYOUT;
     use flash::slots::{Decision, boot};
     use stm32f1xx_hal::pac::Peripherals;
 
@@ -24,7 +24,7 @@ mod boot {
     fn main() -> ! {
         // SAFETY: nothing has run before, so these are the only handles.
         let mut nor = board::start_boot(unsafe { Peripherals::steal() });
-        match boot(&mut nor, &LAYOUT, HARDWARE) {
+        match boot(&mut nor, &LAYOUT, LAYOUT.hardware) {
             Decision::Run(_, header, _) => start(header.address),
             Decision::Stay(why) => {
                 trap::leave(Crash::Stay(why as u8));

@@ -41,7 +41,7 @@ const RULES: [Rule; 10] = [
     rule("sim", &["device", "tilt", "canopen"], None),
     rule("emulator", &["sim"], None),
     rule("cli", &["device", "sim", "tilt", "canopen"], None),
-    rule("xtask", &[], None),
+    rule("xtask", &["flash"], None),
 ];
 
 /// The workspace forbids `unsafe`; these need it, and have lints of their own that ask for a
