@@ -371,3 +371,6 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
