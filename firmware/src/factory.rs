@@ -37,7 +37,6 @@ pub fn factory(channel: Channel, serial: u32) -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: false,
     }
 }
 

@@ -11,6 +11,7 @@ mod difference;
 mod faults;
 mod image;
 mod interop;
+mod packages;
 mod size;
 mod steps;
 mod tidy;
@@ -31,7 +32,7 @@ usage: cargo xtask COMMAND
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
   size --write        the same, written to docs/size.md
-  image               bootloader and application for each part and slot, to target/images
+  image               bootloader, and application for each slot, to target/images
   interop             plumb serve against python-canopen, in an environment made for it
   fuzz-long           the property tests with 100 000 cases each
   help                this text";

@@ -1,4 +1,4 @@
-//! The chip's own flash as a `NorFlash`: pages of 1 kB, half-words (RM0008 3.3, PM0075 2.3 and 3).
+//! The chip's own flash as a `NorFlash`: pages of 2 kB, half-words (RM0008 3.3, PM0075 2.3 and 3).
 //!
 //! In: offsets from the start of the flash, bytes. Out: nothing, or a [`NorError`]. What was
 //! written is not read back here; `flash::access` does that.

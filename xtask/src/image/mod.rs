@@ -4,10 +4,9 @@
 //!
 //! | file | is |
 //! |---|---|
-//! | `plumb-VERSION-stm32f103cb.bin`, `.hex` | bootloader and confirmed application, for a probe |
-//! | `plumb-VERSION-stm32f103c8.bin`, `.hex` | the same for the part with one slot |
+//! | `plumb-VERSION.bin`, `.hex` | bootloader and confirmed application, for a probe |
 //! | `plumb-VERSION-slot-a.img`, `-slot-b.img` | an application with its header, for an update |
-//! | `boot-PART.elf`, `app-SLOT.elf` | what was linked, for a debugger and for the emulator |
+//! | `boot.elf`, `app-a.elf`, `app-b.elf` | what was linked, for a debugger and for the emulator |
 //!
 //! An image runs in one slot only, since its addresses are fixed, so there is one for each. What
 //! is larger than its budget is an error, but its files are there to be looked at.
@@ -22,7 +21,7 @@ use std::{fmt, fs, io};
 
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
-use flash::layout::{BASE, C8, CB, HEADER, Layout, Program, Slot};
+use flash::layout::{BASE, HEADER, Program, RC, Slot};
 use flash::slots::{MARKS, factory_marks};
 
 use crate::command::{self, CommandError};
@@ -35,10 +34,8 @@ const CHIP: &str = "thumbv7m-none-eabi";
 const PROFILE: &str = "footprint";
 /// What the bootloader may take of the flash, bytes.
 const BOOT_BUDGET: usize = 8 * 1024;
-/// What an application may take, bytes.
-const APP_BUDGET: usize = 48 * 1024;
-/// What statics may take of the RAM so that the deepest stack fits into 16 kB with them, bytes.
-const RAM_BUDGET: u64 = 12 * 1024;
+/// What statics may take of the RAM, bytes: the rest is the stack's.
+const RAM_BUDGET: u64 = 24 * 1024;
 
 /// Why there are no images.
 #[derive(Debug)]
@@ -76,31 +73,6 @@ impl From<CommandError> for ImageError {
     }
 }
 
-/// One linking of the firmware: the word that `firmware/build.rs` knows it by, and where it runs.
-struct Variant {
-    word: &'static str,
-    layout: &'static Layout,
-    slot: Slot,
-}
-
-const VARIANTS: [Variant; 3] = [
-    Variant {
-        word: "A",
-        layout: &CB,
-        slot: Slot::A,
-    },
-    Variant {
-        word: "B",
-        layout: &CB,
-        slot: Slot::B,
-    },
-    Variant {
-        word: "C8",
-        layout: &C8,
-        slot: Slot::A,
-    },
-];
-
 /// Where images and files about them go.
 struct Outlet {
     folder: PathBuf,
@@ -121,10 +93,10 @@ pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
     fs::create_dir_all(&folder).map_err(|error| ImageError::File(folder.clone(), error))?;
     let outlet = Outlet { folder, version };
     let mut over = Vec::new();
-    for variant in &VARIANTS {
-        let [boot, app] = link(workspace, &outlet, variant)?;
-        over.extend(judge(variant, &boot, &app));
-        offer(&outlet, variant, &boot, &app)?;
+    for slot in [Slot::A, Slot::B] {
+        let [boot, app] = link(workspace, &outlet, slot)?;
+        over.extend(judge(slot, &boot, &app));
+        offer(&outlet, slot, &boot, &app)?;
     }
     println!("      {}", outlet.folder.display());
     if over.is_empty() {
@@ -134,24 +106,26 @@ pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
     }
 }
 
-/// Links both programs of a variant, and keeps the linked files.
-fn link(
-    workspace: &Workspace,
-    outlet: &Outlet,
-    variant: &Variant,
-) -> Result<[Linked; 2], ImageError> {
+/// The slot's letter.
+const fn letter(slot: Slot) -> char {
+    match slot {
+        Slot::A => 'a',
+        Slot::B => 'b',
+    }
+}
+
+/// Links both programs, the application for `slot`, and keeps the linked files.
+fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2], ImageError> {
     let mut cargo = workspace.cargo(&["build", "--quiet", "--package", "firmware"]);
     cargo.args(["--target", CHIP, "--profile", PROFILE]);
-    cargo.env("PLUMB_SLOT", variant.word);
+    cargo.env("PLUMB_SLOT", letter(slot).to_uppercase().to_string());
     command::pass(cargo)?;
-    let part = variant.layout.part.to_lowercase();
-    let word = variant.word.to_lowercase();
     let kept = [
-        ("boot", format!("boot-{part}.elf"), Program::Boot),
+        ("boot", "boot.elf".to_string(), Program::Boot),
         (
             "app",
-            format!("app-{word}.elf"),
-            Program::Application(variant.slot),
+            format!("app-{}.elf", letter(slot)),
+            Program::Application(slot),
         ),
     ];
     let folder = workspace.target().join(CHIP).join(PROFILE);
@@ -160,7 +134,7 @@ fn link(
         let bytes = read(&path)?;
         outlet.write(&name, &bytes)?;
         let linked = Linked::read(&bytes).map_err(|error| ImageError::Elf(path, error))?;
-        let room = variant.layout.room(program);
+        let room = RC.room(program);
         if room.is_some_and(|room| room.address() == linked.start) {
             Ok(linked)
         } else {
@@ -174,50 +148,41 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     fs::read(path).map_err(|error| ImageError::File(path.to_path_buf(), error))
 }
 
-/// Prints the sizes; what is too much.
-fn judge(variant: &Variant, boot: &Linked, app: &Linked) -> Vec<String> {
-    let (word, ram) = (variant.word, app.ram);
+/// Prints the sizes; what is too much. The application's limit is its slot, and the linker's.
+fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
+    let (slot, ram) = (letter(slot), app.ram);
     let [boot, app] = [boot, app].map(|linked| linked.bytes.len());
-    println!("      {word:2}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
+    println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
     let limits = [
         ("the bootloader", boot, BOOT_BUDGET),
-        ("the application", app, APP_BUDGET),
         ("static RAM", ram as usize, RAM_BUDGET as usize),
     ];
     let over = limits.iter().filter(|(_, is, budget)| is > budget);
-    over.map(|(what, is, budget)| format!("{word}: {what} takes {is} of {budget} bytes"))
+    over.map(|(what, is, budget)| format!("slot {slot}: {what} takes {is} of {budget} bytes"))
         .collect()
 }
 
 /// Writes the files that people use.
-fn offer(
-    outlet: &Outlet,
-    variant: &Variant,
-    boot: &Linked,
-    app: &Linked,
-) -> Result<(), ImageError> {
+fn offer(outlet: &Outlet, slot: Slot, boot: &Linked, app: &Linked) -> Result<(), ImageError> {
     let version = &outlet.version;
-    let header = header(variant, version, app)?;
-    if variant.layout.b.is_some() {
-        let slot = variant.word.to_lowercase();
-        let update = [header.as_slice(), &app.bytes].concat();
-        outlet.write(&format!("plumb-{version}-slot-{slot}.img"), &update)?;
-    }
-    if variant.slot == Slot::A {
-        let whole = factory(variant.layout, boot, &header, app);
-        let part = variant.layout.part.to_lowercase();
-        outlet.write(&format!("plumb-{version}-{part}.bin"), &whole)?;
+    let header = header(version, app)?;
+    let update = [header.as_slice(), &app.bytes].concat();
+    let letter = letter(slot);
+    outlet.write(&format!("plumb-{version}-slot-{letter}.img"), &update)?;
+    if slot == Slot::A {
+        let whole = factory(boot, &header, app);
+        outlet.write(&format!("plumb-{version}.bin"), &whole)?;
         let text = hex::encode(BASE, &whole);
-        outlet.write(&format!("plumb-{version}-{part}.hex"), text.as_bytes())?;
+        outlet.write(&format!("plumb-{version}.hex"), text.as_bytes())?;
     }
     Ok(())
 }
 
 /// The header of an application, with blank marks.
-fn header(variant: &Variant, version: &str, app: &Linked) -> Result<Vec<u8>, ImageError> {
+fn header(version: &str, app: &Linked) -> Result<Vec<u8>, ImageError> {
     let header = Header {
         signature: Signature::None,
-        hardware: variant.layout.hardware,
+        hardware: RC.hardware,
         version: parse(version).ok_or_else(|| ImageError::Version(version.to_string()))?,
         address: app.start,
         length: app.bytes.len() as u32,
@@ -241,11 +206,11 @@ fn parse(version: &str) -> Option<Version> {
 }
 
 /// The flash of a part as it leaves the factory, up to the end of the application.
-fn factory(layout: &Layout, boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
+fn factory(boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
     let mut whole = boot.bytes.clone();
-    whole.resize(layout.a.start as usize, u8::MAX);
+    whole.resize(RC.a.start as usize, u8::MAX);
     whole.extend_from_slice(header);
-    let marks = (layout.a.start + MARKS) as usize;
+    let marks = (RC.a.start + MARKS) as usize;
     let factory = factory_marks();
     whole[marks..marks + factory.len()].copy_from_slice(&factory);
     whole.extend_from_slice(&app.bytes);
@@ -279,20 +244,17 @@ mod tests {
 
     #[test]
     fn the_bootloader_starts_what_leaves_the_factory() {
-        for variant in [&VARIANTS[0], &VARIANTS[2]] {
-            let layout = variant.layout;
-            let app = linked(layout.a.address() + HEADER, 4000);
-            let header = header(variant, "1.2.3", &app).unwrap();
-            let whole = factory(layout, &linked(BASE, 3000), &header, &app);
-            let pages = vec![Page::new(); (layout.flash / PAGE) as usize];
-            let mut nor = Nor::new(pages, Zeros);
-            program(&mut nor, 0, &whole).unwrap();
-            let Decision::Run(slot, found, why) = boot(&mut nor, layout, layout.hardware) else {
-                panic!("nothing to start");
-            };
-            assert_eq!((slot, why), (Slot::A, Why::Confirmed));
-            assert_eq!(found.version, Version::new(1, 2, 3));
-        }
+        let app = linked(RC.a.address() + HEADER, 4000);
+        let header = header("1.2.3", &app).unwrap();
+        let whole = factory(&linked(BASE, 3000), &header, &app);
+        let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
+        let mut nor = Nor::new(pages, Zeros);
+        program(&mut nor, 0, &whole).unwrap();
+        let Decision::Run(slot, found, why) = boot(&mut nor, &RC, RC.hardware) else {
+            panic!("nothing to start");
+        };
+        assert_eq!((slot, why), (Slot::A, Why::Confirmed));
+        assert_eq!(found.version, Version::new(1, 2, 3));
     }
 
     #[test]
