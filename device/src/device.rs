@@ -206,6 +206,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.log.restarted();
         self.standing_in = false;
         self.work.motor = Motor::new();
+        self.values.storage_failed = self.memory.start().is_err();
         self.recall_calibration();
         self.remember_calibration();
         self.sensor_sound = now;
@@ -232,7 +233,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         calibration.clone_from(&self.factory.settings.chain.calibration);
         self.values.calibrated = self.factory.calibrated;
         self.record_damaged = false;
-        let memory = &self.memory;
+        let memory = &mut self.memory;
         if memory.read(Record::Calibration, 0, &mut [0]) == 0 {
             return;
         }
@@ -253,7 +254,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Second half of a start: everything stored comes back, and boot-up is due.
     pub fn start_bus(&mut self, now: Instant) {
-        let (node_id, rate) = stored_lss(&self.memory);
+        let (node_id, rate) = stored_lss(&mut self.memory);
         self.values.bit_rate = rate.unwrap_or(self.factory.kbit_s);
         let node_id = node_id.unwrap_or(self.factory.node_id);
         self.last_sync = now;

@@ -70,7 +70,7 @@ pub trait ProgramMemory {
     fn activate(&mut self) -> Result<(), ProgramError>;
 
     /// The CRC-32 of the committed image if there is one, of the running program otherwise.
-    fn crc(&self) -> u32;
+    fn crc(&mut self) -> u32;
 }
 
 /// What the node does once a command of 1F51h has been answered.

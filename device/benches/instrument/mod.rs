@@ -32,11 +32,19 @@ const NODE_ID: u8 = 1;
 struct Nothing;
 
 impl RecordStore for Nothing {
-    fn read(&self, _: Record, _: u32, _: &mut [u8]) -> usize {
+    fn start(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn needs_erase(&self, _length: u32) -> bool {
+        false
+    }
+
+    fn read(&mut self, _: Record, _: u32, _: &mut [u8]) -> usize {
         0
     }
 
-    fn begin(&mut self, _: Record) -> Result<(), StoreError> {
+    fn begin(&mut self, _: Record, _: u32) -> Result<(), StoreError> {
         Err(StoreError::Hardware)
     }
 
@@ -44,7 +52,7 @@ impl RecordStore for Nothing {
         Err(StoreError::NotBegun)
     }
 
-    fn staged(&self, _: u32, _: &mut [u8]) -> usize {
+    fn staged(&mut self, _: u32, _: &mut [u8]) -> usize {
         0
     }
 
@@ -82,7 +90,7 @@ impl ProgramMemory for Nothing {
         Err(ProgramError::NoProgram)
     }
 
-    fn crc(&self) -> u32 {
+    fn crc(&mut self) -> u32 {
         0
     }
 }

@@ -92,8 +92,8 @@ const LSS_NODE_ID: Address = at(0, 1);
 const LSS_BIT_RATE: Address = at(0, 2);
 
 /// Node-id and bit rate as LSS has stored them.
-pub fn stored_lss<M: RecordStore>(memory: &M) -> (Option<u8>, Option<u16>) {
-    let number = |address| parameters::get(memory, Record::Lss, address).map(|v| v.unsigned());
+pub fn stored_lss<M: RecordStore>(memory: &mut M) -> (Option<u8>, Option<u16>) {
+    let mut number = |address| parameters::get(memory, Record::Lss, address).map(|v| v.unsigned());
     (
         number(LSS_NODE_ID).map(|n| n as u8),
         number(LSS_BIT_RATE).map(|n| n as u16),
@@ -352,7 +352,9 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 
     fn begin_store(&mut self, group: Group) -> Result<(), Abort> {
-        let begun = RecordStore::begin(self.memory, record(group));
+        let record = record(group);
+        self.may_store(record.longest())?;
+        let begun = RecordStore::begin(self.memory, record, record.longest());
         self.note(begun)
     }
 
@@ -367,6 +369,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 
     fn erase(&mut self, group: Group) -> Result<(), Abort> {
+        self.may_store(0)?;
         let erased = RecordStore::erase(self.memory, record(group));
         self.note(erased)
     }
@@ -389,12 +392,20 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn write_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> Result<(), StoreError> {
-        RecordStore::begin(self.memory, Record::Lss)?;
+        RecordStore::begin(self.memory, Record::Lss, Record::Lss.longest())?;
         parameters::put(self.memory, LSS_NODE_ID, &Value::u8(node_id))?;
         if let Some(rate) = kbit_s {
             parameters::put(self.memory, LSS_BIT_RATE, &Value::u16(rate))?;
         }
         RecordStore::commit(self.memory)
+    }
+
+    /// While others work by the angles the processor does not stand still for an erase.
+    fn may_store(&self, length: u32) -> Result<(), Abort> {
+        if self.values.state == nmt::State::Operational && self.memory.needs_erase(length) {
+            return Err(Abort::WrongState);
+        }
+        Ok(())
     }
 
     /// Remembers whether the memory did its part, for the fault that tells.

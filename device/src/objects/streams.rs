@@ -81,7 +81,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 if size.is_some_and(|s| s > encoding::MAX_LENGTH) {
                     return Err(Abort::LengthTooHigh);
                 }
-                let begun = RecordStore::begin(self.memory, Record::Calibration);
+                let length = size.unwrap_or(encoding::MAX_LENGTH);
+                let begun = RecordStore::begin(self.memory, Record::Calibration, length);
                 self.note(begun)?;
                 self.values.receiving = true;
                 Ok(())
@@ -149,7 +150,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     fn understand_staged(&mut self) -> Result<(), Abort> {
         let scratch = self.work.motor.scratch().ok_or(Abort::WrongState)?;
-        let memory = &*self.memory;
+        let memory = &mut *self.memory;
         let understood = decode_into(&mut self.work.result, scratch, &mut |offset, into| {
             memory.staged(offset, into)
         });
@@ -174,7 +175,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     fn write_result(&mut self) -> Result<(), StoreError> {
-        RecordStore::begin(self.memory, Record::Calibration)?;
+        let length = encoding::length(&self.work.result);
+        RecordStore::begin(self.memory, Record::Calibration, length)?;
         let mut offset = 0;
         let mut piece = [0; PIECE];
         loop {
@@ -254,7 +256,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         Ok(())
     }
 
-    pub(super) fn read_program(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_program(&mut self, at: Address) -> Result<Value, Abort> {
         Ok(match at.index {
             0x1F51 => Value::u8(self.values.program.control()),
             0x1F56 => Value::u32(self.memory.crc()),

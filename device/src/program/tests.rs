@@ -63,7 +63,7 @@ impl ProgramMemory for Memory {
         Ok(())
     }
 
-    fn crc(&self) -> u32 {
+    fn crc(&mut self) -> u32 {
         self.image.len() as u32
     }
 }

@@ -28,11 +28,19 @@ pub struct Memory {
 }
 
 impl RecordStore for Memory {
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+    fn start(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn needs_erase(&self, _length: u32) -> bool {
+        false
+    }
+
+    fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize {
         (self.read)(record, offset, into)
     }
 
-    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
+    fn begin(&mut self, record: Record, _length: u32) -> Result<(), StoreError> {
         (self.record)(Some(record), &[])
     }
 
@@ -40,7 +48,7 @@ impl RecordStore for Memory {
         (self.record)(None, bytes)
     }
 
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
+    fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize {
         (self.staged)(offset, into)
     }
 
@@ -82,7 +90,7 @@ impl ProgramMemory for Memory {
         (self.program)(None, &[])
     }
 
-    fn crc(&self) -> u32 {
+    fn crc(&mut self) -> u32 {
         (self.crc)()
     }
 }

@@ -18,6 +18,7 @@ use device::records::{Record, RecordStore, parameters};
 use crate::bench::Mode;
 use crate::can_bus::Rates;
 use crate::error_model::ErrorModel;
+use crate::memory;
 use crate::motion::{Attitude, Motion};
 use crate::rng::Rng;
 
@@ -89,7 +90,12 @@ impl Site {
             let rng = Rng::stream(1, &format!("network {channel:?}"));
             let electronics = Electronics::new(&ErrorModel::PERFECT, rng);
             let check = Mode::Product.check();
-            network.add(electronics, check, factory(channel, kbit_s), Memory::new());
+            network.add(
+                electronics,
+                check,
+                factory(channel, kbit_s),
+                memory::blank(),
+            );
         }
         let host = network.attach_host();
         network.power_on(0);
@@ -296,8 +302,13 @@ fn bus_off_is_told_counted_and_left_again() {
 fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
     let mut network = Network::new(125_000, 1);
     let electronics = Electronics::new(&ErrorModel::PERFECT, Rng::stream(1, "finder"));
-    let mut memory = Memory::new();
-    RecordStore::begin(&mut memory, Record::Manufacturer).unwrap();
+    let mut memory = memory::blank();
+    RecordStore::begin(
+        &mut memory,
+        Record::Manufacturer,
+        Record::Manufacturer.longest(),
+    )
+    .unwrap();
     let automatic = canopen::object::at(0x2053, 2);
     parameters::put(&mut memory, automatic, &Value::u8(1)).unwrap();
     RecordStore::commit(&mut memory).unwrap();

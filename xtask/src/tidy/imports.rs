@@ -30,7 +30,7 @@ const RULES: [Rule; 10] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal"]),
+        Some(&["embedded-hal", "embedded-storage"]),
     ),
     rule("firmware", &["device", "flash"], None),
     rule(
@@ -38,7 +38,7 @@ const RULES: [Rule; 10] = [
         &["canopen", "device", "tilt"],
         Some(&[]),
     ),
-    rule("sim", &["device", "tilt", "canopen"], None),
+    rule("sim", &["device", "tilt", "canopen", "flash"], None),
     rule("emulator", &["sim"], None),
     rule("cli", &["device", "sim", "tilt", "canopen"], None),
     rule("xtask", &[], None),
