@@ -15,6 +15,7 @@
 mod pair;
 mod report;
 mod sending;
+mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
@@ -42,6 +43,7 @@ use crate::sensor::InitError;
 
 use pair::Pair;
 use sending::{PDOS, Sending};
+use trial::Trial;
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -106,6 +108,8 @@ pub struct Device<SPI, M> {
     next_sum: Instant,
     last_sync: Instant,
     standing_in: bool,
+    /// What a program on trial has not shown yet.
+    trial: Trial,
     record_damaged: bool,
     next_refresh: Instant,
     /// When the next call is due, the channel's own deadline apart.
@@ -161,6 +165,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             next_sum: Instant(0),
             last_sync: Instant(0),
             standing_in: false,
+            trial: Trial::OVER,
             record_damaged: false,
             next_refresh: Instant(0),
             next: Instant(0),
@@ -257,6 +262,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let (node_id, rate) = stored_lss(&mut self.memory);
         self.values.bit_rate = rate.unwrap_or(self.factory.kbit_s);
         let node_id = node_id.unwrap_or(self.factory.node_id);
+        self.trial = Trial::begin(&mut self.memory);
         self.last_sync = now;
         self.started = now;
         self.next_sum = now;
@@ -298,6 +304,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let news = &mut self.values.news;
             news.reset |= core::mem::take(&mut news.restart);
         }
+        self.trial.heard();
         if let Some(id) = frame.cob_id() {
             self.pair.sending.gone(id);
         }
@@ -359,6 +366,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
+            self.update(now);
         }
         let (bus, mut panel) = self.split(now);
         let bus = bus.poll(&mut panel, bus_time(now));

@@ -26,21 +26,6 @@ fn powered(memory: Memory) -> Site {
     Site::with(Channel::A, Part::along(0x2D), memory)
 }
 
-/// A segmented download of 2061h; the abort code as error.
-fn download(site: &mut Site, bytes: &[u8]) -> Result<(), u32> {
-    let [a, b, c, d] = (bytes.len() as u32).to_le_bytes();
-    site.request([0x21, 0x61, 0x20, 0, a, b, c, d]).unwrap()?;
-    let last = bytes.len().div_ceil(7) - 1;
-    for (number, piece) in bytes.chunks(7).enumerate() {
-        let mut segment = [0; 8];
-        let toggle = (number as u8 & 1) << 4;
-        segment[0] = toggle | (7 - piece.len() as u8) << 1 | u8::from(number == last);
-        segment[1..=piece.len()].copy_from_slice(piece);
-        site.request(segment).unwrap()?;
-    }
-    Ok(())
-}
-
 /// Cuts each operation of `store` on a device with this memory; `shows` says what it shows after
 /// the restart: whether that is the new. How many operations there were.
 fn cut_each(
@@ -132,10 +117,7 @@ fn tables(turn: i32) -> Calibration {
     Calibration {
         temperature: TemperatureModel::Piecewise(piecewise),
         correction: Correction::Tables {
-            tables: Axes {
-                x: table,
-                y: table,
-            },
+            tables: Axes { x: table, y: table },
             rule: Rule::Linear,
         },
         budget: Budget::default(),
@@ -153,12 +135,12 @@ fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measu
     let [old, new] = [tables(0), tables(10_000_000)];
     assert_eq!(length(&new), MAX_LENGTH);
     let mut site = powered(blank());
-    let whole = download(&mut site, &bytes(&old));
-    assert_eq!(whole, Ok(()));
+    let whole = site.download(at(0x2061, 0), &bytes(&old));
+    assert_eq!(whole, Some(Ok(())));
     let memory = site.device.memory().clone();
     let sent = bytes(&new);
     let store = |site: &mut Site| {
-        let _ = download(site, &sent);
+        let _ = site.download(at(0x2061, 0), &sent);
     };
     let operations = cut_each(&memory, store, |site| {
         let shown = site.read(at(0x2062, 1)).unwrap().unwrap().unsigned();

@@ -7,6 +7,7 @@
 //!
 //! Left out: the time that erases and programs take.
 
+use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -15,7 +16,7 @@ use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
 use flash::layout::{BASE, CB, HEADER, PAGE, Region, Slot};
 use flash::nor::{Draw, Nor, NorError, Page};
-use flash::slots::{MARKS, factory_marks};
+use flash::slots::{self, Decision, MARKS, factory_marks};
 
 use crate::rng::Rng;
 
@@ -39,7 +40,7 @@ pub fn blank() -> Memory {
         running: Slot::A,
         hardware: HARDWARE,
     };
-    FlashMemory::new(chip, build)
+    FlashMemory::new(chip, build, Anybody)
 }
 
 /// The file of an image for `slot` with this body, a multiple of 4 bytes long.
@@ -60,6 +61,33 @@ pub fn image(slot: Slot, version: Version, signature: Signature, body: &[u8]) ->
     file[..FIELDS].copy_from_slice(&header.encode());
     file.extend_from_slice(body);
     file
+}
+
+/// What the image that was started does, which its body says: the simulation runs none of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// It works.
+    Sound,
+    /// It does not get to its samples, so it never passes its trial: a body of [`SICK`].
+    Sick,
+}
+
+/// How the body of an image begins that fails its trial.
+pub const SICK: &[u8] = b"plumb host program, sick";
+
+/// The bootloader: chooses the image to start, and what that one does; `None` where there is none.
+pub fn boot(memory: &mut Memory) -> Option<Program> {
+    let Decision::Run(slot, header, _) = slots::boot(memory.flash_mut(), &CB, HARDWARE) else {
+        return None;
+    };
+    memory.set_running(slot);
+    let mut body = [0; SICK.len()];
+    let at = header.address - BASE;
+    let read = memory.flash_mut().read(at, &mut body);
+    Some(match read {
+        Ok(()) if body == SICK => Program::Sick,
+        _ => Program::Sound,
+    })
 }
 
 /// The chip's flash, which can be broken.

@@ -13,9 +13,10 @@ use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
-use device::program::{ProgramError, ProgramMemory};
+use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 use device::records::{Record, RecordStore, StoreError};
 use device::sensor::Config;
+use flash::Progress;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::filter::{Filtered, LowPass};
@@ -68,7 +69,11 @@ impl RecordStore for Nothing {
 }
 
 impl ProgramMemory for Nothing {
-    fn erase(&mut self) -> Result<(), ProgramError> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
+        Err(ProgramError::Write)
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
         Err(ProgramError::Write)
     }
 
@@ -90,8 +95,22 @@ impl ProgramMemory for Nothing {
         Err(ProgramError::NoProgram)
     }
 
-    fn crc(&mut self) -> u32 {
-        0
+    fn held(&self) -> Option<Held> {
+        None
+    }
+
+    fn running(&mut self) -> Running {
+        Running {
+            hardware: 0,
+            version: 0,
+            crc: 0,
+            slot: 0,
+            standing: Standing::Confirmed,
+        }
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        Ok(())
     }
 }
 

@@ -11,16 +11,16 @@
 //!
 //! Left out: the flash controller.
 
-mod update;
+pub mod update;
 
 use embedded_storage::nor_flash::NorFlash;
 use flash::Progress;
 use flash::access::AccessError;
-use flash::install::Install;
 use flash::layout::{Layout, Slot};
 use flash::records::{RecordError, Records};
 
 use crate::records::{Record, RecordStore, StoreError};
+use update::{Anybody, Place};
 
 /// Kinds of records: those of [`Record`].
 const KINDS: usize = Record::ALL.len();
@@ -36,13 +36,14 @@ pub struct Build {
     pub hardware: u32,
 }
 
-/// Records and programs in the flash `F`.
+/// Records and programs in the flash `F`; `S` judges the programs' signatures.
 #[derive(Clone, Debug)]
-pub struct FlashMemory<F> {
+pub struct FlashMemory<F, S = Anybody> {
     flash: F,
     build: Build,
     records: Records<KINDS>,
-    install: Option<Install>,
+    signatures: S,
+    place: Option<Place>,
 }
 
 impl From<RecordError> for StoreError {
@@ -65,14 +66,15 @@ impl From<AccessError> for StoreError {
     }
 }
 
-impl<F: NorFlash> FlashMemory<F> {
+impl<F: NorFlash, S> FlashMemory<F, S> {
     /// A memory in which nothing was looked for ([`RecordStore::start`]).
-    pub fn new(flash: F, build: Build) -> Self {
+    pub fn new(flash: F, build: Build, signatures: S) -> Self {
         Self {
             flash,
             build,
             records: Records::unmounted(build.layout.records),
-            install: None,
+            signatures,
+            place: None,
         }
     }
 
@@ -109,10 +111,10 @@ impl<F: NorFlash> FlashMemory<F> {
     }
 }
 
-impl<F: NorFlash> RecordStore for FlashMemory<F> {
+impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
     fn start(&mut self) -> Result<(), StoreError> {
         let region = self.build.layout.records;
-        self.install = None;
+        self.place = None;
         self.records = Records::unmounted(region);
         self.records = Records::mount(&mut self.flash, region)?;
         Ok(())

@@ -250,7 +250,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
         }
         match at.index {
             0x1018 => self.identity_value(at),
-            0x1F50..=0x1F57 => self.read_program(at),
+            0x1F50..=0x1F57 | 0x2080 => self.read_program(at),
             0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
             0x6210..=0x6221 => self.read_safe_slope(at),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
@@ -270,6 +270,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
             }
             0x2040 => self.write_range(at, value),
             0x2060 => self.write_calibration(at, value),
+            0x2080 => self.resume_program(value),
             0x6200 | 0x63FE | 0x63FF => self.write_safety(at, value),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),
             _ => self.put(at, value),

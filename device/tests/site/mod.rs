@@ -8,6 +8,7 @@ use canopen::object::{Address, Value};
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
+use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
@@ -16,6 +17,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use flash::layout::{CB, PAGE, Slot};
 use flash::nor::{Draw, Nor, Page};
+use flash::slots::{self, Decision};
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
@@ -107,15 +109,18 @@ impl Draw for Seeded {
     }
 }
 
-/// A memory in which nothing was ever written.
+/// The hardware id of the board.
+pub const HARDWARE: u32 = 1;
+
+/// A memory in which nothing was ever written, not even a program.
 pub fn blank() -> Memory {
     let pages = vec![Page::new(); (CB.flash / PAGE) as usize];
     let build = Build {
         layout: &CB,
         running: Slot::A,
-        hardware: 1,
+        hardware: HARDWARE,
     };
-    FlashMemory::new(Nor::new(pages, Seeded(1)), build)
+    FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody)
 }
 
 fn settings() -> Settings {
@@ -198,7 +203,12 @@ impl Site {
         site
     }
 
+    /// What the bootloader does, and then the program.
     fn boot(&mut self) {
+        let memory = self.device.memory();
+        if let Decision::Run(slot, ..) = slots::boot(memory.flash_mut(), &CB, HARDWARE) {
+            memory.set_running(slot);
+        }
         let started = self.device.start_sensor(&mut Hurry, self.now);
         assert_eq!(started, Ok(()));
         self.now = self.now.offset(20_000);
@@ -274,6 +284,26 @@ impl Site {
         };
         self.device.bus_state(state, 100, 100, self.now);
         self.listen();
+    }
+
+    /// A segmented download; `None` without an answer, else the abort code as error.
+    pub fn download(&mut self, at: Address, bytes: &[u8]) -> Option<Result<(), u32>> {
+        let [low, high] = at.index.to_le_bytes();
+        let [a, b, c, d] = (bytes.len() as u32).to_le_bytes();
+        if let Err(code) = self.request([0x21, low, high, at.sub, a, b, c, d])? {
+            return Some(Err(code));
+        }
+        let last = bytes.len().div_ceil(7).saturating_sub(1);
+        for (number, piece) in bytes.chunks(7).enumerate() {
+            let mut segment = [0; 8];
+            let toggle = (number as u8 & 1) << 4;
+            segment[0] = toggle | (7 - piece.len() as u8) << 1 | u8::from(number == last);
+            segment[1..=piece.len()].copy_from_slice(piece);
+            if let Err(code) = self.request(segment)? {
+                return Some(Err(code));
+            }
+        }
+        Some(Ok(()))
     }
 
     /// An SDO request; `None` without an answer, else the abort code as error.

@@ -11,8 +11,9 @@ use canopen::storage::Group;
 use device::channel::Settings;
 use device::objects::panel::Source;
 use device::objects::table::{self, Channel};
-use device::program::{ProgramError, ProgramMemory};
+use device::program::{Held, ProgramError, ProgramMemory, Running};
 use device::records::{Record, RecordStore, StoreError};
+use flash::Progress;
 use tilt::chain::Reading;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
@@ -24,7 +25,8 @@ pub struct Memory {
     staged: fn(u32, &mut [u8]) -> usize,
     record: fn(Option<Record>, &[u8]) -> Result<(), StoreError>,
     program: fn(Option<u32>, &[u8]) -> Result<(), ProgramError>,
-    crc: fn() -> u32,
+    held: fn() -> Option<Held>,
+    running: fn() -> Running,
 }
 
 impl RecordStore for Memory {
@@ -66,8 +68,12 @@ impl RecordStore for Memory {
 }
 
 impl ProgramMemory for Memory {
-    fn erase(&mut self) -> Result<(), ProgramError> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
         (self.program)(None, &[])
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
+        (self.program)(None, &[]).map(|()| Progress::Done)
     }
 
     fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
@@ -90,8 +96,16 @@ impl ProgramMemory for Memory {
         (self.program)(None, &[])
     }
 
-    fn crc(&mut self) -> u32 {
-        (self.crc)()
+    fn held(&self) -> Option<Held> {
+        (self.held)()
+    }
+
+    fn running(&mut self) -> Running {
+        (self.running)()
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        (self.program)(None, &[])
     }
 }
 

@@ -35,7 +35,7 @@ const RULES: [Rule; 10] = [
     rule("firmware", &["device", "flash"], None),
     rule(
         "firmware/bus_footprint",
-        &["canopen", "device", "tilt"],
+        &["canopen", "device", "flash", "tilt"],
         Some(&[]),
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
