@@ -117,7 +117,10 @@ fn tables(turn: i32) -> Calibration {
     Calibration {
         temperature: TemperatureModel::Piecewise(piecewise),
         correction: Correction::Tables {
-            tables: Axes { x: table, y: table },
+            tables: Axes {
+                x: table.clone(),
+                y: table,
+            },
             rule: Rule::Linear,
         },
         budget: Budget::default(),

@@ -12,7 +12,7 @@ use device::objects::table::Channel;
 use embedded_storage::nor_flash::NorFlash;
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
-use flash::layout::{BASE, CB, HEADER, PAGE, Slot};
+use flash::layout::{BASE, HEADER, PAGE, RC, Slot};
 use flash::slots::{MARKS, factory_marks};
 
 use site::{HARDWARE, Memory, Part, Seeded, Site, blank};
@@ -28,7 +28,7 @@ fn image(slot: Slot, version: Version, hardware: u32) -> Vec<u8> {
         signature: Signature::None,
         hardware,
         version,
-        address: BASE + CB.slot(slot).unwrap().start + HEADER,
+        address: BASE + RC.slot(slot).unwrap().start + HEADER,
         length: body.len() as u32,
         crc: Crc32::of(&body),
     };
@@ -47,7 +47,7 @@ fn delivered() -> Memory {
     let mut file = image(Slot::A, OLD, HARDWARE);
     file[MARKS as usize..HEADER as usize].copy_from_slice(&factory_marks());
     let flash = memory.flash_mut();
-    for (offset, half_word) in (CB.a.start..).step_by(2).zip(file.chunks(2)) {
+    for (offset, half_word) in (RC.a.start..).step_by(2).zip(file.chunks(2)) {
         flash.write(offset, half_word).unwrap();
     }
     memory
@@ -72,7 +72,7 @@ fn clear(site: &mut Site) {
     for command in [0, 3] {
         assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
     }
-    let pages = CB.a.length / PAGE;
+    let pages = RC.a.length / PAGE;
     site.pass(10 * (pages - 2));
     assert_eq!(number(site, STATUS), 1);
     site.pass(30);

@@ -1,4 +1,4 @@
-//! What a node keeps over a power cut: the flash of an STM32F103CB, with all that is in it.
+//! What a node keeps over a power cut: the flash of an STM32F103RC, with all that is in it.
 //!
 //! In: the device's own calls. Out: a [`Memory`] over [`Nor`], the model of a flash that refuses
 //! what the chip refuses and can be cut in the middle of any operation. It comes from the factory
@@ -14,7 +14,7 @@ use embedded_storage::nor_flash::{
 };
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
-use flash::layout::{BASE, CB, HEADER, PAGE, Region, Slot};
+use flash::layout::{BASE, HEADER, PAGE, RC, Region, Slot};
 use flash::nor::{Draw, Nor, NorError, Page};
 use flash::slots::{self, Decision, MARKS, factory_marks};
 
@@ -33,10 +33,10 @@ pub type Memory = FlashMemory<Chip>;
 pub fn blank() -> Memory {
     let mut chip = Chip::default();
     let image = image(Slot::A, FACTORY, Signature::None, b"plumb host program\n\0");
-    chip.burn(CB.a, &image);
-    chip.burn_at(CB.a.start + MARKS, &factory_marks());
+    chip.burn(RC.a, &image);
+    chip.burn_at(RC.a.start + MARKS, &factory_marks());
     let build = Build {
-        layout: &CB,
+        layout: &RC,
         running: Slot::A,
         hardware: HARDWARE,
     };
@@ -48,7 +48,7 @@ pub fn blank() -> Memory {
 /// # Panics
 /// When the part has no such slot.
 pub fn image(slot: Slot, version: Version, signature: Signature, body: &[u8]) -> Vec<u8> {
-    let region = CB.slot(slot).expect("the CB has both slots");
+    let region = RC.slot(slot).expect("the RC has both slots");
     let header = Header {
         signature,
         hardware: HARDWARE,
@@ -77,7 +77,7 @@ pub const SICK: &[u8] = b"plumb host program, sick";
 
 /// The bootloader: chooses the image to start, and what that one does; `None` where there is none.
 pub fn boot(memory: &mut Memory) -> Option<Program> {
-    let Decision::Run(slot, header, _) = slots::boot(memory.flash_mut(), &CB, HARDWARE) else {
+    let Decision::Run(slot, header, _) = slots::boot(memory.flash_mut(), &RC, HARDWARE) else {
         return None;
     };
     memory.set_running(slot);
@@ -109,7 +109,7 @@ impl Draw for Bits {
 
 impl Default for Chip {
     fn default() -> Self {
-        let pages = vec![Page::new(); (CB.flash / PAGE) as usize];
+        let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
         Self {
             nor: Nor::new(pages, Bits(Rng::stream(0, "flash"))),
             broken: false,

@@ -23,7 +23,7 @@ use crate::records::{Record, RecordStore, StoreError};
 use update::{Anybody, Place};
 
 /// Kinds of records: those of [`Record`].
-const KINDS: usize = Record::ALL.len();
+const KINDS: usize = Record::COUNT;
 
 /// What whoever built the program says of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -146,7 +146,6 @@ fn factory() -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: true,
     }
 }
 

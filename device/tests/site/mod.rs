@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
+use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
@@ -15,7 +16,7 @@ use device::objects::table::Channel;
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use flash::layout::{CB, PAGE, Slot};
+use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
 use tilt::angle::{Axes, Harmonics};
@@ -112,15 +113,17 @@ impl Draw for Seeded {
 /// The hardware id of the board.
 pub const HARDWARE: u32 = 1;
 
-/// A memory in which nothing was ever written, not even a program.
+/// A memory in which nothing was written but the calibration of a perfect part: no program.
 pub fn blank() -> Memory {
-    let pages = vec![Page::new(); (CB.flash / PAGE) as usize];
+    let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
     let build = Build {
-        layout: &CB,
+        layout: &RC,
         running: Slot::A,
         hardware: HARDWARE,
     };
-    FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody)
+    let mut memory = FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody);
+    deliver(&mut memory, &Calibration::NOMINAL).unwrap();
+    memory
 }
 
 fn settings() -> Settings {
@@ -159,7 +162,6 @@ fn factory(channel: Channel) -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: true,
     }
 }
 
@@ -206,7 +208,7 @@ impl Site {
     /// What the bootloader does, and then the program.
     fn boot(&mut self) {
         let memory = self.device.memory();
-        if let Decision::Run(slot, ..) = slots::boot(memory.flash_mut(), &CB, HARDWARE) {
+        if let Decision::Run(slot, ..) = slots::boot(memory.flash_mut(), &RC, HARDWARE) {
             memory.set_running(slot);
         }
         let started = self.device.start_sensor(&mut Hurry, self.now);

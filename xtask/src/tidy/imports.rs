@@ -23,14 +23,14 @@ const RULES: [Rule; 10] = [
     rule(
         "tilt",
         &[],
-        Some(&["idsp", "dsp-fixedpoint", "dsp-process"]),
+        Some(&["idsp", "dsp-fixedpoint", "dsp-process", "heapless"]),
     ),
     rule("canopen", &[], Some(&["embedded-can", "heapless"])),
     rule("flash", &[], Some(&["embedded-storage", "crc"])),
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "embedded-storage"]),
+        Some(&["embedded-hal", "embedded-storage", "heapless"]),
     ),
     rule("firmware", &["device", "flash"], None),
     rule(
