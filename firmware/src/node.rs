@@ -7,6 +7,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
@@ -14,11 +16,12 @@ use tilt::sample::Instant;
 use crate::chip::board::{Board, Select};
 use crate::chip::can::Can;
 use crate::chip::clock::{Alarm, Wait, now};
+use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
 use crate::inbox::{Inbox, Input};
-use crate::memory::Memory;
+use crate::part::LAYOUT;
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
 
@@ -31,6 +34,9 @@ pub fn was_served() -> bool {
     ALIVE.store(false, Ordering::Relaxed);
     served
 }
+
+/// What the device keeps: records and programs in the chip's own flash.
+pub type Memory = FlashMemory<Nor, Anybody>;
 
 /// The device with all that it needs.
 pub struct Node {
@@ -47,9 +53,15 @@ impl Node {
     pub fn new(board: Board) -> Self {
         let factory = factory(board.channel, board.serial);
         let check = CrossCheck::product();
+        let build = Build {
+            layout: &LAYOUT,
+            running: self_check::running_slot(),
+            hardware: LAYOUT.hardware,
+        };
+        let memory = FlashMemory::new(board.nor, build, Anybody);
         Self {
             unit: Unit::new(),
-            device: Device::new(board.sensor, check, factory, Memory),
+            device: Device::new(board.sensor, check, factory, memory),
             can: board.can,
             alarm: board.alarm,
             crash: board.crash,
