@@ -7,6 +7,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
@@ -14,13 +16,17 @@ use tilt::sample::Instant;
 use crate::chip::board::{Board, Select};
 use crate::chip::can::Can;
 use crate::chip::clock::{Alarm, Wait, now};
+use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
 use crate::inbox::{Inbox, Input};
-use crate::memory::Memory;
+use crate::part::LAYOUT;
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
+
+/// Records and programs, in the chip's own flash.
+type Memory = FlashMemory<Nor, Anybody>;
 
 /// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
@@ -47,9 +53,15 @@ impl Node {
     pub fn new(board: Board) -> Self {
         let factory = factory(board.channel, board.serial);
         let check = CrossCheck::product();
+        let build = Build {
+            layout: &LAYOUT,
+            running: self_check::running_slot(),
+            hardware: LAYOUT.hardware,
+        };
+        let memory = FlashMemory::new(board.nor, build, Anybody);
         Self {
             unit: Unit::new(),
-            device: Device::new(board.sensor, check, factory, Memory),
+            device: Device::new(board.sensor, check, factory, memory),
             can: board.can,
             alarm: board.alarm,
             crash: board.crash,

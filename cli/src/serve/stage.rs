@@ -355,7 +355,7 @@ impl Stage {
                 unit.electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
             }
             Trouble::Offset(g) => unit.electronics.offset_g = [g, g, 0.0],
-            Trouble::Memory => unit.device.memory().set_broken(true),
+            Trouble::Memory => unit.device.memory().flash_mut().set_broken(true),
             Trouble::Sensor(fault) => unit.electronics.inject(fault, rng.fork()),
             // Code that does not run can't stand still.
             Trouble::Node(NodeFault::Halted) if !unit.is_powered() => {}
@@ -373,7 +373,7 @@ impl Stage {
         unit.electronics.supply.repair(now_s);
         unit.electronics.offset_g = [0.0; 3];
         unit.electronics.heal();
-        unit.device.memory().set_broken(false);
+        unit.device.memory().flash_mut().set_broken(false);
         self.network.heal(number);
     }
 

@@ -4,14 +4,18 @@ use core::convert::Infallible;
 use std::vec;
 use std::vec::Vec;
 
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation};
+use flash::layout::{PAGE, Slot};
+use flash::nor::{Draw, Nor, Page};
 use tilt::cross_check::CrossCheck;
 
 use super::*;
 use crate::factory::factory;
-use crate::memory;
+use crate::part::LAYOUT;
 
 /// The registers of a part that is always ready and lies level.
 struct Part([u8; 64]);
@@ -43,6 +47,28 @@ impl SpiDevice for Part {
         }
         Ok(())
     }
+}
+
+/// Bits after a cut, of which there is none.
+struct Zeros;
+
+impl Draw for Zeros {
+    fn draw(&mut self) -> u32 {
+        0
+    }
+}
+
+type Memory = FlashMemory<Nor<Vec<Page>, Zeros>>;
+
+/// A flash from which everything was erased.
+fn memory() -> Memory {
+    let pages = vec![Page::new(); (LAYOUT.flash / PAGE) as usize];
+    let build = Build {
+        layout: &LAYOUT,
+        running: Slot::A,
+        hardware: LAYOUT.hardware,
+    };
+    FlashMemory::new(Nor::new(pages, Zeros), build, Anybody)
 }
 
 struct Hurry;
@@ -96,7 +122,7 @@ impl Controller for Notes {
 
 struct Bench {
     unit: Unit,
-    device: Device<Part, memory::Memory>,
+    device: Device<Part, Memory>,
     can: Notes,
     now: Instant,
 }
@@ -110,7 +136,7 @@ impl Bench {
         let check = CrossCheck::product();
         let mut bench = Self {
             unit: Unit::new(),
-            device: Device::new(Part(registers), check, factory, memory::Memory),
+            device: Device::new(Part(registers), check, factory, memory()),
             can: Notes::default(),
             now: Instant(1000),
         };
@@ -137,7 +163,7 @@ impl Bench {
         bench
     }
 
-    fn at(&mut self) -> At<'_, Part, memory::Memory, Notes> {
+    fn at(&mut self) -> At<'_, Part, Memory, Notes> {
         self.unit.at(&mut self.device, &mut self.can)
     }
 

@@ -30,15 +30,15 @@ const RULES: [Rule; 10] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "heapless"]),
+        Some(&["embedded-hal", "embedded-storage", "heapless"]),
     ),
     rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
         "firmware/bus_footprint",
-        &["canopen", "device", "tilt"],
+        &["canopen", "device", "flash", "tilt"],
         Some(&[]),
     ),
-    rule("sim", &["device", "tilt", "canopen"], None),
+    rule("sim", &["device", "tilt", "canopen", "flash"], None),
     rule("emulator", &["sim"], None),
     rule("cli", &["device", "sim", "tilt", "canopen"], None),
     rule("xtask", &["flash"], None),
