@@ -11,7 +11,6 @@ use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::Instant;
 
 use crate::chip::board::{Board, Select};
 use crate::chip::can::Can;
@@ -20,7 +19,7 @@ use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
-use crate::inbox::{Inbox, Input};
+use crate::inbox::Inbox;
 use crate::part::LAYOUT;
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
@@ -87,12 +86,12 @@ impl Node {
             self.device.frames_lost(lost, now());
         }
         loop {
-            let next = self.at().next();
-            if let Some((input, at)) = inbox.lock(|inbox| inbox.take(next)) {
-                self.take(input, at);
-            } else if next <= now() {
-                self.at().poll(next);
-            } else if self.alarm.set(next) {
+            // The time first: what the inbox then has not got comes after it.
+            let now = now();
+            let mut take = |until| inbox.lock(|inbox| inbox.take(until));
+            if let Some(next) = self.at().step(now, &mut take)
+                && self.alarm.set(next)
+            {
                 break;
             }
             if let Some(order) = self.unit.take_order() {
@@ -114,13 +113,6 @@ impl Node {
             self.device.came_up_after(code, detail, now);
         }
         self.running = true;
-    }
-
-    fn take(&mut self, input: Input, at: Instant) {
-        match input {
-            Input::Edge => self.at().data_ready(at),
-            Input::Bus(event) => self.at().event(event, at),
-        }
     }
 
     fn obey(&mut self, order: Order) {
