@@ -76,7 +76,7 @@ impl Node {
     pub fn serve(&mut self, inbox: &mut impl Mutex<T = Inbox>) {
         if !self.running {
             self.start();
-            inbox.lock(Inbox::forget_edges);
+            inbox.lock(Inbox::forget_edge);
         }
         if self_check::has_failed() {
             self.device.program_damaged();
@@ -96,7 +96,7 @@ impl Node {
             }
             if let Some(order) = self.unit.take_order() {
                 self.obey(order);
-                inbox.lock(Inbox::forget_edges);
+                inbox.lock(Inbox::forget_edge);
             }
         }
         ALIVE.store(true, Ordering::Relaxed);
