@@ -11,8 +11,14 @@ use tilt::sample::Instant;
 
 use crate::unit::{Event, MAILBOXES, State};
 
-/// Events that are kept. At 250 kbit/s 16 frames take 9 ms at least, at 1 Mbit/s 2 ms.
-const EVENTS: usize = 16 + RESERVED;
+/// Frames that are kept while the task is busy; the longest it ever is are the 20 ms of setting the
+/// sensor up anew, and the erases of a store.
+///
+/// At 250 kbit/s 64 frames of eight bytes take 31 ms at least, at 1 Mbit/s 7 ms.
+const FRAMES: u16 = 64;
+
+/// Events that are kept.
+const EVENTS: usize = FRAMES as usize + RESERVED;
 
 /// Places that received frames do not get: one for each mailbox and one for the error state.
 const RESERVED: usize = MAILBOXES + 1;
@@ -141,12 +147,12 @@ mod tests {
     #[test]
     fn a_flood_of_frames_is_counted_and_pushes_nothing_else_out() {
         let mut inbox = Inbox::new();
-        (0..20).for_each(|n| inbox.put(received(n), Instant(u64::from(n))));
-        (0..3).for_each(|place| inbox.put(Event::Sent(place), Instant(20)));
-        inbox.state(State::Off, 255, 0, Instant(21));
+        (0..FRAMES + 4).for_each(|n| inbox.put(received(n), Instant(u64::from(n))));
+        (0..3).for_each(|place| inbox.put(Event::Sent(place), Instant(90)));
+        inbox.state(State::Off, 255, 0, Instant(91));
         assert_eq!((inbox.take_lost(), inbox.take_lost()), (4, 0));
         let order = core::iter::from_fn(|| inbox.take(LATE));
-        let rest: std::vec::Vec<_> = order.skip(16).map(|(input, _)| input).collect();
+        let rest: std::vec::Vec<_> = order.skip(FRAMES.into()).map(|(input, _)| input).collect();
         let sent = |place| Input::Bus(Event::Sent(place));
         let off = Input::Bus(Event::Changed(State::Off, 255, 0));
         assert_eq!(rest, [sent(0), sent(1), sent(2), off]);
@@ -157,7 +163,7 @@ mod tests {
         let mut inbox = Inbox::new();
         inbox.state(State::Active, 0, 0, Instant(0));
         assert_eq!(inbox.take(LATE), None);
-        (0..16).for_each(|n| inbox.put(received(n), Instant(1)));
+        (0..FRAMES).for_each(|n| inbox.put(received(n), Instant(1)));
         let states = [
             State::Warning,
             State::Passive,

@@ -13,7 +13,7 @@ use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
 
 use crate::chip::board::{Board, Select};
-use crate::chip::can::Can;
+use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
 use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
@@ -81,7 +81,10 @@ impl Node {
         if self_check::has_failed() {
             self.device.program_damaged();
         }
-        let lost = inbox.lock(Inbox::take_lost);
+        let lost = inbox.lock(|inbox| {
+            can::look(inbox, now());
+            inbox.take_lost()
+        });
         if lost != 0 {
             self.device.frames_lost(lost, now());
         }
