@@ -148,7 +148,8 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     fs::read(path).map_err(|error| ImageError::File(path.to_path_buf(), error))
 }
 
-/// Prints the sizes; what is too much, or must not be there. The application's limit is its slot, and the linker's.
+/// Prints the sizes; what is too much, or must not be there. The application's limit is its slot,
+/// and the linker's.
 fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
     let (slot, ram) = (letter(slot), app.ram);
     let strays = boot.strays.iter().chain(&app.strays);
