@@ -20,8 +20,8 @@ use flash::slots::{self, Decision, MARKS, factory_marks};
 
 use crate::rng::Rng;
 
-/// The hardware id that images for this board name: "PLB1" as a little-endian word.
-pub const HARDWARE: u32 = u32::from_le_bytes(*b"PLB1");
+/// The hardware id that images for this board name.
+pub const HARDWARE: u32 = RC.hardware;
 
 /// The version that a node leaves the factory with.
 pub const FACTORY: Version = Version::new(0, 1, 0);
