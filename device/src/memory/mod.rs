@@ -11,6 +11,7 @@
 //!
 //! Left out: the flash controller.
 
+pub mod ed25519;
 pub mod update;
 
 use embedded_storage::nor_flash::NorFlash;
