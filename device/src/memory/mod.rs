@@ -1,8 +1,8 @@
 //! The device's memory: records and programs in one flash.
 //!
 //! In: a flash as [`NorFlash`], which begins with the bootloader, and its map. Out: [`RecordStore`]
-//! over the records' ring, [`EventStore`] over the log's pages and [`ProgramMemory`](crate::program::ProgramMemory) over the slot that
-//! does not run (`update`).
+//! over the records' ring, [`EventStore`] over the log's pages and
+//! [`ProgramMemory`](crate::program::ProgramMemory) over the slot that does not run (`update`).
 //!
 //! Room for a record is made when its storing begins: each page that has to be erased for it makes
 //! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
@@ -11,6 +11,7 @@
 //!
 //! Left out: the flash controller.
 
+pub mod ed25519;
 pub mod update;
 
 use embedded_storage::nor_flash::NorFlash;
