@@ -28,8 +28,9 @@ use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
 use crate::black_box::BlackBox;
-use crate::calibration::encoding::{decode_into, identity};
+use crate::calibration::encoding::identity;
 use crate::calibration::motor::{Motor, Terms};
+use crate::calibration::recall;
 use crate::channel::{Channel, Settings};
 use crate::fault::Faults;
 use crate::fault_log::FaultLog;
@@ -37,7 +38,6 @@ use crate::node::Node;
 use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
 use crate::objects::process::SyncSource;
 use crate::objects::values::Values;
-use crate::records::Record;
 use crate::sensor::InitError;
 
 use pair::Pair;
@@ -52,10 +52,9 @@ pub struct Factory {
     pub node_id: u8,
     /// Bit rate until LSS stores another, kbit/s.
     pub kbit_s: u16,
-    /// The part, its chain, and the calibration it left the factory with.
+    /// The part and its chain. The calibration in it does not count: it comes from the memory,
+    /// where a factory puts it ([`deliver`](crate::calibration::deliver)).
     pub settings: Settings,
-    /// True when that calibration is this part's own.
-    pub calibrated: bool,
     /// What tables made by a motor's run come with.
     pub terms: Terms,
 }
@@ -91,7 +90,11 @@ pub struct Device<SPI, M> {
     settings: Settings,
     work: Work,
     memory: M,
-    factory: Factory,
+    identity: Identity,
+    /// Until LSS stores another.
+    node_id: u8,
+    /// Until LSS stores another.
+    kbit_s: u16,
     faults: Faults,
     /// What was found wrong at the last look, reported or not.
     pending: Faults,
@@ -137,11 +140,16 @@ const fn bus_time(now: Instant) -> BusInstant {
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A device that has not been started.
     pub fn new(spi: SPI, check: CrossCheck, factory: Factory, memory: M) -> Self {
-        let settings = factory.settings.clone();
+        let Factory {
+            identity,
+            node_id,
+            kbit_s,
+            settings,
+            terms,
+        } = factory;
         let work = Work {
             motor: Motor::new(),
-            result: settings.chain.calibration.clone(),
-            terms: factory.terms,
+            terms,
         };
         Self {
             node: Node::new(spi, check),
@@ -150,7 +158,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             settings,
             work,
             memory,
-            factory,
+            identity,
+            node_id,
+            kbit_s,
             faults: Faults::default(),
             pending: Faults::default(),
             pair: Pair::new(),
@@ -177,7 +187,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             work: &mut self.work,
             log: &mut self.log,
             black_box: &mut self.black_box,
-            identity: self.factory.identity,
+            identity: self.identity,
             now,
         };
         (&mut self.bus, panel)
@@ -226,24 +236,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.node.channel.start(&self.settings, delay, now)
     }
 
-    /// The calibration in memory, or the factory's where there is none or it is damaged.
+    /// The calibration in memory, or the one delivered where there is none or it is damaged.
     fn recall_calibration(&mut self) {
-        let calibration = &mut self.settings.chain.calibration;
-        calibration.clone_from(&self.factory.settings.chain.calibration);
-        self.values.calibrated = self.factory.calibrated;
-        self.record_damaged = false;
-        let memory = &self.memory;
-        if memory.read(Record::Calibration, 0, &mut [0]) == 0 {
-            return;
-        }
-        let Some(scratch) = self.work.motor.scratch() else {
-            return;
-        };
-        let understood = decode_into(calibration, scratch, &mut |offset, into| {
-            memory.read(Record::Calibration, offset, into)
-        });
-        self.values.calibrated |= understood.is_ok();
-        self.record_damaged = understood.is_err();
+        let recalled = recall(&self.memory, &mut self.settings.chain.calibration);
+        self.values.calibrated = recalled.calibrated;
+        self.record_damaged = recalled.damaged;
     }
 
     /// Remembers what the calibration in force looks like, to see it change by itself.
@@ -254,8 +251,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Second half of a start: everything stored comes back, and boot-up is due.
     pub fn start_bus(&mut self, now: Instant) {
         let (node_id, rate) = stored_lss(&self.memory);
-        self.values.bit_rate = rate.unwrap_or(self.factory.kbit_s);
-        let node_id = node_id.unwrap_or(self.factory.node_id);
+        self.values.bit_rate = rate.unwrap_or(self.kbit_s);
+        let node_id = node_id.unwrap_or(self.node_id);
         self.last_sync = now;
         self.started = now;
         self.next_sum = now;

@@ -23,10 +23,16 @@ pub enum Record {
     Lss,
     /// The sensor's calibration.
     Calibration,
+    /// The calibration that the part was delivered with; written in the factory, and never by
+    /// the device.
+    Delivered,
 }
 
 impl Record {
-    /// Every record.
+    /// How many records there are.
+    pub const COUNT: usize = 6;
+
+    /// Every record that the device writes.
     pub const ALL: [Self; 5] = [
         Self::Communication,
         Self::Profile,

@@ -137,7 +137,7 @@ mod tests {
     use crate::nor::tests::bench;
 
     /// A flash of one page that says yes and holds what it held.
-    struct Deaf([u8; 1024]);
+    struct Deaf([u8; PAGE as usize]);
 
     impl ErrorType for Deaf {
         type Error = NorFlashErrorKind;
@@ -153,13 +153,13 @@ mod tests {
         }
 
         fn capacity(&self) -> usize {
-            1024
+            PAGE as usize
         }
     }
 
     impl NorFlash for Deaf {
         const WRITE_SIZE: usize = 2;
-        const ERASE_SIZE: usize = 1024;
+        const ERASE_SIZE: usize = PAGE as usize;
 
         fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
             Ok(())
@@ -172,13 +172,13 @@ mod tests {
 
     #[test]
     fn what_the_flash_does_not_hold_is_found() {
-        let mut flash = Deaf([0xFF; 1024]);
+        let mut flash = Deaf([0xFF; PAGE as usize]);
         let worn = Err(AccessError::Worn { at: 4 });
         assert_eq!(program(&mut flash, 4, &[0xFF, 0xFF, 1, 2]), worn);
         assert_eq!(program(&mut flash, 4, &[0xFF; 40]), Ok(()));
         assert_eq!(erase(&mut flash, 0), Ok(()));
-        for at in [0, 31, 32, 1023] {
-            let mut flash = Deaf([0xFF; 1024]);
+        for at in [0, 31, 32, 1023, 1024, 2047] {
+            let mut flash = Deaf([0xFF; PAGE as usize]);
             flash.0[at] = 0xFE;
             assert_eq!(erase(&mut flash, 0), Err(AccessError::Worn { at: 0 }));
         }
@@ -193,7 +193,7 @@ mod tests {
         read(&mut nor, 0, &mut held).unwrap();
         assert_eq!((held, nor.operations()), ([1, 2, 7, 8, 3, 0xFF], 3));
         let beyond = AccessError::Refused(NorFlashErrorKind::OutOfBounds);
-        assert_eq!(read(&mut nor, 1020, &mut held), Err(beyond));
-        assert_eq!(program(&mut nor, 1024, &[0, 0]), Err(beyond));
+        assert_eq!(read(&mut nor, PAGE - 4, &mut held), Err(beyond));
+        assert_eq!(program(&mut nor, PAGE, &[0, 0]), Err(beyond));
     }
 }

@@ -131,7 +131,8 @@ impl Install {
 
     /// Erases the next page of the slot, the header's first.
     ///
-    /// The processor stands still for 40 ms at most. Errors: [`InstallError::Access`].
+    /// The processor stands still for 40 ms at most; twice where a [`PAGE`] is two pages of the
+    /// chip. Errors: [`InstallError::Access`].
     pub fn erase<F: NorFlash>(&mut self, flash: &mut F) -> Result<Progress, InstallError> {
         if self.erased < self.slot.pages() {
             let page = self.erased.saturating_mul(PAGE);

@@ -3,12 +3,14 @@
 //! Out: a [`Layout`] for each part, and the linker's `memory.x` made from it
 //! ([`Layout::memory_x`]). Offsets count from the start of the flash ([`BASE`]) in bytes. What a
 //! map has to obey (whole pages, no gap, no overlap, the part's size) is asserted when this
-//! compiles.
+//! compiles. The images are built for [`RC`]: the whole instrument is more than a slot of [`CB`]
+//! or [`C8`] holds.
 //!
 //! Left out: what is inside a region ([`image`](crate::image), [`records`](crate::records)).
 //!
-//! Sources: RM0008 3.3.3, tables 4 and 5 (pages of 1 kB); STM32F103x8/xB data sheet, table 2
-//! (64 or 128 kB of flash, 20 kB of RAM).
+//! Sources: RM0008 3.3.3, table 5 (medium density, pages of 1 kB) and table 6 (high density, pages
+//! of 2 kB); table 2 of the data sheets STM32F103x8/xB (64 or 128 kB of flash, 20 kB of RAM) and
+//! STM32F103xC/xD/xE (256 kB of flash, 48 kB of RAM in the RC).
 
 use core::fmt;
 
@@ -18,8 +20,11 @@ pub const BASE: u32 = 0x0800_0000;
 /// Where the RAM begins in the address space.
 pub const RAM: u32 = 0x2000_0000;
 
-/// The smallest part that can be erased, bytes.
-pub const PAGE: u32 = 1024;
+/// The smallest part that is erased, bytes: one page of the chip where it is of high density.
+///
+/// A medium-density part has pages of 1 kB, and its driver erases two of them for one of these,
+/// the lower first. A cut may then come between the two; [`nor`](crate::nor) draws that state too.
+pub const PAGE: u32 = 2048;
 
 /// Bytes before the vector table of an application, which the image's header has.
 ///
@@ -27,7 +32,7 @@ pub const PAGE: u32 = 1024;
 /// 128, in words: 512 bytes (PM0056 4.4.4).
 pub const HEADER: u32 = 512;
 
-/// Pages at the end of the records that the event log has for itself.
+/// Pages that the event log has for itself, where a part has room for one: it needs two.
 pub const LOG_PAGES: u32 = 2;
 
 /// A piece of the flash.
@@ -99,11 +104,29 @@ pub struct Layout {
     pub b: Option<Region>,
     /// Calibration and parameters ([`Records`](crate::records::Records)).
     pub records: Region,
-    /// The event log ([`Log`](crate::records::log::Log)).
+    /// The event log ([`Log`](crate::records::log::Log)); no bytes where there is no room for one.
     pub log: Region,
 }
 
-/// STM32F103CB: 128 kB, two slots.
+/// STM32F103RC: 256 kB, two slots. The images are built for it.
+///
+/// Its records take a calibration of up to 7132 bytes beside parameters of 1.5 kB.
+pub const RC: Layout = Layout {
+    part: "STM32F103RC",
+    flash: 256 * 1024,
+    ram: 48 * 1024,
+    boot: Region::kilobytes(0, 8),
+    a: Region::kilobytes(8, 108),
+    b: Some(Region::kilobytes(116, 108)),
+    records: Region::kilobytes(224, 28),
+    log: Region::kilobytes(252, LOG_PAGES * PAGE / 1024),
+};
+
+/// STM32F103CB: 128 kB, two slots; the paper's part. A map only: the instrument is too long for it.
+///
+/// Its records take a calibration of up to 1761 bytes beside parameters of 1.5 kB: one by
+/// harmonics, but not two full tables. Storing those answers
+/// [`RecordError::Full`](crate::records::RecordError::Full).
 pub const CB: Layout = Layout {
     part: "STM32F103CB",
     flash: 128 * 1024,
@@ -111,15 +134,15 @@ pub const CB: Layout = Layout {
     boot: Region::kilobytes(0, 8),
     a: Region::kilobytes(8, 52),
     b: Some(Region::kilobytes(60, 52)),
-    records: Region::kilobytes(112, 14),
-    log: Region::kilobytes(126, LOG_PAGES),
+    records: Region::kilobytes(112, 12),
+    log: Region::kilobytes(124, LOG_PAGES * PAGE / 1024),
 };
 
-/// STM32F103C8: 64 kB, one slot, no update in the field.
+/// STM32F103C8: 64 kB, one slot, no update in the field. A map only, as [`CB`].
 ///
-/// Its records have room for the parameters and a calibration by harmonics, but not for two full
-/// tables beside their successors: storing those answers
-/// [`RecordError::Full`](crate::records::RecordError::Full).
+/// A ring of two pages takes no record at all, since one page is always kept back, so the records
+/// have all four that are left and the event log has none. They take a calibration of up to 656
+/// bytes, one by harmonics, beside parameters of 0.8 kB.
 pub const C8: Layout = Layout {
     part: "STM32F103C8",
     flash: 64 * 1024,
@@ -127,15 +150,22 @@ pub const C8: Layout = Layout {
     boot: Region::kilobytes(0, 8),
     a: Region::kilobytes(8, 48),
     b: None,
-    records: Region::kilobytes(56, 6),
-    log: Region::kilobytes(62, LOG_PAGES),
+    records: Region::kilobytes(56, 8),
+    log: Region::kilobytes(64, 0),
 };
 
 /// Every layout.
-pub const ALL: [Layout; 2] = [CB, C8];
+pub const ALL: [Layout; 3] = [RC, CB, C8];
 
-const _: () = assert!(CB.is_sound() && C8.is_sound());
-const _: () = assert!(CB.boot.length <= 8 * 1024 && C8.boot.length <= 8 * 1024);
+const _: () = {
+    let mut at = 0;
+    while at < ALL.len() {
+        assert!(ALL[at].is_sound() && ALL[at].boot.length <= 8 * 1024);
+        assert!(ALL[at].log.pages() == LOG_PAGES || ALL[at].log.length == 0);
+        at += 1;
+    }
+};
+const _: () = assert!(RC.records.length + RC.log.length == 32 * 1024);
 const _: () = assert!(CB.records.length + CB.log.length == 16 * 1024);
 
 /// Which program a linker script is for.
@@ -247,7 +277,7 @@ mod tests {
 
     #[test]
     fn regions_that_overlap_leave_gaps_or_split_pages_are_found() {
-        assert!(CB.is_sound() && C8.is_sound());
+        assert!(ALL.iter().all(Layout::is_sound));
         let mut bad = CB;
         bad.a.length += PAGE;
         assert!(!bad.is_sound());
@@ -264,9 +294,10 @@ mod tests {
     #[test]
     fn e13_each_map_ends_where_the_flash_of_its_part_ends() {
         let end = |layout: Layout| layout.log.address() + layout.log.length - 1;
-        // The paper's range, which is that of 128 kB, and half of it.
+        // The paper's range, which is that of 128 kB, half of it, and twice as much.
         assert_eq!(end(CB), 0x0801_FFFF);
         assert_eq!(end(C8), 0x0800_FFFF);
+        assert_eq!(end(RC), 0x0803_FFFF);
     }
 
     #[test]
@@ -280,6 +311,8 @@ mod tests {
                 assert_eq!(room.address() % 512, 0);
                 // With its header an application has 48 kB at least.
                 assert!(room.length + HEADER >= 48 * 1024);
+                // Where the images are built for, it has more than twice as much.
+                assert!(layout.part != RC.part || room.length >= 107 * 1024);
             }
         }
     }
@@ -294,6 +327,12 @@ mod tests {
             MEMORY\n{\n  FLASH : ORIGIN = 0x0800F200, LENGTH = 52736\n  \
             RAM : ORIGIN = 0x20000000, LENGTH = 20480\n}\n";
         assert_eq!(text, expected);
+        let text = RC
+            .memory_x(Program::Application(Slot::B))
+            .unwrap()
+            .to_string();
+        assert!(text.contains("FLASH : ORIGIN = 0x0801D200, LENGTH = 110080"));
+        assert!(text.contains("RAM : ORIGIN = 0x20000000, LENGTH = 49152"));
         let text = C8.memory_x(Program::Boot).unwrap().to_string();
         assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 8192"));
         assert_eq!(C8.memory_x(Program::Application(Slot::B)), None);

@@ -11,6 +11,9 @@
 //! - An erase that is cut leaves none, few, half, most or all of the page's bits done, and from
 //!   then on those that are not done read differently each time, with the same likelihood. Such a
 //!   page refuses programs until it was erased whole, also one that looks blank or untouched.
+//! - Where the chip's own pages are half of [`PAGE`], an erase is cut in the first half, between
+//!   the two or in the second: one half then is blank or torn, the other untouched or blank. Every
+//!   model draws these too, since what bears them bears the pages of all parts.
 //! - Wear is counted per page; behind the endurance a page keeps a bit that does not erase.
 //! - Whatever was broken is counted, so that a test sees it even where the code under test hides
 //!   the error.
@@ -26,7 +29,10 @@ use crate::layout::PAGE;
 /// Half-words of a page.
 const HALF_WORDS: usize = PAGE as usize / 2;
 
-/// Erases that the data sheet promises for a page (STM32F103x8/xB, 5.3.9).
+/// Bytes of half a page: a page of the medium-density parts (RM0008 table 5).
+const HALF: usize = PAGE as usize / 2;
+
+/// Erases that the data sheets promise for a page (STM32F103x8/xB and xC/xD/xE, 5.3.9).
 pub const ENDURANCE: u32 = 10_000;
 
 /// Where random words come from: the caller's seeded generator.
@@ -41,8 +47,8 @@ pub struct Page {
     bytes: [u8; PAGE as usize],
     programmed: [bool; HALF_WORDS],
     erases: u32,
-    /// How far its last erase came, if that was cut.
-    torn: Option<Torn>,
+    /// How far its last erase came in each half, if that was cut.
+    torn: Option<[Torn; 2]>,
 }
 
 /// How many bits an erase has done when it was cut.
@@ -65,6 +71,22 @@ impl Torn {
             3 => Self::Most,
             _ => Self::All,
         }
+    }
+
+    /// Both halves of a page, whose erase is one operation of the chip or two.
+    fn halves(draw: &mut impl Draw) -> [Self; 2] {
+        let any = Self::any(draw);
+        match draw.draw() % 4 {
+            0 => [any, any],
+            1 => [any, Self::None],
+            2 => [Self::All, Self::None],
+            _ => [Self::All, any],
+        }
+    }
+
+    /// That of the half in which the byte at `place` of the page lies.
+    const fn at([first, second]: [Self; 2], place: usize) -> Self {
+        if place < HALF { first } else { second }
     }
 
     /// 32 bits of which as many are 1: an eighth are few, seven eighths most.
@@ -293,8 +315,8 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
             .for_each(|(byte, held)| *byte = *held);
         if let Some(torn) = page.torn {
             // Its cells stand between 0 and 1.
-            for byte in into {
-                *byte |= torn.bits(&mut self.draw) as u8;
+            for (place, byte) in (at..).zip(into) {
+                *byte |= Torn::at(torn, place).bits(&mut self.draw) as u8;
             }
         }
         Ok(())
@@ -308,10 +330,10 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         };
         page.erases = page.erases.saturating_add(1);
         if cut {
-            let torn = Torn::any(&mut self.draw);
+            let torn = Torn::halves(&mut self.draw);
             page.torn = Some(torn);
-            for bytes in page.bytes.chunks_mut(4) {
-                let done = torn.bits(&mut self.draw).to_le_bytes();
+            for (place, bytes) in (0..).step_by(4).zip(page.bytes.chunks_mut(4)) {
+                let done = Torn::at(torn, place).bits(&mut self.draw).to_le_bytes();
                 bytes
                     .iter_mut()
                     .zip(done)

@@ -17,7 +17,7 @@ const PROGRAM_BYTES: usize = 52 * 1024;
 /// A node's memory.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    records: [Option<Vec<u8>>; Record::ALL.len()],
+    records: [Option<Vec<u8>>; Record::COUNT],
     staged: Option<(Record, Vec<u8>)>,
     program: Vec<u8>,
     incoming: Option<Vec<u8>>,

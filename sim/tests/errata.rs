@@ -42,7 +42,10 @@ fn linear_paper() -> Settings {
     let table = Table::new(&points).unwrap();
     let mut settings = Mode::Paper.settings();
     settings.chain.calibration.correction = Correction::Tables {
-        tables: Axes { x: table, y: table },
+        tables: Axes {
+            x: table.clone(),
+            y: table,
+        },
         rule: Rule::Linear,
     };
     settings

@@ -65,7 +65,10 @@ fn paper() -> Chain {
     chain.timing = Timing::AsItArrives;
     if let Ok(table) = Table::new(&points) {
         chain.calibration.correction = Correction::Tables {
-            tables: Axes { x: table, y: table },
+            tables: Axes {
+                x: table.clone(),
+                y: table,
+            },
             rule: Rule::Nearest,
         };
     }

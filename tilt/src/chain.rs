@@ -167,6 +167,51 @@ pub struct Calibration {
     pub budget: Budget,
 }
 
+impl Calibration {
+    /// Of a part of which nothing is known: everything as the data sheet's typical part has it.
+    pub const NOMINAL: Self = Self {
+        temperature: TemperatureModel::None,
+        correction: Correction::NOMINAL,
+        budget: Budget {
+            noise: 0,
+            repeatability: 0,
+            hysteresis: 0,
+            reference: Uncertainty(0),
+            residual: Uncertainty(0),
+        },
+    };
+
+    /// Back to [`Calibration::NOMINAL`], in its place.
+    ///
+    /// Field by field: a copy of the constant would be 3 kB of the part's flash, most of it zeros
+    /// in the place of tables.
+    pub fn reset(&mut self) {
+        self.temperature = TemperatureModel::None;
+        self.correction = Correction::TwoAxis {
+            vector: Vector::IDENTITY,
+            harmonics: Axes::default(),
+        };
+        self.budget = Budget::default();
+    }
+}
+
+impl Correction {
+    /// Two axes of a perfect part.
+    pub const NOMINAL: Self = Self::TwoAxis {
+        vector: Vector::IDENTITY,
+        harmonics: Axes {
+            x: Harmonics {
+                cosine: [0; 3],
+                sine: [0; 3],
+            },
+            y: Harmonics {
+                cosine: [0; 3],
+                sine: [0; 3],
+            },
+        },
+    };
+}
+
 /// Which instant a reading belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {

@@ -19,6 +19,8 @@
 //!   pool nearer to the reading answers.
 //! - E7: ignoring z couples the axes: a true roll of 10 deg reads 7.05 deg at 45 deg pitch.
 
+use heapless::Vec;
+
 use crate::angle::Angle;
 
 /// Most points a table holds: -90 to 90 deg in steps of 1 deg (R5).
@@ -59,10 +61,9 @@ pub enum TableError {
 }
 
 /// A table of up to [`MAX_POINTS`] points, rising in angle and not falling in acceleration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
-    points: [Point; MAX_POINTS],
-    len: usize,
+    points: Vec<Point, MAX_POINTS>,
 }
 
 impl Table {
@@ -71,36 +72,56 @@ impl Table {
     /// Accelerations that fall from one point to the next are pooled to their mean. Errors: see
     /// [`TableError`].
     pub fn new(memorised: &[Point]) -> Result<Self, TableError> {
-        let mut points = [Point::default(); MAX_POINTS];
-        let slots = points
-            .get_mut(..memorised.len())
-            .ok_or(TableError::TooMany)?;
-        slots.copy_from_slice(memorised);
+        let mut table = Self::default();
+        table.refill(memorised)?;
+        Ok(table)
+    }
+
+    /// Puts memorised points in the place of the present ones, as [`Table::new`] does.
+    ///
+    /// Errors: see [`TableError`]; the table is then empty.
+    pub fn refill(&mut self, memorised: &[Point]) -> Result<(), TableError> {
+        let mut builder = self.rebuild();
+        for point in memorised {
+            builder.push(*point)?;
+        }
+        builder.finish()
+    }
+
+    /// Empties the table and takes new points one by one, which needs no room for a second one.
+    pub fn rebuild(&mut self) -> Builder<'_> {
+        self.points.clear();
+        Builder {
+            table: self,
+            sound: false,
+        }
+    }
+
+    /// Whether these points make a table. Errors: see [`TableError`].
+    pub fn check(memorised: &[Point]) -> Result<(), TableError> {
+        if memorised.len() > MAX_POINTS {
+            return Err(TableError::TooMany);
+        }
         if memorised.len() < 2 {
             return Err(TableError::TooFew);
         }
-        if memorised
-            .iter()
-            .zip(memorised.iter().skip(1))
-            .any(|(a, b)| a.angle >= b.angle)
-        {
+        let pairs = memorised.iter().zip(memorised.iter().skip(1));
+        if pairs.into_iter().any(|(a, b)| a.angle >= b.angle) {
             return Err(TableError::NotRising);
         }
-        pool(slots);
-        let table = Self {
-            points,
-            len: memorised.len(),
-        };
-        let span = i64::from(table.last().accel) - i64::from(table.first().accel);
-        if span < i64::from(crate::ONE_G / 100) {
+        // What the first and the last stretch are pooled to; the last is the first of the same
+        // points turned round.
+        let lowest = first_pooled(memorised.iter(), 1);
+        let highest = -first_pooled(memorised.iter().rev(), -1);
+        if highest - lowest < i64::from(crate::ONE_G / 100) {
             return Err(TableError::Flat);
         }
-        Ok(table)
+        Ok(())
     }
 
     /// The points in use, rising.
     pub fn points(&self) -> &[Point] {
-        self.points.get(..self.len).unwrap_or(&[])
+        &self.points
     }
 
     fn first(&self) -> Point {
@@ -159,6 +180,49 @@ impl Table {
         let (low, high) = self.neighbours(accel);
         high.angle.minus(low.angle)
     }
+}
+
+/// A table that is being filled. Whoever drops it before [`Builder::finish`] has an empty table.
+#[derive(Debug)]
+pub struct Builder<'a> {
+    table: &'a mut Table,
+    sound: bool,
+}
+
+impl Drop for Builder<'_> {
+    fn drop(&mut self) {
+        if !self.sound {
+            self.table.points.clear();
+        }
+    }
+}
+
+impl Builder<'_> {
+    /// Adds the point with the next higher angle. Errors: [`TableError::TooMany`].
+    pub fn push(&mut self, point: Point) -> Result<(), TableError> {
+        let pushed = self.table.points.push(point);
+        pushed.map_err(|_| TableError::TooMany)
+    }
+
+    /// Checks the points and pools falling accelerations.
+    ///
+    /// Errors: see [`TableError`]; the table is then empty.
+    pub fn finish(mut self) -> Result<(), TableError> {
+        Table::check(&self.table.points)?;
+        pool(&mut self.table.points);
+        self.sound = true;
+        Ok(())
+    }
+}
+
+/// What [`pool`] makes of the first point, times `sign`: the smallest mean of so many of them.
+fn first_pooled<'a>(points: impl Iterator<Item = &'a Point>, sign: i64) -> i64 {
+    let (mut sum, mut smallest) = (0, i64::MAX);
+    for (count, point) in (1..).zip(points) {
+        sum += sign * i64::from(point.accel);
+        smallest = smallest.min(sum / count);
+    }
+    smallest
 }
 
 /// Makes accelerations non-falling by replacing each falling stretch by its mean.
@@ -307,6 +371,26 @@ mod tests {
             Err(TableError::NotRising)
         );
         assert_eq!(Table::new(&[p(0, 1.0), p(9, 2.0)]), Err(TableError::Flat));
+    }
+
+    #[test]
+    fn a_table_that_falls_is_flat_whatever_its_ends_are() {
+        let p = |accel, d: f64| Point {
+            accel,
+            angle: Angle::from_degrees(d),
+        };
+        let falls = [p(ONE_G, 0.0), p(0, 1.0), p(-ONE_G, 2.0)];
+        let mut table = perfect();
+        assert_eq!(table.refill(&falls), Err(TableError::Flat));
+        assert!(table.points().is_empty());
+        let _ = table.rebuild().push(p(0, 0.0));
+        assert!(table.points().is_empty(), "it was never finished");
+        // Only its last stretch rises, and by less than it takes.
+        let few = [p(ONE_G, 0.0), p(0, 1.0), p(ONE_G / 2 + ONE_G / 101, 2.0)];
+        assert_eq!(Table::check(&few), Err(TableError::Flat));
+        let enough = [p(ONE_G, 0.0), p(0, 1.0), p(ONE_G / 2 + ONE_G / 99, 2.0)];
+        assert_eq!(table.refill(&enough), Ok(()));
+        assert_eq!(table.points().len(), 3);
     }
 
     #[test]

@@ -91,7 +91,10 @@ fn paper() -> Chain {
     chain.period_us = 20_000;
     chain.timing = Timing::AsItArrives;
     chain.calibration.correction = Correction::Tables {
-        tables: Axes { x: table, y: table },
+        tables: Axes {
+            x: table.clone(),
+            y: table,
+        },
         rule: Rule::Nearest,
     };
     chain

@@ -10,6 +10,7 @@ mod command;
 mod difference;
 mod faults;
 mod interop;
+mod packages;
 mod size;
 mod steps;
 mod tidy;

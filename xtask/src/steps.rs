@@ -14,6 +14,7 @@ use crate::campaign;
 use crate::command::{self, CommandError, Tally};
 use crate::faults::{self, FaultsError};
 use crate::interop::{self, InteropError};
+use crate::packages;
 use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
@@ -127,7 +128,7 @@ impl From<SizeError> for StepError {
 
 const TEST: [Step; 12] = [
     Step {
-        name: "toolchain: rustfmt, clippy and the chip's target",
+        name: "toolchain: rustfmt, clippy, the chip's target and the emulator's packages",
         advice: "then start again",
         run: toolchain,
     },
@@ -343,7 +344,12 @@ fn toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
             let query = workspace.rustc(&["--print", "target-libdir", "--target", CHIP]);
             command::capture(query).is_ok_and(|folder| Path::new(folder.trim()).is_dir())
         },
-    )
+    )?;
+    if packages::provide(workspace) {
+        return Ok(());
+    }
+    let emulator = "what the emulator is built with";
+    Err(StepError::Toolchain(emulator, packages::TYPED.to_owned()))
 }
 
 /// Adds a part of the toolchain unless it is there.

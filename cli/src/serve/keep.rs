@@ -116,6 +116,7 @@ impl Keep {
             Record::Manufacturer => "manufacturer",
             Record::Lss => "lss",
             Record::Calibration => "calibration",
+            Record::Delivered => "delivered",
         };
         self.folder.join(format!("{}-{record}", node_name(node)))
     }

@@ -58,6 +58,8 @@ struct Queue {
     tap: Tap,
     held_until: Option<Instant>,
     ended: bool,
+    /// Clients that have left, where one follows another on the same line.
+    left: u32,
 }
 
 impl Queue {
@@ -92,6 +94,7 @@ impl Outlet {
                 tap: Tap::Closed,
                 held_until: None,
                 ended: false,
+                left: 0,
             }),
             news: Condvar::new(),
         }
@@ -151,15 +154,21 @@ impl Outlet {
     /// Waits for bytes and moves them to `out` (which is emptied first); false when the client is
     /// gone and nothing is left for it.
     pub fn next(&self, out: &mut Vec<u8>) -> bool {
+        self.next_for(out).is_some()
+    }
+
+    /// As [`Outlet::next`]; tells how many clients had left when the bytes were taken, because
+    /// they are for nobody who comes later.
+    pub fn next_for(&self, out: &mut Vec<u8>) -> Option<u32> {
         out.clear();
         let mut queue = self.queue();
         loop {
             let held = queue.take(out);
             if !out.is_empty() {
-                return true;
+                return Some(queue.left);
             }
             if queue.ended {
-                return false;
+                return None;
             }
             queue = match held {
                 None => self
@@ -172,6 +181,17 @@ impl Outlet {
                 }
             };
         }
+    }
+
+    /// The client has left and another may come: what waits is for nobody, and the channel is
+    /// closed. Returns how many have left by now.
+    pub fn leave(&self) -> u32 {
+        let mut queue = self.queue();
+        queue.tap = Tap::Closed;
+        queue.answers.clear();
+        queue.frames.clear();
+        queue.left = queue.left.wrapping_add(1);
+        queue.left
     }
 
     /// Ends the queue: answers that wait still go out, frames don't.
@@ -202,6 +222,19 @@ mod tests {
             outlet.offer(&Frame::data_frame(0x80, &[]), 0).unwrap();
         }
         assert_eq!(taken(&outlet), "t0800\rt0800\rt0800\r");
+    }
+
+    #[test]
+    fn bytes_that_were_taken_before_a_client_left_are_told_from_the_next_ones() {
+        let outlet = Outlet::new();
+        let mut out = Vec::new();
+        outlet.answer(b"\r").unwrap();
+        assert_eq!(outlet.next_for(&mut out), Some(0));
+        outlet.answer(b"z\r").unwrap();
+        assert_eq!(outlet.leave(), 1);
+        outlet.answer(b"\x07").unwrap();
+        assert_eq!(outlet.next_for(&mut out), Some(1));
+        assert_eq!(out, b"\x07");
     }
 
     #[test]

@@ -43,7 +43,7 @@ mod unix {
 
     use super::super::error::ServeError;
     use super::super::hub::{Client, Dialogue, Heard, Port, Shared, spawn};
-    use super::super::outlet::{Outlet, Tap};
+    use super::super::outlet::Outlet;
     use super::super::slcan::Session;
 
     /// How often a terminal without a client is looked at, and a thread looks whether to stop.
@@ -77,9 +77,9 @@ mod unix {
 
         /// What the last client left unread is not for the next one. Only the client's end can
         /// throw it away, so that end is opened for a moment; what a new client writes stays.
-        fn forget_unread(&self) {
+        fn forget_unread(&self, now_left: u32) {
             let mut left = self.left();
-            *left = left.wrapping_add(1);
+            *left = now_left;
             let Ok(path) = ptsname(&self.end, Vec::new()) else {
                 return;
             };
@@ -90,9 +90,9 @@ mod unix {
             }
         }
 
-        /// Writes all, unless the client leaves or the hub stops meanwhile.
-        fn write(&self, mut bytes: &[u8], shared: &Shared) {
-            let for_this = *self.left();
+        /// Writes all, unless the client that it is `for_this` has left or leaves meanwhile, or
+        /// the hub stops.
+        fn write(&self, mut bytes: &[u8], for_this: u32, shared: &Shared) {
             while !bytes.is_empty() && !shared.is_stopped() {
                 let left = self.left();
                 if *left != for_this {
@@ -175,8 +175,7 @@ mod unix {
         if outlet.is_open() {
             shared.notice_of(client, "left without closing its channel");
         }
-        outlet.tap(Tap::Closed, Duration::ZERO);
-        master.forget_unread();
+        master.forget_unread(outlet.leave());
         while !shared.is_stopped() && master.look(PollFlags::IN).contains(PollFlags::HUP) {
             thread::sleep(LOOK);
         }
@@ -187,8 +186,8 @@ mod unix {
             return;
         };
         let mut bytes = Vec::new();
-        while outlet.next(&mut bytes) {
-            master.write(&bytes, shared);
+        while let Some(for_this) = outlet.next_for(&mut bytes) {
+            master.write(&bytes, for_this, shared);
         }
     }
 }

@@ -144,7 +144,6 @@ impl Instrument {
         let settings = settings();
         let work = Work {
             motor: Motor::new(),
-            result: settings.chain.calibration.clone(),
             terms: Terms {
                 rule: Rule::Linear,
                 budget: Budget::default(),

@@ -39,7 +39,7 @@ use tilt::vector::Vector;
 
 use super::crc::Crc32;
 use super::motor::Axis;
-use super::{Points, tables_in};
+use super::tables_in;
 
 /// "PLMC" as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
@@ -282,53 +282,38 @@ fn table_word(table: &Table, place: usize) -> Option<i32> {
 /// Where bytes come from: offset and room in, the number of bytes out (fewer only at the end).
 pub type Source<'a> = dyn FnMut(u32, &mut [u8]) -> usize + 'a;
 
-/// Reads an encoding into `result`.
+/// Reads an encoding into `result`, in its place: no second calibration fits in the RAM.
 ///
-/// `scratch` is overwritten. Everything is checked first, so on an error `result` is as it was,
-/// provided that `source` gives the same bytes again. Accelerations that fall within a table are
-/// pooled, as [`Table::new`] does. Errors: see [`DecodeError`].
-pub fn decode_into(
-    result: &mut Calibration,
-    scratch: &mut Points,
-    source: &mut Source<'_>,
-) -> Result<(), DecodeError> {
+/// Accelerations that fall within a table are pooled, as [`Table::new`] does. Errors: see
+/// [`DecodeError`]; `result` is then worth nothing, unless the envelope was refused already.
+pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<(), DecodeError> {
     let end = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
-    let mut budget = result.budget;
+    let budget = &mut result.budget;
     budget.noise = words.next()?;
     budget.repeatability = words.next()?;
     budget.hysteresis = words.next()?;
     budget.reference = Uncertainty(words.next()?);
     budget.residual = Uncertainty(words.next()?);
-    let model = words.temperature(temperature)?;
-    let begin = words.at;
-    let small = match correction {
+    result.temperature = words.temperature(temperature)?;
+    let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
+    if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
+        return Err(DecodeError::Kind);
+    }
+    match correction {
         0 => {
-            words.check_table(scratch, Axis::X)?;
-            words.check_table(scratch, Axis::Y)?;
-            None
+            let tables = tables_in(&mut result.correction, rule);
+            let Axes { x, y } = tables.ok_or(DecodeError::Kind)?;
+            words.table(x, Axis::X)?;
+            words.table(y, Axis::Y)?;
         }
-        1 | 2 => Some(words.small(correction)?),
+        1 | 2 => result.correction = words.vector(correction)?,
         _ => return Err(DecodeError::Kind),
-    };
+    }
     if words.at != end {
         return Err(DecodeError::Length);
     }
-    let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
-    if reserved != 0 || (small.is_some() && rule != Rule::Nearest) {
-        return Err(DecodeError::Kind);
-    }
-    match small {
-        Some(correction) => result.correction = correction.whole(),
-        None => {
-            words.at = begin;
-            words.put_table(scratch, Axis::X, rule, result)?;
-            words.put_table(scratch, Axis::Y, rule, result)?;
-        }
-    }
-    result.temperature = model;
-    result.budget = budget;
     Ok(())
 }
 
@@ -367,29 +352,6 @@ fn envelope(source: &mut Source<'_>) -> Result<u32, DecodeError> {
         return Err(DecodeError::Length);
     }
     Ok(length - 4)
-}
-
-/// A correction of a few words, so that it can be checked before it is put in its place.
-struct Small {
-    vector: Vector,
-    x: Harmonics,
-    y: Option<Harmonics>,
-}
-
-impl Small {
-    fn whole(self) -> Correction {
-        let Self { vector, x, y } = self;
-        match y {
-            Some(y) => Correction::TwoAxis {
-                vector,
-                harmonics: Axes { x, y },
-            },
-            None => Correction::OneAxis {
-                vector,
-                harmonics: x,
-            },
-        }
-    }
 }
 
 /// A place in the bytes.
@@ -453,7 +415,7 @@ impl Words<'_, '_> {
         Ok(model)
     }
 
-    fn small(&mut self, kind: u8) -> Result<Small, DecodeError> {
+    fn vector(&mut self, kind: u8) -> Result<Correction, DecodeError> {
         let mut vector = Vector::IDENTITY;
         self.fill(vector.matrix.as_flattened_mut())?;
         self.fill(&mut vector.offset)?;
@@ -465,12 +427,13 @@ impl Words<'_, '_> {
             return Err(DecodeError::Offset);
         }
         let x = self.harmonics()?;
-        let y = if one_axis {
-            None
-        } else {
-            Some(self.harmonics()?)
-        };
-        Ok(Small { vector, x, y })
+        if one_axis {
+            let harmonics = x;
+            return Ok(Correction::OneAxis { vector, harmonics });
+        }
+        let y = self.harmonics()?;
+        let harmonics = Axes { x, y };
+        Ok(Correction::TwoAxis { vector, harmonics })
     }
 
     fn harmonics(&mut self) -> Result<Harmonics, DecodeError> {
@@ -484,44 +447,15 @@ impl Words<'_, '_> {
         Ok(harmonics)
     }
 
-    /// Reads a table and only checks it.
-    #[inline(never)]
-    fn check_table(&mut self, scratch: &mut Points, axis: Axis) -> Result<(), DecodeError> {
-        self.table(scratch, axis).map(drop)
-    }
-
-    /// Reads a table into its place.
-    ///
-    /// Out of line like its neighbours, so that only one table at a time stands on a frame.
-    #[inline(never)]
-    fn put_table(
-        &mut self,
-        scratch: &mut Points,
-        axis: Axis,
-        rule: Rule,
-        result: &mut Calibration,
-    ) -> Result<(), DecodeError> {
-        // By reference, because moving it out of the result takes another 1.5 kB of stack.
-        let table = &self.table(scratch, axis);
-        let table = table.as_ref().map_err(|error| *error)?;
-        if let Some(tables) = tables_in(result, rule, table) {
-            *axis.of_mut(tables) = *table;
-        }
-        Ok(())
-    }
-
-    #[inline(never)]
-    fn table(&mut self, scratch: &mut Points, axis: Axis) -> Result<Table, DecodeError> {
+    fn table(&mut self, table: &mut Table, axis: Axis) -> Result<(), DecodeError> {
         let refused = |error| DecodeError::Table(axis, error);
-        let count = self.next()?;
-        scratch.clear();
-        for _ in 0..count {
+        let mut builder = table.rebuild();
+        for _ in 0..self.next()? {
             let accel = self.signed()?;
             let angle = tilt::angle::Angle(self.signed()?);
-            let pushed = scratch.push(Point { accel, angle });
-            pushed.map_err(|_| refused(TableError::TooMany))?;
+            builder.push(Point { accel, angle }).map_err(refused)?;
         }
-        Table::new(scratch.as_slice()).map_err(refused)
+        builder.finish().map_err(refused)
     }
 }
 

@@ -13,9 +13,9 @@
 //! verification round (R15) is therefore a run that is abandoned: above the tolerance of 0.20 deg
 //! of the worst residual, calibrate anew.
 //!
-//! The state is 1.5 kB, nearly all of it the points of one axis; finished axes go into the
-//! calibration that the caller lends. While a run is open the caller neither downloads a
-//! calibration nor puts another in force, since points hold what the temperature model left.
+//! The state is 3 kB, nearly all of it the points of both axes; the tables are made at the end, in
+//! the calibration in force. While a run is open the caller neither downloads a calibration nor
+//! puts another in force, since points hold what the temperature model left.
 //!
 //! Left out: turning the motor, storing what was found, and the twelve-parameter fit, which needs
 //! floating point and runs on a host.
@@ -115,7 +115,7 @@ pub struct Sight {
 pub enum Outcome {
     /// The run goes on.
     Running,
-    /// The run is over and the lent calibration is complete: store it and put it in force.
+    /// The run is over and the calibration in force has new tables: store it.
     Finished,
     /// The run is over and nothing was made.
     Abandoned,
@@ -188,10 +188,7 @@ pub struct Progress {
 #[derive(Clone, Debug, Default)]
 pub struct Motor {
     axis: Option<Axis>,
-    points: Points,
-    counts: Axes<u8>,
-    /// Which tables the lent calibration holds.
-    tables: Axes<bool>,
+    points: Axes<Points>,
     residual: Option<i32>,
     worst: u32,
 }
@@ -201,9 +198,10 @@ impl Motor {
     pub const fn new() -> Self {
         Self {
             axis: None,
-            points: Points::new(),
-            counts: Axes { x: 0, y: 0 },
-            tables: Axes { x: false, y: false },
+            points: Axes {
+                x: Points::new(),
+                y: Points::new(),
+            },
             residual: None,
             worst: 0,
         }
@@ -216,36 +214,34 @@ impl Motor {
 
     /// How the run goes. After its end counts and residuals stay readable.
     pub fn progress(&self) -> Progress {
+        let Axes { x, y } = &self.points;
         Progress {
             axis: self.axis,
-            points: self.counts,
+            points: Axes {
+                x: x.as_slice().len() as u8,
+                y: y.as_slice().len() as u8,
+            },
             residual: self.residual,
             worst: self.worst,
         }
     }
 
-    /// The working points, for [`decode_into`](super::encoding::decode_into); `None` during a run.
-    pub fn scratch(&mut self) -> Option<&mut Points> {
-        self.axis.is_none().then_some(&mut self.points)
-    }
-
     /// Carries a command out.
     ///
-    /// `in_force` is the calibration that readings come from, `result` the one being made, the
-    /// same from the first start to [`Outcome::Finished`]. Starting an axis anew drops its
-    /// points; a run of one axis takes the other's table from `in_force`. Errors:
-    /// [`MotorError::NotRunning`], [`MotorError::Table`], [`MotorError::Missing`].
+    /// `in_force` is the calibration that readings come from; it changes with
+    /// [`Outcome::Finished`] only. Starting an axis anew drops its points; a run of one axis
+    /// keeps the other's table. Errors: [`MotorError::NotRunning`], [`MotorError::Table`],
+    /// [`MotorError::Missing`].
     pub fn command(
         &mut self,
         command: Command,
         terms: &Terms,
-        in_force: &Calibration,
-        result: &mut Calibration,
+        in_force: &mut Calibration,
     ) -> Result<Outcome, MotorError> {
         match command {
-            Command::StartX => self.start(Axis::X, terms, in_force, result),
-            Command::StartY => self.start(Axis::Y, terms, in_force, result),
-            Command::Finish => self.finish(terms, result),
+            Command::StartX => self.start(Axis::X),
+            Command::StartY => self.start(Axis::Y),
+            Command::Finish => self.finish(terms, in_force),
             Command::Abandon => {
                 self.axis = None;
                 Ok(Outcome::Abandoned)
@@ -253,73 +249,56 @@ impl Motor {
         }
     }
 
-    fn start(
-        &mut self,
-        axis: Axis,
-        terms: &Terms,
-        in_force: &Calibration,
-        result: &mut Calibration,
-    ) -> Result<Outcome, MotorError> {
+    fn start(&mut self, axis: Axis) -> Result<Outcome, MotorError> {
         match self.axis {
-            None => self.open(in_force, result),
-            Some(before) if before != axis && !self.points.as_slice().is_empty() => {
-                self.conclude(before, terms, result)?;
+            None => {
+                self.points.x.clear();
+                self.points.y.clear();
+            }
+            Some(before) if before != axis && !self.points_of(before).is_empty() => {
+                self.check(before)?;
             }
             Some(_) => {}
         }
         self.axis = Some(axis);
-        self.points.clear();
-        *axis.of_mut(&mut self.counts) = 0;
+        axis.of_mut(&mut self.points).clear();
         self.residual = None;
         self.worst = 0;
         Ok(Outcome::Running)
     }
 
-    /// Takes over from the calibration in force what the run does not make.
-    fn open(&mut self, in_force: &Calibration, result: &mut Calibration) {
-        result.temperature = in_force.temperature;
-        let there = match &in_force.correction {
-            Correction::Tables { tables, rule } => {
-                if let Some(into) = tables_in(result, *rule, &tables.x) {
-                    into.x = tables.x;
-                    into.y = tables.y;
-                }
-                true
-            }
-            Correction::TwoAxis { .. } | Correction::OneAxis { .. } => false,
-        };
-        self.tables = Axes { x: there, y: there };
-        self.counts = Axes::default();
+    fn points_of(&self, axis: Axis) -> &[Point] {
+        match axis {
+            Axis::X => self.points.x.as_slice(),
+            Axis::Y => self.points.y.as_slice(),
+        }
     }
 
-    fn finish(&mut self, terms: &Terms, result: &mut Calibration) -> Result<Outcome, MotorError> {
+    /// Whether the points of `axis` make a table.
+    fn check(&self, axis: Axis) -> Result<(), MotorError> {
+        Table::check(self.points_of(axis)).map_err(|error| MotorError::Table(axis, error))
+    }
+
+    /// Everything is checked first, so that the calibration in force changes altogether.
+    fn finish(&mut self, terms: &Terms, in_force: &mut Calibration) -> Result<Outcome, MotorError> {
         let axis = self.axis.ok_or(MotorError::NotRunning)?;
-        if !axis.other().of(&self.tables) {
+        let has_tables = matches!(in_force.correction, Correction::Tables { .. });
+        if self.points_of(axis.other()).is_empty() && !has_tables {
             return Err(MotorError::Missing(axis.other()));
         }
-        self.conclude(axis, terms, result)?;
-        result.budget = terms.budget;
+        self.check(axis)?;
+        let tables = tables_in(&mut in_force.correction, terms.rule);
+        let tables = tables.ok_or(MotorError::Missing(axis))?;
+        for axis in [Axis::X, Axis::Y] {
+            let points = self.points_of(axis);
+            if !points.is_empty() {
+                let made = axis.of_mut(tables).refill(points);
+                made.map_err(|error| MotorError::Table(axis, error))?;
+            }
+        }
+        in_force.budget = terms.budget;
         self.axis = None;
         Ok(Outcome::Finished)
-    }
-
-    /// Makes the table of `axis` from the points.
-    #[inline(never)]
-    fn conclude(
-        &mut self,
-        axis: Axis,
-        terms: &Terms,
-        result: &mut Calibration,
-    ) -> Result<(), MotorError> {
-        // By reference, because moving it out of the result takes another 1.5 kB of stack.
-        let table = &Table::new(self.points.as_slice());
-        let table = table.as_ref();
-        let table = table.map_err(|error| MotorError::Table(axis, *error))?;
-        if let Some(tables) = tables_in(result, terms.rule, table) {
-            *axis.of_mut(tables) = *table;
-        }
-        *axis.of_mut(&mut self.tables) = true;
-        Ok(())
     }
 
     /// The motor stands at `reference` (0.001 deg, -90000 to 90000): memorises a point.
@@ -343,12 +322,12 @@ impl Motor {
         let model = &chain.calibration.temperature;
         let [x, y, _] = model.apply(filtered, temperature).accel;
         let accel = axis.of(&Axes { x, y });
-        let inserted = self.points.insert(Point { accel, angle });
+        let points = axis.of_mut(&mut self.points);
+        let inserted = points.insert(Point { accel, angle });
         inserted.map_err(|error| match error {
             PointError::Full => MotorError::Full,
             PointError::SameAngle => MotorError::SameAngle,
         })?;
-        *axis.of_mut(&mut self.counts) = self.points.as_slice().len() as u8;
         let found = axis.of(&chain.evaluate(filtered, temperature)).ok();
         self.residual = found.map(|found| to_millidegrees(found.angle.minus(angle)));
         let size = self.residual.map_or(0, i32::unsigned_abs);

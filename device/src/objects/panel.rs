@@ -25,7 +25,6 @@ use crate::channel::Settings;
 use crate::fault_log::FaultLog;
 use crate::program::ProgramMemory;
 use crate::records::{Record, RecordStore, StoreError, parameters};
-use tilt::chain::Calibration;
 
 /// Where readings come from: the channel, or anything that stands in for it.
 pub trait Source {
@@ -49,8 +48,6 @@ impl<M: RecordStore + ProgramMemory> Memory for M {}
 pub struct Work {
     /// The motor's run.
     pub motor: Motor,
-    /// The calibration that is being made.
-    pub result: Calibration,
     /// What new tables come with.
     pub terms: Terms,
 }

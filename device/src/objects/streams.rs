@@ -15,11 +15,9 @@ use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
 use super::panel::{Memory, Panel, Source};
 use crate::calibration::encoding::{self, decode_into};
 use crate::calibration::motor::{Axis, Command, Outcome, Sight};
+use crate::calibration::{recall, stage};
 use crate::program::Effect;
 use crate::records::{Record, RecordStore, StoreError};
-
-/// Bytes handed to the memory at a time while a calibration is stored.
-const PIECE: usize = 32;
 
 const fn text(index: u16) -> Option<&'static str> {
     match index {
@@ -131,60 +129,39 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         Ok(())
     }
 
-    /// All bytes of 2061h are staged: understood first, then stored, then in force.
+    /// All bytes of 2061h are staged: put in force, then stored, or all is as it was.
     fn take_calibration(&mut self) -> Result<(), Abort> {
         self.may_change_calibration()?;
-        self.understand_staged()?;
-        self.slopes_hold(&self.work.result.correction)?;
-        let committed = RecordStore::commit(self.memory);
-        self.note(committed)?;
-        self.settings
-            .chain
-            .calibration
-            .clone_from(&self.work.result);
-        self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
-        self.values.calibrated = true;
-        Ok(())
-    }
-
-    fn understand_staged(&mut self) -> Result<(), Abort> {
-        let scratch = self.work.motor.scratch().ok_or(Abort::WrongState)?;
         let memory = &*self.memory;
-        let understood = decode_into(&mut self.work.result, scratch, &mut |offset, into| {
-            memory.staged(offset, into)
+        let calibration = &mut self.settings.chain.calibration;
+        let understood = decode_into(calibration, &mut |offset, into| memory.staged(offset, into));
+        let understood = understood.map_err(|_| Abort::CannotStore);
+        self.keep_calibration(understood, |_| Ok(()))
+    }
+
+    /// The calibration in force was changed by something that ended with `made`: holds it against
+    /// the slopes, has it written and stored, and takes the stored one back when any of it fails.
+    fn keep_calibration(
+        &mut self,
+        made: Result<(), Abort>,
+        write: impl FnOnce(&mut Self) -> Result<(), StoreError>,
+    ) -> Result<(), Abort> {
+        let fits =
+            made.and_then(|()| self.slopes_hold(&self.settings.chain.calibration.correction));
+        let kept = fits.and_then(|()| {
+            let stored = write(self).and_then(|()| RecordStore::commit(self.memory));
+            self.note(stored)
         });
-        understood.map_err(|_| Abort::CannotStore)
-    }
-
-    /// Stores the calibration that a motor's run has made, then puts it in force.
-    fn keep_result(&mut self) -> Result<(), Abort> {
-        self.slopes_hold(&self.work.result.correction)?;
-        let stored = self.write_result();
-        if stored.is_err() {
-            RecordStore::discard(self.memory);
+        match kept {
+            Ok(()) => self.values.calibrated = true,
+            Err(_) => {
+                RecordStore::discard(self.memory);
+                let calibration = &mut self.settings.chain.calibration;
+                self.values.calibrated = recall(self.memory, calibration).calibrated;
+            }
         }
-        self.note(stored)?;
-        self.settings
-            .chain
-            .calibration
-            .clone_from(&self.work.result);
         self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
-        self.values.calibrated = true;
-        Ok(())
-    }
-
-    fn write_result(&mut self) -> Result<(), StoreError> {
-        RecordStore::begin(self.memory, Record::Calibration)?;
-        let mut offset = 0;
-        let mut piece = [0; PIECE];
-        loop {
-            let count = encoding::read_at(&self.work.result, offset, &mut piece);
-            let Some(bytes) = piece.get(..count).filter(|bytes| !bytes.is_empty()) else {
-                return RecordStore::commit(self.memory);
-            };
-            RecordStore::append(self.memory, bytes)?;
-            offset = offset.saturating_add(count as u32);
-        }
+        kept
     }
 
     pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
@@ -225,17 +202,17 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn command_motor(&mut self, number: u8) -> Result<(), Abort> {
         let command = Command::from_number(number).ok_or(Abort::InvalidValue)?;
         let work = &mut *self.work;
-        let outcome = work.motor.command(
-            command,
-            &work.terms,
-            &self.settings.chain.calibration,
-            &mut work.result,
-        );
+        let outcome =
+            work.motor
+                .command(command, &work.terms, &mut self.settings.chain.calibration);
         self.values.result = outcome.err().map_or(0, |error| error.code());
         let outcome = outcome.map_err(|_| Abort::WrongState)?;
         self.values.command = number;
         if outcome == Outcome::Finished {
-            self.keep_result()?;
+            self.keep_calibration(Ok(()), |panel| {
+                let made = &panel.settings.chain.calibration;
+                stage(panel.memory, Record::Calibration, made)
+            })?;
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ use super::{Record, RecordStore, StoreError};
 /// A record store without a flash, with room for `room` bytes in each record.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
-    pub committed: [Vec<u8>; 5],
+    pub committed: [Vec<u8>; Record::COUNT],
     pub staged: Option<(Record, Vec<u8>)>,
     pub room: usize,
 }

@@ -146,7 +146,6 @@ fn factory() -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: true,
     }
 }
 
@@ -231,7 +230,7 @@ impl Pair {
                 part.clone(),
                 CrossCheck::product(),
                 factory(),
-                Store::default(),
+                Store::delivered(),
             ),
             part,
             peer: Peer {

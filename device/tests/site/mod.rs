@@ -6,6 +6,7 @@ use std::convert::Infallible;
 use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
+use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
@@ -102,6 +103,15 @@ fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
     let rest = from.get(offset as usize..).unwrap_or(&[]);
     let pairs = into.iter_mut().zip(rest);
     pairs.map(|(to, from)| *to = *from).count()
+}
+
+impl Store {
+    /// As the factory left it: the calibration of a perfect part.
+    pub fn delivered() -> Self {
+        let mut store = Self::default();
+        deliver(&mut store, &Calibration::NOMINAL).unwrap();
+        store
+    }
 }
 
 impl RecordStore for Store {
@@ -206,7 +216,6 @@ fn factory(channel: Channel) -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: true,
     }
 }
 
@@ -238,7 +247,7 @@ impl Site {
 
     fn with(channel: Channel, part: Part) -> Self {
         let mut site = Self {
-            device: made(channel, part, Store::default()),
+            device: made(channel, part, Store::delivered()),
             channel,
             taken: 0,
             refused: 0,

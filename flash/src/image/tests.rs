@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::NorFlash;
 use proptest::prelude::*;
 
 use super::*;
-use crate::layout::{CB, Slot};
+use crate::layout::{RC, Slot};
 use crate::nor::tests::bench;
 
 /// The hardware that the tests run on.
@@ -22,7 +22,7 @@ pub(crate) fn file(slot: Slot, version: Version, length: u32) -> Vec<u8> {
         signature: Signature::None,
         hardware: HARDWARE,
         version,
-        address: CB.slot(slot).unwrap().address() + HEADER,
+        address: RC.slot(slot).unwrap().address() + HEADER,
         length,
         crc: Crc32::of(&body),
     };
@@ -59,14 +59,14 @@ fn the_bytes_of_a_header_are_as_documented() {
 fn any_flipped_bit_of_header_or_body_is_found() {
     let file = file(Slot::A, Version::new(1, 0, 0), 96);
     let mut clean = bench(60, 1);
-    clean.write(CB.a.start, &file).unwrap();
-    assert!(verify(&mut clean, CB.a, HARDWARE).is_ok());
+    clean.write(RC.a.start, &file).unwrap();
+    assert!(verify(&mut clean, RC.a, HARDWARE).is_ok());
     for at in (0..SIGNATURE_AT).chain(HEADER..HEADER + 96) {
         for bit in 0..8 {
             let mut nor = clean.clone();
-            nor.flip(CB.a.start + at, 1 << bit);
+            nor.flip(RC.a.start + at, 1 << bit);
             assert!(
-                verify(&mut nor, CB.a, HARDWARE).is_err(),
+                verify(&mut nor, RC.a, HARDWARE).is_err(),
                 "byte {at}, bit {bit}"
             );
         }
@@ -76,11 +76,11 @@ fn any_flipped_bit_of_header_or_body_is_found() {
 #[test]
 fn an_image_for_another_part_or_slot_or_too_long_is_refused() {
     let whole = Header::parse(&file(Slot::B, Version::new(1, 0, 0), 1000)).unwrap();
-    let b = CB.b.unwrap();
+    let b = RC.b.unwrap();
     assert_eq!(whole.suits(b, HARDWARE), Ok(()));
     assert_eq!(whole.suits(b, 1), Err(ImageError::Hardware(HARDWARE)));
     assert_eq!(
-        whole.suits(CB.a, HARDWARE),
+        whole.suits(RC.a, HARDWARE),
         Err(ImageError::Address(whole.address))
     );
     for length in [0, 1002, b.length - HEADER + 4, u32::MAX - 3] {
@@ -98,7 +98,7 @@ fn an_image_for_another_part_or_slot_or_too_long_is_refused() {
 #[test]
 fn an_empty_slot_and_an_unknown_format_are_told_apart() {
     assert_eq!(
-        verify(&mut bench(60, 1), CB.a, HARDWARE),
+        verify(&mut bench(60, 1), RC.a, HARDWARE),
         Err(ImageError::Magic)
     );
     let mut file = file(Slot::A, Version::new(1, 0, 0), 8);
@@ -114,12 +114,12 @@ fn an_empty_slot_and_an_unknown_format_are_told_apart() {
 fn a_running_application_finds_a_flipped_bit_in_the_round_after() {
     let file = file(Slot::A, Version::new(1, 0, 0), 1000);
     let mut nor = bench(60, 1);
-    nor.write(CB.a.start, &file).unwrap();
-    let header = header(&mut nor, CB.a, HARDWARE).unwrap();
+    nor.write(RC.a.start, &file).unwrap();
+    let header = header(&mut nor, RC.a, HARDWARE).unwrap();
     let mut check = Check::new(&header);
     let mut round = |nor: &mut _| {
         for step in 0..100 {
-            let verdict = check.step(nor, CB.a, 16).unwrap();
+            let verdict = check.step(nor, RC.a, 16).unwrap();
             if verdict != Verdict::Running {
                 return (step, verdict);
             }
@@ -128,9 +128,9 @@ fn a_running_application_finds_a_flipped_bit_in_the_round_after() {
     };
     // 1000 bytes in steps of 16 are 63 steps.
     assert_eq!(round(&mut nor), (62, Verdict::Good));
-    nor.flip(CB.a.start + HEADER + 999, 1);
+    nor.flip(RC.a.start + HEADER + 999, 1);
     assert_eq!(round(&mut nor), (62, Verdict::Bad));
-    nor.flip(CB.a.start + HEADER + 999, 1);
+    nor.flip(RC.a.start + HEADER + 999, 1);
     assert_eq!(round(&mut nor), (62, Verdict::Good));
 }
 

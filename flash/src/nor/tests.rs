@@ -61,7 +61,7 @@ fn a_half_word_is_programmed_once_and_then_only_to_zero() {
     assert_eq!(nor.write(4, &[0x30, 0x12]), Err(NorError::Overwrite));
     assert_eq!(nor.broken_rules(), 1);
     nor.write(4, &[0, 0]).unwrap();
-    nor.erase(0, 1024).unwrap();
+    nor.erase(0, PAGE).unwrap();
     nor.write(4, &[0xFF, 0xFF]).unwrap();
     assert_eq!(nor.write(4, &[1, 1]), Err(NorError::Overwrite));
     nor.set_once_only(true);
@@ -73,10 +73,13 @@ fn half_words_and_pages_only() {
     let mut nor = bench(2, 1);
     assert_eq!(nor.write(1, &[0, 0]), Err(NorError::NotAligned));
     assert_eq!(nor.write(0, &[0]), Err(NorError::NotAligned));
-    assert_eq!(nor.write(2048, &[0, 0]), Err(NorError::OutOfBounds));
-    assert_eq!(nor.erase(0, 512), Err(NorError::NotAligned));
-    assert_eq!(nor.erase(1024, 0), Err(NorError::OutOfBounds));
-    assert_eq!(nor.read(2047, &mut [0; 2]), Err(NorError::OutOfBounds));
+    assert_eq!(nor.write(2 * PAGE, &[0, 0]), Err(NorError::OutOfBounds));
+    assert_eq!(nor.erase(0, PAGE / 2), Err(NorError::NotAligned));
+    assert_eq!(nor.erase(PAGE, 0), Err(NorError::OutOfBounds));
+    assert_eq!(
+        nor.read(2 * PAGE - 1, &mut [0; 2]),
+        Err(NorError::OutOfBounds)
+    );
     assert_eq!(nor.broken_rules(), 6);
 }
 
@@ -99,45 +102,89 @@ fn a_cut_program_leaves_some_of_its_bits_and_the_rest_of_the_write_undone() {
     assert!(seen.len() > 15, "{seen:?}");
 }
 
+/// A page of zeros between others, after its erase was cut.
+fn torn_page(seed: u64) -> Bench {
+    let mut nor = bench(2, seed);
+    nor.write(0, &[0; PAGE as usize]).unwrap();
+    nor.write(PAGE, &[7; PAGE as usize]).unwrap();
+    nor.cut_after(0);
+    assert_eq!(nor.erase(0, PAGE), Err(NorError::NoPower));
+    nor.power_up();
+    nor
+}
+
+fn page(nor: &mut Bench) -> [u8; PAGE as usize] {
+    let mut bytes = [0; PAGE as usize];
+    nor.read(0, &mut bytes).unwrap();
+    bytes
+}
+
 #[test]
 fn a_cut_erase_reads_differently_each_time_and_takes_no_program() {
-    let (mut unlike, mut untouched, mut blank) = (0, 0, 0);
-    for seed in 0..50 {
-        let mut nor = bench(2, seed);
-        nor.write(0, &[0; 1024]).unwrap();
-        nor.write(1024, &[7; 1024]).unwrap();
-        nor.cut_after(0);
-        assert_eq!(nor.erase(0, 1024), Err(NorError::NoPower));
-        nor.power_up();
-        let mut pair = [[0; 1024]; 2];
-        for read in &mut pair {
-            nor.read(0, read).unwrap();
+    let (mut unlike, mut untouched, mut blank, mut half) = (0, 0, 0, 0);
+    for seed in 0..200 {
+        let mut nor = torn_page(seed);
+        let pair = [page(&mut nor), page(&mut nor)];
+        let alike = pair[0] == pair[1];
+        let mixed = pair[0].contains(&0) && pair[0].contains(&0xFF);
+        unlike += u32::from(!alike);
+        untouched += u32::from(pair[0] == [0; PAGE as usize]);
+        blank += u32::from(pair[0] == [0xFF; PAGE as usize]);
+        half += u32::from(alike && mixed);
+        assert_eq!(held(&mut nor, PAGE), [7, 7]);
+        // Whatever either half looks like, it takes nothing.
+        for at in [0, PAGE / 2, PAGE - 2] {
+            assert_eq!(nor.write(at, &[0, 0]), Err(NorError::NotErased));
         }
-        unlike += u32::from(pair[0] != pair[1]);
-        untouched += u32::from(pair[0] == [0; 1024]);
-        blank += u32::from(pair[0] == [0xFF; 1024]);
-        assert_eq!(held(&mut nor, 1024), [7, 7]);
-        assert_eq!(nor.write(0, &[0, 0]), Err(NorError::NotErased));
-        nor.erase(0, 1024).unwrap();
+        nor.erase(0, PAGE).unwrap();
         nor.write(0, &[1, 0]).unwrap();
         assert_eq!(nor.pages()[0].erases(), 2);
     }
-    // A fifth of the pages looks untouched, and another blank.
-    assert_eq!(unlike + untouched + blank, 50);
+    // A tenth of the pages looks untouched, another blank, and a third is half erased.
+    assert_eq!(unlike + untouched + blank + half, 200);
     assert!(
-        unlike > 20 && untouched > 3 && blank > 3,
-        "{unlike} {untouched} {blank}"
+        unlike > 60 && untouched > 10 && blank > 10 && half > 40,
+        "{unlike} {untouched} {blank} {half}"
     );
+}
+
+#[test]
+fn an_erase_is_cut_in_either_half_and_between_the_two() {
+    let mut seen = [[0; 3]; 2];
+    for seed in 0..200 {
+        let mut nor = torn_page(seed);
+        let pair = [page(&mut nor), page(&mut nor)];
+        let state = |range: std::ops::Range<usize>| {
+            let (first, second) = (&pair[0][range.clone()], &pair[1][range]);
+            match first {
+                _ if first != second => 1,
+                _ if first.iter().all(|byte| *byte == 0) => 0,
+                _ if first.iter().all(|byte| *byte == 0xFF) => 2,
+                _ => panic!("seed {seed}"),
+            }
+        };
+        match (state(0..HALF), state(HALF..PAGE as usize)) {
+            // The second half is not begun before the first is done, or both are one.
+            (0, after) => assert_eq!(after, 0),
+            (1, after) => seen[0][after] += 1,
+            (_, after) => seen[1][after] += 1,
+        }
+    }
+    // Torn and untouched, torn both, never torn and blank; blank, and all three behind it.
+    let [[begun, both, never], done] = seen;
+    assert_eq!(never, 0);
+    assert!(begun > 10 && both > 10, "{seen:?}");
+    assert!(done.iter().all(|count| *count > 10), "{seen:?}");
 }
 
 #[test]
 fn a_worn_page_keeps_a_bit() {
     let mut nor = bench(1, 3);
     nor.set_endurance(2);
-    nor.erase(0, 1024).unwrap();
-    nor.erase(0, 1024).unwrap();
+    nor.erase(0, PAGE).unwrap();
+    nor.erase(0, PAGE).unwrap();
     assert_eq!(held(&mut nor, 0), [0xFF, 0xFF]);
-    nor.erase(0, 1024).unwrap();
+    nor.erase(0, PAGE).unwrap();
     assert_eq!(held(&mut nor, 0), [0xFE, 0xFF]);
     nor.flip(1, 0x80);
     assert_eq!(held(&mut nor, 0), [0xFE, 0x7F]);

@@ -79,9 +79,10 @@ impl<const ENTRY: usize> Log<ENTRY> {
     /// Entries that a page holds.
     pub const PER_PAGE: u32 = (PAGE - HEAD) / Self::PLACE;
 
-    /// Finds the log in `region`, two pages at least. Nothing is written, whatever is there.
+    /// Finds the log in `region`. Nothing is written, whatever is there.
     ///
-    /// Errors: [`LogError::Access`].
+    /// A region of less than two pages keeps no events: it is never read or written, and appending
+    /// answers [`LogError::NeedsErase`]. Errors: [`LogError::Access`].
     pub fn mount<F: ReadNorFlash>(flash: &mut F, region: Region) -> Result<Self, LogError> {
         const { assert!(ENTRY.is_multiple_of(2) && ENTRY > 0 && ENTRY <= 256) };
         let pages = Pages::new(region, MARK);
@@ -94,6 +95,9 @@ impl<const ENTRY: usize> Log<ENTRY> {
             open: false,
             next_ready: false,
         };
+        if pages.count() < 2 {
+            return Ok(log);
+        }
         let Some(newest) = pages.newest(flash)? else {
             return Ok(log);
         };
@@ -151,7 +155,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
             .index
             .saturating_add(spare.saturating_mul(Self::PER_PAGE));
         let enough = !self.open || self.end.index >= Self::PER_PAGE || kept >= keep;
-        !self.next_ready && enough
+        self.pages.count() > 1 && !self.next_ready && enough
     }
 
     /// Makes the next page ready, if the last `keep` entries stay: one erase at most.

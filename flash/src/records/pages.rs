@@ -161,13 +161,13 @@ mod tests {
     fn a_page_whose_erase_was_cut_has_no_header_and_is_erased_before_it_is_programmed() {
         let region = Region {
             start: 0,
-            length: 4096,
+            length: 4 * PAGE,
         };
         let pages = Pages::new(region, MARK);
         for (seed, cut) in (0..400).flat_map(|seed| (0..8).map(move |cut| (seed, cut))) {
             let mut nor = bench(4, seed);
             pages.renew(&mut nor, 5).unwrap();
-            program(&mut nor, 1024 + 100, &[1; 20]).unwrap();
+            program(&mut nor, PAGE + 100, &[1; 20]).unwrap();
             nor.cut_after(cut);
             assert!(pages.renew(&mut nor, 9).is_err());
             nor.power_up();
@@ -183,15 +183,15 @@ mod tests {
     #[test]
     fn a_page_counts_in_its_own_place_and_for_its_own_ring_only() {
         let region = Region {
-            start: 1024,
-            length: 3072,
+            start: PAGE,
+            length: 3 * PAGE,
         };
         let pages = Pages::new(region, MARK);
         let mut nor = bench(4, 1);
         pages.renew(&mut nor, 7).unwrap();
         assert_eq!(pages.newest(&mut nor), Ok(Some(7)));
         // A number that belongs elsewhere, and one from another ring.
-        program(&mut nor, 1024, &pages.header(4)).unwrap();
+        program(&mut nor, PAGE, &pages.header(4)).unwrap();
         assert_eq!(pages.newest(&mut nor), Ok(Some(7)));
         assert_eq!(Pages::new(region, MARK + 1).newest(&mut nor), Ok(None));
     }

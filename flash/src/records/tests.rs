@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::Progress;
-use crate::layout::{C8, CB};
+use crate::layout::{ALL, C8, CB, RC};
 use crate::nor::tests::{Bench, Seeded, bench};
 
 /// Communication, profile, manufacturer, LSS, calibration: what the device keeps.
@@ -17,6 +17,9 @@ const CALIBRATION: u8 = 4;
 
 /// The longest of each kind: parameters of 1.5 kB together, and two full tables.
 const LONGEST_OF: [u32; KINDS] = [600, 500, 400, 16, 3076];
+
+/// The fewest pages in which every kind has room at its longest: nothing is to spare.
+const PAGES: u32 = 8;
 
 type Store = Records<KINDS>;
 type Content = [Vec<u8>; KINDS];
@@ -79,11 +82,11 @@ fn content(nor: &mut Bench, store: &Store) -> Content {
 
 #[test]
 fn what_is_committed_is_read_from_any_offset_also_after_a_reset() {
-    let mut nor = bench(16, 1);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 1);
+    let mut store = mounted(&mut nor, PAGES);
     let new = bytes(3075, 1);
     store_it(&mut nor, &mut store, CALIBRATION, &new).unwrap();
-    for store in [store, mounted(&mut nor, 14)] {
+    for store in [store, mounted(&mut nor, PAGES)] {
         assert_eq!(store.length(CALIBRATION), 3075);
         for offset in (0..3080).step_by(7) {
             let mut into = [0; 61];
@@ -103,8 +106,8 @@ fn what_is_committed_is_read_from_any_offset_also_after_a_reset() {
 
 #[test]
 fn nothing_counts_before_the_commit_and_a_discard_forgets() {
-    let mut nor = bench(16, 1);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 1);
+    let mut store = mounted(&mut nor, PAGES);
     store_it(&mut nor, &mut store, 0, b"old").unwrap();
     let new = bytes(2001, 2);
     prepare(&mut nor, &mut store, 2001).unwrap();
@@ -122,7 +125,7 @@ fn nothing_counts_before_the_commit_and_a_discard_forgets() {
     assert_eq!(store.commit(&mut nor), Err(RecordError::NotBegun));
     assert_eq!(store.append(&mut nor, b"x"), Err(RecordError::NotBegun));
     store_it(&mut nor, &mut store, 1, b"other").unwrap();
-    let store = mounted(&mut nor, 14);
+    let store = mounted(&mut nor, PAGES);
     assert_eq!(
         content(&mut nor, &store)[..2],
         [b"old".to_vec(), b"other".to_vec()]
@@ -132,23 +135,23 @@ fn nothing_counts_before_the_commit_and_a_discard_forgets() {
 
 #[test]
 fn an_erased_record_stays_away_although_older_versions_lie_about() {
-    let mut nor = bench(16, 1);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 1);
+    let mut store = mounted(&mut nor, PAGES);
     for version in 0..5 {
         store_it(&mut nor, &mut store, 2, &bytes(100, version)).unwrap();
     }
     store.erase(&mut nor, 2).unwrap();
     for version in 0..400 {
         store_it(&mut nor, &mut store, 1, &bytes(333, version)).unwrap();
-        store = mounted(&mut nor, 14);
+        store = mounted(&mut nor, PAGES);
         assert_eq!(store.length(2), 0);
     }
 }
 
 #[test]
 fn storing_erases_nothing_and_says_when_it_has_to() {
-    let mut nor = bench(16, 1);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 1);
+    let mut store = mounted(&mut nor, PAGES);
     assert!(store.needs_erase(16));
     assert_eq!(store.begin(&mut nor, 3), Err(RecordError::NeedsErase));
     prepare(&mut nor, &mut store, 3076).unwrap();
@@ -187,7 +190,7 @@ fn chunks_that_do_not_follow_one_another_are_no_record() {
         version: 7,
     };
     let joined = |second: chunk::Chunk, at| {
-        let mut store = mounted(&mut bench(16, 1), 14);
+        let mut store = mounted(&mut bench(PAGES + 2, 1), PAGES);
         let open = store.join(None, first, place(20, 900));
         store.join(open, second, place(21, at));
         store.length(1)
@@ -211,8 +214,8 @@ fn chunks_that_do_not_follow_one_another_are_no_record() {
 
 /// A store with every kind at its longest, after `rounds` of stores.
 fn filled(rounds: u32) -> (Bench, Content) {
-    let mut nor = bench(16, 2);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 2);
+    let mut store = mounted(&mut nor, PAGES);
     for round in 0..rounds {
         for kind in 0..KINDS as u8 {
             let length = LONGEST_OF[usize::from(kind)];
@@ -227,11 +230,11 @@ fn filled(rounds: u32) -> (Bench, Content) {
 fn cut_everywhere(full: &Bench, kept: &Content, kind: u8, new: &[u8]) -> u64 {
     for cut in 0.. {
         let mut nor = full.clone();
-        let mut store = mounted(&mut nor, 14);
+        let mut store = mounted(&mut nor, PAGES);
         nor.cut_after(cut);
         let done = store_it(&mut nor, &mut store, kind, new).is_ok();
         nor.power_up();
-        let mut store = mounted(&mut nor, 14);
+        let mut store = mounted(&mut nor, PAGES);
         let mut now = content(&mut nor, &store);
         let slot = usize::from(kind);
         let stored = now[slot] == new;
@@ -314,40 +317,49 @@ fn storm(seed: u64, pages: u32, longest: [u32; KINDS], cuts: u32) -> Bench {
 
 #[test]
 fn ten_thousand_random_cuts_lose_nothing_and_the_store_never_gets_stuck() {
-    storm(1, 14, LONGEST_OF, 10_000);
+    assert!(RC.records.pages() > PAGES);
+    storm(1, RC.records.pages(), LONGEST_OF, 10_000);
+    storm(4, PAGES, LONGEST_OF, 10_000);
 }
 
 #[test]
 fn the_small_part_keeps_a_calibration_by_harmonics_through_cuts() {
-    assert_eq!(C8.records.pages(), 6);
-    storm(2, 6, [300, 250, 200, 16, 268], 2_000);
+    assert_eq!(C8.records.pages(), 4);
+    storm(2, 4, [300, 250, 200, 16, 268], 2_000);
+}
+
+#[test]
+fn the_paper_s_part_keeps_what_it_has_room_for_through_cuts() {
+    assert_eq!(CB.records.pages(), 6);
+    storm(3, 6, [600, 500, 400, 16, 1761], 2_000);
 }
 
 #[test]
 fn pages_wear_alike() {
-    let mut nor = bench(16, 3);
-    let mut store = mounted(&mut nor, 14);
-    for version in 0..2000 {
+    let mut nor = bench(PAGES + 2, 3);
+    let mut store = mounted(&mut nor, PAGES);
+    for version in 0..2500 {
         let kind = if version % 50 == 0 { CALIBRATION } else { 0 };
         let length = LONGEST_OF[usize::from(kind)];
         store_it(&mut nor, &mut store, kind, &bytes(length, version)).unwrap();
     }
-    let erases: Vec<u32> = nor.pages()[1..15]
+    let erases: Vec<u32> = nor.pages()[1..=PAGES as usize]
         .iter()
         .map(|page| page.erases())
         .collect();
     let (least, most) = (erases.iter().min(), erases.iter().max());
     assert!(most.unwrap() - least.unwrap() <= 1, "{erases:?}");
     assert!(store.rounds() - most.unwrap() <= 1);
-    // 2000 stores of 0.6 kB and their share of calibrations are 1.4 MB: 100 rounds at least.
+    // 2500 stores of 0.6 kB and their share of calibrations are 1.7 MB: 100 rounds at least.
     assert!((100..200).contains(most.unwrap()), "{erases:?}");
-    assert_eq!((nor.pages()[0].erases(), nor.pages()[15].erases()), (0, 0));
+    let (before, behind) = (&nor.pages()[0], &nor.pages()[PAGES as usize + 1]);
+    assert_eq!((before.erases(), behind.erases()), (0, 0));
 }
 
 #[test]
 fn any_flipped_bit_leaves_a_version_that_was_stored_and_the_other_kinds_alone() {
-    let mut clean = bench(16, 4);
-    let mut store = mounted(&mut clean, 14);
+    let mut clean = bench(PAGES + 2, 4);
+    let mut store = mounted(&mut clean, PAGES);
     let lengths = [60, 50, 40, 16, 1500];
     for version in 0..2 {
         for (kind, length) in lengths.into_iter().enumerate() {
@@ -357,10 +369,10 @@ fn any_flipped_bit_leaves_a_version_that_was_stored_and_the_other_kinds_alone() 
     }
     let mut old = 0;
     let mut random = Seeded::new(9);
-    for at in PAGE..15 * PAGE {
+    for at in PAGE..(PAGES + 1) * PAGE {
         let mut nor = clean.clone();
         nor.flip(at, 1 << random.below(8));
-        let store = mounted(&mut nor, 14);
+        let store = mounted(&mut nor, PAGES);
         let now = content(&mut nor, &store);
         let changed = (0..KINDS).filter(|kind| now[*kind] != bytes(lengths[*kind], 1));
         for kind in changed {
@@ -384,8 +396,8 @@ fn any_flipped_bit_leaves_a_version_that_was_stored_and_the_other_kinds_alone() 
 
 #[test]
 fn a_bit_that_goes_bad_after_the_mount_is_named_once_and_what_is_left_counts() {
-    let mut nor = bench(16, 4);
-    let mut store = mounted(&mut nor, 14);
+    let mut nor = bench(PAGES + 2, 4);
+    let mut store = mounted(&mut nor, PAGES);
     store_it(&mut nor, &mut store, 2, &bytes(100, 1)).unwrap();
     store_it(&mut nor, &mut store, 2, &bytes(100, 2)).unwrap();
     // Both lie in the first page: 16 of the page, 116 of version 1, 16 of the chunk.
@@ -406,9 +418,9 @@ fn a_bit_that_goes_bad_after_the_mount_is_named_once_and_what_is_left_counts() {
 
 #[test]
 fn a_worn_page_is_reported_and_what_was_stored_stays() {
-    let mut nor = bench(16, 4);
+    let mut nor = bench(PAGES + 2, 4);
     nor.set_endurance(3);
-    let mut store = mounted(&mut nor, 14);
+    let mut store = mounted(&mut nor, PAGES);
     let mut kept = Vec::new();
     let error = loop {
         let new = bytes(900, kept.len() as u32);
@@ -419,13 +431,13 @@ fn a_worn_page_is_reported_and_what_was_stored_stays() {
     };
     assert_eq!(error, RecordError::Access(AccessError::Worn { at: PAGE }));
     assert_eq!(content(&mut nor, &store)[0], kept);
-    let store = mounted(&mut nor, 14);
+    let store = mounted(&mut nor, PAGES);
     assert_eq!(content(&mut nor, &store)[0], kept);
 }
 
 #[test]
 fn what_does_not_fit_is_refused_and_costs_nothing() {
-    let mut nor = bench(16, 4);
+    let mut nor = bench(PAGES + 2, 4);
     let mut store = mounted(&mut nor, C8.records.pages());
     store_it(&mut nor, &mut store, 0, &bytes(600, 1)).unwrap();
     assert_eq!(store.prepare(&mut nor, 3076), Err(RecordError::Full));
@@ -440,25 +452,52 @@ fn what_does_not_fit_is_refused_and_costs_nothing() {
 
 #[test]
 fn the_large_part_has_room_for_every_record_at_its_longest() {
-    let (mut nor, _) = filled(3);
-    let mut store = mounted(&mut nor, CB.records.pages());
-    for kind in 0..KINDS as u8 {
-        let new = bytes(LONGEST_OF[usize::from(kind)], 9);
-        assert_eq!(store_it(&mut nor, &mut store, kind, &new), Ok(()));
+    for pages in [PAGES, RC.records.pages()] {
+        assert_eq!(rounds_of(pages, LONGEST_OF), Ok(()));
     }
+    assert_eq!(rounds_of(PAGES - 1, LONGEST_OF), Err(RecordError::Full));
+}
+
+#[test]
+fn the_longest_calibration_beside_the_parameters_is_as_the_maps_say() {
+    for (layout, parameters, longest) in [
+        (RC, [600, 500, 400, 16], 7132),
+        (CB, [600, 500, 400, 16], 1761),
+        (C8, [300, 250, 200, 16], 656),
+    ] {
+        let [a, b, c, d] = parameters;
+        let of = |longest| rounds_of(layout.records.pages(), [a, b, c, d, longest]);
+        assert_eq!(of(longest), Ok(()), "{}", layout.part);
+        assert_eq!(of(longest + 1), Err(RecordError::Full), "{}", layout.part);
+    }
+    // A ring of two pages would take nothing.
+    assert_eq!(rounds_of(2, [0; KINDS]), Err(RecordError::Full));
+    assert!(ALL.iter().all(|layout| layout.records.pages() > 2));
+}
+
+/// Stores every kind at its length, several times over, on so many pages.
+fn rounds_of(pages: u32, lengths: [u32; KINDS]) -> Result<(), RecordError> {
+    let mut nor = bench(pages + 2, 5);
+    let mut store = mounted(&mut nor, pages);
+    for version in 0..8 {
+        for (kind, length) in (0..).zip(lengths) {
+            store_it(&mut nor, &mut store, kind, &bytes(length, version))?;
+        }
+    }
+    Ok(())
 }
 
 #[test]
 fn a_region_full_of_anything_is_empty_and_can_be_used() {
     let mut random = Seeded::new(3);
-    let mut nor = bench(16, 4);
-    for at in 0..16 * PAGE {
+    let mut nor = bench(PAGES + 2, 4);
+    for at in 0..(PAGES + 2) * PAGE {
         nor.flip(at, random.below(256) as u8);
     }
-    let mut store = mounted(&mut nor, 14);
+    let mut store = mounted(&mut nor, PAGES);
     assert_eq!(content(&mut nor, &store), Content::default());
     store_it(&mut nor, &mut store, 1, b"first").unwrap();
-    let store = mounted(&mut nor, 14);
+    let store = mounted(&mut nor, PAGES);
     assert_eq!(content(&mut nor, &store)[1], b"first");
 }
 
@@ -470,6 +509,6 @@ proptest! {
         seed: u64,
         longest in prop::array::uniform5(0..900u32),
     ) {
-        storm(seed >> 2, 14, longest, 160);
+        storm(seed >> 2, PAGES, longest, 160);
     }
 }

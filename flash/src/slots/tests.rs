@@ -5,7 +5,7 @@ use embedded_storage::nor_flash::NorFlash;
 use super::*;
 use crate::image::Version;
 use crate::image::tests::{HARDWARE, file};
-use crate::layout::{C8, CB};
+use crate::layout::{C8, RC};
 use crate::nor::tests::{Bench, bench};
 
 const OLD: Version = Version::new(1, 0, 0);
@@ -16,7 +16,7 @@ fn delivered() -> Bench {
     let mut nor = bench(128, 7);
     let mut factory = file(Slot::A, OLD, 64);
     factory[MARKS as usize..HEADER as usize].copy_from_slice(&factory_marks());
-    for (slot, file) in [(CB.a, factory), (CB.b.unwrap(), file(Slot::B, NEW, 64))] {
+    for (slot, file) in [(RC.a, factory), (RC.b.unwrap(), file(Slot::B, NEW, 64))] {
         crate::access::program(&mut nor, slot.start, &file).unwrap();
     }
     nor
@@ -24,7 +24,7 @@ fn delivered() -> Bench {
 
 /// What a start does, as slot and reason.
 fn start(nor: &mut Bench) -> Option<(Slot, Why)> {
-    match boot(nor, &CB, HARDWARE) {
+    match boot(nor, &RC, HARDWARE) {
         Decision::Run(slot, header, why) => {
             let version = if slot == Slot::A { OLD } else { NEW };
             assert_eq!(header.version, version);
@@ -43,11 +43,11 @@ const B_CONFIRMED: Option<(Slot, Why)> = Some((Slot::B, Why::Confirmed));
 fn an_image_is_tried_and_confirmed() {
     let mut nor = delivered();
     assert_eq!(start(&mut nor), A_CONFIRMED);
-    assert_eq!(activate(&mut nor, &CB, Slot::B, HARDWARE), Ok(1));
-    assert_eq!(activate(&mut nor, &CB, Slot::B, HARDWARE), Ok(1));
+    assert_eq!(activate(&mut nor, &RC, Slot::B, HARDWARE), Ok(1));
+    assert_eq!(activate(&mut nor, &RC, Slot::B, HARDWARE), Ok(1));
     assert_eq!(start(&mut nor), B_TRIAL);
-    confirm(&mut nor, &CB, Slot::B).unwrap();
-    confirm(&mut nor, &CB, Slot::B).unwrap();
+    confirm(&mut nor, &RC, Slot::B).unwrap();
+    confirm(&mut nor, &RC, Slot::B).unwrap();
     for _ in 0..5 {
         assert_eq!(start(&mut nor), B_CONFIRMED);
     }
@@ -57,39 +57,39 @@ fn an_image_is_tried_and_confirmed() {
 #[test]
 fn an_image_that_is_never_confirmed_is_rolled_back_after_three_attempts() {
     let mut nor = delivered();
-    activate(&mut nor, &CB, Slot::B, HARDWARE).unwrap();
+    activate(&mut nor, &RC, Slot::B, HARDWARE).unwrap();
     for _ in 0..ATTEMPTS {
         assert_eq!(start(&mut nor), B_TRIAL);
     }
     for _ in 0..5 {
         assert_eq!(start(&mut nor), A_ROLLED_BACK);
     }
-    assert_eq!(activate(&mut nor, &CB, Slot::B, HARDWARE), Ok(1));
+    assert_eq!(activate(&mut nor, &RC, Slot::B, HARDWARE), Ok(1));
     assert_eq!(start(&mut nor), A_ROLLED_BACK);
     // In its last attempt an image may still be confirmed.
-    confirm(&mut nor, &CB, Slot::B).unwrap();
+    confirm(&mut nor, &RC, Slot::B).unwrap();
     assert_eq!(start(&mut nor), B_CONFIRMED);
 }
 
 #[test]
 fn a_damaged_image_leaves_the_other_and_two_leave_the_bootloader() {
     let mut nor = delivered();
-    activate(&mut nor, &CB, Slot::B, HARDWARE).unwrap();
-    confirm(&mut nor, &CB, Slot::B).unwrap();
-    nor.flip(CB.b.unwrap().start + HEADER + 5, 1);
+    activate(&mut nor, &RC, Slot::B, HARDWARE).unwrap();
+    confirm(&mut nor, &RC, Slot::B).unwrap();
+    nor.flip(RC.b.unwrap().start + HEADER + 5, 1);
     assert_eq!(start(&mut nor), A_CONFIRMED);
-    nor.flip(CB.a.start + 8, 1);
-    assert_eq!(boot(&mut nor, &CB, HARDWARE), Decision::Stay(Stay::Bad));
+    nor.flip(RC.a.start + 8, 1);
+    assert_eq!(boot(&mut nor, &RC, HARDWARE), Decision::Stay(Stay::Bad));
     assert_eq!(
-        boot(&mut bench(128, 1), &CB, HARDWARE),
+        boot(&mut bench(128, 1), &RC, HARDWARE),
         Decision::Stay(Stay::Empty)
     );
     // The part with one slot looks at that one only.
     assert_eq!(
         boot(&mut delivered(), &C8, HARDWARE),
-        boot(&mut delivered(), &CB, HARDWARE)
+        boot(&mut delivered(), &RC, HARDWARE)
     );
-    assert_eq!(boot(&mut delivered(), &CB, 1), Decision::Stay(Stay::Bad));
+    assert_eq!(boot(&mut delivered(), &RC, 1), Decision::Stay(Stay::Bad));
     assert_eq!(
         activate(&mut delivered(), &C8, Slot::B, HARDWARE),
         Err(SlotError::Absent)
@@ -175,12 +175,12 @@ fn cut_everywhere(
 
 #[test]
 fn a_cut_while_activating_leaves_the_old_or_the_trial() {
-    let step = |nor: &mut Bench| activate(nor, &CB, Slot::B, HARDWARE).is_ok();
+    let step = |nor: &mut Bench| activate(nor, &RC, Slot::B, HARDWARE).is_ok();
     cut_everywhere(&delivered(), step, |nor, done| {
         let started = start(nor);
         assert!(started == B_TRIAL || (started == A_CONFIRMED && !done));
         // A second try works.
-        activate(nor, &CB, Slot::B, HARDWARE).unwrap();
+        activate(nor, &RC, Slot::B, HARDWARE).unwrap();
         assert_eq!(start(nor), B_TRIAL);
     });
 }
@@ -188,15 +188,15 @@ fn a_cut_while_activating_leaves_the_old_or_the_trial() {
 #[test]
 fn a_cut_while_confirming_leaves_the_trial_or_the_confirmed() {
     let mut before = delivered();
-    activate(&mut before, &CB, Slot::B, HARDWARE).unwrap();
+    activate(&mut before, &RC, Slot::B, HARDWARE).unwrap();
     start(&mut before);
-    let step = |nor: &mut Bench| confirm(nor, &CB, Slot::B).is_ok();
+    let step = |nor: &mut Bench| confirm(nor, &RC, Slot::B).is_ok();
     cut_everywhere(&before, step, |nor, done| {
         let started = start(nor);
         assert!(started == B_CONFIRMED || (started == B_TRIAL && !done));
         // Whatever the first cut left, it stays so from start to start, and can be completed.
         assert_eq!(start(nor), started);
-        confirm(nor, &CB, Slot::B).unwrap();
+        confirm(nor, &RC, Slot::B).unwrap();
         assert_eq!(start(nor), B_CONFIRMED);
     });
 }
@@ -204,11 +204,11 @@ fn a_cut_while_confirming_leaves_the_trial_or_the_confirmed() {
 #[test]
 fn a_cut_while_an_attempt_is_taken_leaves_one_less_or_as_many() {
     let mut before = delivered();
-    activate(&mut before, &CB, Slot::B, HARDWARE).unwrap();
+    activate(&mut before, &RC, Slot::B, HARDWARE).unwrap();
     for attempts in 0..ATTEMPTS {
         let step = |nor: &mut Bench| start(nor) == B_TRIAL;
         cut_everywhere(&before, step, |nor, done| {
-            let left = marks(nor, CB.b.unwrap()).unwrap().left;
+            let left = marks(nor, RC.b.unwrap()).unwrap().left;
             let old = ATTEMPTS - attempts;
             assert!(left == old - 1 || (left == old && !done));
             for _ in 0..left {
@@ -223,9 +223,9 @@ fn a_cut_while_an_attempt_is_taken_leaves_one_less_or_as_many() {
 #[test]
 fn one_bad_bit_in_the_marks_confirms_nothing_and_takes_one_attempt_at_most() {
     let mut trial = delivered();
-    activate(&mut trial, &CB, Slot::B, HARDWARE).unwrap();
+    activate(&mut trial, &RC, Slot::B, HARDWARE).unwrap();
     start(&mut trial);
-    let b = CB.b.unwrap();
+    let b = RC.b.unwrap();
     let clean = marks(&mut trial, b).unwrap();
     for at in MARKS..HEADER {
         for bit in 0..8 {
@@ -237,8 +237,8 @@ fn one_bad_bit_in_the_marks_confirms_nothing_and_takes_one_attempt_at_most() {
             assert!(now.left.abs_diff(clean.left) <= 1);
             // Of a confirmed image it takes nothing but its activation.
             let mut nor = delivered();
-            nor.flip(CB.a.start + at, 1 << bit);
-            let now = marks(&mut nor, CB.a).unwrap();
+            nor.flip(RC.a.start + at, 1 << bit);
+            let now = marks(&mut nor, RC.a).unwrap();
             assert!(now.confirmed);
         }
     }
@@ -247,10 +247,10 @@ fn one_bad_bit_in_the_marks_confirms_nothing_and_takes_one_attempt_at_most() {
 #[test]
 fn an_attempt_that_is_not_held_passes_the_image_over() {
     let mut nor = delivered();
-    activate(&mut nor, &CB, Slot::B, HARDWARE).unwrap();
+    activate(&mut nor, &RC, Slot::B, HARDWARE).unwrap();
     // The flash loses its supply for good: reading works, writing does not.
     let mut read_only = ReadOnly(nor);
-    let decision = boot(&mut read_only, &CB, HARDWARE);
+    let decision = boot(&mut read_only, &RC, HARDWARE);
     assert!(matches!(
         decision,
         Decision::Run(Slot::A, _, Why::RolledBack)
@@ -278,7 +278,7 @@ impl ReadNorFlash for ReadOnly {
 
 impl NorFlash for ReadOnly {
     const WRITE_SIZE: usize = 2;
-    const ERASE_SIZE: usize = 1024;
+    const ERASE_SIZE: usize = crate::layout::PAGE as usize;
 
     fn erase(&mut self, _: u32, _: u32) -> Result<(), Self::Error> {
         Err(crate::nor::NorError::NoPower)

@@ -19,16 +19,11 @@ pub mod week;
 
 use device::channel::Settings;
 use device::sensor::Config;
-use tilt::angle::Axes;
-use tilt::angle::Harmonics;
 use tilt::calibration::FitError;
-use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
+use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::LowPass;
 use tilt::sample::FullScale;
-use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::Budget;
-use tilt::vector::Vector;
 
 use crate::chamber::Chamber;
 use crate::error_model::ErrorModel;
@@ -78,14 +73,7 @@ impl Mode {
             period_us: part.rate.period_us(),
             part_delay_q16: PART_DELAY_Q16,
             timing,
-            calibration: Calibration {
-                temperature: TemperatureModel::None,
-                correction: Correction::TwoAxis {
-                    vector: Vector::IDENTITY,
-                    harmonics: Axes::<Harmonics>::default(),
-                },
-                budget: Budget::default(),
-            },
+            calibration: Calibration::NOMINAL,
         };
         Settings {
             part,

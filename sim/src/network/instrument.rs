@@ -8,6 +8,7 @@
 //! the middle of their thermal hysteresis, as the bench leaves them.
 
 use canopen::object::{Address, Value, at};
+use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::Factory;
@@ -92,7 +93,7 @@ impl Delivered {
             introduce(&mut for_a.memory, for_b.node_id);
             introduce(&mut for_b.memory, for_a.node_id);
         }
-        [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, fitting)| {
+        [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, mut fitting)| {
             let node = channel as u32 + 1;
             let rng = Rng::stream(seed, &format!("unit {unit} node {node}"));
             let electronics = Electronics::new(&self.parts, rng);
@@ -100,6 +101,10 @@ impl Delivered {
                 Mode::Paper => Rule::Nearest,
                 Mode::Product | Mode::OneAxis => Rule::Linear,
             };
+            if self.calibrated {
+                // As with what is introduced above: a broken memory is a fault for later.
+                let _ = deliver(&mut fitting.memory, &settings.chain.calibration);
+            }
             let factory = Factory {
                 identity: Identity {
                     channel,
@@ -112,7 +117,6 @@ impl Delivered {
                     budget: settings.chain.calibration.budget,
                 },
                 settings,
-                calibrated: self.calibrated,
             };
             network.add(electronics, mode.check(), factory, fitting.memory)
         })

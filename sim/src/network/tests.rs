@@ -8,12 +8,14 @@ use super::*;
 use canopen::Frame;
 use canopen::nmt::State;
 use canopen::object::Value;
+use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::process::SyncSource;
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore, parameters};
+use tilt::chain::Calibration;
 
 use crate::bench::Mode;
 use crate::can_bus::Rates;
@@ -71,8 +73,14 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
             budget: settings.chain.calibration.budget,
         },
         settings,
-        calibrated: true,
     }
+}
+
+/// The memory of a perfect part as it left the factory.
+fn delivered() -> Memory {
+    let mut memory = Memory::new();
+    deliver(&mut memory, &Calibration::NOMINAL).unwrap();
+    memory
 }
 
 /// Two nodes with perfect parts but clocks of their own, powered, on a bus with a host.
@@ -89,7 +97,7 @@ impl Site {
             let rng = Rng::stream(1, &format!("network {channel:?}"));
             let electronics = Electronics::new(&ErrorModel::PERFECT, rng);
             let check = Mode::Product.check();
-            network.add(electronics, check, factory(channel, kbit_s), Memory::new());
+            network.add(electronics, check, factory(channel, kbit_s), delivered());
         }
         let host = network.attach_host();
         network.power_on(0);

@@ -2,6 +2,7 @@
 //!
 //! In: a node without power. Out: the same node with other code.
 
+use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::device::{Device, Factory};
 use device::objects::panel::Identity;
@@ -57,8 +58,9 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
             rule: if paper { Rule::Nearest } else { Rule::Linear },
             budget: settings.chain.calibration.budget,
         },
-        settings,
-        calibrated: true,
+        settings: settings.clone(),
     };
-    unit.device = Device::new(unit.electronics.port(), check, factory, setup.memory());
+    let mut memory = setup.memory();
+    deliver(&mut memory, &settings.chain.calibration).expect("a new memory");
+    unit.device = Device::new(unit.electronics.port(), check, factory, memory);
 }

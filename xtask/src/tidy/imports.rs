@@ -23,14 +23,14 @@ const RULES: [Rule; 11] = [
     rule(
         "tilt",
         &[],
-        Some(&["idsp", "dsp-fixedpoint", "dsp-process"]),
+        Some(&["idsp", "dsp-fixedpoint", "dsp-process", "heapless"]),
     ),
     rule("canopen", &[], Some(&["embedded-can", "heapless"])),
     rule("flash", &[], Some(&["embedded-storage", "crc"])),
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal"]),
+        Some(&["embedded-hal", "heapless"]),
     ),
     rule("firmware", &["device", "flash"], None),
     rule(

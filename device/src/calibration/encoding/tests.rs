@@ -12,6 +12,9 @@ use tilt::temperature::DataSheet;
 use tilt::uncertainty::Budget;
 
 use super::*;
+use crate::calibration::{deliver, recall, stage};
+use crate::records::tests::Memory;
+use crate::records::{Record, RecordStore};
 
 /// What a decoding starts from in these tests.
 fn blank() -> Calibration {
@@ -40,7 +43,7 @@ fn decode_over(result: &mut Calibration, bytes: &[u8]) -> Result<(), DecodeError
             .map(|(to, from)| *to = *from)
             .count()
     };
-    decode_into(result, &mut Points::new(), &mut source)
+    decode_into(result, &mut source)
 }
 
 fn decode(bytes: &[u8]) -> Result<Calibration, DecodeError> {
@@ -204,6 +207,31 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
     })
 }
 
+#[test]
+fn a_damaged_record_gives_way_to_the_delivered_one() {
+    let mut memory = Memory::with_room(4096);
+    let mut found = tables();
+    let nothing = recall(&memory, &mut found);
+    assert_eq!((nothing.calibrated, nothing.damaged), (false, false));
+    assert_eq!(found, Calibration::NOMINAL);
+    deliver(&mut memory, &two_axis()).unwrap();
+    let delivered = recall(&memory, &mut found);
+    assert_eq!((delivered.calibrated, delivered.damaged), (true, false));
+    assert_eq!(found, two_axis());
+    stage(&mut memory, Record::Calibration, &tables()).unwrap();
+    memory.commit().unwrap();
+    recall(&memory, &mut found);
+    assert_eq!(found, tables());
+    memory.committed[Record::Calibration as usize][60] ^= 4;
+    let damaged = recall(&memory, &mut found);
+    assert_eq!((damaged.calibrated, damaged.damaged), (true, true));
+    assert_eq!(found, two_axis());
+    memory.committed[Record::Delivered as usize].clear();
+    let nothing = recall(&memory, &mut found);
+    assert_eq!((nothing.calibrated, nothing.damaged), (false, true));
+    assert_eq!(found, Calibration::NOMINAL);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
@@ -238,7 +266,7 @@ proptest! {
 
     /// The check sum is right here, so the content itself is what is looked at.
     #[test]
-    fn any_content_decodes_to_a_legal_calibration_or_changes_nothing(
+    fn any_content_decodes_to_a_legal_calibration_or_the_stored_one_comes_back(
         calibration in some_calibration(),
         changes in prop::collection::vec((3..400_usize, any::<u32>()), 1..4),
     ) {
@@ -250,7 +278,13 @@ proptest! {
         let mut result = two_axis();
         match decode_over(&mut result, &bytes) {
             Ok(()) => prop_assert_eq!(decode(&encode(&result)), Ok(result)),
-            Err(_) => prop_assert_eq!(result, two_axis()),
+            Err(_) => {
+                let mut memory = Memory::with_room(4096);
+                stage(&mut memory, Record::Calibration, &two_axis()).unwrap();
+                memory.commit().unwrap();
+                prop_assert!(recall(&memory, &mut result).calibrated);
+                prop_assert_eq!(result, two_axis());
+            }
         }
     }
 }

@@ -91,17 +91,16 @@ fn degrees_found(chain: &Chain, axis: Axis, degrees: f64) -> f64 {
 #[test]
 fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
     let (mut motor, mut chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
-    let tell = |motor: &mut Motor, command, chain: &Chain, result: &mut Calibration| {
-        motor.command(command, &TERMS, &chain.calibration, result)
+    let tell = |motor: &mut Motor, command, chain: &mut Chain| {
+        motor.command(command, &TERMS, &mut chain.calibration)
     };
-    let begun = tell(&mut motor, Command::StartX, &chain, &mut result);
+    let begun = tell(&mut motor, Command::StartX, &mut chain);
     assert_eq!(begun, Ok(Outcome::Running));
     sweep(&mut motor, &chain, Axis::X, (-90..=90).map(|d| d * 1000));
     assert_eq!(motor.progress().points, Axes { x: 181, y: 0 });
     // 10 mg are 0.57 deg where the axis is level, and more towards the vertical.
     assert!(motor.progress().worst > 570);
-    tell(&mut motor, Command::StartY, &chain, &mut result).unwrap();
+    tell(&mut motor, Command::StartY, &mut chain).unwrap();
     assert_eq!(motor.progress().points, Axes { x: 181, y: 0 });
     sweep(
         &mut motor,
@@ -109,16 +108,14 @@ fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
         Axis::Y,
         (-90..=90).rev().map(|d| d * 1000),
     );
-    let ended = tell(&mut motor, Command::Finish, &chain, &mut result);
+    let ended = tell(&mut motor, Command::Finish, &mut chain);
     assert_eq!(ended, Ok(Outcome::Finished));
     assert_eq!(motor.progress().points, Axes { x: 181, y: 181 });
-    assert_eq!(result.budget, TERMS.budget);
-
-    chain.calibration = result.clone();
+    assert_eq!(chain.calibration.budget, TERMS.budget);
     for axis in [Axis::X, Axis::Y] {
         assert!((degrees_found(&chain, axis, 30.5) - 30.5).abs() < 0.01);
     }
-    tell(&mut motor, Command::StartX, &chain, &mut result).unwrap();
+    tell(&mut motor, Command::StartX, &mut chain).unwrap();
     sweep(
         &mut motor,
         &chain,
@@ -126,17 +123,15 @@ fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
         (-80..=80).map(|d| d * 1000 + 500),
     );
     assert!(motor.progress().worst < 200, "{:?}", motor.progress());
-    let left = tell(&mut motor, Command::Abandon, &chain, &mut result);
+    let left = tell(&mut motor, Command::Abandon, &mut chain);
     assert_eq!((left, motor.is_running()), (Ok(Outcome::Abandoned), false));
 }
 
 #[test]
 fn a_run_without_tables_in_force_needs_both_axes() {
-    let (mut motor, chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
-    let in_force = &chain.calibration;
+    let (mut motor, mut chain) = (Motor::new(), factory());
     motor
-        .command(Command::StartY, &TERMS, in_force, &mut result)
+        .command(Command::StartY, &TERMS, &mut chain.calibration)
         .unwrap();
     sweep(
         &mut motor,
@@ -144,14 +139,14 @@ fn a_run_without_tables_in_force_needs_both_axes() {
         Axis::Y,
         [-50_000, 0, 50_000].into_iter(),
     );
-    let refused = motor.command(Command::Finish, &TERMS, in_force, &mut result);
+    let refused = motor.command(Command::Finish, &TERMS, &mut chain.calibration);
     assert_eq!(refused, Err(MotorError::Missing(Axis::X)));
     assert_eq!(motor.progress().points.y, 3);
     motor
-        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .command(Command::StartX, &TERMS, &mut chain.calibration)
         .unwrap();
     sweep(&mut motor, &chain, Axis::X, [-50_000, 0].into_iter());
-    let ended = motor.command(Command::Finish, &TERMS, in_force, &mut result);
+    let ended = motor.command(Command::Finish, &TERMS, &mut chain.calibration);
     assert_eq!(ended, Ok(Outcome::Finished));
 }
 
@@ -169,14 +164,13 @@ fn with_tables_in_force_one_axis_can_be_made_anew() {
         x: table(ONE_G / 3),
         y: table(ONE_G / 2),
     };
+    let kept = tables.y.clone();
     chain.calibration.correction = Correction::Tables {
         tables,
         rule: Rule::Nearest,
     };
-    let mut result = factory().calibration;
-    let in_force = &chain.calibration;
     motor
-        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .command(Command::StartX, &TERMS, &mut chain.calibration)
         .unwrap();
     sweep(
         &mut motor,
@@ -185,41 +179,38 @@ fn with_tables_in_force_one_axis_can_be_made_anew() {
         [-60_000, 10, 60_000].into_iter(),
     );
     motor
-        .command(Command::Finish, &TERMS, in_force, &mut result)
+        .command(Command::Finish, &TERMS, &mut chain.calibration)
         .unwrap();
-    let Correction::Tables { tables: made, rule } = &result.correction else {
-        panic!("{result:?}");
+    let Correction::Tables { tables: made, rule } = &chain.calibration.correction else {
+        panic!("{chain:?}");
     };
-    assert_eq!((made.y, *rule), (tables.y, Rule::Linear));
+    assert_eq!((&made.y, *rule), (&kept, Rule::Linear));
     assert_eq!(made.x.points().len(), 3);
 }
 
 #[test]
 fn points_that_make_no_table_leave_the_run_as_it_was() {
-    let (mut motor, chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
-    let in_force = &chain.calibration;
+    let (mut motor, mut chain) = (Motor::new(), factory());
+    let before = chain.calibration.clone();
     motor
-        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .command(Command::StartX, &TERMS, &mut chain.calibration)
         .unwrap();
     sweep(&mut motor, &chain, Axis::X, [5_000].into_iter());
-    let refused = motor.command(Command::StartY, &TERMS, in_force, &mut result);
+    let refused = motor.command(Command::StartY, &TERMS, &mut chain.calibration);
     assert_eq!(refused, Err(MotorError::Table(Axis::X, TableError::TooFew)));
     assert_eq!(motor.progress().axis, Some(Axis::X));
     assert_eq!(motor.progress().points.x, 1);
-    assert_eq!(result, chain.calibration);
+    assert_eq!(before, chain.calibration);
 }
 
 #[test]
 fn a_reference_is_refused_when_it_cannot_be_a_point() {
-    let (mut motor, chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
+    let (mut motor, mut chain) = (Motor::new(), factory());
     let seen = sight(Axis::X, 0.0);
     let idle = motor.memorise(0, &chain, &seen);
     assert_eq!(idle, Err(MotorError::NotRunning));
-    let in_force = &chain.calibration;
     motor
-        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .command(Command::StartX, &TERMS, &mut chain.calibration)
         .unwrap();
     for beyond in [90_001, -90_001, i32::MAX, i32::MIN] {
         let refused = motor.memorise(beyond, &chain, &seen);
@@ -238,11 +229,9 @@ fn a_reference_is_refused_when_it_cannot_be_a_point() {
 
 #[test]
 fn nothing_is_memorised_of_a_channel_that_is_not_valid() {
-    let (mut motor, chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
-    let in_force = &chain.calibration;
+    let (mut motor, mut chain) = (Motor::new(), factory());
     motor
-        .command(Command::StartY, &TERMS, in_force, &mut result)
+        .command(Command::StartY, &TERMS, &mut chain.calibration)
         .unwrap();
     let mut seen = sight(Axis::Y, 0.0);
     for reason in [Invalid::Settling, Invalid::Stale, Invalid::Bus] {
@@ -264,15 +253,21 @@ fn nothing_is_memorised_of_a_channel_that_is_not_valid() {
 }
 
 #[test]
-fn the_working_points_are_not_lent_during_a_run() {
-    let (mut motor, chain) = (Motor::new(), factory());
-    let mut result = chain.calibration.clone();
-    assert!(motor.scratch().is_some());
-    let in_force = &chain.calibration;
+fn finished_points_are_kept_until_the_next_run() {
+    let (mut motor, mut chain) = (Motor::new(), factory());
+    let calibration = &mut chain.calibration;
+    motor.command(Command::StartX, &TERMS, calibration).unwrap();
+    sweep(&mut motor, &chain, Axis::X, [-50_000, 50_000].into_iter());
+    let calibration = &mut chain.calibration;
+    motor.command(Command::StartY, &TERMS, calibration).unwrap();
+    let refused = motor.command(Command::Finish, &TERMS, calibration);
+    assert_eq!(refused, Err(MotorError::Table(Axis::Y, TableError::TooFew)));
+    assert_eq!(motor.progress().points, Axes { x: 2, y: 0 });
     motor
-        .command(Command::StartX, &TERMS, in_force, &mut result)
+        .command(Command::Abandon, &TERMS, calibration)
         .unwrap();
-    assert!(motor.scratch().is_none());
+    motor.command(Command::StartY, &TERMS, calibration).unwrap();
+    assert_eq!(motor.progress().points, Axes { x: 0, y: 0 });
 }
 
 #[test]

@@ -6,8 +6,8 @@ use super::*;
 use crate::nor::tests::{Bench, Seeded, bench};
 
 const REGION: Region = Region {
-    start: 1024,
-    length: 2048,
+    start: PAGE,
+    length: 2 * PAGE,
 };
 
 /// What the fault log of the device asks for.
@@ -48,7 +48,7 @@ fn the_last_16_are_always_there_newest_first() {
     let mut nor = bench(4, 1);
     let mut log = mounted(&mut nor);
     assert_eq!(numbers(&mut nor, &log), []);
-    for number in 0..300 {
+    for number in 0..600 {
         store(&mut nor, &mut log, number).unwrap();
         let read = numbers(&mut nor, &log);
         let expected: Vec<u32> = (0..=number).rev().take(read.len()).collect();
@@ -58,8 +58,8 @@ fn the_last_16_are_always_there_newest_first() {
         assert_eq!(numbers(&mut nor, &log), expected);
     }
     assert_eq!(nor.broken_rules(), 0);
-    // 38 to a page: 300 entries are 8 pages, and the next is erased ahead.
-    assert_eq!(EventLog::PER_PAGE, 38);
+    // 78 to a page: 600 entries are 8 pages, and the next is erased ahead.
+    assert_eq!(EventLog::PER_PAGE, 78);
     let erases: Vec<u32> = nor.pages().iter().map(|page| page.erases()).collect();
     assert_eq!(erases, [0, 5, 4, 0]);
 }
@@ -85,7 +85,7 @@ fn a_cleared_log_is_empty_and_goes_on() {
     let mut nor = bench(4, 1);
     let mut log = mounted(&mut nor);
     // More than a page, so that older entries lie in the page before.
-    for number in 0..50 {
+    for number in 0..100 {
         store(&mut nor, &mut log, number).unwrap();
     }
     log.clear(&mut nor).unwrap();
@@ -103,7 +103,7 @@ fn a_cleared_log_is_empty_and_goes_on() {
 
 #[test]
 fn a_cut_at_any_operation_leaves_the_entry_whole_or_absent() {
-    for filled in [0, 1, 15, 16, 37, 38, 39, 60, 76, 77] {
+    for filled in [0, 1, 15, 16, 77, 78, 79, 110, 156, 157] {
         let mut full = bench(4, 5);
         let mut log = mounted(&mut full);
         for number in 0..filled {
@@ -143,7 +143,7 @@ fn a_storm_of_cuts_never_shows_an_entry_that_was_not_written() {
     let mut nor = bench(4, 6);
     // What is there for sure, and what may be.
     let mut certain: Vec<u32> = Vec::new();
-    for number in 0..3000 {
+    for number in 0..6000 {
         let mut log = mounted(&mut nor);
         if random.below(2) == 0 {
             nor.cut_after(u64::from(random.below(20)));
@@ -171,7 +171,7 @@ fn a_flipped_bit_costs_its_own_entry_only() {
     for at in 0..10 * 26 {
         let mut nor = clean.clone();
         // The first page in use is the one with number 2, the first of the region.
-        nor.flip(1024 + HEAD + at, 0x10);
+        nor.flip(PAGE + HEAD + at, 0x10);
         let log = mounted(&mut nor);
         let read = numbers(&mut nor, &log);
         let hit = at / 26;
@@ -185,6 +185,25 @@ fn a_worn_page_is_reported() {
     let mut nor = bench(4, 1);
     nor.set_endurance(0);
     let mut log = mounted(&mut nor);
-    let worn = LogError::Access(AccessError::Worn { at: 1024 });
+    let worn = LogError::Access(AccessError::Worn { at: PAGE });
     assert_eq!(log.prepare(&mut nor, KEEP), Err(worn));
+}
+
+#[test]
+fn without_two_pages_no_event_is_kept_and_the_flash_is_left_alone() {
+    for pages in [0, 1] {
+        // Behind the end, where a read or an erase would be refused.
+        let region = Region {
+            start: 4 * PAGE,
+            length: pages * PAGE,
+        };
+        let mut nor = bench(4, 1);
+        let mut log = EventLog::mount(&mut nor, region).unwrap();
+        assert!(!log.needs_erase(0));
+        assert_eq!(log.prepare(&mut nor, 0), Ok(Progress::Done));
+        assert_eq!(log.append(&mut nor, &entry(0)), Err(LogError::NeedsErase));
+        assert_eq!(log.clear(&mut nor), Err(LogError::NeedsErase));
+        assert_eq!((log.free(), numbers(&mut nor, &log)), (0, Vec::new()));
+        assert_eq!((nor.operations(), nor.broken_rules()), (0, 0));
+    }
 }
