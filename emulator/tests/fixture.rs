@@ -4,13 +4,16 @@
 //! this image does not: it is embassy's, from clock set-up to bus-off.
 
 use std::sync::OnceLock;
+use std::time::Instant;
 
 use canopen::Frame;
 use emulator::board::{Board, Parts};
 use emulator::build::FIXTURE;
+use emulator::chip::nvic::HARD_FAULT;
 use emulator::chip::rcc::Cause;
+use emulator::chip::system::Blame;
 use emulator::image::Image;
-use flash::layout::CB;
+use flash::layout::{PAGE, RC};
 use sim::can_bus::{Event, Port};
 use sim::electronics::Electronics;
 use sim::error_model::ErrorModel;
@@ -41,7 +44,7 @@ impl Pair {
         for number in 0..boards {
             let rng = Rng::stream(1, &format!("board {number}"));
             let parts = Parts {
-                layout: CB,
+                layout: RC,
                 electronics: Electronics::new(&ErrorModel::NOMINAL, rng),
                 identity: [number, 0x1234, 0x5678],
                 lsi_hz: 40_000,
@@ -110,4 +113,142 @@ fn the_sensor_says_who_it_is_and_a_frame_goes_out_for_each_sample() {
         "{samples} in a second at 400 Hz"
     );
     assert_eq!(pair.board(0).machine().resets(), [Cause::Power]);
+}
+
+#[test]
+fn two_boards_with_one_image_hear_each_other() {
+    let mut pair = Pair::new(2);
+    pair.run(0.5);
+    assert_eq!([pair.of(0x701).len(), pair.of(0x702).len()], [1, 1]);
+    pair.command(4);
+    pair.run(0.1);
+    let heard = |pair: &Pair, id| pair.of(id).last().map(|frame| frame.bytes().to_vec());
+    for id in [0x581, 0x582] {
+        let answer = heard(&pair, id).expect("an answer");
+        // One start and the samples of the other, as many as were asked for between its own.
+        assert_eq!(answer[0], 4);
+        assert!(answer[1] > 100, "{answer:?}");
+    }
+}
+
+#[test]
+fn a_page_is_erased_and_programmed() {
+    let mut pair = Pair::new(1);
+    pair.run(0.2);
+    pair.command(1);
+    pair.run(0.1);
+    // The core has stood still for longer than the sensor's data-ready stays away, so an edge is
+    // missed as well and told of.
+    let exercised = |f: &Frame| f.bytes() == [1, 16];
+    assert!(pair.of(0x581).iter().any(exercised));
+    let cells = pair.board(0).machine_mut().chip_mut().flash.cells();
+    assert_eq!(cells.broken_rules(), 0);
+    let page = &cells.pages()[(RC.records.start / PAGE) as usize];
+    assert_eq!(page.bytes()[..4], [0, 17, 34, 51]);
+    // Once by the programmer's hand would be 0: this page is beyond the image.
+    assert_eq!(page.erases(), 1);
+}
+
+#[test]
+fn unfed_the_watchdog_starts_the_image_anew() {
+    let mut pair = Pair::new(1);
+    pair.run(0.2);
+    pair.command(2);
+    pair.run(1.0);
+    let board = pair.board(0);
+    assert_eq!(
+        board.machine().resets()[..2],
+        [Cause::Power, Cause::Watchdog]
+    );
+    // The flags of the power's reset are still there: nobody has removed them.
+    assert_eq!(board.machine().chip().reset_flags() >> 26, 0b1011);
+    assert!(pair.of(0x701).len() >= 2);
+}
+
+#[test]
+fn a_load_where_nothing_is_ends_in_a_hard_fault_with_its_address() {
+    let mut pair = Pair::new(1);
+    pair.run(0.2);
+    pair.command(3);
+    pair.run(0.1);
+    let machine = pair.board(0).machine();
+    let blames: Vec<_> = machine.faults().iter().map(|(_, blame)| *blame).collect();
+    assert_eq!(blames, [Blame::Data(0x6000_0000)]);
+    assert!(machine.chip().nvic.is_active(HARD_FAULT));
+    pair.run(0.6);
+    assert_eq!(
+        pair.board(0).machine().resets().last(),
+        Some(&Cause::Watchdog)
+    );
+}
+
+#[test]
+fn the_image_can_ask_for_a_reset() {
+    let mut pair = Pair::new(1);
+    pair.run(0.2);
+    pair.command(5);
+    pair.run(0.2);
+    assert_eq!(
+        pair.board(0).machine().resets(),
+        [Cause::Power, Cause::Software]
+    );
+    assert_eq!(pair.of(0x701).len(), 2);
+}
+
+#[test]
+fn a_cut_in_the_erase_leaves_a_part_that_starts_again() {
+    let mut pair = Pair::new(1);
+    pair.run(0.2);
+    pair.board(0)
+        .machine_mut()
+        .chip_mut()
+        .flash
+        .cells()
+        .cut_after(0);
+    pair.command(1);
+    pair.run(0.2);
+    assert!(pair.board(0).is_cut());
+    pair.network.switch_guest(0, Switch::On);
+    pair.run(0.2);
+    assert_eq!(pair.of(0x701).len(), 2);
+    pair.command(1);
+    pair.run(0.2);
+    // The core has stood still for longer than the sensor's data-ready stays away, so an edge is
+    // missed as well and told of.
+    let exercised = |f: &Frame| f.bytes() == [1, 16];
+    assert!(pair.of(0x581).iter().any(exercised));
+}
+
+#[test]
+fn two_runs_are_the_same_bit_for_bit_and_much_faster_than_time() {
+    let run = || {
+        let mut pair = Pair::new(2);
+        pair.run(2.0);
+        let counted = [0, 1].map(|number| pair.board(number).machine().chip().instructions());
+        (pair.network.bus.fingerprint(), counted)
+    };
+    let begun = Instant::now();
+    let first = run();
+    let times = 2.0 / begun.elapsed().as_secs_f64();
+    eprintln!(
+        "two emulated boards: {times:.0} times real time, {:?} instructions",
+        first.1
+    );
+    assert_eq!(first, run());
+}
+
+#[test]
+fn a_node_whose_frames_nobody_acknowledges_goes_passive_and_comes_back() {
+    let mut pair = Pair::new(1);
+    let host = pair.host;
+    pair.run(0.2);
+    pair.network.bus.connect(host, false);
+    pair.run(0.1);
+    let status = pair.board(0).machine_mut().chip_mut().read(0x4000_6418, 4);
+    // Error passive, last code: nobody has acknowledged (RM0008 24.9.2).
+    assert_eq!(status & 0x77, 0x33, "{status:#x}");
+    pair.network.bus.connect(host, true);
+    let before = pair.of(0x181).len();
+    pair.run(0.1);
+    assert!(pair.of(0x181).len() > before + 30);
 }

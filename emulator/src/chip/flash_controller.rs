@@ -4,10 +4,10 @@
 //! interrupt line, cycles for which the core is held. The cells are [`flash::nor`]'s, stricter than
 //! the chip, where the supply can fail in the middle of an operation.
 //!
-//! Sources: PM0075 2.3 and 3; times from the data sheet of the STM32F103x8/xB (table 28: a
-//! half-word 52.5 us, a page at most 40 ms, taken as 20). Code in flash stands still as long as an
+//! Sources: PM0075 2.3 and 3; times from the data sheet of the STM32F103xC (5.3.9: a half-word
+//! 52.5 us, a page 20 to 40 ms, taken as 20). Code in flash stands still as long as an
 //! operation lasts (PM0075 2.3.1); code in RAM would not, and does here.
-//! Left out: option bytes but for reading, mass erase, read protection.
+//! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase, read protection.
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use flash::layout::PAGE;
@@ -296,15 +296,18 @@ mod tests {
         let mut flash = open();
         flash.write(0x10, cr::PG);
         assert_eq!(
-            flash.program(1024, 2, 0x1234),
+            flash.program(PAGE, 2, 0x1234),
             Some(Outcome::Held(PROGRAM_NS))
         );
         assert_eq!(flash.read(0x0C), sr::EOP);
-        assert_eq!(flash.program(1024, 2, 0x1200), Some(Outcome::Refused));
+        assert_eq!(flash.program(PAGE, 2, 0x1200), Some(Outcome::Refused));
         assert_eq!(flash.read(0x0C), sr::EOP | sr::PGERR);
-        assert_eq!(flash.program(1028, 4, 0), None);
+        assert_eq!(flash.program(PAGE + 4, 4, 0), None);
         assert_eq!(erase(&mut flash, 1), Some(Outcome::Held(ERASE_NS)));
-        assert_eq!(flash.take_changed(), Some((1024, vec![0xFF; 1024])));
+        assert_eq!(
+            flash.take_changed(),
+            Some((PAGE, vec![0xFF; PAGE as usize]))
+        );
     }
 
     #[test]

@@ -3,16 +3,16 @@
 //! In: loads, stores, resets, time. Out: the frequencies of HCLK, PCLK1 and PCLK2, which
 //! peripherals have a clock, and which are to be reset.
 //!
-//! Source: RM0008 7.3; start-up times from the data sheet of the STM32F103x8/xB (5.3.6 and 5.3.8).
+//! Source: RM0008 7.3; start-up times from the data sheet of the STM32F103xC (5.3.6 and 5.3.8).
 //! Left out: the clock security system, RTC and LSE, MCO, clock interrupts.
 
 /// The crystal on the board, Hz.
 const HSE_HZ: u32 = 8_000_000;
 /// The internal oscillator, Hz.
 const HSI_HZ: u32 = 8_000_000;
-/// The crystal's start, ns: 2 ms (data sheet table 22).
+/// The crystal's start, ns: 2 ms.
 const HSE_START_NS: u64 = 2_000_000;
-/// The PLL's lock, ns: at most 200 us (data sheet table 28).
+/// The PLL's lock, ns: at most 200 us.
 const PLL_LOCK_NS: u64 = 200_000;
 
 /// Why the part was reset (RM0008 7.3.10).

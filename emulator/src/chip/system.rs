@@ -229,8 +229,8 @@ impl System {
             0xE000_ED34 => self.mmfar,
             0xE000_ED38 => self.bfar,
             0xE000_EDFC => self.demcr,
-            // RM0008 31.6.1: medium density, revision X.
-            0xE004_2000 => 0x2003_6410,
+            // RM0008 31.6.1: high density, revision X.
+            0xE004_2000 => 0x1001_6414,
             0xE004_2004 => self.dbgmcu,
             _ => 0,
         })

@@ -2,7 +2,7 @@
 //!
 //! In: loads, stores, time of the world (its oscillator is its own). Out: when it bites.
 //!
-//! Source: RM0008 19.3 and 19.4; LSI 40 kHz, 30 to 60 (data sheet table 25). Left out: freezing
+//! Source: RM0008 19.3 and 19.4; LSI 40 kHz, 30 to 60 (data sheet 5.3.7). Left out: freezing
 //! by the debugger, the option byte that starts it, and the time that PR and RLR take to be taken.
 
 /// The registers and where it stands.
