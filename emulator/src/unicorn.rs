@@ -12,7 +12,8 @@
 //!   program counter behind them;
 //! - a branch to an EXC_RETURN arrives as an interrupt with the program counter there.
 //!
-//! Left out: cycles. One instruction counts as one.
+//! Left out: cycles, one instruction counts as one; and the fault that LDM, STM, LDRD and STRD at
+//! an address that is not aligned end in, which the engine carries out.
 
 use std::fmt;
 
@@ -63,6 +64,8 @@ struct Shared {
 /// Unicorn with a chip around it.
 pub struct UnicornCpu {
     engine: Unicorn<'static, Shared>,
+    /// The RAM may hold code.
+    code_in_ram: bool,
 }
 
 impl fmt::Debug for UnicornCpu {
@@ -89,12 +92,23 @@ impl UnicornCpu {
         let engine = build(shared, flash, ram);
         Self {
             engine: engine.expect("the engine needs memory, and nothing else can fail"),
+            code_in_ram: false,
         }
     }
 
     /// What the engine says that it is: its number of the model.
     pub fn model(&self) -> i32 {
         self.engine.ctl_get_cpu_model().unwrap_or(-1)
+    }
+
+    /// Lets code be fetched from the RAM, which makes stores into it slower; true the first time.
+    fn allow_code_in_ram(&mut self) -> bool {
+        let at = self.register(Register::Pc);
+        let ram = self.chip().ram_size();
+        let first = !std::mem::replace(&mut self.code_in_ram, true);
+        let inside = at.checked_sub(RAM).is_some_and(|offset| offset < ram);
+        let mut allowed = || self.engine.mem_protect(RAM.into(), ram.into(), Prot::ALL);
+        first && inside && allowed().is_ok()
     }
 
     fn stopped(&mut self, ended: Result<(), uc_error>) -> Stop {
@@ -150,7 +164,8 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
     let read_only = Prot::READ | Prot::EXEC;
     engine.mem_map(BASE.into(), flash.into(), read_only)?;
     engine.mem_map(ALIAS.into(), flash.into(), read_only)?;
-    engine.mem_map(RAM.into(), ram.into(), Prot::ALL)?;
+    // Without code in it: see `UnicornCpu::allow_code_in_ram`.
+    engine.mem_map(RAM.into(), ram.into(), Prot::READ | Prot::WRITE)?;
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
         map_registers(&mut engine, base, size)?;
     }
@@ -158,26 +173,38 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
         before_block(engine, address as u32, size);
     })?;
     engine.add_intr_hook(on_interrupt)?;
-    let writes = HookType::MEM_WRITE_PROT;
-    engine.add_mem_hook(writes, 1, 0, |engine, _, address, size, value| {
-        let chip = &mut engine.get_data_mut().chip;
-        chip.store_in_flash(address as u32, size as u32, value as u32)
-    })?;
-    engine.add_mem_hook(
-        HookType::MEM_UNMAPPED,
-        1,
-        0,
-        |engine, kind, address, _, _| {
-            let address = address as u32;
-            let fault = match kind {
-                MemType::FETCH_UNMAPPED | MemType::FETCH_PROT => Fault::Fetch { address },
-                _ => Fault::Bus { address },
-            };
-            engine.get_data_mut().stop = Some(Stop::Fault(fault));
-            false
-        },
-    )?;
+    // A hook that watches the RAM would make each store into it slow.
+    for base in [BASE, ALIAS] {
+        let last = u64::from(base + flash - 1);
+        let writes = HookType::MEM_WRITE_PROT;
+        engine.add_mem_hook(
+            writes,
+            base.into(),
+            last,
+            |engine, _, address, size, value| {
+                let chip = &mut engine.get_data_mut().chip;
+                chip.store_in_flash(address as u32, size as u32, value as u32)
+            },
+        )?;
+    }
+    let behind = u64::from(RAM + ram);
+    for (first, last) in [(0, u64::from(RAM) - 1), (behind, u64::from(u32::MAX))] {
+        let unmapped = HookType::MEM_UNMAPPED;
+        engine.add_mem_hook(unmapped, first, last, |engine, kind, address, _, _| {
+            note_unmapped(engine, kind, address as u32)
+        })?;
+    }
     Ok(engine)
+}
+
+/// Notes a load, a store or a fetch where nothing is; false, since nobody has handled it.
+fn note_unmapped(engine: &mut Unicorn<'_, Shared>, kind: MemType, address: u32) -> bool {
+    let fault = match kind {
+        MemType::FETCH_UNMAPPED | MemType::FETCH_PROT => Fault::Fetch { address },
+        _ => Fault::Bus { address },
+    };
+    engine.get_data_mut().stop = Some(Stop::Fault(fault));
+    false
 }
 
 fn map_registers(
@@ -329,6 +356,9 @@ impl Cpu for UnicornCpu {
             shared.stop = None;
             shared.fresh = true;
             let ended = self.engine.emu_start(at.into(), 0, 0, 0);
+            if ended == Err(uc_error::FETCH_PROT) && self.allow_code_in_ram() {
+                continue;
+            }
             let stop = self.stopped(ended);
             if stop != Stop::Wanted || self.chip().wants_stop() || interrupted(&self.engine) {
                 self.put_flash_right();
@@ -345,3 +375,6 @@ impl Cpu for UnicornCpu {
         &mut self.engine.get_data_mut().chip
     }
 }
+
+#[cfg(test)]
+mod tests;

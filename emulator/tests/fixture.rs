@@ -220,21 +220,26 @@ fn a_cut_in_the_erase_leaves_a_part_that_starts_again() {
 }
 
 #[test]
-fn two_runs_are_the_same_bit_for_bit_and_much_faster_than_time() {
+fn two_runs_are_the_same_bit_for_bit() {
     let run = || {
         let mut pair = Pair::new(2);
-        pair.run(2.0);
+        pair.run(1.0);
         let counted = [0, 1].map(|number| pair.board(number).machine().chip().instructions());
         (pair.network.bus.fingerprint(), counted)
     };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn two_boards_run_much_faster_than_time() {
+    let mut pair = Pair::new(2);
+    pair.run(0.5);
     let begun = Instant::now();
-    let first = run();
-    let times = 2.0 / begun.elapsed().as_secs_f64();
-    eprintln!(
-        "two emulated boards: {times:.0} times real time, {:?} instructions",
-        first.1
-    );
-    assert_eq!(first, run());
+    pair.run(10.0);
+    let times = 10.0 / begun.elapsed().as_secs_f64();
+    eprintln!("two emulated boards: {times:.0} times real time");
+    // Measured beside everything else that a test run does; alone it is several times as much.
+    assert!(times > 5.0);
 }
 
 #[test]
