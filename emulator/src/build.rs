@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fmt, fs, io};
 
+use flash::layout::BASE;
+
 use crate::image::{Image, ImageError};
 
 /// The part's target.
@@ -62,13 +64,74 @@ pub const FIXTURE: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
+/// The product: what leaves the factory, and the application's symbols.
+#[derive(Clone, Debug)]
+pub struct Product {
+    /// Bootloader and confirmed application, from the start of the flash.
+    pub factory: Vec<u8>,
+    /// The application for slot A, with its symbols.
+    pub app: Image,
+}
+
+impl Product {
+    /// Builds it with `cargo xtask image`, or finds it built. Budgets are that command's business.
+    ///
+    /// Errors: see [`BuildError`].
+    pub fn build() -> Result<Self, BuildError> {
+        let target = target_folder();
+        let mut cargo = cargo();
+        cargo
+            .args([
+                "run",
+                "--quiet",
+                "--locked",
+                "--package",
+                "xtask",
+                "--",
+                "image",
+            ])
+            .env("CARGO_TARGET_DIR", &target);
+        let output = cargo.output().map_err(BuildError::Cargo)?;
+        let images = target.join("images");
+        let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
+        let factory = read(&images.join(name)).map_err(|missing| {
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            if output.status.success() {
+                missing
+            } else {
+                BuildError::Failed(said)
+            }
+        })?;
+        let app = read(&images.join("app-a.elf"))?;
+        Ok(Self {
+            factory,
+            app: Image::read(&app).map_err(BuildError::Image)?,
+        })
+    }
+
+    /// What goes into an erased flash.
+    pub fn pieces(&self) -> Vec<(u32, Vec<u8>)> {
+        vec![(BASE, self.factory.clone())]
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
+    fs::read(path).map_err(|error| BuildError::Read(path.to_path_buf(), error))
+}
+
+/// Cargo, in the checkout.
+fn cargo() -> Command {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."));
+    cargo
+}
+
 impl Recipe<'_> {
     /// Builds it, or finds it built.
     ///
     /// Errors: see [`BuildError`].
     pub fn image(&self) -> Result<Image, BuildError> {
-        let path = self.build()?;
-        let bytes = fs::read(&path).map_err(|error| BuildError::Read(path, error))?;
+        let bytes = read(&self.build()?)?;
         Image::read(&bytes).map_err(BuildError::Image)
     }
 

@@ -16,4 +16,5 @@ pub mod cpu;
 pub mod exceptions;
 pub mod image;
 pub mod machine;
+pub mod pair;
 pub mod unicorn;

@@ -1,0 +1,157 @@
+//! Two boards in one housing, on one bus with a host: an instrument as it is built.
+//!
+//! In: an image for both, time, frames of the host. Out: what was on the bus. Everything is drawn
+//! from one seed. Left out: a third party on the bus; the network takes one.
+
+use std::fmt;
+
+use canopen::Frame;
+use flash::layout::RC;
+use sim::can_bus::{Busy, Event, Port};
+use sim::electronics::Electronics;
+use sim::error_model::ErrorModel;
+use sim::network::Network;
+use sim::network::guest::Switch;
+use sim::network::hand::Hand;
+use sim::rng::Rng;
+
+use crate::board::{Board, FlashError, Parts};
+
+/// The watchdog's oscillator as the data sheet has it typically, Hz (RM0008 19.1).
+const LSI_HZ: u32 = 40_000;
+
+/// What is to be flashed: pieces with their addresses.
+pub type Pieces<'a> = &'a [(u32, Vec<u8>)];
+
+/// A frame that was on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// When it counted as received, ns.
+    pub at_ns: u64,
+    /// What it was.
+    pub frame: Frame,
+}
+
+/// The instrument with its bus.
+pub struct Pair {
+    /// The bus with the boards as guests 0 (channel A) and 1 (channel B).
+    pub network: Network,
+    /// The host's controller.
+    pub host: Port,
+    /// What holds the housing.
+    pub hand: Hand,
+    /// Frames so far, of nodes and host.
+    pub heard: Vec<Heard>,
+}
+
+impl fmt::Debug for Pair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Pair")
+            .field("heard", &self.heard.len())
+            .finish()
+    }
+}
+
+/// A board of channel A (0) or B (1), without power, with these pieces in its flash.
+///
+/// Errors: see [`FlashError`].
+///
+/// # Panics
+/// When the bus is full, or for want of memory.
+pub fn board(
+    network: &mut Network,
+    model: &ErrorModel,
+    seed: u64,
+    number: usize,
+    pieces: Pieces<'_>,
+) -> Result<Board, FlashError> {
+    let rng = Rng::stream(seed, &format!("board {number}"));
+    let parts = Parts {
+        layout: RC,
+        electronics: Electronics::new(model, rng),
+        identity: [seed as u32, (seed >> 32) as u32, number as u32],
+        lsi_hz: LSI_HZ,
+        seed: seed ^ number as u64,
+        strapped: number % 2 == 1,
+    };
+    let mut board = Board::new(parts, &mut network.bus);
+    for (address, bytes) in pieces {
+        board.flash_at(*address, bytes)?;
+    }
+    Ok(board)
+}
+
+impl Pair {
+    /// Both boards with power, at 250 kbit/s.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn new(seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
+        Self::of(2, seed, pieces)
+    }
+
+    /// So many boards with power.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn of(boards: usize, seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
+        let mut network = Network::new(250_000, seed);
+        let host = network.attach_host();
+        for number in 0..boards {
+            let board = board(&mut network, &ErrorModel::NOMINAL, seed, number, pieces)?;
+            let guest = network.add_guest(Box::new(board));
+            network.switch_guest(guest, Switch::On);
+        }
+        Ok(Self {
+            network,
+            host,
+            hand: Hand::new(Rng::stream(seed, "hand")),
+            heard: Vec::new(),
+        })
+    }
+
+    /// Goes on for so long, s.
+    pub fn run(&mut self, seconds: f64) {
+        let until_ns = self.network.now_ns() + (seconds * 1e9) as u64;
+        let heard = &mut self.heard;
+        self.network.run_until(&mut self.hand, until_ns, |event| {
+            if let Event::Delivered { frame, at_ns, .. } = event {
+                heard.push(Heard {
+                    at_ns: *at_ns,
+                    frame: *frame,
+                });
+            }
+        });
+    }
+
+    /// Goes on with a SYNC every 10 ms, for so many of them.
+    ///
+    /// Errors: [`Busy`] when the bus does not take them any more.
+    pub fn run_synced(&mut self, syncs: u32) -> Result<(), Busy> {
+        for _ in 0..syncs {
+            self.send(Frame::data_frame(0x080, &[]))?;
+            self.run(0.01);
+        }
+        Ok(())
+    }
+
+    /// The host sends a frame.
+    ///
+    /// Errors: [`Busy`] while its mailboxes are full.
+    pub fn send(&mut self, frame: Frame) -> Result<(), Busy> {
+        self.network.bus.offer(self.host, frame).map(|_| ())
+    }
+
+    /// The frames of an identifier so far.
+    pub fn of_id(&self, id: u16) -> Vec<Heard> {
+        let of = |heard: &&Heard| heard.frame.cob_id() == Some(id);
+        self.heard.iter().filter(of).copied().collect()
+    }
+
+    /// The board of channel A (0) or B (1).
+    ///
+    /// # Panics
+    /// When there is no such board.
+    pub fn board(&mut self, number: usize) -> &mut Board {
+        let board = self.network.guest_as(number);
+        board.expect("its guests are boards: ask for one that there is")
+    }
+}

@@ -1,0 +1,42 @@
+//! The exact images of bootloader and application, on two boards.
+
+use std::sync::OnceLock;
+
+use canopen::Frame;
+use emulator::build::Product;
+use emulator::chip::rcc::Cause;
+use emulator::pair::Pair;
+
+fn product() -> &'static Product {
+    static PRODUCT: OnceLock<Product> = OnceLock::new();
+    PRODUCT.get_or_init(|| Product::build().expect("the images build"))
+}
+
+fn pair() -> Pair {
+    Pair::new(1, &product().pieces()).expect("the image is for the flash")
+}
+
+#[test]
+fn both_nodes_boot_and_say_so() {
+    let mut pair = pair();
+    pair.run(1.5);
+    for number in [0, 1] {
+        let machine = pair.board(number).machine();
+        eprintln!(
+            "{:?} {:?} {}",
+            machine.faults(),
+            machine.resets(),
+            machine.chip().instructions()
+        );
+    }
+    for heard in &pair.heard {
+        eprintln!("{:?}", heard);
+    }
+    for (number, id) in [(0, 0x701), (1, 0x702)] {
+        assert_eq!(pair.of_id(id)[0].frame.bytes(), [0]);
+        assert_eq!(pair.board(number).machine().resets(), [Cause::Power]);
+    }
+    pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
+    pair.run_synced(100).unwrap();
+    assert!(pair.of_id(0x181).len() > 90);
+}
