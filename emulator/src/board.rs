@@ -313,11 +313,9 @@ impl Guest for Board {
                 to,
                 start_ns,
                 ..
-            } => {
-                if to.contains(self.port) {
-                    self.machine.chip_mut().can.receive(*frame);
-                    self.lose(*start_ns, bus);
-                }
+            } if to.contains(self.port) => {
+                self.machine.chip_mut().can.receive(*frame);
+                self.lose(*start_ns, bus);
             }
             Event::Sent {
                 port,

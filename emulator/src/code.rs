@@ -45,34 +45,77 @@ impl Block {
 /// The blocks of the code in flash.
 #[derive(Clone, Debug)]
 pub struct Code {
-    /// Size and count of the block that begins at each half-word; size 0 for none.
-    blocks: Vec<(u32, Block)>,
+    /// The block that begins at each half-word.
+    blocks: Vec<Known>,
+}
+
+/// A block of the flash, and how often it has run; small, since every block looks here.
+#[derive(Clone, Copy, Debug, Default)]
+struct Known {
+    runs: u64,
+    /// Bytes; 0 for none.
+    size: u16,
+    instructions: u16,
+    sends_event: bool,
 }
 
 impl Code {
     /// Nothing known yet of a flash of `size` bytes.
     pub fn new(size: u32) -> Self {
         Self {
-            blocks: vec![(0, Block::default()); size as usize / 2],
+            blocks: vec![Known::default(); size as usize / 2],
         }
     }
 
-    /// What is known of a block.
-    pub fn known(&self, address: u32, size: u32) -> Option<Block> {
-        let (held, block) = self.blocks.get(place(address))?;
-        (*held == size).then_some(*block)
+    /// What is known of a block, which is about to run.
+    #[inline]
+    pub fn known(&mut self, address: u32, size: u32) -> Option<Block> {
+        let known = self.blocks.get_mut(place(address))?;
+        if u32::from(known.size) != size {
+            return None;
+        }
+        known.runs += 1;
+        Some(Block {
+            instructions: known.instructions.into(),
+            sends_event: known.sends_event,
+        })
     }
 
-    /// Remembers a block, if it is in flash.
+    /// Remembers a block, if it is in flash, which is about to run for the first time.
     pub fn learn(&mut self, address: u32, size: u32, block: Block) {
-        if let Some(slot) = self.blocks.get_mut(place(address)) {
-            *slot = (size, block);
+        if let Some(known) = self.blocks.get_mut(place(address)) {
+            // A block ends with its page at the latest, so both fit.
+            *known = Known {
+                runs: 1,
+                size: size as u16,
+                instructions: block.instructions as u16,
+                sends_event: block.sends_event,
+            };
         }
+    }
+
+    /// Instructions that have run so far in the blocks that begin at each address of the flash.
+    /// One that was cut short by a fault counts whole.
+    pub fn profile(&self) -> impl Iterator<Item = (u32, u64)> {
+        let run = self
+            .blocks
+            .iter()
+            .zip(0u32..)
+            .filter(|(known, _)| known.runs > 0);
+        run.map(|(known, number)| {
+            let instructions = known.runs * u64::from(known.instructions);
+            (BASE + 2 * number, instructions)
+        })
+    }
+
+    /// Lets the counts of [`Code::profile`] begin anew.
+    pub fn clear_profile(&mut self) {
+        self.blocks.iter_mut().for_each(|known| known.runs = 0);
     }
 
     /// The flash has changed.
     pub fn forget(&mut self) {
-        self.blocks.fill((0, Block::default()));
+        self.blocks.fill(Known::default());
     }
 }
 

@@ -3,6 +3,7 @@
 //! In: the bytes of the file. Out: pieces with their addresses in flash, and symbols. Left out:
 //! everything that a debugger would want besides.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use object::elf::PT_LOAD;
@@ -34,6 +35,7 @@ impl std::error::Error for ImageError {}
 pub struct Image {
     /// Address in flash and bytes of each piece.
     pub pieces: Vec<(u32, Vec<u8>)>,
+    /// Sorted by address.
     symbols: Vec<(String, u32)>,
 }
 
@@ -57,19 +59,43 @@ impl Image {
         }
         let elf = object::File::parse(file).map_err(wrong)?;
         let symbols = elf.symbols().filter_map(|symbol| {
-            let name = symbol.name().ok().filter(|name| !name.is_empty())?;
+            // `$t` and its like only mark what is code.
+            let name = symbol.name().ok()?;
+            if name.is_empty() || name.starts_with('$') {
+                return None;
+            }
             Some((name.to_owned(), symbol.address() as u32))
         });
-        Ok(Self {
-            pieces,
-            symbols: symbols.collect(),
-        })
+        let mut symbols: Vec<_> = symbols.collect();
+        symbols.sort_by_key(|(_, address)| *address & !1);
+        Ok(Self { pieces, symbols })
     }
 
     /// The address of the symbol with this very name, Thumb bit left out.
     pub fn symbol(&self, name: &str) -> Option<u32> {
         let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
         found.map(|(_, address)| address & !1)
+    }
+
+    /// The symbol that an address belongs to: the last one that begins at it or before.
+    pub fn symbol_at(&self, address: u32) -> Option<&str> {
+        let behind = self
+            .symbols
+            .partition_point(|(_, begin)| begin & !1 <= address);
+        let (name, _) = self.symbols.get(behind.checked_sub(1)?)?;
+        Some(name)
+    }
+
+    /// What was counted per address, put together by symbol, the most first.
+    pub fn by_symbol(&self, counts: impl Iterator<Item = (u32, u64)>) -> Vec<(String, u64)> {
+        let mut sums = BTreeMap::new();
+        for (address, count) in counts {
+            let name = self.symbol_at(address).unwrap_or("?").to_owned();
+            *sums.entry(name).or_insert(0) += count;
+        }
+        let mut sums: Vec<_> = sums.into_iter().collect();
+        sums.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        sums
     }
 
     /// Symbols whose mangled name contains all of these words, with their addresses.

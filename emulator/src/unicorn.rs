@@ -19,7 +19,8 @@ use std::fmt;
 
 use flash::layout::{BASE, RAM};
 use unicorn_engine::{
-    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, Unicorn, uc_error,
+    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, TlbEntry, TlbType, Unicorn,
+    uc_error,
 };
 
 use crate::chip::Chip;
@@ -57,6 +58,8 @@ struct Shared {
     stop: Option<Stop>,
     /// The block under way.
     block: (u32, u32),
+    /// Code was fetched from the RAM.
+    code_in_ram: bool,
     /// No block has begun since the core was started: the first one is let through.
     fresh: bool,
 }
@@ -64,8 +67,6 @@ struct Shared {
 /// Unicorn with a chip around it.
 pub struct UnicornCpu {
     engine: Unicorn<'static, Shared>,
-    /// The RAM may hold code.
-    code_in_ram: bool,
 }
 
 impl fmt::Debug for UnicornCpu {
@@ -87,28 +88,18 @@ impl UnicornCpu {
             chip,
             stop: None,
             block: (0, 0),
+            code_in_ram: false,
             fresh: true,
         };
         let engine = build(shared, flash, ram);
         Self {
             engine: engine.expect("the engine needs memory, and nothing else can fail"),
-            code_in_ram: false,
         }
     }
 
     /// What the engine says that it is: its number of the model.
     pub fn model(&self) -> i32 {
         self.engine.ctl_get_cpu_model().unwrap_or(-1)
-    }
-
-    /// Lets code be fetched from the RAM, which makes stores into it slower; true the first time.
-    fn allow_code_in_ram(&mut self) -> bool {
-        let at = self.register(Register::Pc);
-        let ram = self.chip().ram_size();
-        let first = !std::mem::replace(&mut self.code_in_ram, true);
-        let inside = at.checked_sub(RAM).is_some_and(|offset| offset < ram);
-        let mut allowed = || self.engine.mem_protect(RAM.into(), ram.into(), Prot::ALL);
-        first && inside && allowed().is_ok()
     }
 
     fn stopped(&mut self, ended: Result<(), uc_error>) -> Stop {
@@ -161,11 +152,16 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
     let mut engine = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, shared)?;
     engine.ctl_set_cpu_model(ArmCpuModel::CORTEX_M3 as i32)?;
     engine.ctl_exits_enable()?;
+    // The engine keeps watching a page for code that changes, at each store, unless it knows that
+    // there can be none.
+    engine.ctl_set_tlb_type(TlbType::VIRTUAL)?;
+    engine.add_tlb_hook(1, 0, |engine, address, kind| {
+        Some(page(engine, address, kind))
+    })?;
     let read_only = Prot::READ | Prot::EXEC;
     engine.mem_map(BASE.into(), flash.into(), read_only)?;
     engine.mem_map(ALIAS.into(), flash.into(), read_only)?;
-    // Without code in it: see `UnicornCpu::allow_code_in_ram`.
-    engine.mem_map(RAM.into(), ram.into(), Prot::READ | Prot::WRITE)?;
+    engine.mem_map(RAM.into(), ram.into(), Prot::ALL)?;
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
         map_registers(&mut engine, base, size)?;
     }
@@ -197,13 +193,28 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
     Ok(engine)
 }
 
+/// How the engine is to see a page: where it is, and with code in the RAM only once there is some.
+fn page(engine: &mut Unicorn<'_, Shared>, address: u64, kind: MemType) -> TlbEntry {
+    let shared = engine.get_data_mut();
+    let offset = (address as u32).checked_sub(RAM);
+    let in_ram = offset.is_some_and(|offset| offset < shared.chip.ram_size());
+    shared.code_in_ram |= in_ram && kind == MemType::FETCH;
+    let perms = match in_ram && !shared.code_in_ram {
+        true => Prot::READ | Prot::WRITE,
+        false => Prot::ALL,
+    };
+    let paddr = address;
+    TlbEntry { paddr, perms }
+}
+
 /// Notes a load, a store or a fetch where nothing is; false, since nobody has handled it.
 fn note_unmapped(engine: &mut Unicorn<'_, Shared>, kind: MemType, address: u32) -> bool {
-    let fault = match kind {
-        MemType::FETCH_UNMAPPED | MemType::FETCH_PROT => Fault::Fetch { address },
-        _ => Fault::Bus { address },
+    let stop = match kind {
+        MemType::FETCH_UNMAPPED if address >= EXC_RETURN => Stop::ExceptionReturn(address | 1),
+        MemType::FETCH_UNMAPPED => Stop::Fault(Fault::Fetch { address }),
+        _ => Stop::Fault(Fault::Bus { address }),
     };
-    engine.get_data_mut().stop = Some(Stop::Fault(fault));
+    engine.get_data_mut().stop = Some(stop);
     false
 }
 
@@ -356,9 +367,6 @@ impl Cpu for UnicornCpu {
             shared.stop = None;
             shared.fresh = true;
             let ended = self.engine.emu_start(at.into(), 0, 0, 0);
-            if ended == Err(uc_error::FETCH_PROT) && self.allow_code_in_ram() {
-                continue;
-            }
             let stop = self.stopped(ended);
             if stop != Stop::Wanted || self.chip().wants_stop() || interrupted(&self.engine) {
                 self.put_flash_right();

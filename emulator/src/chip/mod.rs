@@ -573,7 +573,7 @@ impl Chip {
     fn signature(&self, address: u32) -> u32 {
         let [first, second, third] = self.individual.identity;
         match address {
-            0x1FFF_F7E0 => 0xFFFF_0000 | self.layout.flash / 1024,
+            0x1FFF_F7E0 => 0xFFFF_0000 | (self.layout.flash / 1024),
             0x1FFF_F7E8 => first,
             0x1FFF_F7EC => second,
             0x1FFF_F7F0 => third,
