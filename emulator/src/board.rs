@@ -59,6 +59,10 @@ pub struct Board {
     electronics: Electronics,
     port: Port,
     powered: bool,
+    /// Its bus wires are connected.
+    wired: bool,
+    /// The code has set the controller up to take part.
+    joined: bool,
     posted: [Option<Posted>; MAILBOXES],
     /// When it next has something to do, ns.
     due_ns: u64,
@@ -110,6 +114,8 @@ impl Board {
             electronics: parts.electronics,
             port,
             powered: false,
+            wired: true,
+            joined: false,
             posted: [None; MAILBOXES],
             due_ns: 0,
             cut: false,
@@ -188,19 +194,24 @@ impl Board {
                     let rate = self.machine.chip().bit_rate(pclk1_per_bit);
                     bus.set_bit_rate(self.port, rate);
                     bus.listen_only(self.port, silent);
-                    bus.connect(self.port, true);
+                    self.join(bus, true);
                 }
-                Action::Leave => bus.connect(self.port, false),
+                Action::Leave => self.join(bus, false),
                 Action::Recover => bus.recover(self.port),
                 Action::Reset => {
                     self.posted = [None; MAILBOXES];
-                    bus.connect(self.port, false);
+                    self.join(bus, false);
                     bus.reset(self.port);
                     bus.listen_only(self.port, false);
                     bus.set_bit_rate(self.port, NO_RATE);
                 }
             }
         }
+    }
+
+    fn join(&mut self, bus: &mut Bus, joined: bool) {
+        self.joined = joined;
+        bus.connect(self.port, self.joined && self.wired);
     }
 
     fn abort(&mut self, number: usize, bus: &mut Bus) {
@@ -378,7 +389,12 @@ impl Guest for Board {
         self.powered = false;
         self.posted = [None; MAILBOXES];
         bus.reset(self.port);
-        bus.connect(self.port, false);
+        self.join(bus, false);
+    }
+
+    fn wire(&mut self, bus: &mut Bus, connected: bool) {
+        self.wired = connected;
+        self.join(bus, self.joined);
     }
 
     fn reset(&mut self, bus: &mut Bus) {

@@ -46,9 +46,12 @@ pub trait Guest: Any + Debug {
 
     /// True while it has power.
     fn is_powered(&self) -> bool;
+
+    /// Its bus wires are cut, or connected again.
+    fn wire(&mut self, bus: &mut Bus, connected: bool);
 }
 
-/// What is done to a guest's power.
+/// What is done to a guest's supply and wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// It comes.
@@ -57,6 +60,10 @@ pub enum Switch {
     Off,
     /// It stays, and the reset pin is pulled.
     Reset,
+    /// The bus wires are cut.
+    Cut,
+    /// They are connected again.
+    Connect,
 }
 
 impl Network {
@@ -71,6 +78,30 @@ impl Network {
         self.guests.len()
     }
 
+    /// Nodes and guests together.
+    pub fn node_count(&self) -> usize {
+        self.units.len() + self.guests.len()
+    }
+
+    /// The number among the guests of the node with this number; guests come after the others.
+    pub fn as_guest(&self, node: usize) -> Option<usize> {
+        let number = node.checked_sub(self.units.len())?;
+        (number < self.guests.len()).then_some(number)
+    }
+
+    /// Whether the node with this number has power, if it is a guest.
+    pub fn guest_power(&self, node: usize) -> Option<bool> {
+        Some(self.guests[self.as_guest(node)?].is_powered())
+    }
+
+    /// The electronics of a node, be it a guest or not.
+    pub fn electronics(&mut self, node: usize) -> &mut Electronics {
+        match self.as_guest(node) {
+            Some(number) => self.guests[number].electronics(),
+            None => &mut self.units[node].electronics,
+        }
+    }
+
     /// A guest.
     pub fn guest(&mut self, number: usize) -> &mut dyn Guest {
         &mut *self.guests[number]
@@ -82,13 +113,15 @@ impl Network {
         guest.downcast_mut()
     }
 
-    /// Gives a guest power, takes it away, or pulls its reset pin.
+    /// Does something to a guest's supply or wires.
     pub fn switch_guest(&mut self, number: usize, switch: Switch) {
         let guest = &mut self.guests[number];
         match switch {
             Switch::On => guest.power_on(&mut self.bus),
             Switch::Off => guest.power_off(&mut self.bus),
             Switch::Reset => guest.reset(&mut self.bus),
+            Switch::Cut => guest.wire(&mut self.bus, false),
+            Switch::Connect => guest.wire(&mut self.bus, true),
         }
     }
 

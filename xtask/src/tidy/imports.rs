@@ -39,7 +39,8 @@ const RULES: [Rule; 11] = [
         Some(&[]),
     ),
     rule("sim", &["device", "tilt", "canopen"], None),
-    rule("emulator", &["sim", "canopen", "flash"], None),
+    // Its bus server is the one of `plumb`.
+    rule("emulator", &["sim", "canopen", "flash", "plumb"], None),
     rule("emulator/fixture", &["flash"], None),
     rule("cli", &["device", "sim", "tilt", "canopen"], None),
     rule("xtask", &["flash"], None),
