@@ -16,6 +16,7 @@ mod board;
 mod pair;
 mod report;
 mod sending;
+mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
@@ -43,6 +44,7 @@ use crate::sensor::InitError;
 
 use pair::Pair;
 use sending::{PDOS, Sending};
+use trial::Trial;
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -110,6 +112,8 @@ pub struct Device<SPI, M> {
     next_sum: Instant,
     last_sync: Instant,
     standing_in: bool,
+    /// What a program on trial has not shown yet.
+    trial: Trial,
     record_damaged: bool,
     next_refresh: Instant,
     /// When the next call is due, the channel's own deadline apart.
@@ -172,6 +176,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             next_sum: Instant(0),
             last_sync: Instant(0),
             standing_in: false,
+            trial: Trial::OVER,
             record_damaged: false,
             next_refresh: Instant(0),
             next: Instant(0),
@@ -217,6 +222,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.log.restarted();
         self.standing_in = false;
         self.work.motor = Motor::new();
+        self.values.storage_failed = self.memory.start().is_err();
         self.recall_calibration();
         self.remember_calibration();
         self.sensor_sound = now;
@@ -239,7 +245,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The calibration in memory, or the one delivered where there is none or it is damaged.
     fn recall_calibration(&mut self) {
-        let recalled = recall(&self.memory, &mut self.settings.chain.calibration);
+        let recalled = recall(&mut self.memory, &mut self.settings.chain.calibration);
         self.values.calibrated = recalled.calibrated;
         self.record_damaged = recalled.damaged;
     }
@@ -251,9 +257,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Second half of a start: everything stored comes back, and boot-up is due.
     pub fn start_bus(&mut self, now: Instant) {
-        let (node_id, rate) = stored_lss(&self.memory);
+        let (node_id, rate) = stored_lss(&mut self.memory);
         self.values.bit_rate = rate.unwrap_or(self.kbit_s);
         let node_id = node_id.unwrap_or(self.node_id);
+        self.trial = Trial::begin(&mut self.memory);
         self.last_sync = now;
         self.started = now;
         self.next_sum = now;
@@ -295,6 +302,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let news = &mut self.values.news;
             news.reset |= core::mem::take(&mut news.restart);
         }
+        self.trial.heard();
         if let Some(id) = frame.cob_id() {
             self.pair.sending.gone(id);
         }
@@ -356,6 +364,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
+            self.update(now);
         }
         let (bus, mut panel) = self.split(now);
         let bus = bus.poll(&mut panel, bus_time(now));

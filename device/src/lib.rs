@@ -4,8 +4,7 @@
 //! peer's reading. Out: readings and verdicts. The world is reached through those traits only, so
 //! the same code runs on the chip, in emulation and in the simulation, bit for bit.
 //!
-//! This is the only crate in which the leaves meet: `tilt` and `canopen` today; `flash` (storage
-//! and update) will join here.
+//! This is the only crate in which the leaves meet: `tilt`, `canopen` and `flash`.
 #![no_std]
 
 pub mod bit_rate;
@@ -16,6 +15,7 @@ pub mod device;
 pub mod exchange;
 pub mod fault;
 pub mod fault_log;
+pub mod memory;
 pub mod node;
 pub mod objects;
 pub mod peer_clock;

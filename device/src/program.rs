@@ -1,25 +1,32 @@
-//! Program download: objects 1F50h, 1F51h, 1F56h and 1F57h, sub-index 1 (CiA 302-3).
+//! Program download: objects 1F50h, 1F51h, 1F56h and 1F57h, sub-index 1 (CiA 302-3), and 2080h.
 //!
 //! In: commands and the bytes of an image, through the dictionary. Out: calls of a
 //! [`ProgramMemory`], and an [`Effect`] that the node carries out.
 //!
 //! The order is stop, clear, download, start; each download needs a clear of its own, because one
 //! that was broken off has already written. The running program is not the one that is cleared:
-//! "stopped" only means that an update may begin, and the instrument goes on measuring. An image
-//! is never started before all of it has come and the memory has found it whole.
+//! "stopped" only means that an update may begin, and the instrument goes on measuring. A clear is
+//! answered at once and takes its time, a page for each [`Program::step`]; bit 0 of 1F57h says
+//! when it is over. A download that was broken off goes on behind what has come when the client
+//! asks for that ([`Program::resume`]).
+//!
+//! An image is never started before all of it has come and the memory has found it whole. Started,
+//! it is on trial until [`ProgramMemory::confirm`]; the device decides that (`device::trial`).
 //!
 //! Left out: the memory, what an image looks like, and the NMT state. The caller admits commands
 //! in PRE-OPERATIONAL only and answers [`Abort::WrongState`] otherwise.
 
 use canopen::object::Abort;
+use flash::Progress;
 
-/// What went wrong with a program, by its code in bits 1 to 7 of 1F57h.
+/// What went wrong with a program: the code in bits 1 to 7 of 1F57h, and in the byte above it what
+/// bits 16 to 23 add.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
+#[repr(u16)]
 pub enum ProgramError {
     /// There is no valid program.
     NoProgram = 1,
-    /// The image is of an unknown format, or made for another device.
+    /// The image is of an unknown format.
     UnknownFormat = 2,
     /// The image is incomplete, or its check sum is wrong.
     Damaged = 3,
@@ -29,8 +36,18 @@ pub enum ProgramError {
     Write = 5,
     /// The image does not fit.
     Address = 6,
-    /// The memory is protected.
+    /// The memory is protected: there is one slot only, or the running program is on trial.
     Secured = 7,
+    /// The image was made for other hardware.
+    Hardware = 0x102,
+    /// The image was made for the slot that runs.
+    Slot = 0x202,
+    /// The image is older than the program that runs.
+    Older = 0x307,
+    /// The image is not signed.
+    Unsigned = 0x407,
+    /// The image's signature is wrong.
+    Signature = 0x507,
 }
 
 impl ProgramError {
@@ -39,38 +56,97 @@ impl ProgramError {
         match self {
             Self::NoProgram | Self::NotCleared => Abort::WrongState,
             Self::UnknownFormat | Self::Damaged => Abort::CannotStore,
+            Self::Hardware | Self::Slot => Abort::ParameterIncompatible,
             Self::Write => Abort::Hardware,
             Self::Address => Abort::OutOfMemory,
-            Self::Secured => Abort::LocalControl,
+            Self::Secured | Self::Older | Self::Unsigned | Self::Signature => Abort::LocalControl,
         }
+    }
+
+    /// As 1F57h shows it.
+    const fn status(self) -> u32 {
+        let [code, detail] = (self as u16).to_le_bytes();
+        (code as u32) << 1 | (detail as u32) << 16
     }
 }
 
-/// Where a downloaded image lives until it is started.
-pub trait ProgramMemory {
-    /// Erases the place for a new image.
-    fn erase(&mut self) -> Result<(), ProgramError>;
+/// How the running program came to run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Standing {
+    /// It is confirmed.
+    Confirmed = 0,
+    /// It is on trial: unconfirmed, it is given up after some starts.
+    Trial = 1,
+    /// It is confirmed, and runs because a newer one was not.
+    RolledBack = 2,
+}
 
-    /// Starts an image of `size` bytes, if its size was announced.
+/// The running program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Running {
+    /// The hardware that it is for.
+    pub hardware: u32,
+    /// Its version: patch in the lower half, then minor and major number.
+    pub version: u32,
+    /// CRC-32 of its body.
+    pub crc: u32,
+    /// The slot that it runs in: 0 A, 1 B.
+    pub slot: u8,
+    /// How it came to run.
+    pub standing: Standing,
+}
+
+/// What has come of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// CRC-32 of the body, as its header says.
+    pub crc: u32,
+    /// Bytes of its file that are here.
+    pub bytes: u32,
+}
+
+/// Where a downloaded image lives until it is started, beside the one that runs.
+pub trait ProgramMemory {
+    /// Prepares the place for a new image; nothing is erased yet.
+    ///
+    /// Errors: [`ProgramError::Secured`], [`ProgramError::Write`].
+    fn clear(&mut self) -> Result<(), ProgramError>;
+
+    /// Erases the next page of that place: the processor stands still for 40 ms at most.
+    ///
+    /// Errors: [`ProgramError::Write`], [`ProgramError::NotCleared`].
+    fn erase(&mut self) -> Result<Progress, ProgramError>;
+
+    /// Starts an image, or what is left of one, of `size` bytes if its size was announced.
     fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError>;
 
-    /// Writes the next bytes, in order, each once.
+    /// Writes the next bytes, in order, each once. After an error nothing of the image is held.
     fn append(&mut self, bytes: &[u8]) -> Result<(), ProgramError>;
 
     /// All bytes are here: checks that they are a program for this device.
     ///
-    /// Errors: [`ProgramError::UnknownFormat`], [`ProgramError::Damaged`],
-    /// [`ProgramError::Write`].
+    /// Errors: [`ProgramError::Damaged`], [`ProgramError::Write`].
     fn commit(&mut self) -> Result<(), ProgramError>;
 
-    /// The download was broken off.
+    /// What has come is worth nothing.
     fn discard(&mut self);
 
-    /// Marks the committed image as the one to run after the next reset.
+    /// What has come of an image, as soon as its header has.
+    fn held(&self) -> Option<Held>;
+
+    /// Checks the committed image's signature, and marks it as the one to run after the next reset.
+    ///
+    /// Errors: [`ProgramError::Signature`], [`ProgramError::Write`].
     fn activate(&mut self) -> Result<(), ProgramError>;
 
-    /// The CRC-32 of the committed image if there is one, of the running program otherwise.
-    fn crc(&self) -> u32;
+    /// The program that runs.
+    fn running(&mut self) -> Running;
+
+    /// Confirms the program that runs.
+    ///
+    /// Errors: [`ProgramError::Write`].
+    fn confirm(&mut self) -> Result<(), ProgramError>;
 }
 
 /// What the node does once a command of 1F51h has been answered.
@@ -89,7 +165,9 @@ enum State {
     Started,
     /// An update may begin.
     Stopped,
-    /// The memory is empty and waits for an image.
+    /// The memory is being erased.
+    Clearing,
+    /// The memory waits for an image, or for the rest of one.
     Cleared,
     /// An image is coming in; so much has come, and so much was announced.
     Loading { received: u32, size: Option<u32> },
@@ -99,7 +177,7 @@ enum State {
     Loaded,
 }
 
-/// State of the program objects; 16 bytes.
+/// State of the program objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Program {
     state: State,
@@ -126,7 +204,7 @@ impl Program {
         match self.state {
             State::Started => 1,
             State::Stopped | State::Loaded => 0,
-            State::Cleared | State::Loading { .. } | State::Broken => 3,
+            State::Clearing | State::Cleared | State::Loading { .. } | State::Broken => 3,
         }
     }
 
@@ -134,13 +212,14 @@ impl Program {
     ///
     /// Errors: [`Abort::InvalidValue`] for other numbers, [`Abort::WrongState`] for what cannot be
     /// done now (a clear while started, a start of an image that is not whole, anything while a
-    /// download runs), and what the memory refuses. A refused command changes nothing but 1F57h.
+    /// clear or a download runs), and what the memory refuses. A refused command changes nothing
+    /// but 1F57h.
     pub fn set_control<M: ProgramMemory + ?Sized>(
         &mut self,
         command: u8,
         memory: &mut M,
     ) -> Result<Effect, Abort> {
-        if matches!(self.state, State::Loading { .. }) {
+        if matches!(self.state, State::Clearing | State::Loading { .. }) {
             return Err(Abort::WrongState);
         }
         match command {
@@ -171,7 +250,9 @@ impl Program {
             }
             // The error that broke the download says more than its consequence.
             State::Broken => Err(Abort::WrongState),
-            State::Cleared | State::Loading { .. } => Err(self.note(ProgramError::NoProgram)),
+            State::Clearing | State::Cleared | State::Loading { .. } => {
+                Err(self.note(ProgramError::NoProgram))
+            }
         }
     }
 
@@ -179,20 +260,59 @@ impl Program {
         if self.state == State::Started {
             return Err(Abort::WrongState);
         }
-        // An erase that fails leaves a memory that is neither one thing nor the other.
+        // What was there is given up, whatever comes of it.
         self.state = State::Broken;
-        memory.erase().map_err(|error| self.note(error))?;
-        self.state = State::Cleared;
+        memory.clear().map_err(|error| self.note(error))?;
+        self.state = State::Clearing;
         self.error = None;
         Ok(Effect::None)
     }
 
-    /// 1F57h: bit 0 while a download runs, bits 1 to 7 the last error.
+    /// The next page of a clear, if one runs; for the caller to call while nobody is in a hurry.
+    pub fn step<M: ProgramMemory + ?Sized>(&mut self, memory: &mut M) {
+        if self.state != State::Clearing {
+            return;
+        }
+        match memory.erase() {
+            Ok(Progress::More) => {}
+            Ok(Progress::Done) => self.state = State::Cleared,
+            Err(error) => {
+                self.fail(error, memory);
+            }
+        }
+    }
+
+    /// The next download goes on behind the `bytes` of an image that are here.
+    ///
+    /// Errors: [`Abort::WrongState`] unless a download was broken off, [`Abort::InvalidValue`] for
+    /// another number of bytes than are here.
+    pub fn resume<M: ProgramMemory + ?Sized>(
+        &mut self,
+        bytes: u32,
+        memory: &M,
+    ) -> Result<(), Abort> {
+        let held = memory.held().filter(|_| self.state == State::Broken);
+        let held = held.ok_or(Abort::WrongState)?;
+        if held.bytes != bytes {
+            return Err(Abort::InvalidValue);
+        }
+        self.state = State::Cleared;
+        Ok(())
+    }
+
+    /// 1F56h: the check sum of the image that waits for its start, else of the running program.
+    pub fn identification<M: ProgramMemory + ?Sized>(&self, memory: &mut M) -> u32 {
+        let loaded = memory.held().filter(|_| self.state == State::Loaded);
+        loaded.map_or_else(|| memory.running().crc, |held| held.crc)
+    }
+
+    /// 1F57h: bit 0 while a clear or a download runs, else bits 1 to 7 the last error and bits 16
+    /// to 23 what it is about.
     pub const fn status(&self) -> u32 {
         match (self.state, self.error) {
-            (State::Loading { .. }, _) => 1,
-            (_, Some(error)) => (error as u32) << 1,
-            (State::Cleared, None) => (ProgramError::NoProgram as u32) << 1,
+            (State::Clearing | State::Loading { .. }, _) => 1,
+            (_, Some(error)) => error.status(),
+            (State::Cleared, None) => ProgramError::NoProgram.status(),
             (_, None) => 0,
         }
     }
@@ -205,8 +325,11 @@ impl Program {
         size: Option<u32>,
         memory: &mut M,
     ) -> Result<(), Abort> {
-        if self.state != State::Cleared {
-            return Err(self.note(ProgramError::NotCleared));
+        match self.state {
+            State::Cleared => {}
+            // A client that can't wait changes nothing.
+            State::Clearing => return Err(Abort::WrongState),
+            _ => return Err(self.note(ProgramError::NotCleared)),
         }
         memory.begin(size).map_err(|error| self.note(error))?;
         self.state = State::Loading { received: 0, size };
@@ -258,10 +381,11 @@ impl Program {
         Ok(())
     }
 
-    /// The client or the bus has broken the download off.
-    pub fn discard<M: ProgramMemory + ?Sized>(&mut self, memory: &mut M) {
+    /// The client or the bus has broken the download off: what has come stays, for a resume.
+    pub fn discard(&mut self) {
         if matches!(self.state, State::Loading { .. }) {
-            self.fail(ProgramError::Damaged, memory);
+            self.state = State::Broken;
+            self.note(ProgramError::Damaged);
         }
     }
 

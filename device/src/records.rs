@@ -1,13 +1,14 @@
 //! The record store: what outlives a reset, whole or not at all.
 //!
 //! In: bytes, staged under the name of a record and then committed. Out: the bytes of the last
-//! record that was committed whole. The trait fits a store with two copies of each record, each
-//! with a sequence number and a check sum, so that a loss of supply at any moment leaves either
-//! the old content or the new (R8).
+//! record that was committed whole: a loss of supply at any moment leaves either the old content
+//! or the new (R8). [`memory`](crate::memory) keeps them in the chip's flash.
 //!
 //! Left out: the flash behind it, and what the bytes of a calibration mean.
 
 pub mod parameters;
+
+use crate::calibration::encoding::MAX_LENGTH;
 
 /// What is kept, each on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +41,16 @@ impl Record {
         Self::Lss,
         Self::Calibration,
     ];
+
+    /// Bytes that it takes at most.
+    pub const fn longest(self) -> u32 {
+        match self {
+            Self::Communication => 1536,
+            Self::Profile | Self::Manufacturer => 256,
+            Self::Lss => 32,
+            Self::Calibration | Self::Delivered => MAX_LENGTH,
+        }
+    }
 }
 
 /// Why a record was not stored.
@@ -57,17 +68,27 @@ pub enum StoreError {
 ///
 /// One record is staged at a time. Offsets beyond the end read as the end.
 pub trait RecordStore {
+    /// Finds what is kept, as every start of the device has to. Nothing is written.
+    ///
+    /// Errors: [`StoreError::Hardware`]; nothing is found then.
+    fn start(&mut self) -> Result<(), StoreError>;
+
     /// Reads the committed `record` from `offset` into `into`.
     ///
     /// Returns how many bytes came: fewer than asked only at the end, and 0 when there is no such
     /// record or none that is whole.
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize;
+    fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize;
 
-    /// Starts a new version of `record`; what was staged before is discarded.
+    /// Whether [`RecordStore::begin`] would have to erase first, which makes the processor stand
+    /// still: not to be done in OPERATIONAL.
+    fn needs_erase(&self, length: u32) -> bool;
+
+    /// Starts a new version of `record`, of `length` bytes at most; what was staged before is
+    /// discarded.
     ///
     /// The committed version stays valid until [`RecordStore::commit`]. Errors:
-    /// [`StoreError::Hardware`].
-    fn begin(&mut self, record: Record) -> Result<(), StoreError>;
+    /// [`StoreError::Hardware`], [`StoreError::Full`].
+    fn begin(&mut self, record: Record, length: u32) -> Result<(), StoreError>;
 
     /// Adds `bytes` to what is staged.
     ///
@@ -75,7 +96,7 @@ pub trait RecordStore {
     fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError>;
 
     /// Reads back what is staged, as [`RecordStore::read`] does; 0 when nothing is.
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize;
+    fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize;
 
     /// Makes the staged version the valid one, whole or not at all.
     ///
@@ -87,7 +108,7 @@ pub trait RecordStore {
 
     /// Removes the committed `record`: defaults hold after the next start.
     ///
-    /// Errors: [`StoreError::Hardware`].
+    /// Errors: [`StoreError::Hardware`], [`StoreError::Full`].
     fn erase(&mut self, record: Record) -> Result<(), StoreError>;
 }
 

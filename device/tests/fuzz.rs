@@ -6,6 +6,7 @@
 //! refused has changed nothing, one that is taken reads back, what is stored comes back, and a
 //! restore gives back what the rows promise.
 
+#[expect(dead_code, reason = "parameters need no long downloads")]
 mod site;
 
 use std::cell::RefCell;

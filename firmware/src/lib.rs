@@ -17,7 +17,6 @@ pub mod chip;
 pub mod crash;
 pub mod factory;
 pub mod inbox;
-pub mod memory;
 #[cfg(target_os = "none")]
 pub mod node;
 pub mod part;

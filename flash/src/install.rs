@@ -124,6 +124,11 @@ impl Install {
         self.slot
     }
 
+    /// Bytes of the file that have come.
+    pub const fn received(&self) -> u32 {
+        self.received
+    }
+
     /// The header, once it has come and was let in.
     pub const fn header(&self) -> Option<&Header> {
         self.header.as_ref()

@@ -225,6 +225,11 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         self.once_only = once_only;
     }
 
+    /// Takes random words from another generator from now on.
+    pub fn set_draw(&mut self, draw: D) {
+        self.draw = draw;
+    }
+
     /// After so many erases a page keeps a bit that does not erase.
     pub fn set_endurance(&mut self, erases: u32) {
         self.endurance = erases;

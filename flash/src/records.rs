@@ -138,10 +138,17 @@ impl<const KINDS: usize> Records<KINDS> {
     /// Reads what is in use once: some 42 instructions for each byte. Errors:
     /// [`RecordError::Access`].
     pub fn mount<F: ReadNorFlash>(flash: &mut F, region: Region) -> Result<Self, RecordError> {
+        let mut records = Self::unmounted(region);
+        records.scan(flash)?;
+        Ok(records)
+    }
+
+    /// Before the records in `region` were looked for: it has none, and no page is ready.
+    pub fn unmounted(region: Region) -> Self {
         const { assert!(KINDS < chunk::GAP as usize) };
         let pages = Pages::new(region, MARK);
         let count = pages.count();
-        let mut records = Self {
+        Self {
             pages,
             index: [Entry::default(); KINDS],
             tail: count,
@@ -153,9 +160,7 @@ impl<const KINDS: usize> Records<KINDS> {
             version: 0,
             staging: None,
             torn: 0,
-        };
-        records.scan(flash)?;
-        Ok(records)
+        }
     }
 
     /// Bytes of the valid version of `kind`; 0 when there is none.

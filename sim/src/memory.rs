@@ -1,167 +1,201 @@
-//! What a node keeps over a power cut: records and a program, in the host's memory.
+//! What a node keeps over a power cut: the flash of an STM32F103RC, with all that is in it.
 //!
-//! In and out: the device's own traits. Writing is whole or not at all, and every commit is
-//! counted, so that a test can see that nothing is written without being asked.
+//! In: the device's own calls. Out: a [`Memory`] over [`Nor`], the model of a flash that refuses
+//! what the chip refuses and can be cut in the middle of any operation. It comes from the factory
+//! with a confirmed image in slot A, of which the simulation runs no code: every node runs this
+//! host's. The image says which version it shows.
 //!
-//! Left out: flash, with its pages, wear and cuts in the middle of a write.
+//! Left out: the time that erases and programs take.
 
-use device::program::{ProgramError, ProgramMemory};
-use device::records::{Record, RecordStore, StoreError};
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use flash::check_sum::Crc32;
+use flash::image::{FIELDS, Header, Signature, Version};
+use flash::layout::{BASE, HEADER, PAGE, RC, Region, Slot};
+use flash::nor::{Draw, Nor, NorError, Page};
+use flash::slots::{self, Decision, MARKS, factory_marks};
 
-/// Room for one record, bytes: what a pair of flash pages would give.
-const RECORD_BYTES: usize = 4096;
+use crate::rng::Rng;
 
-/// Room for a program, bytes: one slot of the STM32F103CB.
-const PROGRAM_BYTES: usize = 52 * 1024;
+/// The hardware id that images for this board name: "PLB1" as a little-endian word.
+pub const HARDWARE: u32 = u32::from_le_bytes(*b"PLB1");
+
+/// The version that a node leaves the factory with.
+pub const FACTORY: Version = Version::new(0, 1, 0);
 
 /// A node's memory.
-#[derive(Clone, Debug, Default)]
-pub struct Memory {
-    records: [Option<Vec<u8>>; Record::COUNT],
-    staged: Option<(Record, Vec<u8>)>,
-    program: Vec<u8>,
-    incoming: Option<Vec<u8>>,
-    commits: u32,
+pub type Memory = FlashMemory<Chip>;
+
+/// What a new node finds: the factory's program, and no records.
+pub fn blank() -> Memory {
+    let mut chip = Chip::default();
+    let image = image(Slot::A, FACTORY, Signature::None, b"plumb host program\n\0");
+    chip.burn(RC.a, &image);
+    chip.burn_at(RC.a.start + MARKS, &factory_marks());
+    let build = Build {
+        layout: &RC,
+        running: Slot::A,
+        hardware: HARDWARE,
+    };
+    FlashMemory::new(chip, build, Anybody)
+}
+
+/// The file of an image for `slot` with this body, a multiple of 4 bytes long.
+///
+/// # Panics
+/// When the part has no such slot.
+pub fn image(slot: Slot, version: Version, signature: Signature, body: &[u8]) -> Vec<u8> {
+    let region = RC.slot(slot).expect("the RC has both slots");
+    let header = Header {
+        signature,
+        hardware: HARDWARE,
+        version,
+        address: BASE + region.start + HEADER,
+        length: body.len() as u32,
+        crc: Crc32::of(body),
+    };
+    let mut file = vec![u8::MAX; HEADER as usize];
+    file[..FIELDS].copy_from_slice(&header.encode());
+    file.extend_from_slice(body);
+    file
+}
+
+/// What the image that was started does, which its body says: the simulation runs none of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// It works.
+    Sound,
+    /// It does not get to its samples, so it never passes its trial: a body of [`SICK`].
+    Sick,
+}
+
+/// How the body of an image begins that fails its trial.
+pub const SICK: &[u8] = b"plumb host program, sick";
+
+/// The bootloader: chooses the image to start, and what that one does; `None` where there is none.
+pub fn boot(memory: &mut Memory) -> Option<Program> {
+    let Decision::Run(slot, header, _) = slots::boot(memory.flash_mut(), &RC, HARDWARE) else {
+        return None;
+    };
+    memory.set_running(slot);
+    let mut body = [0; SICK.len()];
+    let at = header.address - BASE;
+    let read = memory.flash_mut().read(at, &mut body);
+    Some(match read {
+        Ok(()) if body == SICK => Program::Sick,
+        _ => Program::Sound,
+    })
+}
+
+/// The chip's flash, which can be broken.
+#[derive(Clone, Debug)]
+pub struct Chip {
+    nor: Nor<Vec<Page>, Bits>,
     broken: bool,
 }
 
-impl Memory {
-    /// An empty memory.
-    pub fn new() -> Self {
-        Self::default()
-    }
+/// The random bits that a cut leaves.
+#[derive(Clone, Debug)]
+pub struct Bits(Rng);
 
-    /// Commits so far.
-    pub fn commits(&self) -> u32 {
-        self.commits
+impl Draw for Bits {
+    fn draw(&mut self) -> u32 {
+        (self.0.uniform() * 4_294_967_296.0) as u32
     }
+}
 
+impl Default for Chip {
+    fn default() -> Self {
+        let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
+        Self {
+            nor: Nor::new(pages, Bits(Rng::stream(0, "flash"))),
+            broken: false,
+        }
+    }
+}
+
+impl Chip {
     /// From now on every write fails, as a worn-out flash would.
-    pub fn set_broken(&mut self, broken: bool) {
+    pub const fn set_broken(&mut self, broken: bool) {
         self.broken = broken;
     }
 
-    /// The image that was downloaded last.
-    pub fn program(&self) -> &[u8] {
-        &self.program
+    /// The model behind it, for cuts and counts.
+    pub const fn nor(&mut self) -> &mut Nor<Vec<Page>, Bits> {
+        &mut self.nor
     }
 
-    /// Flips one bit of a committed record, as a cosmic ray or a bad cell does.
-    pub fn flip(&mut self, record: Record, byte: usize) {
-        if let Some(byte) = self.records[record as usize]
-            .as_mut()
-            .and_then(|r| r.get_mut(byte))
-        {
-            *byte ^= 1;
+    /// Erases a region and writes `bytes` to it, as the debug port does in the factory.
+    ///
+    /// # Panics
+    /// When the flash refuses.
+    fn burn(&mut self, region: Region, bytes: &[u8]) {
+        let erased = self.nor.erase(region.start, region.end());
+        erased.expect("a sound flash");
+        self.burn_at(region.start, bytes);
+    }
+
+    fn burn_at(&mut self, at: u32, bytes: &[u8]) {
+        for (at, half_word) in (at..).step_by(2).zip(bytes.chunks(2)) {
+            if half_word != [u8::MAX; 2] {
+                self.nor.write(at, half_word).expect("an erased flash");
+            }
         }
     }
+}
 
-    fn sound(&self) -> Result<(), StoreError> {
+/// Why the chip did not do what was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChipError {
+    /// It is broken.
+    Broken,
+    /// See [`NorError`].
+    Nor(NorError),
+}
+
+impl NorFlashError for ChipError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Broken => NorFlashErrorKind::Other,
+            Self::Nor(error) => error.kind(),
+        }
+    }
+}
+
+impl ErrorType for Chip {
+    type Error = ChipError;
+}
+
+impl ReadNorFlash for Chip {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), ChipError> {
+        self.nor.read(offset, bytes).map_err(ChipError::Nor)
+    }
+
+    fn capacity(&self) -> usize {
+        self.nor.capacity()
+    }
+}
+
+impl NorFlash for Chip {
+    const WRITE_SIZE: usize = 2;
+    const ERASE_SIZE: usize = PAGE as usize;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), ChipError> {
         if self.broken {
-            Err(StoreError::Hardware)
-        } else {
-            Ok(())
+            return Err(ChipError::Broken);
         }
-    }
-}
-
-fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
-    let rest = from.get(offset as usize..).unwrap_or(&[]);
-    let length = rest.len().min(into.len());
-    into[..length].copy_from_slice(&rest[..length]);
-    length
-}
-
-impl RecordStore for Memory {
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
-        let kept = self.records[record as usize].as_deref();
-        kept.map_or(0, |bytes| copy(bytes, offset, into))
+        self.nor.erase(from, to).map_err(ChipError::Nor)
     }
 
-    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
-        self.sound()?;
-        self.staged = Some((record, Vec::new()));
-        Ok(())
-    }
-
-    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        self.sound()?;
-        let (_, staged) = self.staged.as_mut().ok_or(StoreError::NotBegun)?;
-        if staged.len() + bytes.len() > RECORD_BYTES {
-            return Err(StoreError::Full);
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), ChipError> {
+        if self.broken {
+            return Err(ChipError::Broken);
         }
-        staged.extend_from_slice(bytes);
-        Ok(())
-    }
-
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
-        let staged = self.staged.as_ref();
-        staged.map_or(0, |(_, bytes)| copy(bytes, offset, into))
-    }
-
-    fn commit(&mut self) -> Result<(), StoreError> {
-        self.sound()?;
-        let (record, bytes) = self.staged.take().ok_or(StoreError::NotBegun)?;
-        self.records[record as usize] = Some(bytes);
-        self.commits += 1;
-        Ok(())
-    }
-
-    fn discard(&mut self) {
-        self.staged = None;
-    }
-
-    fn erase(&mut self, record: Record) -> Result<(), StoreError> {
-        self.sound()?;
-        self.records[record as usize] = None;
-        Ok(())
-    }
-}
-
-impl ProgramMemory for Memory {
-    fn erase(&mut self) -> Result<(), ProgramError> {
-        self.program.clear();
-        self.broken
-            .then_some(ProgramError::Write)
-            .map_or(Ok(()), Err)
-    }
-
-    fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
-        if size.is_some_and(|s| s as usize > PROGRAM_BYTES) {
-            return Err(ProgramError::Address);
-        }
-        self.incoming = Some(Vec::new());
-        Ok(())
-    }
-
-    fn append(&mut self, bytes: &[u8]) -> Result<(), ProgramError> {
-        let incoming = self.incoming.as_mut().ok_or(ProgramError::NotCleared)?;
-        if incoming.len() + bytes.len() > PROGRAM_BYTES {
-            return Err(ProgramError::Address);
-        }
-        incoming.extend_from_slice(bytes);
-        Ok(())
-    }
-
-    fn commit(&mut self) -> Result<(), ProgramError> {
-        self.program = self.incoming.take().ok_or(ProgramError::NoProgram)?;
-        Ok(())
-    }
-
-    fn discard(&mut self) {
-        self.incoming = None;
-    }
-
-    fn activate(&mut self) -> Result<(), ProgramError> {
-        if self.program.is_empty() {
-            return Err(ProgramError::NoProgram);
-        }
-        Ok(())
-    }
-
-    fn crc(&self) -> u32 {
-        let mut crc = device::calibration::crc::Crc32::new();
-        crc.add(&self.program);
-        crc.value()
+        self.nor.write(offset, bytes).map_err(ChipError::Nor)
     }
 }

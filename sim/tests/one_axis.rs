@@ -9,7 +9,7 @@ use device::fault::Fault;
 use sim::bench::{Mode, World};
 use sim::can_bus::Port;
 use sim::fault::SensorFault;
-use sim::memory::Memory;
+use sim::memory;
 use sim::network::Network;
 use sim::network::hand::{Hand, Pose};
 use sim::network::instrument::{Delivered, Fitting};
@@ -37,7 +37,7 @@ impl Site {
         let fitting = |node_id| Fitting {
             node_id,
             kbit_s: 500,
-            memory: Memory::new(),
+            memory: memory::blank(),
         };
         let mut network = Network::new(500_000, 1);
         let delivered = DELIVERED[unit as usize].clone();

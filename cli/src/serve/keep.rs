@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use device::calibration::crc::Crc32;
 use device::records::{Record, RecordStore};
-use sim::memory::Memory;
+use sim::memory::{self, Memory};
 
 use super::stage::Stage;
 use super::words::node_name;
@@ -80,13 +80,13 @@ impl Keep {
 
     /// What a node finds in its memory.
     pub fn memory(&self, node: usize) -> Memory {
-        let mut memory = Memory::new();
+        let mut memory = memory::blank();
         for (record, bytes) in Record::ALL.into_iter().zip(&self.kept[node]) {
             if bytes.is_empty() {
                 continue;
             }
             // A fresh memory is sound and has room for what another one held.
-            let _ = RecordStore::begin(&mut memory, record);
+            let _ = RecordStore::begin(&mut memory, record, bytes.len() as u32);
             let _ = RecordStore::append(&mut memory, bytes);
             let _ = RecordStore::commit(&mut memory);
         }
@@ -122,7 +122,7 @@ impl Keep {
     }
 }
 
-fn committed(memory: &Memory, record: Record) -> Vec<u8> {
+fn committed(memory: &mut Memory, record: Record) -> Vec<u8> {
     let mut bytes = vec![0; MOST_BYTES];
     let length = memory.read(record, 0, &mut bytes);
     bytes.truncate(length);
@@ -172,9 +172,9 @@ mod tests {
         let keep = Keep::open(&folder, 2).unwrap();
         assert_eq!(keep.path(1, Record::Lss), path);
         store(&path, &[1, 2, 3]).unwrap();
-        let memory = Keep::open(&folder, 2).unwrap().memory(1);
-        assert_eq!(committed(&memory, Record::Lss), [1, 2, 3]);
-        assert_eq!(committed(&memory, Record::Profile), [0; 0]);
+        let mut memory = Keep::open(&folder, 2).unwrap().memory(1);
+        assert_eq!(committed(&mut memory, Record::Lss), [1, 2, 3]);
+        assert_eq!(committed(&mut memory, Record::Profile), [0; 0]);
         let mut all = fs::read(&path).unwrap();
         all.pop();
         fs::write(&path, all).unwrap();

@@ -42,7 +42,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use device::objects::panel::stored_lss;
 use sim::bench::World;
-use sim::memory::Memory;
+use sim::memory;
 use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
 
@@ -131,8 +131,8 @@ fn build(
         };
         let fittings = [0, 1].map(|side| {
             let node = 2 * unit as usize + side;
-            let memory = keep.map_or_else(Memory::new, |keep| keep.memory(node));
-            let (stored, rate) = stored_lss(&memory);
+            let mut memory = keep.map_or_else(memory::blank, |keep| keep.memory(node));
+            let (stored, rate) = stored_lss(&mut memory);
             if let Some(rate) = rate.filter(|rate| *rate != arguments.bit_rate) {
                 let name = words::node_name(node);
                 eprintln!("plumb: node {name} keeps {rate} kbit/s: start with --bit-rate {rate}");

@@ -370,7 +370,13 @@ impl Stage {
                 electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
             }
             Trouble::Offset(g) => electronics.offset_g = [g, g, 0.0],
-            Trouble::Memory => self.network.unit(number).device.memory().set_broken(true),
+            Trouble::Memory => self
+                .network
+                .unit(number)
+                .device
+                .memory()
+                .flash_mut()
+                .set_broken(true),
             Trouble::Sensor(fault) => electronics.inject(fault, rng.fork()),
             // Code that does not run can't stand still.
             Trouble::Node(NodeFault::Halted) if !self.network.units()[number].is_powered() => {}
@@ -389,7 +395,12 @@ impl Stage {
         electronics.offset_g = [0.0; 3];
         electronics.heal();
         if self.network.as_guest(number).is_none() {
-            self.network.unit(number).device.memory().set_broken(false);
+            self.network
+                .unit(number)
+                .device
+                .memory()
+                .flash_mut()
+                .set_broken(false);
             self.network.heal(number);
         }
     }

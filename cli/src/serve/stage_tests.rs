@@ -5,7 +5,7 @@ use canopen::nmt::State;
 use device::fault::Fault;
 use device::records::{Record, RecordStore};
 use sim::bench::{Mode, World};
-use sim::memory::Memory;
+use sim::memory;
 use sim::network::Network;
 use sim::network::hand::Pose;
 use sim::network::instrument::{Delivered, Fitting};
@@ -22,7 +22,7 @@ fn pair() -> Stage {
     let fitting = |node_id| Fitting {
         node_id,
         kbit_s: 250,
-        memory: Memory::new(),
+        memory: memory::blank(),
     };
     let mut network = Network::new(250_000, 1);
     let bare = Delivered::bare(Mode::Product, &World::NOMINAL, 1, 0);

@@ -6,7 +6,7 @@ use canopen::Frame;
 use device::exchange::reason_code;
 use device::objects::process::Process;
 use sim::bench::{Mode, World};
-use sim::memory::Memory;
+use sim::memory;
 use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting};
 use tilt::chain::Invalid;
@@ -31,7 +31,7 @@ impl Site {
         let fitting = |node_id| Fitting {
             node_id,
             kbit_s: 500,
-            memory: Memory::new(),
+            memory: memory::blank(),
         };
         let mut network = Network::new(500_000, 1);
         DELIVERED

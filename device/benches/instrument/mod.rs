@@ -13,9 +13,10 @@ use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
-use device::program::{ProgramError, ProgramMemory};
+use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 use device::records::{Record, RecordStore, StoreError};
 use device::sensor::Config;
+use flash::Progress;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::filter::{Filtered, LowPass};
@@ -32,11 +33,19 @@ const NODE_ID: u8 = 1;
 struct Nothing;
 
 impl RecordStore for Nothing {
-    fn read(&self, _: Record, _: u32, _: &mut [u8]) -> usize {
+    fn start(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn needs_erase(&self, _length: u32) -> bool {
+        false
+    }
+
+    fn read(&mut self, _: Record, _: u32, _: &mut [u8]) -> usize {
         0
     }
 
-    fn begin(&mut self, _: Record) -> Result<(), StoreError> {
+    fn begin(&mut self, _: Record, _: u32) -> Result<(), StoreError> {
         Err(StoreError::Hardware)
     }
 
@@ -44,7 +53,7 @@ impl RecordStore for Nothing {
         Err(StoreError::NotBegun)
     }
 
-    fn staged(&self, _: u32, _: &mut [u8]) -> usize {
+    fn staged(&mut self, _: u32, _: &mut [u8]) -> usize {
         0
     }
 
@@ -60,7 +69,11 @@ impl RecordStore for Nothing {
 }
 
 impl ProgramMemory for Nothing {
-    fn erase(&mut self) -> Result<(), ProgramError> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
+        Err(ProgramError::Write)
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
         Err(ProgramError::Write)
     }
 
@@ -82,8 +95,22 @@ impl ProgramMemory for Nothing {
         Err(ProgramError::NoProgram)
     }
 
-    fn crc(&self) -> u32 {
-        0
+    fn held(&self) -> Option<Held> {
+        None
+    }
+
+    fn running(&mut self) -> Running {
+        Running {
+            hardware: 0,
+            version: 0,
+            crc: 0,
+            slot: 0,
+            standing: Standing::Confirmed,
+        }
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        Ok(())
     }
 }
 

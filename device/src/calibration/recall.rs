@@ -8,7 +8,7 @@
 
 use tilt::chain::Calibration;
 
-use super::encoding::{decode_into, read_at};
+use super::encoding::{decode_into, length, read_at};
 use crate::records::{Record, RecordStore, StoreError};
 
 /// Bytes handed to the memory at a time.
@@ -26,7 +26,7 @@ pub struct Recalled {
 /// Reads the calibration of this part into `calibration`.
 ///
 /// Takes the place of what was there; errors are all in the answer.
-pub fn recall<M: RecordStore>(memory: &M, calibration: &mut Calibration) -> Recalled {
+pub fn recall<M: RecordStore>(memory: &mut M, calibration: &mut Calibration) -> Recalled {
     let stored = memory.read(Record::Calibration, 0, &mut [0]) != 0;
     let whole = stored && decode(memory, Record::Calibration, calibration);
     let calibrated = whole || decode(memory, Record::Delivered, calibration);
@@ -39,7 +39,7 @@ pub fn recall<M: RecordStore>(memory: &M, calibration: &mut Calibration) -> Reca
     }
 }
 
-fn decode<M: RecordStore>(memory: &M, record: Record, calibration: &mut Calibration) -> bool {
+fn decode<M: RecordStore>(memory: &mut M, record: Record, calibration: &mut Calibration) -> bool {
     decode_into(calibration, &mut |offset, into| {
         memory.read(record, offset, into)
     })
@@ -54,7 +54,7 @@ pub fn stage<M: RecordStore>(
     record: Record,
     calibration: &Calibration,
 ) -> Result<(), StoreError> {
-    memory.begin(record)?;
+    memory.begin(record, length(calibration))?;
     let mut offset = 0;
     let mut piece = [0; PIECE];
     loop {

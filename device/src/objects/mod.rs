@@ -18,4 +18,5 @@ pub mod safety;
 pub mod slopes;
 pub mod streams;
 pub mod table;
+pub mod update;
 pub mod values;

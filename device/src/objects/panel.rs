@@ -89,8 +89,8 @@ const LSS_NODE_ID: Address = at(0, 1);
 const LSS_BIT_RATE: Address = at(0, 2);
 
 /// Node-id and bit rate as LSS has stored them.
-pub fn stored_lss<M: RecordStore>(memory: &M) -> (Option<u8>, Option<u16>) {
-    let number = |address| parameters::get(memory, Record::Lss, address).map(|v| v.unsigned());
+pub fn stored_lss<M: RecordStore>(memory: &mut M) -> (Option<u8>, Option<u16>) {
+    let mut number = |address| parameters::get(memory, Record::Lss, address).map(|v| v.unsigned());
     (
         number(LSS_NODE_ID).map(|n| n as u8),
         number(LSS_BIT_RATE).map(|n| n as u16),
@@ -247,7 +247,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
         }
         match at.index {
             0x1018 => self.identity_value(at),
-            0x1F50..=0x1F57 => self.read_program(at),
+            0x1F50..=0x1F57 | 0x2080 => self.read_program(at),
             0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
             0x6210..=0x6221 => self.read_safe_slope(at),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
@@ -267,6 +267,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
             }
             0x2040 => self.write_range(at, value),
             0x2060 => self.write_calibration(at, value),
+            0x2080 => self.resume_program(value),
             0x6200 | 0x63FE | 0x63FF => self.write_safety(at, value),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),
             _ => self.put(at, value),
@@ -349,7 +350,9 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 
     fn begin_store(&mut self, group: Group) -> Result<(), Abort> {
-        let begun = RecordStore::begin(self.memory, record(group));
+        let record = record(group);
+        self.may_store(record.longest())?;
+        let begun = RecordStore::begin(self.memory, record, record.longest());
         self.note(begun)
     }
 
@@ -364,6 +367,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 
     fn erase(&mut self, group: Group) -> Result<(), Abort> {
+        self.may_store(0)?;
         let erased = RecordStore::erase(self.memory, record(group));
         self.note(erased)
     }
@@ -386,12 +390,20 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn write_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> Result<(), StoreError> {
-        RecordStore::begin(self.memory, Record::Lss)?;
+        RecordStore::begin(self.memory, Record::Lss, Record::Lss.longest())?;
         parameters::put(self.memory, LSS_NODE_ID, &Value::u8(node_id))?;
         if let Some(rate) = kbit_s {
             parameters::put(self.memory, LSS_BIT_RATE, &Value::u16(rate))?;
         }
         RecordStore::commit(self.memory)
+    }
+
+    /// While others work by the angles the processor does not stand still for an erase.
+    fn may_store(&self, length: u32) -> Result<(), Abort> {
+        if self.values.state == nmt::State::Operational && self.memory.needs_erase(length) {
+            return Err(Abort::WrongState);
+        }
+        Ok(())
     }
 
     /// Remembers whether the memory did its part, for the fault that tells.

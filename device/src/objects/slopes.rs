@@ -171,7 +171,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     /// 2040h of X as delivered, where one axis measures the full circle: then that is its range.
-    pub(super) fn range_of_a_turn(&self, at: Address) -> Option<Value> {
+    pub(super) fn range_of_a_turn(&mut self, at: Address) -> Option<Value> {
         let turns = matches!(
             self.settings.chain.calibration.correction,
             Correction::OneAxis { .. }

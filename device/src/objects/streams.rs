@@ -79,7 +79,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 if size.is_some_and(|s| s > encoding::MAX_LENGTH) {
                     return Err(Abort::LengthTooHigh);
                 }
-                let begun = RecordStore::begin(self.memory, Record::Calibration);
+                let length = size.unwrap_or(encoding::MAX_LENGTH);
+                let begun = RecordStore::begin(self.memory, Record::Calibration, length);
                 self.note(begun)?;
                 self.values.receiving = true;
                 Ok(())
@@ -112,7 +113,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn discard_stream(&mut self, at: Address) {
         match at.index {
-            0x1F50 => self.values.program.discard(self.memory),
+            0x1F50 => self.values.program.discard(),
             0x2061 => {
                 self.values.receiving = false;
                 RecordStore::discard(self.memory);
@@ -132,7 +133,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// All bytes of 2061h are staged: put in force, then stored, or all is as it was.
     fn take_calibration(&mut self) -> Result<(), Abort> {
         self.may_change_calibration()?;
-        let memory = &*self.memory;
+        let memory = &mut *self.memory;
         let calibration = &mut self.settings.chain.calibration;
         let understood = decode_into(calibration, &mut |offset, into| memory.staged(offset, into));
         let understood = understood.map_err(|_| Abort::CannotStore);
@@ -231,13 +232,34 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         Ok(())
     }
 
-    pub(super) fn read_program(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_program(&mut self, at: Address) -> Result<Value, Abort> {
         Ok(match at.index {
             0x1F51 => Value::u8(self.values.program.control()),
-            0x1F56 => Value::u32(self.memory.crc()),
+            0x1F56 => Value::u32(self.values.program.identification(self.memory)),
             0x1F57 => Value::u32(self.values.program.status()),
+            0x2080 => return self.read_update(at.sub),
             _ => return Err(Abort::WriteOnly),
         })
+    }
+
+    fn read_update(&mut self, sub: u8) -> Result<Value, Abort> {
+        let held = self.memory.held();
+        let running = self.memory.running();
+        Ok(match sub {
+            1 => Value::u32(running.hardware),
+            2 => Value::u32(running.version),
+            3 => Value::u8(running.slot),
+            4 => Value::u8(running.standing as u8),
+            5 => Value::u32(held.map_or(0, |held| held.crc)),
+            6 => Value::u32(held.map_or(0, |held| held.bytes)),
+            _ => return Err(Abort::NoSuchSubIndex),
+        })
+    }
+
+    /// 2080h sub 6.
+    pub(super) fn resume_program(&mut self, value: Value) -> Result<(), Abort> {
+        let bytes = value.unsigned() as u32;
+        self.values.program.resume(bytes, self.memory)
     }
 
     /// 1F51h. The program is not changed under a machine that works.

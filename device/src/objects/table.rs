@@ -15,6 +15,7 @@ use super::pdo;
 use super::profile::{LOGICAL, PROFILE, RESOLUTIONS};
 use super::row::{Default, Row, Shape};
 use super::safety::{SAFETY, SRDO, SRDO_1_MAPPING, SRDO_2_MAPPING};
+use super::update::UPDATE;
 
 /// The two channels of an instrument; each is a node of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,7 @@ const PARTS: &[&[Row]] = &[
     &SRDO_2_MAPPING,
     SAFETY,
     MANUFACTURER,
+    &UPDATE,
     PROFILE,
     &RESOLUTIONS,
     LOGICAL.as_flattened().as_flattened(),

@@ -7,25 +7,38 @@ use std::vec::Vec;
 use canopen::object::Abort;
 use proptest::prelude::*;
 
-use super::{Effect, Program, ProgramError, ProgramMemory};
+use flash::Progress;
+
+use super::{Effect, Held, Program, ProgramError, ProgramMemory, Running, Standing};
 
 /// A memory that takes images ending in 0xA5, of eight bytes at most.
 #[derive(Debug, Default)]
 struct Memory {
     image: Vec<u8>,
+    pages: u8,
     erased: bool,
     active: bool,
     worn: bool,
 }
 
 impl ProgramMemory for Memory {
-    fn erase(&mut self) -> Result<(), ProgramError> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
+        self.image.clear();
+        self.pages = 3;
+        Ok(())
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
         if self.worn {
             return Err(ProgramError::Write);
         }
-        self.image.clear();
-        self.erased = true;
-        Ok(())
+        self.pages -= 1;
+        self.erased = self.pages == 0;
+        Ok(if self.erased {
+            Progress::Done
+        } else {
+            Progress::More
+        })
     }
 
     fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
@@ -33,7 +46,6 @@ impl ProgramMemory for Memory {
             return Err(ProgramError::Address);
         }
         assert!(self.erased, "a download into a memory that is not erased");
-        self.erased = false;
         Ok(())
     }
 
@@ -63,9 +75,33 @@ impl ProgramMemory for Memory {
         Ok(())
     }
 
-    fn crc(&self) -> u32 {
-        self.image.len() as u32
+    fn held(&self) -> Option<Held> {
+        let bytes = self.image.len() as u32;
+        (bytes > 0).then_some(Held { crc: 7, bytes })
     }
+
+    fn running(&mut self) -> Running {
+        Running {
+            hardware: 1,
+            version: 2,
+            crc: 3,
+            slot: 0,
+            standing: Standing::Confirmed,
+        }
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        Ok(())
+    }
+}
+
+/// Three pages, of which the status tells until the last.
+fn clear(program: &mut Program, memory: &mut Memory) {
+    for _ in 0..3 {
+        assert_eq!((program.control(), program.status()), (3, 1));
+        program.step(memory);
+    }
+    assert_eq!(program.status(), 1 << 1);
 }
 
 /// Stopped and cleared.
@@ -73,6 +109,7 @@ fn ready() -> (Program, Memory) {
     let (mut program, mut memory) = (Program::new(), Memory::default());
     assert_eq!(program.set_control(0, &mut memory), Ok(Effect::None));
     assert_eq!(program.set_control(3, &mut memory), Ok(Effect::None));
+    clear(&mut program, &mut memory);
     (program, memory)
 }
 
@@ -105,6 +142,34 @@ fn an_incomplete_image_is_not_started() {
 }
 
 #[test]
+fn a_broken_download_goes_on_behind_what_has_come() {
+    let (mut program, mut memory) = ready();
+    program.create(Some(4), &mut memory).unwrap();
+    program.append(&[1, 2], &mut memory).unwrap();
+    assert_eq!(program.resume(2, &memory), Err(Abort::WrongState));
+    program.discard();
+    assert_eq!(program.status(), 3 << 1);
+    assert_eq!(program.resume(1, &memory), Err(Abort::InvalidValue));
+    assert_eq!(program.resume(2, &memory), Ok(()));
+    program.create(Some(2), &mut memory).unwrap();
+    program.append(&[3, 0xA5], &mut memory).unwrap();
+    assert_eq!(program.identification(&mut memory), 3);
+    program.commit(&mut memory).unwrap();
+    assert_eq!(program.identification(&mut memory), 7);
+    assert_eq!(memory.image, [1, 2, 3, 0xA5]);
+    assert_eq!(program.resume(4, &memory), Err(Abort::WrongState));
+}
+
+#[test]
+fn what_was_found_wrong_cannot_be_resumed() {
+    let (mut program, mut memory) = ready();
+    program.create(None, &mut memory).unwrap();
+    program.append(&[1, 2], &mut memory).unwrap();
+    assert_eq!(program.commit(&mut memory), Err(Abort::CannotStore));
+    assert_eq!(program.resume(2, &memory), Err(Abort::WrongState));
+}
+
+#[test]
 fn a_zero_length_download_is_no_program() {
     let (mut program, mut memory) = ready();
     program.create(Some(0), &mut memory).unwrap();
@@ -116,10 +181,12 @@ fn each_download_needs_a_clear_of_its_own() {
     let (mut program, mut memory) = ready();
     program.create(None, &mut memory).unwrap();
     program.append(&[1], &mut memory).unwrap();
-    program.discard(&mut memory);
+    program.discard();
     assert_eq!(program.create(None, &mut memory), Err(Abort::WrongState));
     assert_eq!(program.status(), 4 << 1);
     assert_eq!(program.set_control(3, &mut memory), Ok(Effect::None));
+    assert_eq!(program.create(None, &mut memory), Err(Abort::WrongState));
+    clear(&mut program, &mut memory);
     assert_eq!(program.create(None, &mut memory), Ok(()));
 }
 
@@ -150,7 +217,8 @@ fn an_erase_that_fails_leads_nowhere() {
     let (mut program, mut memory) = (Program::new(), Memory::default());
     memory.worn = true;
     program.set_control(0, &mut memory).unwrap();
-    assert_eq!(program.set_control(3, &mut memory), Err(Abort::Hardware));
+    assert_eq!(program.set_control(3, &mut memory), Ok(Effect::None));
+    program.step(&mut memory);
     assert_eq!(program.status(), 5 << 1);
     assert_eq!(program.create(None, &mut memory), Err(Abort::WrongState));
 }
@@ -168,7 +236,7 @@ fn unknown_commands_are_no_values_of_the_object() {
 proptest! {
     /// The memory's own assertions watch over order; here it must also answer legally.
     #[test]
-    fn no_sequence_starts_what_is_not_whole(steps in prop::collection::vec(0..10u8, 0..60)) {
+    fn no_sequence_starts_what_is_not_whole(steps in prop::collection::vec(0..16u8, 0..60)) {
         let (mut program, mut memory) = (Program::new(), Memory::default());
         for step in steps {
             let _ = match step {
@@ -177,13 +245,19 @@ proptest! {
                 6 => program.append(&[7, 0xA5], &mut memory),
                 7 => program.append(&[0xA5], &mut memory),
                 8 => program.commit(&mut memory),
+                9 => program.resume(4, &memory),
+                10 => program.resume(2, &memory),
+                11 => {
+                    program.discard();
+                    Ok(())
+                }
                 _ => {
-                    program.discard(&mut memory);
+                    program.step(&mut memory);
                     Ok(())
                 }
             };
             prop_assert!(matches!(program.control(), 0 | 1 | 3));
-            prop_assert!(program.status() <= 7 << 1);
+            prop_assert!(program.status() & 0xFF <= 7 << 1);
         }
     }
 }

@@ -33,7 +33,11 @@ pub fn put<S: RecordStore + ?Sized>(
 /// The committed parameter at `address`; `None` when the record has none.
 ///
 /// Of several entries the first counts.
-pub fn get<S: RecordStore + ?Sized>(store: &S, record: Record, address: Address) -> Option<Value> {
+pub fn get<S: RecordStore + ?Sized>(
+    store: &mut S,
+    record: Record,
+    address: Address,
+) -> Option<Value> {
     let mut all = Entries::new(store, record);
     all.find(|(found, _)| *found == address)
         .map(|(_, value)| value)
@@ -45,14 +49,14 @@ pub fn get<S: RecordStore + ?Sized>(store: &S, record: Record, address: Address)
 /// bytes are passed over.
 #[derive(Debug)]
 pub struct Entries<'a, S: ?Sized> {
-    store: &'a S,
+    store: &'a mut S,
     record: Record,
     offset: u32,
 }
 
 impl<'a, S: RecordStore + ?Sized> Entries<'a, S> {
     /// From the beginning of `record`.
-    pub fn new(store: &'a S, record: Record) -> Self {
+    pub fn new(store: &'a mut S, record: Record) -> Self {
         Self {
             store,
             record,

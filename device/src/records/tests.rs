@@ -35,11 +35,19 @@ fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
 }
 
 impl RecordStore for Memory {
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+    fn start(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn needs_erase(&self, _length: u32) -> bool {
+        false
+    }
+
+    fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize {
         copy(&self.committed[record as usize], offset, into)
     }
 
-    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
+    fn begin(&mut self, record: Record, _length: u32) -> Result<(), StoreError> {
         self.staged = Some((record, Vec::new()));
         Ok(())
     }
@@ -53,7 +61,7 @@ impl RecordStore for Memory {
         Ok(())
     }
 
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
+    fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize {
         let staged = self.staged.as_ref();
         staged.map_or(0, |(_, bytes)| copy(bytes, offset, into))
     }
@@ -77,21 +85,21 @@ impl RecordStore for Memory {
 #[test]
 fn a_parameter_counts_from_its_commit_on() {
     let mut store = Memory::with_room(64);
-    store.begin(Record::Profile).unwrap();
+    store.begin(Record::Profile, 64).unwrap();
     put(&mut store, at(0x6000, 0), &Value::u16(100)).unwrap();
     put(&mut store, at(0x6114, 0), &Value::i32(-7)).unwrap();
-    assert_eq!(get(&store, Record::Profile, at(0x6000, 0)), None);
+    assert_eq!(get(&mut store, Record::Profile, at(0x6000, 0)), None);
     store.commit().unwrap();
-    let stored = get(&store, Record::Profile, at(0x6114, 0));
+    let stored = get(&mut store, Record::Profile, at(0x6114, 0));
     assert_eq!(stored, Some(Value::i32(-7)));
-    assert_eq!(get(&store, Record::Profile, at(0x6114, 1)), None);
-    assert_eq!(get(&store, Record::Manufacturer, at(0x6114, 0)), None);
+    assert_eq!(get(&mut store, Record::Profile, at(0x6114, 1)), None);
+    assert_eq!(get(&mut store, Record::Manufacturer, at(0x6114, 0)), None);
 }
 
 #[test]
 fn the_bytes_of_an_entry_are_as_documented() {
     let mut store = Memory::with_room(64);
-    store.begin(Record::Communication).unwrap();
+    store.begin(Record::Communication, 64).unwrap();
     put(&mut store, at(0x1017, 0), &Value::u16(0x03E8)).unwrap();
     store.commit().unwrap();
     assert_eq!(store.committed[0], [0x17, 0x10, 0, 2, 0xE8, 0x03]);
@@ -100,7 +108,7 @@ fn the_bytes_of_an_entry_are_as_documented() {
 #[test]
 fn a_full_store_says_so() {
     let mut store = Memory::with_room(7);
-    store.begin(Record::Lss).unwrap();
+    store.begin(Record::Lss, 64).unwrap();
     let error = put(&mut store, at(0x2000, 1), &Value::u32(1));
     assert_eq!(error, Err(StoreError::Full));
 }
@@ -109,9 +117,9 @@ fn a_full_store_says_so() {
 fn an_entry_of_another_program_is_passed_over() {
     let mut store = Memory::default();
     store.committed[0] = [&[1, 0x20, 0, 9][..], &[7; 9], &[0x17, 0x10, 0, 2, 5, 0]].concat();
-    let found = get(&store, Record::Communication, at(0x1017, 0));
+    let found = get(&mut store, Record::Communication, at(0x1017, 0));
     assert_eq!(found, Some(Value::u16(5)));
-    assert_eq!(get(&store, Record::Communication, at(0x2001, 0)), None);
+    assert_eq!(get(&mut store, Record::Communication, at(0x2001, 0)), None);
 }
 
 proptest! {
@@ -120,7 +128,7 @@ proptest! {
         values in prop::collection::vec(any::<(u16, u8, u64, usize)>(), 0..40)
     ) {
         let mut store = Memory::with_room(4096);
-        store.begin(Record::Profile).unwrap();
+        store.begin(Record::Profile, 64).unwrap();
         let all: Vec<_> = values
             .iter()
             .map(|&(index, sub, number, size)| (at(index, sub), Value::cut(number, size % 9)))
@@ -129,7 +137,7 @@ proptest! {
             put(&mut store, *address, value).unwrap();
         }
         store.commit().unwrap();
-        prop_assert_eq!(Entries::new(&store, Record::Profile).collect::<Vec<_>>(), all);
+        prop_assert_eq!(Entries::new(&mut store, Record::Profile).collect::<Vec<_>>(), all);
     }
 
     #[test]
@@ -137,18 +145,18 @@ proptest! {
         let mut store = Memory::default();
         let longest = bytes.len() / 4;
         store.committed[0] = bytes;
-        prop_assert!(Entries::new(&store, Record::Communication).count() <= longest);
+        prop_assert!(Entries::new(&mut store, Record::Communication).count() <= longest);
     }
 
     #[test]
     fn a_record_cut_off_loses_only_its_last_entries(cut in 0..60usize) {
         let mut store = Memory::with_room(100);
-        store.begin(Record::Profile).unwrap();
+        store.begin(Record::Profile, 64).unwrap();
         for index in 0..10 {
             put(&mut store, at(index, 0), &Value::u16(index)).unwrap();
         }
         store.commit().unwrap();
         store.committed[1].truncate(cut);
-        prop_assert_eq!(Entries::new(&store, Record::Profile).count(), cut / 6);
+        prop_assert_eq!(Entries::new(&mut store, Record::Profile).count(), cut / 6);
     }
 }

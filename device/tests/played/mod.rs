@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::convert::Infallible;
 use std::rc::Rc;
 
-use crate::site::Store;
+use crate::site::{Memory, blank};
 use canopen::Frame;
 use canopen::object::{Address, Value, at};
 use device::calibration::motor::Terms;
@@ -207,7 +207,7 @@ impl Told {
 
 /// The device, its part, and the bus with the other channel.
 pub struct Pair {
-    pub device: Device<Part, Store>,
+    pub device: Device<Part, Memory>,
     pub part: Part,
     pub peer: Peer,
     pub now: Instant,
@@ -226,12 +226,7 @@ impl Pair {
     pub fn new() -> Self {
         let part = Part::level();
         let mut pair = Self {
-            device: Device::new(
-                part.clone(),
-                CrossCheck::product(),
-                factory(),
-                Store::delivered(),
-            ),
+            device: Device::new(part.clone(), CrossCheck::product(), factory(), blank()),
             part,
             peer: Peer {
                 says: level(),

@@ -1,6 +1,5 @@
 //! One device with a part that lies level, a memory, a master and a clock.
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
 
 use canopen::Frame;
@@ -10,13 +9,16 @@ use device::calibration::deliver;
 use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
-use device::program::{ProgramError, ProgramMemory};
-use device::records::{Record, RecordStore, StoreError};
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use flash::layout::{PAGE, RC, Slot};
+use flash::nor::{Draw, Nor, Page};
+use flash::slots::{self, Decision};
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
@@ -37,7 +39,7 @@ pub struct Part([u8; 64]);
 
 impl Part {
     /// `output` is the register of the upper half of an axis: 29h of X, 2Dh of Z.
-    fn along(output: usize) -> Self {
+    pub fn along(output: usize) -> Self {
         let mut registers = [0; 64];
         registers[0x0F] = 0x44;
         registers[0x27] = 0x01;
@@ -92,92 +94,36 @@ impl DelayNs for Hurry {
     fn delay_ns(&mut self, _ns: u32) {}
 }
 
-/// Records in memory, and a place for a program that takes anything.
-#[derive(Debug, Default)]
-pub struct Store {
-    records: BTreeMap<u8, Vec<u8>>,
-    staged: Option<(Record, Vec<u8>)>,
-}
+/// The device's memory, on the model of its flash.
+pub type Memory = FlashMemory<Nor<Vec<Page>, Seeded>>;
 
-fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
-    let rest = from.get(offset as usize..).unwrap_or(&[]);
-    let pairs = into.iter_mut().zip(rest);
-    pairs.map(|(to, from)| *to = *from).count()
-}
+/// Random words for what a cut leaves half done: xorshift.
+#[derive(Clone, Debug)]
+pub struct Seeded(pub u64);
 
-impl Store {
-    /// As the factory left it: the calibration of a perfect part.
-    pub fn delivered() -> Self {
-        let mut store = Self::default();
-        deliver(&mut store, &Calibration::NOMINAL).unwrap();
-        store
+impl Draw for Seeded {
+    fn draw(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 32) as u32
     }
 }
 
-impl RecordStore for Store {
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
-        let bytes = self.records.get(&(record as u8));
-        bytes.map_or(0, |bytes| copy(bytes, offset, into))
-    }
+/// The hardware id of the board.
+pub const HARDWARE: u32 = 1;
 
-    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
-        self.staged = Some((record, Vec::new()));
-        Ok(())
-    }
-
-    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        let (_, staged) = self.staged.as_mut().ok_or(StoreError::NotBegun)?;
-        staged.extend_from_slice(bytes);
-        Ok(())
-    }
-
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
-        let staged = self.staged.as_ref();
-        staged.map_or(0, |(_, bytes)| copy(bytes, offset, into))
-    }
-
-    fn commit(&mut self) -> Result<(), StoreError> {
-        let (record, bytes) = self.staged.take().ok_or(StoreError::NotBegun)?;
-        self.records.insert(record as u8, bytes);
-        Ok(())
-    }
-
-    fn discard(&mut self) {
-        self.staged = None;
-    }
-
-    fn erase(&mut self, record: Record) -> Result<(), StoreError> {
-        self.records.remove(&(record as u8));
-        Ok(())
-    }
-}
-
-impl ProgramMemory for Store {
-    fn erase(&mut self) -> Result<(), ProgramError> {
-        Ok(())
-    }
-
-    fn begin(&mut self, _size: Option<u32>) -> Result<(), ProgramError> {
-        Ok(())
-    }
-
-    fn append(&mut self, _bytes: &[u8]) -> Result<(), ProgramError> {
-        Ok(())
-    }
-
-    fn commit(&mut self) -> Result<(), ProgramError> {
-        Ok(())
-    }
-
-    fn discard(&mut self) {}
-
-    fn activate(&mut self) -> Result<(), ProgramError> {
-        Ok(())
-    }
-
-    fn crc(&self) -> u32 {
-        0
-    }
+/// A memory in which nothing was written but the calibration of a perfect part: no program.
+pub fn blank() -> Memory {
+    let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
+    let build = Build {
+        layout: &RC,
+        running: Slot::A,
+        hardware: HARDWARE,
+    };
+    let mut memory = FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody);
+    deliver(&mut memory, &Calibration::NOMINAL).unwrap();
+    memory
 }
 
 fn settings() -> Settings {
@@ -219,13 +165,13 @@ fn factory(channel: Channel) -> Factory {
     }
 }
 
-fn made(channel: Channel, part: Part, memory: Store) -> Device<Part, Store> {
+fn made(channel: Channel, part: Part, memory: Memory) -> Device<Part, Memory> {
     Device::new(part, CrossCheck::product(), factory(channel), memory)
 }
 
 /// The device and what is around it.
 pub struct Site {
-    pub device: Device<Part, Store>,
+    pub device: Device<Part, Memory>,
     pub channel: Channel,
     /// SDO downloads that were accepted, and aborted.
     pub taken: u32,
@@ -237,17 +183,18 @@ pub struct Site {
 impl Site {
     /// Powered, and booted; the part lies level.
     pub fn new(channel: Channel) -> Self {
-        Self::with(channel, Part::along(0x2D))
+        Self::with(channel, Part::along(0x2D), blank())
     }
 
     /// The same with slope X at 90 deg.
     pub fn upright(channel: Channel) -> Self {
-        Self::with(channel, Part::along(0x29))
+        Self::with(channel, Part::along(0x29), blank())
     }
 
-    fn with(channel: Channel, part: Part) -> Self {
+    /// A part of one's own, and what is in a memory.
+    pub fn with(channel: Channel, part: Part, memory: Memory) -> Self {
         let mut site = Self {
-            device: made(channel, part, Store::delivered()),
+            device: made(channel, part, memory),
             channel,
             taken: 0,
             refused: 0,
@@ -258,7 +205,12 @@ impl Site {
         site
     }
 
+    /// What the bootloader does, and then the program.
     fn boot(&mut self) {
+        let memory = self.device.memory();
+        if let Decision::Run(slot, ..) = slots::boot(memory.flash_mut(), &RC, HARDWARE) {
+            memory.set_running(slot);
+        }
         let started = self.device.start_sensor(&mut Hurry, self.now);
         assert_eq!(started, Ok(()));
         self.now = self.now.offset(20_000);
@@ -268,7 +220,8 @@ impl Site {
 
     /// Everything goes but what is stored; the part lies level then.
     pub fn power_cycle(&mut self) {
-        let memory = std::mem::take(self.device.memory());
+        let mut memory = self.device.memory().clone();
+        memory.flash_mut().power_up();
         self.device = made(self.channel, Part::along(0x2D), memory);
         self.boot();
     }
@@ -335,7 +288,28 @@ impl Site {
         self.listen();
     }
 
-    fn request(&mut self, request: [u8; 8]) -> Option<Result<[u8; 8], u32>> {
+    /// A segmented download; `None` without an answer, else the abort code as error.
+    pub fn download(&mut self, at: Address, bytes: &[u8]) -> Option<Result<(), u32>> {
+        let [low, high] = at.index.to_le_bytes();
+        let [a, b, c, d] = (bytes.len() as u32).to_le_bytes();
+        if let Err(code) = self.request([0x21, low, high, at.sub, a, b, c, d])? {
+            return Some(Err(code));
+        }
+        let last = bytes.len().div_ceil(7).saturating_sub(1);
+        for (number, piece) in bytes.chunks(7).enumerate() {
+            let mut segment = [0; 8];
+            let toggle = (number as u8 & 1) << 4;
+            segment[0] = toggle | (7 - piece.len() as u8) << 1 | u8::from(number == last);
+            segment[1..=piece.len()].copy_from_slice(piece);
+            if let Err(code) = self.request(segment)? {
+                return Some(Err(code));
+            }
+        }
+        Some(Ok(()))
+    }
+
+    /// An SDO request; `None` without an answer, else the abort code as error.
+    pub fn request(&mut self, request: [u8; 8]) -> Option<Result<[u8; 8], u32>> {
         let id = self.device.bus().node_id();
         if id == UNCONFIGURED {
             return None;

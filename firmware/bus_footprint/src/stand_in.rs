@@ -11,8 +11,9 @@ use canopen::storage::Group;
 use device::channel::Settings;
 use device::objects::panel::Source;
 use device::objects::table::{self, Channel};
-use device::program::{ProgramError, ProgramMemory};
+use device::program::{Held, ProgramError, ProgramMemory, Running};
 use device::records::{Record, RecordStore, StoreError};
+use flash::Progress;
 use tilt::chain::Reading;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
@@ -24,15 +25,24 @@ pub struct Memory {
     staged: fn(u32, &mut [u8]) -> usize,
     record: fn(Option<Record>, &[u8]) -> Result<(), StoreError>,
     program: fn(Option<u32>, &[u8]) -> Result<(), ProgramError>,
-    crc: fn() -> u32,
+    held: fn() -> Option<Held>,
+    running: fn() -> Running,
 }
 
 impl RecordStore for Memory {
-    fn read(&self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+    fn start(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn needs_erase(&self, _length: u32) -> bool {
+        false
+    }
+
+    fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize {
         (self.read)(record, offset, into)
     }
 
-    fn begin(&mut self, record: Record) -> Result<(), StoreError> {
+    fn begin(&mut self, record: Record, _length: u32) -> Result<(), StoreError> {
         (self.record)(Some(record), &[])
     }
 
@@ -40,7 +50,7 @@ impl RecordStore for Memory {
         (self.record)(None, bytes)
     }
 
-    fn staged(&self, offset: u32, into: &mut [u8]) -> usize {
+    fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize {
         (self.staged)(offset, into)
     }
 
@@ -58,8 +68,12 @@ impl RecordStore for Memory {
 }
 
 impl ProgramMemory for Memory {
-    fn erase(&mut self) -> Result<(), ProgramError> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
         (self.program)(None, &[])
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
+        (self.program)(None, &[]).map(|()| Progress::Done)
     }
 
     fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
@@ -82,8 +96,16 @@ impl ProgramMemory for Memory {
         (self.program)(None, &[])
     }
 
-    fn crc(&self) -> u32 {
-        (self.crc)()
+    fn held(&self) -> Option<Held> {
+        (self.held)()
+    }
+
+    fn running(&mut self) -> Running {
+        (self.running)()
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        (self.program)(None, &[])
     }
 }
 

@@ -9,7 +9,7 @@ use canopen::Frame;
 use sim::bench::{Mode, World};
 use sim::can_bus::Port;
 use sim::excavator::{Excavator, ExcavatorSetup};
-use sim::memory::Memory;
+use sim::memory;
 use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting};
 use sim::rng::Rng;
@@ -38,7 +38,7 @@ impl Dig {
         let fittings = [1, 2].map(|node_id| Fitting {
             node_id,
             kbit_s: KBIT_S,
-            memory: Memory::new(),
+            memory: memory::blank(),
         });
         let delivered = Delivered::bare(Mode::Product, &World::NOMINAL, 1, 0);
         for node in delivered.join(&mut network, fittings) {

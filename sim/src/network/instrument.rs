@@ -126,7 +126,7 @@ impl Delivered {
 /// Writes a peer's node-id where a commissioning tool would, unless something is stored there or
 /// the peer has none yet: peer, its heartbeat, its exchange.
 fn introduce(memory: &mut Memory, peer: u8) {
-    let nothing = |record| memory.read(record, 0, &mut [0]) == 0;
+    let mut nothing = |record| memory.read(record, 0, &mut [0]) == 0;
     let free = nothing(Record::Manufacturer) && nothing(Record::Communication);
     if peer == UNCONFIGURED || !free {
         return;
@@ -149,7 +149,7 @@ fn store(
     record: Record,
     told: &[(Record, Address, Value)],
 ) -> Result<(), StoreError> {
-    RecordStore::begin(memory, record)?;
+    RecordStore::begin(memory, record, record.longest())?;
     for (_, address, value) in told.iter().filter(|(of, ..)| *of == record) {
         parameters::put(memory, *address, value)?;
     }
@@ -159,13 +159,14 @@ fn store(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory;
     use crate::network::hand::{Hand, Pose};
 
     fn fitting(node_id: u8) -> Fitting {
         Fitting {
             node_id,
             kbit_s: 250,
-            memory: Memory::new(),
+            memory: memory::blank(),
         }
     }
 

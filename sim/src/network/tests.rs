@@ -20,6 +20,7 @@ use tilt::chain::Calibration;
 use crate::bench::Mode;
 use crate::can_bus::Rates;
 use crate::error_model::ErrorModel;
+use crate::memory;
 use crate::motion::{Attitude, Motion};
 use crate::rng::Rng;
 
@@ -78,7 +79,7 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
 
 /// The memory of a perfect part as it left the factory.
 fn delivered() -> Memory {
-    let mut memory = Memory::new();
+    let mut memory = memory::blank();
     deliver(&mut memory, &Calibration::NOMINAL).unwrap();
     memory
 }
@@ -304,8 +305,13 @@ fn bus_off_is_told_counted_and_left_again() {
 fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
     let mut network = Network::new(125_000, 1);
     let electronics = Electronics::new(&ErrorModel::PERFECT, Rng::stream(1, "finder"));
-    let mut memory = Memory::new();
-    RecordStore::begin(&mut memory, Record::Manufacturer).unwrap();
+    let mut memory = memory::blank();
+    RecordStore::begin(
+        &mut memory,
+        Record::Manufacturer,
+        Record::Manufacturer.longest(),
+    )
+    .unwrap();
     let automatic = canopen::object::at(0x2053, 2);
     parameters::put(&mut memory, automatic, &Value::u8(1)).unwrap();
     RecordStore::commit(&mut memory).unwrap();

@@ -18,7 +18,7 @@ use super::fault::Faulty;
 use crate::can_bus::{Bus, MAILBOXES, Mailbox, Port, State};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
-use crate::memory::Memory;
+use crate::memory::{self, Memory, Program};
 
 /// A node's code and the state of its driver.
 #[derive(Debug)]
@@ -47,6 +47,8 @@ pub struct Unit {
     search: Option<Search>,
     /// What goes wrong with it.
     pub(super) faulty: Faulty,
+    /// What the image in the chosen slot does.
+    program: Program,
 }
 
 /// A frame in a mailbox.
@@ -101,6 +103,7 @@ impl Unit {
             delay_ms: 0,
             search: None,
             faulty: Faulty::default(),
+            program: Program::Sound,
         }
     }
 
@@ -126,6 +129,7 @@ impl Unit {
     pub fn power_on(&mut self, bus: &mut Bus, now_ns: u64) {
         self.electronics.power_cycle();
         self.device.power_lost();
+        self.device.memory().flash_mut().nor().power_up();
         self.powered = true;
         self.reset(bus, now_ns);
     }
@@ -153,6 +157,12 @@ impl Unit {
         bus.connect(self.port, false);
         self.running = false;
         self.electronics.catch_up(seconds(now_ns));
+        let Some(program) = memory::boot(self.device.memory()) else {
+            // The bootloader has nothing to start.
+            self.ready_ns = u64::MAX;
+            return;
+        };
+        self.program = program;
         let device = &mut self.device;
         self.electronics.run_waiting(|mut delay, now| {
             // A part that does not answer leaves its channel invalid, and the bus hears why.
@@ -190,7 +200,8 @@ impl Unit {
 
     /// A data-ready edge of `captured_ns` gets here: a sample is taken, and nothing else.
     pub fn data_ready(&mut self, captured_ns: u64) {
-        if self.running {
+        // A program that is sick on purpose never gets to its samples.
+        if self.running && self.program != Program::Sick {
             self.device.data_ready(self.now(captured_ns));
         }
     }

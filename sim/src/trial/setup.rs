@@ -11,7 +11,7 @@ use device::records::{Record, RecordStore, parameters};
 use crate::bench::Mode;
 use crate::can_bus::Rates;
 use crate::excavator::ExcavatorSetup;
-use crate::memory::Memory;
+use crate::memory::{self, Memory};
 use crate::trial::checks::{LIMIT_DEG, Terms};
 use crate::trial::inject::{Injection, What};
 use crate::trial::sabotage::Sabotage;
@@ -94,7 +94,7 @@ impl Setup {
 
     /// What both nodes find in their memory: the parameters that differ from the delivered ones.
     pub fn memory(&self) -> Memory {
-        let mut memory = Memory::new();
+        let mut memory = memory::blank();
         let policy = [
             (at(0x2004, 0), Value::u16(self.latch_s)),
             (at(0x2005, 0), Value::u8(self.degraded.into())),
@@ -137,7 +137,7 @@ impl Setup {
 }
 
 fn store(memory: &mut Memory, record: Record, told: &[(Address, Value)]) {
-    let stored = RecordStore::begin(memory, record).and_then(|()| {
+    let stored = RecordStore::begin(memory, record, record.longest()).and_then(|()| {
         for (address, value) in told {
             parameters::put(memory, *address, value)?;
         }

@@ -1,11 +1,11 @@
 //! A linked program as it stands in the flash.
 //!
 //! In: an ELF file for the part. Out: its bytes from the first address that is loaded to the last,
-//! gaps filled as erased flash is, and what its statics take of the RAM.
+//! gaps filled as erased flash is, what its statics take of the RAM, and what must not be in it.
 
 use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{ElfFile, ProgramHeader};
-use object::{Endianness, Object, ObjectSection};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
 /// A program.
 #[derive(Clone, Debug)]
@@ -16,6 +16,16 @@ pub struct Linked {
     pub bytes: Vec<u8>,
     /// RAM of its statics, bytes.
     pub ram: u64,
+    /// Functions that no program of ours has: those of panics and of floating point.
+    pub strays: Vec<String>,
+}
+
+/// Whether a function is there for panics or for floating point only.
+fn is_stray(name: &str) -> bool {
+    let words = ["panicking::", "compiler_builtins::float::"];
+    let starts = ["__aeabi_f", "__aeabi_d", "__aeabi_cf", "__aeabi_cd"];
+    words.iter().any(|word| name.contains(word))
+        || starts.iter().any(|start| name.starts_with(start))
 }
 
 /// Sections that take RAM.
@@ -42,11 +52,15 @@ impl Linked {
             let is_ram = RAM.contains(&section.name()?);
             Ok(sum + if is_ram { section.size() } else { 0 })
         });
+        let names = elf.symbols().filter_map(|symbol| symbol.name().ok());
+        let names = names.map(|name| format!("{:#}", rustc_demangle::demangle(name)));
+        let strays = names.filter(|name| is_stray(name)).collect();
         let (start, bytes) = joined(&pieces);
         Ok(Self {
             start,
             bytes,
             ram: ram?,
+            strays,
         })
     }
 }
@@ -66,6 +80,24 @@ fn joined(pieces: &[(u32, &[u8])]) -> (u32, Vec<u8>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn panics_and_floating_point_are_strays_and_integers_are_not() {
+        for stray in [
+            "core::panicking::panic_fmt",
+            "__aeabi_fadd",
+            "__aeabi_dcmplt",
+        ] {
+            assert!(is_stray(stray), "{stray}");
+        }
+        for ours in [
+            "__aeabi_uldivmod",
+            "__aeabi_memcpy",
+            "device::fault::Fault::report",
+        ] {
+            assert!(!is_stray(ours), "{ours}");
+        }
+    }
 
     #[test]
     fn gaps_are_filled_as_erased_flash_is() {

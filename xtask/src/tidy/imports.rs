@@ -30,15 +30,15 @@ const RULES: [Rule; 11] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "heapless"]),
+        Some(&["embedded-hal", "embedded-storage", "heapless"]),
     ),
     rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
         "firmware/bus_footprint",
-        &["canopen", "device", "tilt"],
+        &["canopen", "device", "flash", "tilt"],
         Some(&[]),
     ),
-    rule("sim", &["device", "tilt", "canopen"], None),
+    rule("sim", &["device", "tilt", "canopen", "flash"], None),
     // Its bus server is the one of `plumb`.
     rule("emulator", &["sim", "canopen", "flash", "plumb"], None),
     rule("emulator/fixture", &["flash"], None),
@@ -48,7 +48,7 @@ const RULES: [Rule; 11] = [
 
 /// The workspace forbids `unsafe`; these need it, and have lints of their own that ask for a
 /// reason each time.
-const UNSAFE: [&str; 2] = ["firmware", "emulator"];
+const UNSAFE: [&str; 2] = ["firmware", "emulator/fixture"];
 
 const OURS: [&str; 9] = [
     "tilt", "canopen", "flash", "device", "firmware", "sim", "emulator", "plumb", "xtask",

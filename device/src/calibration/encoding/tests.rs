@@ -211,23 +211,23 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
 fn a_damaged_record_gives_way_to_the_delivered_one() {
     let mut memory = Memory::with_room(4096);
     let mut found = tables();
-    let nothing = recall(&memory, &mut found);
+    let nothing = recall(&mut memory, &mut found);
     assert_eq!((nothing.calibrated, nothing.damaged), (false, false));
     assert_eq!(found, Calibration::NOMINAL);
     deliver(&mut memory, &two_axis()).unwrap();
-    let delivered = recall(&memory, &mut found);
+    let delivered = recall(&mut memory, &mut found);
     assert_eq!((delivered.calibrated, delivered.damaged), (true, false));
     assert_eq!(found, two_axis());
     stage(&mut memory, Record::Calibration, &tables()).unwrap();
     memory.commit().unwrap();
-    recall(&memory, &mut found);
+    recall(&mut memory, &mut found);
     assert_eq!(found, tables());
     memory.committed[Record::Calibration as usize][60] ^= 4;
-    let damaged = recall(&memory, &mut found);
+    let damaged = recall(&mut memory, &mut found);
     assert_eq!((damaged.calibrated, damaged.damaged), (true, true));
     assert_eq!(found, two_axis());
     memory.committed[Record::Delivered as usize].clear();
-    let nothing = recall(&memory, &mut found);
+    let nothing = recall(&mut memory, &mut found);
     assert_eq!((nothing.calibrated, nothing.damaged), (false, true));
     assert_eq!(found, Calibration::NOMINAL);
 }
@@ -282,7 +282,7 @@ proptest! {
                 let mut memory = Memory::with_room(4096);
                 stage(&mut memory, Record::Calibration, &two_axis()).unwrap();
                 memory.commit().unwrap();
-                prop_assert!(recall(&memory, &mut result).calibrated);
+                prop_assert!(recall(&mut memory, &mut result).calibrated);
                 prop_assert_eq!(result, two_axis());
             }
         }

@@ -1,0 +1,68 @@
+//! The program's update from inside: a clear goes on, and a program on trial shows what it can.
+//!
+//! In: the time, this channel's angle, and frames that others have acknowledged. Out: a
+//! confirmation, or after [`PATIENCE_US`] without one a reset. The bootloader then starts the
+//! program again, [`ATTEMPTS`](flash::slots::ATTEMPTS) times in all, and after that the one before
+//! it: half a minute from the first start.
+//!
+//! A program has shown what it can when its channel has a valid angle and somebody has taken a
+//! frame of it from the bus. That its own bits are right the bootloader has found at this start.
+//!
+//! Left out: a program that hangs, which the watchdog ends.
+
+use canopen::nmt::State;
+use embedded_hal::spi::SpiDevice;
+use tilt::sample::Instant;
+
+use super::{Device, Memory};
+use crate::program::{ProgramMemory, Standing};
+
+/// After so long without having shown what it can, a program on trial gives up, us.
+pub const PATIENCE_US: i64 = 10_000_000;
+
+/// What a program has shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Trial {
+    running: bool,
+    heard: bool,
+}
+
+impl Trial {
+    /// Nothing has to be shown.
+    pub(super) const OVER: Self = Self {
+        running: false,
+        heard: false,
+    };
+
+    /// A program starts.
+    pub(super) fn begin<M: ProgramMemory>(memory: &mut M) -> Self {
+        Self {
+            running: memory.running().standing == Standing::Trial,
+            heard: false,
+        }
+    }
+
+    /// Somebody has taken a frame of this node from the bus.
+    pub(super) const fn heard(&mut self) {
+        self.heard = true;
+    }
+}
+
+impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+    /// What is due of an update; nothing is erased while others work by the angles.
+    pub(super) fn update(&mut self, now: Instant) {
+        if self.values.state != State::Operational {
+            self.values.program.step(&mut self.memory);
+        }
+        if !self.trial.running {
+            return;
+        }
+        let measures = self.node.reading(&self.settings, now).x.is_ok();
+        // One that can't be confirmed ends as one that can do nothing.
+        if measures && self.trial.heard && self.memory.confirm().is_ok() {
+            self.trial.running = false;
+        } else if now.micros_since(self.started) > PATIENCE_US {
+            self.values.news.reset = true;
+        }
+    }
+}

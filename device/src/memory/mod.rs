@@ -1,0 +1,165 @@
+//! The device's memory: records and programs in one flash.
+//!
+//! In: a flash as [`NorFlash`], which begins with the bootloader, and its map. Out: [`RecordStore`]
+//! over the records' ring and [`ProgramMemory`](crate::program::ProgramMemory) over the slot that
+//! does not run (`update`).
+//!
+//! Room for a record is made when its storing begins: each page that has to be erased for it makes
+//! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
+//! together for 14 pages' time. Most stores need none. Who must not stand still asks
+//! [`RecordStore::needs_erase`] first.
+//!
+//! Left out: the flash controller.
+
+pub mod update;
+
+use embedded_storage::nor_flash::NorFlash;
+use flash::Progress;
+use flash::access::AccessError;
+use flash::layout::{Layout, Slot};
+use flash::records::{RecordError, Records};
+
+use crate::records::{Record, RecordStore, StoreError};
+use update::{Anybody, Place};
+
+/// Kinds of records: those of [`Record`].
+const KINDS: usize = Record::COUNT;
+
+/// What whoever built the program says of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Build {
+    /// The map of the part.
+    pub layout: &'static Layout,
+    /// The slot that it runs in.
+    pub running: Slot,
+    /// The hardware that it runs on, as images name it.
+    pub hardware: u32,
+}
+
+/// Records and programs in the flash `F`; `S` judges the programs' signatures.
+#[derive(Clone, Debug)]
+pub struct FlashMemory<F, S = Anybody> {
+    flash: F,
+    build: Build,
+    records: Records<KINDS>,
+    signatures: S,
+    place: Option<Place>,
+}
+
+impl From<RecordError> for StoreError {
+    fn from(error: RecordError) -> Self {
+        match error {
+            RecordError::NeedsErase | RecordError::Full => Self::Full,
+            RecordError::NotBegun => Self::NotBegun,
+            // The others are bits that went bad, in the flash or in here.
+            RecordError::Access(_)
+            | RecordError::Kind(_)
+            | RecordError::Staged
+            | RecordError::Damaged(_) => Self::Hardware,
+        }
+    }
+}
+
+impl From<AccessError> for StoreError {
+    fn from(_: AccessError) -> Self {
+        Self::Hardware
+    }
+}
+
+impl<F: NorFlash, S> FlashMemory<F, S> {
+    /// A memory in which nothing was looked for ([`RecordStore::start`]).
+    pub fn new(flash: F, build: Build, signatures: S) -> Self {
+        Self {
+            flash,
+            build,
+            records: Records::unmounted(build.layout.records),
+            signatures,
+            place: None,
+        }
+    }
+
+    /// The flash.
+    pub const fn flash(&self) -> &F {
+        &self.flash
+    }
+
+    /// The flash, for whoever breaks it or looks after it.
+    pub const fn flash_mut(&mut self) -> &mut F {
+        &mut self.flash
+    }
+
+    /// What the program was told of itself.
+    pub const fn build(&self) -> Build {
+        self.build
+    }
+
+    /// Another program was chosen at the last start.
+    pub const fn set_running(&mut self, slot: Slot) {
+        self.build.running = slot;
+    }
+
+    /// Makes room for a record of `length` bytes.
+    fn prepare(&mut self, length: u32) -> Result<(), StoreError> {
+        loop {
+            match self.records.prepare(&mut self.flash, length) {
+                Ok(Progress::Done) => return Ok(()),
+                // A record that has lost a bit says so once; what is left of it counts then.
+                Ok(Progress::More) | Err(RecordError::Damaged(_)) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+}
+
+impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
+    fn start(&mut self) -> Result<(), StoreError> {
+        let region = self.build.layout.records;
+        self.place = None;
+        self.records = Records::unmounted(region);
+        self.records = Records::mount(&mut self.flash, region)?;
+        Ok(())
+    }
+
+    fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize {
+        let read = self
+            .records
+            .read(&mut self.flash, record as u8, offset, into);
+        read.unwrap_or(0)
+    }
+
+    fn needs_erase(&self, length: u32) -> bool {
+        self.records.needs_erase(length)
+    }
+
+    fn begin(&mut self, record: Record, length: u32) -> Result<(), StoreError> {
+        self.records.discard(&mut self.flash)?;
+        self.prepare(length)?;
+        Ok(self.records.begin(&mut self.flash, record as u8)?)
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        Ok(self.records.append(&mut self.flash, bytes)?)
+    }
+
+    fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize {
+        let staged = self.records.staged(&mut self.flash, offset, into);
+        staged.unwrap_or(0)
+    }
+
+    fn commit(&mut self) -> Result<(), StoreError> {
+        Ok(self.records.commit(&mut self.flash)?)
+    }
+
+    fn discard(&mut self) {
+        // What is staged is forgotten whatever becomes of its place.
+        let _ = self.records.discard(&mut self.flash);
+    }
+
+    fn erase(&mut self, record: Record) -> Result<(), StoreError> {
+        if self.records.length(record as u8) == 0 {
+            return Ok(());
+        }
+        self.begin(record, 0)?;
+        self.commit()
+    }
+}

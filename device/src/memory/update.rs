@@ -1,0 +1,241 @@
+//! Programs: the one that runs, and the one that comes into the other slot.
+//!
+//! In: the calls of [`ProgramMemory`]. Out: an image in the free slot, judged by its header as soon
+//! as that has come, checked whole, signed by whom [`Signatures`] knows, and activated when asked.
+//!
+//! Left out: which image starts, which is the bootloader's decision ([`flash::slots`]).
+
+use embedded_storage::nor_flash::NorFlash;
+use flash::Progress;
+use flash::access::{AccessError, for_each, read};
+use flash::image::{Header, ImageError, SIGNATURE, SIGNATURE_AT, Signature, Version, header};
+use flash::install::{Install, InstallError, Rules};
+use flash::layout::Region;
+use flash::slots::{SlotError, activate, confirm, marks};
+
+use super::FlashMemory;
+use crate::program::{Held, ProgramError, ProgramMemory, Running, Standing};
+
+/// Who judges signatures.
+pub trait Signatures {
+    /// The check sum under way of what is signed.
+    type Digest;
+
+    /// Whether an image without a signature is let in.
+    const UNSIGNED: bool;
+
+    /// Before the first byte.
+    fn begin(&self) -> Self::Digest;
+
+    /// Takes in the next bytes of what is signed.
+    fn add(&self, digest: &mut Self::Digest, bytes: &[u8]);
+
+    /// Whether `signature` was made of the bytes taken in, by whom it has to be.
+    fn is_good(&self, digest: Self::Digest, signature: &[u8; SIGNATURE]) -> bool;
+}
+
+/// Lets every image in, signed or not: for a program that was built to do that.
+#[derive(Clone, Copy, Debug)]
+pub struct Anybody;
+
+impl Signatures for Anybody {
+    type Digest = ();
+
+    const UNSIGNED: bool = true;
+
+    fn begin(&self) {}
+
+    fn add(&self, (): &mut (), _bytes: &[u8]) {}
+
+    fn is_good(&self, (): (), _signature: &[u8; SIGNATURE]) -> bool {
+        true
+    }
+}
+
+impl From<InstallError> for ProgramError {
+    fn from(error: InstallError) -> Self {
+        match error {
+            InstallError::NoSlot | InstallError::Unconfirmed => Self::Secured,
+            InstallError::Unsigned => Self::Unsigned,
+            InstallError::NotErased => Self::NotCleared,
+            InstallError::Downgrade(_) => Self::Older,
+            InstallError::TooLong | InstallError::Incomplete => Self::Damaged,
+            InstallError::Access(_) => Self::Write,
+            InstallError::Image(error) => error.into(),
+        }
+    }
+}
+
+impl From<ImageError> for ProgramError {
+    fn from(error: ImageError) -> Self {
+        match error {
+            ImageError::Access(_) => Self::Write,
+            ImageError::Length(_) => Self::Address,
+            ImageError::Body | ImageError::Header => Self::Damaged,
+            ImageError::Hardware(_) => Self::Hardware,
+            ImageError::Address(_) => Self::Slot,
+            ImageError::Magic | ImageError::Format(_) => Self::UnknownFormat,
+        }
+    }
+}
+
+impl From<AccessError> for ProgramError {
+    fn from(_: AccessError) -> Self {
+        Self::Write
+    }
+}
+
+impl From<SlotError> for ProgramError {
+    fn from(error: SlotError) -> Self {
+        match error {
+            SlotError::Image(error) => error.into(),
+            SlotError::Absent => Self::Secured,
+            SlotError::Idle | SlotError::Spent | SlotError::Access(_) => Self::Write,
+        }
+    }
+}
+
+/// What the place of a new image is at.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    install: Install,
+    /// All of it was there and found whole.
+    whole: bool,
+}
+
+impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
+    fn running_header(&mut self) -> Option<Header> {
+        let slot = self.build.layout.slot(self.build.running)?;
+        header(&mut self.flash, slot, self.build.hardware).ok()
+    }
+
+    /// Whether the image in `slot` is signed as it has to be. Reads all of it.
+    fn is_signed(&mut self, slot: Region, header: &Header) -> Result<bool, AccessError> {
+        if header.signature == Signature::None {
+            return Ok(S::UNSIGNED);
+        }
+        let signatures = &self.signatures;
+        let mut digest = signatures.begin();
+        for (offset, length) in header.signed() {
+            for_each(
+                &mut self.flash,
+                slot.start.saturating_add(offset),
+                length,
+                |bytes| signatures.add(&mut digest, bytes),
+            )?;
+        }
+        let mut signature = [0; SIGNATURE];
+        let at = slot.start.saturating_add(SIGNATURE_AT);
+        read(&mut self.flash, at, &mut signature)?;
+        Ok(signatures.is_good(digest, &signature))
+    }
+
+    /// How the program in the running slot came to run.
+    fn standing(&mut self) -> Result<Standing, AccessError> {
+        let (layout, running) = (self.build.layout, self.build.running);
+        let [Some(runs), Some(other)] = [layout.slot(running), layout.slot(running.other())] else {
+            return Ok(Standing::Confirmed);
+        };
+        let (runs, other) = (
+            marks(&mut self.flash, runs)?,
+            marks(&mut self.flash, other)?,
+        );
+        let failed = other.generation > runs.generation && !other.confirmed && other.left == 0;
+        Ok(match runs.confirmed {
+            // What runs without ever having been activated was put there by a debugger.
+            false if runs.generation.is_some() => Standing::Trial,
+            _ if failed => Standing::RolledBack,
+            _ => Standing::Confirmed,
+        })
+    }
+}
+
+impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
+    fn clear(&mut self) -> Result<(), ProgramError> {
+        self.place = None;
+        let running = self.running_header();
+        let rules = Rules {
+            hardware: self.build.hardware,
+            running: running.map_or(Version(0), |header| header.version),
+            downgrade: false,
+            unsigned: S::UNSIGNED,
+        };
+        let build = self.build;
+        let install = Install::new(&mut self.flash, build.layout, build.running, rules)?;
+        self.place = Some(Place {
+            install,
+            whole: false,
+        });
+        Ok(())
+    }
+
+    fn erase(&mut self) -> Result<Progress, ProgramError> {
+        let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
+        Ok(place.install.erase(&mut self.flash)?)
+    }
+
+    fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
+        let place = self.place.as_ref().ok_or(ProgramError::NotCleared)?;
+        let room = place.install.slot().length;
+        let left = room.saturating_sub(place.install.received());
+        if size.is_some_and(|size| size > left) {
+            return Err(ProgramError::Address);
+        }
+        Ok(())
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<(), ProgramError> {
+        let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
+        Ok(place.install.append(&mut self.flash, bytes)?)
+    }
+
+    fn commit(&mut self) -> Result<(), ProgramError> {
+        let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
+        place.install.finish(&mut self.flash)?;
+        place.whole = true;
+        Ok(())
+    }
+
+    fn discard(&mut self) {
+        self.place = None;
+    }
+
+    fn held(&self) -> Option<Held> {
+        let install = &self.place.as_ref()?.install;
+        let crc = install.header()?.crc;
+        let bytes = install.received();
+        Some(Held { crc, bytes })
+    }
+
+    fn activate(&mut self) -> Result<(), ProgramError> {
+        let place = self.place.as_ref().filter(|place| place.whole);
+        let place = place.ok_or(ProgramError::NoProgram)?;
+        let slot = place.install.slot();
+        let header = *place.install.header().ok_or(ProgramError::NoProgram)?;
+        if !self.is_signed(slot, &header)? {
+            return Err(ProgramError::Signature);
+        }
+        let build = self.build;
+        let free = build.running.other();
+        activate(&mut self.flash, build.layout, free, build.hardware)?;
+        Ok(())
+    }
+
+    fn running(&mut self) -> Running {
+        let header = self.running_header();
+        Running {
+            hardware: self.build.hardware,
+            version: header.map_or(0, |header| header.version.0),
+            crc: header.map_or(0, |header| header.crc),
+            slot: self.build.running as u8,
+            // Who can't read the marks can't confirm either.
+            standing: self.standing().unwrap_or(Standing::Trial),
+        }
+    }
+
+    fn confirm(&mut self) -> Result<(), ProgramError> {
+        let build = self.build;
+        confirm(&mut self.flash, build.layout, build.running)?;
+        Ok(())
+    }
+}

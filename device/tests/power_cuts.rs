@@ -1,0 +1,164 @@
+//! The supply fails at every single flash operation of a store, and the device starts again.
+//!
+//! In: a device with something stored, and a master that stores something else over the bus. Out:
+//! after the restart the device shows the old or the new, never a third, measures with it at once
+//! (R8), and stores again when asked.
+
+#[expect(dead_code, reason = "a store needs no peer and no time")]
+mod site;
+
+use canopen::object::{Value, at};
+use device::calibration::encoding::{MAX_LENGTH, identity, length, read_at};
+use device::objects::table::Channel;
+use tilt::angle::{Angle, Axes};
+use tilt::chain::{Calibration, Correction};
+use tilt::sample::Temperature;
+use tilt::table::{Point, Rule, Table};
+use tilt::temperature::{Piecewise, TemperatureModel};
+use tilt::uncertainty::Budget;
+
+use site::{Memory, Part, Seeded, Site, blank};
+
+/// "save", 1010h.
+const SAVE: u32 = u32::from_le_bytes(*b"save");
+
+fn powered(memory: Memory) -> Site {
+    Site::with(Channel::A, Part::along(0x2D), memory)
+}
+
+/// Cuts each operation of `store` on a device with this memory; `shows` says what it shows after
+/// the restart: whether that is the new. How many operations there were.
+fn cut_each(
+    memory: &Memory,
+    store: impl Fn(&mut Site),
+    mut shows: impl FnMut(&mut Site) -> bool,
+) -> u64 {
+    let mut whole = powered(memory.clone());
+    let before = whole.device.memory().flash().operations();
+    store(&mut whole);
+    let operations = whole.device.memory().flash().operations() - before;
+    assert_eq!(whole.device.memory().flash().broken_rules(), 0);
+    whole.power_cycle();
+    assert!(shows(&mut whole), "stored without a cut");
+    let mut renewed = 0;
+    for cut in 0..operations {
+        let mut memory = memory.clone();
+        memory
+            .flash_mut()
+            .set_draw(Seeded(cut.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1));
+        let mut site = powered(memory);
+        site.device.memory().flash_mut().cut_after(cut);
+        store(&mut site);
+        assert!(site.device.memory().flash().is_cut(), "operation {cut}");
+        site.power_cycle();
+        renewed += u64::from(shows(&mut site));
+        store(&mut site);
+        site.power_cycle();
+        assert!(shows(&mut site), "stored again after a cut at {cut}");
+        assert_eq!(site.device.memory().flash().broken_rules(), 0, "{cut}");
+    }
+    // Nothing new counts before the last operation of all, whose bits may all be done by chance.
+    assert!(renewed <= 1, "{renewed} of {operations}");
+    operations
+}
+
+/// Two parameters of each group that belongs to the application, and the value that all get.
+fn parameters() -> [(u16, [Value; 2]); 4] {
+    [
+        (0x2004, [Value::u16(1), Value::u16(2)]),
+        (0x2005, [Value::u8(0), Value::u8(1)]),
+        (0x6000, [Value::u16(10), Value::u16(100)]),
+        (0x6200, [Value::u16(10), Value::u16(100)]),
+    ]
+}
+
+fn set(site: &mut Site, which: usize) {
+    for (index, values) in parameters() {
+        assert_eq!(site.write(at(index, 0), values[which]), Some(Ok(())));
+    }
+}
+
+#[test]
+fn a_cut_at_any_operation_of_a_parameter_store_leaves_each_group_old_or_new() {
+    let mut site = powered(blank());
+    set(&mut site, 0);
+    assert_eq!(site.write(at(0x1010, 1), Value::u32(SAVE)), Some(Ok(())));
+    let memory = site.device.memory().clone();
+    let store = |site: &mut Site| {
+        set(site, 1);
+        let _ = site.write(at(0x1010, 1), Value::u32(SAVE));
+    };
+    let operations = cut_each(&memory, store, |site| {
+        let shown = parameters().map(|(index, values)| {
+            let read = site.read(at(index, 0)).unwrap().unwrap();
+            let which = values.iter().position(|value| *value == read);
+            which.unwrap_or_else(|| panic!("{index:04X}: {read:?}"))
+        });
+        let [latch, alone, resolution, safe] = shown;
+        assert_eq!((latch, resolution), (alone, safe), "{shown:?}");
+        shown == [1; 4]
+    });
+    assert!(operations > 600, "{operations}");
+}
+
+/// Tables of as many points as there are, which turn every angle by `turn` units.
+fn tables(turn: i32) -> Calibration {
+    let points: Vec<_> = (-90..=90)
+        .map(|degrees: i32| Point {
+            accel: degrees * 700_000,
+            angle: Angle(degrees * 11_930_465 + turn),
+        })
+        .collect();
+    let table = Table::new(&points).unwrap();
+    let mut piecewise = Piecewise::default();
+    for (knot, value) in piecewise.knots.iter_mut().zip(0..) {
+        *knot = Temperature(25 * 256 + value);
+    }
+    Calibration {
+        temperature: TemperatureModel::Piecewise(piecewise),
+        correction: Correction::Tables {
+            tables: Axes {
+                x: table.clone(),
+                y: table,
+            },
+            rule: Rule::Linear,
+        },
+        budget: Budget::default(),
+    }
+}
+
+fn bytes(calibration: &Calibration) -> Vec<u8> {
+    let mut bytes = vec![0; length(calibration) as usize];
+    assert_eq!(read_at(calibration, 0, &mut bytes), bytes.len());
+    bytes
+}
+
+#[test]
+fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measures_at_once() {
+    let [old, new] = [tables(0), tables(10_000_000)];
+    assert_eq!(length(&new), MAX_LENGTH);
+    let mut site = powered(blank());
+    let whole = site.download(at(0x2061, 0), &bytes(&old));
+    assert_eq!(whole, Some(Ok(())));
+    let memory = site.device.memory().clone();
+    let sent = bytes(&new);
+    let store = |site: &mut Site| {
+        let _ = site.download(at(0x2061, 0), &sent);
+    };
+    let operations = cut_each(&memory, store, |site| {
+        let shown = site.read(at(0x2062, 1)).unwrap().unwrap().unsigned();
+        let which = [identity(&old), identity(&new)].map(|identity| u64::from(identity) == shown);
+        assert!(which[0] != which[1], "{shown:08X}");
+        assert_eq!(site.device.faults().bits(), 0);
+        which[1]
+    });
+    assert!(operations > 1538, "{operations}");
+    // The angle is there within a second, and is that of the table.
+    let mut site = powered(memory);
+    let angle = |site: &mut Site| site.read(at(0x6010, 0)).unwrap().unwrap().signed();
+    store(&mut site);
+    site.power_cycle();
+    site.measure(400);
+    assert_eq!(site.device.values().process.validity & 3, 3);
+    assert_eq!(angle(&mut site), 84);
+}
