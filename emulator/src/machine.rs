@@ -15,9 +15,6 @@ use crate::cpu::{ALIAS, Cpu, Fault, Register, Stop};
 use crate::exceptions::{self, Masks};
 use crate::unicorn::UnicornCpu;
 
-/// What free stack is painted with.
-const PAINT: u8 = 0xA5;
-
 /// Why a machine has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
@@ -137,6 +134,11 @@ impl Machine {
         self.cpu.set_register(Register::Lr, u32::MAX);
         self.cpu.set_register(Register::Sp, stack & !3);
         self.cpu.set_register(Register::Pc, start);
+    }
+
+    /// Ends the core's sleep from outside, after its registers were changed.
+    pub fn wake(&mut self) {
+        self.pause = Pause::None;
     }
 
     /// Lets a core that sleeps come to `now_ns`.
@@ -314,26 +316,12 @@ impl Machine {
     }
 }
 
-/// Stack.
 impl Machine {
-    /// Paints the RAM from `from` up to the stack pointer.
-    pub fn paint_stack(&mut self, from: u32) {
-        let top = self.cpu.register(Register::Sp);
-        let bytes = vec![PAINT; top.saturating_sub(from) as usize];
-        // Within the RAM, or nothing is painted and the high-water mark says so.
-        let _ = self.cpu.write(from, &bytes);
-    }
-
-    /// The lowest address from `from` on that is not painted any more: so deep the stack was.
-    pub fn stack_depth_from(&self, from: u32) -> u32 {
+    /// Bytes from `from` on that still hold the paint: of a stack whose end that is, those that
+    /// were never used.
+    pub fn painted_from(&self, from: u32, paint: u32) -> u32 {
         let end = RAM + self.chip().ram_size();
-        let mut bytes = vec![0; end.saturating_sub(from) as usize];
-        match self.cpu.read(from, &mut bytes) {
-            Ok(()) => {
-                let free = bytes.iter().take_while(|byte| **byte == PAINT).count();
-                from + free as u32
-            }
-            Err(_) => from,
-        }
+        let words = (from..end).step_by(4);
+        4 * words.take_while(|at| self.word(*at) == paint).count() as u32
     }
 }

@@ -32,6 +32,19 @@ pub struct Heard {
     pub frame: Frame,
 }
 
+/// Why an object was not read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SdoError {
+    /// The host's mailboxes are full.
+    BusFull,
+    /// No answer within a second.
+    Silent,
+    /// The node has refused, with this abort code.
+    Abort(u32),
+    /// An answer that is none to this request, with this command byte.
+    Form(u8),
+}
+
 /// The instrument with its bus.
 pub struct Pair {
     /// The bus with the boards as guests 0 (channel A) and 1 (channel B).
@@ -138,6 +151,59 @@ impl Pair {
     /// Errors: [`Busy`] while its mailboxes are full.
     pub fn send(&mut self, frame: Frame) -> Result<(), Busy> {
         self.network.bus.offer(self.host, frame).map(|_| ())
+    }
+
+    /// Asks a node over its default SDO channel and waits for the answer, up to a second.
+    fn ask(&mut self, node: u8, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
+        let answers = 0x580 + u16::from(node);
+        let before = self.of_id(answers).len();
+        let frame = Frame::data_frame(0x600 + u16::from(node), &request);
+        self.send(frame).map_err(|_| SdoError::BusFull)?;
+        for _ in 0..1000 {
+            self.run(0.001);
+            if let Some(heard) = self.of_id(answers).get(before) {
+                let answer = heard.frame.padded();
+                let [command, _, _, _, code @ ..] = answer;
+                return match command {
+                    0x80 => Err(SdoError::Abort(u32::from_le_bytes(code))),
+                    _ => Ok(answer),
+                };
+            }
+        }
+        Err(SdoError::Silent)
+    }
+
+    /// Reads an object of up to four bytes (CiA 301 7.2.4.3.6, expedited upload).
+    ///
+    /// Errors: see [`SdoError`].
+    pub fn read(&mut self, node: u8, index: u16, sub: u8) -> Result<u32, SdoError> {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.ask(node, [0x40, low, high, sub, 0, 0, 0, 0])?;
+        let [command, _, _, _, bytes @ ..] = answer;
+        let unused = 8 * u32::from(command >> 2 & 3);
+        match command & 0xF3 {
+            0x43 => Ok(u32::from_le_bytes(bytes) << unused >> unused),
+            _ => Err(SdoError::Form(command)),
+        }
+    }
+
+    /// Writes an object of `size` bytes, 1 to 4 (CiA 301 7.2.4.3.3, expedited download).
+    ///
+    /// Errors: see [`SdoError`].
+    pub fn write(
+        &mut self,
+        node: u8,
+        (index, sub): (u16, u8),
+        size: u8,
+        value: u32,
+    ) -> Result<(), SdoError> {
+        let [low, high] = index.to_le_bytes();
+        let command = 0x23 | (4 - size.clamp(1, 4)) << 2;
+        let [a, b, c, d] = value.to_le_bytes();
+        match self.ask(node, [command, low, high, sub, a, b, c, d])? {
+            [0x60, ..] => Ok(()),
+            [command, ..] => Err(SdoError::Form(command)),
+        }
     }
 
     /// The frames of an identifier so far.
