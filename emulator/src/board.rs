@@ -66,6 +66,8 @@ pub struct Board {
     posted: [Option<Posted>; MAILBOXES],
     /// When it next has something to do, ns.
     due_ns: u64,
+    /// Data-ready edges so far.
+    samples: u64,
     /// The supply has failed by itself, in a flash operation.
     cut: bool,
 }
@@ -118,6 +120,7 @@ impl Board {
             joined: false,
             posted: [None; MAILBOXES],
             due_ns: 0,
+            samples: 0,
             cut: false,
         }
     }
@@ -135,6 +138,11 @@ impl Board {
     /// Its port on the bus.
     pub fn port(&self) -> Port {
         self.port
+    }
+
+    /// How many samples its sensor has told of while there was power.
+    pub fn samples(&self) -> u64 {
+        self.samples
     }
 
     /// True when the supply has failed by itself, in the middle of a flash operation.
@@ -302,9 +310,10 @@ impl Guest for Board {
         // The part samples as the code has set it up meanwhile.
         self.electronics.run_waiting(|_, _| ());
         let chip = self.machine.chip_mut();
-        let powered = self.powered;
+        let (powered, samples) = (self.powered, &mut self.samples);
         self.electronics.tick(force_g, end_s, |edge| {
             if powered {
+                *samples += 1;
                 let at_ns = nanoseconds(edge.captured_s);
                 chip.plan_edge(at_ns, true);
                 chip.plan_edge(at_ns + DRDY_PULSE_NS, false);

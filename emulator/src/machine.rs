@@ -5,6 +5,8 @@
 //! Sources: PM0056 2.3 (exceptions), 2.4 (faults), 2.5 (sleep). Left out: the time that entering
 //! and leaving an exception takes: it counts as no instruction.
 
+use std::collections::BTreeMap;
+
 use flash::layout::RAM;
 
 use crate::chip::Chip;
@@ -39,6 +41,27 @@ enum Pause {
     LockUp,
 }
 
+/// What the handlers of one exception have taken so far, without those that interrupted them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// How often it was served.
+    pub times: u64,
+    /// Instructions in all.
+    pub instructions: u64,
+    /// Instructions of the longest one.
+    pub most: u64,
+}
+
+/// A handler under way.
+#[derive(Clone, Copy, Debug)]
+struct Service {
+    number: u32,
+    /// The chip's count at its begin.
+    begun: u64,
+    /// What others took of it that have interrupted it.
+    nested: u64,
+}
+
 /// A core with its chip.
 #[derive(Debug)]
 pub struct Machine {
@@ -46,6 +69,8 @@ pub struct Machine {
     pause: Pause,
     resets: Vec<Cause>,
     faults: Vec<(u32, Blame)>,
+    services: Vec<Service>,
+    costs: BTreeMap<u32, Cost>,
 }
 
 impl Machine {
@@ -59,6 +84,8 @@ impl Machine {
             pause: Pause::None,
             resets: Vec::new(),
             faults: Vec::new(),
+            services: Vec::new(),
+            costs: BTreeMap::new(),
         }
     }
 
@@ -92,6 +119,17 @@ impl Machine {
         &self.faults
     }
 
+    /// What each exception's handlers have taken since [`Machine::clear_costs`], by its number:
+    /// interrupt n is exception 16 + n.
+    pub fn costs(&self) -> &BTreeMap<u32, Cost> {
+        &self.costs
+    }
+
+    /// Lets [`Machine::costs`] begin anew.
+    pub fn clear_costs(&mut self) {
+        self.costs.clear();
+    }
+
     /// True when it has locked up and only a reset helps.
     pub fn is_locked_up(&self) -> bool {
         self.pause == Pause::LockUp
@@ -123,6 +161,7 @@ impl Machine {
     pub fn reset(&mut self, cause: Cause) {
         self.resets.push(cause);
         self.pause = Pause::None;
+        self.services.clear();
         self.chip_mut().restart(cause);
         self.cpu.put_flash_right();
         let [stack, start] = [0, 4].map(|offset| self.word(ALIAS + offset));
@@ -266,6 +305,12 @@ impl Machine {
         let chip = self.cpu.chip_mut();
         chip.nvic.begin(waiting.number);
         chip.set_event();
+        let begun = chip.instructions();
+        self.services.push(Service {
+            number: waiting.number,
+            begun,
+            nested: 0,
+        });
         self.pause = Pause::None;
         if entered.is_err() {
             self.faults
@@ -278,11 +323,33 @@ impl Machine {
         let Ok(number) = exceptions::leave(&mut self.cpu, link) else {
             return self.fault(Blame::Stacking);
         };
+        self.account(number);
         let chip = self.cpu.chip_mut();
         chip.nvic.end(number);
         chip.set_event();
         if chip.system.sleeps_on_exit() && chip.nvic.depth() == 0 {
             self.pause = Pause::Interrupt;
+        }
+    }
+
+    /// Notes what a handler that has ended has taken.
+    fn account(&mut self, number: u32) {
+        let now = self.chip().instructions();
+        let Some(service) = self
+            .services
+            .pop()
+            .filter(|service| service.number == number)
+        else {
+            return;
+        };
+        let whole = now - service.begun;
+        let own = whole.saturating_sub(service.nested);
+        let cost = self.costs.entry(number).or_default();
+        cost.times += 1;
+        cost.instructions += own;
+        cost.most = cost.most.max(own);
+        if let Some(outer) = self.services.last_mut() {
+            outer.nested += whole;
         }
     }
 

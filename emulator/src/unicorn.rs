@@ -270,6 +270,11 @@ fn before_block(engine: &mut Unicorn<'_, Shared>, address: u32, size: u32) {
             return;
         }
     }
+    if engine.get_data().chip.watches() {
+        let mut bytes = vec![0; size as usize];
+        let _ = engine.mem_read(address.into(), &mut bytes);
+        engine.get_data_mut().chip.note_passing(address, &bytes);
+    }
     let shared = engine.get_data_mut();
     shared.block = (address, size);
     if let Some(block) = shared.chip.code.known(address, size) {

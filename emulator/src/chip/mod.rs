@@ -125,6 +125,9 @@ pub struct Chip {
     reset: Option<Cause>,
     /// The supply has failed in a flash operation.
     cut: bool,
+    /// Addresses in code that are watched, and when the code came to them.
+    watched: Vec<u32>,
+    passed: Vec<(u32, u64)>,
     /// A store was refused by the bus, and the core does not know yet.
     bad_store: bool,
 }
@@ -168,6 +171,8 @@ impl Chip {
             reset: None,
             cut: false,
             bad_store: false,
+            watched: Vec::new(),
+            passed: Vec::new(),
         }
     }
 
@@ -217,6 +222,40 @@ impl Chip {
     /// Instructions executed since it was made.
     pub fn instructions(&self) -> u64 {
         self.instructions
+    }
+
+    /// Watches for code that comes to these addresses, instead of those before.
+    pub fn watch(&mut self, addresses: &[u32]) {
+        self.watched = addresses.to_vec();
+        self.passed.clear();
+    }
+
+    /// Which of the watched addresses the code has come to since then, and how many instructions
+    /// it had executed before each time.
+    pub fn passed(&self) -> &[(u32, u64)] {
+        &self.passed
+    }
+
+    /// Whether anything is watched.
+    #[inline]
+    pub fn watches(&self) -> bool {
+        !self.watched.is_empty()
+    }
+
+    /// Notes the watched addresses in a block that is about to run.
+    pub fn note_passing(&mut self, address: u32, bytes: &[u8]) {
+        for watched in &self.watched {
+            let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
+                continue;
+            };
+            if before < bytes.len()
+                && let Some(bytes) = bytes.get(..before)
+            {
+                let instructions = u64::from(Block::of(bytes).instructions);
+                self.passed
+                    .push((*watched, self.instructions + instructions));
+            }
+        }
     }
 
     /// Cycles passed since it was made: instructions, sleep, and waits for the flash.

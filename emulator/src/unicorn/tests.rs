@@ -155,3 +155,15 @@ fn a_bit_of_the_ram_is_set_by_its_alias() {
     cpu.read(RAM, &mut held).expect("in RAM");
     assert_eq!(u32::from_le_bytes(held), 1 << 10);
 }
+
+#[test]
+fn instructions_between_two_addresses_are_counted_exactly() {
+    // MOVS r0, #10; SUBS r0, #1; BNE -4; NOP; WFI. From the SUBS to the NOP: twenty.
+    let mut cpu = cpu(&[0x200A, 0x3801, 0xD1FD, 0xBF00, 0xBF30]);
+    cpu.chip_mut().watch(&[BASE + 2, BASE + 6]);
+    assert_eq!(cpu.run(), Stop::WaitForInterrupt);
+    let passed = cpu.chip().passed();
+    assert_eq!(passed.first(), Some(&(BASE + 2, 1)));
+    assert_eq!(passed.last(), Some(&(BASE + 6, 21)));
+    assert_eq!(passed.len(), 11);
+}
