@@ -102,7 +102,7 @@ fn code_in_ram_runs_as_well() {
     let mut cpu = cpu(&[0xBF00]);
     // MOVS r0, #5; WFI.
     put(&mut cpu, RAM + 0x100, &[0x2005, 0xBF30]);
-    cpu.set_register(Register::Pc, RAM + 0x100 | 1);
+    cpu.set_register(Register::Pc, (RAM + 0x100) | 1);
     assert_eq!(cpu.run(), Stop::WaitForInterrupt);
     assert_eq!(cpu.register(Register::R(0)), 5);
     assert_eq!(cpu.chip().instructions(), 2);
