@@ -1,4 +1,4 @@
-//! What the product's image costs, in instructions: `cargo run --release -p emulator --example cost`.
+//! What the product's image costs, in instructions: `cargo run -p emulator --example cost`.
 //!
 //! In: nothing. Out: a table in Markdown of instructions per sample, per SYNC and per SDO, of one
 //! node of a pair, and what each interrupt takes. The wait for the sensor's bytes is told apart: it

@@ -7,8 +7,8 @@
 //! Sources: PM0075 2.3 and 3; times from the data sheet of the STM32F103xC (5.3.9: a half-word
 //! 52.5 us, a page 20 to 40 ms, taken as 20). Code in flash stands still as long as an
 //! operation lasts (PM0075 2.3.1); code in RAM would not, and does here.
-//! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase, read
-//! protection.
+//! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase,
+//! read protection.
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use flash::layout::PAGE;

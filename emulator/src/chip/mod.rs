@@ -2,8 +2,8 @@
 //!
 //! In: loads and stores of the code, blocks of instructions as they run, edges of pins, what the
 //! bus tells. Out: exceptions, actions on the bus, requests for a reset, and the counts of
-//! instructions and cycles. One module per peripheral; `bus` knows who is at which address and has a
-//! clock, this one when somebody next wants attention.
+//! instructions and cycles. One module per peripheral; `bus` knows who is at which address and has
+//! a clock, this one when somebody next wants attention.
 //!
 //! Source: RM0008 10.1.2 (interrupts).
 //! Left out: DMA, ADC, USART, I2C, USB, RTC, window watchdog, TIM1: they read as 0.
