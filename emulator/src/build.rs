@@ -64,6 +64,14 @@ pub const FIXTURE: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
+/// The signal chain on samples made of integers.
+pub const GOLDEN: Recipe<'_> = Recipe {
+    package: "emulator-golden",
+    binary: "emulator-golden",
+    environment: &[],
+    folder: "emulated",
+};
+
 /// The product: what leaves the factory, and the application's symbols.
 #[derive(Clone, Debug)]
 pub struct Product {

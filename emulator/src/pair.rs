@@ -102,14 +102,26 @@ impl Pair {
         Self::of(2, seed, pieces)
     }
 
-    /// So many boards with power.
+    /// So many boards with power, of nominal parts.
     ///
     /// Errors: see [`FlashError`].
     pub fn of(boards: usize, seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
+        Self::with(&ErrorModel::NOMINAL, boards, seed, pieces)
+    }
+
+    /// So many boards with power, of parts drawn from this model.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn with(
+        model: &ErrorModel,
+        boards: usize,
+        seed: u64,
+        pieces: Pieces<'_>,
+    ) -> Result<Self, FlashError> {
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
         for number in 0..boards {
-            let board = board(&mut network, &ErrorModel::NOMINAL, seed, number, pieces)?;
+            let board = board(&mut network, model, seed, number, pieces)?;
             let guest = network.add_guest(Box::new(board));
             network.switch_guest(guest, Switch::On);
         }
