@@ -12,6 +12,7 @@
 //! Left out: the board, flash, and the time that the sensor's set-up takes, which is the
 //! caller's to pass.
 
+mod board;
 mod pair;
 mod report;
 mod sending;

@@ -58,11 +58,13 @@ pub enum Fault {
     Thermometer = 20,
     /// At standstill this channel's gravity is of the wrong length.
     Biased = 21,
+    /// The running program is not what was linked.
+    Program = 22,
 }
 
 impl Fault {
     /// Every fault, in the order of their numbers.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::RangeX,
         Self::RangeY,
         Self::SensorSupply,
@@ -85,6 +87,7 @@ impl Fault {
         Self::SensorSpikes,
         Self::Thermometer,
         Self::Biased,
+        Self::Program,
     ];
 
     /// EMCY error code, bit of the error register, and what to tell a person.
@@ -122,6 +125,7 @@ impl Fault {
                 MANUFACTURER,
                 "this channel's gravity is of the wrong length",
             ),
+            Self::Program => (0x6110, MANUFACTURER, "the program in flash is damaged"),
         }
     }
 
@@ -142,6 +146,7 @@ impl Fault {
                 | Self::Temperature
                 | Self::NotCalibrated
                 | Self::Storage
+                | Self::Program
         )
     }
 }

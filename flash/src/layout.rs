@@ -92,6 +92,9 @@ impl Slot {
 pub struct Layout {
     /// The part's name.
     pub part: &'static str,
+    /// What an image's header calls the board with this part: "PL", the board's revision, and
+    /// the part, since the same program is linked to other addresses for another map.
+    pub hardware: u32,
     /// Flash, bytes.
     pub flash: u32,
     /// RAM, bytes.
@@ -113,6 +116,7 @@ pub struct Layout {
 /// Its records take a calibration of up to 7132 bytes beside parameters of 1.5 kB.
 pub const RC: Layout = Layout {
     part: "STM32F103RC",
+    hardware: u32::from_le_bytes([0x2C, 1, b'L', b'P']),
     flash: 256 * 1024,
     ram: 48 * 1024,
     boot: Region::kilobytes(0, 8),
@@ -129,6 +133,7 @@ pub const RC: Layout = Layout {
 /// [`RecordError::Full`](crate::records::RecordError::Full).
 pub const CB: Layout = Layout {
     part: "STM32F103CB",
+    hardware: u32::from_le_bytes([0xCB, 1, b'L', b'P']),
     flash: 128 * 1024,
     ram: 20 * 1024,
     boot: Region::kilobytes(0, 8),
@@ -145,6 +150,7 @@ pub const CB: Layout = Layout {
 /// bytes, one by harmonics, beside parameters of 0.8 kB.
 pub const C8: Layout = Layout {
     part: "STM32F103C8",
+    hardware: u32::from_le_bytes([0xC8, 1, b'L', b'P']),
     flash: 64 * 1024,
     ram: 20 * 1024,
     boot: Region::kilobytes(0, 8),

@@ -22,8 +22,8 @@ use salty::{Keypair, Sha512};
 
 use crate::rng::Rng;
 
-/// The hardware id that images for this board name: "PLB1" as a little-endian word.
-pub const HARDWARE: u32 = u32::from_le_bytes(*b"PLB1");
+/// The hardware id that images for this board name.
+pub const HARDWARE: u32 = RC.hardware;
 
 /// The version that a node leaves the factory with.
 pub const FACTORY: Version = Version::new(0, 1, 0);
@@ -59,25 +59,19 @@ pub fn blank() -> Memory {
 /// # Panics
 /// When the part has no such slot.
 pub fn image(slot: Slot, version: Version, body: &[u8]) -> Vec<u8> {
-    let mut file = unsigned(slot, HARDWARE, version, Signature::Ed25519, body);
+    let mut file = unsigned(slot, HARDWARE, version, body);
     sign(&mut file, DEVELOPMENT);
     file
 }
 
-/// The file of an image that says how it is signed and is not.
+/// The file of an image without a signature.
 ///
 /// # Panics
 /// When the part has no such slot.
-pub fn unsigned(
-    slot: Slot,
-    hardware: u32,
-    version: Version,
-    signature: Signature,
-    body: &[u8],
-) -> Vec<u8> {
+pub fn unsigned(slot: Slot, hardware: u32, version: Version, body: &[u8]) -> Vec<u8> {
     let region = RC.slot(slot).expect("the RC has both slots");
     let header = Header {
-        signature,
+        signature: Signature::None,
         hardware,
         version,
         address: BASE + region.start + HEADER,
@@ -90,11 +84,19 @@ pub fn unsigned(
     file
 }
 
-/// Signs the file of one image with the secret key `seed`.
+/// Signs the file of one image with the secret key `seed`: its header says so from then on.
 ///
 /// # Panics
-/// When it is shorter than a header.
+/// When it does not begin with a header.
 pub fn sign(file: &mut [u8], seed: &[u8; 32]) {
+    let header = Header::parse(file).expect("a header");
+    let signature = Signature::Ed25519;
+    let fields = Header {
+        signature,
+        ..header
+    }
+    .encode();
+    file[..FIELDS].copy_from_slice(&fields);
     let mut digest = Sha512::new();
     digest.update(&file[..SIGNATURE_AT as usize]);
     digest.update(&file[HEADER as usize..]);

@@ -9,6 +9,7 @@ mod campaign;
 mod command;
 mod difference;
 mod faults;
+mod image;
 mod interop;
 mod packages;
 mod size;
@@ -31,6 +32,7 @@ usage: cargo xtask COMMAND
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
   size --write        the same, written to docs/size.md
+  image               bootloader, and application for each slot, to target/images
   interop             plumb serve against python-canopen, in an environment made for it
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         ["size"] => steps::alone(&steps::SIZE, &workspace),
         ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
         ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
+        ["image"] => steps::alone(&steps::IMAGE, &workspace),
         ["interop"] => steps::alone(&steps::INTEROP, &workspace),
         ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {

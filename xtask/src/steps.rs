@@ -13,6 +13,7 @@ use crate::accuracy::{self, AccuracyError};
 use crate::campaign;
 use crate::command::{self, CommandError, Tally};
 use crate::faults::{self, FaultsError};
+use crate::image::{self, ImageError};
 use crate::interop::{self, InteropError};
 use crate::packages;
 use crate::size::{self, SizeError};
@@ -66,6 +67,8 @@ enum StepError {
     Faults(FaultsError),
     /// The bus side on the part.
     Size(SizeError),
+    /// The images of the part.
+    Image(ImageError),
     /// The master written by others.
     Interop(InteropError),
     /// A file or folder could not be handled.
@@ -89,6 +92,7 @@ impl fmt::Display for StepError {
             Self::Accuracy(error) => write!(out, "{error}"),
             Self::Faults(error) => write!(out, "{error}"),
             Self::Size(error) => write!(out, "{error}"),
+            Self::Image(error) => write!(out, "{error}"),
             Self::Interop(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoReport(name) => write!(out, "the demo wrote no {name}"),
@@ -117,6 +121,12 @@ impl From<FaultsError> for StepError {
 impl From<InteropError> for StepError {
     fn from(error: InteropError) -> Self {
         Self::Interop(error)
+    }
+}
+
+impl From<ImageError> for StepError {
+    fn from(error: ImageError) -> Self {
+        Self::Image(error)
     }
 }
 
@@ -243,6 +253,13 @@ pub const FAULTS_WRITE_LONG: Step = Step {
     name: "writing docs/faults.md, which takes a quarter of an hour",
     advice: "the generator is `cargo run --release -p sim --example faults -- --long`",
     run: write_all_faults,
+};
+
+/// Builds what is flashed.
+pub const IMAGE: Step = Step {
+    name: "images of bootloader and application, within their budgets",
+    advice: "what the linker says stands above; a slot's size is in `flash::layout`",
+    run: build_images,
 };
 
 /// Measures the bus side on the part.
@@ -456,6 +473,10 @@ fn write_all_faults(workspace: &Workspace, _: &mut Tally) -> Result<(), StepErro
 
 fn try_to_break(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(campaign::run(workspace)?)
+}
+
+fn build_images(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(image::build(workspace)?)
 }
 
 fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

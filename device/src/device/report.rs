@@ -162,6 +162,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let corrupt = self.node.channel.fault() == Some(Invalid::Corrupt);
         found.set(Fault::CalibrationRecord, self.record_damaged || corrupt);
         found.set(Fault::Storage, self.values.storage_failed);
+        found.set(Fault::Program, self.values.program_damaged);
         let fail_safe = self.values.news.fail_safe;
         found.set(Fault::FailSafe, fail_safe);
         self.values

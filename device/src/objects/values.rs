@@ -76,6 +76,8 @@ pub struct Values {
     pub receiving: bool,
     /// A store or restore has failed.
     pub storage_failed: bool,
+    /// The running program is not what was linked.
+    pub program_damaged: bool,
     /// The calibration in force is the channel's own.
     pub calibrated: bool,
     /// Check sum of the calibration in force, as it was when it came into force.
@@ -112,6 +114,7 @@ impl Values {
             bit_rate: 0,
             receiving: false,
             storage_failed: false,
+            program_damaged: false,
             calibrated: false,
             calibration_sum: 0,
             standing: Ok(()),

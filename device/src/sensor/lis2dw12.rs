@@ -12,8 +12,8 @@ use tilt::sample::{Counts, Temperature};
 use super::config::{Config, Fifo};
 use super::error::{InitError, Mismatch, ReadError, VerifyError};
 use super::registers::{
-    CTRL2_BOOT, CTRL2_IF_ADD_INC, CTRL2_SOFT_RESET, FIFO_SAMPLES_DIFF, FIFO_SAMPLES_OVR, PART_ID,
-    READ, Register, STATUS_DRDY,
+    CTRL2_BOOT, CTRL2_IF_ADD_INC, CTRL2_SOFT_RESET, CTRL7_DRDY_PULSED, FIFO_SAMPLES_DIFF,
+    FIFO_SAMPLES_OVR, PART_ID, READ, Register, STATUS_DRDY,
 };
 
 /// Time from power-up until the part answers, in milliseconds (data sheet: boot time 20 ms).
@@ -39,7 +39,7 @@ const CONTROL: [Register; 6] = [
 ];
 
 /// Registers above FIFO_CTRL that keep their reset value, zero.
-const UNUSED: [Register; 11] = [
+const UNUSED: [Register; 10] = [
     Register::TapThsX,
     Register::TapThsY,
     Register::TapThsZ,
@@ -50,7 +50,6 @@ const UNUSED: [Register; 11] = [
     Register::XOfsUsr,
     Register::YOfsUsr,
     Register::ZOfsUsr,
-    Register::Ctrl7,
 ];
 
 /// Bytes from FIFO_CTRL (2Eh) to CTRL7 (3Fh).
@@ -251,6 +250,7 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
             (Register::Ctrl3, ctrl3),
             (Register::Ctrl6, ctrl6),
             (Register::Ctrl4Int1, ctrl4),
+            (Register::Ctrl7, CTRL7_DRDY_PULSED),
             // Bypass first: it is what empties the FIFO.
             (Register::FifoCtrl, Fifo::Bypass.control()),
             (Register::FifoCtrl, config.fifo.control()),
@@ -279,6 +279,11 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
             Register::FifoCtrl,
             config.fifo.control(),
             upper_byte(&upper, Register::FifoCtrl),
+        )?;
+        expect(
+            Register::Ctrl7,
+            CTRL7_DRDY_PULSED,
+            upper_byte(&upper, Register::Ctrl7),
         )?;
         for register in UNUSED {
             expect(register, 0x00, upper_byte(&upper, register))?;

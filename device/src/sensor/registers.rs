@@ -36,6 +36,11 @@ pub const CTRL6_LOW_NOISE: u8 = 0x04;
 
 /// STATUS: a new set of samples is there.
 pub const STATUS_DRDY: u8 = 0x01;
+/// CTRL7: data-ready is a pulse of each sample, whether the one before was read or not.
+///
+/// A level would stay high while nobody reads, and the edge that came first would be taken for the
+/// one of the sample that is read in the end.
+pub const CTRL7_DRDY_PULSED: u8 = 0x80;
 
 /// FIFO_SAMPLES: at least one sample was overwritten.
 pub const FIFO_SAMPLES_OVR: u8 = 0x40;

@@ -129,6 +129,8 @@ fn the_set_up_writes_ctrl1_last_and_waits_for_the_boot() {
         .chain([0; 6]) // the old sample
         .chain([0x44])
         .chain(Config::PRODUCT.control())
+        .chain([0; 17]) // FIFO_CTRL to Z_OFS_USR
+        .chain([0x80])
         .collect();
     let mut sensor = answering(&reads);
     let mut waited = Waited::default();
@@ -140,13 +142,14 @@ fn the_set_up_writes_ctrl1_last_and_waits_for_the_boot() {
         .filter(|t| t.1 == 0)
         .map(|t| t.0.as_slice())
         .collect();
-    let expected: [&[u8]; 9] = [
+    let expected: [&[u8]; 10] = [
         &[0x21, 0x44],
         &[0x20, 0x00],
         &[0x21, 0x0E],
         &[0x22, 0x00],
         &[0x25, 0x04],
         &[0x23, 0x01],
+        &[0x3F, 0x80],
         &[0x2E, 0x00],
         &[0x2E, 0x00],
         &[0x20, 0x74],

@@ -472,3 +472,17 @@ proptest! {
         prop_assert!(sensor.verify().is_ok());
     }
 }
+
+#[test]
+fn samples_that_nobody_read_raised_no_edge_and_the_next_one_was_taken_for_the_first() {
+    let (bench, mut sensor) = Bench::with(&Config::PRODUCT);
+    for _ in 0..3 {
+        bench.sample([0.0, 0.0, 1.0]);
+        assert!(bench.chip().int1());
+        let later_ns = bench.chip().now_ns() + 100_000;
+        bench.chip().advance_to(later_ns);
+        assert!(!bench.chip().int1(), "the line is low before each sample");
+    }
+    // The sample itself is there all the same.
+    assert!(matches!(sensor.read(), Ok(Some(_))));
+}

@@ -32,7 +32,7 @@ const RULES: [Rule; 10] = [
         &["tilt", "canopen", "flash"],
         Some(&["embedded-hal", "embedded-storage", "heapless", "salty"]),
     ),
-    rule("firmware", &["device", "flash"], None),
+    rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
         "firmware/bus_footprint",
         &["canopen", "device", "flash", "tilt"],
@@ -41,8 +41,12 @@ const RULES: [Rule; 10] = [
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
     rule("emulator", &["sim"], None),
     rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
-    rule("xtask", &[], None),
+    rule("xtask", &["flash"], None),
 ];
+
+/// The workspace forbids `unsafe`; these need it, and have lints of their own that ask for a
+/// reason each time.
+const UNSAFE: [&str; 2] = ["firmware", "emulator"];
 
 const OURS: [&str; 9] = [
     "tilt", "canopen", "flash", "device", "firmware", "sim", "emulator", "plumb", "xtask",
@@ -135,15 +139,16 @@ fn manifest(path: &str, folder: &str, entries: &[Entry]) -> Vec<Finding> {
             findings.push(Finding::new(path, entry.line, text));
         }
     }
-    let keeps_lints = entries
-        .iter()
-        .any(|entry| entry.section == "lints" && entry.key.replace(' ', "") == "workspace");
-    if !keeps_lints {
-        findings.push(Finding::new(
-            path,
-            0,
-            "`[lints] workspace = true` is missing",
-        ));
+    let (section, key, missing) = if UNSAFE.contains(&folder) {
+        let text = "`undocumented_unsafe_blocks` of `[lints.clippy]` is missing";
+        ("lints.clippy", "undocumented_unsafe_blocks", text)
+    } else {
+        let text = "`[lints] workspace = true` is missing";
+        ("lints", "workspace", text)
+    };
+    let keeps_lints = |entry: &Entry| entry.section == section && entry.key == key;
+    if !entries.iter().any(keeps_lints) {
+        findings.push(Finding::new(path, 0, missing));
     }
     findings
 }
@@ -233,6 +238,10 @@ mod tests {
             "[package]\nname = \"sim\"\n",
         )]));
         assert_eq!(found.len(), 1);
+        let own = "[package]\nname = \"firmware\"\n[lints.clippy]\n";
+        let reasons = format!("{own}undocumented_unsafe_blocks = \"deny\"\n");
+        assert_eq!(check(&Tree::of(&[("firmware/Cargo.toml", own)])).len(), 1);
+        assert!(check(&Tree::of(&[("firmware/Cargo.toml", &reasons)])).is_empty());
     }
 
     #[test]

@@ -1,0 +1,41 @@
+//! Tells the linker where boot and application stand, from the flash map of the STM32F103RC.
+//!
+//! In: `PLUMB_SLOT`, for which slot the application is linked: `A` (default) or `B`. It changes
+//! addresses, never behaviour. Out: a `memory.x` for each binary.
+//!
+//! An image is position dependent, so an update is offered for both slots; `cargo xtask image`
+//! builds them both.
+
+use std::path::Path;
+use std::{env, fs};
+
+use flash::layout::{Program, RC, Slot};
+
+fn main() {
+    println!("cargo::rerun-if-env-changed=PLUMB_SLOT");
+    println!("cargo::rerun-if-changed=build.rs");
+    let slot = match env::var("PLUMB_SLOT").as_deref() {
+        Ok("A") | Err(_) => Slot::A,
+        Ok("B") => Slot::B,
+        Ok(other) => panic!("PLUMB_SLOT is {other:?}; it can be A or B"),
+    };
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
+        script("boot", Program::Boot);
+        script("app", Program::Application(slot));
+    }
+}
+
+/// Writes `memory.x` into a folder of its own and links `binary` with it.
+fn script(binary: &str, program: Program) {
+    let out = env::var("OUT_DIR").expect("cargo names the folder for what is generated");
+    let folder = Path::new(&out).join(binary);
+    let text = RC.memory_x(program).expect("the part has both slots");
+    // The last bytes of the RAM are no program's: `chip::trap` leaves there why one has ended.
+    let text = format!("{text}_stack_start = ORIGIN(RAM) + LENGTH(RAM) - 32;\n");
+    fs::create_dir_all(&folder).expect("a folder for the linker script");
+    fs::write(folder.join("memory.x"), text).expect("the linker script");
+    println!("cargo::rustc-link-arg-bin={binary}=-L{}", folder.display());
+    println!("cargo::rustc-link-arg-bin={binary}=-Tlink.x");
+    // Without it the linker pads segments to pages of an operating system.
+    println!("cargo::rustc-link-arg-bin={binary}=--nmagic");
+}

@@ -1,0 +1,51 @@
+//! The bootloader: starts the clocks and the watchdog, then the image that `flash::slots` chooses.
+//!
+//! In: both slots. Out: a jump, with the vector table of the image in force. An image on trial has
+//! used up one attempt by then, so one that hangs is rolled back by the watchdog's resets.
+//!
+//! When nothing can be started the chip is left to the watchdog, which resets it after a second:
+//! a slot that reads wrongly once may read right then, and a debug probe finds the processor
+//! standing still most of the time. Why nothing was started stands in the RAM ([`trap`]) and is
+//! told by the first application that does start.
+//!
+//! Left out: any protocol. An update is received by the running application.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod boot {
+    use cortex_m::peripheral::SCB;
+    use firmware::chip::{board, trap};
+    use firmware::crash::Crash;
+    use firmware::part::LAYOUT;
+    use flash::slots::{Decision, boot};
+    use stm32f1xx_hal::pac::Peripherals;
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        // SAFETY: nothing has run before, so these are the only handles.
+        let mut nor = board::start_boot(unsafe { Peripherals::steal() });
+        match boot(&mut nor, &LAYOUT, LAYOUT.hardware) {
+            Decision::Run(_, header, _) => start(header.address),
+            Decision::Stay(why) => {
+                trap::leave(Crash::Stay(why as u8));
+                loop {
+                    cortex_m::asm::wfi();
+                }
+            }
+        }
+    }
+
+    fn start(vectors: u32) -> ! {
+        // SAFETY: `boot` has found the image whole and linked to its slot, so that a vector table
+        // stands at this address, aligned to 512. No interrupt was switched on before.
+        unsafe {
+            (*SCB::PTR).vtor.write(vectors);
+            cortex_m::asm::bootload(vectors as *const u32)
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    println!("linked for the part by `cargo xtask image`; nothing to run");
+}

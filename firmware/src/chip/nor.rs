@@ -1,0 +1,227 @@
+//! The chip's own flash as a `NorFlash`: pages of 2 kB, half-words (RM0008 3.3, PM0075 2.3 and 3).
+//!
+//! In: offsets from the start of the flash, bytes. Out: nothing, or a [`NorError`]. What was
+//! written is not read back here; `flash::access` does that.
+//!
+//! The code runs from the same flash, so the processor stands still from the start of an erase
+//! (20 to 40 ms, data sheet) or of a half-word (40 to 70 us) to its end, interrupts included; the
+//! timer goes on and edges of data-ready keep their time, but of frames on the bus only three stay.
+//! The watchdog is fed after each page, so that the erase of a slot, two seconds in all, is no end;
+//! a single page that took longer than a second would be.
+//!
+//! The bootloader is never written: offsets before slot A are refused.
+
+use core::ptr::{read_volatile, write_volatile};
+
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use flash::layout::{BASE, PAGE};
+use stm32f1xx_hal::pac::FLASH;
+use stm32f1xx_hal::pac::flash::RegisterBlock;
+
+use super::register::write;
+use super::watchdog;
+use crate::part::LAYOUT;
+
+/// KEYR, in this order (PM0075 2.3.1).
+const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
+/// CR: program; erase a page; start; locked.
+const PG: u32 = 1;
+/// See [`PG`].
+const PER: u32 = 1 << 1;
+/// See [`PG`].
+const STRT: u32 = 1 << 6;
+/// See [`PG`].
+const LOCK: u32 = 1 << 7;
+/// SR: busy; the place was not blank; it is write-protected; end of operation.
+const BSY: u32 = 1;
+/// See [`BSY`].
+const PGERR: u32 = 1 << 2;
+/// See [`BSY`].
+const WRPRTERR: u32 = 1 << 4;
+/// See [`BSY`].
+const EOP: u32 = 1 << 5;
+
+/// Looks at BSY before an operation counts as lost: more than 100 ms.
+const PATIENCE: u32 = 1_000_000;
+
+/// Why the flash did not do what was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NorError {
+    /// Offset or length is no whole half-word or page.
+    Alignment,
+    /// Beyond the flash, or in the bootloader.
+    Bounds,
+    /// The half-word was not blank (PGERR).
+    NotBlank,
+    /// The page is write-protected (WRPRTERR), or the controller refused its keys.
+    Protected,
+    /// The operation has not ended (BSY), or not with EOP.
+    Stuck,
+}
+
+impl NorFlashError for NorError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Alignment => NorFlashErrorKind::NotAligned,
+            Self::Bounds => NorFlashErrorKind::OutOfBounds,
+            Self::NotBlank | Self::Protected | Self::Stuck => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+/// The flash. To write it one needs the controller; a [`Reader`] needs nothing.
+pub struct Nor(());
+
+impl Nor {
+    /// The flash, to read and write. There is one: nobody else may have it.
+    pub(super) const fn new() -> Self {
+        Self(())
+    }
+}
+
+/// The flash, to read only.
+pub struct Reader;
+
+fn registers() -> &'static RegisterBlock {
+    // SAFETY: the block of FLASH is at this address for ever, and its registers are cells that
+    // allow shared access; only the owner of `Nor` writes them.
+    unsafe { &*FLASH::ptr() }
+}
+
+fn check(offset: u32, length: usize, step: u32) -> Result<(), NorError> {
+    let length = u32::try_from(length).map_err(|_| NorError::Bounds)?;
+    if !offset.is_multiple_of(step) || !length.is_multiple_of(step) {
+        return Err(NorError::Alignment);
+    }
+    let end = offset.checked_add(length).ok_or(NorError::Bounds)?;
+    if end > LAYOUT.flash {
+        return Err(NorError::Bounds);
+    }
+    Ok(())
+}
+
+fn check_writable(offset: u32, length: usize, step: u32) -> Result<(), NorError> {
+    check(offset, length, step)?;
+    if offset < LAYOUT.a.start {
+        return Err(NorError::Bounds);
+    }
+    Ok(())
+}
+
+/// Waits for the end of an operation and says how it ended.
+fn finish() -> Result<(), NorError> {
+    let flash = registers();
+    for _ in 0..PATIENCE {
+        let flags = flash.sr().read().bits();
+        if flags & BSY != 0 {
+            continue;
+        }
+        write(flash.sr(), flags & (PGERR | WRPRTERR | EOP));
+        return match flags {
+            flags if flags & WRPRTERR != 0 => Err(NorError::Protected),
+            flags if flags & PGERR != 0 => Err(NorError::NotBlank),
+            flags if flags & EOP == 0 => Err(NorError::Stuck),
+            _ => Ok(()),
+        };
+    }
+    Err(NorError::Stuck)
+}
+
+/// Runs `operation` with the controller unlocked, and locks it again whatever comes of it.
+fn unlocked(operation: impl FnOnce() -> Result<(), NorError>) -> Result<(), NorError> {
+    let flash = registers();
+    if flash.cr().read().bits() & LOCK != 0 {
+        for key in KEYS {
+            write(flash.keyr(), key);
+        }
+    }
+    let done = if flash.cr().read().bits() & LOCK != 0 {
+        Err(NorError::Protected)
+    } else {
+        // What an operation before has left must not be taken for this one's end.
+        write(flash.sr(), PGERR | WRPRTERR | EOP);
+        operation()
+    };
+    write(flash.cr(), LOCK);
+    done
+}
+
+fn program(offset: u32, half_word: u16) -> Result<(), NorError> {
+    write(registers().cr(), PG);
+    // SAFETY: the offset was checked: an even address in the flash, behind the bootloader. What is
+    // written there is no part of the running program, whose slot nobody installs into.
+    unsafe { write_volatile((BASE + offset) as *mut u16, half_word) };
+    finish()
+}
+
+fn erase_page(offset: u32) -> Result<(), NorError> {
+    let flash = registers();
+    write(flash.cr(), PER);
+    write(flash.ar(), BASE + offset);
+    write(flash.cr(), PER | STRT);
+    let done = finish();
+    watchdog::feed();
+    done
+}
+
+fn read(offset: u32, into: &mut [u8]) -> Result<(), NorError> {
+    check(offset, into.len(), 1)?;
+    for (at, byte) in (BASE + offset..).zip(into) {
+        // SAFETY: the address was checked to be in the flash, which can be read byte by byte.
+        // Volatile, because the controller changes it behind the compiler's back.
+        *byte = unsafe { read_volatile(at as *const u8) };
+    }
+    Ok(())
+}
+
+impl ErrorType for Nor {
+    type Error = NorError;
+}
+
+impl ErrorType for Reader {
+    type Error = NorError;
+}
+
+impl ReadNorFlash for Reader {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
+        read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        LAYOUT.flash as usize
+    }
+}
+
+impl ReadNorFlash for Nor {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
+        read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        LAYOUT.flash as usize
+    }
+}
+
+impl NorFlash for Nor {
+    const WRITE_SIZE: usize = 2;
+    const ERASE_SIZE: usize = PAGE as usize;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorError> {
+        let length = to.checked_sub(from).ok_or(NorError::Bounds)?;
+        check_writable(from, length as usize, PAGE)?;
+        unlocked(|| (from..to).step_by(PAGE as usize).try_for_each(erase_page))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorError> {
+        check_writable(offset, bytes.len(), 2)?;
+        let (half_words, _) = bytes.as_chunks::<2>();
+        let mut places = (offset..).step_by(2).zip(half_words);
+        unlocked(|| places.try_for_each(|(at, bytes)| program(at, u16::from_le_bytes(*bytes))))
+    }
+}

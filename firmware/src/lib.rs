@@ -1,0 +1,26 @@
+//! The instrument on its chip, an STM32F103: what stands between `device` and the registers.
+//!
+//! In: interrupts. Out: what `device` wants done, at the time it wants it. Modules of the root
+//! know no register and are tested on the host; `chip` is everything that does, and exists in the
+//! linked images only, as `node` and `self_check` do, which use it. The binaries are `boot` and
+//! `app`.
+//!
+//! Left out: every decision about angles, faults and the bus, which is the device's.
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod bit_timing;
+#[cfg(target_os = "none")]
+pub mod chip;
+pub mod crash;
+pub mod factory;
+pub mod inbox;
+#[cfg(target_os = "none")]
+pub mod node;
+pub mod part;
+#[cfg(target_os = "none")]
+pub mod self_check;
+pub mod ticks;
+pub mod unit;

@@ -1,0 +1,376 @@
+//! One node at work: events go into the device in the order of their times, frames come out.
+//!
+//! In: data-ready edges, what the CAN controller has seen, and the time. Out: what goes into the
+//! controller's mailboxes and what is taken back from there, the bit rate, and what is left for
+//! the board ([`Order`]).
+//!
+//! The device is told of each event at the time of the event, not at that of the processor's
+//! getting there, and is polled at the very instants that it asks for. So the same events give the
+//! same bits here and in the simulation, which serves a device in the same order.
+//!
+//! Left out: registers and interrupts (`chip`).
+
+use canopen::Frame;
+use canopen::node::BusState;
+use device::bit_rate::Search;
+use device::device::{Device, Wish};
+use device::objects::panel::Memory;
+use embedded_hal::spi::SpiDevice;
+use tilt::sample::Instant;
+
+/// Mailboxes of the controller (RM0008 24.5.2).
+pub const MAILBOXES: usize = 3;
+
+/// What the CAN controller has seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A frame has come in.
+    Received(Frame),
+    /// The frame in this mailbox has gone out.
+    Sent(u8),
+    /// The frame in this mailbox was given up without having gone out.
+    GivenUp(u8),
+    /// The error state is another one, with the counters of sending and of receiving.
+    Changed(State, u8, u8),
+}
+
+/// The controller's error state (RM0008 24.7.6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Error active, with counters below 96.
+    Active,
+    /// Error active, with a counter of 96 or more.
+    Warning,
+    /// Error passive.
+    Passive,
+    /// Bus-off.
+    Off,
+}
+
+/// What became of a frame that was to be taken back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Abort {
+    /// It is out of its mailbox and has not gone out.
+    Done,
+    /// It is on the wire, or has gone out: an [`Event`] tells.
+    Later,
+}
+
+/// The CAN controller as a unit uses it. Its frames go out by identifier.
+pub trait Controller {
+    /// Puts a frame into mailbox `place`, which is empty.
+    fn post(&mut self, place: u8, frame: &Frame);
+    /// Takes the frame in mailbox `place` back, unless it is on the wire.
+    fn abort(&mut self, place: u8) -> Abort;
+    /// Empties the mailboxes; no event tells of what was in them.
+    fn clear(&mut self);
+    /// Asks back from bus-off: after 128 times 11 recessive bits it takes part again.
+    fn recover(&mut self);
+    /// Goes to a bit rate; a controller that only listens sends nothing, not even an acknowledge.
+    /// What is in the mailboxes stays there.
+    fn set_rate(&mut self, kbit_s: u16, listen_only: bool);
+}
+
+/// What only the board can do, asked for by [`Unit`]'s methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Reset the chip.
+    Reset,
+    /// Call [`Device::restart_sensor`].
+    Sensor,
+}
+
+/// A frame in a mailbox.
+#[derive(Clone, Copy, Debug)]
+struct Posted {
+    /// Its identifier; what a device sends has 11 bits.
+    id: u16,
+    frame: Frame,
+    /// It was on the wire when it was to be taken back: it goes out now or not at all.
+    aborted: bool,
+}
+
+/// State of the driver around a device.
+#[derive(Debug)]
+pub struct Unit {
+    mailboxes: [Option<Posted>; MAILBOXES],
+    /// A frame waits for a mailbox.
+    waiting: bool,
+    /// When to ask the controller back from bus-off.
+    recover_at: Option<Instant>,
+    /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
+    switch_at: Option<(Instant, Option<Option<u16>>)>,
+    delay_ms: u16,
+    /// The bit rate is being looked for; nothing is sent meanwhile.
+    search: Option<Search>,
+    /// The latest instant that the device was told: its time does not go back.
+    reached: Instant,
+    order: Option<Order>,
+}
+
+/// A device and what surrounds it, for one call.
+pub struct At<'a, SPI, M, C> {
+    unit: &'a mut Unit,
+    device: &'a mut Device<SPI, M>,
+    can: &'a mut C,
+}
+
+impl Default for Unit {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Unit {
+    /// Before the bus is started.
+    pub const fn new() -> Self {
+        Self {
+            mailboxes: [None; MAILBOXES],
+            waiting: false,
+            recover_at: None,
+            switch_at: None,
+            delay_ms: 0,
+            search: None,
+            reached: Instant(0),
+            order: None,
+        }
+    }
+
+    /// Joins device and controller for a call.
+    pub const fn at<'a, SPI, M, C>(
+        &'a mut self,
+        device: &'a mut Device<SPI, M>,
+        can: &'a mut C,
+    ) -> At<'a, SPI, M, C> {
+        At {
+            unit: self,
+            device,
+            can,
+        }
+    }
+
+    /// What is left for the board to do, once.
+    pub const fn take_order(&mut self) -> Option<Order> {
+        self.order.take()
+    }
+
+    /// True when a frame of this identifier may go into a mailbox.
+    ///
+    /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
+    /// two frames with one identifier never wait side by side: the order would be lost. The last
+    /// free mailbox is for what outranks the others, or a SYNC would wait behind a heartbeat for
+    /// as long as somebody floods the bus with identifiers between the two.
+    fn has_room(&self, id: u16) -> bool {
+        let posted = self.mailboxes.iter().flatten();
+        let (mut used, mut highest, mut twin) = (0, u16::MAX, false);
+        for other in posted {
+            used += 1;
+            highest = highest.min(other.id);
+            twin |= other.id == id;
+        }
+        let free = MAILBOXES - used;
+        (free > 1 || (free == 1 && id < highest)) && !twin
+    }
+
+    fn place(&mut self, place: u8) -> Option<&mut Option<Posted>> {
+        self.mailboxes.get_mut(usize::from(place))
+    }
+
+    /// An instant that the device can be told: never before the one that it knows.
+    fn reach(&mut self, at: Instant) -> Instant {
+        self.reached = self.reached.max(at);
+        self.reached
+    }
+}
+
+impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
+    /// The bus begins: the sensor has been set up.
+    pub fn start(&mut self, now: Instant) {
+        let now = self.unit.reach(now);
+        self.device.start_bus(now);
+        self.set_rate(self.device.bit_rate(), now);
+        self.poll(now);
+    }
+
+    /// When [`At::poll`] is next due.
+    pub fn next(&self) -> Instant {
+        let unit = &self.unit;
+        let switch = unit.switch_at.map(|(at, _)| at);
+        let search = unit.search.as_ref().map(Search::until);
+        let ours = [unit.recover_at, switch, search].into_iter().flatten();
+        ours.fold(self.device.next_deadline(), Instant::min)
+            .max(unit.reached)
+    }
+
+    /// A data-ready edge of `captured`: a sample is taken, and nothing else.
+    pub fn data_ready(&mut self, captured: Instant) {
+        self.unit.reach(captured);
+        self.device.data_ready(captured);
+    }
+
+    /// Does what is due at `now`, which is what [`At::next`] has said.
+    pub fn poll(&mut self, now: Instant) {
+        let now = self.unit.reach(now);
+        if self.unit.recover_at.is_some_and(|at| at <= now) {
+            self.unit.recover_at = None;
+            self.can.recover();
+        }
+        self.switch(now);
+        if let Some(search) = &mut self.unit.search
+            && search.poll(now)
+        {
+            self.can.set_rate(search.kbit_s(), true);
+        }
+        if self.device.next_deadline() <= now {
+            self.device.poll(now);
+        }
+        self.pump(now);
+    }
+
+    /// The controller has seen something at `at`.
+    pub fn event(&mut self, event: Event, at: Instant) {
+        let at = self.unit.reach(at);
+        match event {
+            Event::Received(frame) => self.received(&frame, at),
+            Event::Sent(place) => self.sent(place, at),
+            Event::GivenUp(place) => {
+                self.give_up(place, at);
+                self.pump(at);
+            }
+            Event::Changed(state, transmit, receive) => self.changed(state, transmit, receive, at),
+        }
+    }
+
+    fn received(&mut self, frame: &Frame, at: Instant) {
+        let found = self.unit.search;
+        if let Some(found) = found {
+            self.set_rate(Some(found.kbit_s()), at);
+        }
+        self.device.receive(frame, at);
+        // What the device wants to do about it is done at once.
+        if found.is_some() || self.device.next_deadline() <= at {
+            self.poll(at);
+        }
+    }
+
+    fn sent(&mut self, place: u8, at: Instant) {
+        let Some(posted) = self.unit.place(place).and_then(Option::take) else {
+            return;
+        };
+        self.device.sent(&posted.frame, at);
+        if self.device.next_deadline() <= at {
+            self.poll(at);
+        } else if self.unit.waiting {
+            self.pump(at);
+        }
+    }
+
+    fn changed(&mut self, state: State, transmit: u8, receive: u8, at: Instant) {
+        let state = match state {
+            State::Active | State::Warning => BusState::Active,
+            State::Passive => BusState::Passive,
+            State::Off => BusState::Off,
+        };
+        if state == BusState::Off {
+            self.unit.mailboxes = [None; MAILBOXES];
+            self.can.clear();
+            self.unit.recover_at = self.device.recovery(at);
+        }
+        self.device.bus_state(state, transmit, receive, at);
+        self.pump(at);
+    }
+
+    /// Goes to a bit rate, or starts to look for it by listening.
+    fn set_rate(&mut self, kbit_s: Option<u16>, now: Instant) {
+        let search = kbit_s.is_none().then(|| Search::new(now));
+        let rate = search.map_or(kbit_s, |s| Some(s.kbit_s()));
+        self.unit.search = search;
+        self.can.set_rate(rate.unwrap_or(0), search.is_some());
+        self.device.set_bit_rate(kbit_s.unwrap_or(0));
+    }
+
+    /// LSS "activate bit timing": silence, the new rate, silence again (CiA 305).
+    fn switch(&mut self, now: Instant) {
+        match self.unit.switch_at {
+            Some((at, Some(kbit_s))) if at <= now => {
+                self.set_rate(kbit_s, now);
+                let later = now.offset(i64::from(self.unit.delay_ms) * 1000);
+                self.unit.switch_at = Some((later, None));
+            }
+            Some((at, None)) if at <= now => self.unit.switch_at = None,
+            _ => {}
+        }
+    }
+
+    /// Moves frames into free mailboxes, and does what the device wishes.
+    fn pump(&mut self, now: Instant) {
+        self.withdraw(now);
+        self.unit.waiting = self.unit.switch_at.is_some() || self.unit.search.is_some();
+        while !self.unit.waiting {
+            let unit = &mut *self.unit;
+            let frame = self.device.transmit_if(now, |id| {
+                unit.waiting = !unit.has_room(id);
+                !unit.waiting
+            });
+            let Some(frame) = frame else {
+                break;
+            };
+            self.post(frame);
+        }
+        self.wish(now);
+    }
+
+    /// Takes back what may not go out any more.
+    fn withdraw(&mut self, now: Instant) {
+        while let Some(id) = self.device.withdraw() {
+            let places = (0u8..).zip(&mut self.unit.mailboxes);
+            let mut posted = places.filter_map(|(place, posted)| Some((place, posted.as_mut()?)));
+            let Some((place, posted)) = posted.find(|(_, posted)| posted.id == id) else {
+                continue;
+            };
+            posted.aborted = true;
+            if self.can.abort(place) == Abort::Done {
+                self.give_up(place, now);
+            }
+        }
+    }
+
+    /// The frame in a mailbox has not gone out and will not.
+    fn give_up(&mut self, place: u8, now: Instant) {
+        if let Some(posted) = self.unit.place(place).and_then(Option::take)
+            && posted.aborted
+        {
+            self.device.withdrawn(posted.id, now);
+        }
+    }
+
+    fn post(&mut self, frame: Frame) {
+        let free = (0u8..).zip(&mut self.unit.mailboxes);
+        let mut free = free.filter(|(_, posted)| posted.is_none());
+        // The device was asked for a frame because there is room for it.
+        if let (Some((place, posted)), Some(id)) = (free.next(), frame.cob_id()) {
+            *posted = Some(Posted {
+                id,
+                frame,
+                aborted: false,
+            });
+            self.can.post(place, &frame);
+        }
+    }
+
+    fn wish(&mut self, now: Instant) {
+        match self.device.take_wish() {
+            None => {}
+            Some(Wish::Reset) => self.unit.order = Some(Order::Reset),
+            Some(Wish::Sensor) => self.unit.order = Some(Order::Sensor),
+            Some(Wish::BitRate { kbit_s, delay_ms }) => {
+                self.unit.delay_ms = delay_ms;
+                let at = now.offset(i64::from(delay_ms) * 1000);
+                self.unit.switch_at = Some((at, Some(kbit_s)));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,315 @@
+//! A unit with a level part and a controller that only notes what it is told.
+
+use core::convert::Infallible;
+use std::vec;
+use std::vec::Vec;
+
+use device::memory::update::Anybody;
+use device::memory::{Build, FlashMemory};
+use device::objects::table::Channel;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::spi::{ErrorType, Operation};
+use flash::layout::{PAGE, Slot};
+use flash::nor::{Draw, Nor, Page};
+use tilt::cross_check::CrossCheck;
+
+use super::*;
+use crate::factory::factory;
+use crate::part::LAYOUT;
+
+/// The registers of a part that is always ready and lies level.
+struct Part([u8; 64]);
+
+impl ErrorType for Part {
+    type Error = Infallible;
+}
+
+impl SpiDevice for Part {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
+        let mut address = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write(bytes) => {
+                    let [first, values @ ..] = &**bytes else {
+                        continue;
+                    };
+                    address = usize::from(first & 0x3F);
+                    for (at, value) in (address..).zip(values) {
+                        // CTRL2: boot and soft reset end at once.
+                        self.0[at] = if at == 0x21 { value & !0xC0 } else { *value };
+                    }
+                }
+                Operation::Read(bytes) => {
+                    bytes.copy_from_slice(&self.0[address..address + bytes.len()]);
+                }
+                other => panic!("the driver does not use {other:?}"),
+            }
+        }
+        Ok(())
+    }
+}
+
+struct Hurry;
+
+impl DelayNs for Hurry {
+    fn delay_ns(&mut self, _: u32) {}
+}
+
+/// What the controller was told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    Post(u8, u16),
+    Abort(u8),
+    Clear,
+    Recover,
+    Rate(u16, bool),
+}
+
+/// Notes everything; frames stay where they are until the test says otherwise.
+#[derive(Default)]
+struct Notes {
+    told: Vec<Told>,
+    on_wire: Option<u8>,
+}
+
+impl Controller for Notes {
+    fn post(&mut self, place: u8, frame: &Frame) {
+        self.told.push(Told::Post(place, frame.cob_id().unwrap()));
+    }
+
+    fn abort(&mut self, place: u8) -> Abort {
+        self.told.push(Told::Abort(place));
+        match self.on_wire == Some(place) {
+            true => Abort::Later,
+            false => Abort::Done,
+        }
+    }
+
+    fn clear(&mut self) {
+        self.told.push(Told::Clear);
+    }
+
+    fn recover(&mut self) {
+        self.told.push(Told::Recover);
+    }
+
+    fn set_rate(&mut self, kbit_s: u16, listen_only: bool) {
+        self.told.push(Told::Rate(kbit_s, listen_only));
+    }
+}
+
+/// A flash that is never cut draws nothing.
+struct Uncut;
+
+impl Draw for Uncut {
+    fn draw(&mut self) -> u32 {
+        0
+    }
+}
+
+type Memory = FlashMemory<Nor<Vec<Page>, Uncut>>;
+
+/// The flash without a record.
+fn blank() -> Memory {
+    let pages = vec![Page::new(); (LAYOUT.flash / PAGE) as usize];
+    let build = Build {
+        layout: &LAYOUT,
+        running: Slot::A,
+        hardware: LAYOUT.hardware,
+    };
+    FlashMemory::new(Nor::new(pages, Uncut), build, Anybody)
+}
+
+struct Bench {
+    unit: Unit,
+    device: Device<Part, Memory>,
+    can: Notes,
+    now: Instant,
+}
+
+impl Bench {
+    /// Node 1, started; its boot-up message has gone out.
+    fn started() -> Self {
+        let mut registers = [0; 64];
+        (registers[0x0F], registers[0x27], registers[0x2D]) = (0x44, 0x01, 0x40);
+        let factory = factory(Channel::A, 7);
+        let check = CrossCheck::product();
+        let mut bench = Self {
+            unit: Unit::new(),
+            device: Device::new(Part(registers), check, factory, blank()),
+            can: Notes::default(),
+            now: Instant(1000),
+        };
+        bench.device.start_sensor(&mut Hurry, bench.now).unwrap();
+        let now = bench.now;
+        bench.at().start(now);
+        // The boot-up message, and the EMCY that says that it is not calibrated.
+        let told = [
+            Told::Rate(250, false),
+            Told::Post(0, 0x701),
+            Told::Post(1, 0x81),
+        ];
+        assert_eq!(bench.said(), told);
+        bench.empty();
+        bench
+    }
+
+    /// The same in OPERATIONAL, with samples.
+    fn measuring() -> Self {
+        let mut bench = Self::started();
+        bench.hear(0, &[1, 0]);
+        bench.pass(1_000_000);
+        bench.empty();
+        bench
+    }
+
+    fn at(&mut self) -> At<'_, Part, Memory, Notes> {
+        self.unit.at(&mut self.device, &mut self.can)
+    }
+
+    fn said(&mut self) -> Vec<Told> {
+        core::mem::take(&mut self.can.told)
+    }
+
+    fn event(&mut self, event: Event) {
+        let now = self.now;
+        self.at().event(event, now);
+    }
+
+    fn hear(&mut self, id: u16, bytes: &[u8]) {
+        self.event(Event::Received(Frame::data_frame(id, bytes)));
+    }
+
+    /// Lets everything out that waits.
+    fn empty(&mut self) {
+        while let Some(place) = self.unit.mailboxes.iter().position(Option::is_some) {
+            self.event(Event::Sent(place as u8));
+        }
+        self.said();
+    }
+
+    /// Time goes by, with a sample every 2.5 ms.
+    fn pass(&mut self, us: u64) {
+        let end = Instant(self.now.0 + us);
+        while self.now < end {
+            let edge = Instant((self.now.0 / 2500 + 1) * 2500).min(end);
+            while self.at().next() <= edge {
+                let next = self.at().next();
+                assert!(next >= self.now, "time goes forward");
+                self.now = next;
+                self.at().poll(next);
+            }
+            self.now = edge;
+            self.at().data_ready(edge);
+        }
+    }
+}
+
+#[test]
+fn the_last_mailbox_is_for_what_outranks_the_others_and_twins_wait() {
+    let mut unit = Unit::new();
+    let posted = |id| {
+        Some(Posted {
+            id,
+            frame: Frame::data_frame(id, &[]),
+            aborted: false,
+        })
+    };
+    assert!(unit.has_room(0x701));
+    unit.mailboxes = [posted(0x181), None, None];
+    assert!(!unit.has_room(0x181) && unit.has_room(0x701));
+    unit.mailboxes = [posted(0x181), None, posted(0x581)];
+    assert!(!unit.has_room(0x581) && !unit.has_room(0x182) && unit.has_room(0x80));
+    unit.mailboxes = [posted(0x181), posted(0x80), posted(0x581)];
+    assert!(!unit.has_room(0x01));
+}
+
+#[test]
+fn an_angle_that_has_missed_its_sync_is_taken_back_and_the_next_one_goes() {
+    let mut bench = Bench::measuring();
+    bench.hear(0x80, &[]);
+    let first = bench.said();
+    let place = first.iter().position(|told| *told == Told::Post(0, 0x181));
+    assert_eq!(place, Some(0), "{first:?}");
+    bench.pass(10_000);
+    bench.said();
+    bench.hear(0x80, &[]);
+    let second = bench.said();
+    let abort = second.iter().position(|told| *told == Told::Abort(0));
+    let again = second.iter().position(|told| *told == Told::Post(0, 0x181));
+    assert!(abort.is_some() && again > abort, "{second:?}");
+}
+
+#[test]
+fn a_frame_on_the_wire_keeps_its_mailbox_until_the_controller_tells() {
+    for outcome in [Event::Sent(0), Event::GivenUp(0)] {
+        let mut bench = Bench::measuring();
+        bench.hear(0x80, &[]);
+        bench.pass(10_000);
+        bench.can.on_wire = Some(0);
+        bench.said();
+        bench.hear(0x80, &[]);
+        let told = bench.said();
+        assert!(told.contains(&Told::Abort(0)), "{told:?}");
+        assert!(!told.contains(&Told::Post(0, 0x181)), "{told:?}");
+        bench.event(outcome);
+        let told = bench.said();
+        let next = told.iter().any(|told| matches!(told, Told::Post(_, 0x181)));
+        assert!(next, "{outcome:?}: {told:?}");
+    }
+}
+
+#[test]
+fn bus_off_empties_the_mailboxes_and_ends_when_the_device_says() {
+    let mut bench = Bench::measuring();
+    bench.hear(0x80, &[]);
+    bench.said();
+    bench.event(Event::Changed(State::Off, 255, 0));
+    assert_eq!(bench.said().first(), Some(&Told::Clear));
+    let wait_us = bench.device.recovery(bench.now).unwrap().0 - bench.now.0;
+    bench.pass(wait_us - 1);
+    assert!(!bench.said().contains(&Told::Recover));
+    bench.pass(1);
+    assert!(bench.said().contains(&Told::Recover));
+}
+
+#[test]
+fn a_new_bit_rate_comes_after_silence_and_before_silence() {
+    let mut bench = Bench::started();
+    bench.hear(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
+    bench.hear(0x7E5, &[19, 0, 2, 0, 0, 0, 0, 0]);
+    bench.empty();
+    bench.pass(100_000);
+    bench.empty();
+    bench.hear(0x7E5, &[21, 10, 0, 0, 0, 0, 0, 0]);
+    bench.said();
+    bench.pass(9_999);
+    assert_eq!(bench.said(), []);
+    bench.pass(1);
+    assert_eq!(bench.said(), [Told::Rate(500, false)]);
+    bench.hear(0x601, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]);
+    bench.pass(9_999);
+    assert_eq!(bench.said(), []);
+    bench.pass(1);
+    assert_eq!(bench.said(), [Told::Post(0, 0x581)]);
+}
+
+#[test]
+fn a_reset_over_the_bus_is_the_boards_business() {
+    let mut bench = Bench::measuring();
+    assert_eq!(bench.unit.take_order(), None);
+    bench.hear(0, &[129, 1]);
+    assert_eq!(bench.unit.take_order(), Some(Order::Reset));
+    assert_eq!(bench.unit.take_order(), None);
+}
+
+#[test]
+fn an_event_late_by_a_stall_does_not_turn_time_back() {
+    let mut bench = Bench::measuring();
+    let before = bench.now;
+    bench.pass(30_000);
+    bench.at().event(Event::Sent(0), before);
+    let next = bench.at().next();
+    assert!(next >= bench.now, "{next:?}");
+    assert_eq!(vec![bench.unit.reached], vec![bench.now]);
+}

@@ -1,0 +1,279 @@
+//! `cargo xtask image`: what is flashed, and what an update sends.
+//!
+//! In: the package `firmware`. Out, in `target/images`:
+//!
+//! | file | is |
+//! |---|---|
+//! | `plumb-VERSION.bin`, `.hex` | bootloader and confirmed application, for a probe |
+//! | `plumb-VERSION-slot-a.img`, `-slot-b.img` | an application with its header, for an update |
+//! | `boot.elf`, `app-a.elf`, `app-b.elf` | what was linked, for a debugger and for the emulator |
+//!
+//! An image runs in one slot only, since its addresses are fixed, so there is one for each. What
+//! is larger than its budget is an error, but its files are there to be looked at.
+//!
+//! Left out: signatures.
+
+mod hex;
+mod linked;
+
+use std::path::{Path, PathBuf};
+use std::{fmt, fs, io};
+
+use flash::check_sum::Crc32;
+use flash::image::{FIELDS, Header, Signature, Version};
+use flash::layout::{BASE, HEADER, Program, RC, Slot};
+use flash::slots::{MARKS, factory_marks};
+
+use crate::command::{self, CommandError};
+use crate::workspace::Workspace;
+use linked::Linked;
+
+/// The part's target.
+const CHIP: &str = "thumbv7m-none-eabi";
+/// The profile of the workspace that the firmware is built with.
+const PROFILE: &str = "footprint";
+/// What the bootloader may take of the flash, bytes.
+const BOOT_BUDGET: usize = 8 * 1024;
+/// What statics may take of the RAM, bytes: the rest is the stack's.
+const RAM_BUDGET: u64 = 24 * 1024;
+
+/// Why there are no images.
+#[derive(Debug)]
+pub enum ImageError {
+    /// A command failed.
+    Command(CommandError),
+    /// A file could not be read or written.
+    File(PathBuf, io::Error),
+    /// The linked file is not what it should be.
+    Elf(PathBuf, object::Error),
+    /// A program is linked to another place than its own.
+    Place(String),
+    /// The package's version is not of the form that an image's header has room for.
+    Version(String),
+    /// Budgets are exceeded.
+    Over(Vec<String>),
+}
+
+impl fmt::Display for ImageError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Command(error) => write!(out, "{error}"),
+            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::Elf(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::Place(name) => write!(out, "{name} is not linked to its place"),
+            Self::Version(version) => write!(out, "version {version} does not fit in a header"),
+            Self::Over(budgets) => write!(out, "{}", budgets.join("; ")),
+        }
+    }
+}
+
+impl From<CommandError> for ImageError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+/// Where images and files about them go.
+struct Outlet {
+    folder: PathBuf,
+    version: String,
+}
+
+impl Outlet {
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ImageError> {
+        let path = self.folder.join(name);
+        fs::write(&path, bytes).map_err(|error| ImageError::File(path, error))
+    }
+}
+
+/// Builds everything, prints sizes, and fails above a budget.
+pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
+    let version = env!("CARGO_PKG_VERSION").to_string();
+    let folder = workspace.target().join("images");
+    fs::create_dir_all(&folder).map_err(|error| ImageError::File(folder.clone(), error))?;
+    let outlet = Outlet { folder, version };
+    let mut over = Vec::new();
+    for slot in [Slot::A, Slot::B] {
+        let [boot, app] = link(workspace, &outlet, slot)?;
+        over.extend(judge(slot, &boot, &app));
+        offer(&outlet, slot, &boot, &app)?;
+    }
+    println!("      {}", outlet.folder.display());
+    if over.is_empty() {
+        Ok(())
+    } else {
+        Err(ImageError::Over(over))
+    }
+}
+
+/// The slot's letter.
+const fn letter(slot: Slot) -> char {
+    match slot {
+        Slot::A => 'a',
+        Slot::B => 'b',
+    }
+}
+
+/// Links both programs, the application for `slot`, and keeps the linked files.
+fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2], ImageError> {
+    let mut cargo = workspace.cargo(&["build", "--quiet", "--package", "firmware"]);
+    cargo.args(["--target", CHIP, "--profile", PROFILE]);
+    cargo.env("PLUMB_SLOT", letter(slot).to_uppercase().to_string());
+    command::pass(cargo)?;
+    let kept = [
+        ("boot", "boot.elf".to_string(), Program::Boot),
+        (
+            "app",
+            format!("app-{}.elf", letter(slot)),
+            Program::Application(slot),
+        ),
+    ];
+    let folder = workspace.target().join(CHIP).join(PROFILE);
+    let [boot, app] = kept.map(|(binary, name, program)| {
+        let path = folder.join(binary);
+        let bytes = read(&path)?;
+        outlet.write(&name, &bytes)?;
+        let linked = Linked::read(&bytes).map_err(|error| ImageError::Elf(path, error))?;
+        let room = RC.room(program);
+        if room.is_some_and(|room| room.address() == linked.start) {
+            Ok(linked)
+        } else {
+            Err(ImageError::Place(name))
+        }
+    });
+    Ok([boot?, app?])
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
+    fs::read(path).map_err(|error| ImageError::File(path.to_path_buf(), error))
+}
+
+/// Prints the sizes; what is too much. The application's limit is its slot, and the linker's.
+fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
+    let (slot, ram) = (letter(slot), app.ram);
+    let [boot, app] = [boot, app].map(|linked| linked.bytes.len());
+    println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
+    let limits = [
+        ("the bootloader", boot, BOOT_BUDGET),
+        ("static RAM", ram as usize, RAM_BUDGET as usize),
+    ];
+    let over = limits.iter().filter(|(_, is, budget)| is > budget);
+    over.map(|(what, is, budget)| format!("slot {slot}: {what} takes {is} of {budget} bytes"))
+        .collect()
+}
+
+/// Writes the files that people use.
+fn offer(outlet: &Outlet, slot: Slot, boot: &Linked, app: &Linked) -> Result<(), ImageError> {
+    let version = &outlet.version;
+    let header = header(version, app)?;
+    let update = [header.as_slice(), &app.bytes].concat();
+    let letter = letter(slot);
+    outlet.write(&format!("plumb-{version}-slot-{letter}.img"), &update)?;
+    if slot == Slot::A {
+        let whole = factory(boot, &header, app);
+        outlet.write(&format!("plumb-{version}.bin"), &whole)?;
+        let text = hex::encode(BASE, &whole);
+        outlet.write(&format!("plumb-{version}.hex"), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The header of an application, with blank marks.
+fn header(version: &str, app: &Linked) -> Result<Vec<u8>, ImageError> {
+    let header = Header {
+        signature: Signature::None,
+        hardware: RC.hardware,
+        version: parse(version).ok_or_else(|| ImageError::Version(version.to_string()))?,
+        address: app.start,
+        length: app.bytes.len() as u32,
+        crc: Crc32::of(&app.bytes),
+    };
+    let mut bytes = vec![u8::MAX; HEADER as usize];
+    bytes[..FIELDS].copy_from_slice(&header.encode());
+    Ok(bytes)
+}
+
+/// "1.2.3" as a header has it.
+fn parse(version: &str) -> Option<Version> {
+    let mut parts = version.split('.');
+    let major = parts.next()?.parse().ok()?;
+    let minor = parts.next()?.parse().ok()?;
+    let patch = parts.next()?.parse().ok()?;
+    parts
+        .next()
+        .is_none()
+        .then_some(Version::new(major, minor, patch))
+}
+
+/// The flash of a part as it leaves the factory, up to the end of the application.
+fn factory(boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
+    let mut whole = boot.bytes.clone();
+    whole.resize(RC.a.start as usize, u8::MAX);
+    whole.extend_from_slice(header);
+    let marks = (RC.a.start + MARKS) as usize;
+    let factory = factory_marks();
+    whole[marks..marks + factory.len()].copy_from_slice(&factory);
+    whole.extend_from_slice(&app.bytes);
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use flash::access::program;
+    use flash::layout::PAGE;
+    use flash::nor::{Draw, Nor, Page};
+    use flash::slots::{Decision, Why, boot};
+
+    use super::*;
+
+    struct Zeros;
+
+    impl Draw for Zeros {
+        fn draw(&mut self) -> u32 {
+            0
+        }
+    }
+
+    fn linked(start: u32, length: usize) -> Linked {
+        Linked {
+            start,
+            bytes: (0..length).map(|n| n as u8).collect(),
+            ram: 0,
+        }
+    }
+
+    #[test]
+    fn the_bootloader_starts_what_leaves_the_factory() {
+        let app = linked(RC.a.address() + HEADER, 4000);
+        let header = header("1.2.3", &app).unwrap();
+        let whole = factory(&linked(BASE, 3000), &header, &app);
+        let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
+        let mut nor = Nor::new(pages, Zeros);
+        program(&mut nor, 0, &whole).unwrap();
+        let Decision::Run(slot, found, why) = boot(&mut nor, &RC, RC.hardware) else {
+            panic!("nothing to start");
+        };
+        assert_eq!((slot, why), (Slot::A, Why::Confirmed));
+        assert_eq!(found.version, Version::new(1, 2, 3));
+    }
+
+    #[test]
+    fn a_version_has_three_numbers_that_fit() {
+        assert_eq!(parse("0.1.0"), Some(Version::new(0, 1, 0)));
+        assert_eq!(
+            parse("255.255.65535").map(|version| version.0),
+            Some(u32::MAX)
+        );
+        for wrong in [
+            "",
+            "1",
+            "1.2",
+            "1.2.3.4",
+            "1.2.3-rc",
+            "256.0.0",
+            "1.2.65536",
+        ] {
+            assert_eq!(parse(wrong), None, "{wrong}");
+        }
+    }
+}
