@@ -11,14 +11,17 @@ use tilt::sample::Instant;
 
 use crate::unit::{Event, MAILBOXES, State};
 
-/// Events that are kept. At 250 kbit/s 16 frames take 9 ms at least, at 1 Mbit/s 2 ms.
-const EVENTS: usize = 16 + RESERVED;
+/// Frames that are kept while the task is busy; the longest it ever is are the 20 ms of setting the
+/// sensor up anew, and the erases of a store.
+///
+/// At 250 kbit/s 64 frames of eight bytes take 31 ms at least, at 1 Mbit/s 7 ms.
+const FRAMES: u16 = 64;
+
+/// Events that are kept.
+const EVENTS: usize = FRAMES as usize + RESERVED;
 
 /// Places that received frames do not get: one for each mailbox and one for the error state.
 const RESERVED: usize = MAILBOXES + 1;
-
-/// Edges that are kept: at 400 samples/s, those of 20 ms.
-const EDGES: usize = 8;
 
 /// Something that has happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +36,7 @@ pub enum Input {
 #[derive(Debug)]
 pub struct Inbox {
     events: Deque<(Event, Instant), EVENTS>,
-    edges: Deque<Instant, EDGES>,
+    edge: Option<Instant>,
     state: State,
     lost: u16,
 }
@@ -49,7 +52,7 @@ impl Inbox {
     pub const fn new() -> Self {
         Self {
             events: Deque::new(),
-            edges: Deque::new(),
+            edge: None,
             state: State::Active,
             lost: 0,
         }
@@ -83,24 +86,21 @@ impl Inbox {
         core::mem::replace(&mut self.lost, 0)
     }
 
-    /// Data-ready rose. An edge for which there is no room takes the newest's place: the sample
-    /// that can still be read belongs to it.
-    pub fn edge(&mut self, at: Instant) {
-        if self.edges.is_full() {
-            self.edges.pop_back();
-        }
-        let _ = self.edges.push_back(at);
+    /// Data-ready rose. One before that was not served is forgotten: the part keeps one sample,
+    /// so what can still be read belongs to the newest edge.
+    pub const fn edge(&mut self, at: Instant) {
+        self.edge = Some(at);
     }
 
-    /// Forgets the edges: nobody was there to read their samples.
-    pub fn forget_edges(&mut self) {
-        self.edges.clear();
+    /// Forgets the edge: nobody was there to read its sample.
+    pub const fn forget_edge(&mut self) {
+        self.edge = None;
     }
 
     /// Takes the earliest out, if it is not after `until`; of the same instant the bus comes first.
     pub fn take(&mut self, until: Instant) -> Option<(Input, Instant)> {
         let event = self.events.front().map(|(_, at)| *at);
-        let edge = self.edges.front().copied();
+        let edge = self.edge;
         let is_event = match (event, edge) {
             (Some(event), Some(edge)) => event <= edge,
             (event, _) => event.is_some(),
@@ -111,7 +111,7 @@ impl Inbox {
             Some((Input::Bus(event), at))
         } else {
             edge.filter(|at| *at <= until)?;
-            self.edges.pop_front().map(|at| (Input::Edge, at))
+            self.edge.take().map(|at| (Input::Edge, at))
         }
     }
 }
@@ -134,13 +134,11 @@ mod tests {
         inbox.edge(Instant(20));
         inbox.put(received(0x80), Instant(20));
         inbox.put(Event::Sent(1), Instant(30));
-        inbox.edge(Instant(25));
         assert_eq!(inbox.take(Instant(19)), None);
         let order: std::vec::Vec<_> = core::iter::from_fn(|| inbox.take(LATE)).collect();
         let expected = [
             (Input::Bus(received(0x80)), Instant(20)),
             (Input::Edge, Instant(20)),
-            (Input::Edge, Instant(25)),
             (Input::Bus(Event::Sent(1)), Instant(30)),
         ];
         assert_eq!(order, expected);
@@ -149,12 +147,12 @@ mod tests {
     #[test]
     fn a_flood_of_frames_is_counted_and_pushes_nothing_else_out() {
         let mut inbox = Inbox::new();
-        (0..20).for_each(|n| inbox.put(received(n), Instant(u64::from(n))));
-        (0..3).for_each(|place| inbox.put(Event::Sent(place), Instant(20)));
-        inbox.state(State::Off, 255, 0, Instant(21));
+        (0..FRAMES + 4).for_each(|n| inbox.put(received(n), Instant(u64::from(n))));
+        (0..3).for_each(|place| inbox.put(Event::Sent(place), Instant(90)));
+        inbox.state(State::Off, 255, 0, Instant(91));
         assert_eq!((inbox.take_lost(), inbox.take_lost()), (4, 0));
         let order = core::iter::from_fn(|| inbox.take(LATE));
-        let rest: std::vec::Vec<_> = order.skip(16).map(|(input, _)| input).collect();
+        let rest: std::vec::Vec<_> = order.skip(FRAMES.into()).map(|(input, _)| input).collect();
         let sent = |place| Input::Bus(Event::Sent(place));
         let off = Input::Bus(Event::Changed(State::Off, 255, 0));
         assert_eq!(rest, [sent(0), sent(1), sent(2), off]);
@@ -165,7 +163,7 @@ mod tests {
         let mut inbox = Inbox::new();
         inbox.state(State::Active, 0, 0, Instant(0));
         assert_eq!(inbox.take(LATE), None);
-        (0..16).for_each(|n| inbox.put(received(n), Instant(1)));
+        (0..FRAMES).for_each(|n| inbox.put(received(n), Instant(1)));
         let states = [
             State::Warning,
             State::Passive,
@@ -188,16 +186,13 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_edge_stays() {
+    fn the_sample_after_an_erase_was_taken_for_the_first_of_those_that_were_lost() {
         let mut inbox = Inbox::new();
         (0..12).for_each(|n| inbox.edge(Instant(n)));
-        let kept: std::vec::Vec<_> = core::iter::from_fn(|| inbox.take(LATE)).collect();
-        assert_eq!(
-            (kept.len(), kept.last()),
-            (8, Some(&(Input::Edge, Instant(11))))
-        );
+        assert_eq!(inbox.take(Instant(10)), None);
+        assert_eq!(inbox.take(LATE), Some((Input::Edge, Instant(11))));
         inbox.edge(Instant(20));
-        inbox.forget_edges();
+        inbox.forget_edge();
         assert_eq!(inbox.take(LATE), None);
     }
 }

@@ -7,23 +7,25 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
-use device::memory::update::Anybody;
+use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::Instant;
 
 use crate::chip::board::{Board, Select};
-use crate::chip::can::Can;
+use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
 use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
-use crate::inbox::{Inbox, Input};
-use crate::part::LAYOUT;
+use crate::inbox::Inbox;
+use crate::part::{LAYOUT, SIGNATURES};
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
+
+/// Records and programs, in the chip's own flash.
+type Memory = FlashMemory<Nor, Ed25519>;
 
 /// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
@@ -34,9 +36,6 @@ pub fn was_served() -> bool {
     ALIVE.store(false, Ordering::Relaxed);
     served
 }
-
-/// What the device keeps: records and programs in the chip's own flash.
-pub type Memory = FlashMemory<Nor, Anybody>;
 
 /// The device with all that it needs.
 pub struct Node {
@@ -58,7 +57,7 @@ impl Node {
             running: self_check::running_slot(),
             hardware: LAYOUT.hardware,
         };
-        let memory = FlashMemory::new(board.nor, build, Anybody);
+        let memory = FlashMemory::new(board.nor, build, SIGNATURES);
         Self {
             unit: Unit::new(),
             device: Device::new(board.sensor, check, factory, memory),
@@ -77,27 +76,30 @@ impl Node {
     pub fn serve(&mut self, inbox: &mut impl Mutex<T = Inbox>) {
         if !self.running {
             self.start();
-            inbox.lock(Inbox::forget_edges);
+            inbox.lock(Inbox::forget_edge);
         }
         if self_check::has_failed() {
             self.device.program_damaged();
         }
-        let lost = inbox.lock(Inbox::take_lost);
+        let lost = inbox.lock(|inbox| {
+            can::look(inbox, now());
+            inbox.take_lost()
+        });
         if lost != 0 {
             self.device.frames_lost(lost, now());
         }
         loop {
-            let next = self.at().next();
-            if let Some((input, at)) = inbox.lock(|inbox| inbox.take(next)) {
-                self.take(input, at);
-            } else if next <= now() {
-                self.at().poll(next);
-            } else if self.alarm.set(next) {
+            // The time first: what the inbox then has not got comes after it.
+            let now = now();
+            let mut take = |until| inbox.lock(|inbox| inbox.take(until));
+            if let Some(next) = self.at().step(now, &mut take)
+                && self.alarm.set(next)
+            {
                 break;
             }
             if let Some(order) = self.unit.take_order() {
                 self.obey(order);
-                inbox.lock(Inbox::forget_edges);
+                inbox.lock(Inbox::forget_edge);
             }
         }
         ALIVE.store(true, Ordering::Relaxed);
@@ -114,13 +116,6 @@ impl Node {
             self.device.came_up_after(code, detail, now);
         }
         self.running = true;
-    }
-
-    fn take(&mut self, input: Input, at: Instant) {
-        match input {
-            Input::Edge => self.at().data_ready(at),
-            Input::Bus(event) => self.at().event(event, at),
-        }
     }
 
     fn obey(&mut self, order: Order) {

@@ -18,6 +18,8 @@ use device::objects::panel::Memory;
 use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
+use crate::inbox::Input;
+
 /// Mailboxes of the controller (RM0008 24.5.2).
 pub const MAILBOXES: usize = 3;
 
@@ -108,6 +110,19 @@ pub struct Unit {
     order: Option<Order>,
 }
 
+/// Lateness that is none: the processor was busy with something else, us.
+const LATE_US: u64 = 2_000;
+
+/// The instant at which to do what was due at `next`, when it is `now`.
+///
+/// What was due just now is done as if it were that very instant. After the erase of a page it is
+/// done now: asked at an instant of that time, the device would miss the samples of it, although
+/// the last of them waits to be read.
+fn punctual(next: Instant, now: Instant) -> Instant {
+    let is_late = next.0.saturating_add(LATE_US) < now.0;
+    if is_late { now } else { next }
+}
+
 /// A device and what surrounds it, for one call.
 pub struct At<'a, SPI, M, C> {
     unit: &'a mut Unit,
@@ -190,6 +205,24 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
         self.device.start_bus(now);
         self.set_rate(self.device.bit_rate(), now);
         self.poll(now);
+    }
+
+    /// Does the one thing that comes first in time; when nothing is due, when it will be.
+    ///
+    /// `take` gives what has come in up to an instant, the earliest first.
+    pub fn step(
+        &mut self,
+        now: Instant,
+        take: impl FnOnce(Instant) -> Option<(Input, Instant)>,
+    ) -> Option<Instant> {
+        let next = punctual(self.next(), now);
+        match take(next) {
+            Some((Input::Edge, at)) => self.data_ready(at),
+            Some((Input::Bus(event), at)) => self.event(event, at),
+            None if next <= now => self.poll(next),
+            None => return Some(next),
+        }
+        None
     }
 
     /// When [`At::poll`] is next due.

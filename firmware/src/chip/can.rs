@@ -4,8 +4,8 @@
 //! the controller's flags told of them. RM0008 24.4 (modes), 24.5 (test modes), 24.7 (mailboxes,
 //! FIFOs, filters, errors), 24.9 (registers).
 //!
-//! Nothing here waits for the bus: the controller changes its mode when the bus lets it, and an
-//! interrupt tells what has become of a frame. Bus-off ends when the device says so (ABOM = 0).
+//! Frames are never waited for: an interrupt tells what has become of one. A new bit rate has to
+//! wait for the end of the frame on the bus. Bus-off ends when the device says so (ABOM = 0).
 //! Frames of any identifier come in, in the order of the bus; what is not for this node the stack
 //! throws away.
 
@@ -15,6 +15,7 @@ use stm32f1xx_hal::pac::CAN;
 use stm32f1xx_hal::pac::can::RegisterBlock;
 use tilt::sample::Instant;
 
+use super::clock;
 use super::register::write;
 use crate::bit_timing;
 use crate::inbox::Inbox;
@@ -63,9 +64,10 @@ const IDE: u32 = 1 << 2;
 /// FMR: filters are being set up. Its other bits have a reset value that must stay.
 const FINIT: u32 = 0x2A1C_0E01;
 
-/// Looks at MSR before a mode counts as refused. The controller enters initialisation at the end
-/// of a frame at the latest, which takes longer at low rates; it then gets there by itself.
-const PATIENCE: u16 = 200;
+/// How long initialisation is waited for, us. The controller gets there at the end of the frame
+/// that is on the bus: after 13.4 ms at 10 kbit/s, 134 bits. On a bus that is shorted it never
+/// does; the rate then stays as it was, and nothing could be heard at any other.
+const PATIENCE_US: i64 = 15_000;
 
 /// Looks at TSR for an abort to be done: it takes effect within a bit unless the frame is sent.
 const ABORT_LOOKS: u8 = 16;
@@ -175,11 +177,8 @@ impl Controller for Can {
 fn initialise() {
     let can = registers();
     write(can.mcr(), INRQ | RFLM);
-    for _ in 0..PATIENCE {
-        if can.msr().read().bits() & INAK != 0 {
-            return;
-        }
-    }
+    let end = clock::now().offset(PATIENCE_US);
+    while can.msr().read().bits() & INAK == 0 && clock::now() < end {}
 }
 
 /// Serves each of the controller's four interrupts: moves what has happened into the inbox.
@@ -197,7 +196,12 @@ pub fn interrupt(inbox: &mut Inbox, now: Instant) {
     }
     receive(can, inbox, now);
     write(can.msr(), ERRI);
-    let esr = can.esr().read().bits();
+    look(inbox, now);
+}
+
+/// Tells of another error state; for one that becomes better there is no interrupt.
+pub fn look(inbox: &mut Inbox, now: Instant) {
+    let esr = registers().esr().read().bits();
     let state = match esr {
         esr if esr & BOFF != 0 => State::Off,
         esr if esr & EPVF != 0 => State::Passive,

@@ -4,6 +4,7 @@ use core::convert::Infallible;
 use std::vec;
 use std::vec::Vec;
 
+use device::fault::Fault;
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
@@ -15,6 +16,7 @@ use tilt::cross_check::CrossCheck;
 
 use super::*;
 use crate::factory::factory;
+use crate::inbox::Inbox;
 use crate::part::LAYOUT;
 
 /// The registers of a part that is always ready and lies level.
@@ -40,6 +42,10 @@ impl SpiDevice for Part {
                     }
                 }
                 Operation::Read(bytes) => {
+                    // A part whose codes stand still is no part.
+                    for low in [0x28, 0x2A, 0x2C] {
+                        self.0[low] = self.0[low].wrapping_add(0x54);
+                    }
                     bytes.copy_from_slice(&self.0[address..address + bytes.len()]);
                 }
                 other => panic!("the driver does not use {other:?}"),
@@ -47,6 +53,28 @@ impl SpiDevice for Part {
         }
         Ok(())
     }
+}
+
+/// Bits after a cut, of which there is none.
+struct Zeros;
+
+impl Draw for Zeros {
+    fn draw(&mut self) -> u32 {
+        0
+    }
+}
+
+type Memory = FlashMemory<Nor<Vec<Page>, Zeros>>;
+
+/// A flash from which everything was erased.
+fn memory() -> Memory {
+    let pages = vec![Page::new(); (LAYOUT.flash / PAGE) as usize];
+    let build = Build {
+        layout: &LAYOUT,
+        running: Slot::A,
+        hardware: LAYOUT.hardware,
+    };
+    FlashMemory::new(Nor::new(pages, Zeros), build, Anybody)
 }
 
 struct Hurry;
@@ -98,28 +126,6 @@ impl Controller for Notes {
     }
 }
 
-/// A flash that is never cut draws nothing.
-struct Uncut;
-
-impl Draw for Uncut {
-    fn draw(&mut self) -> u32 {
-        0
-    }
-}
-
-type Memory = FlashMemory<Nor<Vec<Page>, Uncut>>;
-
-/// The flash without a record.
-fn blank() -> Memory {
-    let pages = vec![Page::new(); (LAYOUT.flash / PAGE) as usize];
-    let build = Build {
-        layout: &LAYOUT,
-        running: Slot::A,
-        hardware: LAYOUT.hardware,
-    };
-    FlashMemory::new(Nor::new(pages, Uncut), build, Anybody)
-}
-
 struct Bench {
     unit: Unit,
     device: Device<Part, Memory>,
@@ -136,7 +142,7 @@ impl Bench {
         let check = CrossCheck::product();
         let mut bench = Self {
             unit: Unit::new(),
-            device: Device::new(Part(registers), check, factory, blank()),
+            device: Device::new(Part(registers), check, factory, memory()),
             can: Notes::default(),
             now: Instant(1000),
         };
@@ -186,6 +192,12 @@ impl Bench {
             self.event(Event::Sent(place as u8));
         }
         self.said();
+    }
+
+    /// Serves all that is in the inbox or due at `now`, as the task does.
+    fn serve(&mut self, inbox: &mut Inbox, now: Instant) {
+        self.now = now;
+        while self.at().step(now, |until| inbox.take(until)).is_none() {}
     }
 
     /// Time goes by, with a sample every 2.5 ms.
@@ -312,4 +324,32 @@ fn an_event_late_by_a_stall_does_not_turn_time_back() {
     let next = bench.at().next();
     assert!(next >= bench.now, "{next:?}");
     assert_eq!(vec![bench.unit.reached], vec![bench.now]);
+}
+
+#[test]
+fn after_erases_the_sensor_was_called_silent_at_instants_that_were_over() {
+    let mut bench = Bench::measuring();
+    let faults: Vec<_> = bench.device.faults().iter().collect();
+    assert_eq!(faults, [Fault::NotCalibrated]);
+    // The processor stands still; the last edge of that time is kept.
+    let mut inbox = Inbox::new();
+    inbox.edge(Instant(bench.now.0 + 129_000));
+    let over = Instant(bench.now.0 + 130_000);
+    bench.serve(&mut inbox, over);
+    for edge in 1..20 {
+        let now = Instant(over.0 - 1_000 + edge * 2_500);
+        inbox.edge(now);
+        bench.serve(&mut inbox, now);
+    }
+    let told = bench.said();
+    let emergency = told.iter().any(|told| matches!(told, Told::Post(_, 0x81)));
+    assert!(!emergency, "{told:?}");
+}
+
+#[test]
+fn what_is_due_just_now_is_done_at_its_own_instant() {
+    let now = Instant(100_000);
+    assert_eq!(punctual(Instant(98_000), now), Instant(98_000));
+    assert_eq!(punctual(Instant(97_999), now), now);
+    assert_eq!(punctual(Instant(u64::MAX), now), Instant(u64::MAX));
 }

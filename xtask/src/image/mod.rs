@@ -50,7 +50,7 @@ pub enum ImageError {
     Place(String),
     /// The package's version is not of the form that an image's header has room for.
     Version(String),
-    /// Budgets are exceeded.
+    /// Budgets are exceeded, or there is what must not be.
     Over(Vec<String>),
 }
 
@@ -148,17 +148,22 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     fs::read(path).map_err(|error| ImageError::File(path.to_path_buf(), error))
 }
 
-/// Prints the sizes; what is too much. The application's limit is its slot, and the linker's.
+/// Prints the sizes; what is too much, or must not be there. The application's limit is its slot,
+/// and the linker's.
 fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
-    let (slot, ram) = (letter(slot), app.ram);
+    let (slot, ram, stack) = (letter(slot), app.ram, app.stack);
+    let strays = boot.strays.iter().chain(&app.strays);
+    let strays = strays.map(|name| format!("slot {slot}: {name} is in it"));
     let [boot, app] = [boot, app].map(|linked| linked.bytes.len());
     println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
+    println!("              deepest stack along direct calls {stack:6}");
     let limits = [
         ("the bootloader", boot, BOOT_BUDGET),
         ("static RAM", ram as usize, RAM_BUDGET as usize),
     ];
     let over = limits.iter().filter(|(_, is, budget)| is > budget);
     over.map(|(what, is, budget)| format!("slot {slot}: {what} takes {is} of {budget} bytes"))
+        .chain(strays)
         .collect()
 }
 
@@ -239,6 +244,8 @@ mod tests {
             start,
             bytes: (0..length).map(|n| n as u8).collect(),
             ram: 0,
+            strays: Vec::new(),
+            stack: 0,
         }
     }
 
