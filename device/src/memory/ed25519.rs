@@ -14,8 +14,12 @@ use super::update::Signatures;
 /// Bytes of a public key.
 pub const KEY: usize = 32;
 
+/// A key that was never given. As a point of the curve it has the order 4, for which signatures are
+/// made without any secret.
+const BLANK: [u8; KEY] = [0; KEY];
+
 /// Lets images in that the holder of one key has signed, and, if `unsigned`, those without any
-/// signature. A key that is no point of the curve lets nothing in.
+/// signature. A key of zeros, or one that is no point of the curve, lets nothing in that is signed.
 #[derive(Clone, Copy, Debug)]
 pub struct Ed25519 {
     /// The public key.
@@ -40,6 +44,9 @@ impl Signatures for Ed25519 {
     }
 
     fn is_good(&self, digest: Sha512, signature: &[u8; SIGNATURE]) -> bool {
+        if self.key == BLANK {
+            return false;
+        }
         let Ok(key) = PublicKey::try_from(&self.key) else {
             return false;
         };
@@ -101,6 +108,20 @@ mod tests {
             let mut other = known;
             other.key[bit / 8] ^= 1 << (bit % 8);
             assert!(!is_good(&other, b"plumb", &signature, 32), "{bit}");
+        }
+    }
+
+    /// 32 bytes of 0 are a point of order 4: a quarter of all messages fit R = 1, s = 0.
+    #[test]
+    fn a_key_that_was_left_blank_took_every_fourth_forgery() {
+        let known = Ed25519 {
+            key: [0; KEY],
+            unsigned: false,
+        };
+        let mut forged = [0; SIGNATURE];
+        forged[0] = 1;
+        for message in 0..64_u8 {
+            assert!(!is_good(&known, &[message], &forged, 32), "{message}");
         }
     }
 
