@@ -18,7 +18,7 @@ use flash::layout::{BASE, HEADER, PAGE, RC, Region, Slot};
 use flash::nor::{Draw, Nor, NorError, Page};
 use flash::slots::{self, Decision, MARKS, factory_marks};
 
-use salty::{Keypair, Sha512};
+use ed25519_compact::{KeyPair, Seed};
 
 use crate::rng::Rng;
 
@@ -47,7 +47,7 @@ pub fn blank() -> Memory {
         hardware: HARDWARE,
     };
     let signatures = Ed25519 {
-        key: Keypair::from(DEVELOPMENT).public.to_bytes(),
+        key: *pair(DEVELOPMENT).pk,
         unsigned: false,
     };
     FlashMemory::new(chip, build, signatures)
@@ -84,6 +84,10 @@ pub fn unsigned(slot: Slot, hardware: u32, version: Version, body: &[u8]) -> Vec
     file
 }
 
+fn pair(seed: &[u8; 32]) -> KeyPair {
+    KeyPair::from_seed(Seed::new(*seed))
+}
+
 /// Signs the file of one image with the secret key `seed`: its header says so from then on.
 ///
 /// # Panics
@@ -97,11 +101,9 @@ pub fn sign(file: &mut [u8], seed: &[u8; 32]) {
     }
     .encode();
     file[..FIELDS].copy_from_slice(&fields);
-    let mut digest = Sha512::new();
-    digest.update(&file[..SIGNATURE_AT as usize]);
-    digest.update(&file[HEADER as usize..]);
-    let signature = Keypair::from(seed).sign(&digest.finalize()).to_bytes();
-    file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&signature);
+    let signed = [&file[..SIGNATURE_AT as usize], &file[HEADER as usize..]].concat();
+    let signature = pair(seed).sk.sign(signed, None);
+    file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&*signature);
 }
 
 /// What the image that was started does, which its body says: the simulation runs none of it.
