@@ -96,7 +96,10 @@ fn both_nodes_get_a_new_program_one_after_the_other() {
     let (status, out, _) = said(&bench.update(&image, &[]));
     assert_eq!(status, Some(0));
     assert_eq!(out, "node 1 runs 1.2.3 already\nnode 2 runs 1.2.3 already");
-    let next = bench.image("1.2.4", &[]);
+    let unsigned = bench.image("1.2.4", &["--unsigned"]);
+    let next = format!("{unsigned}-signed");
+    let built = plumb(&["image", &next, "--from", &unsigned]).output();
+    assert!(built.unwrap().status.success());
     let (status, out, err) = said(&bench.update(&next, &["--nodes", "2,1"]));
     assert_eq!(status, Some(0), "{err}");
     assert_eq!(out, "node 2 runs 1.2.4 now\nnode 1 runs 1.2.4 now");

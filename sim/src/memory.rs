@@ -18,7 +18,7 @@ use flash::layout::{BASE, HEADER, PAGE, RC, Region, Slot};
 use flash::nor::{Draw, Nor, NorError, Page};
 use flash::slots::{self, Decision, MARKS, factory_marks};
 
-use salty::{Keypair, Sha512};
+use ed25519_compact::{KeyPair, Seed};
 
 use crate::rng::Rng;
 
@@ -47,7 +47,7 @@ pub fn blank() -> Memory {
         hardware: HARDWARE,
     };
     let signatures = Ed25519 {
-        key: Keypair::from(DEVELOPMENT).public.to_bytes(),
+        key: *pair(DEVELOPMENT).pk,
         unsigned: false,
     };
     FlashMemory::new(chip, build, signatures)
@@ -59,25 +59,19 @@ pub fn blank() -> Memory {
 /// # Panics
 /// When the part has no such slot.
 pub fn image(slot: Slot, version: Version, body: &[u8]) -> Vec<u8> {
-    let mut file = unsigned(slot, HARDWARE, version, Signature::Ed25519, body);
+    let mut file = unsigned(slot, HARDWARE, version, body);
     sign(&mut file, DEVELOPMENT);
     file
 }
 
-/// The file of an image that says how it is signed and is not.
+/// The file of an image without a signature.
 ///
 /// # Panics
 /// When the part has no such slot.
-pub fn unsigned(
-    slot: Slot,
-    hardware: u32,
-    version: Version,
-    signature: Signature,
-    body: &[u8],
-) -> Vec<u8> {
+pub fn unsigned(slot: Slot, hardware: u32, version: Version, body: &[u8]) -> Vec<u8> {
     let region = RC.slot(slot).expect("the RC has both slots");
     let header = Header {
-        signature,
+        signature: Signature::None,
         hardware,
         version,
         address: BASE + region.start + HEADER,
@@ -90,16 +84,26 @@ pub fn unsigned(
     file
 }
 
-/// Signs the file of one image with the secret key `seed`.
+fn pair(seed: &[u8; 32]) -> KeyPair {
+    KeyPair::from_seed(Seed::new(*seed))
+}
+
+/// Signs the file of one image with the secret key `seed`: its header says so from then on.
 ///
 /// # Panics
-/// When it is shorter than a header.
+/// When it does not begin with a header.
 pub fn sign(file: &mut [u8], seed: &[u8; 32]) {
-    let mut digest = Sha512::new();
-    digest.update(&file[..SIGNATURE_AT as usize]);
-    digest.update(&file[HEADER as usize..]);
-    let signature = Keypair::from(seed).sign(&digest.finalize()).to_bytes();
-    file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&signature);
+    let header = Header::parse(file).expect("a header");
+    let signature = Signature::Ed25519;
+    let fields = Header {
+        signature,
+        ..header
+    }
+    .encode();
+    file[..FIELDS].copy_from_slice(&fields);
+    let signed = [&file[..SIGNATURE_AT as usize], &file[HEADER as usize..]].concat();
+    let signature = pair(seed).sk.sign(signed, None);
+    file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&*signature);
 }
 
 /// What the image that was started does, which its body says: the simulation runs none of it.

@@ -1,8 +1,8 @@
 //! `plumb image`: the file that `plumb update` sends, built and signed.
 //!
-//! In: the bodies of a program for both slots as they were linked, a version, a hardware id, a
-//! secret key. Out: one file with an image for each slot. Without bodies it is a program for the
-//! nodes of `plumb serve`, signed with the key that those know.
+//! In: images as `cargo xtask image` builds them, or bodies and what a header says of them, and a
+//! secret key. Out: one file with an image for each slot, signed. Without images and bodies it is
+//! a program for the nodes of `plumb serve`, signed with the key that those know.
 //!
 //! Left out: linking, and keeping secret keys.
 
@@ -13,9 +13,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use flash::image::{Signature, Version};
+use flash::image::Version;
 use flash::layout::Slot;
-use sim::memory::{DEVELOPMENT, SICK, SOUND, sign, unsigned};
+use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, sign, unsigned};
+
+use crate::update::UpdateError;
+use crate::update::file;
 
 /// What is built.
 #[derive(Clone, Debug, Args)]
@@ -23,18 +26,31 @@ pub struct Arguments {
     /// The file to write
     #[arg(value_name = "FILE")]
     pub out: PathBuf,
-    /// The program's version
-    #[arg(long, value_parser = version, value_name = "MAJOR.MINOR.PATCH")]
-    pub version: Version,
+    /// Images to sign and join
+    #[arg(
+        long,
+        num_args = 1..,
+        conflicts_with_all = ["version", "a", "sick"],
+        value_name = "IMAGE"
+    )]
+    pub from: Vec<PathBuf>,
+    /// The version of a program that is not an image yet
+    #[arg(
+        long,
+        value_parser = version,
+        required_unless_present = "from",
+        value_name = "MAJOR.MINOR.PATCH"
+    )]
+    pub version: Option<Version>,
     /// The body linked for slot A; without both a program for the nodes of `plumb serve`
     #[arg(long, requires = "b", value_name = "FILE")]
     pub a: Option<PathBuf>,
     /// The body linked for slot B
     #[arg(long, requires = "a", value_name = "FILE")]
     pub b: Option<PathBuf>,
-    /// Id of the hardware, hexadecimal
-    #[arg(long, value_parser = number, default_value = "504C012C", value_name = "ID")]
-    pub hardware: u32,
+    /// Id of the hardware, hexadecimal, for bodies; without it that of the STM32F103RC
+    #[arg(long, value_parser = number, conflicts_with = "from", value_name = "ID")]
+    pub hardware: Option<u32>,
     /// File with the secret key, 64 hexadecimal digits; without it the key of `plumb serve`
     #[arg(long, value_name = "FILE")]
     pub key: Option<PathBuf>,
@@ -53,6 +69,14 @@ pub enum ImageError {
     File(PathBuf, io::Error),
     /// A file is no secret key.
     Key(PathBuf),
+    /// Images can't be used.
+    Images(UpdateError),
+}
+
+impl From<UpdateError> for ImageError {
+    fn from(error: UpdateError) -> Self {
+        Self::Images(error)
+    }
 }
 
 impl std::error::Error for ImageError {}
@@ -60,6 +84,7 @@ impl std::error::Error for ImageError {}
 impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Images(error) => error.fmt(f),
             Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
             Self::Key(path) => write!(
                 f,
@@ -95,33 +120,37 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         Some(path) => secret(path)?,
         None => *DEVELOPMENT,
     };
-    let body = |path: &Option<PathBuf>| match path {
-        Some(path) => read(path),
-        None if arguments.sick => Ok(SICK.to_vec()),
-        None => Ok(SOUND.to_vec()),
+    let mut images = match arguments.version {
+        Some(version) => made(arguments, version)?,
+        None => file::read(&arguments.from)?
+            .into_iter()
+            .map(|image| image.bytes)
+            .collect(),
     };
-    let mut file = Vec::new();
-    for (slot, path) in [(Slot::A, &arguments.a), (Slot::B, &arguments.b)] {
-        let mut body = body(path)?;
-        // The check sum is taken of whole words.
-        body.resize(body.len().next_multiple_of(4), u8::MAX);
-        file.extend(one(arguments, slot, &body, &key));
+    if !arguments.unsigned {
+        images.iter_mut().for_each(|image| sign(image, &key));
     }
+    let file = images.concat();
     let written = fs::write(&arguments.out, file);
     written.map_err(|error| ImageError::File(arguments.out.clone(), error))?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn one(arguments: &Arguments, slot: Slot, body: &[u8], key: &[u8; 32]) -> Vec<u8> {
-    let kind = match arguments.unsigned {
-        true => Signature::None,
-        false => Signature::Ed25519,
-    };
-    let mut image = unsigned(slot, arguments.hardware, arguments.version, kind, body);
-    if !arguments.unsigned {
-        sign(&mut image, key);
+/// Images of bodies, without a signature.
+fn made(arguments: &Arguments, version: Version) -> Result<Vec<Vec<u8>>, ImageError> {
+    let hardware = arguments.hardware.unwrap_or(HARDWARE);
+    let mut images = Vec::new();
+    for (slot, path) in [(Slot::A, &arguments.a), (Slot::B, &arguments.b)] {
+        let mut body = match path {
+            Some(path) => read(path)?,
+            None if arguments.sick => SICK.to_vec(),
+            None => SOUND.to_vec(),
+        };
+        // The check sum is taken of whole words.
+        body.resize(body.len().next_multiple_of(4), u8::MAX);
+        images.push(unsigned(slot, hardware, version, &body));
     }
-    image
+    Ok(images)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
@@ -142,13 +171,12 @@ fn secret(path: &Path) -> Result<[u8; 32], ImageError> {
 
 #[cfg(test)]
 mod tests {
-    use sim::memory::HARDWARE;
-
     use super::*;
 
     #[test]
-    fn the_hardware_of_the_virtual_nodes_is_the_default() {
-        assert_eq!(number("504C012C"), Ok(HARDWARE));
+    fn an_id_is_hexadecimal() {
+        assert_eq!(number("31424c50"), Ok(0x3142_4C50));
+        assert!(number("x").is_err() && number("123456789").is_err());
     }
 
     #[test]

@@ -13,7 +13,7 @@
 
 mod bus;
 mod error;
-mod file;
+pub mod file;
 mod sdo;
 
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ use flash::layout::Slot;
 
 use crate::progress::Progress;
 use bus::Bus;
-use error::UpdateError;
+pub use error::UpdateError;
 use file::Image;
 use sdo::Client;
 

@@ -6,7 +6,8 @@
 //! it: half a minute from the first start.
 //!
 //! A program has shown what it can when its channel has a valid angle and somebody has taken a
-//! frame of it from the bus. That its own bits are right the bootloader has found at this start.
+//! frame of it from the bus. That its own bits are right the bootloader has found at this start,
+//! and the board has not found otherwise since.
 //!
 //! Left out: a program that hangs, which the watchdog ends.
 
@@ -58,8 +59,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return;
         }
         let measures = self.node.reading(&self.settings, now).x.is_ok();
+        let sound = measures && !self.values.program_damaged;
         // One that can't be confirmed ends as one that can do nothing.
-        if measures && self.trial.heard && self.memory.confirm().is_ok() {
+        if sound && self.trial.heard && self.memory.confirm().is_ok() {
             self.trial.running = false;
         } else if now.micros_since(self.started) > PATIENCE_US {
             self.values.news.reset = true;

@@ -18,20 +18,20 @@ use crate::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 
 /// Who judges signatures.
 pub trait Signatures {
-    /// The check sum under way of what is signed.
-    type Digest;
+    /// The check of one signature under way.
+    type Check;
 
     /// Whether an image without a signature is let in.
     fn unsigned(&self) -> bool;
 
-    /// Before the first byte.
-    fn begin(&self) -> Self::Digest;
+    /// Before the first byte; `None` when this signature can't be good for any.
+    fn begin(&self, signature: &[u8; SIGNATURE]) -> Option<Self::Check>;
 
     /// Takes in the next bytes of what is signed.
-    fn add(&self, digest: &mut Self::Digest, bytes: &[u8]);
+    fn add(&self, check: &mut Self::Check, bytes: &[u8]);
 
-    /// Whether `signature` was made of the bytes taken in, by whom it has to be.
-    fn is_good(&self, digest: Self::Digest, signature: &[u8; SIGNATURE]) -> bool;
+    /// Whether the signature was made of the bytes taken in, by whom it has to be.
+    fn is_good(&self, check: Self::Check) -> bool;
 }
 
 /// Lets every image in, signed or not: for a program that was built to do that.
@@ -39,17 +39,19 @@ pub trait Signatures {
 pub struct Anybody;
 
 impl Signatures for Anybody {
-    type Digest = ();
+    type Check = ();
 
     fn unsigned(&self) -> bool {
         true
     }
 
-    fn begin(&self) {}
+    fn begin(&self, _signature: &[u8; SIGNATURE]) -> Option<()> {
+        Some(())
+    }
 
     fn add(&self, (): &mut (), _bytes: &[u8]) {}
 
-    fn is_good(&self, (): (), _signature: &[u8; SIGNATURE]) -> bool {
+    fn is_good(&self, (): ()) -> bool {
         true
     }
 }
@@ -116,20 +118,20 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
         if header.signature == Signature::None {
             return Ok(self.signatures.unsigned());
         }
-        let signatures = &self.signatures;
-        let mut digest = signatures.begin();
-        for (offset, length) in header.signed() {
-            for_each(
-                &mut self.flash,
-                slot.start.saturating_add(offset),
-                length,
-                |bytes| signatures.add(&mut digest, bytes),
-            )?;
-        }
         let mut signature = [0; SIGNATURE];
         let at = slot.start.saturating_add(SIGNATURE_AT);
         read(&mut self.flash, at, &mut signature)?;
-        Ok(signatures.is_good(digest, &signature))
+        let signatures = &self.signatures;
+        let Some(mut check) = signatures.begin(&signature) else {
+            return Ok(false);
+        };
+        for (offset, length) in header.signed() {
+            let at = slot.start.saturating_add(offset);
+            for_each(&mut self.flash, at, length, |bytes| {
+                signatures.add(&mut check, bytes);
+            })?;
+        }
+        Ok(signatures.is_good(check))
     }
 
     /// How the program in the running slot came to run.

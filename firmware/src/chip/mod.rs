@@ -15,6 +15,7 @@
 pub mod board;
 pub mod can;
 pub mod clock;
+mod memory_functions;
 pub mod nor;
 mod register;
 pub mod spi;

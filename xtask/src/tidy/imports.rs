@@ -30,7 +30,12 @@ const RULES: [Rule; 12] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "embedded-storage", "heapless", "salty"]),
+        Some(&[
+            "embedded-hal",
+            "embedded-storage",
+            "heapless",
+            "ed25519-compact",
+        ]),
     ),
     rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
