@@ -30,7 +30,7 @@ const RULES: [Rule; 10] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "embedded-storage", "heapless"]),
+        Some(&["embedded-hal", "embedded-storage", "heapless", "salty"]),
     ),
     rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
@@ -40,7 +40,7 @@ const RULES: [Rule; 10] = [
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
     rule("emulator", &["sim"], None),
-    rule("cli", &["device", "sim", "tilt", "canopen"], None),
+    rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
     rule("xtask", &["flash"], None),
 ];
 
