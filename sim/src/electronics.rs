@@ -32,6 +32,11 @@ pub struct Clock {
 }
 
 impl Clock {
+    /// Seconds that it counts in one of the world's.
+    pub fn rate(&self) -> f64 {
+        self.us_per_s * 1e-6
+    }
+
     /// What the clock shows at `time_s`.
     pub fn at(&self, time_s: f64) -> Instant {
         Instant(whole((time_s - self.start_s) * self.us_per_s))

@@ -80,6 +80,32 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     server.run().map(|()| ExitCode::SUCCESS)
 }
 
+/// Serves a network that is made already, such as one of emulated nodes; gives all of it power.
+/// `ids` are what is printed as its node-ids.
+///
+/// Errors: see [`Stopped`].
+pub fn run_network(
+    arguments: &Arguments,
+    network: Network,
+    ids: &[Option<u8>],
+) -> Result<ExitCode, Stopped> {
+    let nodes = network.node_count();
+    let script = match &arguments.script {
+        Some(path) => Some((path.clone(), script::open(path, nodes)?)),
+        None => None,
+    };
+    let mut hub = Hub::new();
+    let doors = Doors::open(arguments, &mut hub)?;
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
+    let mut stage = Stage::new(network, arguments.seed);
+    (0..nodes).for_each(|number| stage.power_on(number));
+    say(&doors.ready(arguments, ids));
+    let server = Server::new(arguments, hub, stage, script, None, interrupted);
+    server.run().map(|()| ExitCode::SUCCESS)
+}
+
 /// Prints. A reader that has gone is no reason to end the bus for all others.
 fn say(text: &str) {
     let mut out = std::io::stdout().lock();

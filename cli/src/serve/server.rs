@@ -225,7 +225,7 @@ impl Server {
         while let Some(text) = self.typed.as_ref().and_then(|lines| lines.try_recv().ok()) {
             let now_ns = self.stage.network.now_ns();
             let seconds = |s: f64| (s * 1e9) as u64;
-            let (at_ns, word) = match read(&text, self.stage.network.units().len()) {
+            let (at_ns, word) = match read(&text, self.stage.network.node_count()) {
                 Ok(None) => continue,
                 Err(error) => {
                     complain(&error.to_string());

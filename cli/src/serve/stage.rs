@@ -16,6 +16,7 @@ use sim::fault::NodeFault;
 use sim::lis2dw12::Fault;
 use sim::motion::Attitude;
 use sim::network::Network;
+use sim::network::guest::Switch;
 use sim::network::hand::{Hand, Pose};
 use sim::rng::Rng;
 use sim::supply::Supply;
@@ -26,6 +27,9 @@ use super::words::{BusTrouble, Word, help};
 
 /// Frames of clients that may wait here; the rest wait with the clients.
 const OUTGOING_LIMIT: usize = 64;
+
+/// What is told of trouble that only the code of a virtual node can have.
+const BEYOND: &str = "its code runs on an emulated processor: only its part and its wires break";
 
 /// How often the dies follow the chamber.
 const CHAMBER_NS: u64 = 100_000_000;
@@ -188,9 +192,9 @@ impl Stage {
     }
 
     fn set_dies(&mut self, die_c: f64) {
-        for number in 0..self.network.units().len() {
-            let unit = self.network.unit(number);
-            unit.electronics.set_die_temperature(die_c);
+        for number in 0..self.network.node_count() {
+            let electronics = self.network.electronics(number);
+            electronics.set_die_temperature(die_c);
         }
     }
 
@@ -279,6 +283,9 @@ impl Stage {
                 let rate = u32::from(*kbit_s) * 1000;
                 self.network.bus.set_bit_rate(self.adapter.port, rate);
             }
+            Word::Fault(nodes, trouble) if self.is_beyond(&nodes.0, *trouble) => {
+                return Done::Told(BEYOND.to_owned());
+            }
             Word::Fault(nodes, trouble) => self.each(&nodes.0, |s, n| s.trouble(n, *trouble)),
             Word::Heal(nodes) => self.each(&nodes.0, Self::heal),
             Word::Power(nodes, true) => self.each(&nodes.0, Self::power_on),
@@ -341,24 +348,38 @@ impl Stage {
         }
     }
 
+    /// True for trouble with code or memory of a node that brings its own processor.
+    fn is_beyond(&self, nodes: &[usize], trouble: Trouble) -> bool {
+        let guests = nodes
+            .iter()
+            .any(|node| self.network.as_guest(*node).is_some());
+        guests && matches!(trouble, Trouble::Memory | Trouble::Node(_))
+    }
+
     fn trouble(&mut self, number: usize, trouble: Trouble) {
         let (now_ns, rng) = (self.network.now_ns(), &mut self.rng);
-        let unit = self.network.unit(number);
-        let break_part = |fault| unit.electronics.chip().borrow_mut().set_fault(Some(fault));
+        let electronics = self.network.electronics(number);
+        let break_part = |fault| electronics.chip().borrow_mut().set_fault(Some(fault));
         match trouble {
             Trouble::Stuck => break_part(Fault::MisoHigh),
             Trouble::Silent => break_part(Fault::MisoLow),
             Trouble::Spi => break_part(Fault::Bus),
             Trouble::ResetStuck => break_part(Fault::ResetStuck),
-            Trouble::BrownOut => unit.electronics.chip().borrow_mut().brown_out(now_ns),
+            Trouble::BrownOut => electronics.chip().borrow_mut().brown_out(now_ns),
             Trouble::Supply => {
-                unit.electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
+                electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
             }
-            Trouble::Offset(g) => unit.electronics.offset_g = [g, g, 0.0],
-            Trouble::Memory => unit.device.memory().flash_mut().set_broken(true),
-            Trouble::Sensor(fault) => unit.electronics.inject(fault, rng.fork()),
+            Trouble::Offset(g) => electronics.offset_g = [g, g, 0.0],
+            Trouble::Memory => self
+                .network
+                .unit(number)
+                .device
+                .memory()
+                .flash_mut()
+                .set_broken(true),
+            Trouble::Sensor(fault) => electronics.inject(fault, rng.fork()),
             // Code that does not run can't stand still.
-            Trouble::Node(NodeFault::Halted) if !unit.is_powered() => {}
+            Trouble::Node(NodeFault::Halted) if !self.network.units()[number].is_powered() => {}
             Trouble::Node(fault) => {
                 let mut rng = rng.fork();
                 self.network.inject(number, fault, &mut rng);
@@ -368,28 +389,45 @@ impl Stage {
 
     fn heal(&mut self, number: usize) {
         let now_s = self.network.now_s();
-        let unit = self.network.unit(number);
-        unit.electronics.chip().borrow_mut().set_fault(None);
-        unit.electronics.supply.repair(now_s);
-        unit.electronics.offset_g = [0.0; 3];
-        unit.electronics.heal();
-        unit.device.memory().flash_mut().set_broken(false);
-        self.network.heal(number);
+        let electronics = self.network.electronics(number);
+        electronics.chip().borrow_mut().set_fault(None);
+        electronics.supply.repair(now_s);
+        electronics.offset_g = [0.0; 3];
+        electronics.heal();
+        if self.network.as_guest(number).is_none() {
+            self.network
+                .unit(number)
+                .device
+                .memory()
+                .flash_mut()
+                .set_broken(false);
+            self.network.heal(number);
+        }
     }
 
     /// Power for one that has none; a node that has power keeps it.
     pub fn power_on(&mut self, number: usize) {
-        if !self.network.units()[number].is_powered() {
+        if let Some(guest) = self.network.as_guest(number) {
+            if !self.network.guest(guest).is_powered() {
+                self.network.switch_guest(guest, Switch::On);
+            }
+        } else if !self.network.units()[number].is_powered() {
             self.network.power_on(number);
         }
     }
 
     fn power_off(&mut self, number: usize) {
+        if let Some(guest) = self.network.as_guest(number) {
+            return self.network.switch_guest(guest, Switch::Off);
+        }
         self.end_halt(number);
         self.network.power_off(number);
     }
 
     fn reset(&mut self, number: usize) {
+        if let Some(guest) = self.network.as_guest(number) {
+            return self.network.switch_guest(guest, Switch::Reset);
+        }
         if !self.end_halt(number) {
             self.network.reset(number);
         }
@@ -405,6 +443,10 @@ impl Stage {
     }
 
     fn wire(&mut self, number: usize, on: bool) {
+        if let Some(guest) = self.network.as_guest(number) {
+            let switch = if on { Switch::Connect } else { Switch::Cut };
+            return self.network.switch_guest(guest, switch);
+        }
         let port = self.network.units()[number].port;
         self.network.bus.connect(port, on);
     }

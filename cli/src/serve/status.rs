@@ -45,6 +45,17 @@ pub fn text(stage: &Stage) -> String {
             let _ = writeln!(text, "      broken: {}", broken.join("; "));
         }
     }
+    for number in 0..network.node_count() {
+        if let Some(powered) = network.guest_power(number) {
+            let name = node_name(number);
+            let state = if powered {
+                "emulated"
+            } else {
+                "emulated, without power"
+            };
+            let _ = writeln!(text, "  {name:<4}{state}");
+        }
+    }
     text
 }
 

@@ -15,7 +15,7 @@ use super::update::Signatures;
 pub const KEY: usize = 32;
 
 /// Lets images in that the holder of one key has signed, and, if `unsigned`, those without any
-/// signature. A key that is no point of the curve lets nothing in.
+/// signature. A blank key, and one that is no point of the curve, let nothing in.
 #[derive(Clone, Copy, Debug)]
 pub struct Ed25519 {
     /// The public key.
@@ -40,6 +40,10 @@ impl Signatures for Ed25519 {
     }
 
     fn is_good(&self, digest: Sha512, signature: &[u8; SIGNATURE]) -> bool {
+        // It is a point of the curve, but one of order 4.
+        if self.key == [0; KEY] {
+            return false;
+        }
         let Ok(key) = PublicKey::try_from(&self.key) else {
             return false;
         };
@@ -102,6 +106,29 @@ mod tests {
             other.key[bit / 8] ^= 1 << (bit % 8);
             assert!(!is_good(&other, b"plumb", &signature, 32), "{bit}");
         }
+    }
+
+    /// The blank key is a point of order 4, for which anybody can sign one message in four.
+    #[test]
+    fn a_blank_key_believed_signatures_that_nobody_had_made() {
+        let blank = Ed25519 {
+            key: [0; KEY],
+            unsigned: false,
+        };
+        // R is the neutral element and S is zero: good wherever the hash is a multiple of 4.
+        let mut forged = [0; SIGNATURE];
+        forged[0] = 1;
+        let message = |n: u8| [n; 8];
+        let digest = |n: u8| {
+            let mut digest = Sha512::new();
+            digest.update(&message(n));
+            digest.finalize()
+        };
+        let key = PublicKey::try_from(&blank.key).unwrap();
+        let forged_signature = Signature::from(&forged);
+        let fooled = (0..64).filter(|n| key.verify(&digest(*n), &forged_signature).is_ok());
+        assert!(fooled.count() > 4);
+        assert!((0..64).all(|n| !is_good(&blank, &message(n), &forged, 8)));
     }
 
     /// RFC 8032 7.1, test 3, as the crate itself has to pass it.

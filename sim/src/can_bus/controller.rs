@@ -108,11 +108,12 @@ impl Controller {
         }
     }
 
-    pub(super) fn offer(&mut self, frame: Frame) -> Result<Mailbox, Busy> {
+    pub(super) fn offer(&mut self, frame: Frame, once: bool) -> Result<Mailbox, Busy> {
         let numbered = self.mailboxes.iter_mut().zip(0..);
         let free = numbered.into_iter().find(|(slot, _)| slot.is_none());
         let (slot, number) = free.ok_or(Busy)?;
-        *slot = Some(Waiting::new(frame, self.offers));
+        let waiting = Waiting::new(frame, self.offers);
+        *slot = Some(Waiting { once, ..waiting });
         self.offers += 1;
         Ok(Mailbox(number))
     }

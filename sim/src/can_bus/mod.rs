@@ -42,7 +42,7 @@ use std::collections::VecDeque;
 use canopen::Frame;
 
 use attempt::{Attempt, FLAG_BITS};
-use controller::Controller;
+use controller::{Controller, Source};
 
 pub use confinement::{Counters, State};
 pub use controller::{Busy, MAILBOXES, Mailbox, Order};
@@ -166,9 +166,27 @@ impl Bus {
     /// Puts a frame into the first free mailbox, now. A controller that is cut off, off the bus or
     /// in listen-only mode keeps it until it may send.
     pub fn offer(&mut self, port: Port, frame: Frame) -> Result<Mailbox, Busy> {
-        let mailbox = self.controller(port).offer(frame)?;
+        self.place(port, frame, false)
+    }
+
+    /// [`Bus::offer`] of a frame that is not repeated when its attempt on the wire fails (bxCAN,
+    /// NART = 1); one that loses an arbitration waits on.
+    pub fn offer_once(&mut self, port: Port, frame: Frame) -> Result<Mailbox, Busy> {
+        self.place(port, frame, true)
+    }
+
+    fn place(&mut self, port: Port, frame: Frame, once: bool) -> Result<Mailbox, Busy> {
+        let mailbox = self.controller(port).offer(frame, once)?;
         self.pending.insert(port);
         Ok(mailbox)
+    }
+
+    /// The mailbox whose frame is on the wire from this controller.
+    pub fn on_wire(&self, port: Port) -> Option<Mailbox> {
+        match self.controllers[port.index()].sending? {
+            Source::Mailbox(mailbox) => Some(mailbox),
+            Source::Babble => None,
+        }
     }
 
     /// What waits in a mailbox, or is on the wire from it.

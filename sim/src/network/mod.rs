@@ -9,6 +9,7 @@
 //! Left out: the time that code takes to run: a node answers at the instant at which it is asked.
 
 mod fault;
+pub mod guest;
 pub mod hand;
 pub mod instrument;
 mod unit;
@@ -25,6 +26,8 @@ use crate::can_bus::{Bus, Event, Order, Port, Ports, Statistics};
 use crate::electronics::{Electronics, whole};
 use crate::memory::Memory;
 use crate::motion::Mover;
+
+use guest::Guest;
 
 pub use unit::Unit;
 
@@ -43,6 +46,8 @@ pub struct Network {
     /// The bus.
     pub bus: Bus,
     units: Vec<Unit>,
+    /// Nodes whose code runs elsewhere.
+    guests: Vec<Box<dyn Guest>>,
     /// When each node next wants the processor, ns, [`NEVER`] without power; kept while time goes
     /// on, since that is asked more often than it changes.
     due_ns: Vec<u64>,
@@ -64,6 +69,7 @@ impl Network {
             counted: bus.statistics(),
             bus,
             units: Vec::new(),
+            guests: Vec::new(),
             due_ns: Vec::new(),
             first_due_ns: NEVER,
             edges: Vec::new(),
@@ -170,6 +176,9 @@ impl Network {
             if self.first_due_ns <= now {
                 self.poll(now);
             }
+            if !self.guests.is_empty() {
+                self.run_guests(now, until_ns);
+            }
             if now >= self.tick_ns {
                 self.tick(mover);
                 self.deliver_edges(now, until_ns);
@@ -184,6 +193,7 @@ impl Network {
     fn next_ns(&self) -> u64 {
         let edge = self.edges.last().map_or(NEVER, |(at_ns, ..)| *at_ns);
         let first = self.tick_ns.min(edge).min(self.first_due_ns);
+        let first = first.min(self.guests_next_ns());
         first.max(self.now_ns())
     }
 
@@ -220,6 +230,8 @@ impl Network {
                 edges.push((at_ns, number, captured_ns));
             });
         }
+        self.tick_guests(motion.force_g, end_s);
+        let edges = &mut self.edges;
         if edges.len() > 1 {
             edges.sort_unstable_by(|a, b| b.cmp(a));
         }
@@ -249,7 +261,7 @@ impl Network {
     }
 
     fn take_edges(&mut self, now_ns: u64, until_ns: u64) {
-        let undisturbed = self.bus.is_quiet();
+        let undisturbed = self.bus.is_quiet() && self.guests.is_empty();
         while let Some(&(at_ns, number, captured_ns)) = self.edges.last() {
             let first = undisturbed && at_ns < self.first_due_ns && at_ns <= until_ns;
             if at_ns > now_ns && !first {
@@ -263,6 +275,9 @@ impl Network {
     }
 
     fn hand_out(&mut self, event: &Event) {
+        if !self.guests.is_empty() {
+            self.tell_guests(event);
+        }
         match event {
             Event::Delivered {
                 frame, to, at_ns, ..

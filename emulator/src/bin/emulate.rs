@@ -1,0 +1,70 @@
+//! `cargo emulate`: the product's exact images, run on emulated boards.
+//!
+//! In: a verb and its arguments. Out: `serve` puts two emulated nodes on a bus that other programs
+//! can join, exactly as `plumb serve` does with virtual ones. Errors are one sentence on stderr
+//! and exit status 2.
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use emulator::build::Product;
+use emulator::pair::board;
+use plumb::serve;
+use sim::error_model::ErrorModel;
+use sim::network::Network;
+
+/// Runs the exact images of bootloader and application on emulated boards.
+#[derive(Debug, Parser)]
+#[command(name = "emulate", version, arg_required_else_help = true)]
+struct CommandLine {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Put two emulated nodes on a CAN bus that other programs can join
+    Serve(serve::Arguments),
+}
+
+fn main() -> ExitCode {
+    let Verb::Serve(arguments) = CommandLine::parse().verb;
+    match run(&arguments) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("emulate: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Builds the images, puts them on two boards, and serves them.
+fn run(arguments: &serve::Arguments) -> Result<ExitCode, Box<dyn Error>> {
+    refuse(arguments)?;
+    let pieces = Product::build()?.pieces();
+    let bit_rate = u32::from(arguments.bit_rate) * 1000;
+    let mut network = Network::new(bit_rate, arguments.seed);
+    for number in 0..2 {
+        let model = &ErrorModel::NOMINAL;
+        let board = board(&mut network, model, arguments.seed, number, &pieces)?;
+        network.add_guest(Box::new(board));
+    }
+    Ok(serve::run_network(arguments, network, &[Some(1), Some(2)])?)
+}
+
+/// What the image decides by itself cannot be asked for.
+fn refuse(arguments: &serve::Arguments) -> Result<(), &'static str> {
+    match arguments {
+        serve::Arguments {
+            instruments: 2.., ..
+        } => Err("one instrument is emulated, not several"),
+        serve::Arguments {
+            node_ids: Some(_), ..
+        } => Err("the image has its own node-ids; LSS changes them"),
+        serve::Arguments { state: Some(_), .. } => {
+            Err("emulated nodes keep what they store in their flash, which is not kept in files")
+        }
+        _ => Ok(()),
+    }
+}

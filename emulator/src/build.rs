@@ -1,0 +1,180 @@
+//! Images made from the sources of this checkout, by cargo.
+//!
+//! In: a package, a binary, and what is set around it. Out: the linked ELF file, as the product's
+//! images are built (profile `footprint`). Left out: doing it when nothing has changed; cargo sees
+//! to that.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fmt, fs, io};
+
+use flash::layout::BASE;
+
+use crate::image::{Image, ImageError};
+
+/// The part's target.
+const CHIP: &str = "thumbv7m-none-eabi";
+/// The profile that images are built with.
+const PROFILE: &str = "footprint";
+
+/// Why there is no image.
+#[derive(Debug)]
+pub enum BuildError {
+    /// Cargo could not be started.
+    Cargo(io::Error),
+    /// Cargo has said why.
+    Failed(String),
+    /// What it made cannot be read.
+    Read(PathBuf, io::Error),
+    /// What it made is no image.
+    Image(ImageError),
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cargo(error) => write!(f, "cargo does not start: {error}"),
+            Self::Failed(said) => write!(f, "the image does not build:\n{said}"),
+            Self::Read(path, error) => write!(f, "{}: {error}", path.display()),
+            Self::Image(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// What to build.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe<'a> {
+    /// The package.
+    pub package: &'a str,
+    /// Its binary.
+    pub binary: &'a str,
+    /// Environment for its build, such as the slot.
+    pub environment: &'a [(&'a str, &'a str)],
+    /// A folder of its own below the target folder, so that recipes for one binary keep apart.
+    pub folder: &'a str,
+}
+
+/// The second image, which is not the product's.
+pub const FIXTURE: Recipe<'_> = Recipe {
+    package: "emulator-fixture",
+    binary: "emulator-fixture",
+    environment: &[],
+    folder: "emulated",
+};
+
+/// The signal chain on samples made of integers.
+pub const GOLDEN: Recipe<'_> = Recipe {
+    package: "emulator-golden",
+    binary: "emulator-golden",
+    environment: &[],
+    folder: "emulated",
+};
+
+/// The product: what leaves the factory, and the application's symbols.
+#[derive(Clone, Debug)]
+pub struct Product {
+    /// Bootloader and confirmed application, from the start of the flash.
+    pub factory: Vec<u8>,
+    /// The application for slot A, with its symbols.
+    pub app: Image,
+}
+
+impl Product {
+    /// Builds it with `cargo xtask image`, or finds it built. Budgets are that command's business.
+    ///
+    /// Errors: see [`BuildError`].
+    pub fn build() -> Result<Self, BuildError> {
+        let target = target_folder();
+        let mut cargo = cargo();
+        cargo
+            .args([
+                "run",
+                "--quiet",
+                "--locked",
+                "--package",
+                "xtask",
+                "--",
+                "image",
+            ])
+            .env("CARGO_TARGET_DIR", &target);
+        let output = cargo.output().map_err(BuildError::Cargo)?;
+        let images = target.join("images");
+        let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
+        let factory = read(&images.join(name)).map_err(|missing| {
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            if output.status.success() {
+                missing
+            } else {
+                BuildError::Failed(said)
+            }
+        })?;
+        let app = read(&images.join("app-a.elf"))?;
+        Ok(Self {
+            factory,
+            app: Image::read(&app).map_err(BuildError::Image)?,
+        })
+    }
+
+    /// What goes into an erased flash.
+    pub fn pieces(&self) -> Vec<(u32, Vec<u8>)> {
+        vec![(BASE, self.factory.clone())]
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
+    fs::read(path).map_err(|error| BuildError::Read(path.to_path_buf(), error))
+}
+
+/// Cargo, in the checkout.
+fn cargo() -> Command {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."));
+    cargo
+}
+
+impl Recipe<'_> {
+    /// Builds it, or finds it built.
+    ///
+    /// Errors: see [`BuildError`].
+    pub fn image(&self) -> Result<Image, BuildError> {
+        let bytes = read(&self.build()?)?;
+        Image::read(&bytes).map_err(BuildError::Image)
+    }
+
+    fn build(&self) -> Result<PathBuf, BuildError> {
+        let folder = target_folder().join(self.folder);
+        let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        cargo
+            .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
+            .args([
+                "build",
+                "--quiet",
+                "--locked",
+                "--target",
+                CHIP,
+                "--profile",
+                PROFILE,
+            ])
+            .args(["--package", self.package, "--bin", self.binary])
+            .arg("--target-dir")
+            .arg(&folder)
+            .envs(self.environment.iter().copied());
+        let output = cargo.output().map_err(BuildError::Cargo)?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            return Err(BuildError::Failed(said));
+        }
+        Ok(folder.join(CHIP).join(PROFILE).join(self.binary))
+    }
+}
+
+/// The folder that this program was built into: that of the profile, of its tests, or above.
+fn target_folder() -> PathBuf {
+    let here = env::current_exe().unwrap_or_default();
+    let mut folders = here.ancestors().skip(1);
+    let profile = folders.find(|folder| folder.join(".fingerprint").is_dir());
+    let target = profile.and_then(Path::parent);
+    target.map_or_else(|| PathBuf::from("target"), Path::to_path_buf)
+}

@@ -1,0 +1,125 @@
+//! What the rest of the emulator asks of a processor core, so that the core can be changed.
+//!
+//! In: code and data in memory, a [`Chip`] that answers loads and stores outside of it. Out: why
+//! the core stopped. The core executes instructions and nothing else: exceptions, priorities and
+//! sleep are [`exceptions`](crate::exceptions)' business.
+//!
+//! Left out: everything that depends on which core it is; see [`unicorn`](crate::unicorn).
+
+use flash::layout::BASE;
+
+use crate::chip::Chip;
+
+/// Alias of the flash, where the core finds its first vectors as BOOT0 is low (RM0008 3.4).
+pub const ALIAS: u32 = 0;
+
+/// A register of the core (PM0056 2.1.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Register {
+    /// R0 to R12.
+    R(u8),
+    /// R13, the stack pointer in use.
+    Sp,
+    /// R14, the link register.
+    Lr,
+    /// The program counter; bit 0 written is the Thumb bit.
+    Pc,
+    /// The program status register: flags, IT state, Thumb bit, exception number.
+    Xpsr,
+    /// The main stack pointer.
+    Msp,
+    /// The process stack pointer.
+    Psp,
+    /// PRIMASK: 1 keeps every exception of settable priority away.
+    Primask,
+    /// BASEPRI: exceptions of this priority and lower ones are kept away, 0 none.
+    Basepri,
+    /// FAULTMASK: 1 keeps everything but NMI away.
+    Faultmask,
+    /// CONTROL: which stack thread mode uses.
+    Control,
+}
+
+/// Why the core stopped. Its program counter is at the next instruction to execute, but where the
+/// reason is an instruction that could not be executed: then it is at that one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The chip wanted it ([`Chip::block`]).
+    Wanted,
+    /// It came to a WFI.
+    WaitForInterrupt,
+    /// It came to a WFE.
+    WaitForEvent,
+    /// It executed an SVC.
+    SupervisorCall,
+    /// It branched to this EXC_RETURN.
+    ExceptionReturn(u32),
+    /// Something that is a fault.
+    Fault(Fault),
+}
+
+/// What the core could not do (PM0056 4.4.10).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// A load or a store at an address where nothing answers.
+    Bus {
+        /// Where.
+        address: u32,
+    },
+    /// A fetch where there is no code.
+    Fetch {
+        /// Where.
+        address: u32,
+    },
+    /// An instruction that is none.
+    Undefined,
+    /// A load or a store that has to be aligned and is not.
+    Unaligned,
+    /// A BKPT without a debugger.
+    Breakpoint,
+}
+
+/// Nothing is mapped there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoMemory {
+    /// The address asked for.
+    pub address: u32,
+}
+
+/// A Cortex-M3 with its memory and the chip around it.
+pub trait Cpu {
+    /// A register's value.
+    fn register(&self, register: Register) -> u32;
+
+    /// Writes a register.
+    fn set_register(&mut self, register: Register, value: u32);
+
+    /// Reads flash or RAM.
+    ///
+    /// Errors: [`NoMemory`] where neither is.
+    fn read(&self, address: u32, into: &mut [u8]) -> Result<(), NoMemory>;
+
+    /// Writes flash or RAM, whatever the chip thinks of it.
+    ///
+    /// Errors: [`NoMemory`] where neither is.
+    fn write(&mut self, address: u32, bytes: &[u8]) -> Result<(), NoMemory>;
+
+    /// Executes until there is a reason to stop.
+    fn run(&mut self) -> Stop;
+
+    /// The chip around it.
+    fn chip(&self) -> &Chip;
+
+    /// The chip around it, to change.
+    fn chip_mut(&mut self) -> &mut Chip;
+
+    /// Takes what the flash's cells hold into the core's memory, wherever they have changed.
+    fn put_flash_right(&mut self) {
+        while let Some((offset, bytes)) = self.chip_mut().take_changed_flash() {
+            for base in [BASE, ALIAS] {
+                // The flash is mapped whole, so this cannot fail.
+                let _ = self.write(base.wrapping_add(offset), &bytes);
+            }
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Two boards in one housing, on one bus with a host: an instrument as it is built.
+//!
+//! In: an image for both, time, frames of the host. Out: what was on the bus. Everything is drawn
+//! from one seed. Left out: a third party on the bus; the network takes one.
+
+use std::fmt;
+
+use canopen::Frame;
+use flash::layout::RC;
+use sim::can_bus::{Busy, Event, Port};
+use sim::electronics::Electronics;
+use sim::error_model::ErrorModel;
+use sim::network::Network;
+use sim::network::guest::Switch;
+use sim::network::hand::Hand;
+use sim::rng::Rng;
+
+use crate::board::{Board, FlashError, Parts};
+
+/// The watchdog's oscillator as the data sheet has it typically, Hz (RM0008 19.1).
+const LSI_HZ: u32 = 40_000;
+
+/// What is to be flashed: pieces with their addresses.
+pub type Pieces<'a> = &'a [(u32, Vec<u8>)];
+
+/// A frame that was on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// When it counted as received, ns.
+    pub at_ns: u64,
+    /// What it was.
+    pub frame: Frame,
+}
+
+/// Why an object was not read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SdoError {
+    /// The host's mailboxes are full.
+    BusFull,
+    /// No answer within a second.
+    Silent,
+    /// The node has refused, with this abort code.
+    Abort(u32),
+    /// An answer that is none to this request, with this command byte.
+    Form(u8),
+}
+
+/// The instrument with its bus.
+pub struct Pair {
+    /// The bus with the boards as guests 0 (channel A) and 1 (channel B).
+    pub network: Network,
+    /// The host's controller.
+    pub host: Port,
+    /// What holds the housing.
+    pub hand: Hand,
+    /// Frames so far, of nodes and host.
+    pub heard: Vec<Heard>,
+}
+
+impl fmt::Debug for Pair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Pair")
+            .field("heard", &self.heard.len())
+            .finish()
+    }
+}
+
+/// A board of channel A (0) or B (1), without power, with these pieces in its flash.
+///
+/// Errors: see [`FlashError`].
+///
+/// # Panics
+/// When the bus is full, or for want of memory.
+pub fn board(
+    network: &mut Network,
+    model: &ErrorModel,
+    seed: u64,
+    number: usize,
+    pieces: Pieces<'_>,
+) -> Result<Board, FlashError> {
+    let rng = Rng::stream(seed, &format!("board {number}"));
+    let parts = Parts {
+        layout: RC,
+        electronics: Electronics::new(model, rng),
+        identity: [seed as u32, (seed >> 32) as u32, number as u32],
+        lsi_hz: LSI_HZ,
+        seed: seed ^ number as u64,
+        strapped: number % 2 == 1,
+    };
+    let mut board = Board::new(parts, &mut network.bus);
+    for (address, bytes) in pieces {
+        board.flash_at(*address, bytes)?;
+    }
+    Ok(board)
+}
+
+impl Pair {
+    /// Both boards with power, at 250 kbit/s.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn new(seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
+        Self::of(2, seed, pieces)
+    }
+
+    /// So many boards with power, of nominal parts.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn of(boards: usize, seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
+        Self::with(&ErrorModel::NOMINAL, boards, seed, pieces)
+    }
+
+    /// So many boards with power, of parts drawn from this model.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn with(
+        model: &ErrorModel,
+        boards: usize,
+        seed: u64,
+        pieces: Pieces<'_>,
+    ) -> Result<Self, FlashError> {
+        let mut network = Network::new(250_000, seed);
+        let host = network.attach_host();
+        for number in 0..boards {
+            let board = board(&mut network, model, seed, number, pieces)?;
+            let guest = network.add_guest(Box::new(board));
+            network.switch_guest(guest, Switch::On);
+        }
+        Ok(Self {
+            network,
+            host,
+            hand: Hand::new(Rng::stream(seed, "hand")),
+            heard: Vec::new(),
+        })
+    }
+
+    /// Goes on for so long, s.
+    pub fn run(&mut self, seconds: f64) {
+        let until_ns = self.network.now_ns() + (seconds * 1e9) as u64;
+        let heard = &mut self.heard;
+        self.network.run_until(&mut self.hand, until_ns, |event| {
+            if let Event::Delivered { frame, at_ns, .. } = event {
+                heard.push(Heard {
+                    at_ns: *at_ns,
+                    frame: *frame,
+                });
+            }
+        });
+    }
+
+    /// Goes on with a SYNC every 10 ms, for so many of them.
+    ///
+    /// Errors: [`Busy`] when the bus does not take them any more.
+    pub fn run_synced(&mut self, syncs: u32) -> Result<(), Busy> {
+        for _ in 0..syncs {
+            self.send(Frame::data_frame(0x080, &[]))?;
+            self.run(0.01);
+        }
+        Ok(())
+    }
+
+    /// The host sends a frame.
+    ///
+    /// Errors: [`Busy`] while its mailboxes are full.
+    pub fn send(&mut self, frame: Frame) -> Result<(), Busy> {
+        self.network.bus.offer(self.host, frame).map(|_| ())
+    }
+
+    /// Asks a node over its default SDO channel and waits for the answer, up to a second.
+    fn ask(&mut self, node: u8, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
+        let answers = 0x580 + u16::from(node);
+        let before = self.of_id(answers).len();
+        let frame = Frame::data_frame(0x600 + u16::from(node), &request);
+        self.send(frame).map_err(|_| SdoError::BusFull)?;
+        for _ in 0..1000 {
+            self.run(0.001);
+            if let Some(heard) = self.of_id(answers).get(before) {
+                let answer = heard.frame.padded();
+                let [command, _, _, _, code @ ..] = answer;
+                return match command {
+                    0x80 => Err(SdoError::Abort(u32::from_le_bytes(code))),
+                    _ => Ok(answer),
+                };
+            }
+        }
+        Err(SdoError::Silent)
+    }
+
+    /// Reads an object of up to four bytes (CiA 301 7.2.4.3.6, expedited upload).
+    ///
+    /// Errors: see [`SdoError`].
+    pub fn read(&mut self, node: u8, index: u16, sub: u8) -> Result<u32, SdoError> {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.ask(node, [0x40, low, high, sub, 0, 0, 0, 0])?;
+        let [command, _, _, _, bytes @ ..] = answer;
+        let unused = 8 * u32::from(command >> 2 & 3);
+        match command & 0xF3 {
+            0x43 => Ok(u32::from_le_bytes(bytes) << unused >> unused),
+            _ => Err(SdoError::Form(command)),
+        }
+    }
+
+    /// Writes an object of `size` bytes, 1 to 4 (CiA 301 7.2.4.3.3, expedited download).
+    ///
+    /// Errors: see [`SdoError`].
+    pub fn write(
+        &mut self,
+        node: u8,
+        (index, sub): (u16, u8),
+        size: u8,
+        value: u32,
+    ) -> Result<(), SdoError> {
+        let [low, high] = index.to_le_bytes();
+        let command = 0x23 | (4 - size.clamp(1, 4)) << 2;
+        let [a, b, c, d] = value.to_le_bytes();
+        match self.ask(node, [command, low, high, sub, a, b, c, d])? {
+            [0x60, ..] => Ok(()),
+            [command, ..] => Err(SdoError::Form(command)),
+        }
+    }
+
+    /// The frames of an identifier so far.
+    pub fn of_id(&self, id: u16) -> Vec<Heard> {
+        let of = |heard: &&Heard| heard.frame.cob_id() == Some(id);
+        self.heard.iter().filter(of).copied().collect()
+    }
+
+    /// The board of channel A (0) or B (1).
+    ///
+    /// # Panics
+    /// When there is no such board.
+    pub fn board(&mut self, number: usize) -> &mut Board {
+        let board = self.network.guest_as(number);
+        board.expect("its guests are boards: ask for one that there is")
+    }
+}

@@ -1,0 +1,208 @@
+//! The exact images of bootloader and application, on two boards.
+
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use canopen::Frame;
+use emulator::build::Product;
+use emulator::chip::rcc::Cause;
+use emulator::chip::system::Blame;
+use emulator::cpu::{Cpu, Register};
+use emulator::pair::{Pair, SdoError};
+use flash::layout::{RAM, RC};
+use sim::network::guest::Switch;
+
+/// "save", as 1010h wants it (CiA 301 7.5.2.13).
+const SAVE: u32 = 0x6576_6173;
+/// What the runtime paints the stack with.
+const PAINT: u32 = 0xCCCC_CCCC;
+
+fn product() -> &'static Product {
+    static PRODUCT: OnceLock<Product> = OnceLock::new();
+    PRODUCT.get_or_init(|| Product::build().expect("the images build"))
+}
+
+fn pair() -> Pair {
+    Pair::new(1, &product().pieces()).expect("the image is for the flash")
+}
+
+#[test]
+fn both_nodes_boot_and_say_so() {
+    let mut pair = pair();
+    pair.run(1.5);
+    for (number, id) in [(0, 0x701), (1, 0x702)] {
+        assert_eq!(pair.of_id(id)[0].frame.bytes(), [0]);
+        assert_eq!(pair.board(number).machine().resets(), [Cause::Power]);
+    }
+    pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
+    pair.run_synced(100).unwrap();
+    assert!(pair.of_id(0x181).len() > 90);
+}
+
+#[test]
+fn two_product_nodes_run_much_faster_than_time() {
+    let mut pair = pair();
+    pair.run(1.0);
+    pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
+    pair.run_synced(50).unwrap();
+    let before = pair.board(0).machine().chip().instructions();
+    let begun = Instant::now();
+    pair.run_synced(1000).unwrap();
+    let times = 10.0 / begun.elapsed().as_secs_f64();
+    let run = pair.board(0).machine().chip().instructions() - before;
+    eprintln!("two emulated nodes: {times:.0} times real time, {run} instructions in 10 s");
+    // Measured beside everything else that a test run does; alone it is several times as much.
+    assert!(times > 1.0);
+}
+
+/// Sends a node's code astray: to a loop, or to where no code is.
+fn astray(pair: &mut Pair, number: usize, at: u32) {
+    let cpu = pair.board(number).machine_mut().cpu_mut();
+    // B to itself, in a corner of the RAM above stack and statics.
+    cpu.write(LOOP, &[0xFE, 0xE7]).expect("in RAM");
+    cpu.set_register(Register::Primask, 1);
+    cpu.set_register(Register::Pc, at | 1);
+    pair.board(number).machine_mut().wake();
+}
+
+/// The last word of the RAM's last but one corner: nobody's.
+const LOOP: u32 = RAM + RC.ram - 4;
+
+#[test]
+fn code_that_loops_is_ended_by_the_watchdog_and_the_other_node_measures_on() {
+    let mut pair = pair();
+    pair.run(1.0);
+    astray(&mut pair, 0, LOOP);
+    pair.run(3.0);
+    let resets = [0, 1].map(|number| pair.board(number).machine().resets().to_vec());
+    assert_eq!(
+        resets,
+        [vec![Cause::Power, Cause::Watchdog], vec![Cause::Power]]
+    );
+    let boots = |id| {
+        pair.of_id(id)
+            .iter()
+            .filter(|h| h.frame.bytes() == [0])
+            .count()
+    };
+    assert_eq!([boots(0x701), boots(0x702)], [2, 1]);
+}
+
+#[test]
+fn a_hard_fault_resets_at_once_and_is_told_of() {
+    let mut pair = pair();
+    pair.run(1.0);
+    let before = pair.of_id(0x081).len();
+    astray(&mut pair, 0, 0x6000_0000);
+    pair.run(0.5);
+    let machine = pair.board(0).machine();
+    let (resets, faults) = (machine.resets().to_vec(), machine.faults().to_vec());
+    assert_eq!(resets, [Cause::Power, Cause::Software]);
+    assert_eq!(faults, [(0x6000_0000, Blame::Instruction)]);
+    let told: Vec<_> = pair.of_id(0x081)[before..]
+        .iter()
+        .map(|h| h.frame)
+        .collect();
+    eprintln!("{told:?}");
+    assert!(!told.is_empty());
+}
+
+#[test]
+fn the_stack_never_comes_near_the_statics() {
+    let mut pair = pair();
+    pair.run(1.0);
+    pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
+    pair.run_synced(100).unwrap();
+    // In OPERATIONAL nothing is stored: it would have to wait for the flash.
+    let refused = pair.write(1, (0x1010, 1), 4, SAVE);
+    assert_eq!(refused, Err(SdoError::Abort(0x0800_0022)));
+    pair.send(Frame::data_frame(0, &[0x80, 0])).unwrap();
+    pair.run(0.01);
+    pair.write(1, (0x1010, 1), 4, SAVE).expect("stored");
+    pair.run(1.0);
+    let symbol = |name| product().app.symbol(name).expect("the linker's");
+    let (end, start) = (symbol("_stack_end"), symbol("_stack_start"));
+    for number in [0, 1] {
+        let unused = pair.board(number).machine().painted_from(end, PAINT);
+        eprintln!(
+            "stack: {} of {} bytes used",
+            start - end - unused,
+            start - end
+        );
+        assert!(unused > 1024);
+    }
+}
+
+#[test]
+fn the_image_answers_over_sdo() {
+    let mut pair = pair();
+    pair.run(0.5);
+    for node in [1, 2] {
+        assert_eq!(
+            pair.read(node, 0x1000, 0).map(|kind| kind & 0xFFFF),
+            Ok(410)
+        );
+        assert_eq!(pair.read(node, 0x1008, 0), Err(SdoError::Form(0x41)));
+        assert_eq!(
+            pair.read(node, 0x5FFF, 0),
+            Err(SdoError::Abort(0x0602_0000))
+        );
+    }
+}
+
+#[test]
+fn a_cut_at_any_operation_of_a_store_leaves_the_old_or_the_new() {
+    let mut pair = Pair::of(1, 2, &product().pieces()).expect("the image is for the flash");
+    pair.run(0.4);
+    // Without a cut first: how many operations a store has.
+    let operations = |pair: &mut Pair| {
+        pair.board(0)
+            .machine_mut()
+            .chip_mut()
+            .flash
+            .cells()
+            .operations()
+    };
+    let before = operations(&mut pair);
+    pair.write(1, (0x1017, 0), 2, 500)
+        .expect("a heartbeat time");
+    pair.write(1, (0x1010, 1), 4, SAVE).expect("stored");
+    pair.run(0.5);
+    let store = operations(&mut pair) - before;
+    eprintln!("a store: {store} operations of the flash");
+    assert!(store > 10);
+    let mut old = 500;
+    // Every one of the first and the last, where the state changes, and some between.
+    let ends = (0..8).chain((8..store.saturating_sub(8)).step_by(store as usize / 12 + 1));
+    for cut in ends.chain(store.saturating_sub(8)..store) {
+        let new = 600 + cut as u32;
+        pair.write(1, (0x1017, 0), 2, new)
+            .expect("a heartbeat time");
+        pair.board(0)
+            .machine_mut()
+            .chip_mut()
+            .flash
+            .cells()
+            .cut_after(cut);
+        // The answer may be lost with the supply.
+        let _ = pair.write(1, (0x1010, 1), 4, SAVE);
+        pair.run(0.5);
+        pair.network.switch_guest(0, Switch::Off);
+        pair.network.switch_guest(0, Switch::On);
+        pair.run(0.4);
+        let now = pair.read(1, 0x1017, 0).expect("it runs");
+        assert!(
+            [old, new].contains(&now),
+            "cut {cut}: {now}, not {old} or {new}"
+        );
+        old = now;
+    }
+    let rules = pair
+        .board(0)
+        .machine_mut()
+        .chip_mut()
+        .flash
+        .cells()
+        .broken_rules();
+    assert_eq!(rules, 0);
+}
