@@ -16,6 +16,7 @@ pub mod bit_timing;
 pub mod chip;
 pub mod crash;
 pub mod factory;
+pub mod guard;
 pub mod inbox;
 #[cfg(target_os = "none")]
 pub mod node;

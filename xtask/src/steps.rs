@@ -136,7 +136,7 @@ impl From<SizeError> for StepError {
     }
 }
 
-const TEST: [Step; 12] = [
+const TEST: [Step; 13] = [
     Step {
         name: "toolchain: rustfmt, clippy, the chip's target and the emulator's packages",
         advice: "then start again",
@@ -192,6 +192,7 @@ const TEST: [Step; 12] = [
         advice: "`cargo xtask size --verbose` lists functions, constants and stack frames",
         run: check_size,
     },
+    IMAGE,
     Step {
         name: "demo of one day",
         advice: "repeat it with `cargo demo --days 1`",

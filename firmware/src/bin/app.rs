@@ -19,7 +19,7 @@ mod app {
     use firmware::chip::{board, can, clock};
     use firmware::inbox::Inbox;
     use firmware::node::Node;
-    use firmware::self_check::SelfCheck;
+    use firmware::self_check::{SelfCheck, running_slot};
     use stm32f1xx_hal::pac::Interrupt;
 
     #[shared]
@@ -35,7 +35,7 @@ mod app {
 
     #[init(local = [place: MaybeUninit<Node> = MaybeUninit::uninit()])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let board = board::start(cx.device);
+        let board = board::start(cx.device, running_slot());
         let node = cx.local.place.write(Node::new(board));
         rtic::pend(Interrupt::TIM3);
         let inbox = Inbox::new();

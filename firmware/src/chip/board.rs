@@ -13,6 +13,7 @@
 
 use device::objects::table::Channel;
 use flash::check_sum::Crc32;
+use flash::layout::Slot;
 use stm32f1xx_hal::flash::ACR;
 use stm32f1xx_hal::gpio::{Output, Pin, PinState, PushPull};
 use stm32f1xx_hal::pac::{CAN, Peripherals, RCC, SPI1, TIM2};
@@ -25,6 +26,8 @@ use super::nor::Nor;
 use super::spi::Sensor;
 use super::{trap, watchdog};
 use crate::crash::Crash;
+use crate::guard::Guard;
+use crate::part::LAYOUT;
 
 /// CSR: the watchdog has reset the chip; forget all causes (RM0008 7.3.10).
 const IWDGRSTF: u32 = 1 << 29;
@@ -69,11 +72,14 @@ pub fn start_boot(peripherals: Peripherals) -> Nor {
     let mut acr = peripherals.FLASH.constrain().acr;
     watchdog::start(peripherals.IWDG);
     start_clocks(peripherals.RCC, &mut acr);
-    Nor::new()
+    Nor::new(Guard {
+        layout: &LAYOUT,
+        running: None,
+    })
 }
 
-/// Sets everything up for the application; interrupts are off.
-pub fn start(peripherals: Peripherals) -> Board {
+/// Sets everything up for the application, which runs in this slot; interrupts are off.
+pub fn start(peripherals: Peripherals, running: Slot) -> Board {
     let mut acr = peripherals.FLASH.constrain().acr;
     let mut rcc = start_clocks(peripherals.RCC, &mut acr);
     watchdog::feed();
@@ -99,7 +105,10 @@ pub fn start(peripherals: Peripherals) -> Board {
         sensor: Sensor::start(peripherals.SPI1, select),
         can: Can::start(peripherals.CAN),
         alarm: clock::start(peripherals.TIM2),
-        nor: Nor::new(),
+        nor: Nor::new(Guard {
+            layout: &LAYOUT,
+            running: LAYOUT.slot(running),
+        }),
         channel: if strap.is_high() {
             Channel::A
         } else {

@@ -9,19 +9,18 @@
 //! The watchdog is fed after each page, so that the erase of a slot, two seconds in all, is no end;
 //! a single page that took longer than a second would be.
 //!
-//! The bootloader is never written: offsets before slot A are refused.
+//! What may be written at all is [`Guard`]'s to say.
 
 use core::ptr::{read_volatile, write_volatile};
 
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use flash::layout::{BASE, PAGE};
 use stm32f1xx_hal::pac::FLASH;
 use stm32f1xx_hal::pac::flash::RegisterBlock;
 
 use super::register::write;
 use super::watchdog;
+use crate::guard::{Guard, NorError, inside};
 use crate::part::LAYOUT;
 
 /// KEYR, in this order (PM0075 2.3.1).
@@ -46,38 +45,13 @@ const EOP: u32 = 1 << 5;
 /// Looks at BSY before an operation counts as lost: more than 100 ms.
 const PATIENCE: u32 = 1_000_000;
 
-/// Why the flash did not do what was asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NorError {
-    /// Offset or length is no whole half-word or page.
-    Alignment,
-    /// Beyond the flash, or in the bootloader.
-    Bounds,
-    /// The half-word was not blank (PGERR).
-    NotBlank,
-    /// The page is write-protected (WRPRTERR), or the controller refused its keys.
-    Protected,
-    /// The operation has not ended (BSY), or not with EOP.
-    Stuck,
-}
-
-impl NorFlashError for NorError {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::Alignment => NorFlashErrorKind::NotAligned,
-            Self::Bounds => NorFlashErrorKind::OutOfBounds,
-            Self::NotBlank | Self::Protected | Self::Stuck => NorFlashErrorKind::Other,
-        }
-    }
-}
-
 /// The flash. To write it one needs the controller; a [`Reader`] needs nothing.
-pub struct Nor(());
+pub struct Nor(Guard);
 
 impl Nor {
     /// The flash, to read and write. There is one: nobody else may have it.
-    pub(super) const fn new() -> Self {
-        Self(())
+    pub(super) const fn new(guard: Guard) -> Self {
+        Self(guard)
     }
 }
 
@@ -88,26 +62,6 @@ fn registers() -> &'static RegisterBlock {
     // SAFETY: the block of FLASH is at this address for ever, and its registers are cells that
     // allow shared access; only the owner of `Nor` writes them.
     unsafe { &*FLASH::ptr() }
-}
-
-fn check(offset: u32, length: usize, step: u32) -> Result<(), NorError> {
-    let length = u32::try_from(length).map_err(|_| NorError::Bounds)?;
-    if !offset.is_multiple_of(step) || !length.is_multiple_of(step) {
-        return Err(NorError::Alignment);
-    }
-    let end = offset.checked_add(length).ok_or(NorError::Bounds)?;
-    if end > LAYOUT.flash {
-        return Err(NorError::Bounds);
-    }
-    Ok(())
-}
-
-fn check_writable(offset: u32, length: usize, step: u32) -> Result<(), NorError> {
-    check(offset, length, step)?;
-    if offset < LAYOUT.a.start {
-        return Err(NorError::Bounds);
-    }
-    Ok(())
 }
 
 /// Waits for the end of an operation and says how it ended.
@@ -150,8 +104,8 @@ fn unlocked(operation: impl FnOnce() -> Result<(), NorError>) -> Result<(), NorE
 
 fn program(offset: u32, half_word: u16) -> Result<(), NorError> {
     write(registers().cr(), PG);
-    // SAFETY: the offset was checked: an even address in the flash, behind the bootloader. What is
-    // written there is no part of the running program, whose slot nobody installs into.
+    // SAFETY: the guard has let this through: an even address in the flash, and no part of the
+    // running program.
     unsafe { write_volatile((BASE + offset) as *mut u16, half_word) };
     finish()
 }
@@ -167,7 +121,7 @@ fn erase_page(offset: u32) -> Result<(), NorError> {
 }
 
 fn read(offset: u32, into: &mut [u8]) -> Result<(), NorError> {
-    check(offset, into.len(), 1)?;
+    inside(&LAYOUT, offset, into.len(), 1)?;
     for (at, byte) in (BASE + offset..).zip(into) {
         // SAFETY: the address was checked to be in the flash, which can be read byte by byte.
         // Volatile, because the controller changes it behind the compiler's back.
@@ -213,13 +167,12 @@ impl NorFlash for Nor {
     const ERASE_SIZE: usize = PAGE as usize;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorError> {
-        let length = to.checked_sub(from).ok_or(NorError::Bounds)?;
-        check_writable(from, length as usize, PAGE)?;
+        self.0.erase(from, to, PAGE)?;
         unlocked(|| (from..to).step_by(PAGE as usize).try_for_each(erase_page))
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorError> {
-        check_writable(offset, bytes.len(), 2)?;
+        self.0.program(offset, bytes.len())?;
         let (half_words, _) = bytes.as_chunks::<2>();
         let mut places = (offset..).step_by(2).zip(half_words);
         unlocked(|| places.try_for_each(|(at, bytes)| program(at, u16::from_le_bytes(*bytes))))
