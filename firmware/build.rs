@@ -5,6 +5,11 @@
 //!
 //! An image is position dependent, so an update is offered for both slots; `cargo xtask image`
 //! builds them both.
+//!
+//! `PLUMB_KEY` is the public Ed25519 key, 64 hexadecimal digits, whose holder signs updates.
+//! Without it the key is blank, which no signature fits: such a node takes no update over the bus.
+//! `PLUMB_UNSIGNED=1` builds a node that takes images without a signature too, for a developer's
+//! table and nothing else.
 
 use std::path::Path;
 use std::{env, fs};
@@ -19,6 +24,20 @@ fn main() {
         Ok("B") => Slot::B,
         Ok(other) => panic!("PLUMB_SLOT is {other:?}; it can be A or B"),
     };
+    println!("cargo::rerun-if-env-changed=PLUMB_KEY");
+    println!("cargo::rerun-if-env-changed=PLUMB_UNSIGNED");
+    let key = env::var("PLUMB_KEY").unwrap_or_else(|_| "0".repeat(64));
+    assert!(
+        key.len() == 64 && key.bytes().all(|digit| digit.is_ascii_hexdigit()),
+        "PLUMB_KEY is {key:?}; it must be the 64 hexadecimal digits of a public key"
+    );
+    let unsigned = match env::var("PLUMB_UNSIGNED").as_deref() {
+        Ok("1") => "1",
+        Err(_) | Ok("" | "0") => "0",
+        Ok(other) => panic!("PLUMB_UNSIGNED is {other:?}; it can be 0 or 1"),
+    };
+    println!("cargo::rustc-env=PLUMB_KEY={key}");
+    println!("cargo::rustc-env=PLUMB_UNSIGNED={unsigned}");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
         script("boot", Program::Boot);
         script("app", Program::Application(slot));

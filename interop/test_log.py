@@ -9,9 +9,10 @@ from typing import Iterator, NamedTuple
 
 import canopen
 import pytest
-from master import START, Master, Plumb, until
+from master import PRE_OPERATIONAL, START, Master, Plumb, until
 
-NO_DATA = 0x0800_0024
+NO_DATA, CANNOT_STORE, WRONG_STATE = 0x0800_0024, 0x0800_0020, 0x0800_0022
+CLEAR = int.from_bytes(b"clea", "little")
 NOBODY, OWN, PEER = 0, 1, 2
 # Before a brown-out is seen in the part's set-up its samples stop.
 STOPPED, SET_UP_LOST = 3, 7
@@ -106,13 +107,11 @@ def plumb() -> Iterator[Plumb]:
 
 @pytest.fixture
 def pair(plumb: Plumb, joined: Master) -> Iterator[Master]:
-    """Both nodes fresh from power-on, in OPERATIONAL and in agreement, SYNC made by node 1."""
-    plumb.type("heal all", "power all off")
-    time.sleep(0.2)
-    mark = joined.mark()
-    plumb.type("power all on")
+    """Both nodes with nothing to tell, in OPERATIONAL and in agreement, SYNC made by node 1."""
+    plumb.type("heal all")
+    power_cycle(plumb, joined, "all", (1, 2))
     for node in (1, 2):
-        joined.next(0x700 + node, mark, data=lambda d: d == b"\0")
+        joined.write(node, 0x2072, 0, CLEAR)
     joined.reset()
     joined.write(1, 0x1006, 0, PERIOD_US)
     joined.write(1, 0x1005, 0, 0x4000_0080)
@@ -120,6 +119,15 @@ def pair(plumb: Plumb, joined: Master) -> Iterator[Master]:
     agreed(joined)
     yield joined
     plumb.type("heal all")
+
+
+def power_cycle(plumb: Plumb, master: Master, who: str, nodes: tuple[int, ...]) -> None:
+    plumb.type(f"power {who} off")
+    time.sleep(0.2)
+    mark = master.mark()
+    plumb.type(f"power {who} on")
+    for node in nodes:
+        master.next(0x700 + node, mark, data=lambda d: d == b"\0")
 
 
 def agreed(master: Master) -> None:
@@ -269,20 +277,31 @@ def test_the_first_event_stays_and_the_latest_is_in_box_2(plumb: Plumb, pair: Ma
         assert latest.event[:8] == read_log(pair, 1)[0][:8]
 
 
-def test_a_reset_leaves_both_and_a_loss_of_the_supply_empties_them(
-    plumb: Plumb, pair: Master
-) -> None:
+def test_a_reset_and_a_loss_of_the_supply_leave_both(plumb: Plumb, pair: Master) -> None:
     break_b(plumb, pair)
+    # Half a second for the box to be written, piece by piece beside the measuring.
+    wait_for_syncs(pair, 1_000_000 // PERIOD_US)
     kept = [upload(pair, 1, 0x2070, 0), upload(pair, 1, 0x2071, 1)]
     pair.reset(1)
     assert [upload(pair, 1, 0x2070, 0), upload(pair, 1, 0x2071, 1)] == kept
-    plumb.type("power a off")
-    time.sleep(0.2)
-    mark = pair.mark()
-    plumb.type("power a on")
-    pair.next(0x701, mark, data=lambda d: d == b"\0")
-    assert upload(pair, 1, 0x2070, 0) == bytes([1, 20, 0, 0]) and is_empty(pair, 1, 1)
-    assert read_log(pair, 2), "B had its supply"
+    power_cycle(plumb, pair, "a", (1,))
+    assert [upload(pair, 1, 0x2070, 0), upload(pair, 1, 0x2071, 1)] == kept
+
+
+def test_both_are_emptied_when_asked_to_and_not_in_operational(
+    plumb: Plumb, pair: Master
+) -> None:
+    break_b(plumb, pair)
+    assert pair.refusal(1, 0x2072, 0, CLEAR.to_bytes(4, "little")) == WRONG_STATE
+    pair.nmt(PRE_OPERATIONAL, 1)
+    assert pair.refusal(1, 0x2072, 0, b"save") == CANNOT_STORE
+    assert read_log(pair, 1) and not is_empty(pair, 1, 1)
+    pair.write(1, 0x2072, 0, CLEAR)
+    for again in (False, True):
+        if again:
+            power_cycle(plumb, pair, "a", (1,))
+        assert upload(pair, 1, 0x2070, 0) == bytes([1, 20, 0, 0]) and is_empty(pair, 1, 1)
+    assert read_log(pair, 2), "nobody has asked B"
 
 
 def toggle_range(master: Master, node: int) -> None:

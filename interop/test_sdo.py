@@ -5,23 +5,19 @@ from __future__ import annotations
 import binascii
 import struct
 import time
-import zlib
 from typing import Iterator
 
-import canopen
 import pytest
 from master import START, STOP, Master, Plumb, until
 
 TOGGLE, TIMEOUT, COMMAND, BLOCK_SIZE = 0x0503_0000, 0x0504_0000, 0x0504_0001, 0x0504_0002
-SEQUENCE, CRC, MEMORY = 0x0504_0003, 0x0504_0004, 0x0504_0005
+SEQUENCE = 0x0504_0003
 WRITE_ONLY, READ_ONLY, NO_OBJECT, NO_SUB = 0x0601_0001, 0x0601_0002, 0x0602_0000, 0x0609_0011
-LENGTH, TOO_LONG, TOO_SHORT = 0x0607_0010, 0x0607_0012, 0x0607_0013
+TOO_LONG, TOO_SHORT = 0x0607_0012, 0x0607_0013
 BAD_VALUE, TOO_HIGH, NO_DATA = 0x0609_0030, 0x0609_0031, 0x0800_0024
 WRONG_STATE, CANNOT_STORE = 0x0800_0022, 0x0800_0020
 REQUEST, ANSWER = 0x601, 0x581
 NAME = b"Plumb inclinometer"
-STOP_PROGRAM, START_PROGRAM, CLEAR_PROGRAM = 0, 1, 3
-IMAGE = bytes(i * i >> 3 & 0xFF for i in range(48 * 1024))
 
 
 @pytest.fixture(scope="module")
@@ -301,109 +297,3 @@ def test_the_calibration_by_blocks_of_any_size(master: Master, size: int) -> Non
     assert got[: len(whole)] == whole
     assert struct.unpack_from("<H", end, 1)[0] == crc(whole)
     master.send(REQUEST, b"\xa1".ljust(8, b"\0"))
-
-
-# Block download, and the program.
-
-
-@pytest.fixture
-def cleared(master: Master) -> Iterator[Master]:
-    """A node that waits for a program; afterwards it has forgotten it."""
-    for command in (STOP_PROGRAM, CLEAR_PROGRAM):
-        master.write(1, 0x1F51, 1, command)
-    assert (master.read(1, 0x1F51, 1), master.read(1, 0x1F57, 1)) == (3, 1 << 1)
-    yield master
-
-
-def program(master: Master, image: bytes, **options: object) -> None:
-    """Downloads an image in blocks as python-canopen does."""
-    sdo = master.nodes[1].sdo
-    stream = sdo.open(0x1F50, 1, "wb", size=len(image), block_transfer=True, **options)
-    stream.write(image)
-    stream.close()
-
-
-def test_a_program_of_48_kb_by_blocks(cleared: Master) -> None:
-    program(cleared, IMAGE)
-    assert cleared.read(1, 0x1F56, 1) == zlib.crc32(IMAGE)
-    assert (cleared.read(1, 0x1F51, 1), cleared.read(1, 0x1F57, 1)) == (0, 0)
-    mark = cleared.mark()
-    cleared.write(1, 0x1F51, 1, START_PROGRAM)
-    cleared.next(0x701, mark, data=lambda data: data == b"\0")
-    assert cleared.read(1, 0x1F51, 1) == 1
-
-
-@pytest.mark.parametrize("length", [1, 6, 7, 8, 14, 889, 890, 1778])
-def test_lengths_around_segments_and_blocks(cleared: Master, length: int) -> None:
-    program(cleared, IMAGE[-length:])
-    assert cleared.read(1, 0x1F56, 1) == zlib.crc32(IMAGE[-length:])
-
-
-def test_a_program_by_segments_works_too(cleared: Master) -> None:
-    cleared.nodes[1].sdo.download(0x1F50, 1, IMAGE[:1000], force_segment=True)
-    assert cleared.read(1, 0x1F56, 1) == zlib.crc32(IMAGE[:1000])
-
-
-def test_a_program_needs_a_stop_and_a_clear(master: Master) -> None:
-    with pytest.raises(canopen.SdoAbortedError) as refused:
-        program(master, IMAGE[:100])
-    assert refused.value.code == WRONG_STATE
-    assert master.read(1, 0x1F57, 1) == 4 << 1
-
-
-def test_a_program_that_does_not_fit_is_refused_at_its_announcement(cleared: Master) -> None:
-    answer = ask(cleared, begin(0xC6, 0x1F50, 1, struct.pack("<I", 1 << 24)))
-    assert reason(answer) == MEMORY
-
-
-def begin_block_download(master: Master, size: int) -> None:
-    answer = ask(master, begin(0xC6, 0x1F50, 1, struct.pack("<I", size)))
-    assert answer[0] == 0xA4 and answer[4] == 127
-
-
-def test_a_wrong_crc_ends_a_block_download(cleared: Master) -> None:
-    begin_block_download(cleared, 7)
-    assert ask(cleared, b"\x81Plumbed") == b"\xa2\x01\x7f\0\0\0\0\0"
-    wrong = struct.pack("<BH", 0xC1, crc(b"Plumbed") ^ 1)
-    assert reason(ask(cleared, wrong)) == CRC
-    # Nothing of it counts, and only a clear leads on.
-    assert cleared.read(1, 0x1F57, 1) == 3 << 1
-    assert cleared.refusal(1, 0x1F51, 1, b"\x01") == WRONG_STATE
-
-
-def test_a_lost_segment_is_told_and_taken_again(cleared: Master) -> None:
-    begin_block_download(cleared, 14)
-    # The second segment comes without the first: none has arrived in order.
-    assert ask(cleared, b"\x82ed bob ")[:2] == b"\xa2\0"
-    cleared.send(REQUEST, b"\x01A plumb")
-    assert ask(cleared, b"\x82ed bob ")[:2] == b"\xa2\x02"
-    assert ask(cleared, struct.pack("<BH", 0xC1, crc(b"A plumbed bob ")))[0] == 0xA1
-    assert cleared.read(1, 0x1F56, 1) == zlib.crc32(b"A plumbed bob ")
-
-
-def test_a_client_may_abort_in_the_middle_of_a_block_download(cleared: Master) -> None:
-    begin_block_download(cleared, 14)
-    cleared.send(REQUEST, b"\x01A plumb")
-    unanswered(cleared, abort(0x0800_0000, 0x1F50, 1))
-    assert cleared.read(1, 0x1F57, 1) == 3 << 1
-    cleared.write(1, 0x1F51, 1, CLEAR_PROGRAM)
-    program(cleared, IMAGE[:20])
-    assert cleared.read(1, 0x1F56, 1) == zlib.crc32(IMAGE[:20])
-
-
-def test_fewer_bytes_than_announced_are_refused(cleared: Master) -> None:
-    begin_block_download(cleared, 20)
-    ask(cleared, b"\x81Plumbed")
-    assert reason(ask(cleared, struct.pack("<BH", 0xC1, crc(b"Plumbed")))) == LENGTH
-
-
-def test_an_empty_download_is_refused(cleared: Master) -> None:
-    assert ask(cleared, begin(0x21, 0x1F50, 1, bytes(4)))[0] == 0x60
-    assert ask(cleared, b"\x0f") == abort(TOO_SHORT, 0x1F50, 1)
-    assert ask(cleared, begin(0x40, 0x1000))[0] == 0x43
-
-
-def test_a_program_is_not_taken_in_operational(master: Master) -> None:
-    master.nmt(START, 1)
-    assert master.refusal(1, 0x1F51, 1, b"\0") == WRONG_STATE
-    assert master.read(1, 0x1F51, 1) == 1

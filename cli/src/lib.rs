@@ -1,17 +1,20 @@
 //! `plumb`: the person's side of the instrument.
 //!
 //! One verb per folder: `demo` builds and tests virtual instruments, `replay` takes recordings of
-//! real ones, `describe` tells other tools about the nodes, `serve` puts virtual ones on a bus.
+//! real ones, `describe` tells other tools about the nodes, `serve` puts virtual ones on a bus,
+//! `image` builds a new program's file and `update` brings it to the nodes.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
 mod demo;
 mod describe;
+mod image;
 mod progress;
 mod replay;
 mod report;
 pub mod serve;
 mod text_table;
+mod update;
 
 use std::process::ExitCode;
 
@@ -36,10 +39,14 @@ enum Verb {
     Demo(demo::Arguments),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
+    /// Build and sign the file of a new program
+    Image(image::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
+    /// Bring a new program to the nodes on a bus, one after the other
+    Update(update::Arguments),
 }
 
 /// What the program does; its exit status.
@@ -49,8 +56,10 @@ pub fn run() -> ExitCode {
     let ended = match &line.verb {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
+        Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
     };
     match ended {
         Ok(code) => code,

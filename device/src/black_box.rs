@@ -41,7 +41,10 @@
 //! The time from frame to frame is the shorter one of the last two, so that one SYNC that was not
 //! judged doesn't pass for the period.
 //!
-//! Left out: what is an event (`device`), and memory that outlasts a loss of power.
+//! A complete box goes into the memory and comes back after a reset or a loss of power
+//! ([`BlackBox::save_at`], [`BlackBox::restore`]); it is in its format there.
+//!
+//! Left out: what is an event, and the memory (`device`).
 
 use canopen::sdo::TIMEOUT_MS;
 use tilt::sample::Instant;
@@ -65,6 +68,9 @@ pub const AFTER: usize = 16;
 
 /// Boxes.
 pub const BOXES: usize = 2;
+
+/// Bytes of a full box.
+pub const BOX_LENGTH: u32 = (HEAD + FRAME * (BEFORE + AFTER)) as u32;
 
 /// Without a frame for longer than this the recording begins anew, us.
 ///
@@ -115,6 +121,8 @@ struct Kept {
     period_us: u32,
     before: u8,
     after: u8,
+    /// The memory has it.
+    saved: bool,
     frames: [[u8; FRAME]; BEFORE + AFTER],
 }
 
@@ -124,6 +132,7 @@ impl Kept {
         period_us: 0,
         before: 0,
         after: 0,
+        saved: false,
         frames: [[0; FRAME]; BEFORE + AFTER],
     };
 
@@ -273,6 +282,7 @@ impl BlackBox {
         kept.period_us = self.period_us;
         kept.before = self.recorded;
         kept.after = 0;
+        kept.saved = false;
         let oldest = usize::from(self.next.wrapping_sub(self.recorded)) % BEFORE;
         let oldest_first = self.ring.iter().cycle().skip(oldest);
         let wanted = oldest_first.take(usize::from(self.recorded));
@@ -332,6 +342,61 @@ impl BlackBox {
     /// Closes the box under read, if there is one.
     pub const fn close(&mut self) {
         self.open = None;
+    }
+
+    /// A box that is complete and not in the memory yet, with the event that it was kept for.
+    pub fn next_unsaved(&mut self, now: Instant) -> Option<(u8, Entry)> {
+        self.break_off(now);
+        let complete = |number: &u8| *number != self.filling;
+        (1..=BOXES as u8).filter(complete).find_map(|number| {
+            let kept = self.kept(number).filter(|kept| !kept.saved)?;
+            Some((number, kept.entry))
+        })
+    }
+
+    /// Copies bytes of box `number` from `offset` on for the memory; how many, fewer only at the
+    /// end. `None` when it is not the box of `event` any more.
+    pub fn save_at(
+        &self,
+        number: u8,
+        event: &Entry,
+        offset: u32,
+        into: &mut [u8],
+    ) -> Option<usize> {
+        let kept = self.kept(number).filter(|kept| kept.entry == *event)?;
+        Some(kept.read_at(kept.after, offset, into))
+    }
+
+    /// The memory has box `number` now, or never will.
+    pub fn saved(&mut self, number: u8) {
+        if let Some(kept) = self.kept.get_mut(place(number)) {
+            kept.saved = true;
+        }
+    }
+
+    /// Fills the empty box `number` with what `source` gives: offset and room in, the number of
+    /// bytes out. It stays empty where that is no box.
+    pub fn restore(&mut self, number: u8, source: &mut dyn FnMut(u32, &mut [u8]) -> usize) {
+        let Some(kept) = self.kept.get_mut(place(number)) else {
+            return;
+        };
+        let (mut sizes, mut entry) = ([0; 8], [0; ENTRY]);
+        if source(0, &mut sizes) < sizes.len() || source(8, &mut entry) < ENTRY {
+            return;
+        }
+        let [version, size, before, after, period @ ..] = sizes;
+        let known = version == VERSION && usize::from(size) == FRAME;
+        let fits = (1..=BEFORE).contains(&usize::from(before)) && usize::from(after) <= AFTER;
+        let count = usize::from(before) + usize::from(after);
+        let Some(frames) = kept.frames.get_mut(..count).filter(|_| known && fits) else {
+            return;
+        };
+        if source(HEAD as u32, frames.as_flattened_mut()) < FRAME * count {
+            return;
+        }
+        kept.period_us = u32::from_le_bytes(period);
+        kept.entry = Entry::decode(&entry);
+        (kept.before, kept.after, kept.saved) = (before, after, true);
     }
 
     /// Empties both boxes and begins the recording anew, as a reset does.

@@ -13,6 +13,7 @@
 //! caller's to pass.
 
 mod board;
+mod keeping;
 mod pair;
 mod report;
 mod sending;
@@ -42,6 +43,7 @@ use crate::objects::process::SyncSource;
 use crate::objects::values::Values;
 use crate::sensor::InitError;
 
+use keeping::Keeping;
 use pair::Pair;
 use sending::{PDOS, Sending};
 use trial::Trial;
@@ -104,6 +106,7 @@ pub struct Device<SPI, M> {
     pair: Pair,
     log: FaultLog,
     black_box: BlackBox,
+    keeping: Keeping,
     /// When the code was started: the log's time begins here.
     started: Instant,
     /// When the sensor was last seen sound, for setting it up anew.
@@ -171,6 +174,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             pair: Pair::new(),
             log: FaultLog::new(),
             black_box: BlackBox::new(),
+            keeping: Keeping::new(),
             started: Instant(0),
             sensor_sound: Instant(0),
             next_sum: Instant(0),
@@ -199,13 +203,6 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         (&mut self.bus, panel)
     }
 
-    /// The supply was gone: the fault log and the black box are empty. A reset leaves them alone,
-    /// because whoever resets a machine that has stopped wants to know why it did.
-    pub fn power_lost(&mut self) {
-        self.log.clear();
-        self.black_box.clear();
-    }
-
     /// First half of a start or reset: the stored calibration, then the part's set-up.
     ///
     /// Takes about 20 ms of `delay`. Errors: see [`Channel::start`]; the device goes on the bus
@@ -219,10 +216,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.faults = Faults::default();
         self.pending = Faults::default();
         self.pair = Pair::new();
-        self.log.restarted();
         self.standing_in = false;
         self.work.motor = Motor::new();
         self.values.storage_failed = self.memory.start().is_err();
+        self.recall_events();
         self.recall_calibration();
         self.remember_calibration();
         self.sensor_sound = now;
@@ -433,6 +430,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     pub fn take_wish(&mut self) -> Option<Wish> {
         let news = &mut self.values.news;
         if core::mem::take(&mut news.reset) {
+            self.keep_all(self.next_refresh);
             return Some(Wish::Reset);
         }
         if core::mem::take(&mut news.sensor) {

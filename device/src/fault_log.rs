@@ -35,7 +35,11 @@
 //! A box may have been taken for a later event since: it is this entry's while the head of the box
 //! has this entry's time and SYNC count.
 //!
-//! Left out: what is an event (`device`), and memory that outlasts a loss of power.
+//! Each entry goes into the memory soon after it was made and comes back after a reset or a loss of
+//! power, without the repetitions that were counted since ([`FaultLog::next_unsaved`],
+//! [`FaultLog::restore`]).
+//!
+//! Left out: what is an event, and the memory (`device`).
 
 /// The version written.
 const VERSION: u8 = 1;
@@ -44,7 +48,7 @@ const VERSION: u8 = 1;
 pub const ENTRIES: usize = 16;
 
 /// Bytes of an encoded entry.
-pub(crate) const ENTRY: usize = 20;
+pub const ENTRY: usize = 20;
 
 /// Bytes before the first entry.
 const HEAD: usize = 4;
@@ -98,6 +102,23 @@ impl Entry {
             && self.reason == other.reason
     }
 
+    /// An entry from the format above.
+    pub(crate) const fn decode(bytes: &[u8; ENTRY]) -> Self {
+        let [t0, t1, t2, t3, s0, s1, s2, s3, c0, c1, rest @ ..] = *bytes;
+        let [f0, f1, f2, f3, state, blamed, reason, number, r0, r1] = rest;
+        Self {
+            at_ms: u32::from_le_bytes([t0, t1, t2, t3]),
+            sync: u32::from_le_bytes([s0, s1, s2, s3]),
+            code: u16::from_le_bytes([c0, c1]),
+            faults: u32::from_le_bytes([f0, f1, f2, f3]),
+            state,
+            blamed,
+            reason,
+            box_number: number,
+            repeats: u16::from_le_bytes([r0, r1]),
+        }
+    }
+
     /// The entry in the format above.
     pub(crate) const fn encode(&self) -> [u8; ENTRY] {
         let [t0, t1, t2, t3] = self.at_ms.to_le_bytes();
@@ -149,6 +170,8 @@ pub struct FaultLog {
     count: u8,
     /// Entries that have been made, 255 for more.
     total: u8,
+    /// How many of the newest ones are not in the memory yet.
+    unsaved: u8,
     /// The copy under read.
     head: [u8; HEAD],
     body: [[u8; ENTRY]; ENTRIES],
@@ -167,6 +190,7 @@ impl FaultLog {
             next: 0,
             count: 0,
             total: 0,
+            unsaved: 0,
             head: [VERSION, ENTRY as u8, 0, 0],
             body: [[0; ENTRY]; ENTRIES],
         }
@@ -176,8 +200,12 @@ impl FaultLog {
     ///
     /// True when it has got an entry, false when it was counted as a repetition.
     pub fn add(&mut self, entry: Entry) -> bool {
-        let known = self.kept.iter_mut().take(usize::from(self.count));
-        for kept in known {
+        let (next, count) = (usize::from(self.next), usize::from(self.count));
+        for (place, kept) in self.kept.iter_mut().enumerate() {
+            // As many places back from the next one count as there are entries.
+            if (next + ENTRIES - 1 - place) % ENTRIES >= count {
+                continue;
+            }
             let since = entry.at_ms.wrapping_sub(kept.last_ms);
             if !kept.before_reset && since <= REPEAT_MS && kept.entry.is_same(&entry) {
                 kept.last_ms = entry.at_ms;
@@ -195,6 +223,7 @@ impl FaultLog {
         self.next = (self.next + 1) % ENTRIES as u8;
         self.count = (self.count + 1).min(ENTRIES as u8);
         self.total = self.total.saturating_add(1);
+        self.unsaved = (self.unsaved + 1).min(ENTRIES as u8);
         true
     }
 
@@ -236,11 +265,30 @@ impl FaultLog {
         copy(&self.head, entries.as_flattened(), offset, into)
     }
 
-    /// The device starts anew, and its time with it: what comes now is no repetition.
-    pub fn restarted(&mut self) {
-        for kept in &mut self.kept {
-            kept.before_reset = true;
+    /// The oldest entry that is not in the memory yet.
+    pub fn next_unsaved(&self) -> Option<Entry> {
+        let place = usize::from(self.unsaved.checked_sub(1)?);
+        self.iter().nth(place).copied()
+    }
+
+    /// That entry is in the memory now, or never will be.
+    pub const fn saved(&mut self) {
+        self.unsaved = self.unsaved.saturating_sub(1);
+    }
+
+    /// Puts an event from before the start behind the oldest one of a log to which nothing was
+    /// added. What comes after the start is no repetition of it, since times were others then.
+    pub fn restore(&mut self, entry: Entry) {
+        let place = ENTRIES.checked_sub(usize::from(self.count) + 1);
+        if let Some(kept) = place.and_then(|place| self.kept.get_mut(place)) {
+            *kept = Kept {
+                entry,
+                last_ms: entry.at_ms,
+                before_reset: true,
+            };
+            self.count += 1;
         }
+        self.total = self.total.saturating_add(1);
     }
 
     /// Forgets every event. A copy under read stays whole.
@@ -248,6 +296,7 @@ impl FaultLog {
         self.next = 0;
         self.count = 0;
         self.total = 0;
+        self.unsaved = 0;
     }
 }
 
@@ -398,11 +447,76 @@ mod tests {
     #[test]
     fn the_same_event_after_a_reset_is_a_new_one() {
         let mut log = FaultLog::new();
-        assert!(log.add(event(500, 0xFF13)));
-        log.restarted();
+        log.restore(event(500, 0xFF13));
         assert!(log.add(event(600, 0xFF13)));
         assert!(!log.add(event(700, 0xFF13)));
         assert_eq!(log.iter().count(), 2);
+    }
+
+    #[test]
+    fn what_was_saved_comes_back_in_its_order_and_older_ones_are_counted() {
+        let mut log = FaultLog::new();
+        let mut memory = Vec::new();
+        for n in 1..=20 {
+            log.add(Entry {
+                sync: 0x0102_0304,
+                faults: 0x0A0B_0C0D,
+                state: 13,
+                blamed: 2,
+                reason: 9,
+                box_number: 1,
+                ..event(u32::from(n) * 5000, n)
+            });
+            let entry = log.next_unsaved().unwrap();
+            memory.push(Entry::decode(&entry.encode()));
+            log.saved();
+            assert_eq!(log.next_unsaved(), None);
+        }
+        let mut restored = FaultLog::new();
+        for entry in memory.iter().rev() {
+            restored.restore(*entry);
+        }
+        assert_eq!(upload(&mut restored, 50), upload(&mut log, 50));
+        // Ones from before are no news, and a new one is the newest.
+        assert_eq!(restored.next_unsaved(), None);
+        assert!(restored.add(event(1, 99)));
+        let codes: Vec<u16> = restored.iter().map(|entry| entry.code).collect();
+        let expected: Vec<u16> = [99].into_iter().chain((6..=20).rev()).collect();
+        assert_eq!(codes, expected);
+        assert_eq!(restored.next_unsaved(), Some(event(1, 99)));
+    }
+
+    /// The places that a short log left free held an event without faults.
+    #[test]
+    fn faults_that_had_gone_after_a_start_were_a_repetition_of_nothing() {
+        let mut log = FaultLog::new();
+        for n in 0..8 {
+            log.restore(event(4000 - n, 7));
+        }
+        for n in 0..8 {
+            assert!(
+                log.add(event(400 + u32::from(n), n % 2 * 9 + n / 2 * 20)),
+                "{n}"
+            );
+        }
+        assert_eq!(log.iter().count(), 16);
+        let times: Vec<u32> = log.iter().map(|entry| entry.at_ms).collect();
+        let new = (400..408).rev();
+        assert_eq!(times, new.chain((3993..=4000).rev()).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn events_are_saved_in_the_order_in_which_they_came() {
+        let mut log = FaultLog::new();
+        for n in 0..20 {
+            log.add(event(0, n));
+        }
+        // Four of them were never saved, and are gone.
+        for n in 4..20 {
+            assert_eq!(log.next_unsaved().map(|entry| entry.code), Some(n));
+            log.saved();
+        }
+        assert_eq!(log.next_unsaved(), None);
     }
 
     #[test]

@@ -8,7 +8,9 @@
 
 pub mod parameters;
 
+use crate::black_box::BOX_LENGTH;
 use crate::calibration::encoding::MAX_LENGTH;
+use crate::fault_log::ENTRY;
 
 /// What is kept, each on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,13 +29,17 @@ pub enum Record {
     /// The calibration that the part was delivered with; written in the factory, and never by
     /// the device.
     Delivered,
+    /// The first box of the black box; written by the device when it is full.
+    Box1,
+    /// The second one.
+    Box2,
 }
 
 impl Record {
     /// How many records there are.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 8;
 
-    /// Every record that the device writes.
+    /// Every record that holds what somebody has set.
     pub const ALL: [Self; 5] = [
         Self::Communication,
         Self::Profile,
@@ -49,6 +55,7 @@ impl Record {
             Self::Profile | Self::Manufacturer => 256,
             Self::Lss => 32,
             Self::Calibration | Self::Delivered => MAX_LENGTH,
+            Self::Box1 | Self::Box2 => BOX_LENGTH,
         }
     }
 }
@@ -110,6 +117,30 @@ pub trait RecordStore {
     ///
     /// Errors: [`StoreError::Hardware`], [`StoreError::Full`].
     fn erase(&mut self, record: Record) -> Result<(), StoreError>;
+}
+
+/// Where events are kept as they happen, each whole or not at all, until newer ones take their
+/// place.
+pub trait EventStore {
+    /// Hands out the events that are kept, newest first, until `each` answers false.
+    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY]) -> bool);
+
+    /// Keeps one more. About 1 ms on the chip.
+    ///
+    /// Errors: [`StoreError::Full`]: not before [`EventStore::make_room`];
+    /// [`StoreError::Hardware`].
+    fn keep_event(&mut self, event: &[u8; ENTRY]) -> Result<(), StoreError>;
+
+    /// Forgets every event. Errors: those of [`EventStore::keep_event`].
+    fn clear_events(&mut self) -> Result<(), StoreError>;
+
+    /// Whether [`EventStore::make_room`] has something to do.
+    fn needs_room(&self) -> bool;
+
+    /// Makes room ahead for events and for a box, which erases: not in OPERATIONAL.
+    ///
+    /// The last 16 events stay. Errors: [`StoreError::Hardware`], [`StoreError::Full`].
+    fn make_room(&mut self) -> Result<(), StoreError>;
 }
 
 #[cfg(test)]

@@ -485,16 +485,67 @@ fn log_and_black_box_hold_the_event_and_what_was_on_the_bus_around_it() {
     // By block transfer they are the same.
     assert_eq!(pair.block_upload(at(0x2070, 0)), log);
     assert_eq!(pair.block_upload(at(0x2071, 1)), black_box);
-    // A reset leaves both, a loss of the supply doesn't.
+    // A reset leaves both, because the memory has them; 2072h empties both for good.
     pair.hears(0, &[129, 1]);
     pair.seconds(0.5);
     assert_eq!(pair.upload(at(0x2071, 1)), black_box);
-    pair.device.power_lost();
-    assert_eq!(
-        pair.read(at(0x2070, 0)),
-        0x1401,
-        "head only: version and length, no entries"
-    );
+    assert_eq!(pair.upload(at(0x2070, 0))[4..], log[4..]);
+    pair.hears(0, &[128, 1]);
+    pair.write(at(0x2072, 0), Value::u32(0x6165_6C63));
+    for _ in 0..2 {
+        let empty = "head only: version and length, no entries";
+        assert_eq!(pair.read(at(0x2070, 0)), 0x1401, "{empty}");
+        pair.hears(0, &[129, 1]);
+        pair.seconds(0.5);
+    }
+}
+
+/// A pair that saw its part lose the supply two seconds ago, with flash that is cut after so many
+/// operations from then on.
+fn after_an_incident(cut: Option<u64>) -> (Pair, u64) {
+    let mut pair = Pair::working();
+    let before = pair.device.memory().flash().operations();
+    if let Some(cut) = cut {
+        pair.device.memory().flash_mut().cut_after(cut);
+    }
+    pair.brown_out();
+    pair.seconds(2.0);
+    let operations = pair.device.memory().flash().operations() - before;
+    pair.device.memory().flash_mut().power_up();
+    pair.boot();
+    (pair, operations)
+}
+
+#[test]
+fn a_cut_while_an_incident_is_written_leaves_each_event_and_the_box_whole_or_away() {
+    let (mut whole, operations) = after_an_incident(None);
+    let log = whole.upload(at(0x2070, 0));
+    let black_box = whole.upload(at(0x2071, 1));
+    let events: Vec<&[u8]> = log[4..].chunks(20).collect();
+    assert!(events.len() >= 2 && black_box.len() == 1660, "{log:?}");
+    assert!(operations > 830, "{operations}");
+    let (mut fewest, mut boxes) = (events.len(), 0);
+    for cut in (0..operations).step_by(5) {
+        let (mut pair, _) = after_an_incident(Some(cut));
+        // An empty log is four bytes, which come in the answer itself.
+        let empty = pair.ask([0x40, 0x70, 0x20, 0, 0, 0, 0, 0]).pop().unwrap()[0] == 0x43;
+        let found = if empty {
+            vec![1, 20, 0, 0]
+        } else {
+            pair.upload(at(0x2070, 0))
+        };
+        let kept: Vec<&[u8]> = found[4..].chunks(20).collect();
+        assert!(events.ends_with(&kept), "{cut}: {kept:?}");
+        fewest = fewest.min(kept.len());
+        let answer = pair.ask([0x40, 0x71, 0x20, 1, 0, 0, 0, 0]).pop().unwrap();
+        if answer[0] == 0x41 {
+            pair.ask([0x80, 0x71, 0x20, 1, 0, 0, 0, 0]);
+            assert_eq!(pair.upload(at(0x2071, 1)), black_box, "{cut}");
+            boxes += 1;
+        }
+    }
+    assert_eq!(fewest, 0, "the first cuts come before the first event");
+    assert!(boxes <= 2, "{boxes}");
 }
 
 #[test]

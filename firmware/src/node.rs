@@ -7,7 +7,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
-use device::memory::update::Anybody;
+use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
@@ -20,12 +20,12 @@ use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
 use crate::inbox::Inbox;
-use crate::part::LAYOUT;
+use crate::part::{LAYOUT, SIGNATURES};
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
 
 /// Records and programs, in the chip's own flash.
-type Memory = FlashMemory<Nor, Anybody>;
+type Memory = FlashMemory<Nor, Ed25519>;
 
 /// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
@@ -57,7 +57,7 @@ impl Node {
             running: self_check::running_slot(),
             hardware: LAYOUT.hardware,
         };
-        let memory = FlashMemory::new(board.nor, build, Anybody);
+        let memory = FlashMemory::new(board.nor, build, SIGNATURES);
         Self {
             unit: Unit::new(),
             device: Device::new(board.sensor, check, factory, memory),

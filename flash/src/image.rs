@@ -24,8 +24,8 @@
 //! | 256 to 511 | marks of the slot ([`slots`](crate::slots)); FFh in a file |
 //! | 512 on | body: vector table, code, constants |
 //!
-//! The signature is over bytes 0 to 31 and the body, in this order ([`Header::signed`]). No check
-//! sum covers the signature, since whoever checks it finds it wrong.
+//! The signature is over the SHA-512 of bytes 0 to 31 and the body, in this order
+//! ([`Header::signed`]). No check sum covers the signature, since whoever checks it finds it wrong.
 //!
 //! Left out: the check of the signature, and which of two images runs.
 

@@ -7,32 +7,38 @@
 //!
 //! Left out: the time that erases and programs take.
 
-use device::memory::update::Anybody;
+use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use flash::check_sum::Crc32;
-use flash::image::{FIELDS, Header, Signature, Version};
+use flash::image::{FIELDS, Header, SIGNATURE, SIGNATURE_AT, Signature, Version};
 use flash::layout::{BASE, HEADER, PAGE, RC, Region, Slot};
 use flash::nor::{Draw, Nor, NorError, Page};
 use flash::slots::{self, Decision, MARKS, factory_marks};
 
+use salty::{Keypair, Sha512};
+
 use crate::rng::Rng;
 
-/// The hardware id that images for this board name: "PLB1" as a little-endian word.
-pub const HARDWARE: u32 = u32::from_le_bytes(*b"PLB1");
+/// The hardware id that images for this board name.
+pub const HARDWARE: u32 = RC.hardware;
 
 /// The version that a node leaves the factory with.
 pub const FACTORY: Version = Version::new(0, 1, 0);
 
+/// The secret key that images for simulated nodes are signed with. Everybody may know it: nothing
+/// but a simulated node believes it.
+pub const DEVELOPMENT: &[u8; 32] = b"not secret: for simulated nodes.";
+
 /// A node's memory.
-pub type Memory = FlashMemory<Chip>;
+pub type Memory = FlashMemory<Chip, Ed25519>;
 
 /// What a new node finds: the factory's program, and no records.
 pub fn blank() -> Memory {
     let mut chip = Chip::default();
-    let image = image(Slot::A, FACTORY, Signature::None, b"plumb host program\n\0");
+    let image = image(Slot::A, FACTORY, SOUND);
     chip.burn(RC.a, &image);
     chip.burn_at(RC.a.start + MARKS, &factory_marks());
     let build = Build {
@@ -40,18 +46,39 @@ pub fn blank() -> Memory {
         running: Slot::A,
         hardware: HARDWARE,
     };
-    FlashMemory::new(chip, build, Anybody)
+    let signatures = Ed25519 {
+        key: Keypair::from(DEVELOPMENT).public.to_bytes(),
+        unsigned: false,
+    };
+    FlashMemory::new(chip, build, signatures)
 }
 
-/// The file of an image for `slot` with this body, a multiple of 4 bytes long.
+/// The file of an image for `slot` with this body, a multiple of 4 bytes long, signed with
+/// [`DEVELOPMENT`].
 ///
 /// # Panics
 /// When the part has no such slot.
-pub fn image(slot: Slot, version: Version, signature: Signature, body: &[u8]) -> Vec<u8> {
+pub fn image(slot: Slot, version: Version, body: &[u8]) -> Vec<u8> {
+    let mut file = unsigned(slot, HARDWARE, version, Signature::Ed25519, body);
+    sign(&mut file, DEVELOPMENT);
+    file
+}
+
+/// The file of an image that says how it is signed and is not.
+///
+/// # Panics
+/// When the part has no such slot.
+pub fn unsigned(
+    slot: Slot,
+    hardware: u32,
+    version: Version,
+    signature: Signature,
+    body: &[u8],
+) -> Vec<u8> {
     let region = RC.slot(slot).expect("the RC has both slots");
     let header = Header {
         signature,
-        hardware: HARDWARE,
+        hardware,
         version,
         address: BASE + region.start + HEADER,
         length: body.len() as u32,
@@ -63,6 +90,18 @@ pub fn image(slot: Slot, version: Version, signature: Signature, body: &[u8]) ->
     file
 }
 
+/// Signs the file of one image with the secret key `seed`.
+///
+/// # Panics
+/// When it is shorter than a header.
+pub fn sign(file: &mut [u8], seed: &[u8; 32]) {
+    let mut digest = Sha512::new();
+    digest.update(&file[..SIGNATURE_AT as usize]);
+    digest.update(&file[HEADER as usize..]);
+    let signature = Keypair::from(seed).sign(&digest.finalize()).to_bytes();
+    file[SIGNATURE_AT as usize..][..SIGNATURE].copy_from_slice(&signature);
+}
+
 /// What the image that was started does, which its body says: the simulation runs none of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
@@ -71,6 +110,9 @@ pub enum Program {
     /// It does not get to its samples, so it never passes its trial: a body of [`SICK`].
     Sick,
 }
+
+/// The body of an image that works.
+pub const SOUND: &[u8] = b"plumb host program.\n";
 
 /// How the body of an image begins that fails its trial.
 pub const SICK: &[u8] = b"plumb host program, sick";

@@ -117,6 +117,8 @@ impl Keep {
             Record::Lss => "lss",
             Record::Calibration => "calibration",
             Record::Delivered => "delivered",
+            Record::Box1 => "box-1",
+            Record::Box2 => "box-2",
         };
         self.folder.join(format!("{}-{record}", node_name(node)))
     }

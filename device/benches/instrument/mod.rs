@@ -9,12 +9,13 @@ use canopen::{Frame, Instant as BusInstant};
 use device::black_box::BlackBox;
 use device::calibration::motor::{Motor, Terms};
 use device::channel::Settings;
+use device::fault_log::ENTRY;
 use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
 use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
-use device::records::{Record, RecordStore, StoreError};
+use device::records::{EventStore, Record, RecordStore, StoreError};
 use device::sensor::Config;
 use flash::Progress;
 use tilt::angle::{Axes, Harmonics};
@@ -65,6 +66,26 @@ impl RecordStore for Nothing {
 
     fn erase(&mut self, _: Record) -> Result<(), StoreError> {
         Err(StoreError::Hardware)
+    }
+}
+
+impl EventStore for Nothing {
+    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {}
+
+    fn keep_event(&mut self, _: &[u8; ENTRY]) -> Result<(), StoreError> {
+        Err(StoreError::Hardware)
+    }
+
+    fn clear_events(&mut self) -> Result<(), StoreError> {
+        Err(StoreError::Hardware)
+    }
+
+    fn needs_room(&self) -> bool {
+        false
+    }
+
+    fn make_room(&mut self) -> Result<(), StoreError> {
+        Ok(())
     }
 }
 

@@ -33,7 +33,7 @@
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Correction};
 use tilt::table::{MAX_POINTS, Point, Rule, Table, TableError};
-use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
+use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::Uncertainty;
 use tilt::vector::Vector;
 
@@ -47,23 +47,17 @@ pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
 /// The version written, and the only one read.
 pub const VERSION: u32 = 1;
 
-/// Words before the temperature model.
-const HEAD: usize = 9;
+/// Words before the kinds.
+const HEAD: u32 = 3;
+
+/// Words from the kinds to the temperature model.
+const BUDGET: usize = 6;
 
 /// Words of a piecewise model.
 const PIECEWISE: usize = KNOTS + 3 * (KNOTS - 1);
 
-/// Words of a quadratic model.
-const QUADRATIC: usize = 12;
-
-/// Words of an affine correction.
-const VECTOR: usize = 12;
-
-/// Words of the harmonics of one axis.
-const HARMONICS: usize = 6;
-
 /// The longest encoding in bytes: a piecewise model and two full tables.
-pub const MAX_LENGTH: u32 = 4 * (HEAD + PIECEWISE + 2 * (1 + 2 * MAX_POINTS) + 1) as u32;
+pub const MAX_LENGTH: u32 = 4 * (HEAD + (BUDGET + PIECEWISE + 2 * (1 + 2 * MAX_POINTS) + 1) as u32);
 
 /// Why bytes are no calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,66 +88,107 @@ pub enum DecodeError {
 
 /// Length of the encoding in bytes.
 pub fn length(calibration: &Calibration) -> u32 {
-    let words = HEAD + temperature_size(&calibration.temperature);
-    let words = words + correction_size(&calibration.correction) + 1;
-    (words * 4) as u32
+    let mut words = HEAD;
+    content(calibration, &mut |_| words += 1);
+    // The check sum is one more.
+    4 * (words + 1)
 }
 
 /// Writes the encoding from byte `offset` on into `into`; how many bytes, fewer only at the end.
+///
+/// Goes through all of it each time, since a machine reads its calibration once in a while.
 pub fn read_at(calibration: &Calibration, offset: u32, into: &mut [u8]) -> usize {
     let end = length(calibration);
-    let mut written = 0;
-    for (at, byte) in (offset..end).zip(into.iter_mut()) {
-        let place = (at >> 2) as usize;
-        let word = if at < end - 4 {
-            word(calibration, place)
-        } else {
-            check_sum(calibration, place)
-        };
-        *byte = (word >> (8 * (at & 3))) as u8;
-        written += 1;
+    let size = (into.len() as u32).min(end.saturating_sub(offset));
+    let mut at = 0_u32;
+    let mut put = |word: u32| {
+        for byte in word.to_le_bytes() {
+            let place = at.checked_sub(offset).map(|place| place as usize);
+            if let Some(slot) = place.and_then(|place| into.get_mut(place)) {
+                *slot = byte;
+            }
+            at += 1;
+        }
+    };
+    words(calibration, &mut put);
+    if offset + size > end - 4 {
+        put(identity(calibration));
     }
-    written
+    size as usize
 }
 
 /// The CRC-32 at the end of the encoding: what tells one calibration from another.
 pub fn identity(calibration: &Calibration) -> u32 {
-    let words = (length(calibration) >> 2) as usize;
-    check_sum(calibration, words.saturating_sub(1))
-}
-
-/// The check sum over the first `words` words.
-fn check_sum(calibration: &Calibration, words: usize) -> u32 {
     let mut crc = Crc32::new();
-    for place in 0..words {
-        crc.add(&word(calibration, place).to_le_bytes());
-    }
+    words(calibration, &mut |word| crc.add(&word.to_le_bytes()));
     crc.value()
 }
 
-/// One word of the encoding; 0 beyond the content.
-fn word(calibration: &Calibration, place: usize) -> u32 {
+/// Every word but the check sum, in order.
+fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
+    put(MAGIC);
+    put(VERSION);
+    put(length(calibration));
+    content(calibration, put);
+}
+
+/// Every word from the kinds on.
+fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
     let budget = &calibration.budget;
-    match place {
-        0 => MAGIC,
-        1 => VERSION,
-        2 => length(calibration),
-        3 => kinds(calibration),
-        4 => budget.noise,
-        5 => budget.repeatability,
-        6 => budget.hysteresis,
-        7 => budget.reference.0,
-        8 => budget.residual.0,
-        HEAD.. => {
-            let place = place - HEAD;
-            let size = temperature_size(&calibration.temperature);
-            let word = match place.checked_sub(size) {
-                None => temperature_word(&calibration.temperature, place),
-                Some(place) => correction_word(&calibration.correction, place),
-            };
-            word.unwrap_or(0) as u32
+    put(kinds(calibration));
+    put(budget.noise);
+    put(budget.repeatability);
+    put(budget.hysteresis);
+    put(budget.reference.0);
+    put(budget.residual.0);
+    let mut all = |numbers: &[i32]| numbers.iter().for_each(|number| put(*number as u32));
+    match &calibration.temperature {
+        TemperatureModel::None => {}
+        TemperatureModel::DataSheet(model) => all(&model.tco_q8),
+        TemperatureModel::Piecewise(model) => {
+            model.knots.iter().for_each(|knot| all(&[knot.0]));
+            all(model.slopes_q8.as_flattened());
+        }
+        TemperatureModel::Quadratic(model) => {
+            let Quadratic {
+                offset1_q8,
+                offset2_q16,
+                gain1_q38,
+                gain2_q46,
+            } = model;
+            for part in [offset1_q8, offset2_q16, gain1_q38, gain2_q46] {
+                all(part);
+            }
         }
     }
+    match &calibration.correction {
+        Correction::Tables { tables, .. } => [&tables.x, &tables.y].into_iter().for_each(|table| {
+            all(&[table.points().len() as i32]);
+            table
+                .points()
+                .iter()
+                .for_each(|point| all(&[point.accel, point.angle.0]));
+        }),
+        Correction::TwoAxis { vector, harmonics } => {
+            affine(vector, &mut all);
+            wave(&harmonics.x, &mut all);
+            wave(&harmonics.y, &mut all);
+        }
+        Correction::OneAxis { vector, harmonics } => {
+            affine(vector, &mut all);
+            wave(harmonics, &mut all);
+        }
+    }
+}
+
+fn affine(vector: &Vector, all: &mut dyn FnMut(&[i32])) {
+    all(vector.matrix.as_flattened());
+    all(&vector.offset);
+}
+
+fn wave(harmonics: &Harmonics, all: &mut dyn FnMut(&[i32])) {
+    all(&harmonics.cosine);
+    all(&harmonics.sine);
 }
 
 fn kinds(calibration: &Calibration) -> u32 {
@@ -188,97 +223,6 @@ const fn rule_code(rule: Rule) -> u8 {
     }
 }
 
-const fn temperature_size(model: &TemperatureModel) -> usize {
-    match model {
-        TemperatureModel::None => 0,
-        TemperatureModel::DataSheet(_) => 3,
-        TemperatureModel::Piecewise(_) => PIECEWISE,
-        TemperatureModel::Quadratic(_) => QUADRATIC,
-    }
-}
-
-fn correction_size(correction: &Correction) -> usize {
-    match correction {
-        Correction::Tables { tables, .. } => table_size(&tables.x) + table_size(&tables.y),
-        Correction::TwoAxis { .. } => VECTOR + 2 * HARMONICS,
-        Correction::OneAxis { .. } => VECTOR + HARMONICS,
-    }
-}
-
-fn table_size(table: &Table) -> usize {
-    1 + 2 * table.points().len()
-}
-
-/// The number at `place` in the row of `parts`.
-fn pick(parts: &[&[i32]], mut place: usize) -> Option<i32> {
-    for part in parts {
-        match part.get(place) {
-            Some(number) => return Some(*number),
-            None => place = place.checked_sub(part.len())?,
-        }
-    }
-    None
-}
-
-fn temperature_word(model: &TemperatureModel, place: usize) -> Option<i32> {
-    match model {
-        TemperatureModel::None => None,
-        TemperatureModel::DataSheet(model) => pick(&[&model.tco_q8], place),
-        TemperatureModel::Piecewise(model) => match model.knots.get(place) {
-            Some(knot) => Some(knot.0),
-            None => pick(&[model.slopes_q8.as_flattened()], place.checked_sub(KNOTS)?),
-        },
-        TemperatureModel::Quadratic(model) => {
-            let Quadratic {
-                offset1_q8,
-                offset2_q16,
-                gain1_q38,
-                gain2_q46,
-            } = model;
-            pick(&[offset1_q8, offset2_q16, gain1_q38, gain2_q46], place)
-        }
-    }
-}
-
-fn correction_word(correction: &Correction, place: usize) -> Option<i32> {
-    match correction {
-        Correction::Tables { tables, .. } => match place.checked_sub(table_size(&tables.x)) {
-            None => table_word(&tables.x, place),
-            Some(place) => table_word(&tables.y, place),
-        },
-        Correction::TwoAxis { vector, harmonics } => {
-            let Axes { x, y } = harmonics;
-            let matrix = vector.matrix.as_flattened();
-            let parts = [
-                matrix,
-                &vector.offset,
-                &x.cosine,
-                &x.sine,
-                &y.cosine,
-                &y.sine,
-            ];
-            pick(&parts, place)
-        }
-        Correction::OneAxis { vector, harmonics } => {
-            let matrix = vector.matrix.as_flattened();
-            let parts = [matrix, &vector.offset, &harmonics.cosine, &harmonics.sine];
-            pick(&parts, place)
-        }
-    }
-}
-
-fn table_word(table: &Table, place: usize) -> Option<i32> {
-    let Some(place) = place.checked_sub(1) else {
-        return Some(table.points().len() as i32);
-    };
-    let point = table.points().get(place >> 1)?;
-    Some(if place & 1 == 0 {
-        point.accel
-    } else {
-        point.angle.0
-    })
-}
-
 /// Where bytes come from: offset and room in, the number of bytes out (fewer only at the end).
 pub type Source<'a> = dyn FnMut(u32, &mut [u8]) -> usize + 'a;
 
@@ -296,21 +240,12 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     budget.hysteresis = words.next()?;
     budget.reference = Uncertainty(words.next()?);
     budget.residual = Uncertainty(words.next()?);
-    result.temperature = words.temperature(temperature)?;
+    words.temperature(temperature, &mut result.temperature)?;
     let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
     if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
         return Err(DecodeError::Kind);
     }
-    match correction {
-        0 => {
-            let tables = tables_in(&mut result.correction, rule);
-            let Axes { x, y } = tables.ok_or(DecodeError::Kind)?;
-            words.table(x, Axis::X)?;
-            words.table(y, Axis::Y)?;
-        }
-        1 | 2 => result.correction = words.vector(correction)?,
-        _ => return Err(DecodeError::Kind),
-    }
+    words.correction(correction, rule, &mut result.correction)?;
     if words.at != end {
         return Err(DecodeError::Length);
     }
@@ -381,70 +316,94 @@ impl Words<'_, '_> {
         Ok(())
     }
 
-    fn temperature(&mut self, kind: u8) -> Result<TemperatureModel, DecodeError> {
-        match kind {
-            0 => Ok(TemperatureModel::None),
-            1 => {
-                let mut model = tilt::temperature::DataSheet::default();
-                self.fill(&mut model.tco_q8)?;
-                Ok(TemperatureModel::DataSheet(model))
-            }
-            2 => self.piecewise().map(TemperatureModel::Piecewise),
-            3 => {
-                let mut model = Quadratic::default();
+    /// Each kind is put in its place blank and then filled there, which takes no room of its own.
+    fn temperature(&mut self, kind: u8, model: &mut TemperatureModel) -> Result<(), DecodeError> {
+        *model = match kind {
+            0 => TemperatureModel::None,
+            1 => TemperatureModel::DataSheet(DataSheet::default()),
+            2 => TemperatureModel::Piecewise(Piecewise::default()),
+            3 => TemperatureModel::Quadratic(Quadratic::default()),
+            _ => return Err(DecodeError::Kind),
+        };
+        match model {
+            TemperatureModel::None => Ok(()),
+            TemperatureModel::DataSheet(model) => self.fill(&mut model.tco_q8),
+            TemperatureModel::Piecewise(model) => self.piecewise(model),
+            TemperatureModel::Quadratic(model) => {
                 self.fill(&mut model.offset1_q8)?;
                 self.fill(&mut model.offset2_q16)?;
                 self.fill(&mut model.gain1_q38)?;
-                self.fill(&mut model.gain2_q46)?;
-                Ok(TemperatureModel::Quadratic(model))
+                self.fill(&mut model.gain2_q46)
             }
-            _ => Err(DecodeError::Kind),
         }
     }
 
-    fn piecewise(&mut self) -> Result<Piecewise, DecodeError> {
-        let mut model = Piecewise::default();
+    fn piecewise(&mut self, model: &mut Piecewise) -> Result<(), DecodeError> {
         for knot in &mut model.knots {
             knot.0 = self.signed()?;
         }
-        let pairs = model.knots.iter().zip(model.knots.iter().skip(1));
-        if pairs.into_iter().any(|(low, high)| low >= high) {
+        if !model.knots.is_sorted_by(|low, high| low < high) {
             return Err(DecodeError::Knots);
         }
-        self.fill(model.slopes_q8.as_flattened_mut())?;
-        Ok(model)
+        self.fill(model.slopes_q8.as_flattened_mut())
     }
 
-    fn vector(&mut self, kind: u8) -> Result<Correction, DecodeError> {
-        let mut vector = Vector::IDENTITY;
+    fn correction(
+        &mut self,
+        kind: u8,
+        rule: Rule,
+        correction: &mut Correction,
+    ) -> Result<(), DecodeError> {
+        let vector = Vector::IDENTITY;
+        match kind {
+            0 => drop(tables_in(correction, rule)),
+            1 => {
+                let harmonics = Axes::default();
+                *correction = Correction::TwoAxis { vector, harmonics };
+            }
+            2 => {
+                let harmonics = Harmonics::default();
+                *correction = Correction::OneAxis { vector, harmonics };
+            }
+            _ => return Err(DecodeError::Kind),
+        }
+        match correction {
+            Correction::Tables { tables, .. } => {
+                self.table(&mut tables.x, Axis::X)?;
+                self.table(&mut tables.y, Axis::Y)
+            }
+            Correction::TwoAxis { vector, harmonics } => {
+                self.vector(vector, false)?;
+                self.harmonics(&mut harmonics.x)?;
+                self.harmonics(&mut harmonics.y)
+            }
+            Correction::OneAxis { vector, harmonics } => {
+                self.vector(vector, true)?;
+                self.harmonics(harmonics)
+            }
+        }
+    }
+
+    fn vector(&mut self, vector: &mut Vector, one_axis: bool) -> Result<(), DecodeError> {
         self.fill(vector.matrix.as_flattened_mut())?;
         self.fill(&mut vector.offset)?;
-        let one_axis = kind == 2;
         if !tells_directions_apart(&vector.matrix, one_axis) {
             return Err(DecodeError::Matrix);
         }
         if vector.offset.iter().any(|o| o.unsigned_abs() >= OFFSET) {
             return Err(DecodeError::Offset);
         }
-        let x = self.harmonics()?;
-        if one_axis {
-            let harmonics = x;
-            return Ok(Correction::OneAxis { vector, harmonics });
-        }
-        let y = self.harmonics()?;
-        let harmonics = Axes { x, y };
-        Ok(Correction::TwoAxis { vector, harmonics })
+        Ok(())
     }
 
-    fn harmonics(&mut self) -> Result<Harmonics, DecodeError> {
-        let mut harmonics = Harmonics::default();
+    fn harmonics(&mut self, harmonics: &mut Harmonics) -> Result<(), DecodeError> {
         self.fill(&mut harmonics.cosine)?;
         self.fill(&mut harmonics.sine)?;
         let mut all = harmonics.cosine.iter().chain(&harmonics.sine);
         if all.any(|a| a.unsigned_abs() > HARMONIC) {
             return Err(DecodeError::Harmonics);
         }
-        Ok(harmonics)
+        Ok(())
     }
 
     fn table(&mut self, table: &mut Table, axis: Axis) -> Result<(), DecodeError> {

@@ -88,6 +88,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.look_for_sync(now);
         self.mend_sensor(now);
         self.find_faults(&reading);
+        self.keep(now);
         let (bus, mut panel) = self.split(now);
         bus.data_changed(&mut panel, bus_time(now));
     }

@@ -1,8 +1,8 @@
 //! The device's memory: records and programs in one flash.
 //!
 //! In: a flash as [`NorFlash`], which begins with the bootloader, and its map. Out: [`RecordStore`]
-//! over the records' ring and [`ProgramMemory`](crate::program::ProgramMemory) over the slot that
-//! does not run (`update`).
+//! over the records' ring, [`EventStore`] over the log's pages and
+//! [`ProgramMemory`](crate::program::ProgramMemory) over the slot that does not run (`update`).
 //!
 //! Room for a record is made when its storing begins: each page that has to be erased for it makes
 //! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
@@ -11,15 +11,19 @@
 //!
 //! Left out: the flash controller.
 
+pub mod ed25519;
 pub mod update;
 
 use embedded_storage::nor_flash::NorFlash;
 use flash::Progress;
 use flash::access::AccessError;
 use flash::layout::{Layout, Slot};
+use flash::records::log::{Log, LogError};
 use flash::records::{RecordError, Records};
 
-use crate::records::{Record, RecordStore, StoreError};
+use crate::black_box::BOX_LENGTH;
+use crate::fault_log::{ENTRIES, ENTRY};
+use crate::records::{EventStore, Record, RecordStore, StoreError};
 use update::{Anybody, Place};
 
 /// Kinds of records: those of [`Record`].
@@ -42,6 +46,8 @@ pub struct FlashMemory<F, S = Anybody> {
     flash: F,
     build: Build,
     records: Records<KINDS>,
+    /// The events; `None` until they are looked for, and where they cannot be read.
+    events: Option<Log<ENTRY>>,
     signatures: S,
     place: Option<Place>,
 }
@@ -73,6 +79,7 @@ impl<F: NorFlash, S> FlashMemory<F, S> {
             flash,
             build,
             records: Records::unmounted(build.layout.records),
+            events: None,
             signatures,
             place: None,
         }
@@ -111,11 +118,58 @@ impl<F: NorFlash, S> FlashMemory<F, S> {
     }
 }
 
+impl From<LogError> for StoreError {
+    fn from(error: LogError) -> Self {
+        match error {
+            LogError::NeedsErase => Self::Full,
+            LogError::Access(_) => Self::Hardware,
+        }
+    }
+}
+
+impl<F: NorFlash, S> EventStore for FlashMemory<F, S> {
+    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {
+        let Some(log) = &self.events else {
+            return;
+        };
+        let mut cursor = log.end();
+        while let Ok(Some(event)) = log.before(&mut self.flash, &mut cursor) {
+            if !each(&event) {
+                break;
+            }
+        }
+    }
+
+    fn keep_event(&mut self, event: &[u8; ENTRY]) -> Result<(), StoreError> {
+        let log = self.events.as_mut().ok_or(StoreError::Hardware)?;
+        Ok(log.append(&mut self.flash, event)?)
+    }
+
+    fn clear_events(&mut self) -> Result<(), StoreError> {
+        let log = self.events.as_mut().ok_or(StoreError::Hardware)?;
+        Ok(log.clear(&mut self.flash)?)
+    }
+
+    fn needs_room(&self) -> bool {
+        let log = self.events.as_ref();
+        log.is_some_and(|log| log.needs_erase(ENTRIES as u32))
+            || self.records.needs_erase(BOX_LENGTH)
+    }
+
+    fn make_room(&mut self) -> Result<(), StoreError> {
+        if let Some(log) = &mut self.events {
+            log.prepare(&mut self.flash, ENTRIES as u32)?;
+        }
+        self.prepare(BOX_LENGTH)
+    }
+}
+
 impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
     fn start(&mut self) -> Result<(), StoreError> {
         let region = self.build.layout.records;
         self.place = None;
         self.records = Records::unmounted(region);
+        self.events = Log::mount(&mut self.flash, self.build.layout.log).ok();
         self.records = Records::mount(&mut self.flash, region)?;
         Ok(())
     }

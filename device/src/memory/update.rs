@@ -22,7 +22,7 @@ pub trait Signatures {
     type Digest;
 
     /// Whether an image without a signature is let in.
-    const UNSIGNED: bool;
+    fn unsigned(&self) -> bool;
 
     /// Before the first byte.
     fn begin(&self) -> Self::Digest;
@@ -41,7 +41,9 @@ pub struct Anybody;
 impl Signatures for Anybody {
     type Digest = ();
 
-    const UNSIGNED: bool = true;
+    fn unsigned(&self) -> bool {
+        true
+    }
 
     fn begin(&self) {}
 
@@ -112,7 +114,7 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
     /// Whether the image in `slot` is signed as it has to be. Reads all of it.
     fn is_signed(&mut self, slot: Region, header: &Header) -> Result<bool, AccessError> {
         if header.signature == Signature::None {
-            return Ok(S::UNSIGNED);
+            return Ok(self.signatures.unsigned());
         }
         let signatures = &self.signatures;
         let mut digest = signatures.begin();
@@ -158,7 +160,7 @@ impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
             hardware: self.build.hardware,
             running: running.map_or(Version(0), |header| header.version),
             downgrade: false,
-            unsigned: S::UNSIGNED,
+            unsigned: self.signatures.unsigned(),
         };
         let build = self.build;
         let install = Install::new(&mut self.flash, build.layout, build.running, rules)?;

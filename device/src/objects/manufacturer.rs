@@ -566,8 +566,8 @@ pub const MANUFACTURER: &[Row] = &[
         0x2070,
         "Fault log",
         Domain,
-        "The last 16 events, newest first; the format is in docs/canopen.md. A reset leaves it, a \
-         loss of the supply doesn't.",
+        "The last 16 events, newest first; the format is in docs/canopen.md. Resets and losses \
+         of the supply leave it; 2072h empties it.",
     ),
     array(
         0x2071,
@@ -584,6 +584,13 @@ pub const MANUFACTURER: &[Row] = &[
         "Empty while there was no event: 0800 0024h.",
     )
     .to(2),
+    var(
+        0x2072,
+        "Clear fault log and black box",
+        Unsigned32,
+        "61656C63h, \"clea\", empties both for good. Not in OPERATIONAL.",
+    )
+    .wo(),
 ];
 
 const fn range(sub: u8, name: &'static str, default: i32) -> Row {

@@ -24,7 +24,7 @@ use crate::calibration::motor::{Motor, Terms};
 use crate::channel::Settings;
 use crate::fault_log::FaultLog;
 use crate::program::ProgramMemory;
-use crate::records::{Record, RecordStore, StoreError, parameters};
+use crate::records::{EventStore, Record, RecordStore, StoreError, parameters};
 
 /// Where readings come from: the channel, or anything that stands in for it.
 pub trait Source {
@@ -38,10 +38,10 @@ pub trait Source {
     fn temperature(&self) -> Option<Temperature>;
 }
 
-/// Records and a place for programs.
-pub trait Memory: RecordStore + ProgramMemory {}
+/// Records, events and a place for programs.
+pub trait Memory: RecordStore + EventStore + ProgramMemory {}
 
-impl<M: RecordStore + ProgramMemory> Memory for M {}
+impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 
 /// What a calibration over the bus works with.
 #[derive(Debug)]
@@ -267,6 +267,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
             }
             0x2040 => self.write_range(at, value),
             0x2060 => self.write_calibration(at, value),
+            0x2072 => self.clear_history(value),
             0x2080 => self.resume_program(value),
             0x6200 | 0x63FE | 0x63FF => self.write_safety(at, value),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),

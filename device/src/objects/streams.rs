@@ -19,6 +19,9 @@ use crate::calibration::{recall, stage};
 use crate::program::Effect;
 use crate::records::{Record, RecordStore, StoreError};
 
+/// What 2072h wants: "clea".
+pub const CLEAR: u32 = u32::from_le_bytes(*b"clea");
+
 const fn text(index: u16) -> Option<&'static str> {
     match index {
         0x1008 => Some(NAME),
@@ -230,6 +233,29 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         taken.map_err(|_| Abort::WrongState)?;
         self.values.reference = reference;
         Ok(())
+    }
+
+    /// 2072h: forgets what happened, in the RAM and in the memory.
+    pub(super) fn clear_history(&mut self, value: Value) -> Result<(), Abort> {
+        if value.unsigned() != u64::from(CLEAR) {
+            return Err(Abort::CannotStore);
+        }
+        if self.values.state == State::Operational {
+            return Err(Abort::WrongState);
+        }
+        self.log.clear();
+        self.black_box.clear();
+        let cleared = self.clear_kept();
+        self.note(cleared)
+    }
+
+    fn clear_kept(&mut self) -> Result<(), StoreError> {
+        if self.memory.clear_events() == Err(StoreError::Full) {
+            self.memory.make_room()?;
+            self.memory.clear_events()?;
+        }
+        RecordStore::erase(self.memory, Record::Box1)?;
+        RecordStore::erase(self.memory, Record::Box2)
     }
 
     pub(super) fn read_program(&mut self, at: Address) -> Result<Value, Abort> {

@@ -241,7 +241,6 @@ impl Pair {
             waiting: None,
             off: false,
         };
-        pair.device.power_lost();
         pair.boot();
         pair.syncs(40);
         pair

@@ -9,10 +9,11 @@ use canopen::node::{Application, Event};
 use canopen::object::{Abort, Address, Dictionary, Objects, Value};
 use canopen::storage::Group;
 use device::channel::Settings;
+use device::fault_log::ENTRY;
 use device::objects::panel::Source;
 use device::objects::table::{self, Channel};
 use device::program::{Held, ProgramError, ProgramMemory, Running};
-use device::records::{Record, RecordStore, StoreError};
+use device::records::{EventStore, Record, RecordStore, StoreError};
 use flash::Progress;
 use tilt::chain::Reading;
 use tilt::filter::Filtered;
@@ -64,6 +65,26 @@ impl RecordStore for Memory {
 
     fn erase(&mut self, record: Record) -> Result<(), StoreError> {
         (self.record)(Some(record), &[])
+    }
+}
+
+impl EventStore for Memory {
+    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {}
+
+    fn keep_event(&mut self, _: &[u8; ENTRY]) -> Result<(), StoreError> {
+        (self.record)(None, &[])
+    }
+
+    fn clear_events(&mut self) -> Result<(), StoreError> {
+        (self.record)(None, &[])
+    }
+
+    fn needs_room(&self) -> bool {
+        false
+    }
+
+    fn make_room(&mut self) -> Result<(), StoreError> {
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The registers of the STM32F103: one module for each thing that the board uses.
 //!
-//! The timer, the CAN controller, the SPI port and the flash controller are driven through the
-//! peripheral access crate, as the watchdog is, because the ready-made drivers do here what they must not:
+//! The timer, the CAN controller, the SPI port, the flash controller and the watchdog are driven
+//! through the peripheral access crate, because the ready-made drivers do here what they must not:
 //! - `bxcan` waits without bound for the bus when it changes the mode or takes a frame back, so a
 //!   bus that is shorted would hold the processor; it switches automatic return from bus-off on,
 //!   which is CANopen's policy; and it touches 28 filter banks where this part has 14.

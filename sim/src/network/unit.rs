@@ -128,7 +128,6 @@ impl Unit {
     /// Power on: new turn-on offsets, and the code starts.
     pub fn power_on(&mut self, bus: &mut Bus, now_ns: u64) {
         self.electronics.power_cycle();
-        self.device.power_lost();
         self.device.memory().flash_mut().nor().power_up();
         self.powered = true;
         self.reset(bus, now_ns);

@@ -7,6 +7,8 @@
 //!
 //! Left out: everything the paper does not ask for; `product` goes on from there.
 
+use heapless::Deque;
+
 use super::{Judgement, One, Silence, THRESHOLD, Verdict, difference, reason};
 use crate::angle::Axes;
 use crate::chain::{Invalid, Reading};
@@ -52,9 +54,8 @@ enum Phase {
 /// The paper's check: state. A reset is a new state.
 #[derive(Clone, Debug)]
 pub struct PaperState {
-    /// The newest warnings, one more than may stand in the window, as a ring.
-    warnings: [Option<Instant>; MOST_WARNINGS + 1],
-    next: usize,
+    /// The newest warnings, one more than may stand in the window.
+    warnings: Deque<Instant, { MOST_WARNINGS + 1 }>,
     phase: Phase,
     silence: Silence,
 }
@@ -62,8 +63,7 @@ pub struct PaperState {
 impl Default for PaperState {
     fn default() -> Self {
         Self {
-            warnings: [None; MOST_WARNINGS + 1],
-            next: 0,
+            warnings: Deque::new(),
             phase: Phase::Working,
             silence: Silence::default(),
         }
@@ -73,15 +73,16 @@ impl Default for PaperState {
 impl PaperState {
     /// Notes a warning; true when the window now holds more than [`MOST_WARNINGS`].
     ///
-    /// The ring holds 111, so it is over the limit exactly when the slot about to be overwritten
-    /// next, the oldest of the newest 111, is still within the window.
+    /// There is room for 111, so it is over the limit exactly when the room is full and the
+    /// oldest of them is still within the window.
     fn note(&mut self, now: Instant, window_us: u64) -> bool {
-        if let Some(slot) = self.warnings.get_mut(self.next) {
-            *slot = Some(now);
+        if self.warnings.is_full() {
+            self.warnings.pop_front();
         }
-        self.next = (self.next + 1) % (MOST_WARNINGS + 1);
-        let oldest = self.warnings.get(self.next).copied().flatten();
-        oldest.is_some_and(|t| now.micros_since(t) < window_us as i64)
+        // It has room now.
+        let _ = self.warnings.push_back(now);
+        let oldest = self.warnings.front().filter(|_| self.warnings.is_full());
+        oldest.is_some_and(|t| now.micros_since(*t) < window_us as i64)
     }
 }
 

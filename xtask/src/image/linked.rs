@@ -7,6 +7,8 @@ use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{ElfFile, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
+use crate::size::image::Image;
+
 /// A program.
 #[derive(Clone, Debug)]
 pub struct Linked {
@@ -16,16 +18,28 @@ pub struct Linked {
     pub bytes: Vec<u8>,
     /// RAM of its statics, bytes.
     pub ram: u64,
-    /// Functions that no program of ours has: those of panics and of floating point.
+    /// What no program of ours has: functions for floating point, and calls of panics.
     pub strays: Vec<String>,
+    /// The deepest stack along direct calls, bytes: interrupts and calls by pointer come on top.
+    pub stack: u32,
 }
 
-/// Whether a function is there for panics or for floating point only.
+/// Whose panics are let be. The crate for signatures indexes arrays of fixed length in loops of
+/// fixed length, so that none of its checks can fail, and the compiler doesn't see it.
+const NEVER_REACHED: &str = "salty::";
+
+/// Whether a function is there for floating point only.
 fn is_stray(name: &str) -> bool {
-    let words = ["panicking::", "compiler_builtins::float::"];
+    let words = ["compiler_builtins::float::"];
     let starts = ["__aeabi_f", "__aeabi_d", "__aeabi_cf", "__aeabi_cd"];
     words.iter().any(|word| name.contains(word))
         || starts.iter().any(|start| name.starts_with(start))
+}
+
+/// Whether a call, "caller calls panic", is one that is never reached.
+fn is_let_be(call: &str) -> bool {
+    let caller = call.split(" calls ").next();
+    call.contains(" calls ") && caller.is_some_and(|caller| caller.contains(NEVER_REACHED))
 }
 
 /// Sections that take RAM.
@@ -54,13 +68,19 @@ impl Linked {
         });
         let names = elf.symbols().filter_map(|symbol| symbol.name().ok());
         let names = names.map(|name| format!("{:#}", rustc_demangle::demangle(name)));
-        let strays = names.filter(|name| is_stray(name)).collect();
+        let floats = names.filter(|name| is_stray(name));
+        let image = Image::read(file)?;
+        let panics = image.panics();
+        let panics = panics.into_iter().filter(|call| !is_let_be(call));
+        let strays = floats.chain(panics).collect();
+        let (stack, _) = image.deepest();
         let (start, bytes) = joined(&pieces);
         Ok(Self {
             start,
             bytes,
             ram: ram?,
             strays,
+            stack,
         })
     }
 }
@@ -82,12 +102,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn panics_and_floating_point_are_strays_and_integers_are_not() {
-        for stray in [
-            "core::panicking::panic_fmt",
-            "__aeabi_fadd",
-            "__aeabi_dcmplt",
-        ] {
+    fn panics_of_the_signature_are_let_be_and_no_others() {
+        let panic = "core::panicking::panic_bounds_check";
+        assert!(is_let_be(&format!("salty::scalar29::index calls {panic}")));
+        assert!(!is_let_be(&format!("device::device::poll calls {panic}")));
+        assert!(!is_let_be(
+            "salty::panicking:: is there; its caller is not known"
+        ));
+    }
+
+    #[test]
+    fn floating_point_is_a_stray_and_integers_are_not() {
+        for stray in ["__aeabi_fadd", "__aeabi_dcmplt"] {
             assert!(is_stray(stray), "{stray}");
         }
         for ours in [

@@ -148,13 +148,15 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     fs::read(path).map_err(|error| ImageError::File(path.to_path_buf(), error))
 }
 
-/// Prints the sizes; what is too much, or must not be there. The application's limit is its slot, and the linker's.
+/// Prints the sizes; what is too much, or must not be there. The application's limit is its slot,
+/// and the linker's.
 fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
-    let (slot, ram) = (letter(slot), app.ram);
+    let (slot, ram, stack) = (letter(slot), app.ram, app.stack);
     let strays = boot.strays.iter().chain(&app.strays);
     let strays = strays.map(|name| format!("slot {slot}: {name} is in it"));
     let [boot, app] = [boot, app].map(|linked| linked.bytes.len());
     println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
+    println!("              deepest stack along direct calls {stack:6}");
     let limits = [
         ("the bootloader", boot, BOOT_BUDGET),
         ("static RAM", ram as usize, RAM_BUDGET as usize),
@@ -243,6 +245,7 @@ mod tests {
             bytes: (0..length).map(|n| n as u8).collect(),
             ram: 0,
             strays: Vec::new(),
+            stack: 0,
         }
     }
 

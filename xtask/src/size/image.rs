@@ -113,10 +113,11 @@ impl Image {
     /// A binary that holds a panic which nobody calls directly is told as such.
     pub fn panics(&self) -> Vec<String> {
         let mut found = Vec::new();
+        let panics = self.all_panics();
         for (address, function) in &self.functions {
             let calls = function.frame.calls.iter();
-            for (to, _) in calls.filter(|(to, _)| self.panics.contains(to)) {
-                if !self.panics.contains(address) {
+            for (to, _) in calls.filter(|(to, _)| panics.contains(to)) {
+                if !panics.contains(address) {
                     found.push(format!("{} calls {}", function.name, self.name(*to)));
                 }
             }
@@ -128,6 +129,24 @@ impl Image {
         found.sort();
         found.dedup();
         found
+    }
+
+    /// Panics, and the core library's functions on the way to one, of which somebody else is to
+    /// blame.
+    fn all_panics(&self) -> BTreeSet<u32> {
+        let mut all = self.panics.clone();
+        let core = |function: &Function| function.name.starts_with("core::");
+        loop {
+            let more = self.functions.iter().filter(|(address, function)| {
+                let calls = || function.frame.calls.iter();
+                !all.contains(address) && core(function) && calls().any(|(to, _)| all.contains(to))
+            });
+            let more: Vec<u32> = more.map(|(address, _)| *address).collect();
+            if more.is_empty() {
+                return all;
+            }
+            all.extend(more);
+        }
     }
 
     /// The name of the function at an address.

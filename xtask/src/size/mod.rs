@@ -14,7 +14,7 @@
 //! Left out: the firmware itself, and time on the part, which the emulator counts.
 
 mod frames;
-mod image;
+pub mod image;
 mod instructions;
 mod report;
 mod thumb;

@@ -30,7 +30,7 @@ const RULES: [Rule; 12] = [
     rule(
         "device",
         &["tilt", "canopen", "flash"],
-        Some(&["embedded-hal", "embedded-storage", "heapless"]),
+        Some(&["embedded-hal", "embedded-storage", "heapless", "salty"]),
     ),
     rule("firmware", &["device", "flash", "tilt", "canopen"], None),
     rule(
@@ -43,7 +43,7 @@ const RULES: [Rule; 12] = [
     rule("emulator", &["sim", "canopen", "flash", "plumb"], None),
     rule("emulator/fixture", &["flash"], None),
     rule("emulator/golden", &["tilt", "flash"], None),
-    rule("cli", &["device", "sim", "tilt", "canopen"], None),
+    rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
     rule("xtask", &["flash"], None),
 ];
 

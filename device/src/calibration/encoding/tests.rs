@@ -398,7 +398,7 @@ fn the_longest_is_3076_bytes() {
     };
     assert_eq!(length(&calibration), MAX_LENGTH);
     let bytes = encode(&calibration);
-    let too_many = with_word(&bytes, HEAD + PIECEWISE, 182);
+    let too_many = with_word(&bytes, (HEAD as usize + BUDGET) + PIECEWISE, 182);
     let refused = DecodeError::Table(Axis::X, TableError::TooMany);
     assert_eq!(decode(&too_many), Err(refused));
     assert_eq!(decode(&bytes), Ok(calibration));

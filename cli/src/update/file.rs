@@ -1,0 +1,135 @@
+//! Files of images: one or more images, one behind the other.
+//!
+//! In: the bytes of a file. Out: its images, each found whole. An image runs in one slot only, so
+//! a file that is to suit every node holds one for each slot. Each is its header and its body
+//! ([`flash::image`]), and the header says where the next one begins.
+//!
+//! Left out: signatures, which the node judges.
+
+use std::fs;
+use std::path::Path;
+
+use flash::check_sum::Crc32;
+use flash::image::{Header, ImageError};
+use flash::layout::{HEADER, Layout, RC, Slot};
+
+use super::error::UpdateError;
+
+/// One image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// What it says of itself.
+    pub header: Header,
+    /// The slot that it is for.
+    pub slot: Slot,
+    /// Header and body.
+    pub bytes: Vec<u8>,
+}
+
+/// Why bytes are no images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileError {
+    /// One of them is no image for any slot.
+    Image(ImageError),
+    /// The bytes end early, or a body is not what was linked.
+    Damaged,
+}
+
+/// The part that images are built for.
+const LAYOUT: Layout = RC;
+
+/// Reads the images of these files; all are of one version.
+///
+/// Errors: [`UpdateError::File`], [`UpdateError::Image`], [`UpdateError::Damaged`],
+/// [`UpdateError::Versions`].
+pub fn read(paths: &[impl AsRef<Path>]) -> Result<Vec<Image>, UpdateError> {
+    let mut images: Vec<Image> = Vec::new();
+    for path in paths {
+        let path = path.as_ref();
+        let bytes = fs::read(path).map_err(|e| UpdateError::File(path.to_owned(), e))?;
+        let found = parse(&bytes).map_err(|error| match error {
+            FileError::Image(error) => UpdateError::Image(path.to_owned(), error),
+            FileError::Damaged => UpdateError::Damaged(path.to_owned()),
+        })?;
+        images.extend(found);
+    }
+    let versions = |image: &Image| image.header.version.0;
+    if let Some(first) = images.first().map(versions)
+        && let Some(other) = images.iter().map(versions).find(|other| *other != first)
+    {
+        return Err(UpdateError::Versions(first, other));
+    }
+    Ok(images)
+}
+
+/// The images in these bytes; one at least.
+fn parse(bytes: &[u8]) -> Result<Vec<Image>, FileError> {
+    let mut images = Vec::new();
+    let mut rest = bytes;
+    while images.is_empty() || !rest.is_empty() {
+        let header = Header::parse(rest).map_err(FileError::Image)?;
+        let slot = slot_of(&header).ok_or(FileError::Image(ImageError::Address(header.address)))?;
+        let length = HEADER as usize + header.length as usize;
+        let (image, behind) = rest.split_at_checked(length).ok_or(FileError::Damaged)?;
+        if Crc32::of(&image[HEADER as usize..]) != header.crc {
+            return Err(FileError::Damaged);
+        }
+        images.push(Image {
+            header,
+            slot,
+            bytes: image.to_vec(),
+        });
+        rest = behind;
+    }
+    Ok(images)
+}
+
+/// The slot that an image is linked for.
+fn slot_of(header: &Header) -> Option<Slot> {
+    let mut slots = [Slot::A, Slot::B].into_iter();
+    slots.find(|slot| {
+        let region = LAYOUT.slot(*slot);
+        region.is_some_and(|region| region.address() + HEADER == header.address)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use flash::image::Version;
+    use sim::memory::{SOUND, image};
+
+    use super::*;
+
+    fn both() -> Vec<u8> {
+        let version = Version::new(1, 2, 3);
+        [Slot::A, Slot::B]
+            .map(|slot| image(slot, version, SOUND))
+            .concat()
+    }
+
+    #[test]
+    fn a_file_holds_an_image_for_each_slot() {
+        let images = parse(&both()).unwrap();
+        let slots: Vec<_> = images.iter().map(|image| image.slot).collect();
+        assert_eq!(slots, [Slot::A, Slot::B]);
+        assert_eq!(
+            images[1].bytes,
+            image(Slot::B, Version::new(1, 2, 3), SOUND)
+        );
+    }
+
+    #[test]
+    fn what_is_cut_off_or_changed_is_found() {
+        let whole = both();
+        for end in [0, 31, 200, 511, 531, 532 + 40, whole.len() - 1] {
+            assert!(parse(&whole[..end]).is_err(), "{end}");
+        }
+        let mut changed = whole.clone();
+        *changed.last_mut().unwrap() ^= 1;
+        assert_eq!(parse(&changed), Err(FileError::Damaged));
+        assert_eq!(
+            parse(b"#!/bin/sh"),
+            Err(FileError::Image(ImageError::Magic))
+        );
+    }
+}

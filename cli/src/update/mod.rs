@@ -1,0 +1,331 @@
+//! `plumb update`: a new program for both channels, one after the other, over the bus.
+//!
+//! In: files of images, a bus, node-ids. Out: nodes that run the new program and have confirmed
+//! it, one line for each; or one sentence that says what is wrong, and nodes that run what they
+//! ran. Before anything is changed every node is asked whether the image suits it and whether it
+//! measures, since one channel works while the other is updated.
+//!
+//! A node's update: PRE-OPERATIONAL, clear, download of what is missing, start, and then to wait
+//! for the node's own judgement of its new program (docs/canopen.md). A node that was OPERATIONAL
+//! gets there again.
+//!
+//! Left out: building images (`image`).
+
+mod bus;
+mod error;
+mod file;
+mod sdo;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
+use flash::layout::Slot;
+
+use crate::progress::Progress;
+use bus::Bus;
+use error::UpdateError;
+use file::Image;
+use sdo::Client;
+
+/// A node's state as its heartbeat tells it.
+const OPERATIONAL: u8 = 5;
+
+/// 2080h sub 4.
+const ON_TRIAL: u32 = 1;
+const ROLLED_BACK: u32 = 2;
+
+/// How long a clear may take: 54 pages of 80 ms at most, a tenth of a second each.
+const CLEARING: Duration = Duration::from_secs(15);
+
+/// How long a node may take to come back, from its start to its boot-up message.
+const RESTART: Duration = Duration::from_secs(10);
+
+/// How long the trial may take: three starts of ten seconds, and what is between them.
+const TRIAL: Duration = Duration::from_secs(60);
+
+/// How long a node may take until it measures again.
+const MEASURING: Duration = Duration::from_secs(10);
+
+/// How long a heartbeat is waited for.
+const HEARTBEAT: Duration = Duration::from_secs(2);
+
+/// Between two questions.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// What is updated, and with what.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Files of images; of each node's two slots the one that it does not run in needs one
+    #[arg(required = true, value_name = "IMAGE")]
+    pub images: Vec<PathBuf>,
+    /// The bus: ADDRESS:PORT[/NAME] of a socketcand server, or a CAN interface
+    #[arg(long, value_name = "BUS")]
+    pub bus: String,
+    /// The nodes, in the order of their update
+    #[arg(
+        long,
+        default_value = "1,2",
+        value_delimiter = ',',
+        value_parser = clap::value_parser!(u8).range(1..=127),
+        value_name = "ID,ID,..."
+    )]
+    pub nodes: Vec<u8>,
+    /// Update also while a node has no valid angle
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// A version as people write it.
+pub fn version(number: u32) -> String {
+    let [low, high, minor, major] = number.to_le_bytes();
+    format!("{major}.{minor}.{}", u16::from_le_bytes([low, high]))
+}
+
+/// Updates the nodes.
+///
+/// Errors: see [`UpdateError`]; a node that would not have the program is exit status 1.
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, UpdateError> {
+    match update(arguments, progress) {
+        Err(error) if error.is_verdict() => {
+            eprintln!("plumb: {error}");
+            Ok(ExitCode::from(1))
+        }
+        ended => ended.map(|()| ExitCode::SUCCESS),
+    }
+}
+
+fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError> {
+    let images = file::read(&arguments.images)?;
+    let joined = Bus::join(&arguments.bus);
+    let mut bus = joined.map_err(|error| UpdateError::Join(arguments.bus.clone(), error))?;
+    let mut plans = Vec::new();
+    for node in &arguments.nodes {
+        let asked = Node::new(&mut bus, *node).plan(&images);
+        plans.push((*node, asked?));
+    }
+    for (node, _) in &plans {
+        if !arguments.force && !Node::new(&mut bus, *node).measures()? {
+            return Err(UpdateError::NoAngle(*node));
+        }
+    }
+    for (node, plan) in plans {
+        match plan {
+            Plan::Nothing(runs) => println!("node {node} runs {} already", version(runs)),
+            Plan::Send(image) => Node::new(&mut bus, node).renew(image, progress)?,
+        }
+    }
+    Ok(())
+}
+
+/// What is to be done with a node.
+#[derive(Clone, Copy, Debug)]
+enum Plan<'a> {
+    /// It runs this version, bit for bit.
+    Nothing(u32),
+    /// It gets this image.
+    Send(&'a Image),
+}
+
+/// A node and the way to it.
+struct Node<'a> {
+    bus: &'a mut Bus,
+    node: u8,
+}
+
+impl<'a> Node<'a> {
+    fn new(bus: &'a mut Bus, node: u8) -> Self {
+        Self { bus, node }
+    }
+
+    fn read(&mut self, index: u16, sub: u8) -> Result<u32, UpdateError> {
+        Client::new(self.bus, self.node).read(index, sub)
+    }
+
+    fn write(&mut self, index: u16, sub: u8, value: u32, length: u8) -> Result<(), UpdateError> {
+        Client::new(self.bus, self.node).write(index, sub, value, length)
+    }
+
+    fn nmt(&mut self, command: u8) -> Result<(), UpdateError> {
+        let sent = self.bus.send(0, &[command, self.node]);
+        sent.map_err(UpdateError::Lost)
+    }
+
+    /// What this node needs of these images. Nothing is changed.
+    fn plan<'i>(&mut self, images: &'i [Image]) -> Result<Plan<'i>, UpdateError> {
+        let node = self.node;
+        Client::new(self.bus, node).give_up()?;
+        if ![PRODUCT_CODE_A, PRODUCT_CODE_B].contains(&self.read(0x1018, 2)?) {
+            return Err(UpdateError::Stranger(node));
+        }
+        let (hardware, runs) = (self.read(0x2080, 1)?, self.read(0x2080, 2)?);
+        let mut fitting = images.iter().filter(|i| i.header.hardware == hardware);
+        let version = fitting.clone().next().map(|image| image.header.version.0);
+        let version = version.ok_or(UpdateError::Hardware(node, hardware))?;
+        let (slot, name) = match self.read(0x2080, 3)? {
+            0 => (Slot::A, 'B'),
+            _ => (Slot::B, 'A'),
+        };
+        let crc = self.read(0x1F56, 1)?;
+        let same = |image: &Image| image.slot == slot && image.header.crc == crc;
+        if runs == version && fitting.clone().any(same) {
+            return Ok(Plan::Nothing(runs));
+        }
+        if runs > version {
+            return Err(UpdateError::Older(node, runs, version));
+        }
+        if self.read(0x2080, 4)? == ON_TRIAL {
+            return Err(UpdateError::OnTrial(node));
+        }
+        let other = fitting.find(|image| image.slot == slot.other());
+        other.map(Plan::Send).ok_or(UpdateError::Slot(node, name))
+    }
+
+    /// Whether it has a valid angle of its own, 2020h.
+    fn measures(&mut self) -> Result<bool, UpdateError> {
+        Ok(self.read(0x2020, 0)? & 3 != 0)
+    }
+
+    /// All of a node's update.
+    fn renew(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
+        let node = self.node;
+        let works = self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
+        // NMT "enter PRE-OPERATIONAL".
+        self.nmt(128)?;
+        let held = self.held(image)?;
+        match held {
+            0 => self.clear()?,
+            _ => println!("node {node} goes on behind {held} bytes"),
+        }
+        let rest = image.bytes.get(held..).unwrap_or(&[]);
+        let task = progress.task(&format!("node {node}"), image.bytes.len() as u64);
+        task.advance(held as u64);
+        let mut client = Client::new(self.bus, node);
+        let sent = client.download(0x1F50, 1, rest, |count| task.advance(count));
+        drop(task);
+        self.judged(sent)?;
+        let started = self.write(0x1F51, 1, 1, 1);
+        self.judged(started)?;
+        self.wait_for_boot()?;
+        self.wait_for_trial(image.header.version.0)?;
+        self.wait_for_angle()?;
+        if works {
+            // NMT "start".
+            self.nmt(1)?;
+        }
+        println!("node {node} runs {} now", version(image.header.version.0));
+        Ok(())
+    }
+
+    /// Bytes of this image that the node holds from a transfer that was broken off; they count
+    /// then.
+    fn held(&mut self, image: &Image) -> Result<usize, UpdateError> {
+        let (crc, bytes) = (self.read(0x2080, 5)?, self.read(0x2080, 6)?);
+        let length = image.bytes.len() as u32;
+        if crc != image.header.crc || !(1..length).contains(&bytes) {
+            return Ok(0);
+        }
+        // It refuses where the transfer was not broken off but found wrong.
+        match self.write(0x2080, 6, bytes, 4) {
+            Ok(()) => Ok(bytes as usize),
+            Err(UpdateError::Refused(..)) => Ok(0),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Stop, clear, and wait until that is done.
+    fn clear(&mut self) -> Result<(), UpdateError> {
+        // Another client may have begun one and left.
+        self.wait_for_memory()?;
+        self.write(0x1F51, 1, 0, 1)?;
+        let cleared = self.write(0x1F51, 1, 3, 1);
+        self.judged(cleared)?;
+        self.wait_for_memory()
+    }
+
+    fn wait_for_memory(&mut self) -> Result<(), UpdateError> {
+        let until = Instant::now() + CLEARING;
+        while self.read(0x1F57, 1)? & 1 != 0 {
+            if Instant::now() > until {
+                return Err(UpdateError::Clearing(self.node));
+            }
+            sleep(PAUSE);
+        }
+        Ok(())
+    }
+
+    /// A refusal is told by what the node says of the image, if it does.
+    fn judged(&mut self, outcome: Result<(), UpdateError>) -> Result<(), UpdateError> {
+        let Err(UpdateError::Refused(..)) = outcome else {
+            return outcome;
+        };
+        match self.read(0x1F57, 1) {
+            Ok(status) if status & 1 == 0 && status != 0 => {
+                Err(UpdateError::Found(self.node, status))
+            }
+            _ => outcome,
+        }
+    }
+
+    /// The state that the node's next error control message tells, within a time.
+    fn heartbeat(&mut self, patience: Duration) -> Result<Option<u8>, UpdateError> {
+        let until = Instant::now() + patience;
+        let id = 0x700 + u16::from(self.node);
+        while let Some(frame) = self.bus.receive(until).map_err(UpdateError::Lost)? {
+            if frame.cob_id() == Some(id)
+                && let [state] = frame.bytes()
+            {
+                return Ok(Some(state & 0x7F));
+            }
+        }
+        Ok(None)
+    }
+
+    fn wait_for_boot(&mut self) -> Result<(), UpdateError> {
+        let until = Instant::now() + RESTART;
+        while Instant::now() < until {
+            if self.heartbeat(HEARTBEAT)? == Some(0) {
+                return Ok(());
+            }
+        }
+        Err(UpdateError::Gone(self.node))
+    }
+
+    /// Waits until the program is confirmed. Between its starts the node does not answer.
+    fn wait_for_trial(&mut self, wanted: u32) -> Result<(), UpdateError> {
+        let until = Instant::now() + TRIAL;
+        while Instant::now() < until {
+            let asked = self.read(0x2080, 2);
+            match asked.and_then(|runs| Ok((runs, self.read(0x2080, 4)?))) {
+                Ok((runs, ROLLED_BACK)) => return Err(UpdateError::RolledBack(self.node, runs)),
+                Ok((runs, standing)) if runs == wanted && standing != ON_TRIAL => return Ok(()),
+                Ok(_) | Err(UpdateError::Silent(_)) => sleep(PAUSE),
+                Err(error) => return Err(error),
+            }
+        }
+        Err(UpdateError::Undecided(self.node))
+    }
+
+    /// Waits until it measures, so that the other one may be updated; one that could not before
+    /// need not now.
+    fn wait_for_angle(&mut self) -> Result<(), UpdateError> {
+        let until = Instant::now() + MEASURING;
+        while Instant::now() < until && !self.measures()? {
+            sleep(PAUSE);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_version_is_written_with_dots() {
+        assert_eq!(version(0x0102_0304), "1.2.772");
+    }
+}

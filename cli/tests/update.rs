@@ -1,0 +1,182 @@
+//! `plumb update` from the outside, against the nodes of `plumb serve`.
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+fn plumb(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// A bus with two nodes, much faster than real time, and a folder; both gone with it.
+struct Bench {
+    server: Child,
+    bus: String,
+    folder: PathBuf,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::with_speed("20")
+    }
+
+    fn with_speed(speed: &str) -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("plumb-update-{}-{number}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        let arguments = ["serve", "--listen", "127.0.0.1:0", "--uncalibrated"];
+        let mut server = plumb(&arguments)
+            .args(["--speed", speed, "--bit-rate", "1000"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut ready = String::new();
+        let mut out = BufReader::new(server.stdout.take().unwrap());
+        out.read_line(&mut ready).unwrap();
+        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        // Sensors have to settle before an update is let in.
+        std::thread::sleep(Duration::from_millis(400));
+        Self {
+            bus: bus.to_owned(),
+            server,
+            folder,
+        }
+    }
+
+    /// The file of an image.
+    fn image(&self, version: &str, more: &[&str]) -> String {
+        let path = self.folder.join(version).display().to_string();
+        let built = plumb(&["image", &path, "--version", version])
+            .args(more)
+            .output();
+        assert!(built.unwrap().status.success());
+        path
+    }
+
+    fn update(&self, image: &str, more: &[&str]) -> Output {
+        let command = ["update", image, "--bus", &self.bus];
+        plumb(&command).args(more).output().unwrap()
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn said(output: &Output) -> (Option<i32>, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    (
+        output.status.code(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
+#[test]
+fn both_nodes_get_a_new_program_one_after_the_other() {
+    let bench = Bench::new();
+    let from = Instant::now();
+    let image = bench.image("1.2.3", &[]);
+    let (status, out, err) = said(&bench.update(&image, &[]));
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(out, "node 1 runs 1.2.3 now\nnode 2 runs 1.2.3 now");
+    // Once more changes nothing, and the next one goes into the other slot.
+    let (status, out, _) = said(&bench.update(&image, &[]));
+    assert_eq!(status, Some(0));
+    assert_eq!(out, "node 1 runs 1.2.3 already\nnode 2 runs 1.2.3 already");
+    let next = bench.image("1.2.4", &[]);
+    let (status, out, err) = said(&bench.update(&next, &["--nodes", "2,1"]));
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(out, "node 2 runs 1.2.4 now\nnode 1 runs 1.2.4 now");
+    let (status, _, err) = said(&bench.update(&image, &[]));
+    assert_eq!(status, Some(2));
+    assert!(
+        err.contains("runs version 1.2.4, and the image is the older 1.2.3"),
+        "{err}"
+    );
+    assert!(from.elapsed() < Duration::from_secs(60));
+}
+
+#[test]
+fn a_program_that_fails_its_self_check_is_rolled_back_and_the_other_node_left_alone() {
+    let bench = Bench::new();
+    let image = bench.image("2.0.0", &["--sick"]);
+    let (status, out, err) = said(&bench.update(&image, &[]));
+    assert_eq!((status, out.as_str()), (Some(1), ""), "{err}");
+    assert!(err.contains("node 1 gave the new program up"), "{err}");
+    assert!(err.contains("runs version 0.1.0 again"), "{err}");
+    // Node 2 was not touched, node 1 can be mended.
+    let image = bench.image("2.0.1", &[]);
+    let (status, out, err) = said(&bench.update(&image, &[]));
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(out, "node 1 runs 2.0.1 now\nnode 2 runs 2.0.1 now");
+}
+
+#[test]
+fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
+    let bench = Bench::with_speed("1");
+    let body = bench.folder.join("body");
+    std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
+    let body = body.display().to_string();
+    let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
+    // In the clear, which takes half a second behind a heartbeat, and in the download, which takes
+    // two seconds.
+    for wait_ms in [500, 1900] {
+        let command = [
+            "update", &image, "--bus", &bench.bus, "--nodes", "1", "--force",
+        ];
+        let mut broken = plumb(&command).stdout(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        assert!(broken.try_wait().unwrap().is_none());
+        broken.kill().unwrap();
+        broken.wait().unwrap();
+    }
+    let (status, out, err) = said(&bench.update(&image, &["--nodes", "1", "--force"]));
+    assert_eq!(status, Some(0), "{err}");
+    assert!(out.starts_with("node 1 goes on behind "), "{out}");
+    assert!(out.ends_with("node 1 runs 1.0.0 now"), "{out}");
+}
+
+#[test]
+fn what_cannot_be_let_in_is_refused_with_a_sentence() {
+    let bench = Bench::new();
+    let refused = |image: &str, status: i32, sentence: &str| {
+        let (code, out, err) = said(&bench.update(image, &[]));
+        assert_eq!((code, out.as_str()), (Some(status), ""), "{err}");
+        assert!(err.contains(sentence), "{err}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+    };
+    let other = bench.image("3.0.0", &["--hardware", "1"]);
+    refused(
+        &other,
+        2,
+        "no image is for node 1: its hardware is 504C012Ch",
+    );
+    let bare = bench.image("3.0.1", &["--unsigned"]);
+    refused(&bare, 1, "node 1 refuses the image: it is not signed");
+    let key = bench.folder.join("key");
+    std::fs::write(&key, "5a".repeat(32)).unwrap();
+    let forged = bench.image("3.0.2", &["--key", &key.display().to_string()]);
+    refused(
+        &forged,
+        1,
+        "node 1 refuses the image: its signature is wrong",
+    );
+    let mut bytes = std::fs::read(&forged).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&forged, bytes).unwrap();
+    refused(&forged, 2, "is damaged: fetch it again");
+    refused("no such file", 2, "cannot read no such file");
+}

@@ -1,0 +1,198 @@
+//! What has happened goes into the memory: events one by one, boxes piece by piece.
+//!
+//! In: the fault log and the black box. Out: the same in the memory, from where a start takes them
+//! back, since a reset empties the chip's RAM. Writing goes on beside measuring, a millisecond at
+//! a time, and never erases in OPERATIONAL: room is made ahead, outside of it. What finds no room
+//! waits in the RAM.
+//!
+//! A contact that is loose for weeks must not wear the flash out: after [`ALLOWANCE`] events at
+//! once there is one more each [`PAUSE_US`]; others stay in the RAM, where the newest are. At that
+//! rate the log's two pages of 78 entries last 11 years (10 000 erases, STM32F103 data sheet).
+//!
+//! Left out: what is an event, and the formats.
+
+use canopen::nmt::State;
+use embedded_hal::spi::SpiDevice;
+use tilt::sample::Instant;
+
+use super::{Device, Memory};
+use crate::black_box::BOXES;
+use crate::fault_log::Entry;
+use crate::records::{Record, RecordStore, StoreError};
+
+/// Events that may be written at once.
+const ALLOWANCE: u8 = 16;
+
+/// Time after which one more may be written, us.
+const PAUSE_US: i64 = 225_000_000;
+
+/// A box wears the flash as much as so many events.
+const BOX_COST: u8 = 4;
+
+/// Bytes of a box that are written at a time: about 1 ms on the chip.
+const PIECE: usize = 32;
+
+/// Pieces in all that a reset waits for, and some events.
+const MOST_STEPS: u16 = 256;
+
+/// A box on its way into the memory.
+#[derive(Clone, Copy, Debug)]
+struct Copying {
+    number: u8,
+    event: Entry,
+    offset: u32,
+}
+
+/// State of the writing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Keeping {
+    allowance: u8,
+    next_allowance: Instant,
+    copying: Option<Copying>,
+    /// Room could not be made, which another try would only wear the flash for.
+    cramped: bool,
+}
+
+impl Keeping {
+    pub(super) const fn new() -> Self {
+        Self {
+            allowance: ALLOWANCE,
+            next_allowance: Instant(0),
+            copying: None,
+            cramped: false,
+        }
+    }
+
+    fn refill(&mut self, now: Instant) {
+        if self.allowance >= ALLOWANCE {
+            self.next_allowance = now.offset(PAUSE_US);
+        } else if self.next_allowance <= now {
+            self.allowance += 1;
+            self.next_allowance = now.offset(PAUSE_US);
+        }
+    }
+}
+
+/// The record of box `number`, from 1.
+const fn record(number: u8) -> Record {
+    match number {
+        1 => Record::Box1,
+        _ => Record::Box2,
+    }
+}
+
+impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+    /// Takes events and boxes back from the memory, as every start does.
+    pub(super) fn recall_events(&mut self) {
+        self.keeping = Keeping::new();
+        self.log.clear();
+        self.black_box.clear();
+        let log = &mut self.log;
+        self.memory.recall_events(&mut |event| {
+            log.restore(Entry::decode(event));
+            true
+        });
+        for number in 1..=BOXES as u8 {
+            let memory = &mut self.memory;
+            self.black_box.restore(number, &mut |offset, into| {
+                memory.read(record(number), offset, into)
+            });
+        }
+    }
+
+    /// Writes the next piece of what is not in the memory yet; true when there was something.
+    pub(super) fn keep(&mut self, now: Instant) -> bool {
+        self.keeping.refill(now);
+        if self.values.receiving {
+            // A calibration is staged, and there is one place for that: the box begins anew.
+            self.keeping.copying = None;
+            return false;
+        }
+        let may_erase = self.values.state != State::Operational && !self.keeping.cramped;
+        if may_erase && self.keeping.copying.is_none() && self.memory.needs_room() {
+            let made = self.memory.make_room();
+            self.values.storage_failed |= made == Err(StoreError::Hardware);
+            self.keeping.cramped = made.is_err();
+            return made.is_ok();
+        }
+        self.keep_event() || self.keep_box(now)
+    }
+
+    /// Writes all of it, because the RAM is about to be emptied.
+    pub(super) fn keep_all(&mut self, now: Instant) {
+        for _ in 0..MOST_STEPS {
+            if !self.keep(now) {
+                return;
+            }
+        }
+    }
+
+    fn keep_event(&mut self) -> bool {
+        let Some(entry) = self.log.next_unsaved() else {
+            return false;
+        };
+        if self.keeping.allowance == 0 {
+            return false;
+        }
+        let kept = self.memory.keep_event(&entry.encode());
+        if kept == Err(StoreError::Full) {
+            return false;
+        }
+        self.keeping.allowance -= 1;
+        self.log.saved();
+        self.values.storage_failed |= kept.is_err();
+        true
+    }
+
+    fn keep_box(&mut self, now: Instant) -> bool {
+        let Some(copying) = self.keeping.copying.or_else(|| self.begin_box(now)) else {
+            return false;
+        };
+        self.keeping.copying = None;
+        let mut piece = [0; PIECE];
+        let Copying {
+            number,
+            event,
+            offset,
+        } = copying;
+        let copied = self.black_box.save_at(number, &event, offset, &mut piece);
+        // Another event has taken the box, or another record the place where one is staged.
+        let Some(bytes) = copied.and_then(|count| piece.get(..count)) else {
+            return true;
+        };
+        if RecordStore::append(&mut self.memory, bytes).is_err() {
+            return true;
+        }
+        if bytes.len() == PIECE {
+            self.keeping.copying = Some(Copying {
+                offset: offset.saturating_add(PIECE as u32),
+                ..copying
+            });
+            return true;
+        }
+        let kept = RecordStore::commit(&mut self.memory);
+        self.values.storage_failed |= kept.is_err();
+        self.black_box.saved(number);
+        true
+    }
+
+    fn begin_box(&mut self, now: Instant) -> Option<Copying> {
+        let (number, event) = self.black_box.next_unsaved(now)?;
+        let allowance = self.keeping.allowance.checked_sub(BOX_COST)?;
+        let length = record(number).longest();
+        if self.values.state == State::Operational && self.memory.needs_erase(length) {
+            return None;
+        }
+        self.keeping.allowance = allowance;
+        if RecordStore::begin(&mut self.memory, record(number), length).is_err() {
+            self.values.storage_failed = true;
+            self.black_box.saved(number);
+            return None;
+        }
+        Some(Copying {
+            number,
+            event,
+            offset: 0,
+        })
+    }
+}
