@@ -48,7 +48,7 @@ fn count(
 ) -> Result<Span, Box<dyn Error>> {
     let machine = pair.board(0).machine_mut();
     machine.clear_costs();
-    machine.chip_mut().code.clear_profile();
+    machine.chip_mut().code.start_profile();
     let before = machine.chip().instructions();
     let samples = pair.board(0).samples();
     act(pair)?;

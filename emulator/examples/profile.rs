@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     pair.send(Frame::data_frame(0, &[1, 0])).map_err(busy)?;
     pair.run_synced(50).map_err(busy)?;
     let code = &mut pair.board(0).machine_mut().chip_mut().code;
-    code.clear_profile();
+    code.start_profile();
     let before = pair.board(0).machine().chip().instructions();
     let begun = Instant::now();
     pair.run_synced(100 * seconds).map_err(busy)?;

@@ -45,77 +45,74 @@ impl Block {
 /// The blocks of the code in flash.
 #[derive(Clone, Debug)]
 pub struct Code {
-    /// The block that begins at each half-word.
-    blocks: Vec<Known>,
+    /// The block that begins at each half-word; see [`pack`]. Small, since every block looks here.
+    blocks: Vec<u32>,
+    /// How often each has run; empty until that is asked for.
+    runs: Vec<u64>,
 }
 
-/// A block of the flash, and how often it has run; small, since every block looks here.
-#[derive(Clone, Copy, Debug, Default)]
-struct Known {
-    runs: u64,
-    /// Bytes; 0 for none.
-    size: u16,
-    instructions: u16,
-    sends_event: bool,
+/// Half-words, instructions and the event of a block in one word, 0 for none. The engine ends a
+/// block after 512 instructions.
+fn pack(size: u32, block: Block) -> u32 {
+    (size / 2) << 12 | (block.instructions & 0x7FF) << 1 | u32::from(block.sends_event)
 }
 
 impl Code {
     /// Nothing known yet of a flash of `size` bytes.
     pub fn new(size: u32) -> Self {
         Self {
-            blocks: vec![Known::default(); size as usize / 2],
+            blocks: vec![0; size as usize / 2],
+            runs: Vec::new(),
         }
     }
 
     /// What is known of a block, which is about to run.
     #[inline]
     pub fn known(&mut self, address: u32, size: u32) -> Option<Block> {
-        let known = self.blocks.get_mut(place(address))?;
-        if u32::from(known.size) != size {
+        let place = place(address);
+        let packed = *self.blocks.get(place)?;
+        if packed >> 12 != size / 2 {
             return None;
         }
-        known.runs += 1;
+        if let Some(runs) = self.runs.get_mut(place) {
+            *runs += 1;
+        }
         Some(Block {
-            instructions: known.instructions.into(),
-            sends_event: known.sends_event,
+            instructions: packed >> 1 & 0x7FF,
+            sends_event: packed & 1 != 0,
         })
     }
 
     /// Remembers a block, if it is in flash, which is about to run for the first time.
     pub fn learn(&mut self, address: u32, size: u32, block: Block) {
-        if let Some(known) = self.blocks.get_mut(place(address)) {
-            // A block ends with its page at the latest, so both fit.
-            *known = Known {
-                runs: 1,
-                size: size as u16,
-                instructions: block.instructions as u16,
-                sends_event: block.sends_event,
-            };
+        let place = place(address);
+        if let Some(packed) = self.blocks.get_mut(place) {
+            *packed = pack(size, block);
+        }
+        if let Some(runs) = self.runs.get_mut(place) {
+            *runs += 1;
         }
     }
 
-    /// Instructions that have run so far in the blocks that begin at each address of the flash.
-    /// One that was cut short by a fault counts whole.
+    /// Instructions that have run since [`Code::start_profile`] in the blocks that begin at each
+    /// address of the flash. One that was cut short by a fault counts whole.
     pub fn profile(&self) -> impl Iterator<Item = (u32, u64)> {
-        let run = self
-            .blocks
-            .iter()
-            .zip(0u32..)
-            .filter(|(known, _)| known.runs > 0);
-        run.map(|(known, number)| {
-            let instructions = known.runs * u64::from(known.instructions);
+        let run = self.runs.iter().zip(&self.blocks).zip(0u32..);
+        let run = run.filter(|((runs, _), _)| **runs > 0);
+        run.map(|((runs, packed), number)| {
+            let instructions = runs * u64::from(packed >> 1 & 0x7FF);
             (BASE + 2 * number, instructions)
         })
     }
 
-    /// Lets the counts of [`Code::profile`] begin anew.
-    pub fn clear_profile(&mut self) {
-        self.blocks.iter_mut().for_each(|known| known.runs = 0);
+    /// Lets [`Code::profile`] begin anew.
+    pub fn start_profile(&mut self) {
+        self.runs = vec![0; self.blocks.len()];
     }
 
     /// The flash has changed.
     pub fn forget(&mut self) {
-        self.blocks.fill(Known::default());
+        self.blocks.fill(0);
     }
 }
 
