@@ -31,6 +31,8 @@ pub struct Ed25519 {
     pub unsigned: bool,
 }
 
+/// Out of line, so that the library's arithmetic doesn't spread into its callers: they keep small
+/// frames, and whoever looks for panics knows where these come from.
 impl Signatures for Ed25519 {
     type Check = VerifyingState;
 
@@ -38,6 +40,7 @@ impl Signatures for Ed25519 {
         self.unsigned
     }
 
+    #[inline(never)]
     fn begin(&self, signature: &[u8; SIGNATURE]) -> Option<VerifyingState> {
         if self.key == BLANK {
             return None;
@@ -46,10 +49,12 @@ impl Signatures for Ed25519 {
         key.verify_incremental(&Signature::new(*signature)).ok()
     }
 
+    #[inline(never)]
     fn add(&self, check: &mut VerifyingState, bytes: &[u8]) {
         check.absorb(bytes);
     }
 
+    #[inline(never)]
     fn is_good(&self, check: VerifyingState) -> bool {
         check.verify().is_ok()
     }

@@ -26,7 +26,7 @@ pub struct Linked {
 
 /// Whose panics are let be. The crate for signatures indexes arrays of fixed length in loops of
 /// fixed length, so that none of its checks can fail, and the compiler doesn't see it.
-const NEVER_REACHED: &str = "ed25519_compact::";
+const NEVER_REACHED: &str = "ed25519";
 
 /// Whether a function is there for floating point only.
 fn is_stray(name: &str) -> bool {
