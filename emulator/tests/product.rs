@@ -215,3 +215,26 @@ fn a_cut_at_every_operation_of_a_store_of_the_image_leaves_the_old_or_the_new() 
     let store = store_operations(&mut pair);
     cut_at(&mut pair, 0..store);
 }
+
+#[test]
+fn r9_a_flipped_bit_of_the_running_program_is_told_of() {
+    let mut pair = pair();
+    pair.run(1.0);
+    let told = |pair: &Pair| {
+        let codes = pair.of_id(0x081).into_iter().map(|heard| heard.frame);
+        codes
+            .filter(|frame| frame.bytes()[..2] == [0x10, 0x61])
+            .count()
+    };
+    assert_eq!(told(&pair), 0);
+    // The last byte of the program: data that nothing uses while all is well.
+    let end = product().factory.len() as u32 - 1;
+    pair.board(0).machine_mut().chip_mut().flash.flip(end, 1);
+    for _ in 0..30 {
+        pair.run(1.0);
+        if told(&pair) > 0 {
+            return;
+        }
+    }
+    panic!("a damaged program was not told of within 30 s");
+}

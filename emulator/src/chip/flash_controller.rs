@@ -124,6 +124,12 @@ impl FlashController {
         &mut self.cells
     }
 
+    /// Flips the bits of `mask` in the byte at `offset`, as a bad cell does.
+    pub fn flip(&mut self, offset: u32, mask: u8) {
+        self.cells.flip(offset, mask);
+        self.changed.push((offset & !3, 4));
+    }
+
     /// Writes an image as a programmer would: erases the pages it touches first.
     ///
     /// Errors: see [`NorError`].
