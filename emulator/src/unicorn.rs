@@ -12,15 +12,15 @@
 //!   program counter behind them;
 //! - a branch to an EXC_RETURN arrives as an interrupt with the program counter there.
 //!
-//! Left out: cycles, one instruction counts as one; and the fault that LDM, STM, LDRD and STRD at
+//! Left out: code in the RAM, where a fetch ends in a fault; cycles, one instruction counts as
+//! one; and the fault that LDM, STM, LDRD and STRD at
 //! an address that is not aligned end in, which the engine carries out.
 
 use std::fmt;
 
 use flash::layout::{BASE, RAM};
 use unicorn_engine::{
-    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, TlbEntry, TlbType, Unicorn,
-    uc_error,
+    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, Unicorn, uc_error,
 };
 
 use crate::chip::Chip;
@@ -58,8 +58,6 @@ struct Shared {
     stop: Option<Stop>,
     /// The block under way.
     block: (u32, u32),
-    /// Code was fetched from the RAM.
-    code_in_ram: bool,
     /// No block has begun since the core was started: the first one is let through.
     fresh: bool,
 }
@@ -88,7 +86,6 @@ impl UnicornCpu {
             chip,
             stop: None,
             block: (0, 0),
-            code_in_ram: false,
             fresh: true,
         };
         let engine = build(shared, flash, ram);
@@ -152,16 +149,11 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
     let mut engine = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, shared)?;
     engine.ctl_set_cpu_model(ArmCpuModel::CORTEX_M3 as i32)?;
     engine.ctl_exits_enable()?;
-    // The engine keeps watching a page for code that changes, at each store, unless it knows that
-    // there can be none.
-    engine.ctl_set_tlb_type(TlbType::VIRTUAL)?;
-    engine.add_tlb_hook(1, 0, |engine, address, kind| {
-        Some(page(engine, address, kind))
-    })?;
     let read_only = Prot::READ | Prot::EXEC;
     engine.mem_map(BASE.into(), flash.into(), read_only)?;
     engine.mem_map(ALIAS.into(), flash.into(), read_only)?;
-    engine.mem_map(RAM.into(), ram.into(), Prot::ALL)?;
+    // The engine watches a page for code that changes, at each store, unless there can be none.
+    engine.mem_map(RAM.into(), ram.into(), Prot::READ | Prot::WRITE)?;
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
         map_registers(&mut engine, base, size)?;
     }
@@ -191,20 +183,6 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
         })?;
     }
     Ok(engine)
-}
-
-/// How the engine is to see a page: where it is, and with code in the RAM only once there is some.
-fn page(engine: &mut Unicorn<'_, Shared>, address: u64, kind: MemType) -> TlbEntry {
-    let shared = engine.get_data_mut();
-    let offset = (address as u32).checked_sub(RAM);
-    let in_ram = offset.is_some_and(|offset| offset < shared.chip.ram_size());
-    shared.code_in_ram |= in_ram && kind == MemType::FETCH;
-    let perms = match in_ram && !shared.code_in_ram {
-        true => Prot::READ | Prot::WRITE,
-        false => Prot::ALL,
-    };
-    let paddr = address;
-    TlbEntry { paddr, perms }
 }
 
 /// Notes a load, a store or a fetch where nothing is; false, since nobody has handled it.

@@ -10,7 +10,7 @@ use emulator::chip::rcc::Cause;
 use emulator::chip::system::Blame;
 use emulator::cpu::{Cpu, Register};
 use emulator::pair::{Pair, SdoError};
-use flash::layout::{RAM, RC};
+use flash::layout::{BASE, RC};
 use flash::nor::{Nor, Page};
 use sim::network::guest::Switch;
 
@@ -60,15 +60,15 @@ fn two_product_nodes_run_much_faster_than_time() {
 /// Sends a node's code astray: to a loop, or to where no code is.
 fn astray(pair: &mut Pair, number: usize, at: u32) {
     let cpu = pair.board(number).machine_mut().cpu_mut();
-    // B to itself, in a corner of the RAM above stack and statics.
-    cpu.write(LOOP, &[0xFE, 0xE7]).expect("in RAM");
+    // B to itself, where the flash is blank.
+    cpu.write(LOOP, &[0xFE, 0xE7]).expect("in the flash");
     cpu.set_register(Register::Primask, 1);
     cpu.set_register(Register::Pc, at | 1);
     pair.board(number).machine_mut().wake();
 }
 
-/// The last word of the RAM's last but one corner: nobody's.
-const LOOP: u32 = RAM + RC.ram - 4;
+/// The last word before the records: nothing is in slot B.
+const LOOP: u32 = BASE + RC.records.start - 4;
 
 #[test]
 fn code_that_loops_is_ended_by_the_watchdog_and_the_other_node_measures_on() {

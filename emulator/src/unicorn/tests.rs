@@ -97,15 +97,17 @@ fn it_runs_up_to_its_limit_and_from_there_on() {
     assert_eq!(cpu.chip().instructions(), 16_000);
 }
 
+/// The part would run it. The engine's copy of a page with code can't be relied on once a store
+/// has changed it, so an image that runs code in the RAM is told, not believed.
 #[test]
-fn code_in_ram_runs_as_well() {
+fn a_fetch_from_the_ram_ends_in_a_fault() {
     let mut cpu = cpu(&[0xBF00]);
     // MOVS r0, #5; WFI.
     put(&mut cpu, RAM + 0x100, &[0x2005, 0xBF30]);
     cpu.set_register(Register::Pc, (RAM + 0x100) | 1);
-    assert_eq!(cpu.run(), Stop::WaitForInterrupt);
-    assert_eq!(cpu.register(Register::R(0)), 5);
-    assert_eq!(cpu.chip().instructions(), 2);
+    let address = RAM + 0x100;
+    assert_eq!(cpu.run(), Stop::Fault(Fault::Fetch { address }));
+    assert_eq!(cpu.register(Register::R(0)), 0);
 }
 
 #[test]
