@@ -1,9 +1,10 @@
 //! The virtual instrument against a master that others have written: the tests in `interop/`.
 //!
 //! In: the programs `plumb` and `emulate`, built with the flags of the other tests, and Python.
-//! Out: the number of tests that passed. The master's packages are pinned in `interop/requirements.txt`; they go
-//! into a virtual environment in the target folder, which is made anew whenever the list or
-//! Python changes. Nothing is installed anywhere else, and the network is needed that once only.
+//! Out: the number of tests that passed. The master's packages are pinned in
+//! `interop/requirements.txt`; they go into a virtual environment in the target folder, which is
+//! made anew whenever the list or Python changes. Nothing is installed anywhere else, and the
+//! network is needed that once only.
 //!
 //! Left out: the tests themselves, which are Python.
 
