@@ -9,6 +9,7 @@ use std::process::Command;
 use std::{env, fmt, fs, io};
 
 use flash::layout::BASE;
+use sim::memory::development_key;
 
 use crate::image::{Image, ImageError};
 
@@ -86,6 +87,9 @@ pub struct Product {
 impl Product {
     /// Builds it with `cargo xtask image`, or finds it built. Budgets are that command's business.
     ///
+    /// It believes updates that are signed with the key of the simulated nodes, unless `PLUMB_KEY`
+    /// names another.
+    ///
     /// Errors: see [`BuildError`].
     pub fn build() -> Result<Self, BuildError> {
         let target = target_folder();
@@ -101,6 +105,10 @@ impl Product {
                 "image",
             ])
             .env("CARGO_TARGET_DIR", &target);
+        if env::var_os("PLUMB_KEY").is_none() {
+            let digits = development_key().map(|byte| format!("{byte:02x}"));
+            cargo.env("PLUMB_KEY", digits.concat());
+        }
         let output = cargo.output().map_err(BuildError::Cargo)?;
         let images = target.join("images");
         let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
@@ -121,6 +129,15 @@ impl Product {
             boot: program("boot.elf")?,
             app: program("app-a.elf")?,
         })
+    }
+
+    /// The file of an update for slot `a` or `b`: header and body.
+    ///
+    /// Errors: [`BuildError::Read`].
+    pub fn update(&self, slot: &str) -> Result<Vec<u8>, BuildError> {
+        let version = env!("CARGO_PKG_VERSION");
+        let name = format!("plumb-{version}-slot-{slot}.img");
+        read(&target_folder().join("images").join(name))
     }
 
     /// What goes into an erased flash.

@@ -32,6 +32,11 @@ pub const FACTORY: Version = Version::new(0, 1, 0);
 /// but a simulated node believes it.
 pub const DEVELOPMENT: &[u8; 32] = b"not secret: for simulated nodes.";
 
+/// The public key that belongs to [`DEVELOPMENT`].
+pub fn development_key() -> [u8; 32] {
+    *KeyPair::from_seed(Seed::new(*DEVELOPMENT)).pk
+}
+
 /// A node's memory.
 pub type Memory = FlashMemory<Chip, Ed25519>;
 

@@ -1,9 +1,10 @@
 //! The virtual instrument against a master that others have written: the tests in `interop/`.
 //!
-//! In: the program `plumb`, built with the flags of the other tests, and Python. Out: the number
-//! of tests that passed. The master's packages are pinned in `interop/requirements.txt`; they go
-//! into a virtual environment in the target folder, which is made anew whenever the list or
-//! Python changes. Nothing is installed anywhere else, and the network is needed that once only.
+//! In: the programs `plumb` and `emulate`, built with the flags of the other tests, and Python.
+//! Out: the number of tests that passed. The master's packages are pinned in
+//! `interop/requirements.txt`; they go into a virtual environment in the target folder, which is
+//! made anew whenever the list or Python changes. Nothing is installed anywhere else, and the
+//! network is needed that once only.
 //!
 //! Left out: the tests themselves, which are Python.
 
@@ -75,13 +76,24 @@ impl From<CommandError> for InteropError {
 
 /// Builds the program exactly as the step of all tests has done, so that after it nothing is left
 /// to build: a plain `build` would choose other features of shared dependencies.
-const BUILD: [&str; 6] = [
+const BUILD: [&str; 8] = [
     "test",
     "--quiet",
     "--workspace",
     "--no-run",
     "--test",
     "serve",
+    "--test",
+    "product",
+];
+
+/// Files that the exact image has to pass too, on emulated boards: those that ask nothing of the
+/// nodes which only the host's can give, such as a calibrated sensor.
+const EMULATED: [&str; 4] = [
+    "test_sdo.py",
+    "test_nmt.py",
+    "test_heartbeat.py",
+    "test_sync.py",
 ];
 
 /// Files of tests that run at the same time. They wait for the bus most of their time.
@@ -102,15 +114,17 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
     };
     let work = || {
         std::iter::from_fn(next)
-            .map(|file| test(workspace, &python, &file))
+            .map(|file| test(workspace, &python, &file, "plumb"))
             .collect::<Vec<_>>()
     };
     let outcomes = thread::scope(|scope| {
         let workers = [(); AT_ONCE].map(|()| scope.spawn(work));
         workers.map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
+    // One after the other: an emulated processor takes a real one.
+    let emulated = EMULATED.map(|file| test(workspace, &python, file, "emulate"));
     let mut failed = None;
-    for (counted, outcome) in outcomes.into_iter().flatten() {
+    for (counted, outcome) in outcomes.into_iter().flatten().chain(emulated) {
         *tally = tally.plus(counted);
         failed = failed.or(outcome.err());
     }
@@ -138,9 +152,15 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
     Ok(files.into_iter().map(|(_, name)| name).collect())
 }
 
-/// Runs one file of tests: its summary is printed, and everything where a test fails.
-fn test(workspace: &Workspace, python: &Path, file: &str) -> (Tally, Result<(), CommandError>) {
-    let name = format!("plumb{}", env::consts::EXE_SUFFIX);
+/// Runs one file of tests against what `program` serves: its summary is printed, and everything
+/// where a test fails.
+fn test(
+    workspace: &Workspace,
+    python: &Path,
+    file: &str,
+    program: &str,
+) -> (Tally, Result<(), CommandError>) {
+    let name = format!("{program}{}", env::consts::EXE_SUFFIX);
     let mut pytest = workspace.program(
         &python.to_string_lossy(),
         &["-m", "pytest", "-q", "-p", "no:cacheprovider"],
@@ -160,7 +180,7 @@ fn test(workspace: &Workspace, python: &Path, file: &str) -> (Tally, Result<(), 
     if outcome.is_err() {
         print!("{said}");
     }
-    println!("      {file}: {last}");
+    println!("      {program}, {file}: {last}");
     (tally, outcome)
 }
 
