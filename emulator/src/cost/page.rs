@@ -27,8 +27,9 @@ Written by `cargo run -p emulator --example cost -- --write`; the test `cost` of
 again and compares: every figure of the first two tables within 5 %.
 
 The images are exactly those that are flashed, built by `cargo xtask image` for the STM32F103RC and
-run on the emulated chip: two nodes on a bus of 250 kbit/s with a host, from one seed. What is
-counted is the node of channel A.
+run on the emulated chip: two nodes on a bus of 250 kbit/s with a host, from one seed. Updates are
+checked with the key of the simulated nodes, unless `PLUMB_KEY` names another. What is counted is
+the node of channel A.
 
 One instruction is one count. **These are no cycles**: on the chip many instructions take more than
 one, and wait states of the flash are not counted at all. So the load here is less than a board
