@@ -73,11 +73,13 @@ pub const GOLDEN: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
-/// The product: what leaves the factory, and the application's symbols.
+/// The product: what leaves the factory, and the programs in it with their symbols.
 #[derive(Clone, Debug)]
 pub struct Product {
     /// Bootloader and confirmed application, from the start of the flash.
     pub factory: Vec<u8>,
+    /// The bootloader.
+    pub boot: Image,
     /// The application for slot A, with its symbols.
     pub app: Image,
 }
@@ -118,10 +120,14 @@ impl Product {
                 BuildError::Failed(said)
             }
         })?;
-        let app = read(&images.join("app-a.elf"))?;
+        let program = |name: &str| {
+            let bytes = read(&images.join(name))?;
+            Image::read(&bytes).map_err(BuildError::Image)
+        };
         Ok(Self {
             factory,
-            app: Image::read(&app).map_err(BuildError::Image)?,
+            boot: program("boot.elf")?,
+            app: program("app-a.elf")?,
         })
     }
 

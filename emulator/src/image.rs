@@ -8,7 +8,12 @@ use std::fmt;
 
 use object::elf::PT_LOAD;
 use object::read::elf::{FileHeader, ProgramHeader};
-use object::{Endianness, Object, ObjectSymbol};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol};
+
+use flash::layout::RAM;
+
+/// Where what is called SRAM ends and registers begin (RM0008 3.3, figure 2).
+const PERIPHERALS: u32 = 0x4000_0000;
 
 /// What is wrong with a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,6 +40,8 @@ impl std::error::Error for ImageError {}
 pub struct Image {
     /// Address in flash and bytes of each piece.
     pub pieces: Vec<(u32, Vec<u8>)>,
+    /// What its statics take of the RAM, bytes: sections with an address there.
+    pub statics: u32,
     /// Sorted by address.
     symbols: Vec<(String, u32)>,
 }
@@ -68,7 +75,26 @@ impl Image {
         });
         let mut symbols: Vec<_> = symbols.collect();
         symbols.sort_by_key(|(_, address)| *address & !1);
-        Ok(Self { pieces, symbols })
+        let in_ram = elf.sections().filter(|section| {
+            let address = section.address();
+            (u64::from(RAM)..u64::from(PERIPHERALS)).contains(&address)
+        });
+        let statics = in_ram.map(|section| section.size() as u32).sum();
+        Ok(Self {
+            pieces,
+            statics,
+            symbols,
+        })
+    }
+
+    /// How much of the flash it takes, bytes: from its first piece to the end of its last.
+    pub fn flash(&self) -> u32 {
+        let begin = self.pieces.iter().map(|(at, _)| *at).min();
+        let ends = self
+            .pieces
+            .iter()
+            .map(|(at, piece)| at + piece.len() as u32);
+        ends.max().unwrap_or_default() - begin.unwrap_or_default()
     }
 
     /// The address of the symbol with this very name, Thumb bit left out.

@@ -12,6 +12,7 @@ pub mod board;
 pub mod build;
 pub mod chip;
 pub mod code;
+pub mod cost;
 pub mod cpu;
 pub mod exceptions;
 pub mod image;

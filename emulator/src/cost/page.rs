@@ -1,0 +1,361 @@
+//! The page `docs/cost.md`.
+//!
+//! In: figures. Out: the page; and of a page that is there, its figures, and where they are not
+//! those that were counted. Left out: counting.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::{Figures, Interrupt};
+
+/// The exceptions of the image, with what they do.
+const NAMES: [(u32, &str); 5] = [
+    (16 + 28, "TIM2: the edge's time"),
+    (16 + 29, "TIM3: the device at work"),
+    (16 + 19, "CAN: sent"),
+    (16 + 20, "CAN: received"),
+    (16 + 22, "CAN: state"),
+];
+
+/// How far a committed figure may be from what is counted, as a part of it.
+const APART: f64 = 0.05;
+
+/// Before the tables.
+const HEAD: &str = "# What the image costs
+
+Written by `cargo run -p emulator --example cost -- --write`; the test `cost` of `emulator` counts
+again and compares: every figure of the first two tables within 5 %.
+
+The images are exactly those that are flashed, built by `cargo xtask image` for the STM32F103RC and
+run on the emulated chip: two nodes on a bus of 250 kbit/s with a host, from one seed. Updates are
+checked with the key of the simulated nodes, unless `PLUMB_KEY` names another. What is counted is
+the node of channel A.
+
+One instruction is one count. **These are no cycles**: on the chip many instructions take more than
+one, and wait states of the flash are not counted at all. So the load here is less than a board
+will show; [bring-up.md](bring-up.md) says how to measure it there.
+";
+
+/// What the first table's figures are.
+const INSTRUCTIONS: &str = "
+- **A sample** is all that interrupts execute while no host speaks, divided by the samples: driver,
+  chain, health checks, heartbeats and the timers between. The wait for SPI is as long as the bus is
+  slow, so it stands apart.
+- **An SDO request** and **a SYNC** are what comes on top of the samples of that time. With a SYNC
+  come the PDOs, those of the node and those that it hears from the other.
+- **The load** is that of a node in OPERATIONAL with 100 SYNCs a second.
+- **Background** is the check sum of the running program, which takes what is left up to its own
+  rate, and the idle loop.
+";
+
+/// What the second table's figures are.
+const SIZES: &str = "
+- **Flash** is from the first byte that is loaded to the last, of the linked files; the application
+  is that for slot A, without its header of 512 bytes.
+- **Statics** are the sections of the linked file that are in RAM.
+- **The deepest stack** is read off the paint that is left, on the worse of the two nodes, after
+  start, SDO, SYNC and a store of the parameters. A calibration over the bus and a program
+  download were not run for it and may go deeper.
+";
+
+/// Why a sample takes more than its target.
+const SAMPLE_MISSED: &str = "
+The target for a sample is missed. The likely reason: the image is optimised for size, since it
+is long; structures are copied by memcpy between the stages; and times are 64 bits wide, so that
+each comparison of deadlines takes several instructions, and a conversion a division in software.
+`cargo run -p emulator --example profile` shows it function by function: it is spread over many,
+with no one loop that is to blame. The same chain with floating point has not been counted.
+";
+
+/// Why the application takes more than its target.
+const APP_MISSED: &str = "
+The target for the application is missed: there are the whole object dictionary, the safety
+functions, the update with its signature, and the checks of both modes. The bus side alone takes
+nearly all of 48 kB ([size.md](size.md)). So the images are for the part with 256 kB of flash.
+";
+
+/// What it means that RAM takes more than its target.
+const RAM_MISSED: &str = "
+The target for RAM is missed. The part has 48 kB of it, so there is room, but a smaller one of
+the family, with 20 kB, would be too small for it.
+";
+
+/// A figure with its target.
+struct Row {
+    what: &'static str,
+    value: f64,
+    /// Digits behind the point.
+    digits: usize,
+    /// The most that it should be.
+    target: Option<f64>,
+}
+
+impl Row {
+    const fn new(what: &'static str, value: f64, target: Option<f64>) -> Self {
+        Self {
+            what,
+            value,
+            digits: 0,
+            target,
+        }
+    }
+
+    const fn per_cent(what: &'static str, value: f64, target: Option<f64>) -> Self {
+        Self {
+            digits: 1,
+            ..Self::new(what, value, target)
+        }
+    }
+
+    fn is_missed(&self) -> bool {
+        self.target.is_some_and(|target| self.value > target)
+    }
+
+    /// What stands in the page.
+    fn line(&self) -> String {
+        let (what, digits) = (self.what, self.digits);
+        let (target, met) = self.target.map_or(("-".into(), "-"), |target| {
+            let met = if self.value <= target {
+                "met"
+            } else {
+                "missed"
+            };
+            (format!("{target}"), met)
+        });
+        format!("| {what} | {:.digits$} | {target} | {met} |\n", self.value)
+    }
+}
+
+impl Figures {
+    fn instructions(&self) -> [Row; 7] {
+        [
+            Row::new(
+                "a sample, without the wait for SPI",
+                self.sample,
+                Some(1500.0),
+            ),
+            Row::new("the wait for SPI in it", self.wait, None),
+            Row::new("an SDO request of 4 bytes, with its answer", self.sdo, None),
+            Row::new("a SYNC with its PDOs, both nodes'", self.sync, None),
+            Row::new("samples a second", self.rate, None),
+            Row::per_cent("load, % of 72 MHz", self.load, Some(10.0)),
+            Row::per_cent("load with the wait and the background, %", self.whole, None),
+        ]
+    }
+
+    fn sizes(&self) -> [Row; 5] {
+        let ram = f64::from(self.statics + self.stack);
+        [
+            Row::new("flash of the bootloader", self.boot.into(), Some(8192.0)),
+            Row::new("flash of the application", self.app.into(), Some(49152.0)),
+            Row::new("RAM of statics", self.statics.into(), None),
+            Row::new("deepest stack", self.stack.into(), None),
+            Row::new("statics and deepest stack", ram, Some(16384.0)),
+        ]
+    }
+
+    /// The whole page.
+    pub fn page(&self) -> String {
+        let table = |unit: &str, rows: &[Row]| {
+            let rows: String = rows.iter().map(Row::line).collect();
+            format!("| {unit} | counted | at most | target |\n|---|---:|---:|---|\n{rows}")
+        };
+        let (work, sizes) = (self.instructions(), self.sizes());
+        let why = |row: &Row, why: &'static str| if row.is_missed() { why } else { "" };
+        let [sample, ..] = &work;
+        let [_, app, .., ram] = &sizes;
+        [
+            HEAD,
+            "\n## Instructions\n\n",
+            &table("Instructions", &work),
+            INSTRUCTIONS,
+            why(sample, SAMPLE_MISSED),
+            "\n",
+            &interrupts(&self.interrupts),
+            "\n## Flash and RAM\n\n",
+            &table("Bytes", &sizes),
+            SIZES,
+            why(app, APP_MISSED),
+            why(ram, RAM_MISSED),
+        ]
+        .concat()
+    }
+}
+
+/// The table of interrupts.
+fn interrupts(interrupts: &[Interrupt]) -> String {
+    let mut text = String::from(
+        "Interrupts with 100 SYNCs a second, the wait for SPI with them; their figures are \
+         not compared:\n\n\
+         | Interrupt | times a second | instructions each | the longest |\n|---|---:|---:|---:|\n",
+    );
+    for row in interrupts {
+        let name = NAMES.iter().find(|(number, _)| *number == row.number);
+        let name = name.map_or("another", |(_, name)| name);
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "| {name} | {:.0} | {} | {} |",
+            row.rate, row.mean, row.most
+        );
+    }
+    text
+}
+
+/// The figures of a page: of rows whose third cell is a target or a dash.
+fn rows(page: &str) -> BTreeMap<String, f64> {
+    let row = |line: &str| {
+        let line = line.strip_prefix("| ")?.strip_suffix(" |")?;
+        let cells: Vec<_> = line.split(" | ").collect();
+        let [what, value, _, "met" | "missed" | "-"] = cells.as_slice() else {
+            return None;
+        };
+        Some(((*what).to_owned(), value.parse().ok()?))
+    };
+    page.lines().filter_map(row).collect()
+}
+
+/// Where a committed page is not as it would be written now, a sentence for each figure. Figures
+/// may be 5 % apart, whether a target is met may not.
+pub fn differences(committed: &str, counted: &Figures) -> Vec<String> {
+    let page = counted.page();
+    let (old, new) = (rows(committed), rows(&page));
+    let mut found = Vec::new();
+    for (what, now) in &new {
+        match old.get(what) {
+            None => found.push(format!("{what}: not in the page, {now} counted")),
+            Some(was) if (was - now).abs() > APART * now.abs() => {
+                found.push(format!("{what}: {was} in the page, {now} counted"));
+            }
+            Some(_) => {}
+        }
+    }
+    let gone = old.keys().filter(|what| !new.contains_key(*what));
+    found.extend(gone.map(|what| format!("{what}: in the page, but not counted")));
+    if found.is_empty() && words(committed) != words(&page) {
+        found.push("the words of the page are not those that would be written".into());
+    }
+    found
+}
+
+/// A page without its numbers.
+fn words(page: &str) -> String {
+    page.chars()
+        .filter(|c| !c.is_ascii_digit() && *c != '.')
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figures() -> Figures {
+        Figures {
+            sample: 1480.0,
+            wait: 1500.0,
+            sdo: 8000.0,
+            sync: 30_000.0,
+            rate: 400.0,
+            load: 7.5,
+            whole: 9.7,
+            boot: 3500,
+            app: 100_000,
+            statics: 18_000,
+            stack: 17_000,
+            interrupts: vec![Interrupt {
+                number: 16 + 29,
+                rate: 1000.0,
+                mean: 4000,
+                most: 40_000,
+            }],
+        }
+    }
+
+    #[test]
+    fn a_page_is_what_its_own_figures_write() {
+        let page = figures().page();
+        assert_eq!(differences(&page, &figures()), [""; 0]);
+        let rows = rows(&page);
+        assert_eq!(rows.len(), 12);
+        assert_eq!(
+            rows.get("a sample, without the wait for SPI"),
+            Some(&1480.0)
+        );
+        assert_eq!(rows.get("load, % of 72 MHz"), Some(&7.5));
+        assert_eq!(rows.get("statics and deepest stack"), Some(&35_000.0));
+    }
+
+    #[test]
+    fn four_per_cent_are_let_be_and_six_are_told() {
+        let page = figures().page();
+        let with = |sdo| Figures { sdo, ..figures() };
+        assert_eq!(differences(&page, &with(8320.0)), [""; 0]);
+        for apart in [8480.0, 7520.0] {
+            let told = differences(&page, &with(apart));
+            let sdo = "an SDO request of 4 bytes, with its answer";
+            assert_eq!(told, [format!("{sdo}: 8000 in the page, {apart} counted")]);
+        }
+    }
+
+    #[test]
+    fn every_figure_that_grows_is_told() {
+        let page = figures().page();
+        let grown = Figures {
+            sample: 2000.0,
+            wait: 2000.0,
+            sdo: 9000.0,
+            sync: 40_000.0,
+            rate: 500.0,
+            load: 9.0,
+            whole: 12.0,
+            boot: 4000,
+            app: 120_000,
+            statics: 20_000,
+            stack: 20_000,
+            ..figures()
+        };
+        assert_eq!(differences(&page, &grown).len(), 12);
+    }
+
+    #[test]
+    fn a_target_missed_by_little_is_told() {
+        let page = figures().page();
+        let missed = Figures {
+            sample: 1510.0,
+            ..figures()
+        };
+        assert_eq!(differences(&page, &missed).len(), 1);
+    }
+
+    #[test]
+    fn what_is_missed_has_its_reason_and_what_is_met_has_none() {
+        let page = figures().page();
+        assert!(!page.contains(SAMPLE_MISSED));
+        assert!(page.contains(APP_MISSED) && page.contains(RAM_MISSED));
+        let small = Figures {
+            sample: 1501.0,
+            app: 49_152,
+            stack: 0,
+            statics: 16_384,
+            ..figures()
+        };
+        let page = small.page();
+        assert!(page.contains(SAMPLE_MISSED));
+        assert!(!page.contains(APP_MISSED) && !page.contains(RAM_MISSED));
+    }
+
+    #[test]
+    fn rows_that_only_one_has_are_told() {
+        let page = figures().page();
+        let other = page.replace("| deepest stack |", "| highest heap |");
+        let told = differences(&other, &figures());
+        assert_eq!(
+            told,
+            [
+                "deepest stack: not in the page, 17000 counted",
+                "highest heap: in the page, but not counted"
+            ]
+        );
+        assert_eq!(differences("", &figures()).len(), 12);
+    }
+}
