@@ -6,7 +6,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import PRE_OPERATIONAL, START, STOP, Master, Plumb, signed, until
+from master import INVALID16, PRE_OPERATIONAL, START, STOP, Master, Plumb, signed, until
 
 VALID = 0xA5
 BAD_VALUE, INCOMPATIBLE = 0x0609_0030, 0x0604_0043
@@ -66,12 +66,14 @@ def commission(master: Master, node: int) -> None:
 
 
 def run(master: Master) -> None:
-    """Starts the nodes, with SYNC by the lower one, until the pair agrees."""
+    """Starts the nodes, with SYNC by the lower one, until the pair agrees and shows its slopes."""
     for node in (1, 2):
         master.write(node, 0x2050, 1, 50)
     master.nmt(START)
     for node in (1, 2):
         until(lambda: master.read(node, 0x2021) == 1, f"agreement seen by node {node}", 5)
+        # The slopes follow within 10 ms.
+        until(lambda: master.read(node, 0x6010) != INVALID16, f"a slope of node {node}", 5)
 
 
 @pytest.fixture
