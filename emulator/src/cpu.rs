@@ -44,7 +44,7 @@ pub enum Register {
 /// reason is an instruction that could not be executed: then it is at that one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The chip wanted it ([`Chip::block`]).
+    /// The chip wanted it ([`Chip::begin_block`]).
     Wanted,
     /// It came to a WFI.
     WaitForInterrupt,
