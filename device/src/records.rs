@@ -122,8 +122,8 @@ pub trait RecordStore {
 /// Where events are kept as they happen, each whole or not at all, until newer ones take their
 /// place.
 pub trait EventStore {
-    /// Hands out the events that are kept, newest first, until `each` answers false.
-    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY]) -> bool);
+    /// Hands out the events that are kept, newest first.
+    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY]));
 
     /// Keeps one more. About 1 ms on the chip.
     ///

@@ -70,7 +70,7 @@ impl RecordStore for Nothing {
 }
 
 impl EventStore for Nothing {
-    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {}
+    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY])) {}
 
     fn keep_event(&mut self, _: &[u8; ENTRY]) -> Result<(), StoreError> {
         Err(StoreError::Hardware)

@@ -88,10 +88,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.log.clear();
         self.black_box.clear();
         let log = &mut self.log;
-        self.memory.recall_events(&mut |event| {
-            log.restore(Entry::decode(event));
-            true
-        });
+        self.memory
+            .recall_events(&mut |event| log.restore(Entry::decode(event)));
         for number in 1..=BOXES as u8 {
             let memory = &mut self.memory;
             self.black_box.restore(number, &mut |offset, into| {

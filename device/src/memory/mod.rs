@@ -128,15 +128,13 @@ impl From<LogError> for StoreError {
 }
 
 impl<F: NorFlash, S> EventStore for FlashMemory<F, S> {
-    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {
+    fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY])) {
         let Some(log) = &self.events else {
             return;
         };
         let mut cursor = log.end();
         while let Ok(Some(event)) = log.before(&mut self.flash, &mut cursor) {
-            if !each(&event) {
-                break;
-            }
+            each(&event);
         }
     }
 

@@ -69,7 +69,7 @@ impl RecordStore for Memory {
 }
 
 impl EventStore for Memory {
-    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY]) -> bool) {}
+    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY])) {}
 
     fn keep_event(&mut self, _: &[u8; ENTRY]) -> Result<(), StoreError> {
         (self.record)(None, &[])
