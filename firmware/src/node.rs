@@ -107,6 +107,9 @@ impl Node {
     }
 
     /// The sensor is set up first, which takes 20 ms; then the bus hears of this node.
+    ///
+    /// Out of line: what it has on the stack, nothing else that is served needs.
+    #[inline(never)]
     fn start(&mut self) {
         // A part that does not answer leaves its channel invalid, and the bus hears why.
         let _ = self.device.start_sensor(&mut Wait, now());
@@ -119,6 +122,7 @@ impl Node {
         self.running = true;
     }
 
+    #[inline(never)]
     fn obey(&mut self, order: Order) {
         match order {
             Order::Reset => SCB::sys_reset(),
