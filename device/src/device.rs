@@ -87,26 +87,24 @@ pub const REFRESH_US: i64 = 10_000;
 const SDO_ANSWER: u16 = 0x580;
 
 /// A device: its state.
+///
+/// The fields stand in this order in memory, too: an instruction reaches 4095 bytes from the start
+/// (ARMv7-M, LDR immediate), so what is large comes last. That alone saves 0.5 kB of code.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Device<SPI, M> {
-    node: Node<SPI>,
-    bus: BusNode,
-    values: Values,
-    settings: Settings,
-    work: Work,
-    memory: M,
-    identity: Identity,
     /// Until LSS stores another.
     node_id: u8,
     /// Until LSS stores another.
     kbit_s: u16,
+    standing_in: bool,
+    record_damaged: bool,
+    /// What a program on trial has not shown yet.
+    trial: Trial,
+    identity: Identity,
     faults: Faults,
     /// What was found wrong at the last look, reported or not.
     pending: Faults,
-    pair: Pair,
-    log: FaultLog,
-    black_box: BlackBox,
-    keeping: Keeping,
     /// When the code was started: the log's time begins here.
     started: Instant,
     /// When the sensor was last seen sound, for setting it up anew.
@@ -114,13 +112,19 @@ pub struct Device<SPI, M> {
     /// When the calibration in force is next compared with what came into force.
     next_sum: Instant,
     last_sync: Instant,
-    standing_in: bool,
-    /// What a program on trial has not shown yet.
-    trial: Trial,
-    record_damaged: bool,
     next_refresh: Instant,
     /// When the next call is due, the channel's own deadline apart.
     next: Instant,
+    keeping: Keeping,
+    pair: Pair,
+    values: Values,
+    bus: BusNode,
+    node: Node<SPI>,
+    memory: M,
+    settings: Settings,
+    work: Work,
+    log: FaultLog,
+    black_box: BlackBox,
 }
 
 impl<SPI: SpiDevice> Source for Channel<SPI> {

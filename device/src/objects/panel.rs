@@ -45,11 +45,12 @@ impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 
 /// What a calibration over the bus works with.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Work {
-    /// The motor's run.
-    pub motor: Motor,
     /// What new tables come with.
     pub terms: Terms,
+    /// The motor's run.
+    pub motor: Motor,
 }
 
 impl Work {
