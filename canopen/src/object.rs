@@ -359,6 +359,7 @@ impl Value {
     }
 
     /// The value with the sign of its own length.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn signed(&self) -> i64 {
         let shift = 64 - 8 * u32::from(self.length.clamp(1, 8));
         ((self.unsigned() << shift) as i64) >> shift
