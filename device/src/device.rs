@@ -193,6 +193,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The bus's node and what the device lends it.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn split(&mut self, now: Instant) -> (&mut BusNode, Panel<'_, M, Channel<SPI>>) {
         let panel = Panel {
             values: &mut self.values,

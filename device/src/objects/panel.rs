@@ -420,6 +420,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     /// Remembers whether the memory did its part, for the fault that tells.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn note(&mut self, outcome: Result<(), StoreError>) -> Result<(), Abort> {
         self.values.storage_failed = outcome.is_err();
         outcome.map_err(store_abort)
