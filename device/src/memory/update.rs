@@ -136,7 +136,7 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
         };
         for (offset, length) in header.signed() {
             let at = slot.start.saturating_add(offset);
-            for_each(&mut self.flash, at, length, |bytes| {
+            for_each(&mut self.flash, at, length, &mut |bytes| {
                 signatures.add(check, bytes);
             })?;
         }
