@@ -153,8 +153,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A device that has not been started.
     ///
     /// It is larger than all the stack that its work takes, so it must not be made on the stack
-    /// first and copied. Only what a call returns is written right into its place: that is why
-    /// this is never inlined, nor are the constructors of its large parts.
+    /// first and copied. Only what a call returns is written right into its place, and only when
+    /// the calls come in the order of the fields: that is why this is never inlined, nor are the
+    /// constructors of its large parts. `cargo xtask image` finds a copy by its budget for RAM.
     #[inline(never)]
     pub fn new(spi: SPI, check: CrossCheck, factory: Factory, memory: M) -> Self {
         let Factory {
@@ -165,30 +166,30 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             terms,
         } = factory;
         Self {
-            node: Node::new(spi, check),
-            bus: BusNode::new(),
-            values: Values::new(),
-            settings,
-            work: Work::new(terms),
-            memory,
-            identity,
             node_id,
             kbit_s,
+            standing_in: false,
+            record_damaged: false,
+            trial: Trial::OVER,
+            identity,
             faults: Faults::default(),
             pending: Faults::default(),
-            pair: Pair::new(),
-            log: FaultLog::new(),
-            black_box: BlackBox::new(),
-            keeping: Keeping::new(),
             started: Instant(0),
             sensor_sound: Instant(0),
             next_sum: Instant(0),
             last_sync: Instant(0),
-            standing_in: false,
-            trial: Trial::OVER,
-            record_damaged: false,
             next_refresh: Instant(0),
             next: Instant(0),
+            keeping: Keeping::new(),
+            pair: Pair::new(),
+            values: Values::new(),
+            bus: BusNode::new(),
+            node: Node::new(spi, check),
+            memory,
+            settings,
+            work: Work::new(terms),
+            log: FaultLog::new(),
+            black_box: BlackBox::new(),
         }
     }
 
