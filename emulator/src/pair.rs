@@ -13,11 +13,11 @@ use flash::layout::RC;
 use sim::can_bus::{Busy, Event, Port};
 use sim::electronics::Electronics;
 use sim::error_model::ErrorModel;
-use sim::memory;
+use sim::memory::{self, Memory};
 use sim::network::Network;
 use sim::network::guest::Switch;
 use sim::network::hand::Hand;
-use sim::network::instrument::Delivered;
+use sim::network::instrument::{Delivered, commission};
 use sim::rng::Rng;
 
 use crate::board::{Board, FlashError, Parts};
@@ -98,8 +98,12 @@ pub fn board(
     Ok(board)
 }
 
+/// Node-ids and bit rate (kbit/s) that the image has by itself (`firmware::factory`).
+pub const AS_BUILT: ([u8; 2], u16) = ([1, 2], 250);
+
 /// Puts both boards of an instrument on the bus, without power: its parts, these pieces in their
-/// flash, and behind them the records that they leave the bench with.
+/// flash, and behind them the records that they leave the bench with. Node-ids and bit rate other
+/// than [`AS_BUILT`] are stored as LSS does it.
 ///
 /// Errors: see [`FlashError`].
 ///
@@ -108,33 +112,36 @@ pub fn board(
 pub fn deliver(
     network: &mut Network,
     delivered: &Delivered,
+    (ids, kbit_s): ([u8; 2], u16),
     seed: u64,
     pieces: Pieces<'_>,
 ) -> Result<(), FlashError> {
-    for (number, channel) in [Channel::A, Channel::B].into_iter().enumerate() {
+    let mut memories = CHANNELS.map(|channel| left_bench(delivered, channel));
+    if (ids, kbit_s) != AS_BUILT {
+        commission(&mut memories, ids, kbit_s).expect(ROOM);
+    }
+    for (number, (channel, mut memory)) in CHANNELS.into_iter().zip(memories).enumerate() {
         let electronics = delivered.electronics(channel);
         let mut board = board(network, electronics, seed, number, pieces)?;
-        let (address, records) = records(delivered, channel);
-        board.flash_at(address, &records)?;
+        let mut records = vec![0; RC.records.length as usize];
+        let read = memory.flash_mut().read(RC.records.start, &mut records);
+        read.expect("the records are in the flash");
+        board.flash_at(RC.records.address(), &records)?;
         network.add_guest(Box::new(board));
     }
     Ok(())
 }
 
-/// The records of a node as the bench leaves them, with their address.
-///
-/// They are written by the same code, on the host: a factory does it before the first start too.
-fn records(delivered: &Delivered, channel: Channel) -> (u32, Vec<u8>) {
+const CHANNELS: [Channel; 2] = [Channel::A, Channel::B];
+
+const ROOM: &str = "a blank flash has room for a few records";
+
+/// A node's memory as the bench leaves it, written by the same code on the host.
+fn left_bench(delivered: &Delivered, channel: Channel) -> Memory {
     let mut memory = memory::blank();
-    RecordStore::start(&mut memory).expect("a blank flash mounts");
-    delivered
-        .write_to(channel, &mut memory)
-        .expect("a calibration has room in a blank flash");
-    let region = RC.records;
-    let mut bytes = vec![0; region.length as usize];
-    let read = memory.flash_mut().read(region.start, &mut bytes);
-    read.expect("the records are in the flash");
-    (region.address(), bytes)
+    RecordStore::start(&mut memory).expect("a blank flash has no records to trip over");
+    delivered.write_to(channel, &mut memory).expect(ROOM);
+    memory
 }
 
 impl Pair {
@@ -182,7 +189,7 @@ impl Pair {
     ) -> Result<Self, FlashError> {
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
-        deliver(&mut network, delivered, seed, pieces)?;
+        deliver(&mut network, delivered, AS_BUILT, seed, pieces)?;
         Ok(Self::powered(network, host, seed))
     }
 

@@ -13,7 +13,7 @@ use emulator::pair::deliver;
 use plumb::serve;
 use sim::bench::{Mode, World};
 use sim::network::Network;
-use sim::network::instrument::Delivered;
+use sim::network::instrument::{Delivered, UNCONFIGURED};
 
 /// Runs the exact images of bootloader and application on emulated boards.
 #[derive(Debug, Parser)]
@@ -52,8 +52,11 @@ fn run(arguments: &serve::Arguments) -> Result<ExitCode, Box<dyn Error>> {
     } else {
         Delivered::calibrated(Mode::Product, world, seed, 0)?
     };
-    deliver(&mut network, &delivered, seed, &pieces)?;
-    Ok(serve::run_network(arguments, network, &[Some(1), Some(2)])?)
+    let named = arguments.node_ids()?;
+    let ids = [0, 1].map(|number| named[number].unwrap_or(UNCONFIGURED));
+    let fitting = (ids, arguments.bit_rate);
+    deliver(&mut network, &delivered, fitting, seed, &pieces)?;
+    Ok(serve::run_network(arguments, network, &named)?)
 }
 
 /// What the image decides by itself cannot be asked for.
@@ -62,9 +65,6 @@ fn refuse(arguments: &serve::Arguments) -> Result<(), &'static str> {
         serve::Arguments {
             instruments: 2.., ..
         } => Err("one instrument is emulated, not several"),
-        serve::Arguments {
-            node_ids: Some(_), ..
-        } => Err("the image has its own node-ids; LSS changes them"),
         serve::Arguments { state: Some(_), .. } => {
             Err("emulated nodes keep what they store in their flash, which is not kept in files")
         }

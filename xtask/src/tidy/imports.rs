@@ -45,7 +45,11 @@ const RULES: [Rule; 12] = [
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
     // Its bus server is the one of `plumb`.
-    rule("emulator", &["sim", "device", "canopen", "flash", "plumb"], None),
+    rule(
+        "emulator",
+        &["sim", "device", "canopen", "flash", "plumb"],
+        None,
+    ),
     rule("emulator/fixture", &["flash"], None),
     rule("emulator/golden", &["tilt", "flash"], None),
     rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
