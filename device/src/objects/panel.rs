@@ -52,6 +52,17 @@ pub struct Work {
     pub terms: Terms,
 }
 
+impl Work {
+    /// No run.
+    #[inline(never)]
+    pub const fn new(terms: Terms) -> Self {
+        Self {
+            motor: Motor::new(),
+            terms,
+        }
+    }
+}
+
 /// What tells one device from another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Identity {
