@@ -373,7 +373,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        let channel = self.node.channel.deadline(&self.settings);
+        let channel = self.node.channel.deadline();
         self.next.min(channel).min(self.pair.sending.next)
     }
 
