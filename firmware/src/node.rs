@@ -106,6 +106,8 @@ impl Node {
     }
 
     /// The sensor is set up first, which takes 20 ms; then the bus hears of this node.
+    // Apart: each round would make room on the stack for what is done once.
+    #[inline(never)]
     fn start(&mut self) {
         // A part that does not answer leaves its channel invalid, and the bus hears why.
         let _ = self.device.start_sensor(&mut Wait, now());
@@ -118,6 +120,7 @@ impl Node {
         self.running = true;
     }
 
+    #[inline(never)]
     fn obey(&mut self, order: Order) {
         match order {
             Order::Reset => SCB::sys_reset(),

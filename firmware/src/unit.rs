@@ -277,6 +277,8 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
     }
 
     /// The controller has seen something at `at`.
+    // Apart, because most calls are for a sample, which would set up what only frames need.
+    #[inline(never)]
     pub fn event(&mut self, event: Event, at: Instant) {
         let at = self.unit.reach(at);
         match event {

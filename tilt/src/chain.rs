@@ -567,13 +567,26 @@ fn across(vector: Corrected) -> Uncertainty {
     Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
 }
 
+/// `a` / `b` in 1/65536, rounded towards 0; `None` for what does not fit or has no end.
+fn quotient_q16(a: i64, b: i64) -> Option<i64> {
+    if let (Ok(size), Ok(by)) = (u32::try_from(a.unsigned_abs()), u16::try_from(b))
+        && by != 0
+    {
+        // Samples less than 65 ms apart: two divisions by the chip's own of 32 bits.
+        let by = u32::from(by);
+        let size = i64::from(size / by) << 16 | i64::from(((size % by) << 16) / by);
+        return Some(if a < 0 { -size } else { size });
+    }
+    a.checked_mul(1 << 16)?.checked_div(b)
+}
+
 /// The filtered acceleration at `at` on the line through the last two samples.
 ///
 /// `None` when `at` is more than two periods before the first or three after the second.
 fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filtered> {
     let span = latest.at.micros_since(previous.at);
     let way = at.micros_since(previous.at);
-    let weight_q16 = way.checked_mul(1 << 16)?.checked_div(span)?;
+    let weight_q16 = quotient_q16(way, span)?;
     if !(-2 << 16..=4 << 16).contains(&weight_q16) {
         return None;
     }

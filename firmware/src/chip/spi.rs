@@ -64,6 +64,8 @@ impl<CS: OutputPin> Sensor<CS> {
     /// Sends a byte and returns the one that comes back.
     ///
     /// There is room for it: the byte before has come back, so it has left (RM0008 25.3.7).
+    // A call for each byte would cost as much as the byte does.
+    #[inline(always)]
     fn exchange(&mut self, byte: u8) -> Result<u8, Lost> {
         write(self.port.dr(), u16::from(byte));
         self.wait(RXNE, RXNE)?;
