@@ -1,0 +1,6 @@
+//! What a loss of supply and bits that go bad do to the exact images: on the bus it looks as if
+//! nothing, or something that is told, has happened.
+
+mod bench;
+mod first_angle;
+mod store_cuts;
