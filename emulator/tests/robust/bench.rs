@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use device::calibration::deliver;
 use emulator::build::Product;
+use emulator::chip::rcc::Cause;
 use emulator::chip::flash_controller::{Cells, Operation};
 use emulator::pair::Pair;
 use flash::layout::{HEADER, RC, Region};
@@ -195,6 +196,11 @@ impl Bench {
         self.flash().begin_journal();
         act(self);
         self.flash().take_journal()
+    }
+
+    /// Why it was reset, each time so far.
+    pub fn resets(&mut self) -> &[Cause] {
+        self.pair.board(0).machine().resets()
     }
 
     /// How often the code broke a rule of the flash.

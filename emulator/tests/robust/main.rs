@@ -2,5 +2,8 @@
 //! nothing, or something that is told, has happened.
 
 mod bench;
+mod failed_trial;
 mod first_angle;
 mod store_cuts;
+mod update;
+mod update_cuts;
