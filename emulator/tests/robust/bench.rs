@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 
 use device::calibration::deliver;
 use emulator::build::Product;
-use emulator::chip::rcc::Cause;
 use emulator::chip::flash_controller::{Cells, Operation};
+use emulator::chip::rcc::Cause;
 use emulator::pair::Pair;
 use flash::layout::{HEADER, RC, Region};
 use sim::error_model::{ErrorModel, Term};

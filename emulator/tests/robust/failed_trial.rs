@@ -80,7 +80,8 @@ fn a_program_that_crashes_is_given_up_at_once() {
 fn a_program_that_has_no_angle_gives_itself_up_within_half_a_minute() {
     let mut bench = Bench::new();
     let electronics = bench.pair.network.electronics(0);
-    electronics.inject(SensorFault::Disconnected, Rng::stream(1, "fault"));
+    let silent = SensorFault::SampleLoss { share: 1.0 };
+    electronics.inject(silent, Rng::stream(1, "fault"));
     let story = rolled_back(&mut bench, &body(), 40.0);
     assert_eq!(story.attempts, [Cause::Software; ATTEMPTS as usize]);
     // The old one stays, although it has no angle either.

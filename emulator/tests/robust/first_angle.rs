@@ -8,7 +8,7 @@ use canopen::Frame;
 use emulator::pair::Pair;
 use sim::network::guest::Switch;
 
-use crate::bench::{NEAR_DEG, PARTS, POSE, pieces};
+use crate::bench::{Bench, NEAR_DEG, PARTS, POSE, pieces};
 
 #[test]
 fn the_first_valid_angle_comes_within_a_second_of_power_and_none_before_is_marked_valid() {
@@ -59,5 +59,26 @@ fn the_first_valid_angle_comes_within_a_second_of_power_and_none_before_is_marke
         eprintln!("{id:03X}: first valid angle {first_s:.3} s after power");
         assert!(first_s < 1.0, "{id:03X}: {first_s} s");
         assert_eq!(valid.count(), missing, "{id:03X}: it came and went");
+    }
+}
+
+#[test]
+fn a_pulse_of_data_ready_that_ended_a_nanosecond_early_left_its_pin_high_for_seconds() {
+    let mut bench = Bench::new();
+    // Each start has the part sample at other times.
+    for start in 0..10 {
+        bench.pair.network.switch_guest(0, Switch::Reset);
+        bench.boot();
+        let mut counts = || {
+            bench.pair.run(0.3);
+            let taken = u64::from(bench.read(0x2032, 0));
+            (bench.pair.board(0).samples(), taken)
+        };
+        let (before, after) = (counts(), counts());
+        let (there, taken) = (after.0 - before.0, after.1 - before.1);
+        assert!(
+            there.abs_diff(taken) <= 1,
+            "start {start}: {taken} of {there} samples"
+        );
     }
 }
