@@ -44,10 +44,10 @@ const RULES: [Rule; 12] = [
         Some(&[]),
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
-    // Its bus server is the one of `plumb`.
+    // Its bus server is the one of `plumb`; its tests write calibrations as the factory does.
     rule(
         "emulator",
-        &["sim", "device", "canopen", "flash", "plumb"],
+        &["sim", "device", "tilt", "canopen", "flash", "plumb"],
         None,
     ),
     rule("emulator/fixture", &["flash"], None),
