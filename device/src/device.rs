@@ -21,7 +21,7 @@ mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
-use canopen::node::{BusState, Node as BusNode};
+use canopen::node::{BusState, Node as BusNode, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::{Invalid, Reading};
@@ -329,8 +329,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// [`Device::transmit`], if there is room for a frame of its identifier.
     pub fn transmit_if(&mut self, now: Instant, room: impl FnOnce(u16) -> bool) -> Option<Frame> {
+        let waiting = self.bus.waiting(bus_time(now));
+        self.hand_over(waiting.filter(|waiting| room(waiting.cob_id))?, now)
+    }
+
+    // Apart, because mostly there is nothing to hand over.
+    #[inline(never)]
+    fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        let frame = bus.transmit_if(&mut panel, bus_time(now), room);
+        let frame = bus.hand_out(&mut panel, waiting, bus_time(now));
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
             let until = self.bus.expires(id).map(|until| Instant(until.0));
             self.pair.sending.hand_over(id, until);
@@ -380,7 +387,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        let channel = self.node.channel.deadline(&self.settings);
+        let channel = self.node.channel.deadline();
         self.next.min(channel).min(self.pair.sending.next)
     }
 

@@ -88,9 +88,14 @@ impl Inbox {
     pub fn state(&mut self, state: State, transmit: u8, receive: u8, at: Instant) {
         let event = Event::Changed(state, transmit, receive);
         // What does not fit is told with the next interrupt: the state is still another one.
-        if state != self.state && self.push(event, at) {
+        if self.is_another(state) && self.push(event, at) {
             self.state = state;
         }
+    }
+
+    /// Whether the controller was in another error state when it was last told.
+    pub fn is_another(&self, state: State) -> bool {
+        state != self.state
     }
 
     /// A frame was lost on its way in.

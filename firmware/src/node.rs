@@ -83,7 +83,7 @@ impl Node {
             self.device.program_damaged();
         }
         let lost = inbox.lock(|inbox| {
-            can::look(inbox, now());
+            can::look(inbox, now);
             inbox.take_lost()
         });
         if lost != 0 {
@@ -94,7 +94,7 @@ impl Node {
             let now = now();
             let mut take = |until| inbox.lock(|inbox| inbox.take(until));
             if let Some(next) = self.at().step(now, &mut take)
-                && self.alarm.set(next)
+                && self.alarm.set(next, now)
             {
                 break;
             }
