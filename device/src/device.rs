@@ -147,6 +147,11 @@ const fn bus_time(now: Instant) -> BusInstant {
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A device that has not been started.
+    ///
+    /// It is larger than all the stack that its work takes, so it must not be made on the stack
+    /// first and copied. Only what a call returns is written right into its place: that is why
+    /// this is never inlined, nor are the constructors of its large parts.
+    #[inline(never)]
     pub fn new(spi: SPI, check: CrossCheck, factory: Factory, memory: M) -> Self {
         let Factory {
             identity,
@@ -155,16 +160,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             settings,
             terms,
         } = factory;
-        let work = Work {
-            motor: Motor::new(),
-            terms,
-        };
         Self {
             node: Node::new(spi, check),
             bus: BusNode::new(),
             values: Values::new(),
             settings,
-            work,
+            work: Work::new(terms),
             memory,
             identity,
             node_id,

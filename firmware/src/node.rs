@@ -49,6 +49,7 @@ pub struct Node {
 
 impl Node {
     /// A device that has not been started.
+    #[inline(never)]
     pub fn new(board: Board) -> Self {
         let factory = factory(board.channel, board.serial);
         let check = CrossCheck::product();

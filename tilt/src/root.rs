@@ -29,7 +29,8 @@ fn upper(top: u32) -> u32 {
     // at the root or above, which leaves one too many at most.
     let mut guess = (top >> 17) + (top >> 19) + (top >> 20) + 22_400;
     for _ in 0..2 {
-        guess = (guess + top / guess) >> 1;
+        // Never zero; where the compiler does not see that, no way to a panic is left either.
+        guess = (guess + top.checked_div(guess).unwrap_or(0)) >> 1;
     }
     let guess = guess.min(0xFFFF);
     guess - u32::from(guess * guess > top)
@@ -40,7 +41,7 @@ fn whole(top: u32, low: u32) -> u32 {
     let root = upper(top);
     // At most twice the root, 17 bits, so that half of what is divided has 32.
     let rest = top - root * root;
-    let lower = (rest << 15 | low >> 17) / root;
+    let lower = (rest << 15 | low >> 17).checked_div(root).unwrap_or(0);
     let root = root << 16 | lower.min(0xFFFF);
     let square = u64::from(root) * u64::from(root);
     root - u32::from(square > u64::from(top) << 32 | u64::from(low))

@@ -173,6 +173,7 @@ impl Next {
 
 impl Node {
     /// A node that is not on the bus: call [`Node::start`].
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
             server: Server::new(),

@@ -26,7 +26,7 @@ const RULES: [Rule; 12] = [
         Some(&["idsp", "dsp-fixedpoint", "dsp-process", "heapless"]),
     ),
     rule("canopen", &[], Some(&["embedded-can", "heapless"])),
-    rule("flash", &[], Some(&["embedded-storage", "crc"])),
+    rule("flash", &[], Some(&["embedded-storage"])),
     rule(
         "device",
         &["tilt", "canopen", "flash"],
@@ -44,8 +44,12 @@ const RULES: [Rule; 12] = [
         Some(&[]),
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
-    // Its bus server is the one of `plumb`.
-    rule("emulator", &["sim", "canopen", "flash", "plumb"], None),
+    // Its bus server is the one of `plumb`; its tests write calibrations as the factory does.
+    rule(
+        "emulator",
+        &["sim", "device", "tilt", "canopen", "flash", "plumb"],
+        None,
+    ),
     rule("emulator/fixture", &["flash"], None),
     rule("emulator/golden", &["tilt", "flash"], None),
     rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
