@@ -13,6 +13,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use canopen::Frame;
+use flash::image::Version;
+use flash::layout::Slot;
+use sim::memory;
 
 use crate::board::FlashError;
 use crate::build::{BuildError, FLOAT, Product};
@@ -31,6 +34,10 @@ const SYNCS: u32 = 1000;
 const SPAN_S: f64 = 10.0;
 /// What the runtime paints the stack with (`cortex_m_rt::STACK_PAINT_VALUE`).
 const PAINT: u32 = 0xCCCC_CCCC;
+/// Bytes of the program whose signature is checked.
+pub const JUDGED: u32 = 16 * 1024;
+/// The abort code that answers a wrong signature (CiA 301 7.2.4.3.17: local control).
+const REFUSED: u32 = 0x0800_0021;
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
 
@@ -47,6 +54,8 @@ pub enum CostError {
     Sdo(SdoError),
     /// The linker or the compiler has left no such name: nothing can be told by it.
     NoSymbol(&'static str),
+    /// A program that nobody has signed was started.
+    Forged,
     /// The chains alone did not come to their end.
     Unfinished,
 }
@@ -59,6 +68,7 @@ impl fmt::Display for CostError {
             Self::BusFull => f.write_str("the bus is full"),
             Self::Sdo(error) => write!(f, "an SDO was not answered as it should be: {error:?}"),
             Self::NoSymbol(name) => write!(f, "nothing in the image is called {name}"),
+            Self::Forged => f.write_str("a program that nobody has signed was started"),
             Self::Unfinished => f.write_str("the chains alone did not come to their end"),
         }
     }
@@ -83,6 +93,9 @@ pub struct Figures {
     pub sdo: f64,
     /// Instructions of a SYNC with what it brings: the PDOs of both nodes.
     pub sync: f64,
+    /// Instructions from the order to start a downloaded image of [`JUDGED`] bytes, which nobody
+    /// has signed who may, to its refusal.
+    pub signature: f64,
     /// Samples per second of its sensor, Hz.
     pub rate: f64,
     /// Load with 100 SYNCs a second, without the wait for SPI and the background, %.
@@ -223,6 +236,7 @@ impl Figures {
         synced(&mut pair, 10)?;
         let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
         store(&mut pair)?;
+        let judged = judged(&mut pair, product)?;
         let sample = still.own() / still.samples as f64;
         let hclk_hz = f64::from(pair.board(0).machine().chip().hclk_hz());
         let per_cent = |instructions: f64| instructions / SPAN_S / hclk_hz * 100.0;
@@ -231,6 +245,7 @@ impl Figures {
             wait: still.waiting as f64 / still.samples as f64,
             sdo: asked.each(sample, REQUESTS),
             sync: synced.each(sample, SYNCS),
+            signature: judged.each(sample, 1),
             rate: still.samples as f64 / SPAN_S,
             load: per_cent(synced.own()),
             whole: per_cent(synced.all as f64),
@@ -264,6 +279,27 @@ fn store(pair: &mut Pair) -> Result<(), CostError> {
     }
     pair.run(1.0);
     Ok(())
+}
+
+/// Node A gets a program that somebody else has signed and is told to start it: its signature is
+/// checked as a good one is, and no reset wipes out how deep in the stack that was.
+fn judged(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
+    let mut file = memory::image(Slot::B, Version::new(99, 0, 0), &[0x5A; JUDGED as usize]);
+    memory::sign(&mut file, b"nobody whom the node would know.");
+    for control in [0, 3] {
+        pair.write(1, (0x1F51, 1), 1, control)?;
+    }
+    while pair.read(1, 0x1F57, 1)? & 1 == 1 {
+        pair.run(0.1);
+    }
+    pair.download(1, (0x1F50, 1), &file)?;
+    span(pair, product, |pair| {
+        match pair.write(1, (0x1F51, 1), 1, 1) {
+            Err(SdoError::Abort(REFUSED)) => Ok(()),
+            Err(other) => Err(other.into()),
+            Ok(()) => Err(CostError::Forged),
+        }
+    })
 }
 
 /// Lets `act` run and counts what node A executes meanwhile.
