@@ -276,6 +276,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The part has raised data-ready at `captured`.
+    // Apart: within the caller's loop it would have that set up what nobody needs between samples.
+    #[inline(never)]
     pub fn data_ready(&mut self, captured: Instant) {
         self.node.channel.data_ready(&self.settings, captured);
         if self.values.own_ill.is_none() && self.node.channel.reason().is_some() {
