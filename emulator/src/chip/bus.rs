@@ -31,7 +31,10 @@ impl Chip {
 
     /// A store of `size` bytes, anywhere but in flash and RAM.
     pub fn write(&mut self, address: u32, size: u32, value: u32) {
-        self.attention = 0;
+        // What has neither interrupts nor times of its own: it says itself when it has.
+        if !matches!(Place::of(address), Some(Place::Spi | Place::Port(_))) {
+            self.attention = 0;
+        }
         if let Some((byte, bit)) = bit_band::in_peripherals(address) {
             let shift = 8 * (byte & 3) + u32::from(bit);
             let held = self.read(byte & !3, 4) & !(1 << shift);
@@ -87,7 +90,7 @@ impl Chip {
             }
             Place::Spi => {
                 self.spi.advance(now, self.per_pclk2(), &mut self.sensor);
-                self.attention = 0;
+                self.heed_spi();
                 self.spi.read(offset)
             }
             Place::Rcc => self.rcc.read(offset, now_ns),
@@ -145,8 +148,10 @@ impl Chip {
                 let per_pclk = self.per_pclk2();
                 self.spi.advance(now, per_pclk, &mut self.sensor);
                 self.sensor.chip.borrow_mut().advance_to(now_ns);
+                self.heed_spi();
                 self.spi
                     .write(offset, value, now, per_pclk, &mut self.sensor);
+                self.heed_spi();
             }
             Place::Rcc => self.write_rcc(offset, value, now_ns),
             Place::Flash => {
@@ -156,6 +161,13 @@ impl Chip {
             }
             Place::Crc => self.crc.write(offset, value),
             Place::Signature => {}
+        }
+    }
+
+    /// Who waits for the part by polling is not to be disturbed by it.
+    fn heed_spi(&mut self) {
+        if self.spi.interrupts() {
+            self.attention = 0;
         }
     }
 
@@ -217,7 +229,7 @@ impl Chip {
         match outcome {
             Outcome::Held(ns) => {
                 let until_ns = self.now_ns() + ns;
-                self.cycles = self.clock.cycle(until_ns);
+                self.pass(self.clock.cycle(until_ns));
             }
             Outcome::Refused => {}
             Outcome::Cut => self.cut = true,
@@ -227,7 +239,7 @@ impl Chip {
     /// A piece of the flash that the core's copy has to be put right at: offset and bytes.
     pub fn take_changed_flash(&mut self) -> Option<(u32, Vec<u8>)> {
         let changed = self.flash.take_changed()?;
-        self.code.forget();
+        self.code.forget(changed.0, changed.1.len());
         Some(changed)
     }
 }

@@ -105,7 +105,8 @@ pub struct Chip {
     individual: Individual,
     clock: Clock,
     cycles: u64,
-    instructions: u64,
+    /// Those of them in which no instruction was executed.
+    idle: u64,
     /// The cycle from which on somebody wants attention.
     attention: u64,
     /// The cycle up to which the core may run.
@@ -151,7 +152,7 @@ impl Chip {
             individual,
             clock: Clock::new(now_ns, 8_000_000, individual.crystal),
             cycles: 0,
-            instructions: 0,
+            idle: 0,
             attention: 0,
             limit: 0,
             event: false,
@@ -200,7 +201,6 @@ impl Chip {
         (self.pwr, self.reset, self.cut, self.bad_store) = (0, None, false, false);
         self.event = false;
         self.attention = 0;
-        self.code.forget();
         self.follow_select();
     }
 
@@ -221,11 +221,13 @@ impl Chip {
 
     /// Instructions executed since it was made.
     pub fn instructions(&self) -> u64 {
-        self.instructions
+        self.cycles - self.idle
     }
 
     /// Watches for code that comes to these addresses, instead of those before.
     pub fn watch(&mut self, addresses: &[u32]) {
+        // What is not known is looked at before it runs.
+        self.code.forget(0, self.layout.flash as usize);
         self.watched = addresses.to_vec();
         self.passed.clear();
     }
@@ -236,14 +238,8 @@ impl Chip {
         &self.passed
     }
 
-    /// Whether anything is watched.
-    #[inline]
-    pub fn watches(&self) -> bool {
-        !self.watched.is_empty()
-    }
-
     /// Notes the watched addresses in a block that is about to run.
-    pub fn note_passing(&mut self, address: u32, bytes: &[u8]) {
+    fn note_passing(&mut self, address: u32, bytes: &[u8]) {
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;
@@ -253,7 +249,7 @@ impl Chip {
             {
                 let instructions = u64::from(Block::of(bytes).instructions);
                 self.passed
-                    .push((*watched, self.instructions + instructions));
+                    .push((*watched, self.instructions() + instructions));
             }
         }
     }
@@ -328,18 +324,41 @@ impl Chip {
             || self.bad_store
     }
 
-    /// A block is about to run.
+    /// A block of the flash is about to run; false when nothing is known of it, and then
+    /// [`Chip::begin_block`] has to be told.
     #[inline]
-    pub fn begin_block(&mut self, block: Block) {
+    pub fn begin_known(&mut self, address: u32, size: u32) -> bool {
+        let instructions = self.code.run(address, size);
+        self.cycles += u64::from(instructions);
+        instructions != 0
+    }
+
+    /// A block of these bytes is about to run.
+    pub fn begin_block(&mut self, address: u32, bytes: &[u8]) {
+        let block = Block::of(bytes);
+        if self.watched.is_empty() {
+            self.code.learn(address, bytes.len() as u32, block);
+        } else {
+            self.note_passing(address, bytes);
+        }
         self.cycles += u64::from(block.instructions);
-        self.instructions += u64::from(block.instructions);
         self.event |= block.sends_event;
     }
 
     /// Instructions of the block under way that were not executed.
     pub fn take_back(&mut self, instructions: u32) {
         self.cycles -= u64::from(instructions);
-        self.instructions -= u64::from(instructions);
+    }
+
+    /// The core is to stop: something is asked before the next block.
+    pub fn call(&mut self) {
+        self.attention = 0;
+    }
+
+    /// Comes to a cycle without instructions.
+    fn pass(&mut self, cycle: u64) {
+        self.idle += cycle.saturating_sub(self.cycles);
+        self.cycles = cycle.max(self.cycles);
     }
 
     /// Takes the event that ends a WFE, if there is one.
@@ -356,13 +375,13 @@ impl Chip {
     /// Lets time pass without instructions up to what comes next, or to the limit.
     pub fn sleep(&mut self) {
         self.attend();
-        self.cycles = self.next_event().min(self.limit).max(self.cycles);
+        self.pass(self.next_event().min(self.limit));
         self.attend();
     }
 
     /// Lets time pass without instructions up to `ns`, if that is later than now.
     pub fn skip_to(&mut self, ns: u64) {
-        self.cycles = self.clock.cycle(ns).max(self.cycles);
+        self.pass(self.clock.cycle(ns));
         self.attention = 0;
     }
 
