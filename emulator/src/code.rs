@@ -74,14 +74,14 @@ impl Code {
     #[inline]
     pub fn run(&mut self, address: u32, size: u32) -> u32 {
         let place = place(address);
-        let packed = match self.blocks.get(place) {
+        let instructions = match self.blocks.get(place) {
             Some(packed) if u32::from(packed >> 8) == size / 2 => u32::from(packed & 0xFF),
-            _ => 0,
+            _ => return 0,
         };
         if let Some(runs) = self.runs.get_mut(place) {
-            *runs += u64::from(packed);
+            *runs = runs.wrapping_add(instructions.into());
         }
-        packed
+        instructions
     }
 
     /// Remembers a block, if it is in flash, which is about to run.

@@ -113,12 +113,17 @@ pub trait Cpu {
     /// The chip around it, to change.
     fn chip_mut(&mut self) -> &mut Chip;
 
-    /// Takes what the flash's cells hold into the core's memory, wherever they have changed.
+    /// Takes what the flash's cells hold into the core's memory, wherever they have changed; its
+    /// alias is the same memory.
     fn put_flash_right(&mut self) {
         while let Some((offset, bytes)) = self.chip_mut().take_changed_flash() {
-            for base in [BASE, ALIAS] {
-                // The flash is mapped whole, so this cannot fail.
-                let _ = self.write(base.wrapping_add(offset), &bytes);
+            let at = BASE.wrapping_add(offset);
+            let mut held = vec![0; bytes.len()];
+            // The flash is mapped whole, so neither can fail. A store that was carried out is
+            // there already, and the core takes long to see that code may have changed.
+            let _ = self.read(at, &mut held);
+            if held != bytes {
+                let _ = self.write(at, &bytes);
             }
         }
     }

@@ -60,6 +60,8 @@ const PRIVATE: (u32, u32) = (0xE000_0000, 0x10_0000);
 #[derive(Debug)]
 struct Shared {
     chip: Chip,
+    /// What the core sees of the flash, at both of its places.
+    flash: Box<[u8]>,
     /// Why the core is to stop; noted by a hook.
     stop: Option<Stop>,
     /// The block under way.
@@ -69,6 +71,13 @@ struct Shared {
 }
 
 impl Shared {
+    /// Counts a block, if it is known.
+    #[inline]
+    fn count(&mut self, address: u32, size: u32) -> bool {
+        self.block = (address, size);
+        self.chip.begin_known(address, size)
+    }
+
     /// Notes why the core is to stop, if nothing was noted before.
     fn note(&mut self, stop: Stop) {
         self.stop.get_or_insert(stop);
@@ -133,6 +142,7 @@ impl UnicornCpu {
         let (flash, ram) = (chip.flash_size(), chip.ram_size());
         let shared = Shared {
             chip,
+            flash: vec![0; flash as usize].into(),
             stop: None,
             block: (0, 0),
             started: 0,
@@ -205,8 +215,12 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Engine, uc_error> {
     engine.ctl_set_cpu_model(ArmCpuModel::CORTEX_M3 as i32)?;
     engine.ctl_exits_enable()?;
     let read_only = Prot::READ | Prot::EXEC;
-    engine.mem_map(BASE.into(), flash.into(), read_only)?;
-    engine.mem_map(ALIAS.into(), flash.into(), read_only)?;
+    for base in [BASE, ALIAS] {
+        let cells = engine.get_data_mut().get_mut().flash.as_mut_ptr();
+        // SAFETY: the memory is as long as that, is there until the engine has gone, and is never
+        // looked at but through the engine.
+        unsafe { engine.mem_map_ptr(base.into(), flash.into(), read_only, cells.cast())? };
+    }
     // The engine watches a page for code that changes, at each store, unless there can be none.
     engine.mem_map(RAM.into(), ram.into(), Prot::READ | Prot::WRITE)?;
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
@@ -349,19 +363,29 @@ unsafe extern "C" fn on_block(
     shared: *mut c_void,
 ) {
     // SAFETY: it is what `add_block_hook` has given, and nobody holds it while the engine runs.
+    let counting = unsafe { &mut *shared.cast::<Shared>() };
+    // Nothing is kept beyond this, since each register to be saved would be saved at each block.
+    if counting.chip.needs_attention() || !counting.count(address as u32, size) {
+        // SAFETY: it is what was given here, and no longer held.
+        unsafe { begin_slowly(engine, address as u32, size, shared) };
+    }
+}
+
+/// Does so where there is more to do than to count.
+#[cold]
+#[inline(never)]
+unsafe fn begin_slowly(engine: *mut sys::uc_engine, address: u32, size: u32, shared: *mut c_void) {
+    // SAFETY: as in `on_block`, which has let go of it.
     let shared = unsafe { &mut *shared.cast::<Shared>() };
-    let address = address as u32;
     if shared.chip.needs_attention() && attend(shared, engine) {
         return;
     }
-    shared.block = (address, size);
-    if !shared.chip.begin_known(address, size) {
+    if !shared.count(address, size) {
         learn_block(shared, engine, address, size);
     }
 }
 
 /// Lets the chip come to now; true when the core stops before the block.
-#[cold]
 fn attend(shared: &mut Shared, engine: *mut sys::uc_engine) -> bool {
     if shared.stop.is_some() {
         return true;
@@ -389,7 +413,6 @@ fn attend(shared: &mut Shared, engine: *mut sys::uc_engine) -> bool {
 }
 
 /// Counts the instructions of a block that has not run before, or of one that is watched.
-#[cold]
 fn learn_block(shared: &mut Shared, engine: *mut sys::uc_engine, address: u32, size: u32) {
     let mut bytes = vec![0u8; size as usize];
     // SAFETY: the engine runs, and there is room for so many bytes.

@@ -58,7 +58,7 @@ impl Chip {
     }
 
     fn read_word(&mut self, address: u32) -> u32 {
-        let (now, now_ns) = (self.cycles, self.now_ns());
+        let now = self.cycles;
         if address >= 0xE000_0000 {
             self.system.advance(now, &mut self.nvic);
             let own = self.system.read(address, now, &self.nvic);
@@ -68,10 +68,10 @@ impl Chip {
         let Some(place) = Place::of(address).filter(|place| self.is_clocked(*place)) else {
             return 0;
         };
-        let steps = self.timer_step();
         match place {
             Place::Timer(number) => {
                 self.take_edges();
+                let steps = self.timer_step();
                 let timer = &mut self.timers[number];
                 timer.advance(now, steps);
                 timer.read(offset, now, steps)
@@ -93,7 +93,7 @@ impl Chip {
                 self.heed_spi();
                 self.spi.read(offset)
             }
-            Place::Rcc => self.rcc.read(offset, now_ns),
+            Place::Rcc => self.rcc.read(offset, self.clock.ns(now)),
             Place::Flash => self.flash.read(offset),
             Place::Crc => self.crc.read(offset),
             Place::Signature => self.signature(address),

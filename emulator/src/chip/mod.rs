@@ -329,7 +329,8 @@ impl Chip {
     #[inline]
     pub fn begin_known(&mut self, address: u32, size: u32) -> bool {
         let instructions = self.code.run(address, size);
-        self.cycles += u64::from(instructions);
+        // Wrapping, as each check would be made at each block: it does so in 8 000 years.
+        self.cycles = self.cycles.wrapping_add(instructions.into());
         instructions != 0
     }
 
