@@ -1,14 +1,14 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
-//! In: how many seconds, 10 unless said. Out: speed, load, and the symbols with the most
+//! In: how many seconds, 10 unless said. Out: speed by processor time, load, and the symbols with the most
 //! instructions per second of the node of channel A, in OPERATIONAL with a SYNC every 10 ms.
 
 use std::error::Error;
-use std::time::Instant;
 
 use canopen::Frame;
 use emulator::build::Product;
 use emulator::pair::Pair;
+use emulator::stopwatch::Stopwatch;
 
 /// How many symbols are printed.
 const MOST: usize = 40;
@@ -26,9 +26,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let code = &mut pair.board(0).machine_mut().chip_mut().code;
     code.start_profile();
     let before = pair.board(0).machine().chip().instructions();
-    let begun = Instant::now();
+    let watch = Stopwatch::start();
     pair.run_synced(100 * seconds).map_err(busy)?;
-    let span = begun.elapsed().as_secs_f64();
+    let span = watch.seconds();
     let chip = pair.board(0).machine().chip();
     let seconds = f64::from(seconds);
     let rate = (chip.instructions() - before) as f64 / seconds;

@@ -14,6 +14,7 @@ use canopen::Frame;
 use crate::board::FlashError;
 use crate::build::{BuildError, Product};
 use crate::pair::{Pair, SdoError};
+use crate::stopwatch::Stopwatch;
 
 mod page;
 
@@ -92,6 +93,8 @@ pub struct Figures {
     pub stack: u32,
     /// What interrupts took while there were SYNCs.
     pub interrupts: Vec<Interrupt>,
+    /// How many times as fast as time the two emulated nodes ran then, on this machine.
+    pub speed: f64,
 }
 
 /// What the handlers of an interrupt took.
@@ -157,7 +160,9 @@ impl Figures {
         })?;
         command(&mut pair, 0x01)?;
         synced(&mut pair, 10)?;
+        let watch = Stopwatch::start();
         let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
+        let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
         let sample = still.own() / still.samples as f64;
         let hclk_hz = f64::from(pair.board(0).machine().chip().hclk_hz());
@@ -175,6 +180,7 @@ impl Figures {
             statics: product.app.statics,
             stack: stack(&mut pair, product)?,
             interrupts: synced.interrupts,
+            speed,
         })
     }
 }
