@@ -11,6 +11,7 @@ use flash::layout::BASE;
 use super::can::Can;
 use super::flash_controller::Outcome;
 use super::spi::Spi;
+use super::tap::Deed;
 use super::timer::Timer;
 use super::{Chip, bit_band};
 
@@ -21,6 +22,10 @@ impl Chip {
             return self.read(byte & !3, 4) >> (8 * (byte & 3) + u32::from(bit)) & 1;
         }
         let word = self.read_word(address & !3);
+        if self.sensor.tap.wants(address) {
+            self.sensor.tap.enter(self.nvic.running());
+            self.sensor.tap.note(Deed::Load(address & !3, word));
+        }
         let shifted = word >> (8 * (address & 3));
         match size {
             1 => shifted & 0xFF,
@@ -54,6 +59,10 @@ impl Chip {
             (1, _) => (value & 0xFF) * 0x0101_0101,
             _ => (value & 0xFFFF) * 0x0001_0001,
         };
+        if self.sensor.tap.wants(address) {
+            self.sensor.tap.enter(self.nvic.running());
+            self.sensor.tap.note(Deed::Store(word, value));
+        }
         self.write_word(word, value);
     }
 

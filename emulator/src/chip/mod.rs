@@ -20,6 +20,7 @@ pub mod nvic;
 pub mod rcc;
 pub mod spi;
 pub mod system;
+pub mod tap;
 pub mod timer;
 pub mod watchdog;
 
@@ -41,6 +42,7 @@ use nvic::Nvic;
 use rcc::{Cause, Rcc};
 use spi::{Spi, Wire};
 use system::System;
+use tap::{Deed, Tap};
 use timer::Timer;
 use watchdog::Watchdog;
 
@@ -69,12 +71,18 @@ pub struct Individual {
 struct Sensor {
     chip: Rc<RefCell<lis2dw12::Chip>>,
     selected: bool,
+    /// Here, since the sensor's bytes pass here.
+    tap: Tap,
 }
 
 impl Wire for Sensor {
     fn exchange(&mut self, byte: u8) -> u8 {
         match self.selected {
-            true => self.chip.borrow_mut().exchange(byte),
+            true => {
+                let answer = self.chip.borrow_mut().exchange(byte);
+                self.tap.note(Deed::Byte(byte, answer));
+                answer
+            }
             // Nobody drives the line; it has a pull-up.
             false => 0xFF,
         }
@@ -167,6 +175,7 @@ impl Chip {
             sensor: Sensor {
                 chip: sensor,
                 selected: false,
+                tap: Tap::default(),
             },
             edges: VecDeque::new(),
             reset: None,
@@ -252,6 +261,11 @@ impl Chip {
                     .push((*watched, self.instructions() + instructions));
             }
         }
+    }
+
+    /// What the code exchanges with sensor, clock and CAN controller.
+    pub fn tap(&mut self) -> &mut Tap {
+        &mut self.sensor.tap
     }
 
     /// Cycles passed since it was made: instructions, sleep, and waits for the flash.
@@ -525,6 +539,8 @@ impl Chip {
             return;
         }
         self.sensor.selected = selected;
+        self.sensor.tap.enter(self.nvic.running());
+        self.sensor.tap.note(Deed::Select(selected));
         let now_ns = self.now_ns();
         let mut chip = self.sensor.chip.borrow_mut();
         chip.advance_to(now_ns);

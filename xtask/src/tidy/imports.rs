@@ -45,7 +45,13 @@ const RULES: [Rule; 12] = [
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
     // Its bus server is the one of `plumb`.
-    rule("emulator", &["sim", "canopen", "flash", "plumb"], None),
+    rule(
+        "emulator",
+        &[
+            "sim", "canopen", "device", "firmware", "flash", "plumb", "tilt",
+        ],
+        None,
+    ),
     rule("emulator/fixture", &["flash"], None),
     rule("emulator/golden", &["tilt", "flash"], None),
     rule("cli", &["device", "sim", "tilt", "canopen", "flash"], None),
