@@ -1,7 +1,7 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
-//! In: how many seconds, 10 unless said. Out: speed by processor time, load, and the symbols with the most
-//! instructions per second of the node of channel A, in OPERATIONAL with a SYNC every 10 ms.
+//! In: how many seconds, 10 unless said. Out: speed by processor time, load, and the symbols with
+//! the most instructions per second of the node of channel A, in OPERATIONAL with a SYNC every 10 ms.
 
 use std::error::Error;
 

@@ -1,7 +1,7 @@
 //! How long something takes, by the time that the processor has given to this thread.
 //!
-//! In: nothing. Out: s since the start. What else the machine does meanwhile counts little so: other
-//! programs take the time of the clock on the wall, but not this one.
+//! In: nothing. Out: s since the start. What else the machine does meanwhile counts little so:
+//! other programs take the time of the clock on the wall, but not this one.
 //!
 //! Source: `/proc/thread-self/schedstat` of Linux, whose first number is the time on a processor in
 //! ns. Left out: other systems have no such file, and there the clock on the wall is taken.
