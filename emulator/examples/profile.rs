@@ -1,7 +1,8 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
 //! In: how many seconds, 10 unless said. Out: speed by processor time, load, and the symbols with
-//! the most instructions per second of the node of channel A, in OPERATIONAL with a SYNC every 10 ms.
+//! the most instructions per second of the node of channel A, in OPERATIONAL with a SYNC every
+//! 10 ms.
 
 use std::error::Error;
 
