@@ -1,15 +1,15 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
-//! In: how many seconds, 10 unless said, and `still` for a bus without a host. Out: speed, load,
-//! and the symbols with the most instructions of the node of channel A, per second and per sample;
+//! In: how many seconds, 10 unless said, and `still` for a bus without a host. Out: speed by
+//! processor time, load, and the symbols with the most instructions of the node of channel A, per second and per sample;
 //! in OPERATIONAL with a SYNC every 10 ms unless it is still.
 
 use std::error::Error;
-use std::time::Instant;
 
 use canopen::Frame;
 use emulator::build::Product;
 use emulator::pair::Pair;
+use emulator::stopwatch::Stopwatch;
 
 /// How many symbols are printed.
 const MOST: usize = 40;
@@ -31,14 +31,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let code = &mut pair.board(0).machine_mut().chip_mut().code;
     code.start_profile();
     let before = pair.board(0).machine().chip().instructions();
-    let begun = Instant::now();
+    let watch = Stopwatch::start();
     if is_still {
         pair.run(seconds.into());
     } else {
         pair.run_synced(100 * seconds).map_err(busy)?;
     }
     let samples = (pair.board(0).samples() - samples) as f64;
-    let span = begun.elapsed().as_secs_f64();
+    let span = watch.seconds();
     let chip = pair.board(0).machine().chip();
     let seconds = f64::from(seconds);
     let rate = (chip.instructions() - before) as f64 / seconds;

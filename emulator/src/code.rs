@@ -16,6 +16,9 @@ pub const YIELD: u16 = 0xBF10;
 /// Send event (ARMv7-M A7.7.129).
 const SEV: u16 = 0xBF40;
 
+/// The engine ends a block after 512 instructions: so many half-words at most.
+const LONGEST: u32 = 2 * 512;
+
 /// What is known of a block of code.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Block {
@@ -46,15 +49,16 @@ impl Block {
 #[derive(Clone, Debug)]
 pub struct Code {
     /// The block that begins at each half-word; see [`pack`]. Small, since every block looks here.
-    blocks: Vec<u32>,
-    /// How often each has run; empty until that is asked for.
+    blocks: Vec<u16>,
+    /// How many instructions have run in each; empty until that is asked for.
     runs: Vec<u64>,
 }
 
-/// Half-words, instructions and the event of a block in one word, 0 for none. The engine ends a
-/// block after 512 instructions.
-fn pack(size: u32, block: Block) -> u32 {
-    (size / 2) << 12 | (block.instructions & 0x7FF) << 1 | u32::from(block.sends_event)
+/// Half-words and instructions of a block in one word; 0 for one that is not kept: it is long, or
+/// has an event to send.
+fn pack(size: u32, block: Block) -> u16 {
+    let fits = size < 2 << 8 && block.instructions < 1 << 8 && !block.sends_event;
+    u16::from(fits) * ((size / 2) << 8 | block.instructions) as u16
 }
 
 impl Code {
@@ -66,43 +70,37 @@ impl Code {
         }
     }
 
-    /// What is known of a block, which is about to run.
+    /// The instructions of a block that is about to run; 0 when it is not known.
     #[inline]
-    pub fn known(&mut self, address: u32, size: u32) -> Option<Block> {
+    pub fn run(&mut self, address: u32, size: u32) -> u32 {
         let place = place(address);
-        let packed = *self.blocks.get(place)?;
-        if packed >> 12 != size / 2 {
-            return None;
-        }
+        let instructions = match self.blocks.get(place) {
+            Some(packed) if u32::from(packed >> 8) == size / 2 => u32::from(packed & 0xFF),
+            _ => return 0,
+        };
         if let Some(runs) = self.runs.get_mut(place) {
-            *runs += 1;
+            *runs = runs.wrapping_add(instructions.into());
         }
-        Some(Block {
-            instructions: packed >> 1 & 0x7FF,
-            sends_event: packed & 1 != 0,
-        })
+        instructions
     }
 
-    /// Remembers a block, if it is in flash, which is about to run for the first time.
+    /// Remembers a block, if it is in flash, which is about to run.
     pub fn learn(&mut self, address: u32, size: u32, block: Block) {
         let place = place(address);
         if let Some(packed) = self.blocks.get_mut(place) {
             *packed = pack(size, block);
         }
         if let Some(runs) = self.runs.get_mut(place) {
-            *runs += 1;
+            *runs += u64::from(block.instructions);
         }
     }
 
     /// Instructions that have run since [`Code::start_profile`] in the blocks that begin at each
     /// address of the flash. One that was cut short by a fault counts whole.
     pub fn profile(&self) -> impl Iterator<Item = (u32, u64)> {
-        let run = self.runs.iter().zip(&self.blocks).zip(0u32..);
-        let run = run.filter(|((runs, _), _)| **runs > 0);
-        run.map(|((runs, packed), number)| {
-            let instructions = runs * u64::from(packed >> 1 & 0x7FF);
-            (BASE + 2 * number, instructions)
-        })
+        let run = self.runs.iter().zip(0u32..);
+        let run = run.filter(|(instructions, _)| **instructions > 0);
+        run.map(|(instructions, number)| (BASE + 2 * number, *instructions))
     }
 
     /// Lets [`Code::profile`] begin anew.
@@ -110,9 +108,15 @@ impl Code {
         self.runs = vec![0; self.blocks.len()];
     }
 
-    /// The flash has changed.
-    pub fn forget(&mut self) {
-        self.blocks.fill(0);
+    /// So many bytes of the flash have changed, from this offset on.
+    pub fn forget(&mut self, offset: u32, length: usize) {
+        // A block before them may reach into them.
+        let from = (offset / 2).saturating_sub(LONGEST) as usize;
+        let to = offset.div_ceil(2) as usize + length.div_ceil(2);
+        let to = to.min(self.blocks.len());
+        if let Some(blocks) = self.blocks.get_mut(from..to) {
+            blocks.fill(0);
+        }
     }
 }
 
@@ -142,11 +146,19 @@ mod tests {
         let mut code = Code::new(1024);
         let block = Block::of(&[0, 0xBF]);
         code.learn(BASE + 8, 2, block);
-        assert_eq!(code.known(BASE + 8, 2), Some(block));
-        assert_eq!(code.known(BASE + 8, 4), None);
-        code.forget();
-        assert_eq!(code.known(BASE + 8, 2), None);
+        assert_eq!(code.run(BASE + 8, 2), 1);
+        assert_eq!(code.run(BASE + 8, 4), 0);
+        code.forget(16, 1000);
+        assert_eq!(code.run(BASE + 8, 2), 0);
+        code.learn(BASE + 8, 2, block);
+        code.forget(0, 8);
+        assert_eq!(code.run(BASE + 8, 2), 1);
+        code.forget(8, 1);
+        assert_eq!(code.run(BASE + 8, 2), 0);
         code.learn(0x2000_0000, 2, block);
-        assert_eq!(code.known(0x2000_0000, 2), None);
+        assert_eq!(code.run(0x2000_0000, 2), 0);
+        // Of 512 half-words, the low bits of which are none.
+        code.learn(BASE, 1024, Block::of(&[0, 0xBF]));
+        assert_eq!(code.run(BASE, 1024), 0);
     }
 }

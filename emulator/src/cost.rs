@@ -21,6 +21,7 @@ use crate::board::FlashError;
 use crate::build::{BuildError, FLOAT, Product};
 use crate::cpu::Cpu;
 use crate::pair::{Pair, SdoError};
+use crate::stopwatch::Stopwatch;
 
 mod page;
 
@@ -112,6 +113,8 @@ pub struct Figures {
     pub stack: u32,
     /// What interrupts took while there were SYNCs.
     pub interrupts: Vec<Interrupt>,
+    /// How many times as fast as time the two emulated nodes ran then, on this machine.
+    pub speed: f64,
     /// The chain alone.
     pub chain: Chain,
 }
@@ -234,7 +237,9 @@ impl Figures {
         })?;
         command(&mut pair, 0x01)?;
         synced(&mut pair, 10)?;
+        let watch = Stopwatch::start();
         let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
+        let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
         let judged = judged(&mut pair, product)?;
         let sample = still.own() / still.samples as f64;
@@ -255,6 +260,7 @@ impl Figures {
             stack: stack(&mut pair, product)?,
             interrupts: synced.interrupts,
             chain: Chain::count()?,
+            speed,
         })
     }
 }

@@ -116,13 +116,12 @@ pub trait Cpu {
     /// The chip around it, to change.
     fn chip_mut(&mut self) -> &mut Chip;
 
-    /// Takes what the flash's cells hold into the core's memory, wherever they have changed.
+    /// Takes what the flash's cells hold into the core's memory, wherever they have changed; its
+    /// alias is the same memory.
     fn put_flash_right(&mut self) {
         while let Some((offset, bytes)) = self.chip_mut().take_changed_flash() {
             for (bytes, at) in bytes.chunks(PIECE).zip((offset..).step_by(PIECE)) {
-                for base in [BASE, ALIAS] {
-                    self.put_right(base.wrapping_add(at), bytes);
-                }
+                self.put_right(BASE.wrapping_add(at), bytes);
             }
         }
     }

@@ -20,4 +20,5 @@ pub mod exceptions;
 pub mod image;
 pub mod machine;
 pub mod pair;
+pub mod stopwatch;
 pub mod unicorn;

@@ -16,9 +16,12 @@
 //! one; and the fault that LDM, STM, LDRD and STRD at
 //! an address that is not aligned end in, which the engine carries out.
 
+use std::ffi::{c_int, c_void};
 use std::fmt;
+use std::ptr::NonNull;
 
 use flash::layout::{BASE, RAM};
+use unicorn_engine::hook::sys;
 use unicorn_engine::{
     Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, TlbEntry, TlbType, Unicorn,
     uc_error,
@@ -57,23 +60,75 @@ const PRIVATE: (u32, u32) = (0xE000_0000, 0x10_0000);
 #[derive(Debug)]
 struct Shared {
     chip: Chip,
+    /// What the core sees of the flash, at both of its places.
+    flash: Box<[u8]>,
     /// Why the core is to stop; noted by a hook.
     stop: Option<Stop>,
     /// The block under way.
     block: (u32, u32),
-    /// No block has begun since the core was started: the first one is let through.
-    fresh: bool,
+    /// The cycle at which the core was started: while it is that, no block has begun.
+    started: u64,
 }
+
+impl Shared {
+    /// Counts a block, if it is known.
+    #[inline]
+    fn count(&mut self, address: u32, size: u32) -> bool {
+        self.block = (address, size);
+        self.chip.begin_known(address, size)
+    }
+
+    /// Notes why the core is to stop, if nothing was noted before.
+    fn note(&mut self, stop: Stop) {
+        self.stop.get_or_insert(stop);
+        self.chip.call();
+    }
+}
+
+/// Keeps what is shared where both find it: the hooks of the engine, and the hook before each
+/// block, which gets a pointer from the engine and nothing else.
+#[derive(Debug)]
+struct Keeper(NonNull<Shared>);
+
+impl Keeper {
+    fn new(shared: Shared) -> Self {
+        Self(NonNull::from(Box::leak(Box::new(shared))))
+    }
+
+    fn get(&self) -> &Shared {
+        // SAFETY: it lives until the keeper is dropped, and `get_mut` and the hook, which alone
+        // change it, do so while nobody holds what this returns: all run on one thread, and
+        // nothing is held while the engine runs.
+        unsafe { self.0.as_ref() }
+    }
+
+    fn get_mut(&mut self) -> &mut Shared {
+        // SAFETY: as in `get`.
+        unsafe { self.0.as_mut() }
+    }
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        // SAFETY: it came out of a box and is dropped once; the engine, which is gone with the
+        // keeper, does not call its hooks while it goes.
+        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+    }
+}
+
+type Engine = Unicorn<'static, Keeper>;
+/// What the engine calls before a block: with itself, address, size, and what the hook was given.
+type BlockHook = unsafe extern "C" fn(*mut sys::uc_engine, u64, u32, *mut c_void);
 
 /// Unicorn with a chip around it.
 pub struct UnicornCpu {
-    engine: Unicorn<'static, Shared>,
+    engine: Engine,
 }
 
 impl fmt::Debug for UnicornCpu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("UnicornCpu")
-            .field("shared", self.engine.get_data())
+            .field("shared", self.engine.get_data().get())
             .finish()
     }
 }
@@ -87,9 +142,10 @@ impl UnicornCpu {
         let (flash, ram) = (chip.flash_size(), chip.ram_size());
         let shared = Shared {
             chip,
+            flash: vec![0; flash as usize].into(),
             stop: None,
             block: (0, 0),
-            fresh: true,
+            started: 0,
         };
         let engine = build(shared, flash, ram);
         Self {
@@ -103,7 +159,7 @@ impl UnicornCpu {
     }
 
     fn stopped(&mut self, ended: Result<(), uc_error>) -> Stop {
-        let noted = self.engine.get_data_mut().stop.take();
+        let noted = self.engine.get_data_mut().get_mut().stop.take();
         let at = self.register(Register::Pc);
         let stop = match (noted, ended, self.hint_before(at)) {
             (Some(stop), ..) => stop,
@@ -120,9 +176,14 @@ impl UnicornCpu {
         stop
     }
 
+    fn interrupted(&self) -> bool {
+        let read = |register: RegisterARM| self.engine.reg_read(register).unwrap_or(0) as u32;
+        interrupted(self.chip(), read)
+    }
+
     /// The half-word before `at`, where the block under way ends with it.
     fn hint_before(&self, at: u32) -> u16 {
-        let (begin, size) = self.engine.get_data().block;
+        let (begin, size) = self.engine.get_data().get().block;
         let mut half_word = [0; 2];
         let ended = begin.wrapping_add(size) == at && size >= 2;
         match ended && self.read(at.wrapping_sub(2), &mut half_word).is_ok() {
@@ -133,7 +194,7 @@ impl UnicornCpu {
 
     /// Takes back what was counted of a block that ended early, at `at`.
     fn take_back(&mut self, at: u32) {
-        let (begin, size) = self.engine.get_data().block;
+        let (begin, size) = self.engine.get_data().get().block;
         let Some(left) = begin
             .wrapping_add(size)
             .checked_sub(at)
@@ -144,18 +205,22 @@ impl UnicornCpu {
         let mut bytes = vec![0; left as usize];
         if self.read(at, &mut bytes).is_ok() {
             let count = Block::of(&bytes).instructions;
-            self.engine.get_data_mut().chip.take_back(count);
+            self.engine.get_data_mut().get_mut().chip.take_back(count);
         }
     }
 }
 
-fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared>, uc_error> {
-    let mut engine = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, shared)?;
+fn build(shared: Shared, flash: u32, ram: u32) -> Result<Engine, uc_error> {
+    let mut engine = Unicorn::new_with_data(Arch::ARM, Mode::THUMB, Keeper::new(shared))?;
     engine.ctl_set_cpu_model(ArmCpuModel::CORTEX_M3 as i32)?;
     engine.ctl_exits_enable()?;
     let read_only = Prot::READ | Prot::EXEC;
-    engine.mem_map(BASE.into(), flash.into(), read_only)?;
-    engine.mem_map(ALIAS.into(), flash.into(), read_only)?;
+    for base in [BASE, ALIAS] {
+        let cells = engine.get_data_mut().get_mut().flash.as_mut_ptr();
+        // SAFETY: the memory is as long as that, is there until the engine has gone, and is never
+        // looked at but through the engine.
+        unsafe { engine.mem_map_ptr(base.into(), flash.into(), read_only, cells.cast())? };
+    }
     // The engine watches a page for code that changes, at each store, unless there can be none.
     engine.mem_map(RAM.into(), ram.into(), Prot::READ | Prot::WRITE)?;
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
@@ -166,9 +231,7 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
         leave_it_block(engine);
         Some(translation(page as u32))
     })?;
-    engine.add_block_hook(1, 0, |engine, address, size| {
-        before_block(engine, address as u32, size);
-    })?;
+    add_block_hook(&mut engine)?;
     engine.add_intr_hook(on_interrupt)?;
     // A hook that watches the RAM would make each store into it slow.
     for base in [BASE, ALIAS] {
@@ -179,7 +242,8 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
             base.into(),
             last,
             |engine, _, address, size, value| {
-                let chip = &mut engine.get_data_mut().chip;
+                leave_it_block(engine);
+                let chip = &mut engine.get_data_mut().get_mut().chip;
                 chip.store_in_flash(address as u32, size as u32, value as u32)
             },
         )?;
@@ -209,7 +273,7 @@ fn translation(page: u32) -> TlbEntry {
 
 /// Takes back what the engine does before it calls a hook in the middle of a block: it notes where
 /// in an IT block the code is, and would take the next block for the rest of that one.
-fn leave_it_block(engine: &mut Unicorn<'_, Shared>) {
+fn leave_it_block(engine: &mut Unicorn<'_, Keeper>) {
     let xpsr = engine.reg_read(RegisterARM::XPSR).unwrap_or(0);
     if xpsr as u32 & IT_STATE != 0 {
         let _ = engine.reg_write(RegisterARM::XPSR, xpsr & !u64::from(IT_STATE));
@@ -217,37 +281,39 @@ fn leave_it_block(engine: &mut Unicorn<'_, Shared>) {
 }
 
 /// Notes a load, a store or a fetch where nothing is; false, since nobody has handled it.
-fn note_unmapped(engine: &mut Unicorn<'_, Shared>, kind: MemType, address: u32) -> bool {
+fn note_unmapped(engine: &mut Unicorn<'_, Keeper>, kind: MemType, address: u32) -> bool {
     let stop = match kind {
         MemType::FETCH_UNMAPPED if address >= EXC_RETURN => Stop::ExceptionReturn(address | 1),
         MemType::FETCH_UNMAPPED => Stop::Fault(Fault::Fetch { address }),
         _ => Stop::Fault(Fault::Bus { address }),
     };
-    engine.get_data_mut().stop = Some(stop);
+    engine.get_data_mut().get_mut().note(stop);
     false
 }
 
-fn map_registers(
-    engine: &mut Unicorn<'static, Shared>,
-    base: u32,
-    size: u32,
-) -> Result<(), uc_error> {
+fn map_registers(engine: &mut Engine, base: u32, size: u32) -> Result<(), uc_error> {
     engine.mmio_map(
         base.into(),
         size.into(),
         Some(
-            move |engine: &mut Unicorn<'_, Shared>, offset: u64, size: usize| {
+            move |engine: &mut Unicorn<'_, Keeper>, offset: u64, size: usize| {
                 let address = base.wrapping_add(offset as u32);
                 if let Some((byte, bit)) = crate::chip::bit_band::in_ram(address) {
                     let mut value = [0];
                     let _ = engine.mem_read(byte.into(), &mut value);
                     return u64::from(value[0] >> bit & 1);
                 }
-                u64::from(engine.get_data_mut().chip.read(address, size as u32))
+                u64::from(
+                    engine
+                        .get_data_mut()
+                        .get_mut()
+                        .chip
+                        .read(address, size as u32),
+                )
             },
         ),
         Some(
-            move |engine: &mut Unicorn<'_, Shared>, offset: u64, size: usize, value: u64| {
+            move |engine: &mut Unicorn<'_, Keeper>, offset: u64, size: usize, value: u64| {
                 let address = base.wrapping_add(offset as u32);
                 if let Some((byte, bit)) = crate::chip::bit_band::in_ram(address) {
                     let mut held = [0];
@@ -256,58 +322,110 @@ fn map_registers(
                     let _ = engine.mem_write(byte.into(), &[held[0] & !(1 << bit) | set]);
                     return;
                 }
-                let chip = &mut engine.get_data_mut().chip;
+                let chip = &mut engine.get_data_mut().get_mut().chip;
                 chip.write(address, size as u32, value as u32);
             },
         ),
     )
 }
 
-/// Counts the block, or stops before it.
-fn before_block(engine: &mut Unicorn<'_, Shared>, address: u32, size: u32) {
-    let shared = engine.get_data_mut();
-    if shared.stop.is_some() {
-        return;
-    }
-    let fresh = std::mem::take(&mut shared.fresh);
-    if !fresh && shared.chip.needs_attention() {
-        shared.chip.attend();
-        if shared.chip.wants_stop() || interrupted(engine) {
-            // The chip's own stop counts with no block begun.
-            engine.get_data_mut().stop = Some(Stop::Wanted);
-            let _ = engine.emu_stop();
-            return;
-        }
-    }
-    if engine.get_data().chip.watches() {
-        let mut bytes = vec![0; size as usize];
-        let _ = engine.mem_read(address.into(), &mut bytes);
-        engine.get_data_mut().chip.note_passing(address, &bytes);
-    }
-    let shared = engine.get_data_mut();
-    shared.block = (address, size);
-    if let Some(block) = shared.chip.code.known(address, size) {
-        shared.chip.begin_block(block);
-    } else {
-        learn_block(engine, address, size);
+/// Has [`on_block`] called before each block of code.
+///
+/// The crate's own way to do so costs three times what the counting takes: it looks up the engine
+/// anew each time.
+fn add_block_hook(engine: &mut Engine) -> Result<(), uc_error> {
+    let shared: *mut Shared = engine.get_data_mut().0.as_ptr();
+    let mut id = 0;
+    // SAFETY: the callback is of the type that the engine calls hooks of blocks by, and what it is
+    // given lives as long as the engine does.
+    let added = unsafe {
+        sys::uc_hook_add(
+            engine.get_handle(),
+            &mut id,
+            HookType::BLOCK.0 as c_int,
+            on_block as BlockHook as *mut c_void,
+            shared.cast(),
+            1u64,
+            0u64,
+        )
+    };
+    match added {
+        uc_error::OK => Ok(()),
+        error => Err(error),
     }
 }
 
-/// Counts the instructions of a block that has not run before.
-fn learn_block(engine: &mut Unicorn<'_, Shared>, address: u32, size: u32) {
-    let mut bytes = vec![0; size as usize];
-    let _ = engine.mem_read(address.into(), &mut bytes);
-    let block = Block::of(&bytes);
-    let chip = &mut engine.get_data_mut().chip;
-    chip.code.learn(address, size, block);
-    chip.begin_block(block);
+/// Counts a block, or stops before it.
+unsafe extern "C" fn on_block(
+    engine: *mut sys::uc_engine,
+    address: u64,
+    size: u32,
+    shared: *mut c_void,
+) {
+    // SAFETY: it is what `add_block_hook` has given, and nobody holds it while the engine runs.
+    let counting = unsafe { &mut *shared.cast::<Shared>() };
+    // Nothing is kept beyond this, since each register to be saved would be saved at each block.
+    if counting.chip.needs_attention() || !counting.count(address as u32, size) {
+        // SAFETY: it is what was given here, and no longer held.
+        unsafe { begin_slowly(engine, address as u32, size, shared) };
+    }
+}
+
+/// Does so where there is more to do than to count.
+#[cold]
+#[inline(never)]
+unsafe fn begin_slowly(engine: *mut sys::uc_engine, address: u32, size: u32, shared: *mut c_void) {
+    // SAFETY: as in `on_block`, which has let go of it.
+    let shared = unsafe { &mut *shared.cast::<Shared>() };
+    if shared.chip.needs_attention() && attend(shared, engine) {
+        return;
+    }
+    if !shared.count(address, size) {
+        learn_block(shared, engine, address, size);
+    }
+}
+
+/// Lets the chip come to now; true when the core stops before the block.
+fn attend(shared: &mut Shared, engine: *mut sys::uc_engine) -> bool {
+    if shared.stop.is_some() {
+        return true;
+    }
+    // The first block after a start is let through.
+    if shared.chip.cycles() == shared.started {
+        return false;
+    }
+    shared.chip.attend();
+    let read = |register: RegisterARM| {
+        let mut value = 0u32;
+        // SAFETY: the engine runs, and a register of this core has 32 bits.
+        let read = unsafe { sys::uc_reg_read(engine, register as c_int, (&raw mut value).cast()) };
+        debug_assert_eq!(read, uc_error::OK);
+        value
+    };
+    let stops = shared.chip.wants_stop() || interrupted(&shared.chip, read);
+    if stops {
+        // The chip's own stop counts with no block begun.
+        shared.note(Stop::Wanted);
+        // SAFETY: the engine runs and may be stopped from its hooks.
+        let _ = unsafe { sys::uc_emu_stop(engine) };
+    }
+    stops
+}
+
+/// Counts the instructions of a block that has not run before, or of one that is watched.
+fn learn_block(shared: &mut Shared, engine: *mut sys::uc_engine, address: u32, size: u32) {
+    let mut bytes = vec![0u8; size as usize];
+    // SAFETY: the engine runs, and there is room for so many bytes.
+    let _ = unsafe {
+        let into = bytes.as_mut_ptr().cast();
+        sys::uc_mem_read(engine, address.into(), into, size.into())
+    };
+    shared.chip.begin_block(address, &bytes);
 }
 
 /// Whether an exception is to be taken here.
-fn interrupted(engine: &Unicorn<'_, Shared>) -> bool {
-    let read = |register| engine.reg_read(register).unwrap_or(0) as u32;
-    let nvic = &engine.get_data().chip.nvic;
-    let Some(waiting) = nvic.first() else {
+fn interrupted(chip: &Chip, read: impl Fn(RegisterARM) -> u32) -> bool {
+    let Some(waiting) = chip.nvic.first() else {
         return false;
     };
     let masks = Masks {
@@ -316,11 +434,11 @@ fn interrupted(engine: &Unicorn<'_, Shared>) -> bool {
         basepri: read(RegisterARM::BASEPRI) as u8,
     };
     // Inside of an IT block the engine cannot be sent elsewhere.
-    masks.let_through(waiting, nvic) && read(RegisterARM::XPSR) & IT_STATE == 0
+    masks.let_through(waiting, &chip.nvic) && read(RegisterARM::XPSR) & IT_STATE == 0
 }
 
 /// An exception that the engine knows of: notes it, and stops.
-fn on_interrupt(engine: &mut Unicorn<'_, Shared>, number: u32) {
+fn on_interrupt(engine: &mut Unicorn<'_, Keeper>, number: u32) {
     let at = engine.reg_read(RegisterARM::PC).unwrap_or(0) as u32;
     let stop = match number {
         number::SUPERVISOR_CALL => Stop::SupervisorCall,
@@ -332,7 +450,7 @@ fn on_interrupt(engine: &mut Unicorn<'_, Shared>, number: u32) {
         number::BREAKPOINT => Stop::Fault(Fault::Breakpoint),
         _ => Stop::Fault(Fault::Undefined),
     };
-    engine.get_data_mut().stop.get_or_insert(stop);
+    engine.get_data_mut().get_mut().note(stop);
     let _ = engine.emu_stop();
 }
 
@@ -377,12 +495,13 @@ impl Cpu for UnicornCpu {
         loop {
             self.put_flash_right();
             let at = self.register(Register::Pc) | 1;
-            let shared = self.engine.get_data_mut();
+            let shared = self.engine.get_data_mut().get_mut();
             shared.stop = None;
-            shared.fresh = true;
+            shared.started = shared.chip.cycles();
+            shared.chip.call();
             let ended = self.engine.emu_start(at.into(), 0, 0, 0);
             let stop = self.stopped(ended);
-            if stop != Stop::Wanted || self.chip().wants_stop() || interrupted(&self.engine) {
+            if stop != Stop::Wanted || self.chip().wants_stop() || self.interrupted() {
                 self.put_flash_right();
                 return stop;
             }
@@ -390,11 +509,11 @@ impl Cpu for UnicornCpu {
     }
 
     fn chip(&self) -> &Chip {
-        &self.engine.get_data().chip
+        &self.engine.get_data().get().chip
     }
 
     fn chip_mut(&mut self) -> &mut Chip {
-        &mut self.engine.get_data_mut().chip
+        &mut self.engine.get_data_mut().get_mut().chip
     }
 }
 

@@ -1,7 +1,6 @@
 //! The exact images of bootloader and application, on two boards.
 
 use std::sync::OnceLock;
-use std::time::Instant;
 
 use canopen::Frame;
 use emulator::build::Product;
@@ -10,6 +9,7 @@ use emulator::chip::rcc::Cause;
 use emulator::chip::system::Blame;
 use emulator::cpu::{Cpu, Register};
 use emulator::pair::{Pair, SdoError};
+use emulator::stopwatch::Stopwatch;
 use flash::layout::{BASE, RC};
 use flash::nor::{Nor, Page};
 use sim::network::guest::Switch;
@@ -48,13 +48,13 @@ fn two_product_nodes_run_much_faster_than_time() {
     pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
     pair.run_synced(50).unwrap();
     let before = pair.board(0).machine().chip().instructions();
-    let begun = Instant::now();
+    let watch = Stopwatch::start();
     pair.run_synced(1000).unwrap();
-    let times = 10.0 / begun.elapsed().as_secs_f64();
+    let times = 10.0 / watch.seconds();
     let run = pair.board(0).machine().chip().instructions() - before;
-    eprintln!("two emulated nodes: {times:.0} times real time, {run} instructions in 10 s");
-    // Measured beside everything else that a test run does; alone it is several times as much.
-    assert!(times > 1.0);
+    eprintln!("two emulated nodes: {times:.1} times real time, {run} instructions in 10 s");
+    // Beside everything else that a test run does a core is half as fast as alone.
+    assert!(times > 3.0);
 }
 
 /// Sends a node's code astray: to a loop, or to where no code is.

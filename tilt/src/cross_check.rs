@@ -214,7 +214,6 @@ fn lasting(own: Reading, peer: Reading) -> Judgement {
 
 /// A check of any kind with its state: what an instrument holds one of.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is no heap on the chip")]
 pub enum CrossCheck {
     /// The paper's rule.
     Paper(PaperCheck, PaperState),

@@ -100,43 +100,48 @@ fn counts(number: u32, noise: &mut u32) -> Counts {
     ])
 }
 
-/// The product's chain, with a calibration in which no term is 0 or 1.
+/// The product's chain, with that calibration.
 fn product() -> Chain {
-    let wave = Harmonics {
-        cosine: [120_000, -80_000, 30_000],
-        sine: [-50_000, 20_000, 10_000],
-    };
     Chain {
         filter: LowPass::PRODUCT,
         full_scale: FullScale::G2,
         period_us: 2500,
         part_delay_q16: PART_DELAY_Q16,
         timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration {
-            temperature: TemperatureModel::Quadratic(Quadratic {
-                offset1_q8: [3_435_973, -2_000_000, 1_000_000],
-                offset2_q16: [-3_518_437, 1_200_000, 0],
-                gain1_q38: [-27_487_790, 13_000_000, 5_000_000],
-                gain2_q46: [703_687, 0, -100_000],
-            }),
-            correction: Correction::TwoAxis {
-                vector: Vector {
-                    matrix: [
-                        [1_084_479_242, -9_663_676, 5_368_709],
-                        [8_589_934, 1_063_004_406, -7_516_192],
-                        [-6_442_450, 4_294_967, 1_079_110_533],
-                    ],
-                    offset: [-1_342_177, 872_415, 402_653],
-                },
-                harmonics: Axes { x: wave, y: wave },
+        calibration: calibration(),
+    }
+}
+
+/// A calibration in which no term is 0 or 1.
+pub fn calibration() -> Calibration {
+    let wave = Harmonics {
+        cosine: [120_000, -80_000, 30_000],
+        sine: [-50_000, 20_000, 10_000],
+    };
+    Calibration {
+        temperature: TemperatureModel::Quadratic(Quadratic {
+            offset1_q8: [3_435_973, -2_000_000, 1_000_000],
+            offset2_q16: [-3_518_437, 1_200_000, 0],
+            gain1_q38: [-27_487_790, 13_000_000, 5_000_000],
+            gain2_q46: [703_687, 0, -100_000],
+        }),
+        correction: Correction::TwoAxis {
+            vector: Vector {
+                matrix: [
+                    [1_084_479_242, -9_663_676, 5_368_709],
+                    [8_589_934, 1_063_004_406, -7_516_192],
+                    [-6_442_450, 4_294_967, 1_079_110_533],
+                ],
+                offset: [-1_342_177, 872_415, 402_653],
             },
-            budget: Budget {
-                noise: 85_000,
-                repeatability: 20_000,
-                hysteresis: 24_000,
-                reference: Uncertainty(160_000),
-                residual: Uncertainty(100_000),
-            },
+            harmonics: Axes { x: wave, y: wave },
+        },
+        budget: Budget {
+            noise: 85_000,
+            repeatability: 20_000,
+            hysteresis: 24_000,
+            reference: Uncertainty(160_000),
+            residual: Uncertainty(100_000),
         },
     }
 }

@@ -11,6 +11,7 @@ use flash::layout::BASE;
 use super::can::Can;
 use super::flash_controller::Outcome;
 use super::spi::Spi;
+use super::tap::Deed;
 use super::timer::Timer;
 use super::{Chip, bit_band};
 
@@ -21,6 +22,10 @@ impl Chip {
             return self.read(byte & !3, 4) >> (8 * (byte & 3) + u32::from(bit)) & 1;
         }
         let word = self.read_word(address & !3);
+        if self.sensor.tap.wants(address) {
+            self.sensor.tap.enter(self.nvic.running());
+            self.sensor.tap.note(Deed::Load(address & !3, word));
+        }
         let shifted = word >> (8 * (address & 3));
         match size {
             1 => shifted & 0xFF,
@@ -31,7 +36,10 @@ impl Chip {
 
     /// A store of `size` bytes, anywhere but in flash and RAM.
     pub fn write(&mut self, address: u32, size: u32, value: u32) {
-        self.attention = 0;
+        // What has neither interrupts nor times of its own: it says itself when it has.
+        if !matches!(Place::of(address), Some(Place::Spi | Place::Port(_))) {
+            self.attention = 0;
+        }
         if let Some((byte, bit)) = bit_band::in_peripherals(address) {
             let shift = 8 * (byte & 3) + u32::from(bit);
             let held = self.read(byte & !3, 4) & !(1 << shift);
@@ -51,11 +59,15 @@ impl Chip {
             (1, _) => (value & 0xFF) * 0x0101_0101,
             _ => (value & 0xFFFF) * 0x0001_0001,
         };
+        if self.sensor.tap.wants(address) {
+            self.sensor.tap.enter(self.nvic.running());
+            self.sensor.tap.note(Deed::Store(word, value));
+        }
         self.write_word(word, value);
     }
 
     fn read_word(&mut self, address: u32) -> u32 {
-        let (now, now_ns) = (self.cycles, self.now_ns());
+        let now = self.cycles;
         if address >= 0xE000_0000 {
             self.system.advance(now, &mut self.nvic);
             let own = self.system.read(address, now, &self.nvic);
@@ -65,10 +77,10 @@ impl Chip {
         let Some(place) = Place::of(address).filter(|place| self.is_clocked(*place)) else {
             return 0;
         };
-        let steps = self.timer_step();
         match place {
             Place::Timer(number) => {
                 self.take_edges();
+                let steps = self.timer_step();
                 let timer = &mut self.timers[number];
                 timer.advance(now, steps);
                 timer.read(offset, now, steps)
@@ -87,10 +99,10 @@ impl Chip {
             }
             Place::Spi => {
                 self.spi.advance(now, self.per_pclk2(), &mut self.sensor);
-                self.attention = 0;
+                self.heed_spi();
                 self.spi.read(offset)
             }
-            Place::Rcc => self.rcc.read(offset, now_ns),
+            Place::Rcc => self.rcc.read(offset, self.clock.ns(now)),
             Place::Flash => self.flash.read(offset),
             Place::Crc => self.crc.read(offset),
             Place::Signature => self.signature(address),
@@ -145,8 +157,10 @@ impl Chip {
                 let per_pclk = self.per_pclk2();
                 self.spi.advance(now, per_pclk, &mut self.sensor);
                 self.sensor.chip.borrow_mut().advance_to(now_ns);
+                self.heed_spi();
                 self.spi
                     .write(offset, value, now, per_pclk, &mut self.sensor);
+                self.heed_spi();
             }
             Place::Rcc => self.write_rcc(offset, value, now_ns),
             Place::Flash => {
@@ -156,6 +170,13 @@ impl Chip {
             }
             Place::Crc => self.crc.write(offset, value),
             Place::Signature => {}
+        }
+    }
+
+    /// Who waits for the part by polling is not to be disturbed by it.
+    fn heed_spi(&mut self) {
+        if self.spi.interrupts() {
+            self.attention = 0;
         }
     }
 
@@ -217,7 +238,7 @@ impl Chip {
         match outcome {
             Outcome::Held(ns) => {
                 let until_ns = self.now_ns() + ns;
-                self.cycles = self.clock.cycle(until_ns);
+                self.pass(self.clock.cycle(until_ns));
             }
             Outcome::Refused => {}
             Outcome::Cut => self.cut = true,
@@ -227,7 +248,7 @@ impl Chip {
     /// A piece of the flash that the core's copy has to be put right at: offset and bytes.
     pub fn take_changed_flash(&mut self) -> Option<(u32, Vec<u8>)> {
         let changed = self.flash.take_changed()?;
-        self.code.forget();
+        self.code.forget(changed.0, changed.1.len());
         Some(changed)
     }
 }

@@ -20,6 +20,7 @@ pub mod nvic;
 pub mod rcc;
 pub mod spi;
 pub mod system;
+pub mod tap;
 pub mod timer;
 pub mod watchdog;
 
@@ -41,6 +42,7 @@ use nvic::Nvic;
 use rcc::{Cause, Rcc};
 use spi::{Spi, Wire};
 use system::System;
+use tap::{Deed, Tap};
 use timer::Timer;
 use watchdog::Watchdog;
 
@@ -69,12 +71,18 @@ pub struct Individual {
 struct Sensor {
     chip: Rc<RefCell<lis2dw12::Chip>>,
     selected: bool,
+    /// Here, since the sensor's bytes pass here.
+    tap: Tap,
 }
 
 impl Wire for Sensor {
     fn exchange(&mut self, byte: u8) -> u8 {
         match self.selected {
-            true => self.chip.borrow_mut().exchange(byte),
+            true => {
+                let answer = self.chip.borrow_mut().exchange(byte);
+                self.tap.note(Deed::Byte(byte, answer));
+                answer
+            }
             // Nobody drives the line; it has a pull-up.
             false => 0xFF,
         }
@@ -105,7 +113,8 @@ pub struct Chip {
     individual: Individual,
     clock: Clock,
     cycles: u64,
-    instructions: u64,
+    /// Those of them in which no instruction was executed.
+    idle: u64,
     /// The cycle from which on somebody wants attention.
     attention: u64,
     /// The cycle up to which the core may run.
@@ -151,7 +160,7 @@ impl Chip {
             individual,
             clock: Clock::new(now_ns, 8_000_000, individual.crystal),
             cycles: 0,
-            instructions: 0,
+            idle: 0,
             attention: 0,
             limit: 0,
             event: false,
@@ -166,6 +175,7 @@ impl Chip {
             sensor: Sensor {
                 chip: sensor,
                 selected: false,
+                tap: Tap::default(),
             },
             edges: VecDeque::new(),
             reset: None,
@@ -200,7 +210,6 @@ impl Chip {
         (self.pwr, self.reset, self.cut, self.bad_store) = (0, None, false, false);
         self.event = false;
         self.attention = 0;
-        self.code.forget();
         self.follow_select();
     }
 
@@ -221,11 +230,13 @@ impl Chip {
 
     /// Instructions executed since it was made.
     pub fn instructions(&self) -> u64 {
-        self.instructions
+        self.cycles - self.idle
     }
 
     /// Watches for code that comes to these addresses, instead of those before.
     pub fn watch(&mut self, addresses: &[u32]) {
+        // What is not known is looked at before it runs.
+        self.code.forget(0, self.layout.flash as usize);
         self.watched = addresses.to_vec();
         self.passed.clear();
     }
@@ -236,14 +247,8 @@ impl Chip {
         &self.passed
     }
 
-    /// Whether anything is watched.
-    #[inline]
-    pub fn watches(&self) -> bool {
-        !self.watched.is_empty()
-    }
-
     /// Notes the watched addresses in a block that is about to run.
-    pub fn note_passing(&mut self, address: u32, bytes: &[u8]) {
+    fn note_passing(&mut self, address: u32, bytes: &[u8]) {
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;
@@ -253,9 +258,14 @@ impl Chip {
             {
                 let instructions = u64::from(Block::of(bytes).instructions);
                 self.passed
-                    .push((*watched, self.instructions + instructions));
+                    .push((*watched, self.instructions() + instructions));
             }
         }
+    }
+
+    /// What the code exchanges with sensor, clock and CAN controller.
+    pub fn tap(&mut self) -> &mut Tap {
+        &mut self.sensor.tap
     }
 
     /// Cycles passed since it was made: instructions, sleep, and waits for the flash.
@@ -328,18 +338,42 @@ impl Chip {
             || self.bad_store
     }
 
-    /// A block is about to run.
+    /// A block of the flash is about to run; false when nothing is known of it, and then
+    /// [`Chip::begin_block`] has to be told.
     #[inline]
-    pub fn begin_block(&mut self, block: Block) {
+    pub fn begin_known(&mut self, address: u32, size: u32) -> bool {
+        let instructions = self.code.run(address, size);
+        // Wrapping, as each check would be made at each block: it does so in 8 000 years.
+        self.cycles = self.cycles.wrapping_add(instructions.into());
+        instructions != 0
+    }
+
+    /// A block of these bytes is about to run.
+    pub fn begin_block(&mut self, address: u32, bytes: &[u8]) {
+        let block = Block::of(bytes);
+        if self.watched.is_empty() {
+            self.code.learn(address, bytes.len() as u32, block);
+        } else {
+            self.note_passing(address, bytes);
+        }
         self.cycles += u64::from(block.instructions);
-        self.instructions += u64::from(block.instructions);
         self.event |= block.sends_event;
     }
 
     /// Instructions of the block under way that were not executed.
     pub fn take_back(&mut self, instructions: u32) {
         self.cycles -= u64::from(instructions);
-        self.instructions -= u64::from(instructions);
+    }
+
+    /// The core is to stop: something is asked before the next block.
+    pub fn call(&mut self) {
+        self.attention = 0;
+    }
+
+    /// Comes to a cycle without instructions.
+    fn pass(&mut self, cycle: u64) {
+        self.idle += cycle.saturating_sub(self.cycles);
+        self.cycles = cycle.max(self.cycles);
     }
 
     /// Takes the event that ends a WFE, if there is one.
@@ -356,13 +390,13 @@ impl Chip {
     /// Lets time pass without instructions up to what comes next, or to the limit.
     pub fn sleep(&mut self) {
         self.attend();
-        self.cycles = self.next_event().min(self.limit).max(self.cycles);
+        self.pass(self.next_event().min(self.limit));
         self.attend();
     }
 
     /// Lets time pass without instructions up to `ns`, if that is later than now.
     pub fn skip_to(&mut self, ns: u64) {
-        self.cycles = self.clock.cycle(ns).max(self.cycles);
+        self.pass(self.clock.cycle(ns));
         self.attention = 0;
     }
 
@@ -505,6 +539,8 @@ impl Chip {
             return;
         }
         self.sensor.selected = selected;
+        self.sensor.tap.enter(self.nvic.running());
+        self.sensor.tap.note(Deed::Select(selected));
         let now_ns = self.now_ns();
         let mut chip = self.sensor.chip.borrow_mut();
         chip.advance_to(now_ns);

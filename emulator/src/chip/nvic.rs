@@ -161,6 +161,14 @@ impl Nvic {
         self.pending |= self.lines & bit(number);
     }
 
+    /// The exception whose handler runs now, 0 for none: of those being served the first in
+    /// priority, which has interrupted the others.
+    pub fn running(&self) -> u32 {
+        let served = (0..EXCEPTIONS).filter(|number| self.is_active(*number));
+        let first = served.min_by_key(|number| self.group_priority(*number));
+        first.unwrap_or(0)
+    }
+
     /// How many exceptions are being served.
     pub fn depth(&self) -> u32 {
         self.active.count_ones()

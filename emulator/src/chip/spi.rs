@@ -73,7 +73,12 @@ impl Spi {
     /// When something happens that an interrupt waits for, cycles.
     pub fn next_event(&self) -> Option<u64> {
         let (_, through) = self.shifting?;
-        (self.cr2 & 0xE0 != 0).then_some(through)
+        self.interrupts().then_some(through)
+    }
+
+    /// Whether any of its interrupts is enabled.
+    pub fn interrupts(&self) -> bool {
+        self.cr2 & 0xE0 != 0
     }
 
     /// The interrupt line (25.5.2: TXEIE, RXNEIE, ERRIE).

@@ -95,6 +95,16 @@ The target for RAM is missed. The part has 48 kB of it, so there is room, but a 
 the family, with 20 kB, would be too small for it.
 ";
 
+/// How fast all that is emulated.
+fn speed(times: f64) -> String {
+    format!(
+        "\n## Speed of the emulation\n\n\
+         Two emulated nodes with a SYNC every 10 ms ran at {times:.1} times real time on the \
+         machine that wrote\nthis page, by the processor time that they took; 20 is the target. \
+         This figure is not compared:\nit is another one on each machine.\n"
+    )
+}
+
 /// A figure with its target.
 struct Row {
     what: &'static str,
@@ -216,6 +226,7 @@ impl Figures {
             SIZES,
             why(app, APP_MISSED),
             why(ram, RAM_MISSED),
+            &speed(self.speed),
         ]
         .concat()
     }
@@ -314,6 +325,7 @@ mod tests {
                 reading: [2000.0, 9000.0],
                 apart: 200.0,
             },
+            speed: 9.5,
         }
     }
 

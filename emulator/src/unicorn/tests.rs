@@ -169,3 +169,16 @@ fn instructions_between_two_addresses_are_counted_exactly() {
     assert_eq!(passed.last(), Some(&(BASE + 6, 21)));
     assert_eq!(passed.len(), 11);
 }
+
+/// The engine asks what a page is for at the first store into it, and forgot to leave the IT block
+/// that the store was in: what came after it was taken for a part of that one, which sets no flags.
+#[test]
+fn a_first_store_within_an_it_block_made_the_next_block_conditional() {
+    // MOVS r0, #32; LSLS r0, #24; CMP r0, r0; IT EQ; STREQ r1, [r0]; B next;
+    // next: MOVS r1, #5; BEQ end; MOVS r2, #1; end: WFI.
+    let mut cpu = cpu(&[
+        0x2020, 0x0600, 0x4280, 0xBF08, 0x6001, 0xE7FF, 0x2105, 0xD000, 0x2201, 0xBF30,
+    ]);
+    assert_eq!(cpu.run(), Stop::WaitForInterrupt);
+    assert_eq!(cpu.register(Register::R(2)), 1);
+}

@@ -1,0 +1,306 @@
+//! What a chip's code has seen, read again in its order.
+//!
+//! In: the entries of a [`Tap`](emulator::chip::tap::Tap). Out: for each thing that the device's
+//! task asks of a register, what the chip's code was answered there; what interrupts left in the
+//! inbox, at the place in the order where they did. What the task does otherwise than the chip's
+//! code did is a [`Difference`], and the end.
+//!
+//! It follows `firmware::chip::{clock, can}`, which know registers and so don't run on a host.
+
+use canopen::Frame;
+use canopen::frame::{ExtendedId, Id, StandardId};
+use emulator::chip::tap::{CAN, Deed, Entry, TIM2};
+use firmware::inbox::{Inbox, Input};
+use firmware::ticks;
+use firmware::unit::{Event, State};
+use tilt::sample::Instant;
+
+/// The exception of TIM2, whose handler takes edges, and of TIM3, whose handler is the task.
+const EDGES: u32 = 16 + 28;
+const TASK: u32 = 16 + 29;
+/// The four exceptions of CAN.
+const BUS: std::ops::RangeInclusive<u32> = 16 + 19..=16 + 22;
+
+/// Registers (RM0008 15.4, 24.9.5).
+pub mod register {
+    use super::{CAN, TIM2};
+
+    pub const SR: u32 = TIM2 + 0x10;
+    pub const CNT: u32 = TIM2 + 0x24;
+    pub const CCR1: u32 = TIM2 + 0x34;
+    pub const CCR2: u32 = TIM2 + 0x38;
+    pub const MCR: u32 = CAN;
+    pub const MSR: u32 = CAN + 0x04;
+    pub const TSR: u32 = CAN + 0x08;
+    pub const RF0R: u32 = CAN + 0x0C;
+    pub const ESR: u32 = CAN + 0x18;
+    pub const BTR: u32 = CAN + 0x1C;
+    pub const TIR: u32 = CAN + 0x180;
+    pub const TDTR: u32 = CAN + 0x184;
+    pub const TDLR: u32 = CAN + 0x188;
+    pub const TDHR: u32 = CAN + 0x18C;
+    pub const RIR: u32 = CAN + 0x1B0;
+    pub const RDTR: u32 = CAN + 0x1B4;
+    pub const RDLR: u32 = CAN + 0x1B8;
+    pub const RDHR: u32 = CAN + 0x1BC;
+}
+use register::*;
+
+/// The host has done something else than the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The time of the device's task then.
+    pub at: Instant,
+    /// What the chip did; `None` at the end of what was written down.
+    pub chip: Option<Deed>,
+    /// What the host did.
+    pub host: Deed,
+}
+
+/// Entries with the place that the task has come to.
+#[derive(Debug)]
+pub struct Log {
+    entries: Vec<Entry>,
+    at: usize,
+    overflows: u32,
+    now: Instant,
+    inbox: Inbox,
+    difference: Option<Difference>,
+    ended: bool,
+    frames: usize,
+}
+
+impl Log {
+    /// From the first entry on.
+    pub fn new(entries: Vec<Entry>) -> Self {
+        Self {
+            entries,
+            at: 0,
+            overflows: 0,
+            now: Instant(0),
+            inbox: Inbox::new(),
+            difference: None,
+            ended: false,
+            frames: 0,
+        }
+    }
+
+    /// True when there is nothing more to follow.
+    pub fn has_ended(&self) -> bool {
+        self.ended
+    }
+
+    /// Where the host went its own way.
+    pub fn difference(&self) -> Option<Difference> {
+        self.difference
+    }
+
+    /// Frames so far that went into a mailbox, all as on the chip.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// The latest time that the task has read.
+    pub fn reached(&self) -> Instant {
+        self.now
+    }
+
+    /// The inbox.
+    pub fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
+    }
+
+    fn peek(&self) -> Option<Entry> {
+        self.entries.get(self.at).copied()
+    }
+
+    /// The next thing that the task's code did. Interrupts before it leave what they have.
+    fn task(&mut self) -> Option<Deed> {
+        loop {
+            let entry = self.peek()?;
+            match (entry.exception, entry.deed) {
+                (EDGES, _) => self.edge(),
+                (exception, _) if BUS.contains(&exception) => self.bus(exception),
+                // The alarm, which is set to what the device asks for.
+                (TASK, Deed::Store(TIM2..CAN, _)) => self.at += 1,
+                (TASK, deed) => return Some(deed),
+                _ => self.at += 1,
+            }
+        }
+    }
+
+    /// The task does this; on the chip it did the same, or the end is here.
+    ///
+    /// Of what the chip was answered there is no more than a default then.
+    fn follow(&mut self, host: Deed, same: impl Fn(Deed) -> bool) -> Option<Deed> {
+        if self.ended {
+            return None;
+        }
+        let chip = self.task();
+        match chip.filter(|deed| same(*deed)) {
+            Some(deed) => {
+                self.at += 1;
+                Some(deed)
+            }
+            None => {
+                self.ended = true;
+                let at = self.now;
+                self.difference = chip.map(|_| Difference { at, chip, host });
+                None
+            }
+        }
+    }
+
+    /// The task loads a register.
+    pub fn load(&mut self, address: u32) -> u32 {
+        let same = |deed| matches!(deed, Deed::Load(at, _) if at == address);
+        match self.follow(Deed::Load(address, 0), same) {
+            Some(Deed::Load(_, value)) => value,
+            _ => 0,
+        }
+    }
+
+    /// The task stores into a register.
+    pub fn store(&mut self, address: u32, value: u32) {
+        let deed = Deed::Store(address, value);
+        self.follow(deed, |chip| chip == deed);
+        self.frames += usize::from(!self.ended && (address - CAN) & !0x30 == TIR - CAN);
+    }
+
+    /// The task selects the sensor, or lets it go.
+    pub fn select(&mut self, selected: bool) {
+        let deed = Deed::Select(selected);
+        self.follow(deed, |chip| chip == deed);
+    }
+
+    /// The task exchanges a byte with the sensor.
+    pub fn exchange(&mut self, byte: u8) -> u8 {
+        let same = |deed| matches!(deed, Deed::Byte(out, _) if out == byte);
+        match self.follow(Deed::Byte(byte, 0), same) {
+            Some(Deed::Byte(_, answer)) => answer,
+            _ => 0,
+        }
+    }
+
+    /// The task looks at the clock. After the end a second passes between two looks, so that
+    /// nobody waits for ever.
+    pub fn now(&mut self) -> Instant {
+        let (count, flags) = (self.load(CNT), self.load(SR));
+        self.now = match self.ended {
+            true => self.now.offset(1_000_000),
+            false => ticks::join(self.overflows, flags & 1 != 0, count as u16),
+        };
+        self.now
+    }
+
+    /// What is in the inbox up to `until`, as the chip's code found it after it had seen `now`.
+    pub fn take(&mut self, until: Instant, now: Instant) -> Option<(Input, Instant)> {
+        let found = self.inbox.take(until);
+        if found.is_some() || until <= now || self.sets_alarm() {
+            return found;
+        }
+        // Something came in between its look at the clock and that into the inbox.
+        let _ = self.task();
+        self.inbox.take(until)
+    }
+
+    /// Whether the task set the alarm next: it had found nothing.
+    fn sets_alarm(&self) -> bool {
+        let rest = self.entries.get(self.at..).unwrap_or_default();
+        let mut task = rest.iter().filter(|entry| entry.exception == TASK);
+        let mut next = || task.next().map(|entry| entry.deed);
+        matches!(next(), Some(Deed::Load(CNT, _)))
+            && matches!(next(), Some(Deed::Load(SR, _)))
+            && matches!(next(), Some(Deed::Store(CCR2, _)) | None)
+    }
+
+    /// The next entry, if it is one of this exception.
+    fn of(&mut self, exception: u32) -> Option<Deed> {
+        let entry = self.peek().filter(|entry| entry.exception == exception)?;
+        self.at += 1;
+        Some(entry.deed)
+    }
+
+    /// The handler of TIM2: an overflow, an edge, or both.
+    fn edge(&mut self) {
+        let (mut flags, mut captured) = (0, None);
+        while let Some(deed) = self.of(EDGES) {
+            match deed {
+                Deed::Load(SR, value) => flags = value,
+                Deed::Load(CCR1, value) => captured = Some(value as u16),
+                Deed::Store(SR, _) => break,
+                _ => {}
+            }
+        }
+        let late = flags & 1 != 0;
+        if let Some(count) = captured {
+            self.inbox.edge(ticks::join(self.overflows, late, count));
+        }
+        self.overflows = self.overflows.wrapping_add(u32::from(late));
+    }
+
+    /// A handler of CAN, which ends with a look at the error state.
+    fn bus(&mut self, exception: u32) {
+        let (mut count, mut at, mut words) = (0, Instant(0), [0; 4]);
+        while let Some(deed) = self.of(exception) {
+            match deed {
+                Deed::Load(CNT, value) => count = value as u16,
+                Deed::Load(SR, flags) => at = ticks::join(self.overflows, flags & 1 != 0, count),
+                Deed::Load(TSR, flags) => self.completed(flags, at),
+                Deed::Load(RF0R, flags) if flags & 1 << 4 != 0 => self.inbox.lost(),
+                Deed::Load(RIR, value) => words[0] = value,
+                Deed::Load(RDTR, value) => words[1] = value,
+                Deed::Load(RDLR, value) => words[2] = value,
+                Deed::Load(RDHR, value) => {
+                    words[3] = value;
+                    if let Some(frame) = frame(words) {
+                        self.inbox.put(Event::Received(frame), at);
+                    }
+                }
+                Deed::Load(ESR, value) => {
+                    self.error_state(value, at);
+                    return;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn completed(&mut self, flags: u32, at: Instant) {
+        for place in 0..3u8 {
+            let flags = flags >> (8 * u32::from(place));
+            let event = match flags & 3 {
+                3 => Event::Sent(place),
+                1 => Event::GivenUp(place),
+                _ => continue,
+            };
+            self.inbox.put(event, at);
+        }
+    }
+
+    /// What ESR says (RM0008 24.9.2).
+    pub fn error_state(&mut self, esr: u32, at: Instant) {
+        let state = match esr {
+            esr if esr & 4 != 0 => State::Off,
+            esr if esr & 2 != 0 => State::Passive,
+            esr if esr & 1 != 0 => State::Warning,
+            _ => State::Active,
+        };
+        let (transmit, receive) = ((esr >> 16) as u8, (esr >> 24) as u8);
+        self.inbox.state(state, transmit, receive, at);
+    }
+}
+
+/// The frame in a receive mailbox (RM0008 24.9.4).
+fn frame([rir, rdtr, low, high]: [u32; 4]) -> Option<Frame> {
+    let id: Id = match rir & 4 != 0 {
+        true => ExtendedId::new(rir >> 3)?.into(),
+        false => StandardId::new((rir >> 21) as u16)?.into(),
+    };
+    let length = (rdtr as usize & 0xF).min(8);
+    if rir & 2 != 0 {
+        return Frame::remote(id, length);
+    }
+    let bytes = (u64::from(high) << 32 | u64::from(low)).to_le_bytes();
+    Frame::with(id, bytes.get(..length)?)
+}

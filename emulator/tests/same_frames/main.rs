@@ -1,0 +1,192 @@
+//! The chip's image and the host's build of the same code come to the same frames, bit for bit.
+//!
+//! Two emulated nodes run on a bus, calibrated, on a board that tilts, in changing warmth, with a
+//! fault. All that the code of each sees is written down: the sensor's bytes, the time of each
+//! edge, what the CAN controller had to tell, and each look at the clock. The host's build then
+//! gets the same, and has to do the same at each step: send the same bytes to the sensor and put
+//! the same frames into the same mailboxes, in the same order.
+
+mod log;
+mod node;
+
+use std::collections::BTreeSet;
+
+use canopen::Frame;
+use device::calibration::deliver;
+use device::objects::table::Channel;
+use emulator::build::Product;
+use emulator::chip::tap::{Deed, Entry};
+use emulator::pair::{Heard, Pair};
+use emulator_golden::calibration;
+use flash::check_sum::Crc32;
+use sim::error_model::ErrorModel;
+use sim::network::guest::Switch;
+use sim::network::hand::Pose;
+use tilt::chain::{Calibration, Correction};
+use tilt::temperature::TemperatureModel;
+use tilt::vector::Vector;
+
+use log::Log;
+use node::{Cells, follow, memory};
+
+/// "save", as 1010h wants it (CiA 301 7.5.2.13).
+const SAVE: u32 = 0x6576_6173;
+/// How the burst begins that reads a sample: from OUT_T on (DS11811 table 17), read. The bytes
+/// after it are OUT_T, STATUS, and then low and high of X.
+const SAMPLE: u8 = 0x80 | 0x26;
+/// Bytes from there to the high one of X.
+const HIGH_OF_X: usize = 4;
+
+/// What a run was.
+struct Run {
+    entries: [Vec<Entry>; 2],
+    cells: [Cells; 2],
+    serials: [u32; 2],
+    heard: Vec<Heard>,
+}
+
+impl Run {
+    /// The frames of an identifier, each once.
+    fn different(&self, id: u16) -> BTreeSet<[u8; 8]> {
+        let of_id = self.heard.iter().map(|heard| heard.frame);
+        let of_id = of_id.filter(|frame| frame.cob_id() == Some(id));
+        of_id.map(|frame| frame.padded()).collect()
+    }
+
+    /// The host's build after the chip of channel A (0) or B (1).
+    fn follow(&self, number: usize) -> Log {
+        let channel = [Channel::A, Channel::B][number];
+        let (entries, cells) = (self.entries[number].clone(), self.cells[number].clone());
+        follow(entries, cells, channel, self.serials[number])
+    }
+}
+
+/// Parts with the noise of the real ones, each with its own clock, but without errors.
+const PARTS: ErrorModel = ErrorModel {
+    white_noise: ErrorModel::NOMINAL.white_noise,
+    flicker_ug: ErrorModel::NOMINAL.flicker_ug,
+    clock_ratio: ErrorModel::NOMINAL.clock_ratio,
+    thermometer_noise_c: ErrorModel::NOMINAL.thermometer_noise_c,
+    quantisation: true,
+    ..ErrorModel::PERFECT
+};
+
+/// A calibration that parts without errors bear: a hundredth of the terms that are not theirs.
+fn mild() -> Calibration {
+    let mut calibration = calibration();
+    if let TemperatureModel::Quadratic(terms) = &mut calibration.temperature {
+        let small = |terms: &mut [i32; 3]| terms.iter_mut().for_each(|term| *term /= 100);
+        small(&mut terms.offset1_q8);
+        small(&mut terms.offset2_q16);
+        small(&mut terms.gain1_q38);
+        small(&mut terms.gain2_q46);
+    }
+    if let Correction::TwoAxis { vector, .. } = &mut calibration.correction {
+        let ideal = Vector::IDENTITY;
+        let both = vector.matrix.iter_mut().flatten();
+        for (term, ideal) in both.zip(ideal.matrix.into_iter().flatten()) {
+            *term = ideal + (*term - ideal) / 100;
+        }
+        vector.offset.iter_mut().for_each(|term| *term /= 100);
+    }
+    calibration
+}
+
+/// Two nodes with power off, which have been on once and have their calibration since.
+fn calibrated(seed: u64) -> (Pair, [Cells; 2]) {
+    let product = Product::build().expect("the images build");
+    let pair = Pair::with(&PARTS, 2, seed, &product.pieces());
+    let mut pair = pair.expect("the images are for the flash");
+    pair.run(1.5);
+    let cells = [0, 1].map(|number| {
+        pair.network.switch_guest(number, Switch::Off);
+        let held = pair.board(number).machine_mut().chip_mut().flash.cells();
+        let mut memory = memory(held.clone());
+        deliver(&mut memory, &mild()).expect("there is room in the records");
+        *held = memory.flash().clone();
+        held.clone()
+    });
+    (pair, cells)
+}
+
+/// So many seconds of it, in the middle of which a sensor loses its supply for a moment.
+fn run(seconds: u32) -> Run {
+    let seed = 3;
+    let (mut pair, cells) = calibrated(seed);
+    for number in [0, 1] {
+        pair.board(number).machine_mut().chip_mut().tap().start();
+        pair.network.switch_guest(number, Switch::On);
+    }
+    pair.run(1.0);
+    pair.send(Frame::data_frame(0, &[1, 0])).expect("room");
+    for second in 0..seconds {
+        let sign = if second % 2 == 0 { 1.0 } else { -1.0 };
+        pair.hand.go(Pose {
+            pitch_deg: sign * f64::from(second % 7) * 5.0,
+            roll_deg: f64::from(second % 11) * 4.0 - 20.0,
+        });
+        for number in [0, 1] {
+            let electronics = pair.network.electronics(number);
+            electronics.set_die_temperature(25.0 + 0.1 * f64::from(second));
+            if second == seconds / 2 && number == 1 {
+                electronics.power_cycle();
+            }
+        }
+        pair.run_synced(100).expect("the bus takes a SYNC");
+        let errors = pair.read(1 + second as u8 % 2, 0x1001, 0);
+        errors.expect("the node answers");
+    }
+    // A store stops the chip for the erases of pages: what was due meanwhile is done late.
+    pair.send(Frame::data_frame(0, &[0x80, 0])).expect("room");
+    pair.run(0.01);
+    for node in [1, 2] {
+        let stored = pair.write(node, (0x1010, 1), 4, SAVE);
+        stored.expect("the node stores");
+    }
+    pair.run(1.0);
+    let mut entries = [0, 1].map(|n| pair.board(n).machine_mut().chip_mut().tap().take());
+    entries
+        .iter_mut()
+        .for_each(|entries| entries.shrink_to_fit());
+    let serials = [0u32, 1].map(|number| {
+        let identity = [seed as u32, (seed >> 32) as u32, number];
+        Crc32::of(&identity.map(u32::to_le_bytes).concat())
+    });
+    Run {
+        entries,
+        cells,
+        serials,
+        heard: pair.heard,
+    }
+}
+
+#[test]
+fn the_chip_and_the_host_send_the_same_frames_bit_for_bit() {
+    let mut run = run(30);
+    // Angles that were compared, of a board that tilts; and the fault of node 2's sensor.
+    assert!(
+        run.different(0x181).len() > 1_000,
+        "{}",
+        run.different(0x181).len()
+    );
+    let supply = |frame: &[u8; 8]| frame.starts_with(&[0x02, 0xFF]);
+    assert!(run.different(0x82).iter().any(supply));
+    for number in [0, 1] {
+        let log = run.follow(number);
+        assert_eq!(log.difference(), None, "node {number}");
+        assert!(log.reached().0 > 31_000_000, "{:?}", log.reached());
+        eprintln!("node {number}: {} frames, each bit the same", log.frames());
+        assert!(log.frames() > 3 * 2_900, "{}", log.frames());
+    }
+    // One bit of one sample in the middle is another one: the frames after it are not the same.
+    let entries = &mut run.entries[0];
+    let middle = entries.len() / 2;
+    let begins = |entry: &Entry| entry.deed == Deed::Byte(SAMPLE, 0);
+    let place = entries[middle..].iter().position(begins);
+    let entry = &mut entries[middle + place.expect("there are samples") + HIGH_OF_X];
+    let Deed::Byte(0, answer) = &mut entry.deed else {
+        panic!("{entry:?} is no byte of a sample");
+    };
+    *answer ^= 1;
+    assert!(run.follow(0).difference().is_some());
+}
