@@ -2,6 +2,7 @@
 //! nothing, or something that is told, has happened.
 
 mod bench;
+mod brown_out;
 mod failed_trial;
 mod first_angle;
 mod store_cuts;
