@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use crate::access::{AccessError, read};
 use crate::layout::PAGE;
 
-use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, room};
+use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, Look, room};
 use super::pages::HEAD;
 use super::{Entry, RecordError, Records};
 
@@ -37,6 +37,7 @@ impl<const KINDS: usize> Records<KINDS> {
             return Ok(());
         };
         let end = newest.saturating_add(1);
+        self.damaged = 0;
         let mut open = None;
         let mut met = false;
         for sequence in end.saturating_sub(self.pages.count())..end {
@@ -71,14 +72,24 @@ impl<const KINDS: usize> Records<KINDS> {
     ) -> Result<u32, AccessError> {
         let mut at = HEAD;
         while has_room(at) && !self.pages.is_blank(flash, sequence, at)? {
-            let Some(chunk) = Chunk::read(flash, self.pages.offset(sequence), at)? else {
+            let page = self.pages.offset(sequence);
+            let look = Chunk::look(flash, page, at)?;
+            let Look::Whole(chunk) = look else {
                 self.torn = self.torn.saturating_add(1);
                 *open = None;
-                let Some(end) = self.gap_end(flash, sequence, at)? else {
-                    self.cut_at = Some(at);
-                    return Ok(PAGE);
+                at = match (self.gap_end(flash, sequence, at)?, look) {
+                    (Some(end), _) => end,
+                    (None, Look::Damaged(chunk))
+                        if self.goes_on(flash, sequence, chunk.end(at))? =>
+                    {
+                        self.damaged |= mask::<KINDS>(chunk.kind);
+                        chunk.end(at)
+                    }
+                    (None, _) => {
+                        self.cut_at = Some(at);
+                        return Ok(PAGE);
+                    }
                 };
-                at = end;
                 continue;
             };
             *open = self.join(
@@ -94,6 +105,19 @@ impl<const KINDS: usize> Records<KINDS> {
             at = chunk.end(at);
         }
         Ok(at)
+    }
+
+    /// Whether a chunk that is whole stands at offset `at` of page `sequence`, or nothing, as it
+    /// does behind every chunk that was whole once; not so where the closing of a gap was cut.
+    fn goes_on<F: ReadNorFlash>(
+        &self,
+        flash: &mut F,
+        sequence: u32,
+        at: u32,
+    ) -> Result<bool, AccessError> {
+        let page = self.pages.offset(sequence);
+        Ok(self.pages.is_blank(flash, sequence, at)?
+            || has_room(at) && Chunk::read(flash, page, at)?.is_some())
     }
 
     /// The offset in page `sequence` behind the gap that begins at `at`, if it was closed.
@@ -142,6 +166,7 @@ impl<const KINDS: usize> Records<KINDS> {
             && known.version < entry.version
         {
             *known = entry;
+            self.damaged &= !mask::<KINDS>(chunk.kind);
         }
         None
     }
@@ -283,6 +308,15 @@ impl<const KINDS: usize> Records<KINDS> {
             *entry = Entry::default();
         }
         Err(RecordError::Damaged(kind))
+    }
+}
+
+/// The bit of a kind in [`Records::damaged`]; none for what is no kind.
+pub(super) const fn mask<const KINDS: usize>(kind: u8) -> u32 {
+    if (kind as usize) < KINDS {
+        1 << kind
+    } else {
+        0
     }
 }
 
