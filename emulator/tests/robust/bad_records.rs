@@ -15,10 +15,12 @@ use tilt::chain::Calibration;
 
 use crate::bench::{Bench, NEAR_DEG, POSE, SAVE, Said, calibration, delivered};
 
-/// Bits flipped in each page that has anything in it.
-const FLIPS: u32 = 6;
+/// Bits flipped in each page, and in each that has anything in it.
+const FLIPS: [u32; 2] = [2, 12];
 /// Bytes of a page's own header.
 const HEAD: u32 = 16;
+/// Bytes of a chunk's header.
+const CHUNK: u32 = 16;
 /// What the own calibration adds to slope X, deg.
 const TURN_DEG: f64 = 5.0;
 
@@ -60,10 +62,17 @@ fn check_angle(bench: &mut Bench, said: &Said, case: &str) {
     }
     let turned = said.calibration == identity(&calibration(TURN_DEG));
     let roll = POSE.roll_deg;
-    let turn = if turned { TURN_DEG * roll.to_radians().cos() } else { 0.0 };
+    let turn = if turned {
+        TURN_DEG * roll.to_radians().cos()
+    } else {
+        0.0
+    };
     for (index, truth) in [(0x6010, roll + turn), (0x6020, POSE.pitch_deg)] {
         let slope = f64::from(bench.read(index, 0) as u16 as i16) / 100.0;
-        assert!((slope - truth).abs() < NEAR_DEG, "{case}: {slope}, not {truth}");
+        assert!(
+            (slope - truth).abs() < NEAR_DEG,
+            "{case}: {slope}, not {truth}"
+        );
     }
 }
 
@@ -82,9 +91,13 @@ fn a_bit_gone_bad_in_any_page_of_records_is_told_of_and_no_angle_is_invented() {
         let bytes = cells.pages()[page as usize].bytes();
         let used = bytes.iter().rposition(|byte| *byte != u8::MAX);
         let used = used.map_or(HEAD, |last| last as u32 + 1).max(HEAD + 1);
-        for flip in 0..FLIPS {
+        for flip in 0..FLIPS[usize::from(used > HEAD + 1)] {
             // One in what looks blank, the others in what is used.
-            let (from, to) = if flip == 0 { (used, PAGE) } else { (HEAD, used) };
+            let (from, to) = if flip == 0 {
+                (used, PAGE)
+            } else {
+                (HEAD, used)
+            };
             let at = rng.range(f64::from(from), f64::from(to)) as u32;
             let mut cells = cells.clone();
             cells.flip(page * PAGE + at.min(PAGE - 1), 1 << (flip + at) % 8);
@@ -109,4 +122,20 @@ fn a_bit_gone_bad_in_any_page_of_records_is_told_of_and_no_angle_is_invented() {
     eprintln!("lost by page: {lost:?}, {silent} of them without a word");
     assert!(!lost.is_empty());
     assert_eq!(silent, 0);
+}
+
+#[test]
+fn without_the_calibration_that_was_delivered_the_node_says_that_it_has_none() {
+    let mut bench = Bench::new();
+    let cells = bench.cells();
+    let place = |offset: u32| RC.records.start + HEAD + CHUNK + offset;
+    for offset in [0, 12, 50, length(&delivered()) - 1] {
+        let mut cells = cells.clone();
+        cells.flip(place(offset), 1);
+        let (said, told) = start(&mut bench, cells);
+        assert_eq!(said.calibration, identity(&Calibration::NOMINAL));
+        assert_eq!(told, [0xFF20, 0xFF22], "{told:04X?}");
+        // 2020h: not calibrated.
+        assert_eq!(bench.read(0x2020, 0) & 0x40, 0, "byte {offset}");
+    }
 }

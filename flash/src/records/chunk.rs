@@ -158,6 +158,27 @@ impl Chunk {
         })
     }
 
+    /// Offset in the page at `page` behind a chunk that was cut at `at`, as far as its header says.
+    pub(crate) fn cut_end<F: ReadNorFlash>(
+        flash: &mut F,
+        page: u32,
+        at: u32,
+    ) -> Result<u32, AccessError> {
+        let mut length = [0; 2];
+        read(
+            flash,
+            page.saturating_add(at).saturating_add(2),
+            &mut length,
+        )?;
+        let length = u32::from(u16::from_le_bytes(length)).next_multiple_of(2);
+        let head = at.saturating_add(CHUNK_HEAD);
+        Ok(if length > room(at) {
+            head
+        } else {
+            head.saturating_add(length)
+        })
+    }
+
     /// Offset in its page behind a chunk that begins at `at`.
     pub(crate) const fn end(&self, at: u32) -> u32 {
         let padded = self.length.next_multiple_of(2);

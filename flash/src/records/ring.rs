@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use crate::access::{AccessError, read};
 use crate::layout::PAGE;
 
-use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, Look, room};
+use super::chunk::{CHUNK_HEAD, Chunk, GAP, LONGEST, Look, VOID, room};
 use super::pages::HEAD;
 use super::{Entry, RecordError, Records};
 
@@ -77,19 +77,18 @@ impl<const KINDS: usize> Records<KINDS> {
             let Look::Whole(chunk) = look else {
                 self.torn = self.torn.saturating_add(1);
                 *open = None;
-                at = match (self.gap_end(flash, sequence, at)?, look) {
-                    (Some(end), _) => end,
-                    (None, Look::Damaged(chunk))
-                        if self.goes_on(flash, sequence, chunk.end(at))? =>
-                    {
-                        self.damaged |= mask::<KINDS>(chunk.kind);
-                        chunk.end(at)
-                    }
-                    (None, _) => {
-                        self.cut_at = Some(at);
-                        return Ok(PAGE);
-                    }
+                if let Some(end) = self.gap_end(flash, sequence, at)? {
+                    at = end;
+                    continue;
+                }
+                let Some(next) = self.behind_damage(flash, sequence, at, &look)? else {
+                    self.cut_at = Some(at);
+                    return Ok(PAGE);
                 };
+                let mut kind = [0];
+                read(flash, page.saturating_add(at), &mut kind)?;
+                self.damaged |= mask::<KINDS>(kind[0]);
+                at = next;
                 continue;
             };
             *open = self.join(
@@ -107,17 +106,31 @@ impl<const KINDS: usize> Records<KINDS> {
         Ok(at)
     }
 
-    /// Whether a chunk that is whole stands at offset `at` of page `sequence`, or nothing, as it
-    /// does behind every chunk that was whole once; not so where the closing of a gap was cut.
-    fn goes_on<F: ReadNorFlash>(
+    /// Where to go on behind the chunk at offset `at` of page `sequence`, if it was whole once.
+    ///
+    /// Nothing but a gap follows one that was cut, so another whole one behind it tells; and the
+    /// last of all is followed by nothing.
+    fn behind_damage<F: ReadNorFlash>(
         &self,
         flash: &mut F,
         sequence: u32,
         at: u32,
-    ) -> Result<bool, AccessError> {
+        look: &Look,
+    ) -> Result<Option<u32>, AccessError> {
         let page = self.pages.offset(sequence);
-        Ok(self.pages.is_blank(flash, sequence, at)?
-            || has_room(at) && Chunk::read(flash, page, at)?.is_some())
+        let mut place = at.saturating_add(CHUNK_HEAD);
+        while room(place) > 0 {
+            if Chunk::read(flash, page, place)?.is_some() {
+                return Ok(Some(place));
+            }
+            place = place.saturating_add(2);
+        }
+        if let Look::Damaged(chunk) = look
+            && self.pages.is_blank(flash, sequence, chunk.end(at))?
+        {
+            return Ok(Some(chunk.end(at)));
+        }
+        Ok(None)
     }
 
     /// The offset in page `sequence` behind the gap that begins at `at`, if it was closed.
@@ -311,12 +324,13 @@ impl<const KINDS: usize> Records<KINDS> {
     }
 }
 
-/// The bit of a kind in [`Records::damaged`]; none for what is no kind.
+/// The bit of a kind in [`Records::damaged`]; every bit for what is no kind, as a kind of which
+/// bits have gone bad may have been any.
 pub(super) const fn mask<const KINDS: usize>(kind: u8) -> u32 {
-    if (kind as usize) < KINDS {
-        1 << kind
-    } else {
-        0
+    match kind {
+        VOID | GAP => 0,
+        _ if (kind as usize) < KINDS => 1 << kind,
+        _ => u32::MAX >> (u32::BITS - KINDS as u32),
     }
 }
 

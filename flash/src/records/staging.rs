@@ -205,8 +205,9 @@ impl<const KINDS: usize> Records<KINDS> {
         };
         let page = self.pages.offset(self.head);
         let mut end = PAGE;
-        // What the cut has left of a header is not written over: it tells a cut from damage.
-        let first = cut.saturating_add(CHUNK_HEAD);
+        // Nothing of the chunk that was cut is written over, neither its header nor its payload,
+        // which may look blank: they tell a cut from damage.
+        let first = Chunk::cut_end(flash, page, cut)?;
         while end > first && is_blank(flash, page.saturating_add(end).saturating_sub(2), 2)? {
             end = end.saturating_sub(2);
         }
