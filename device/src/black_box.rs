@@ -114,15 +114,23 @@ impl Frame {
     }
 }
 
+/// Frames that nobody has recorded. As a constant they are cleared where they stand; written as an
+/// array of arrays they would first be made on the stack.
+const NO_FRAMES: [[u8; FRAME]; BEFORE] = [[0; FRAME]; BEFORE];
+
+/// Boxes without an event; see [`NO_FRAMES`].
+const EMPTY_BOXES: [Kept; BOXES] = [Kept::EMPTY; BOXES];
+
 /// One box. It is empty while it has no frame from before the trigger.
 #[derive(Clone, Debug)]
+#[repr(C)]
 struct Kept {
-    entry: Entry,
-    period_us: u32,
     before: u8,
     after: u8,
     /// The memory has it.
     saved: bool,
+    period_us: u32,
+    entry: Entry,
     frames: [[u8; FRAME]; BEFORE + AFTER],
 }
 
@@ -168,23 +176,24 @@ struct Open {
     last_read: Instant,
 }
 
-/// The recorder and its boxes: their state.
+/// The recorder and its boxes: their state. What is large comes last, as in `Device`.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct BlackBox {
-    /// The last frames, of which `recorded` count, up to the one before `next`.
-    ring: [[u8; FRAME]; BEFORE],
     next: u8,
     recorded: u8,
-    /// When the last frame was.
-    last: Instant,
+    /// The box that is being filled; 0 for none.
+    filling: u8,
     /// Between the last two frames, us; `u32::MAX` with fewer than two.
     gap_us: u32,
     /// Time from frame to frame, us; 0 while it is not known.
     period_us: u32,
-    kept: [Kept; BOXES],
-    /// The box that is being filled; 0 for none.
-    filling: u8,
+    /// When the last frame was.
+    last: Instant,
     open: Option<Open>,
+    /// The last frames, of which `recorded` count, up to the one before `next`.
+    ring: [[u8; FRAME]; BEFORE],
+    kept: [Kept; BOXES],
 }
 
 /// Place of box `number` among the boxes; beyond them for 0.
@@ -194,15 +203,16 @@ const fn place(number: u8) -> usize {
 
 impl BlackBox {
     /// Nothing recorded, both boxes empty.
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
-            ring: [[0; FRAME]; BEFORE],
+            ring: NO_FRAMES,
             next: 0,
             recorded: 0,
             last: Instant(0),
             gap_us: u32::MAX,
             period_us: 0,
-            kept: [Kept::EMPTY; BOXES],
+            kept: EMPTY_BOXES,
             filling: 0,
             open: None,
         }

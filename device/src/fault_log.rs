@@ -160,10 +160,10 @@ fn newest_first(kept: &[Kept; ENTRIES], next: u8) -> impl Iterator<Item = &Entry
     places.map(|kept| &kept.entry)
 }
 
-/// The log: its state.
+/// The log: its state. What is large comes last, as in `Device`.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct FaultLog {
-    kept: [Kept; ENTRIES],
     /// Where the next entry goes.
     next: u8,
     /// Entries that there are.
@@ -174,25 +174,28 @@ pub struct FaultLog {
     unsaved: u8,
     /// The copy under read.
     head: [u8; HEAD],
+    kept: [Kept; ENTRIES],
     body: [[u8; ENTRY]; ENTRIES],
 }
 
 impl FaultLog {
     /// An empty log.
     pub const fn new() -> Self {
-        const NOTHING: Kept = Kept {
+        // As constants both are cleared where they stand, and not made on the stack first.
+        const NOTHING: [Kept; ENTRIES] = [Kept {
             entry: Entry::NONE,
             last_ms: 0,
             before_reset: false,
-        };
+        }; ENTRIES];
+        const NO_COPY: [[u8; ENTRY]; ENTRIES] = [[0; ENTRY]; ENTRIES];
         Self {
-            kept: [NOTHING; ENTRIES],
+            kept: NOTHING,
             next: 0,
             count: 0,
             total: 0,
             unsaved: 0,
             head: [VERSION, ENTRY as u8, 0, 0],
-            body: [[0; ENTRY]; ENTRIES],
+            body: NO_COPY,
         }
     }
 

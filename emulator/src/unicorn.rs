@@ -20,7 +20,8 @@ use std::fmt;
 
 use flash::layout::{BASE, RAM};
 use unicorn_engine::{
-    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, Unicorn, uc_error,
+    Arch, ArmCpuModel, HookType, MemType, Mode, Prot, RegisterARM, TlbEntry, TlbType, Unicorn,
+    uc_error,
 };
 
 use crate::chip::Chip;
@@ -40,6 +41,8 @@ mod number {
 
 /// From here on a branch is a return from an exception (PM0056 2.3.7).
 const EXC_RETURN: u32 = 0xFFFF_FFF0;
+/// There is code below this address only.
+const CODE_END: u32 = 0x2000_0000;
 /// Peripherals, and the bit-band alias of them and of the RAM (RM0008 3.3, 3.3.2).
 const MMIO: [(u32, u32); 4] = [
     (0x1FFF_F000, 0x1000),
@@ -108,6 +111,7 @@ impl UnicornCpu {
             (None, Err(uc_error::INSN_INVALID), WFE) => Stop::WaitForEvent,
             (None, Ok(()), _) | (None, Err(uc_error::INSN_INVALID), YIELD) => Stop::Wanted,
             (None, Err(uc_error::INSN_INVALID), _) => Stop::Fault(Fault::Undefined),
+            (None, Err(_), _) if at >= EXC_RETURN => Stop::ExceptionReturn(at | 1),
             (None, Err(_), _) => Stop::Fault(Fault::Fetch { address: at }),
         };
         if let Stop::Fault(_) = stop {
@@ -157,6 +161,11 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
     for (base, size) in MMIO.into_iter().chain([PRIVATE]) {
         map_registers(&mut engine, base, size)?;
     }
+    engine.ctl_set_tlb_type(TlbType::VIRTUAL)?;
+    engine.add_tlb_hook(1, 0, |engine, page, _| {
+        leave_it_block(engine);
+        Some(translation(page as u32))
+    })?;
     engine.add_block_hook(1, 0, |engine, address, size| {
         before_block(engine, address as u32, size);
     })?;
@@ -183,6 +192,28 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Unicorn<'static, Shared
         })?;
     }
     Ok(engine)
+}
+
+/// What a page may be used for: the core's own map (PM0056 2.2.3), but that there is no code in
+/// the RAM. The engine goes the long way at each store into a page that may have some.
+fn translation(page: u32) -> TlbEntry {
+    let perms = match page {
+        CODE_END.. => Prot::READ | Prot::WRITE,
+        _ => Prot::ALL,
+    };
+    TlbEntry {
+        paddr: page.into(),
+        perms,
+    }
+}
+
+/// Takes back what the engine does before it calls a hook in the middle of a block: it notes where
+/// in an IT block the code is, and would take the next block for the rest of that one.
+fn leave_it_block(engine: &mut Unicorn<'_, Shared>) {
+    let xpsr = engine.reg_read(RegisterARM::XPSR).unwrap_or(0);
+    if xpsr as u32 & IT_STATE != 0 {
+        let _ = engine.reg_write(RegisterARM::XPSR, xpsr & !u64::from(IT_STATE));
+    }
 }
 
 /// Notes a load, a store or a fetch where nothing is; false, since nobody has handled it.

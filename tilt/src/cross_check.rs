@@ -148,6 +148,7 @@ struct Silence {
 
 impl Silence {
     /// A pair without both angles at `now`; true when that has lasted too long.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn lasts(&mut self, now: Instant) -> bool {
         self.lasts_for(now, PATIENCE_US)
     }

@@ -53,6 +53,7 @@ pub struct FlashMemory<F, S = Anybody> {
 }
 
 impl From<RecordError> for StoreError {
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn from(error: RecordError) -> Self {
         match error {
             RecordError::NeedsErase | RecordError::Full => Self::Full,

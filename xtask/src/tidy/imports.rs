@@ -26,7 +26,7 @@ const RULES: [Rule; 12] = [
         Some(&["idsp", "dsp-fixedpoint", "dsp-process", "heapless"]),
     ),
     rule("canopen", &[], Some(&["embedded-can", "heapless"])),
-    rule("flash", &[], Some(&["embedded-storage", "crc"])),
+    rule("flash", &[], Some(&["embedded-storage"])),
     rule(
         "device",
         &["tilt", "canopen", "flash"],
