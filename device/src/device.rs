@@ -41,6 +41,7 @@ use crate::node::Node;
 use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
 use crate::objects::process::SyncSource;
 use crate::objects::values::Values;
+use crate::records::Record;
 use crate::sensor::InitError;
 
 use keeping::Keeping;
@@ -251,7 +252,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     fn recall_calibration(&mut self) {
         let recalled = recall(&mut self.memory, &mut self.settings.chain.calibration);
         self.values.calibrated = recalled.calibrated;
-        self.record_damaged = recalled.damaged;
+        // What is lost is told of whichever record was left in its place.
+        let lost = self.memory.damaged();
+        let calibration = 1 << Record::Calibration as u32;
+        self.record_damaged = recalled.damaged || lost & calibration != 0;
+        self.values.storage_failed |= lost & !calibration != 0;
     }
 
     /// Remembers what the calibration in force looks like, to see it change by itself.

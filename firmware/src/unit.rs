@@ -20,7 +20,7 @@ use tilt::sample::Instant;
 
 use crate::inbox::Input;
 
-/// Mailboxes of the controller (RM0008 24.5.2).
+/// Mailboxes of the controller (RM0008 24.3.3).
 pub const MAILBOXES: usize = 3;
 
 /// What the CAN controller has seen.

@@ -180,6 +180,10 @@ impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
         read.unwrap_or(0)
     }
 
+    fn damaged(&self) -> u32 {
+        self.records.damaged()
+    }
+
     fn needs_erase(&self, length: u32) -> bool {
         self.records.needs_erase(length)
     }
