@@ -73,9 +73,9 @@ const SIZES: &str = "
 
 /// Why a sample takes more than its target.
 const SAMPLE_MISSED: &str = "
-The target for a sample is missed. Half of what is counted is the sample's own way: its edge, the
-driver, the watch over its health, the low-pass, and finding out what is due before and after it.
-The other half is what happens every 10 ms, so once in about four samples: a reading with its
+The target for a sample is missed. A little more than half of what is counted is the sample's own
+way: its edge, the driver, the watch over its health, the low-pass, and finding out what is due
+before and after it. The rest happens every 10 ms, once in about four samples: a reading with its
 uncertainties, the look for faults, the memory, and what the bus wants. The image is optimised for
 size, since it is long; with `tilt` optimised for speed it would not fit into its slot.
 `cargo run -p emulator --example profile 10 still` shows it function by function: it is spread over
