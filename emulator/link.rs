@@ -1,5 +1,5 @@
-//! Tells the linker where a bare program of this folder stands: from the start of the flash up to the
-//! records. The build script of `fixture` and of `golden`.
+//! Tells the linker where a bare program of this folder stands: from the start of the flash up to
+//! the records. The build script of `fixture` and of `golden`.
 
 use std::path::Path;
 use std::{env, fs};

@@ -1,8 +1,8 @@
 //! What the product's image costs: instructions, flash and RAM.
 //!
-//! In: the product. Out: [`Figures`] of the node of channel A in a pair, `docs/cost.md` made of
-//! them, and what of a committed page is not what was counted. The wait for the sensor's bytes is
-//! told apart: it is as long as SPI is slow, not as the code is.
+//! In: the product. Out: [`Figures`] of the node of channel A in a calibrated pair, `docs/cost.md`
+//! made of them, and what of a committed page is not what was counted. The wait for the sensor's
+//! bytes is told apart: it is as long as SPI is slow, not as the code is.
 //!
 //! The chain alone is counted too, by integers and in floating point, each on the same samples in
 //! one image of its own ([`FLOAT`]).
@@ -15,7 +15,9 @@ use std::path::{Path, PathBuf};
 use canopen::Frame;
 use flash::image::Version;
 use flash::layout::Slot;
+use sim::bench::{BenchError, Mode, World};
 use sim::memory;
+use sim::network::instrument::Delivered;
 
 use crate::board::FlashError;
 use crate::build::{BuildError, FLOAT, Product};
@@ -49,6 +51,8 @@ pub enum CostError {
     Build(BuildError),
     /// It does not go into the flash.
     Flash(FlashError),
+    /// The instrument does not leave the bench.
+    Bench(BenchError),
     /// The bus took no more frames.
     BusFull,
     /// An SDO was not answered as it should be.
@@ -66,6 +70,7 @@ impl fmt::Display for CostError {
         match self {
             Self::Build(error) => error.fmt(f),
             Self::Flash(error) => write!(f, "the image does not go into the flash: {error:?}"),
+            Self::Bench(error) => write!(f, "the instrument does not leave the bench: {error}"),
             Self::BusFull => f.write_str("the bus is full"),
             Self::Sdo(error) => write!(f, "an SDO was not answered as it should be: {error:?}"),
             Self::NoSymbol(name) => write!(f, "nothing in the image is called {name}"),
@@ -223,7 +228,11 @@ impl Figures {
     ///
     /// Errors: see [`CostError`].
     pub fn count(product: &Product) -> Result<Self, CostError> {
-        let mut pair = Pair::new(1, &product.pieces()).map_err(CostError::Flash)?;
+        let world = &World::NOMINAL;
+        let delivered = Delivered::calibrated(Mode::Product, world, 1, 0);
+        let delivered = delivered.map_err(CostError::Bench)?;
+        let pair = Pair::delivered(&delivered, 1, &product.pieces());
+        let mut pair = pair.map_err(CostError::Flash)?;
         pair.run(2.0);
         let still = span(&mut pair, product, |pair| {
             pair.run(SPAN_S);

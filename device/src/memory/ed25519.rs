@@ -3,8 +3,8 @@
 //! In: a signature of 64 bytes, header and body of an image in pieces, the public key that the
 //! program was built with. Out: whether the holder of the secret key has signed them.
 //!
-//! `docs/cost.md` counts what `ed25519-compact` takes. `salty`, half as long, was measured as taking
-//! more stack and longer than the watchdog waits.
+//! `docs/cost.md` counts what `ed25519-compact` takes. `salty`, half as long, was measured as
+//! taking more stack and longer than the watchdog waits.
 //!
 //! Left out: keys, and making signatures, which is the host's.
 

@@ -27,7 +27,7 @@ Written by `cargo run -p emulator --example cost -- --write`; the test `cost` of
 again and compares: every figure within 5 %, but for those of the interrupts.
 
 The images are exactly those that are flashed, built by `cargo xtask image` for the STM32F103RC and
-run on the emulated chip: two nodes on a bus of 250 kbit/s with a host, from one seed. Updates are
+run on the emulated chip: two calibrated nodes on a bus of 250 kbit/s with a host. Updates are
 checked with the key of the simulated nodes, unless `PLUMB_KEY` names another. What is counted is
 the node of channel A.
 
