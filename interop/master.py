@@ -23,6 +23,9 @@ import pytest
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PLUMB = os.environ.get("PLUMB", str(ROOT / "target" / "debug" / "plumb"))
 
+# The program that runs the exact image on emulated boards.
+EMULATED = pathlib.Path(PLUMB).stem == "emulate"
+
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 

@@ -10,6 +10,8 @@ import canopen
 import pytest
 from master import START, Master, Plumb
 
+pytestmark = pytest.mark.virtual("the image has no paper mode")
+
 STORE_REFUSED, WRONG_STATE, TOO_LONG = 0x0800_0020, 0x0800_0022, 0x0607_0012
 START_X, START_Y, FINISH, ABANDON = 1, 2, 3, 4
 ANGLES = range(-60, 61, 20)

@@ -12,6 +12,8 @@ import can
 import pytest
 from master import START, Master, Plumb, until
 
+pytestmark = pytest.mark.virtual("one instrument is emulated, not two")
+
 NODES = (1, 2, 3, 4)
 SYNC, LOWEST, ABOVE_PDOS = 0x80, 0x7FF, 0x100
 PERIOD_US = 10_000

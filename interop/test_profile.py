@@ -228,6 +228,7 @@ def turntable() -> Iterator[Plumb]:
         yield plumb
 
 
+@pytest.mark.virtual("the image has no one-axis mode")
 def test_inverted_30_deg_reads_330_deg_over_the_full_circle(turntable: Plumb) -> None:
     with Master(turntable) as master:
         master.reset(1)

@@ -144,6 +144,7 @@ def test_nothing_is_stored_or_restored_in_operational(master: Master) -> None:
     assert load(master, 1, ALL) == WRONG_STATE
 
 
+@pytest.mark.virtual("an emulated flash does not wear out by a word")
 def test_a_memory_that_fails_says_so_and_keeps_what_it_had(
     plumb: Plumb, master: Master
 ) -> None:
@@ -215,6 +216,7 @@ def test_a_refused_write_leaves_the_date_of_the_configuration(master: Master) ->
     assert master.read(1, 0x1020, 1) == 15_300
 
 
+@pytest.mark.virtual("an emulated flash is not kept in files")
 def test_stored_parameters_are_there_after_a_restart_of_the_instrument(
     tmp_path: pathlib.Path,
 ) -> None:

@@ -13,6 +13,8 @@ import pytest
 from master import PLUMB, START, Master, Plumb, until
 from test_sdo import abort, ask, begin, crc, reason, unanswered
 
+pytestmark = pytest.mark.virtual("its images are programs of the simulation")
+
 CRC, MEMORY, LENGTH, TOO_SHORT = 0x0504_0004, 0x0504_0005, 0x0607_0010, 0x0607_0013
 UNFIT, CANNOT_STORE, LOCAL, WRONG_STATE = 0x0604_0043, 0x0800_0020, 0x0800_0021, 0x0800_0022
 STOP_PROGRAM, START_PROGRAM, CLEAR_PROGRAM = 0, 1, 3

@@ -10,7 +10,7 @@
 use crate::frame::{Frame, standard};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Value};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 
 /// Nodes that can be supervised (1016h).
 pub const SUPERVISED: usize = 4;
@@ -187,9 +187,13 @@ impl ErrorControl {
 
     /// When to look again.
     pub fn poll(&self) -> Option<Instant> {
-        let silences = self.consumers.iter().map(|c| c.deadline);
-        let next = silences.fold(self.guarded_until, sooner);
-        sooner(next, self.heartbeat_at)
+        let mut first = Earliest::NONE;
+        for consumer in &self.consumers {
+            first.add(consumer.deadline);
+        }
+        first.add(self.guarded_until);
+        first.add(self.heartbeat_at);
+        first.get()
     }
 
     /// True when [`ErrorControl::transmit`] has something.

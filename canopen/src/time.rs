@@ -27,12 +27,30 @@ impl Instant {
     }
 }
 
-/// The earlier of two deadlines, where either may be missing.
-// As with `Instant::after`.
-#[cfg_attr(target_pointer_width = "32", inline(never))]
-pub fn sooner(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(a.min(b)),
-        (a, b) => a.or(b),
+/// The earliest of deadlines that may be missing.
+///
+/// It holds an instant that nobody lives to see instead of none: most deadlines are missing, and
+/// those are then passed over at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Earliest(Instant);
+
+impl Earliest {
+    /// No deadline so far.
+    pub const NONE: Self = Self(Instant(u64::MAX));
+
+    /// Takes a deadline into account.
+    #[inline]
+    pub fn add(&mut self, at: Option<Instant>) {
+        if let Some(at) = at
+            && at < self.0
+        {
+            self.0 = at;
+        }
+    }
+
+    /// The earliest, if there was any.
+    #[inline]
+    pub fn get(self) -> Option<Instant> {
+        (self.0 < Self::NONE.0).then_some(self.0)
     }
 }

@@ -114,6 +114,13 @@ impl Frame {
     }
 }
 
+/// Frames that nobody has recorded. As a constant they are cleared where they stand; written as an
+/// array of arrays they would first be made on the stack.
+const NO_FRAMES: [[u8; FRAME]; BEFORE] = [[0; FRAME]; BEFORE];
+
+/// Boxes without an event; see [`NO_FRAMES`].
+const EMPTY_BOXES: [Kept; BOXES] = [Kept::EMPTY; BOXES];
+
 /// One box. It is empty while it has no frame from before the trigger.
 #[derive(Clone, Debug)]
 struct Kept {
@@ -194,15 +201,16 @@ const fn place(number: u8) -> usize {
 
 impl BlackBox {
     /// Nothing recorded, both boxes empty.
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
-            ring: [[0; FRAME]; BEFORE],
+            ring: NO_FRAMES,
             next: 0,
             recorded: 0,
             last: Instant(0),
             gap_us: u32::MAX,
             period_us: 0,
-            kept: [Kept::EMPTY; BOXES],
+            kept: EMPTY_BOXES,
             filling: 0,
             open: None,
         }

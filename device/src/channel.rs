@@ -59,6 +59,8 @@ const JUMP_PER_S: i64 = 128;
 /// Readings of the temperature in a row that jump before the thermometer is not believed.
 const JUMPS: u8 = 3;
 
+const NEVER: Instant = Instant(u64::MAX);
+
 /// The last temperature that was believed, when, and how many readings have jumped since.
 #[derive(Clone, Copy, Debug)]
 struct Thermometer {
@@ -96,6 +98,8 @@ pub struct Channel<SPI> {
     /// A sample is overdue and the part does not answer as itself.
     lost: bool,
     fault: Option<Invalid>,
+    /// When the next sample will be missed.
+    overdue_at: Instant,
     next_check: Instant,
     /// A sample that is overdue is not asked after again before this.
     next_watch: Instant,
@@ -115,6 +119,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             thermometer: Thermometer::new(Instant(0)),
             lost: false,
             fault: Some(Invalid::NoSample),
+            overdue_at: NEVER,
             next_check: Instant(0),
             next_watch: Instant(0),
             samples: 0,
@@ -142,6 +147,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.watch = health::State::default();
         self.thermometer = Thermometer::new(now);
         self.lost = false;
+        self.overdue_at = NEVER;
         self.samples = 0;
         self.nameless = None;
         // The part has no temperature before its first conversion, and says 25 degC until then.
@@ -166,6 +172,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
                 settings
                     .chain
                     .sample(&mut self.state, sample.counts, captured);
+                self.await_next(settings);
             }
             // An edge without a sample: the registers were read out already. Age will tell.
             Ok(None) => {}
@@ -179,23 +186,25 @@ impl<SPI: SpiDevice> Channel<SPI> {
         newest.map_or(0, |(_, at)| now.micros_since(at))
     }
 
-    /// When the next sample will be missed; `None` before the first.
-    fn overdue_at(&self, settings: &Settings) -> Option<Instant> {
-        let (_, newest) = self.state.filtered()?;
-        Some(newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1))
+    /// Remembers when the sample after the newest will be missed: deadlines are asked for far more
+    /// often than there are samples.
+    fn await_next(&mut self, settings: &Settings) {
+        if let Some((_, newest)) = self.state.filtered() {
+            self.overdue_at = newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1);
+        }
     }
 
     /// When [`Channel::poll`] is next due. Every sample puts it off.
-    pub fn deadline(&self, settings: &Settings) -> Instant {
-        match self.overdue_at(settings) {
-            Some(at) if self.fault.is_none() => at.max(self.next_watch).min(self.next_check),
-            _ => self.next_check,
+    pub fn deadline(&self) -> Instant {
+        if self.fault.is_some() {
+            return self.next_check;
         }
+        self.overdue_at.max(self.next_watch).min(self.next_check)
     }
 
     /// Housekeeping that is due at `now`; returns when to call again.
     pub fn poll(&mut self, settings: &Settings, now: Instant) -> Instant {
-        let overdue = self.overdue_at(settings).is_some_and(|at| now >= at);
+        let overdue = now >= self.overdue_at;
         if (now >= self.next_check || overdue) && self.fault.is_none() {
             self.check(settings, now, overdue);
         }
@@ -206,7 +215,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             let watch_us = WATCH_US.max(i64::from(settings.chain.period_us));
             self.next_watch = now.offset(watch_us);
         }
-        self.deadline(settings)
+        self.deadline()
     }
 
     fn check(&mut self, settings: &Settings, now: Instant, overdue: bool) {

@@ -21,7 +21,7 @@ mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
-use canopen::node::{BusState, Node as BusNode};
+use canopen::node::{BusState, Node as BusNode, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::{Invalid, Reading};
@@ -147,6 +147,11 @@ const fn bus_time(now: Instant) -> BusInstant {
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A device that has not been started.
+    ///
+    /// It is larger than all the stack that its work takes, so it must not be made on the stack
+    /// first and copied. Only what a call returns is written right into its place: that is why
+    /// this is never inlined, nor are the constructors of its large parts.
+    #[inline(never)]
     pub fn new(spi: SPI, check: CrossCheck, factory: Factory, memory: M) -> Self {
         let Factory {
             identity,
@@ -155,16 +160,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             settings,
             terms,
         } = factory;
-        let work = Work {
-            motor: Motor::new(),
-            terms,
-        };
         Self {
             node: Node::new(spi, check),
             bus: BusNode::new(),
             values: Values::new(),
             settings,
-            work,
+            work: Work::new(terms),
             memory,
             identity,
             node_id,
@@ -322,8 +323,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// [`Device::transmit`], if there is room for a frame of its identifier.
     pub fn transmit_if(&mut self, now: Instant, room: impl FnOnce(u16) -> bool) -> Option<Frame> {
+        let waiting = self.bus.waiting(bus_time(now));
+        self.hand_over(waiting.filter(|waiting| room(waiting.cob_id))?, now)
+    }
+
+    // Apart, because mostly there is nothing to hand over.
+    #[inline(never)]
+    fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        let frame = bus.transmit_if(&mut panel, bus_time(now), room);
+        let frame = bus.hand_out(&mut panel, waiting, bus_time(now));
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
             let until = self.bus.expires(id).map(|until| Instant(until.0));
             self.pair.sending.hand_over(id, until);
@@ -373,7 +381,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        let channel = self.node.channel.deadline(&self.settings);
+        let channel = self.node.channel.deadline();
         self.next.min(channel).min(self.pair.sending.next)
     }
 

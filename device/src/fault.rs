@@ -160,6 +160,17 @@ const DEVICE: u8 = 0x20;
 /// Error register bit 7.
 const MANUFACTURER: u8 = 0x80;
 
+/// The faults that [`Fault::forbids_safety`], as a set.
+const FORBIDDING: u32 = {
+    let (mut bits, mut at) = (0, 0);
+    while at < Fault::ALL.len() {
+        let fault = Fault::ALL[at];
+        bits |= (fault.forbids_safety() as u32) << fault as u8;
+        at += 1;
+    }
+    bits
+};
+
 /// A set of faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults(u32);
@@ -189,6 +200,11 @@ impl Faults {
     /// The members that `before` had not.
     pub const fn new_since(self, before: Self) -> Self {
         Self(self.0 & !before.0)
+    }
+
+    /// True when one of them must keep a safety frame from being sent.
+    pub const fn forbid_safety(self) -> bool {
+        self.0 & FORBIDDING != 0
     }
 
     /// Members, by number.

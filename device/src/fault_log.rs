@@ -180,19 +180,21 @@ pub struct FaultLog {
 impl FaultLog {
     /// An empty log.
     pub const fn new() -> Self {
-        const NOTHING: Kept = Kept {
+        // As constants both are cleared where they stand, and not made on the stack first.
+        const NOTHING: [Kept; ENTRIES] = [Kept {
             entry: Entry::NONE,
             last_ms: 0,
             before_reset: false,
-        };
+        }; ENTRIES];
+        const NO_COPY: [[u8; ENTRY]; ENTRIES] = [[0; ENTRY]; ENTRIES];
         Self {
-            kept: [NOTHING; ENTRIES],
+            kept: NOTHING,
             next: 0,
             count: 0,
             total: 0,
             unsaved: 0,
             head: [VERSION, ENTRY as u8, 0, 0],
-            body: [[0; ENTRY]; ENTRIES],
+            body: NO_COPY,
         }
     }
 

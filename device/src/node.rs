@@ -25,6 +25,7 @@ pub struct Node<SPI> {
 
 impl<SPI: SpiDevice> Node<SPI> {
     /// A node that has not been started, judging by `check`.
+    #[inline(never)]
     pub fn new(spi: SPI, check: CrossCheck) -> Self {
         Self {
             channel: Channel::new(spi),

@@ -26,6 +26,10 @@ use crate::machine::{Ended, Machine};
 /// The bit rate of a port that nothing has been set for yet.
 const NO_RATE: u32 = 1;
 
+/// The world cuts the time of an edge off to whole ns where the part rounds: looked at as much
+/// later, the part's pulse is over.
+const ROUNDING_NS: u64 = 1;
+
 /// What a board is made of.
 #[derive(Debug)]
 pub struct Parts {
@@ -316,7 +320,7 @@ impl Guest for Board {
                 *samples += 1;
                 let at_ns = nanoseconds(edge.captured_s);
                 chip.plan_edge(at_ns, true);
-                chip.plan_edge(at_ns + DRDY_PULSE_NS, false);
+                chip.plan_edge(at_ns + DRDY_PULSE_NS + ROUNDING_NS, false);
             }
         });
         self.due_ns = self.machine.next_ns();

@@ -73,6 +73,14 @@ pub const GOLDEN: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
+/// The same chain by integers and in floating point, each counted.
+pub const FLOAT: Recipe<'_> = Recipe {
+    package: "emulator-golden",
+    binary: "emulator-golden-float",
+    environment: &[],
+    folder: "emulated",
+};
+
 /// The product: what leaves the factory, and the programs in it with their symbols.
 #[derive(Clone, Debug)]
 pub struct Product {

@@ -4,15 +4,22 @@
 //! them, and what of a committed page is not what was counted. The wait for the sensor's bytes is
 //! told apart: it is as long as SPI is slow, not as the code is.
 //!
-//! Left out: cycles, and the same chain with floating point.
+//! The chain alone is counted too, by integers and in floating point, each on the same samples in
+//! one image of its own ([`FLOAT`]).
+//!
+//! Left out: cycles.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use canopen::Frame;
+use flash::image::Version;
+use flash::layout::Slot;
+use sim::memory;
 
 use crate::board::FlashError;
-use crate::build::{BuildError, Product};
+use crate::build::{BuildError, FLOAT, Product};
+use crate::cpu::Cpu;
 use crate::pair::{Pair, SdoError};
 use crate::stopwatch::Stopwatch;
 
@@ -28,6 +35,10 @@ const SYNCS: u32 = 1000;
 const SPAN_S: f64 = 10.0;
 /// What the runtime paints the stack with (`cortex_m_rt::STACK_PAINT_VALUE`).
 const PAINT: u32 = 0xCCCC_CCCC;
+/// Bytes of the program whose signature is checked.
+pub const JUDGED: u32 = 16 * 1024;
+/// The abort code that answers a wrong signature (CiA 301 7.2.4.3.17: local control).
+const REFUSED: u32 = 0x0800_0021;
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
 
@@ -44,6 +55,10 @@ pub enum CostError {
     Sdo(SdoError),
     /// The linker or the compiler has left no such name: nothing can be told by it.
     NoSymbol(&'static str),
+    /// A program that nobody has signed was started.
+    Forged,
+    /// The chains alone did not come to their end.
+    Unfinished,
 }
 
 impl fmt::Display for CostError {
@@ -54,6 +69,8 @@ impl fmt::Display for CostError {
             Self::BusFull => f.write_str("the bus is full"),
             Self::Sdo(error) => write!(f, "an SDO was not answered as it should be: {error:?}"),
             Self::NoSymbol(name) => write!(f, "nothing in the image is called {name}"),
+            Self::Forged => f.write_str("a program that nobody has signed was started"),
+            Self::Unfinished => f.write_str("the chains alone did not come to their end"),
         }
     }
 }
@@ -77,6 +94,9 @@ pub struct Figures {
     pub sdo: f64,
     /// Instructions of a SYNC with what it brings: the PDOs of both nodes.
     pub sync: f64,
+    /// Instructions from the order to start a downloaded image of [`JUDGED`] bytes, which nobody
+    /// has signed who may, to its refusal.
+    pub signature: f64,
     /// Samples per second of its sensor, Hz.
     pub rate: f64,
     /// Load with 100 SYNCs a second, without the wait for SPI and the background, %.
@@ -95,6 +115,63 @@ pub struct Figures {
     pub interrupts: Vec<Interrupt>,
     /// How many times as fast as time the two emulated nodes ran then, on this machine.
     pub speed: f64,
+    /// The chain alone.
+    pub chain: Chain,
+}
+
+/// What the signal chain takes alone, by integers and by floating point in software.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chain {
+    /// Instructions of a sample: gaps and low-pass.
+    pub sample: [f64; 2],
+    /// Instructions of a reading: everything from there to two angles with their uncertainties.
+    pub reading: [f64; 2],
+    /// The largest difference between both chains' angles, 0.000 001 deg.
+    pub apart: f64,
+}
+
+impl Chain {
+    /// Runs both chains on the chip.
+    ///
+    /// Errors: see [`CostError`].
+    pub fn count() -> Result<Self, CostError> {
+        let image = FLOAT.image().map_err(CostError::Build)?;
+        let mut pair = Pair::of(1, 1, &image.pieces).map_err(CostError::Flash)?;
+        pair.run(SPAN_S);
+        // The borrow's flag stands before the value.
+        let at = image.symbol("COMPARED");
+        let at = at.ok_or(CostError::NoSymbol("COMPARED"))? + 4;
+        let machine = pair.board(0).machine();
+        let mut bytes = [0; 32];
+        let read = machine.cpu().read(at, &mut bytes);
+        let words = bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|word| u32::from_le_bytes(*word).into());
+        let words: Vec<f64> = words.collect();
+        let [
+            sample,
+            float_sample,
+            reading,
+            float_reading,
+            apart,
+            _,
+            readings,
+            samples,
+        ] = words[..]
+        else {
+            return Err(CostError::Unfinished);
+        };
+        if read.is_err() || !machine.sleeps() || readings == 0.0 {
+            return Err(CostError::Unfinished);
+        }
+        Ok(Self {
+            sample: [sample / samples, float_sample / samples],
+            reading: [reading / readings, float_reading / readings],
+            apart: apart * 360e6 / 4_294_967_296.0,
+        })
+    }
 }
 
 /// What the handlers of an interrupt took.
@@ -164,6 +241,7 @@ impl Figures {
         let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
         let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
+        let judged = judged(&mut pair, product)?;
         let sample = still.own() / still.samples as f64;
         let hclk_hz = f64::from(pair.board(0).machine().chip().hclk_hz());
         let per_cent = |instructions: f64| instructions / SPAN_S / hclk_hz * 100.0;
@@ -172,6 +250,7 @@ impl Figures {
             wait: still.waiting as f64 / still.samples as f64,
             sdo: asked.each(sample, REQUESTS),
             sync: synced.each(sample, SYNCS),
+            signature: judged.each(sample, 1),
             rate: still.samples as f64 / SPAN_S,
             load: per_cent(synced.own()),
             whole: per_cent(synced.all as f64),
@@ -181,6 +260,7 @@ impl Figures {
             stack: stack(&mut pair, product)?,
             interrupts: synced.interrupts,
             speed,
+            chain: Chain::count()?,
         })
     }
 }
@@ -205,6 +285,27 @@ fn store(pair: &mut Pair) -> Result<(), CostError> {
     }
     pair.run(1.0);
     Ok(())
+}
+
+/// Node A gets a program that somebody else has signed and is told to start it: its signature is
+/// checked as a good one is, and no reset wipes out how deep in the stack that was.
+fn judged(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
+    let mut file = memory::image(Slot::B, Version::new(99, 0, 0), &[0x5A; JUDGED as usize]);
+    memory::sign(&mut file, b"nobody whom the node would know.");
+    for control in [0, 3] {
+        pair.write(1, (0x1F51, 1), 1, control)?;
+    }
+    while pair.read(1, 0x1F57, 1)? & 1 == 1 {
+        pair.run(0.1);
+    }
+    pair.download(1, (0x1F50, 1), &file)?;
+    span(pair, product, |pair| {
+        match pair.write(1, (0x1F51, 1), 1, 1) {
+            Err(SdoError::Abort(REFUSED)) => Ok(()),
+            Err(other) => Err(other.into()),
+            Ok(()) => Err(CostError::Forged),
+        }
+    })
 }
 
 /// Lets `act` run and counts what node A executes meanwhile.

@@ -58,6 +58,9 @@ pub enum Stop {
     Fault(Fault),
 }
 
+/// Bytes of the flash that are compared at once.
+const PIECE: usize = 256;
+
 /// What the core could not do (PM0056 4.4.10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -117,14 +120,22 @@ pub trait Cpu {
     /// alias is the same memory.
     fn put_flash_right(&mut self) {
         while let Some((offset, bytes)) = self.chip_mut().take_changed_flash() {
-            let at = BASE.wrapping_add(offset);
-            let mut held = vec![0; bytes.len()];
-            // The flash is mapped whole, so neither can fail. A store that was carried out is
-            // there already, and the core takes long to see that code may have changed.
-            let _ = self.read(at, &mut held);
-            if held != bytes {
-                let _ = self.write(at, &bytes);
+            for (bytes, at) in bytes.chunks(PIECE).zip((offset..).step_by(PIECE)) {
+                self.put_right(BASE.wrapping_add(at), bytes);
             }
+        }
+    }
+
+    /// Writes what differs only: a core that has translated code throws it away where it is
+    /// written, and after a reset nearly all of it still is what it was.
+    fn put_right(&mut self, address: u32, bytes: &[u8]) {
+        let mut held = [0; PIECE];
+        let Some(held) = held.get_mut(..bytes.len()) else {
+            return;
+        };
+        // The flash is mapped whole, so neither can fail.
+        if self.read(address, held).is_ok() && *held != *bytes {
+            let _ = self.write(address, bytes);
         }
     }
 }

@@ -14,6 +14,8 @@ pub mod chip;
 pub mod code;
 pub mod cost;
 pub mod cpu;
+pub mod cuts;
+pub mod download;
 pub mod exceptions;
 pub mod image;
 pub mod machine;

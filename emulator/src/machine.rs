@@ -175,6 +175,15 @@ impl Machine {
         self.cpu.set_register(Register::Pc, start);
     }
 
+    /// Goes on in the program whose vector table is at `vectors`, as after a jump of the bootloader
+    /// or of a debugger.
+    pub fn jump(&mut self, vectors: u32) {
+        let [stack, start] = [0, 4].map(|offset| self.word(vectors + offset));
+        self.chip_mut().system.set_vectors(vectors);
+        self.cpu.set_register(Register::Sp, stack & !3);
+        self.cpu.set_register(Register::Pc, start);
+    }
+
     /// Ends the core's sleep from outside, after its registers were changed.
     pub fn wake(&mut self) {
         self.pause = Pause::None;

@@ -6,13 +6,18 @@
 use std::fmt;
 
 use canopen::Frame;
+use device::objects::table::Channel;
+use device::records::RecordStore;
+use embedded_storage::nor_flash::ReadNorFlash;
 use flash::layout::RC;
 use sim::can_bus::{Busy, Event, Port};
 use sim::electronics::Electronics;
 use sim::error_model::ErrorModel;
+use sim::memory::{self, Memory};
 use sim::network::Network;
 use sim::network::guest::Switch;
 use sim::network::hand::Hand;
+use sim::network::instrument::{Delivered, commission};
 use sim::rng::Rng;
 
 use crate::board::{Board, FlashError, Parts};
@@ -73,15 +78,14 @@ impl fmt::Debug for Pair {
 /// When the bus is full, or for want of memory.
 pub fn board(
     network: &mut Network,
-    model: &ErrorModel,
+    electronics: Electronics,
     seed: u64,
     number: usize,
     pieces: Pieces<'_>,
 ) -> Result<Board, FlashError> {
-    let rng = Rng::stream(seed, &format!("board {number}"));
     let parts = Parts {
         layout: RC,
-        electronics: Electronics::new(model, rng),
+        electronics,
         identity: [seed as u32, (seed >> 32) as u32, number as u32],
         lsi_hz: LSI_HZ,
         seed: seed ^ number as u64,
@@ -92,6 +96,52 @@ pub fn board(
         board.flash_at(*address, bytes)?;
     }
     Ok(board)
+}
+
+/// Node-ids and bit rate (kbit/s) that the image has by itself (`firmware::factory`).
+pub const AS_BUILT: ([u8; 2], u16) = ([1, 2], 250);
+
+/// Puts both boards of an instrument on the bus, without power: its parts, these pieces in their
+/// flash, and behind them the records that they leave the bench with. Node-ids and bit rate other
+/// than [`AS_BUILT`] are stored as LSS does it.
+///
+/// Errors: see [`FlashError`].
+///
+/// # Panics
+/// When the bus is full, or for want of memory.
+pub fn deliver(
+    network: &mut Network,
+    delivered: &Delivered,
+    (ids, kbit_s): ([u8; 2], u16),
+    seed: u64,
+    pieces: Pieces<'_>,
+) -> Result<(), FlashError> {
+    let mut memories = CHANNELS.map(|channel| left_bench(delivered, channel));
+    if (ids, kbit_s) != AS_BUILT {
+        commission(&mut memories, ids, kbit_s).expect(ROOM);
+    }
+    for (number, (channel, mut memory)) in CHANNELS.into_iter().zip(memories).enumerate() {
+        let electronics = delivered.electronics(channel);
+        let mut board = board(network, electronics, seed, number, pieces)?;
+        let mut records = vec![0; RC.records.length as usize];
+        let read = memory.flash_mut().read(RC.records.start, &mut records);
+        read.expect("the records are in the flash");
+        board.flash_at(RC.records.address(), &records)?;
+        network.add_guest(Box::new(board));
+    }
+    Ok(())
+}
+
+const CHANNELS: [Channel; 2] = [Channel::A, Channel::B];
+
+const ROOM: &str = "a blank flash has room for a few records";
+
+/// A node's memory as the bench leaves it, written by the same code on the host.
+fn left_bench(delivered: &Delivered, channel: Channel) -> Memory {
+    let mut memory = memory::blank();
+    RecordStore::start(&mut memory).expect("a blank flash has no records to trip over");
+    delivered.write_to(channel, &mut memory).expect(ROOM);
+    memory
 }
 
 impl Pair {
@@ -121,16 +171,38 @@ impl Pair {
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
         for number in 0..boards {
-            let board = board(&mut network, model, seed, number, pieces)?;
-            let guest = network.add_guest(Box::new(board));
+            let rng = Rng::stream(seed, &format!("board {number}"));
+            let electronics = Electronics::new(model, rng);
+            let board = board(&mut network, electronics, seed, number, pieces)?;
+            network.add_guest(Box::new(board));
+        }
+        Ok(Self::powered(network, host, seed))
+    }
+
+    /// Both boards with power, as they come from the bench: calibrated.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn delivered(
+        delivered: &Delivered,
+        seed: u64,
+        pieces: Pieces<'_>,
+    ) -> Result<Self, FlashError> {
+        let mut network = Network::new(250_000, seed);
+        let host = network.attach_host();
+        deliver(&mut network, delivered, AS_BUILT, seed, pieces)?;
+        Ok(Self::powered(network, host, seed))
+    }
+
+    fn powered(mut network: Network, host: Port, seed: u64) -> Self {
+        for guest in 0..network.guest_count() {
             network.switch_guest(guest, Switch::On);
         }
-        Ok(Self {
+        Self {
             network,
             host,
             hand: Hand::new(Rng::stream(seed, "hand")),
             heard: Vec::new(),
-        })
+        }
     }
 
     /// Goes on for so long, s.

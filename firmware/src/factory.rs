@@ -2,6 +2,9 @@
 //!
 //! In: the channel that the board straps to this chip, and the serial number. Out: the device's
 //! [`Factory`]: product mode, uncalibrated, 250 kbit/s.
+//!
+//! The tables that a calibration has room for make it large, so each level is a call, whose result
+//! is written right into its place: see [`Device::new`](device::device::Device::new).
 
 use device::calibration::motor::Terms;
 use device::channel::Settings;
@@ -26,42 +29,57 @@ const LATENCY_US: u32 = 25_000;
 const KBIT_S: u16 = 250;
 
 /// A node as it leaves the soldering line.
+#[inline(never)]
 pub fn factory(channel: Channel, serial: u32) -> Factory {
-    let settings = settings();
     Factory {
         identity: Identity { channel, serial },
         node_id: channel.node_id(),
         kbit_s: KBIT_S,
+        settings: settings(),
         terms: Terms {
             rule: Rule::Linear,
-            budget: settings.chain.calibration.budget,
+            budget: Budget::default(),
         },
-        settings,
     }
 }
 
 /// Part and chain of the product, not calibrated.
+#[inline(never)]
 fn settings() -> Settings {
-    let part = Config::PRODUCT;
     Settings {
-        part,
-        chain: Chain {
-            filter: LowPass::PRODUCT,
-            full_scale: FullScale::G2,
-            period_us: part.rate.period_us(),
-            part_delay_q16: PART_DELAY_Q16,
-            timing: Timing::Aligned {
-                latency_us: LATENCY_US,
-            },
-            calibration: Calibration {
-                temperature: TemperatureModel::None,
-                correction: Correction::TwoAxis {
-                    vector: Vector::IDENTITY,
-                    harmonics: Axes::<Harmonics>::default(),
-                },
-                budget: Budget::default(),
-            },
-        },
+        part: Config::PRODUCT,
+        chain: chain(),
         noise: 0,
+    }
+}
+
+#[inline(never)]
+fn chain() -> Chain {
+    Chain {
+        filter: LowPass::PRODUCT,
+        full_scale: FullScale::G2,
+        period_us: Config::PRODUCT.rate.period_us(),
+        part_delay_q16: PART_DELAY_Q16,
+        timing: Timing::Aligned {
+            latency_us: LATENCY_US,
+        },
+        calibration: calibration(),
+    }
+}
+
+#[inline(never)]
+fn calibration() -> Calibration {
+    Calibration {
+        temperature: TemperatureModel::None,
+        correction: correction(),
+        budget: Budget::default(),
+    }
+}
+
+#[inline(never)]
+fn correction() -> Correction {
+    Correction::TwoAxis {
+        vector: Vector::IDENTITY,
+        harmonics: Axes::<Harmonics>::default(),
     }
 }

@@ -71,9 +71,14 @@ impl Inbox {
     pub fn state(&mut self, state: State, transmit: u8, receive: u8, at: Instant) {
         let event = Event::Changed(state, transmit, receive);
         // What does not fit is told with the next interrupt: the state is still another one.
-        if state != self.state && self.events.push_back((event, at)).is_ok() {
+        if self.is_another(state) && self.events.push_back((event, at)).is_ok() {
             self.state = state;
         }
+    }
+
+    /// Whether the controller was in another error state when it was last told.
+    pub fn is_another(&self, state: State) -> bool {
+        state != self.state
     }
 
     /// A frame was lost on its way in.

@@ -49,6 +49,7 @@ pub struct Node {
 
 impl Node {
     /// A device that has not been started.
+    #[inline(never)]
     pub fn new(board: Board) -> Self {
         let factory = factory(board.channel, board.serial);
         let check = CrossCheck::product();
@@ -82,7 +83,7 @@ impl Node {
             self.device.program_damaged();
         }
         let lost = inbox.lock(|inbox| {
-            can::look(inbox, now());
+            can::look(inbox, now);
             inbox.take_lost()
         });
         if lost != 0 {
@@ -93,7 +94,7 @@ impl Node {
             let now = now();
             let mut take = |until| inbox.lock(|inbox| inbox.take(until));
             if let Some(next) = self.at().step(now, &mut take)
-                && self.alarm.set(next)
+                && self.alarm.set(next, now)
             {
                 break;
             }
@@ -106,6 +107,8 @@ impl Node {
     }
 
     /// The sensor is set up first, which takes 20 ms; then the bus hears of this node.
+    // Apart: each round would make room on the stack for what is done once.
+    #[inline(never)]
     fn start(&mut self) {
         // A part that does not answer leaves its channel invalid, and the bus hears why.
         let _ = self.device.start_sensor(&mut Wait, now());
@@ -118,6 +121,7 @@ impl Node {
         self.running = true;
     }
 
+    #[inline(never)]
     fn obey(&mut self, order: Order) {
         match order {
             Order::Reset => SCB::sys_reset(),

@@ -169,6 +169,20 @@ impl Unit {
         self.order.take()
     }
 
+    /// The driver itself waits for something, which is seldom: it is asked before each event.
+    const fn has_business(&self) -> bool {
+        self.recover_at.is_some() || self.switch_at.is_some() || self.search.is_some()
+    }
+
+    /// What comes first of all that the driver and the device wait for.
+    #[cold]
+    fn first(&self, device: Instant) -> Instant {
+        let switch = self.switch_at.map(|(at, _)| at);
+        let search = self.search.as_ref().map(Search::until);
+        let ours = [self.recover_at, switch, search].into_iter().flatten();
+        ours.fold(device, Instant::min)
+    }
+
     /// True when a frame of this identifier may go into a mailbox.
     ///
     /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
@@ -228,11 +242,13 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
     /// When [`At::poll`] is next due.
     pub fn next(&self) -> Instant {
         let unit = &self.unit;
-        let switch = unit.switch_at.map(|(at, _)| at);
-        let search = unit.search.as_ref().map(Search::until);
-        let ours = [unit.recover_at, switch, search].into_iter().flatten();
-        ours.fold(self.device.next_deadline(), Instant::min)
-            .max(unit.reached)
+        let device = self.device.next_deadline();
+        let next = if unit.has_business() {
+            unit.first(device)
+        } else {
+            device
+        };
+        next.max(unit.reached)
     }
 
     /// A data-ready edge of `captured`: a sample is taken, and nothing else.
@@ -261,6 +277,8 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
     }
 
     /// The controller has seen something at `at`.
+    // Apart, because most calls are for a sample, which would set up what only frames need.
+    #[inline(never)]
     pub fn event(&mut self, event: Event, at: Instant) {
         let at = self.unit.reach(at);
         match event {

@@ -67,7 +67,7 @@ pub struct Axes<T> {
 /// Length of (a, b), in the unit of the arguments; error under one unit.
 pub fn hypot(a: i32, b: i32) -> i32 {
     let sum = u64::from(a.unsigned_abs()).pow(2) + u64::from(b.unsigned_abs()).pow(2);
-    i32::try_from(sum.isqrt()).unwrap_or(i32::MAX)
+    i32::try_from(crate::root::root(sum)).unwrap_or(i32::MAX)
 }
 
 /// Slope X and slope Y of a two-axis instrument, each -90 to +90 deg.

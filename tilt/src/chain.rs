@@ -20,6 +20,7 @@
 use crate::ONE_G;
 use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
+use crate::root::root;
 use crate::sample::{Counts, FullScale, Instant, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
@@ -252,7 +253,7 @@ const fn settling_samples(period_us: u32) -> u32 {
 }
 
 /// Samples missing in a row that are filled by holding the last; more, and the filter restarts.
-const MOST_FILLED: i64 = 3;
+const MOST_FILLED: u32 = 3;
 
 #[derive(Clone, Copy, Debug)]
 struct Stamped {
@@ -337,20 +338,32 @@ impl Chain {
     }
 
     /// Follows the period and mends gaps; `elapsed` is positive.
+    ///
+    /// A gap of more than 8.3 s starts the filter anew whatever the period: up to there everything
+    /// fits into 32 bits, which the chip divides by itself.
     fn account(&self, state: &mut State, elapsed: i64, input: [i32; 3]) {
-        let elapsed_q8 = elapsed.saturating_mul(256);
-        let period = i64::from(state.period_q8.max(1));
-        let missing = elapsed_q8.saturating_add(period / 2) / period - 1;
-        if missing > MOST_FILLED {
+        let elapsed_q8 = match u32::try_from(elapsed) {
+            Ok(elapsed) if elapsed < 1 << 23 => elapsed << 8,
+            _ => return self.start(state, input),
+        };
+        let period = state.period_q8.max(1);
+        // The sum is below 2^32, since half of any period is below 2^31.
+        let steps = (elapsed_q8 + period / 2) / period;
+        if steps > MOST_FILLED + 1 {
             return self.start(state, input);
         }
-        if missing == 0 {
+        if steps == 1 {
+            // So the period is at most twice what has elapsed, and the difference has a sign.
+            let late = elapsed_q8.wrapping_sub(period).cast_signed();
             // The first differences count more, so that the measured period is there in time.
-            let weight = if state.settling > 96 { 8 } else { 32 };
-            let change = (elapsed_q8 - period) / weight;
-            state.period_q8 = u32::try_from(period + change).unwrap_or(state.period_q8);
+            let change = if state.settling > 96 {
+                late / 8
+            } else {
+                late / 32
+            };
+            state.period_q8 = period.wrapping_add_signed(change);
         }
-        for _ in 0..missing.max(0) {
+        for _ in 1..steps {
             self.filter.step(&mut state.filter, state.input);
             state.filled = state.filled.saturating_add(1);
         }
@@ -548,10 +561,23 @@ fn across(vector: Corrected) -> Uncertainty {
     const NONE: u64 = ONE_G as u64 * 60 / 1000;
     let [x, y, z] = vector.accel;
     let y = u64::from(y.unsigned_abs());
-    let beyond = (y * y).saturating_sub(NONE * NONE).isqrt();
+    let beyond = u64::from(root((y * y).saturating_sub(NONE * NONE)));
     let plane = u64::from(hypot(x, z).unsigned_abs());
     let steps = (beyond * SHARE).checked_div(plane).unwrap_or(u64::MAX);
     Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
+}
+
+/// `a` / `b` in 1/65536, rounded towards 0; `None` for what does not fit or has no end.
+fn quotient_q16(a: i64, b: i64) -> Option<i64> {
+    if let (Ok(size), Ok(by)) = (u32::try_from(a.unsigned_abs()), u16::try_from(b))
+        && by != 0
+    {
+        // Samples less than 65 ms apart: two divisions by the chip's own of 32 bits.
+        let by = u32::from(by);
+        let size = i64::from(size / by) << 16 | i64::from(((size % by) << 16) / by);
+        return Some(if a < 0 { -size } else { size });
+    }
+    a.checked_mul(1 << 16)?.checked_div(b)
 }
 
 /// The filtered acceleration at `at` on the line through the last two samples.
@@ -560,7 +586,7 @@ fn across(vector: Corrected) -> Uncertainty {
 fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filtered> {
     let span = latest.at.micros_since(previous.at);
     let way = at.micros_since(previous.at);
-    let weight_q16 = way.checked_mul(1 << 16)?.checked_div(span)?;
+    let weight_q16 = quotient_q16(way, span)?;
     if !(-2 << 16..=4 << 16).contains(&weight_q16) {
         return None;
     }

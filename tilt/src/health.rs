@@ -196,6 +196,10 @@ impl Health {
     /// Holds until a code differs. A code at full scale says nothing: it is clipped, not stuck.
     pub fn stuck(&self, state: &State) -> bool {
         let [x, y, z] = &state.axes;
+        if x.repeats | y.repeats | z.repeats < LEAST_REPEATS {
+            // None of them is as large as that, nor as what counts.
+            return false;
+        }
         let least = x.repeats.min(y.repeats).min(z.repeats);
         let most = x.repeats.max(y.repeats).max(z.repeats);
         least >= self.repeats_all || most >= self.repeats_axis

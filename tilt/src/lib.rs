@@ -24,6 +24,7 @@ pub mod cross_check;
 pub mod filter;
 pub mod health;
 pub mod observation;
+mod root;
 pub mod sample;
 pub mod table;
 pub mod temperature;

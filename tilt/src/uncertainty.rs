@@ -72,11 +72,7 @@ fn square(value: u32) -> u64 {
 const KNOWS_NOTHING: u32 = 1_239_850_262;
 
 fn root(value: u64) -> Uncertainty {
-    Uncertainty(
-        u32::try_from(value.isqrt())
-            .unwrap_or(u32::MAX)
-            .min(KNOWS_NOTHING),
-    )
+    Uncertainty(crate::root::root(value).min(KNOWS_NOTHING))
 }
 
 impl Budget {
@@ -84,7 +80,11 @@ impl Budget {
     pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
         let noise = ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15;
         let distance = t.0.abs_diff(Temperature::REFERENCE.0).min(2560);
-        let hysteresis = u64::from(self.hysteresis) * u64::from(distance) / 2560;
+        let hysteresis = match self.hysteresis.checked_mul(distance) {
+            // Which it is for any part; 64 bits are divided in software.
+            Some(product) => u64::from(product / 2560),
+            None => u64::from(self.hysteresis) * u64::from(distance) / 2560,
+        };
         let sum = noise
             .saturating_add(square(self.repeatability))
             .saturating_add(hysteresis.saturating_mul(hysteresis));

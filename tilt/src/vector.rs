@@ -46,12 +46,20 @@ impl Vector {
     /// Applies the correction; saturates at +-32 g.
     pub fn apply(&self, input: Compensated) -> Corrected {
         let mut accel = self.offset;
+        let [x, y, z] = input.accel;
+        // Below 16 g three products fit into 64 bits and need no saturating.
+        let small = [x, y, z].iter().all(|v| v.unsigned_abs() < 1 << 30);
         for (out, row) in accel.iter_mut().zip(&self.matrix) {
-            let mut sum = 0i64;
-            for (&c, &v) in row.iter().zip(&input.accel) {
-                sum = sum.saturating_add(i64::from(c) * i64::from(v));
-            }
-            let total = (sum.saturating_add(1 << 29) >> 30) + i64::from(*out);
+            let [a, b, c] = *row;
+            let product = |c: i32, v: i32| i64::from(c) * i64::from(v);
+            let [a, b, c] = [product(a, x), product(b, y), product(c, z)];
+            let sum = if small {
+                a + b + c + (1 << 29)
+            } else {
+                let sum = a.saturating_add(b).saturating_add(c);
+                sum.saturating_add(1 << 29)
+            };
+            let total = (sum >> 30) + i64::from(*out);
             *out = total.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
         }
         Corrected { accel }

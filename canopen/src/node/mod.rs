@@ -26,7 +26,7 @@ use crate::pdo::Received;
 use crate::sdo::Server;
 use crate::srdo::SafetyReceived;
 use crate::storage::{self, Group};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 
 /// The node-id of a device that has none (CiA 305).
 pub const UNCONFIGURED: u8 = 255;
@@ -149,23 +149,31 @@ enum Service {
     ErrorControl,
 }
 
+/// A service that has something to say.
+#[derive(Clone, Copy)]
+pub struct Waiting {
+    /// The identifier of its frame.
+    pub cob_id: u16,
+    service: Service,
+}
+
 /// The earliest of the instants after `now`.
 struct Next {
     now: Instant,
-    at: Option<Instant>,
+    first: Earliest,
 }
 
 impl Next {
     /// What is due already waits for the controller and needs no further call.
-    // As with `sooner`.
-    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    #[inline]
     fn not_after(&mut self, at: Option<Instant>) {
-        self.at = sooner(self.at, at.filter(|at| *at > self.now));
+        self.first.add(at.filter(|at| *at > self.now));
     }
 }
 
 impl Node {
     /// A node that is not on the bus: call [`Node::start`].
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
             server: Server::new(),
@@ -588,7 +596,8 @@ impl Node {
             self.control(app, event, now);
         }
         let (server, mut view) = self.serving(app, now);
-        let mut next = Next { now, at: None };
+        let first = Earliest::NONE;
+        let mut next = Next { now, first };
         next.not_after(server.poll(&mut view, now));
         let services = &mut self.communication;
         next.not_after(services.error_control.poll());
@@ -608,7 +617,7 @@ impl Node {
                 self.emergency(0x8250, [rpdo + 1, 0, 0, 0, 0]);
             }
         }
-        next.at
+        next.first.get()
     }
 
     /// The frame to send now: of all that wait, the one with the lowest identifier.
@@ -626,14 +635,21 @@ impl Node {
         now: Instant,
         room: impl FnOnce(u16) -> bool,
     ) -> Option<Frame> {
-        let (cob_id, service) = self.waits(now)?;
-        if !room(cob_id) {
-            return None;
-        }
-        match service {
+        let waiting = self.waiting(now).filter(|waiting| room(waiting.cob_id))?;
+        self.hand_out(app, waiting, now)
+    }
+
+    /// The frame of a service that [`Node::waiting`] has named at the same instant.
+    pub fn hand_out<A: Application>(
+        &mut self,
+        app: &mut A,
+        waiting: Waiting,
+        now: Instant,
+    ) -> Option<Frame> {
+        match waiting.service {
             Service::Lss => {
                 let answer = self.lss.transmit()?;
-                Some(Frame::data_frame(cob_id, &answer))
+                Some(Frame::data_frame(waiting.cob_id, &answer))
             }
             Service::BootUp => Some(self.boot_up(app, now)),
             Service::Sync => self.communication.sync.transmit(now),
@@ -660,7 +676,7 @@ impl Node {
     ///
     /// For a driver with few mailboxes: it keeps one free for what outranks all that wait there.
     pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        self.waits(now).map(|(cob_id, _)| cob_id)
+        self.waiting(now).map(|waiting| waiting.cob_id)
     }
 
     /// From when on the frame of this identifier that was handed over last may not go out any
@@ -678,19 +694,25 @@ impl Node {
     }
 
     /// What [`Node::transmit`] would give: its identifier and whose it is.
-    fn waits(&self, now: Instant) -> Option<(u16, Service)> {
+    pub fn waiting(&self, now: Instant) -> Option<Waiting> {
         if self.lss.is_pending() {
-            return Some((crate::lss::RESPONSE, Service::Lss));
+            return Some(Waiting {
+                cob_id: crate::lss::RESPONSE,
+                service: Service::Lss,
+            });
         }
         match self.communication.state {
             _ if self.node_id == UNCONFIGURED => None,
-            State::Initialising => Some((0x700 + u16::from(self.node_id), Service::BootUp)),
+            State::Initialising => Some(Waiting {
+                cob_id: 0x700 + u16::from(self.node_id),
+                service: Service::BootUp,
+            }),
             _ => self.first(now),
         }
     }
 
     /// Which service holds the lowest identifier.
-    fn first(&self, now: Instant) -> Option<(u16, Service)> {
+    fn first(&self, now: Instant) -> Option<Waiting> {
         let services = &self.communication;
         let id = u16::from(self.node_id);
         let sdo = self.server.is_pending() && services.state.allows_sdo();
@@ -700,7 +722,7 @@ impl Node {
         let mut waits = |cob_id: Option<u16>, service| {
             if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < lowest) {
                 lowest = cob_id;
-                first = Some((cob_id, service));
+                first = Some(Waiting { cob_id, service });
             }
         };
         waits(

@@ -18,7 +18,7 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Access, Address, Dictionary, Objects, Value};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 use rpdo::Rpdo;
 use setup::{Part, Setup};
 use tpdo::Tpdo;
@@ -214,17 +214,17 @@ impl Pdos {
         if !self.running {
             return None;
         }
-        let mut next = None;
+        let mut next = Earliest::NONE;
         let mut lost = 0;
         for pdo in &mut self.tx {
             lost += usize::from(pdo.poll(objects, now));
-            next = sooner(next, pdo.deadline(now));
+            pdo.deadlines(now, &mut next);
         }
         for pdo in &mut self.rx {
-            next = sooner(next, pdo.poll(now));
+            next.add(pdo.poll(now));
         }
         self.count(lost);
-        next
+        next.get()
     }
 
     /// The application's data have changed. TPDOs of types 254 and 255 that carry any of it are

@@ -10,7 +10,7 @@
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::{Objects, Value};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 
 const NEVER: Instant = Instant(u64::MAX);
 
@@ -219,14 +219,18 @@ impl Tpdo {
     }
 
     /// When [`Tpdo::poll`] or the bus has to look again.
-    pub fn deadline(&self, now: Instant) -> Option<Instant> {
-        let window = self.waiting.and_then(|window| {
-            if window.from > now {
-                return Some(window.from);
-            }
-            (window.until < NEVER).then_some(window.until.after(1))
-        });
-        sooner(window, self.timer)
+    pub fn deadlines(&self, now: Instant, next: &mut Earliest) {
+        if let Some(window) = self.waiting {
+            let opens = window.from > now;
+            // The end of the clock stays there.
+            let end = if opens {
+                window.from
+            } else {
+                window.until.after(1)
+            };
+            next.add(Some(end));
+        }
+        next.add(self.timer);
     }
 
     /// The identifier of the frame that may go out now.

@@ -9,7 +9,7 @@ use super::SrdoState;
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::{Abort, Objects, Value};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 
 /// State of a consumer.
 #[derive(Clone, Debug)]
@@ -106,7 +106,10 @@ impl Consumer {
             self.lost |= self.lose(SrdoState::TimedOut);
             return None;
         }
-        sooner(twin, self.deadline).map(|end| end.after(1))
+        let mut first = Earliest::NONE;
+        first.add(twin);
+        first.add(self.deadline);
+        first.get().map(|end| end.after(1))
     }
 
     /// True once after a pair was lost by time.

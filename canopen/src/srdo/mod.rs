@@ -17,7 +17,7 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Address, Dictionary, Objects, Value};
-use crate::time::{Instant, sooner};
+use crate::time::{Earliest, Instant};
 use consumer::Consumer;
 use producer::Producer;
 use setup::{CONSUME, OFF, PRODUCE, Part, Setup};
@@ -325,16 +325,16 @@ impl Safety {
 
     /// Samples producers that are due, watches over consumers; when to call again.
     pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
-        let mut next = None;
+        let mut next = Earliest::NONE;
         for Srdo { setup, role } in &mut self.srdos {
             let deadline = match role {
                 Role::Produce(producer) if self.consent => Some(producer.poll(setup, objects, now)),
                 Role::Consume(consumer) => consumer.poll(setup, now),
                 Role::Produce(_) | Role::Off => None,
             };
-            next = sooner(next, deadline);
+            next.add(deadline);
         }
-        next
+        next.get()
     }
 
     /// The frame of the lowest identifier that waits: the plain one first, then its twin.

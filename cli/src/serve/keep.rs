@@ -12,8 +12,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use device::calibration::crc::Crc32;
 use device::records::{Record, RecordStore};
+use flash::check_sum::Crc32;
 use sim::memory::{self, Memory};
 
 use super::stage::Stage;

@@ -15,7 +15,7 @@
 //! | 5 | budget: noise, repeatability, hysteresis (2^-26 g), reference, residual (2^-32 circle) |
 //! | 0, 3, 33 or 12 | temperature model |
 //! | see below | correction |
-//! | 1 | CRC-32 ([`crc`](super::crc)) over all bytes before |
+//! | 1 | CRC-32 ([`Crc32`]) over all bytes before |
 //!
 //! Temperature model: 0 none. 1 data sheet: `tco_q8` of x, y, z. 2 piecewise: nine knots, then
 //! x, y, z of eight slopes. 3 quadratic: `offset1_q8`, `offset2_q16`, `gain1_q38`, `gain2_q46`,
@@ -30,6 +30,7 @@
 //!
 //! Left out: storing, and putting in force.
 
+use flash::check_sum::Crc32;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Correction};
 use tilt::table::{MAX_POINTS, Point, Rule, Table, TableError};
@@ -37,7 +38,6 @@ use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel
 use tilt::uncertainty::Uncertainty;
 use tilt::vector::Vector;
 
-use super::crc::Crc32;
 use super::motor::Axis;
 use super::tables_in;
 

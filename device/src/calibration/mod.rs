@@ -7,7 +7,6 @@
 //! Left out: the objects themselves, the record store, and fits that need floating point; those
 //! run on a host, which downloads what it found.
 
-pub mod crc;
 pub mod encoding;
 pub mod motor;
 mod recall;

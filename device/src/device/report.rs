@@ -258,7 +258,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             self.pair.judgement,
             Some(Judgement::Agree | Judgement::DataDelay)
         );
-        let sound = !self.faults.iter().any(Fault::forbids_safety);
+        let sound = !self.faults.forbid_safety();
         valid && judged && sound && self.values.parameters.safety_valid == VALID
     }
 }

@@ -104,6 +104,8 @@ pub(super) struct Sending {
     late: u8,
     /// A PDO was withdrawn before the SYNC that would have found it waiting.
     missed: bool,
+    /// The driver may have to be told of one.
+    recalls: bool,
 }
 
 impl Sending {
@@ -115,6 +117,7 @@ impl Sending {
             waits: 0,
             late: 0,
             missed: false,
+            recalls: false,
         }
     }
 
@@ -203,15 +206,25 @@ impl Sending {
     }
 
     fn plan(&mut self) {
-        let free = |w: &&Waiting| !w.is_empty() && w.course == Course::Free;
-        let waiting = self.waiting.iter().filter(free).map(|w| w.until);
-        self.next = waiting.min().unwrap_or(NEVER);
+        self.next = NEVER;
+        for waiting in &self.waiting {
+            match waiting.course {
+                Course::Free if !waiting.is_empty() => self.next = self.next.min(waiting.until),
+                Course::Recalled => self.recalls = true,
+                Course::Free | Course::Told => {}
+            }
+        }
     }
 
     /// A frame that the controller has to give back, told once.
     pub(super) fn recalled(&mut self) -> Option<u16> {
+        if !self.recalls {
+            return None;
+        }
         let mut waiting = self.waiting.iter_mut();
-        let place = waiting.find(|w| w.course == Course::Recalled)?;
+        let place = waiting.find(|w| w.course == Course::Recalled);
+        self.recalls = place.is_some();
+        let place = place?;
         place.course = Course::Told;
         Some(place.cob_id)
     }

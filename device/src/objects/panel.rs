@@ -52,6 +52,17 @@ pub struct Work {
     pub terms: Terms,
 }
 
+impl Work {
+    /// No run.
+    #[inline(never)]
+    pub const fn new(terms: Terms) -> Self {
+        Self {
+            motor: Motor::new(),
+            terms,
+        }
+    }
+}
+
 /// What tells one device from another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Identity {
@@ -95,6 +106,22 @@ pub fn stored_lss<M: RecordStore>(memory: &mut M) -> (Option<u8>, Option<u16>) {
         number(LSS_NODE_ID).map(|n| n as u8),
         number(LSS_BIT_RATE).map(|n| n as u16),
     )
+}
+
+/// Stores node-id and bit rate as LSS does; a rate that is `None` is the factory's.
+///
+/// Errors: those of the store.
+pub fn store_lss<M: RecordStore>(
+    memory: &mut M,
+    node_id: u8,
+    kbit_s: Option<u16>,
+) -> Result<(), StoreError> {
+    RecordStore::begin(memory, Record::Lss, Record::Lss.longest())?;
+    parameters::put(memory, LSS_NODE_ID, &Value::u8(node_id))?;
+    if let Some(rate) = kbit_s {
+        parameters::put(memory, LSS_BIT_RATE, &Value::u16(rate))?;
+    }
+    RecordStore::commit(memory)
 }
 
 const fn record(group: Group) -> Record {
@@ -384,21 +411,12 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
         }
         // What was stored and is not mentioned stays.
         let (_, before) = stored_lss(self.memory);
-        let stored = self.write_lss(node_id, kbit_s.or(before));
+        let stored = store_lss(self.memory, node_id, kbit_s.or(before));
         self.note(stored).is_ok()
     }
 }
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
-    fn write_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> Result<(), StoreError> {
-        RecordStore::begin(self.memory, Record::Lss, Record::Lss.longest())?;
-        parameters::put(self.memory, LSS_NODE_ID, &Value::u8(node_id))?;
-        if let Some(rate) = kbit_s {
-            parameters::put(self.memory, LSS_BIT_RATE, &Value::u16(rate))?;
-        }
-        RecordStore::commit(self.memory)
-    }
-
     /// While others work by the angles the processor does not stand still for an erase.
     fn may_store(&self, length: u32) -> Result<(), Abort> {
         if self.values.state == nmt::State::Operational && self.memory.needs_erase(length) {

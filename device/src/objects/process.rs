@@ -202,9 +202,9 @@ impl Process {
 
     /// Sets or clears a bit of 2020h and the one above it.
     fn mark(&mut self, bit: u8, set: [bool; 2]) {
-        for (bit, set) in [bit, bit << 1].into_iter().zip(set) {
-            self.flag(bit, set);
-        }
+        let [first, second] = set;
+        self.flag(bit, first);
+        self.flag(bit << 1, second);
     }
 
     /// Sets or clears a bit of 2020h.

@@ -7,6 +7,8 @@
 //! Left out: the golden values themselves, which `tilt/tests/golden.rs` has.
 #![cfg_attr(target_os = "none", no_std)]
 
+pub mod float;
+
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
 use tilt::filter::LowPass;

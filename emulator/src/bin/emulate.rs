@@ -9,10 +9,11 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use emulator::build::Product;
-use emulator::pair::board;
+use emulator::pair::deliver;
 use plumb::serve;
-use sim::error_model::ErrorModel;
+use sim::bench::{Mode, World};
 use sim::network::Network;
+use sim::network::instrument::{Delivered, UNCONFIGURED};
 
 /// Runs the exact images of bootloader and application on emulated boards.
 #[derive(Debug, Parser)]
@@ -45,12 +46,17 @@ fn run(arguments: &serve::Arguments) -> Result<ExitCode, Box<dyn Error>> {
     let pieces = Product::build()?.pieces();
     let bit_rate = u32::from(arguments.bit_rate) * 1000;
     let mut network = Network::new(bit_rate, arguments.seed);
-    for number in 0..2 {
-        let model = &ErrorModel::NOMINAL;
-        let board = board(&mut network, model, arguments.seed, number, &pieces)?;
-        network.add_guest(Box::new(board));
-    }
-    Ok(serve::run_network(arguments, network, &[Some(1), Some(2)])?)
+    let (world, seed) = (&World::NOMINAL, arguments.seed);
+    let delivered = if arguments.uncalibrated {
+        Delivered::bare(Mode::Product, world, seed, 0)
+    } else {
+        Delivered::calibrated(Mode::Product, world, seed, 0)?
+    };
+    let named = arguments.node_ids()?;
+    let ids = [0, 1].map(|number| named[number].unwrap_or(UNCONFIGURED));
+    let fitting = (ids, arguments.bit_rate);
+    deliver(&mut network, &delivered, fitting, seed, &pieces)?;
+    Ok(serve::run_network(arguments, network, &named)?)
 }
 
 /// What the image decides by itself cannot be asked for.
@@ -59,11 +65,11 @@ fn refuse(arguments: &serve::Arguments) -> Result<(), &'static str> {
         serve::Arguments {
             instruments: 2.., ..
         } => Err("one instrument is emulated, not several"),
-        serve::Arguments {
-            node_ids: Some(_), ..
-        } => Err("the image has its own node-ids; LSS changes them"),
         serve::Arguments { state: Some(_), .. } => {
             Err("emulated nodes keep what they store in their flash, which is not kept in files")
+        }
+        arguments if Mode::from(arguments.mode) != Mode::Product => {
+            Err("the image is the product's; for another mode use `plumb serve`")
         }
         _ => Ok(()),
     }

@@ -51,6 +51,13 @@ enum Lock {
 #[derive(Clone, Debug)]
 pub struct Dice(u64);
 
+impl Dice {
+    /// The stream of this seed.
+    pub const fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+}
+
 impl Draw for Dice {
     fn draw(&mut self) -> u32 {
         // SplitMix64.
@@ -58,6 +65,35 @@ impl Draw for Dice {
         let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
         (mixed >> 32) as u32
+    }
+}
+
+/// What the flash holds.
+pub type Cells = Nor<Vec<Page>, Dice>;
+
+/// One operation of the flash: what a loss of supply can come in the middle of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// The half-word at this offset is programmed with these bytes.
+    Program(u32, [u8; 2]),
+    /// The page that begins at this offset is erased.
+    Erase(u32),
+}
+
+impl Operation {
+    /// Does it. Errors: see [`NorError`].
+    pub fn run(self, cells: &mut Cells) -> Result<(), NorError> {
+        match self {
+            Self::Program(offset, bytes) => cells.write(offset, &bytes),
+            Self::Erase(offset) => cells.erase(offset, offset.saturating_add(PAGE)),
+        }
+    }
+
+    /// The first byte that it changes, from the start of the flash.
+    pub const fn offset(self) -> u32 {
+        match self {
+            Self::Program(offset, _) | Self::Erase(offset) => offset,
+        }
     }
 }
 
@@ -75,7 +111,9 @@ pub enum Outcome {
 /// The registers and the cells.
 #[derive(Clone, Debug)]
 pub struct FlashController {
-    cells: Nor<Vec<Page>, Dice>,
+    cells: Cells,
+    /// What the code has done since the journal was begun, if it was.
+    journal: Option<Vec<Operation>>,
     acr: u32,
     sr: u32,
     cr: u32,
@@ -91,6 +129,7 @@ impl FlashController {
         let pages = vec![Page::new(); (size / PAGE) as usize];
         Self {
             cells: Nor::new(pages, Dice(seed)),
+            journal: None,
             acr: 0x30,
             sr: 0,
             cr: cr::LOCK,
@@ -120,8 +159,25 @@ impl FlashController {
     }
 
     /// The cells, for cuts and for looking at.
-    pub fn cells(&mut self) -> &mut Nor<Vec<Page>, Dice> {
+    pub fn cells(&mut self) -> &mut Cells {
         &mut self.cells
+    }
+
+    /// From now on every operation is written down, also across resets.
+    pub fn begin_journal(&mut self) {
+        self.journal = Some(Vec::new());
+    }
+
+    /// What was written down, and the end of it.
+    pub fn take_journal(&mut self) -> Vec<Operation> {
+        self.journal.take().unwrap_or_default()
+    }
+
+    fn perform(&mut self, operation: Operation) -> Result<(), NorError> {
+        if let Some(journal) = &mut self.journal {
+            journal.push(operation);
+        }
+        operation.run(&mut self.cells)
     }
 
     /// Flips the bits of `mask` in the byte at `offset`, as a bad cell does.
@@ -233,7 +289,7 @@ impl FlashController {
         }
         let first = self.ar.wrapping_sub(flash::layout::BASE) / PAGE * PAGE;
         self.changed.push((first.min(self.size() - PAGE), PAGE));
-        match self.cells.erase(first, first.saturating_add(PAGE)) {
+        match self.perform(Operation::Erase(first)) {
             Ok(()) => {
                 self.sr |= sr::EOP;
                 Outcome::Held(ERASE_NS)
@@ -251,20 +307,19 @@ impl FlashController {
         if size != 2 || self.cr & cr::PG == 0 || self.lock != Lock::Open {
             return None;
         }
-        Some(
-            match self.cells.write(offset, &(value as u16).to_le_bytes()) {
-                Ok(()) => {
-                    self.sr |= sr::EOP;
-                    Outcome::Held(PROGRAM_NS)
-                }
-                Err(NorError::NoPower) => Outcome::Cut,
-                Err(_) => {
-                    // 2.3.3: a half-word that is not erased takes 0000h only.
-                    self.sr |= sr::PGERR;
-                    Outcome::Refused
-                }
-            },
-        )
+        let program = Operation::Program(offset, (value as u16).to_le_bytes());
+        Some(match self.perform(program) {
+            Ok(()) => {
+                self.sr |= sr::EOP;
+                Outcome::Held(PROGRAM_NS)
+            }
+            Err(NorError::NoPower) => Outcome::Cut,
+            Err(_) => {
+                // 2.3.3: a half-word that is not erased takes 0000h only.
+                self.sr |= sr::PGERR;
+                Outcome::Refused
+            }
+        })
     }
 }
 

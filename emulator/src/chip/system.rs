@@ -134,6 +134,11 @@ impl System {
         self.vtor
     }
 
+    /// Moves them, as a store into VTOR does (PM0056 4.4.4).
+    pub fn set_vectors(&mut self, vectors: u32) {
+        self.vtor = vectors & 0x3FFF_FE00;
+    }
+
     /// Whether a reset was asked for.
     pub fn wants_reset(&self) -> bool {
         self.reset_wanted

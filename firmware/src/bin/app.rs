@@ -14,9 +14,9 @@
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f1xx_hal::pac, peripherals = true)]
 mod app {
-    use core::mem::MaybeUninit;
-
-    use firmware::chip::{board, can, clock};
+    use cortex_m::peripheral::SCB;
+    use firmware::chip::board::{self, Board};
+    use firmware::chip::{can, clock};
     use firmware::inbox::Inbox;
     use firmware::node::Node;
     use firmware::self_check::{SelfCheck, running_slot};
@@ -25,35 +25,52 @@ mod app {
     #[shared]
     struct Shared {
         inbox: Inbox,
+        node: Option<&'static mut Node>,
     }
 
     #[local]
     struct Local {
-        node: &'static mut Node,
+        board: Option<Board>,
         check: SelfCheck,
     }
 
-    #[init(local = [place: MaybeUninit<Node> = MaybeUninit::uninit()])]
+    #[init]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let board = board::start(cx.device, running_slot());
-        let node = cx.local.place.write(Node::new(board));
-        rtic::pend(Interrupt::TIM3);
-        let inbox = Inbox::new();
+        let board = Some(board::start(cx.device, running_slot()));
+        let (inbox, node) = (Inbox::new(), None);
         let check = SelfCheck::new();
-        (Shared { inbox }, Local { node, check })
+        (Shared { inbox, node }, Local { board, check })
     }
 
-    #[idle(local = [check])]
-    fn idle(cx: idle::Context) -> ! {
+    /// The device is on the stack of this function, under everything else: a static would have to
+    /// be filled from a copy on the stack, and so take the RAM twice.
+    #[idle(local = [board, check], shared = [node])]
+    fn idle(mut cx: idle::Context) -> ! {
+        // It is there: this is the only one to take it, and does so once.
+        let Some(board) = cx.local.board.take() else {
+            SCB::sys_reset()
+        };
+        let mut node = Node::new(board);
+        // SAFETY: this function never ends, so `node` stays where it is, and it is not used here
+        // under its own name any more.
+        let node = unsafe { &mut *(&raw mut node) };
+        cx.shared.node.lock(|place| *place = Some(node));
+        rtic::pend(Interrupt::TIM3);
         loop {
             cx.local.check.step();
             cortex_m::asm::wfi();
         }
     }
 
-    #[task(binds = TIM3, priority = 1, local = [node], shared = [inbox])]
+    #[task(binds = TIM3, priority = 1, shared = [inbox, node])]
     fn serve(mut cx: serve::Context) {
-        cx.local.node.serve(&mut cx.shared.inbox);
+        let inbox = &mut cx.shared.inbox;
+        cx.shared.node.lock(|node| {
+            // An interrupt may come before the device is there.
+            if let Some(node) = node {
+                node.serve(inbox);
+            }
+        });
     }
 
     #[task(binds = TIM2, priority = 2, shared = [inbox])]

@@ -196,11 +196,11 @@ pub fn interrupt(inbox: &mut Inbox, now: Instant) {
     }
     receive(can, inbox, now);
     write(can.msr(), ERRI);
-    look(inbox, now);
+    look(inbox, || now);
 }
 
 /// Tells of another error state; for one that becomes better there is no interrupt.
-pub fn look(inbox: &mut Inbox, now: Instant) {
+pub fn look(inbox: &mut Inbox, now: impl FnOnce() -> Instant) {
     let esr = registers().esr().read().bits();
     let state = match esr {
         esr if esr & BOFF != 0 => State::Off,
@@ -208,7 +208,9 @@ pub fn look(inbox: &mut Inbox, now: Instant) {
         esr if esr & EWGF != 0 => State::Warning,
         _ => State::Active,
     };
-    inbox.state(state, (esr >> 16) as u8, (esr >> 24) as u8, now);
+    if inbox.is_another(state) {
+        inbox.state(state, (esr >> 16) as u8, (esr >> 24) as u8, now());
+    }
 }
 
 fn receive(can: &RegisterBlock, inbox: &mut Inbox, now: Instant) {

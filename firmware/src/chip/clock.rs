@@ -98,17 +98,18 @@ pub fn interrupt() -> Option<Instant> {
 pub struct Alarm(());
 
 impl Alarm {
-    /// Asks for an interrupt at `at`; `false` when that is past, so that none will come.
+    /// Asks for an interrupt at `at`; `false` when that is past, so that none will come. `now` is
+    /// the time, or was it a moment ago.
     ///
     /// An instant more than a round ahead has to be asked for again after the next overflow,
     /// which interrupts in any case.
-    pub fn set(&mut self, at: Instant) -> bool {
+    pub fn set(&mut self, at: Instant, now: Instant) -> bool {
         let timer = registers();
-        let compare = ticks::compare(at, now());
+        let compare = ticks::compare(at, now);
         write(timer.ccr2(), u32::from(compare.unwrap_or(0)));
         let enabled = if compare.is_some() { COMPARE } else { 0 };
         write(timer.dier(), UPDATE | CAPTURE | enabled);
-        at > now()
+        at > self::now()
     }
 }
 

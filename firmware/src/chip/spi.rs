@@ -19,10 +19,8 @@ use super::register::write;
 ///
 /// LIS2DW12, DS11811 table 6: at most 10 MHz.
 const SET_UP: u16 = 3 << 3 | 1 << 2 | 1 << 9 | 1 << 8 | 1 << 1 | 1 | 1 << 6;
-/// SR: a byte has come; there is room for one; the port is busy.
+/// SR: a byte has come; the port is busy.
 const RXNE: u16 = 1;
-/// See [`RXNE`].
-const TXE: u16 = 1 << 1;
 /// See [`RXNE`].
 const BSY: u16 = 1 << 7;
 
@@ -52,6 +50,8 @@ impl<CS: OutputPin> Sensor<CS> {
         Self { port, select }
     }
 
+    // On its own, so that what is waited for can be told from what is done.
+    #[inline(never)]
     fn wait(&self, flag: u16, value: u16) -> Result<(), Lost> {
         for _ in 0..PATIENCE {
             if self.port.sr().read().bits() & flag == value {
@@ -62,8 +62,11 @@ impl<CS: OutputPin> Sensor<CS> {
     }
 
     /// Sends a byte and returns the one that comes back.
+    ///
+    /// There is room for it: the byte before has come back, so it has left (RM0008 25.3.7).
+    // A call for each byte would cost as much as the byte does.
+    #[inline(always)]
     fn exchange(&mut self, byte: u8) -> Result<u8, Lost> {
-        self.wait(TXE, TXE)?;
         write(self.port.dr(), u16::from(byte));
         self.wait(RXNE, RXNE)?;
         Ok(self.port.dr().read().bits() as u8)

@@ -316,9 +316,9 @@ fn storm(seed: u64, pages: u32, longest: [u32; KINDS], cuts: u32) -> Bench {
 }
 
 #[test]
-fn ten_thousand_random_cuts_lose_nothing_and_the_store_never_gets_stuck() {
+fn a_hundred_thousand_random_cuts_lose_nothing_and_the_store_never_gets_stuck() {
     assert!(RC.records.pages() > PAGES);
-    storm(1, RC.records.pages(), LONGEST_OF, 10_000);
+    storm(1, RC.records.pages(), LONGEST_OF, 100_000);
     storm(4, PAGES, LONGEST_OF, 10_000);
 }
 

@@ -13,7 +13,7 @@ use device::calibration::motor::Terms;
 use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
-use device::objects::panel::Identity;
+use device::objects::panel::{Identity, store_lss};
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::table::Rule;
@@ -79,47 +79,82 @@ impl Delivered {
         }
     }
 
+    /// What the node of `channel` is soldered to.
+    pub fn electronics(&self, channel: Channel) -> Electronics {
+        let (unit, node) = (self.unit, channel as u32 + 1);
+        let rng = Rng::stream(self.seed, &format!("unit {unit} node {node}"));
+        Electronics::new(&self.parts, rng)
+    }
+
+    /// Writes what the node of `channel` leaves the bench with into its memory: its calibration,
+    /// if it was calibrated.
+    ///
+    /// Errors: those of the store.
+    pub fn write_to(&self, channel: Channel, memory: &mut Memory) -> Result<(), StoreError> {
+        if !self.calibrated {
+            return Ok(());
+        }
+        let settings = &self.settings[channel as usize];
+        deliver(memory, &settings.chain.calibration)
+    }
+
     /// Puts both nodes on the bus, without power; their numbers. The serial numbers are those of
     /// the unit: 2 u + 1 and 2 u + 2.
     ///
     /// # Panics
     /// When the bus is full ([`crate::can_bus::MOST_PORTS`]).
     pub fn join(self, network: &mut Network, fittings: [Fitting; 2]) -> [usize; 2] {
-        let (seed, unit, mode) = (self.seed, self.unit, self.mode);
-        let [a, b] = self.settings;
-        let [mut for_a, mut for_b] = fittings;
-        let as_delivered = [Channel::A.node_id(), Channel::B.node_id()];
-        if [for_a.node_id, for_b.node_id] != as_delivered {
-            introduce(&mut for_a.memory, for_b.node_id);
-            introduce(&mut for_b.memory, for_a.node_id);
-        }
-        [(Channel::A, a, for_a), (Channel::B, b, for_b)].map(|(channel, settings, mut fitting)| {
-            let node = channel as u32 + 1;
-            let rng = Rng::stream(seed, &format!("unit {unit} node {node}"));
-            let electronics = Electronics::new(&self.parts, rng);
+        let (unit, mode) = (self.unit, self.mode);
+        let [a, b] = fittings;
+        let (ids, rates) = ([a.node_id, b.node_id], [a.kbit_s, b.kbit_s]);
+        let mut memories = [a.memory, b.memory];
+        acquaint(&mut memories, ids);
+        let [for_a, for_b] = memories;
+        [(Channel::A, for_a), (Channel::B, for_b)].map(|(channel, mut memory)| {
+            let place = channel as usize;
+            let electronics = self.electronics(channel);
+            let settings = self.settings[place].clone();
             let rule = match mode {
                 Mode::Paper => Rule::Nearest,
                 Mode::Product | Mode::OneAxis => Rule::Linear,
             };
-            if self.calibrated {
-                // As with what is introduced above: a broken memory is a fault for later.
-                let _ = deliver(&mut fitting.memory, &settings.chain.calibration);
-            }
+            // As with what is introduced above: a broken memory is a fault for later.
+            let _ = self.write_to(channel, &mut memory);
             let factory = Factory {
                 identity: Identity {
                     channel,
-                    serial: 2 * unit + node,
+                    serial: 2 * unit + channel as u32 + 1,
                 },
-                node_id: fitting.node_id,
-                kbit_s: fitting.kbit_s,
+                node_id: ids[place],
+                kbit_s: rates[place],
                 terms: Terms {
                     rule,
                     budget: settings.chain.calibration.budget,
                 },
                 settings,
             };
-            network.add(electronics, mode.check(), factory, fitting.memory)
+            network.add(electronics, mode.check(), factory, memory)
         })
+    }
+}
+
+/// Tells the nodes of channels A and B who they are, as LSS and a commissioning tool do, before
+/// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s.
+///
+/// Errors: those of the store.
+pub fn commission(memories: &mut [Memory; 2], ids: [u8; 2], kbit_s: u16) -> Result<(), StoreError> {
+    acquaint(memories, ids);
+    for (memory, id) in memories.iter_mut().zip(ids) {
+        store_lss(memory, id, Some(kbit_s))?;
+    }
+    Ok(())
+}
+
+/// Nodes with other node-ids than they are delivered with are told those of their peers.
+fn acquaint([for_a, for_b]: &mut [Memory; 2], [a, b]: [u8; 2]) {
+    if [a, b] != [Channel::A.node_id(), Channel::B.node_id()] {
+        introduce(for_a, b);
+        introduce(for_b, a);
     }
 }
 

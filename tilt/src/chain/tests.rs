@@ -307,3 +307,17 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn a_quotient_is_the_same_by_either_way() {
+    for a in [0, 1, 2_499, 2_500, 7_501, 30_000, 1 << 33, i64::MAX] {
+        for b in [i64::MIN, -3, 0, 1, 2_500, 65_535, 65_536, 1 << 40] {
+            for a in [a, -a] {
+                let exact = (i128::from(a) << 16).checked_div(b.into());
+                let exact = exact.and_then(|q| i64::try_from(q).ok());
+                let fits = a.checked_mul(1 << 16).is_some();
+                assert_eq!(quotient_q16(a, b), exact.filter(|_| fits), "{a} {b}");
+            }
+        }
+    }
+}

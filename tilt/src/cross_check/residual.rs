@@ -184,21 +184,51 @@ fn stop(low: &mut [i64; 3], threshold: u32) {
 }
 
 fn follow(low: &mut [i64; 3], value: &[i64; 3], tau_us: u32, elapsed_us: u32) {
-    let elapsed = u64::from(elapsed_us);
-    let whole = elapsed.saturating_add(u64::from(tau_us)).max(1);
     // 2^-22 of the way is the least: a hundred seconds in steps of a millisecond are 2^-17.
-    let share = ((elapsed << 22) / whole) as i64;
+    let share = share_q22(elapsed_us, tau_us);
     for (low, value) in low.iter_mut().zip(value) {
-        *low += ((value - *low).saturating_mul(share)) >> 22;
+        let way = value - *low;
+        // Healthy channels are less than 0.1 g apart, and then one multiplication will do.
+        let part = match i32::try_from(way) {
+            Ok(way) => i64::from(way) * i64::from(share),
+            Err(_) => way.saturating_mul(i64::from(share)),
+        };
+        *low += part >> 22;
     }
+}
+
+/// `elapsed` / (`elapsed` + `tau`) in 2^-22, rounded down: long division by the chip's own of 32
+/// bits, as many digits at a time as there is room for.
+fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
+    let sum = u64::from(elapsed_us) + u64::from(tau_us);
+    let whole = match u32::try_from(sum.max(1)) {
+        Ok(whole) if whole < 1 << 31 => whole,
+        // Half an hour between two pairs.
+        _ => return ((u64::from(elapsed_us) << 22) / sum.max(1)) as u32,
+    };
+    let (mut share, mut rest) = (elapsed_us / whole, elapsed_us % whole);
+    let mut left = 22;
+    while left > 0 {
+        // A rest is smaller than what divides it, so it has at least as much room above.
+        let digits = whole.leading_zeros().min(left);
+        let next = rest << digits;
+        share = share << digits | next / whole;
+        rest = next % whole;
+        left -= digits;
+    }
+    share
 }
 
 /// True when the vector is longer than `threshold`, 2^-26 g per step, without a root.
 fn length_exceeds(vector: &[i64; 3], threshold: u32) -> bool {
-    let squares = vector.iter().map(|c| {
-        let size = c.unsigned_abs() >> 4;
-        size.saturating_mul(size)
-    });
+    let sizes = vector.map(|c| c.unsigned_abs() >> 4);
+    if threshold < 1 << 28 && sizes.iter().all(|size| *size < 1 << 31) {
+        // Below 8 g nothing saturates, and a product of 32 bits is one instruction.
+        let square = |value: u32| u64::from(value) * u64::from(value);
+        let sum: u64 = sizes.iter().map(|size| square(*size as u32)).sum();
+        return sum > square(threshold << (FRACTION - 4));
+    }
+    let squares = sizes.iter().map(|size| size.saturating_mul(*size));
     let sum = squares.fold(0u64, u64::saturating_add);
     let threshold = u64::from(threshold) << (FRACTION - 4);
     sum > threshold.saturating_mul(threshold)
@@ -317,6 +347,33 @@ mod tests {
             "five uncertainties are 10 mg"
         );
         assert!((0..200).any(|_| wide(&mut state, 11.0)));
+    }
+
+    #[test]
+    fn a_share_is_the_quotient_rounded_down() {
+        let times = [0, 1, 3, 999, 2_500, 20_000, 100_000_000, 1 << 30, u32::MAX];
+        for elapsed in times {
+            for tau in times {
+                let whole = (u64::from(elapsed) + u64::from(tau)).max(1);
+                let exact = (u64::from(elapsed) << 22) / whole;
+                assert_eq!(u64::from(share_q22(elapsed, tau)), exact, "{elapsed} {tau}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_length_is_compared_alike_where_it_is_short_and_where_it_saturates() {
+        let longer = |c: i64, threshold| length_exceeds(&[c << FRACTION, 0, 0], threshold);
+        for threshold in [0, 1, 5000, (1 << 27) - 1, 1 << 27, (1 << 28) - 1] {
+            for sign in [-1, 1] {
+                let at = sign * i64::from(threshold);
+                let above = longer(at + sign, threshold);
+                assert!(above && !longer(at, threshold), "{at}");
+            }
+            assert!(length_exceeds(&[i64::MIN; 3], threshold));
+        }
+        // From 8 g on both sides stop at the same end.
+        assert!(!length_exceeds(&[i64::MIN; 3], 1 << 28));
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Tells the linker where the image stands: from the start of the flash up to the records.
+//! Tells the linker where a bare program of this folder stands: from the start of the flash up to the
+//! records. The build script of `fixture` and of `golden`.
 
 use std::path::Path;
 use std::{env, fs};
@@ -6,7 +7,7 @@ use std::{env, fs};
 use flash::layout::{BASE, RAM, RC};
 
 fn main() {
-    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=../link.rs");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }

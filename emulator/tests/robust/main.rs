@@ -1,0 +1,9 @@
+//! What a loss of supply and bits that go bad do to the exact images: on the bus it looks as if
+//! nothing, or something that is told, has happened.
+
+mod bench;
+mod failed_trial;
+mod first_angle;
+mod store_cuts;
+mod update;
+mod update_cuts;

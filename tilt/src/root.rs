@@ -1,0 +1,85 @@
+//! The square root, in words of 32 bits.
+//!
+//! In: a number of 64 bits. Out: its root, rounded down, exactly that of [`u64::isqrt`]. That one
+//! divides 64 bits by 64, which a Cortex-M3 does in software; here two steps of Newton's method
+//! find the upper half of the root, and one division the lower half (Zimmermann, "Karatsuba Square
+//! Root", INRIA RR-3805).
+//!
+//! Left out: roots of fractions; whoever wants one shifts first.
+
+/// The root of `value`, rounded down.
+pub(crate) fn root(value: u64) -> u32 {
+    let (high, low) = ((value >> 32) as u32, value as u32);
+    if value == 0 {
+        return 0;
+    }
+    if high == 0 {
+        let shift = low.leading_zeros() & 30;
+        return upper(low << shift) >> (shift / 2);
+    }
+    // An even shift brings one of the upper two bits to 1; the root then has half of it too many.
+    let shift = high.leading_zeros() & 30;
+    let top = high << shift | low >> 1 >> (31 - shift);
+    whole(top, low << shift) >> (shift / 2)
+}
+
+/// The root of a number of 32 bits, from 2^30 on.
+fn upper(top: u32) -> u32 {
+    // The line is within 3.1 % of the root; each step squares that and halves it. Both steps end
+    // at the root or above, which leaves one too many at most.
+    let mut guess = (top >> 17) + (top >> 19) + (top >> 20) + 22_400;
+    for _ in 0..2 {
+        // Never zero; where the compiler does not see that, no way to a panic is left either.
+        guess = (guess + top.checked_div(guess).unwrap_or(0)) >> 1;
+    }
+    let guess = guess.min(0xFFFF);
+    guess - u32::from(guess * guess > top)
+}
+
+/// The root of `top` 2^32 + `low`, with `top` from 2^30 on.
+fn whole(top: u32, low: u32) -> u32 {
+    let root = upper(top);
+    // At most twice the root, 17 bits, so that half of what is divided has 32.
+    let rest = top - root * root;
+    let lower = (rest << 15 | low >> 17).checked_div(root).unwrap_or(0);
+    let root = root << 16 | lower.min(0xFFFF);
+    let square = u64::from(root) * u64::from(root);
+    root - u32::from(square > u64::from(top) << 32 | u64::from(low))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_root_of_16_bits_begins_where_it_should() {
+        for exact in 0..=u32::from(u16::MAX) {
+            let square = u64::from(exact) * u64::from(exact);
+            assert_eq!(root(square), exact);
+            assert_eq!(root(square + 2 * u64::from(exact)), exact);
+        }
+    }
+
+    #[test]
+    fn roots_are_those_of_the_library() {
+        let mut state = 1u64;
+        for n in 0..2_000_000u32 {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_041);
+            let value = state >> (n % 64);
+            assert_eq!(u64::from(root(value)), value.isqrt(), "{value}");
+            let exact = u64::from((state >> 32) as u32 >> (n % 32));
+            for near in [
+                exact * exact,
+                (exact * exact).wrapping_sub(1),
+                exact * (exact + 2),
+            ] {
+                assert_eq!(u64::from(root(near)), near.isqrt(), "{near}");
+            }
+        }
+        for value in [0, 1, 2, 3, u64::MAX, u64::MAX << 32, u64::from(u32::MAX)] {
+            assert_eq!(u64::from(root(value)), value.isqrt(), "{value}");
+        }
+    }
+}
