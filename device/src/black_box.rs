@@ -123,13 +123,14 @@ const EMPTY_BOXES: [Kept; BOXES] = [Kept::EMPTY; BOXES];
 
 /// One box. It is empty while it has no frame from before the trigger.
 #[derive(Clone, Debug)]
+#[repr(C)]
 struct Kept {
-    entry: Entry,
-    period_us: u32,
     before: u8,
     after: u8,
     /// The memory has it.
     saved: bool,
+    period_us: u32,
+    entry: Entry,
     frames: [[u8; FRAME]; BEFORE + AFTER],
 }
 
@@ -175,23 +176,24 @@ struct Open {
     last_read: Instant,
 }
 
-/// The recorder and its boxes: their state.
+/// The recorder and its boxes: their state. What is large comes last, as in `Device`.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct BlackBox {
-    /// The last frames, of which `recorded` count, up to the one before `next`.
-    ring: [[u8; FRAME]; BEFORE],
     next: u8,
     recorded: u8,
-    /// When the last frame was.
-    last: Instant,
+    /// The box that is being filled; 0 for none.
+    filling: u8,
     /// Between the last two frames, us; `u32::MAX` with fewer than two.
     gap_us: u32,
     /// Time from frame to frame, us; 0 while it is not known.
     period_us: u32,
-    kept: [Kept; BOXES],
-    /// The box that is being filled; 0 for none.
-    filling: u8,
+    /// When the last frame was.
+    last: Instant,
     open: Option<Open>,
+    /// The last frames, of which `recorded` count, up to the one before `next`.
+    ring: [[u8; FRAME]; BEFORE],
+    kept: [Kept; BOXES],
 }
 
 /// Place of box `number` among the boxes; beyond them for 0.

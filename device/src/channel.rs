@@ -165,7 +165,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             Ok(Some(sample)) => {
                 self.samples = self.samples.wrapping_add(1);
                 self.lost = false;
-                if self.age_us(captured) > 3 * i64::from(settings.chain.period_us) / 2 {
+                if captured >= self.overdue_at {
                     self.health.restart(&mut self.watch);
                 }
                 self.health.sample(&mut self.watch, sample.counts);
@@ -178,12 +178,6 @@ impl<SPI: SpiDevice> Channel<SPI> {
             Ok(None) => {}
             Err(_) => self.latch(Invalid::Bus),
         }
-    }
-
-    /// Time from the newest sample to `now`, us; 0 before the first.
-    fn age_us(&self, now: Instant) -> i64 {
-        let newest = self.state.filtered();
-        newest.map_or(0, |(_, at)| now.micros_since(at))
     }
 
     /// Remembers when the sample after the newest will be missed: deadlines are asked for far more

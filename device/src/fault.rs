@@ -90,42 +90,63 @@ impl Fault {
         Self::Program,
     ];
 
-    /// EMCY error code, bit of the error register, and what to tell a person.
+    /// EMCY error code, and bit of the error register.
     ///
     /// 5010h and 5020h are CiA 410's; 31xxh to 42xxh follow CiA 301, table 26; FFxxh are ours.
-    pub const fn report(self) -> (u16, u8, &'static str) {
+    pub const fn report(self) -> (u16, u8) {
         match self {
-            Self::RangeX => (0x5010, DEVICE, "slope X is outside the measuring range"),
-            Self::RangeY => (0x5020, DEVICE, "slope Y is outside the measuring range"),
-            Self::SensorSupply => (0x3200, VOLTAGE, "the sensor has lost its supply or set-up"),
-            Self::Temperature => (0x4200, HEAT, "the sensor is too cold or too hot"),
-            Self::SensorBus => (0xFF01, MANUFACTURER, "the sensor does not answer"),
-            Self::SensorSilent => (0xFF02, MANUFACTURER, "the sensor gives no samples"),
-            Self::SensorOverRange => (0xFF03, MANUFACTURER, "the sensor is beyond full scale"),
-            Self::NotCalibrated => (0xFF20, MANUFACTURER, "the channel is not calibrated"),
-            Self::CalibrationRecord => (0xFF21, MANUFACTURER, "the calibration is damaged"),
-            Self::Storage => (
-                0xFF22,
-                MANUFACTURER,
-                "parameters could not be stored or read",
-            ),
-            Self::StopMotion => (0xFF11, MANUFACTURER, "stop the machine, let it stand still"),
-            Self::PhysicalFault => (0xFF12, MANUFACTURER, "check the supply, then reset"),
-            Self::Disagree => (0xFF13, MANUFACTURER, "the channels differ for too long"),
-            Self::OwnChannel => (0xFF14, MANUFACTURER, "this channel is ill"),
-            Self::PeerChannel => (0xFF15, MANUFACTURER, "the other channel is ill or silent"),
-            Self::NoChannel => (0xFF16, MANUFACTURER, "neither channel measures"),
-            Self::FailSafe => (0xFF17, MANUFACTURER, "the safe state was demanded"),
-            Self::SensorStuck => (0xFF04, MANUFACTURER, "the sensor's codes stand still"),
-            Self::SensorNoise => (0xFF05, MANUFACTURER, "the sensor is too noisy"),
-            Self::SensorSpikes => (0xFF06, MANUFACTURER, "single samples are far off"),
-            Self::Thermometer => (0xFF07, MANUFACTURER, "the sensor's temperature jumps"),
-            Self::Biased => (
-                0xFF08,
-                MANUFACTURER,
-                "this channel's gravity is of the wrong length",
-            ),
-            Self::Program => (0x6110, MANUFACTURER, "the program in flash is damaged"),
+            Self::RangeX => (0x5010, DEVICE),
+            Self::RangeY => (0x5020, DEVICE),
+            Self::SensorSupply => (0x3200, VOLTAGE),
+            Self::Temperature => (0x4200, HEAT),
+            Self::SensorBus => (0xFF01, MANUFACTURER),
+            Self::SensorSilent => (0xFF02, MANUFACTURER),
+            Self::SensorOverRange => (0xFF03, MANUFACTURER),
+            Self::NotCalibrated => (0xFF20, MANUFACTURER),
+            Self::CalibrationRecord => (0xFF21, MANUFACTURER),
+            Self::Storage => (0xFF22, MANUFACTURER),
+            Self::StopMotion => (0xFF11, MANUFACTURER),
+            Self::PhysicalFault => (0xFF12, MANUFACTURER),
+            Self::Disagree => (0xFF13, MANUFACTURER),
+            Self::OwnChannel => (0xFF14, MANUFACTURER),
+            Self::PeerChannel => (0xFF15, MANUFACTURER),
+            Self::NoChannel => (0xFF16, MANUFACTURER),
+            Self::FailSafe => (0xFF17, MANUFACTURER),
+            Self::SensorStuck => (0xFF04, MANUFACTURER),
+            Self::SensorNoise => (0xFF05, MANUFACTURER),
+            Self::SensorSpikes => (0xFF06, MANUFACTURER),
+            Self::Thermometer => (0xFF07, MANUFACTURER),
+            Self::Biased => (0xFF08, MANUFACTURER),
+            Self::Program => (0x6110, MANUFACTURER),
+        }
+    }
+
+    /// What to tell a person. It stands apart because the part has no use for it, and no room.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::RangeX => "slope X is outside the measuring range",
+            Self::RangeY => "slope Y is outside the measuring range",
+            Self::SensorSupply => "the sensor has lost its supply or set-up",
+            Self::Temperature => "the sensor is too cold or too hot",
+            Self::SensorBus => "the sensor does not answer",
+            Self::SensorSilent => "the sensor gives no samples",
+            Self::SensorOverRange => "the sensor is beyond full scale",
+            Self::NotCalibrated => "the channel is not calibrated",
+            Self::CalibrationRecord => "the calibration is damaged",
+            Self::Storage => "parameters could not be stored or read",
+            Self::StopMotion => "stop the machine, let it stand still",
+            Self::PhysicalFault => "check the supply, then reset",
+            Self::Disagree => "the channels differ for too long",
+            Self::OwnChannel => "this channel is ill",
+            Self::PeerChannel => "the other channel is ill or silent",
+            Self::NoChannel => "neither channel measures",
+            Self::FailSafe => "the safe state was demanded",
+            Self::SensorStuck => "the sensor's codes stand still",
+            Self::SensorNoise => "the sensor is too noisy",
+            Self::SensorSpikes => "single samples are far off",
+            Self::Thermometer => "the sensor's temperature jumps",
+            Self::Biased => "this channel's gravity is of the wrong length",
+            Self::Program => "the program in flash is damaged",
         }
     }
 
@@ -289,8 +310,8 @@ mod tests {
     fn numbers_and_codes_are_each_used_once() {
         for (n, fault) in Fault::ALL.into_iter().enumerate() {
             assert_eq!(fault as usize, n);
-            let (code, bit, text) = fault.report();
-            assert!(bit.is_power_of_two() && !text.is_empty());
+            let (code, bit) = fault.report();
+            assert!(bit.is_power_of_two() && !fault.text().is_empty());
             let same = Fault::ALL.into_iter().filter(|f| f.report().0 == code);
             assert_eq!(same.count(), 1, "{code:04X}");
         }

@@ -160,10 +160,10 @@ fn newest_first(kept: &[Kept; ENTRIES], next: u8) -> impl Iterator<Item = &Entry
     places.map(|kept| &kept.entry)
 }
 
-/// The log: its state.
+/// The log: its state. What is large comes last, as in `Device`.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct FaultLog {
-    kept: [Kept; ENTRIES],
     /// Where the next entry goes.
     next: u8,
     /// Entries that there are.
@@ -174,6 +174,7 @@ pub struct FaultLog {
     unsaved: u8,
     /// The copy under read.
     head: [u8; HEAD],
+    kept: [Kept; ENTRIES],
     body: [[u8; ENTRY]; ENTRIES],
 }
 

@@ -162,3 +162,39 @@ fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measu
     assert_eq!(site.device.values().process.validity & 3, 3);
     assert_eq!(angle(&mut site), 84);
 }
+
+#[test]
+fn what_one_bad_bit_had_destroyed_was_replaced_by_older_things_without_a_word() {
+    let own = identity(&tables(10_000_000));
+    let delivered = identity(&Calibration::NOMINAL);
+    let mut site = powered(blank());
+    let stored = bytes(&tables(10_000_000));
+    assert_eq!(site.download(at(0x2061, 0), &stored), Some(Ok(())));
+    for which in [0, 1] {
+        set(&mut site, which);
+        assert_eq!(site.write(at(0x1010, 1), Value::u32(SAVE)), Some(Ok(())));
+    }
+    let memory = site.device.memory().clone();
+    let pages = memory.flash().pages().iter();
+    let held: Vec<u8> = pages.flat_map(|page| *page.bytes()).collect();
+    // What it shows after a bit in the last place with these bytes has gone bad, and its faults.
+    let shows = |bytes: Option<&[u8]>| {
+        let mut memory = memory.clone();
+        if let Some(bytes) = bytes {
+            let place = held.windows(bytes.len()).rposition(|held| held == bytes);
+            memory.flash_mut().flip(place.expect("stored") as u32, 4);
+        }
+        let mut site = powered(memory);
+        site.power_cycle();
+        site.pass(100);
+        let calibration = site.read(at(0x2062, 1)).unwrap().unwrap().unsigned();
+        let latch = site.read(at(0x2004, 0)).unwrap().unwrap().unsigned();
+        (calibration, latch, site.device.faults().bits() & 0x380)
+    };
+    assert_eq!(shows(None), (own.into(), 2, 0));
+    let lost = shows(Some(&stored[..40]));
+    assert_eq!(lost, (delivered.into(), 2, 1 << 8));
+    // 2004h as it is stored: index, sub-index, length, value.
+    let lost = shows(Some(&[0x04, 0x20, 0, 2, 2, 0]));
+    assert_eq!(lost, (own.into(), 1, 1 << 9));
+}

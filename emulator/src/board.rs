@@ -16,15 +16,21 @@ use sim::can_bus::{Bus, Event, Mailbox, Order, Port};
 use sim::electronics::Electronics;
 use sim::lis2dw12::DRDY_PULSE_NS;
 use sim::network::guest::{Guest, nanoseconds};
+use sim::supply::BROWN_OUT_BELOW_V;
 
 use crate::chip::can::{Action, End, Errors, MAILBOXES};
 use crate::chip::rcc::Cause;
 use crate::chip::{Chip, Individual};
 use crate::image::Image;
-use crate::machine::{Ended, Machine};
+use crate::machine::{Ended, Kept, Machine};
 
 /// The bit rate of a port that nothing has been set for yet.
 const NO_RATE: u32 = 1;
+
+/// The falling supply resets the chip here, V (data sheet of the STM32F103xC, 5.3.3: 1.8 to 1.96).
+pub const PDR_V: f64 = 1.88;
+/// Below this the RAM loses all that it held, V. `[ASSUME]`
+pub const RAM_LOST_BELOW_V: f64 = 0.8;
 
 /// The world cuts the time of an edge off to whole ns where the part rounds: looked at as much
 /// later, the part's pulse is over.
@@ -74,6 +80,8 @@ pub struct Board {
     samples: u64,
     /// The supply has failed by itself, in a flash operation.
     cut: bool,
+    /// How far the supply falls while there is no power, V.
+    lowest_v: f64,
 }
 
 /// Why an image does not go into the flash.
@@ -126,6 +134,7 @@ impl Board {
             due_ns: 0,
             samples: 0,
             cut: false,
+            lowest_v: 0.0,
         }
     }
 
@@ -152,6 +161,16 @@ impl Board {
     /// True when the supply has failed by itself, in the middle of a flash operation.
     pub fn is_cut(&self) -> bool {
         self.cut
+    }
+
+    /// The supply will fall to this only when power next goes, V: below what resets the chip
+    /// ([`PDR_V`]), and perhaps not below what the sensor and the RAM live on.
+    ///
+    /// # Panics
+    /// For a voltage at which nothing happens.
+    pub fn dip_to(&mut self, volts: f64) {
+        assert!(volts < PDR_V, "{volts} V resets nothing");
+        self.lowest_v = volts;
     }
 
     /// Writes an image into the flash, as a programmer does.
@@ -390,10 +409,16 @@ impl Guest for Board {
     fn power_on(&mut self, bus: &mut Bus) {
         let now_ns = bus.now_ns();
         self.electronics.catch_up(now_ns as f64 * 1e-9);
-        self.electronics.power_cycle();
+        if self.lowest_v < BROWN_OUT_BELOW_V {
+            self.electronics.power_cycle();
+        }
         self.machine.chip_mut().skip_to(now_ns);
-        self.machine.power_on();
-        (self.powered, self.cut) = (true, false);
+        self.machine.power_on(match self.lowest_v {
+            volts if volts < RAM_LOST_BELOW_V => Kept::Nothing,
+            volts if volts < BROWN_OUT_BELOW_V => Kept::Most,
+            _ => Kept::All,
+        });
+        (self.powered, self.cut, self.lowest_v) = (true, false, 0.0);
         self.act(bus);
         self.due_ns = self.machine.next_ns();
     }

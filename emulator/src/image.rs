@@ -12,7 +12,7 @@ use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
 use flash::layout::RAM;
 
-/// Where what is called SRAM ends and registers begin (RM0008 3.3, figure 2).
+/// Where what is called SRAM ends and registers begin (PM0056 2.2).
 const PERIPHERALS: u32 = 0x4000_0000;
 
 /// What is wrong with a file.

@@ -28,6 +28,17 @@ pub enum Ended {
     Cut,
 }
 
+/// What the RAM still holds when power comes back; the data sheet promises nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Anything.
+    Nothing,
+    /// What it held, but for a bit in each 64th byte or so.
+    Most,
+    /// What it held.
+    All,
+}
+
 /// Why the core does not execute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pause {
@@ -140,19 +151,23 @@ impl Machine {
         self.pause != Pause::None
     }
 
-    /// Power comes: the RAM holds anything.
-    pub fn power_on(&mut self) {
-        let size = self.chip().ram_size();
-        let mut noise = self.chip().cycles() as u32 ^ 0x5DEE_CE66;
-        let bytes: Vec<_> = (0..size)
-            .map(|_| {
-                noise ^= noise << 13;
-                noise ^= noise >> 17;
-                noise ^= noise << 5;
-                noise as u8
-            })
-            .collect();
+    /// Power comes, and the RAM holds so much of what it held.
+    pub fn power_on(&mut self, kept: Kept) {
+        let mut bytes = vec![0; self.chip().ram_size() as usize];
         // The RAM is mapped whole.
+        let _ = self.cpu.read(RAM, &mut bytes);
+        let mut noise = self.chip().cycles() as u32 ^ 0x5DEE_CE66;
+        for byte in &mut bytes {
+            noise ^= noise << 13;
+            noise ^= noise >> 17;
+            noise ^= noise << 5;
+            match kept {
+                Kept::All => {}
+                Kept::Most if noise >> 26 != 0 => {}
+                Kept::Most => *byte ^= 1 << (noise & 7),
+                Kept::Nothing => *byte = noise as u8,
+            }
+        }
         let _ = self.cpu.write(RAM, &bytes);
         self.reset(Cause::Power);
     }

@@ -22,7 +22,7 @@ use sim::rng::Rng;
 
 use crate::board::{Board, FlashError, Parts};
 
-/// The watchdog's oscillator as the data sheet has it typically, Hz (RM0008 19.1).
+/// The watchdog's oscillator as the data sheet has it typically, Hz (RM0008 7.2.5).
 const LSI_HZ: u32 = 40_000;
 
 /// What is to be flashed: pieces with their addresses.

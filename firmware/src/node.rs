@@ -107,7 +107,8 @@ impl Node {
     }
 
     /// The sensor is set up first, which takes 20 ms; then the bus hears of this node.
-    // Apart: each round would make room on the stack for what is done once.
+    ///
+    /// Out of line: what it has on the stack, nothing else that is served needs.
     #[inline(never)]
     fn start(&mut self) {
         // A part that does not answer leaves its channel invalid, and the bus hears why.

@@ -45,7 +45,7 @@ pub fn for_each<F: ReadNorFlash>(
     flash: &mut F,
     at: u32,
     length: u32,
-    mut take: impl FnMut(&[u8]),
+    take: &mut dyn FnMut(&[u8]),
 ) -> Result<(), AccessError> {
     let mut piece = [0; PIECE];
     let end = at.saturating_add(length);
@@ -69,7 +69,7 @@ pub fn add_to<F: ReadNorFlash>(
     at: u32,
     length: u32,
 ) -> Result<(), AccessError> {
-    for_each(flash, at, length, |bytes| crc.add(bytes))
+    for_each(flash, at, length, &mut |bytes| crc.add(bytes))
 }
 
 /// Whether `length` bytes from offset `at` on are all FFh.
@@ -80,7 +80,7 @@ pub fn is_blank<F: ReadNorFlash>(flash: &mut F, at: u32, length: u32) -> Result<
     while done < length {
         let size = (length - done).min(PIECE as u32);
         let mut blank = true;
-        for_each(flash, at.saturating_add(done), size, |bytes| {
+        for_each(flash, at.saturating_add(done), size, &mut |bytes| {
             blank = bytes.iter().all(|byte| *byte == u8::MAX);
         })?;
         if !blank {
@@ -104,7 +104,7 @@ pub fn program<F: NorFlash>(flash: &mut F, at: u32, bytes: &[u8]) -> Result<(), 
     }
     let mut rest = bytes;
     let mut same = true;
-    for_each(flash, at, bytes.len() as u32, |held| {
+    for_each(flash, at, bytes.len() as u32, &mut |held| {
         let (expected, behind) = rest.split_at_checked(held.len()).unwrap_or_default();
         same &= held == expected;
         rest = behind;

@@ -312,7 +312,7 @@ impl Check {
         let count = count.min(self.length.saturating_sub(self.done));
         let at = slot.start.saturating_add(HEADER).saturating_add(self.done);
         let mut verdict = Verdict::Running;
-        for_each(flash, at, count, |bytes| verdict = self.add(bytes))?;
+        for_each(flash, at, count, &mut |bytes| verdict = self.add(bytes))?;
         Ok(verdict)
     }
 }

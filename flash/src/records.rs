@@ -24,7 +24,8 @@
 //! two pages takes nothing; [`layout`](crate::layout) says what each part has room for.
 //!
 //! Where a bit of the last version has gone bad, [`Records::mount`] takes the version before if
-//! that is still there, and counts the damage.
+//! that is still there, and says so ([`Records::damaged`]); what lies behind it in its page is
+//! found all the same.
 //!
 //! Chunks of an unknown kind, which a later program wrote, are passed over and lost when their page
 //! is freed.
@@ -107,7 +108,7 @@ impl Entry {
     }
 }
 
-/// A store of `KINDS` kinds of records; 252 at most.
+/// A store of `KINDS` kinds of records; 32 at most.
 ///
 /// The flash is an argument of each call and has to be the same each time.
 #[derive(Clone, Debug)]
@@ -130,6 +131,8 @@ pub struct Records<const KINDS: usize> {
     version: u32,
     staging: Option<Staging>,
     torn: u32,
+    /// Bit n: the last version of kind n was not whole at the mount.
+    damaged: u32,
 }
 
 impl<const KINDS: usize> Records<KINDS> {
@@ -145,7 +148,7 @@ impl<const KINDS: usize> Records<KINDS> {
 
     /// Before the records in `region` were looked for: it has none, and no page is ready.
     pub fn unmounted(region: Region) -> Self {
-        const { assert!(KINDS < chunk::GAP as usize) };
+        const { assert!(KINDS <= u32::BITS as usize) };
         let pages = Pages::new(region, MARK);
         let count = pages.count();
         Self {
@@ -160,6 +163,7 @@ impl<const KINDS: usize> Records<KINDS> {
             version: 0,
             staging: None,
             torn: 0,
+            damaged: 0,
         }
     }
 
@@ -199,6 +203,13 @@ impl<const KINDS: usize> Records<KINDS> {
     /// Each cut while storing leaves one at most; so does a bit that goes bad.
     pub const fn torn(&self) -> u32 {
         self.torn
+    }
+
+    /// The kinds whose last version was stored whole and was not whole any more when it was looked
+    /// for, bit n for kind n. What is left of such a kind is older, or nothing. One that is stored
+    /// anew counts no more.
+    pub const fn damaged(&self) -> u32 {
+        self.damaged
     }
 
     /// How often each page has been erased by this store, about: the wear that is used up.

@@ -66,7 +66,9 @@ pub struct Axes<T> {
 
 /// Length of (a, b), in the unit of the arguments; error under one unit.
 pub fn hypot(a: i32, b: i32) -> i32 {
-    let sum = u64::from(a.unsigned_abs()).pow(2) + u64::from(b.unsigned_abs()).pow(2);
+    // One instruction each; `pow` would be a loop.
+    let square = |c: i32| (i64::from(c) * i64::from(c)).unsigned_abs();
+    let sum = square(a) + square(b);
     i32::try_from(crate::root::root(sum)).unwrap_or(i32::MAX)
 }
 

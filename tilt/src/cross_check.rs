@@ -148,6 +148,7 @@ struct Silence {
 
 impl Silence {
     /// A pair without both angles at `now`; true when that has lasted too long.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn lasts(&mut self, now: Instant) -> bool {
         self.lasts_for(now, PATIENCE_US)
     }
@@ -213,7 +214,6 @@ fn lasting(own: Reading, peer: Reading) -> Judgement {
 
 /// A check of any kind with its state: what an instrument holds one of.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is no heap on the chip")]
 pub enum CrossCheck {
     /// The paper's rule.
     Paper(PaperCheck, PaperState),

@@ -37,6 +37,7 @@ impl Observation {
     }
 
     /// The same observation without its angles, for this reason; what is behind them stays.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub const fn refused(self, reason: Invalid) -> Self {
         Self {
             reading: Axes {

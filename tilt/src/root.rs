@@ -10,41 +10,46 @@
 /// The root of `value`, rounded down.
 pub(crate) fn root(value: u64) -> u32 {
     let (high, low) = ((value >> 32) as u32, value as u32);
-    if value == 0 {
+    // An even shift brings one of the upper two bits to 1; the root then has half of it too many.
+    let (top, low, shift) = if high == 0 {
+        let shift = low.leading_zeros() & 30;
+        (low << shift, 0, 32 + shift)
+    } else {
+        let shift = high.leading_zeros() & 30;
+        (
+            high << shift | low >> 1 >> (31 - shift),
+            low << shift,
+            shift,
+        )
+    };
+    if top == 0 {
         return 0;
     }
-    if high == 0 {
-        let shift = low.leading_zeros() & 30;
-        return upper(low << shift) >> (shift / 2);
-    }
-    // An even shift brings one of the upper two bits to 1; the root then has half of it too many.
-    let shift = high.leading_zeros() & 30;
-    let top = high << shift | low >> 1 >> (31 - shift);
-    whole(top, low << shift) >> (shift / 2)
+    let root = upper(top);
+    // At most twice the root, 17 bits, so that half of what is divided has 32.
+    let rest = top - root * root;
+    let lower = divide(rest << 15 | low >> 17, root);
+    let root = root << 16 | lower.min(0xFFFF);
+    let square = u64::from(root) * u64::from(root);
+    (root - u32::from(square > u64::from(top) << 32 | u64::from(low))) >> (shift / 2)
 }
 
 /// The root of a number of 32 bits, from 2^30 on.
+#[inline(always)]
 fn upper(top: u32) -> u32 {
     // The line is within 3.1 % of the root; each step squares that and halves it. Both steps end
     // at the root or above, which leaves one too many at most.
-    let mut guess = (top >> 17) + (top >> 19) + (top >> 20) + 22_400;
-    for _ in 0..2 {
-        // Never zero; where the compiler does not see that, no way to a panic is left either.
-        guess = (guess + top.checked_div(guess).unwrap_or(0)) >> 1;
-    }
+    let guess = (top >> 17) + (top >> 19) + (top >> 20) + 22_400;
+    let guess = (guess + divide(top, guess)) >> 1;
+    let guess = (guess + divide(top, guess)) >> 1;
     let guess = guess.min(0xFFFF);
     guess - u32::from(guess * guess > top)
 }
 
-/// The root of `top` 2^32 + `low`, with `top` from 2^30 on.
-fn whole(top: u32, low: u32) -> u32 {
-    let root = upper(top);
-    // At most twice the root, 17 bits, so that half of what is divided has 32.
-    let rest = top - root * root;
-    let lower = (rest << 15 | low >> 17).checked_div(root).unwrap_or(0);
-    let root = root << 16 | lower.min(0xFFFF);
-    let square = u64::from(root) * u64::from(root);
-    root - u32::from(square > u64::from(top) << 32 | u64::from(low))
+/// Nothing here divides by zero; where the compiler does not see that, no way to a panic is left.
+#[inline(always)]
+fn divide(a: u32, b: u32) -> u32 {
+    a.checked_div(b).unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ impl Instant {
     }
 
     /// The instant `micros` later (earlier when negative), stopping at the ends of the clock.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub const fn offset(self, micros: i64) -> Self {
         Self(self.0.saturating_add_signed(micros))
     }

@@ -77,6 +77,7 @@ fn from_reference(t: Temperature) -> i64 {
     i64::from(t.0.clamp(LOW, HIGH) - Temperature::REFERENCE.0)
 }
 
+#[cfg_attr(target_pointer_width = "32", inline(never))]
 fn saturate(value: i64) -> i32 {
     value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }

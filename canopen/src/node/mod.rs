@@ -592,15 +592,19 @@ impl Node {
         if self.node_id == UNCONFIGURED || self.communication.state == State::Initialising {
             return None;
         }
-        while let Some(event) = self.communication.error_control.expired(now) {
-            self.control(app, event, now);
+        let mut silence = self.communication.error_control.poll();
+        if silence.is_some_and(|at| at <= now) {
+            while let Some(event) = self.communication.error_control.expired(now) {
+                self.control(app, event, now);
+            }
+            silence = self.communication.error_control.poll();
         }
         let (server, mut view) = self.serving(app, now);
         let first = Earliest::NONE;
         let mut next = Next { now, first };
         next.not_after(server.poll(&mut view, now));
         let services = &mut self.communication;
-        next.not_after(services.error_control.poll());
+        next.not_after(silence);
         next.not_after(services.sync.poll(services.state));
         next.not_after(services.emergency.poll(services.state));
         if services.state.allows_pdo() {

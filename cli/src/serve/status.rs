@@ -114,7 +114,7 @@ fn node(unit: &Unit) -> String {
         255 => "no node-id".to_owned(),
         id => format!("node-id {id}"),
     };
-    let faults: Vec<_> = device.faults().iter().map(|f| f.report().2).collect();
+    let faults: Vec<_> = device.faults().iter().map(|f| f.text()).collect();
     let faults = match faults.as_slice() {
         [] => "no fault".to_owned(),
         faults => faults.join("; "),

@@ -184,13 +184,14 @@ pub struct Progress {
     pub worst: u32,
 }
 
-/// State of the run.
+/// State of the run. What is large comes last, as in `Device`.
 #[derive(Clone, Debug, Default)]
+#[repr(C)]
 pub struct Motor {
     axis: Option<Axis>,
-    points: Axes<Points>,
-    residual: Option<i32>,
     worst: u32,
+    residual: Option<i32>,
+    points: Axes<Points>,
 }
 
 impl Motor {

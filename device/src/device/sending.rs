@@ -67,7 +67,7 @@ impl Waiting {
     };
 
     const fn is_empty(&self) -> bool {
-        self.old == 0 && self.new == 0
+        self.old | self.new == 0
     }
 
     const fn is_safety(&self) -> bool {
@@ -208,10 +208,13 @@ impl Sending {
     fn plan(&mut self) {
         self.next = NEVER;
         for waiting in &self.waiting {
+            if waiting.is_empty() {
+                continue;
+            }
             match waiting.course {
-                Course::Free if !waiting.is_empty() => self.next = self.next.min(waiting.until),
+                Course::Free => self.next = self.next.min(waiting.until),
                 Course::Recalled => self.recalls = true,
-                Course::Free | Course::Told => {}
+                Course::Told => {}
             }
         }
     }

@@ -53,6 +53,7 @@ pub struct FlashMemory<F, S = Anybody> {
 }
 
 impl From<RecordError> for StoreError {
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn from(error: RecordError) -> Self {
         match error {
             RecordError::NeedsErase | RecordError::Full => Self::Full,
@@ -177,6 +178,10 @@ impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
             .records
             .read(&mut self.flash, record as u8, offset, into);
         read.unwrap_or(0)
+    }
+
+    fn damaged(&self) -> u32 {
+        self.records.damaged()
     }
 
     fn needs_erase(&self, length: u32) -> bool {

@@ -21,17 +21,20 @@ pub trait Signatures {
     /// The check of one signature under way.
     type Check;
 
+    /// Why a signature can't be good for anything.
+    type Refusal;
+
     /// Whether an image without a signature is let in.
     fn unsigned(&self) -> bool;
 
-    /// Before the first byte; `None` when this signature can't be good for any.
-    fn begin(&self, signature: &[u8; SIGNATURE]) -> Option<Self::Check>;
+    /// Before the first byte. Errors: this signature can't be good for any.
+    fn begin(&self, signature: &[u8; SIGNATURE]) -> Result<Self::Check, Self::Refusal>;
 
     /// Takes in the next bytes of what is signed.
     fn add(&self, check: &mut Self::Check, bytes: &[u8]);
 
     /// Whether the signature was made of the bytes taken in, by whom it has to be.
-    fn is_good(&self, check: Self::Check) -> bool;
+    fn is_good(&self, check: &Self::Check) -> bool;
 }
 
 /// Lets every image in, signed or not: for a program that was built to do that.
@@ -40,18 +43,19 @@ pub struct Anybody;
 
 impl Signatures for Anybody {
     type Check = ();
+    type Refusal = ();
 
     fn unsigned(&self) -> bool {
         true
     }
 
-    fn begin(&self, _signature: &[u8; SIGNATURE]) -> Option<()> {
-        Some(())
+    fn begin(&self, _signature: &[u8; SIGNATURE]) -> Result<(), ()> {
+        Ok(())
     }
 
     fn add(&self, (): &mut (), _bytes: &[u8]) {}
 
-    fn is_good(&self, (): ()) -> bool {
+    fn is_good(&self, (): &()) -> bool {
         true
     }
 }
@@ -114,6 +118,9 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
     }
 
     /// Whether the image in `slot` is signed as it has to be. Reads all of it.
+    ///
+    /// Out of line: the state of the check is large, and other writes need no stack for it.
+    #[inline(never)]
     fn is_signed(&mut self, slot: Region, header: &Header) -> Result<bool, AccessError> {
         if header.signature == Signature::None {
             return Ok(self.signatures.unsigned());
@@ -122,13 +129,15 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
         let at = slot.start.saturating_add(SIGNATURE_AT);
         read(&mut self.flash, at, &mut signature)?;
         let signatures = &self.signatures;
-        let Some(mut check) = signatures.begin(&signature) else {
+        // Looked at where it is: to take the check out would copy it.
+        let mut begun = signatures.begin(&signature);
+        let Ok(check) = &mut begun else {
             return Ok(false);
         };
         for (offset, length) in header.signed() {
             let at = slot.start.saturating_add(offset);
-            for_each(&mut self.flash, at, length, |bytes| {
-                signatures.add(&mut check, bytes);
+            for_each(&mut self.flash, at, length, &mut |bytes| {
+                signatures.add(check, bytes);
             })?;
         }
         Ok(signatures.is_good(check))

@@ -45,11 +45,12 @@ impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 
 /// What a calibration over the bus works with.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Work {
-    /// The motor's run.
-    pub motor: Motor,
     /// What new tables come with.
     pub terms: Terms,
+    /// The motor's run.
+    pub motor: Motor,
 }
 
 impl Work {
@@ -426,6 +427,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     /// Remembers whether the memory did its part, for the fault that tells.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn note(&mut self, outcome: Result<(), StoreError>) -> Result<(), Abort> {
         self.values.storage_failed = outcome.is_err();
         outcome.map_err(store_abort)

@@ -7,7 +7,7 @@
 //! (`profile`).
 
 use tilt::angle::{Angle, Axes};
-use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::chain::{Invalid, Measurement};
 use tilt::cross_check::{Judgement, Node, Verdict};
 use tilt::uncertainty::Uncertainty;
 
@@ -142,20 +142,18 @@ impl Process {
         },
     };
 
-    /// Shows this channel's reading.
-    pub fn show(&mut self, reading: &Reading) {
-        let axes = [reading.x, reading.y];
+    /// Shows this channel's reading, X and Y.
+    pub fn show(&mut self, axes: [Result<&Measurement, Invalid>; 2]) {
         self.mark(validity::OWN, axes.map(|a| a.is_ok()));
-        for (i, axis) in axes.iter().enumerate() {
-            self.set_slope(i, axis.ok().map(|m| m.angle));
-            let (reason, uncertainty) = match axis {
+        let codes = self.reason.iter_mut().zip(&mut self.uncertainty);
+        for ((axis, slope), (reason, uncertainty)) in axes.iter().zip(&mut self.slopes).zip(codes) {
+            *slope = axis.ok().map(|m| m.angle);
+            (*reason, *uncertainty) = match axis {
                 Ok(m) => (0, thousandths(m.uncertainty)),
                 Err(reason) => (exchange::reason_code(*reason), UNKNOWN_UNCERTAINTY),
             };
-            put(&mut self.reason, i, reason);
-            put(&mut self.uncertainty, i, uncertainty);
         }
-        if let Some(m) = axes.iter().flatten().next() {
+        if let [Ok(m), _] | [_, Ok(m)] = axes {
             self.latency_us = m.latency_us;
         }
     }

@@ -6,7 +6,6 @@
 //! Left out: the rules of each row (`panel`), calibration and settings, which the device owns.
 
 use canopen::nmt::State;
-use tilt::angle::Axes;
 use tilt::chain::{Invalid, Reading};
 use tilt::health::Activity;
 use tilt::observation::Observation;
@@ -140,12 +139,13 @@ impl Values {
 
     /// Shows a reading as far as this channel's standing allows.
     pub fn show(&mut self, reading: &Reading) {
-        let allowed = |axis: Result<_, _>| axis.and_then(|m| self.standing.map(|()| m));
-        let shown = Axes {
-            x: allowed(reading.x),
-            y: allowed(reading.y),
+        let standing = self.standing;
+        let allowed = |axis| match (axis, standing) {
+            (&Err(reason), _) | (Ok(_), Err(reason)) => Err(reason),
+            (Ok(found), Ok(())) => Ok(found),
         };
-        self.process.show(&shown);
+        self.process
+            .show([allowed(&reading.x), allowed(&reading.y)]);
     }
 
     /// Puts into the exchange what the peer is to know.

@@ -5,6 +5,25 @@
 //!
 //! Sources: RM0008 3.1 (bridges), 3.3 (memory map), 7.3.6 to 7.3.8 (which clock is whose). Left
 //! out: a bus error for an address of the peripherals' region where none is.
+//!
+//! | address | register | section |
+//! |---|---|---|
+//! | 1FFFF400h | the electronic signature | RM0008 30 |
+//! | 1FFFF7E0h | F_SIZE | RM0008 30.1 |
+//! | 1FFFF7E8h | U_ID, on to 1FFFF7F0h | RM0008 30.2 |
+//! | 1FFFF7ECh | U_ID | RM0008 30.2 |
+//! | 1FFFF7F0h | U_ID | RM0008 30.2 |
+//! | 40000000h | TIM2, on to TIM4 | RM0008 3.3, table 3 |
+//! | 40003000h | IWDG | RM0008 3.3, table 3 |
+//! | 40006400h | CAN | RM0008 3.3, table 3 |
+//! | 40007000h | PWR, its CR only | RM0008 3.3, table 3; 5.4.1 |
+//! | 40010000h | AFIO | RM0008 3.3, table 3 |
+//! | 40010400h | EXTI | RM0008 3.3, table 3 |
+//! | 40010800h | GPIOA, on to GPIOE | RM0008 3.3, table 3 |
+//! | 40013000h | SPI1 | RM0008 3.3, table 3 |
+//! | 40021000h | RCC | RM0008 3.3, table 3 |
+//! | 40022000h | FLASH | RM0008 3.3, table 3 |
+//! | 40023000h | CRC | RM0008 3.3, table 3 |
 
 use flash::layout::BASE;
 

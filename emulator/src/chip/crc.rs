@@ -1,6 +1,12 @@
 //! The CRC unit: CRC-32 with 04C1 1DB7h over words, the highest bit first.
 //!
 //! In: words stored. Out: the sum. Source: RM0008 4.3 and 4.4. Left out: nothing.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | DR | RM0008 4.4.1 |
+//! | 04h | IDR | 4.4.2 |
+//! | 08h | CR | 4.4.3 |
 
 /// The registers.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,15 @@
 //!
 //! In: loads and stores, edges. Out: interrupt lines. Sources: RM0008 10.3 (EXTI), 9.4 (AFIO).
 //! Left out: events (EMR), lines 16 to 19, and remapping, which is stored and not obeyed.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | EXTI IMR; AFIO EVCR | RM0008 10.3.1; 9.4.1 |
+//! | 04h | EMR; MAPR | 10.3.2; 9.4.2 |
+//! | 08h | RTSR; EXTICR1, on to EXTICR4 at 14h | 10.3.3; 9.4.3 to 9.4.6 |
+//! | 0Ch | FTSR | 10.3.4 |
+//! | 10h | SWIER | 10.3.5 |
+//! | 14h | PR | 10.3.6 |
 
 /// Both peripherals' registers.
 #[derive(Clone, Debug, Default)]

@@ -6,9 +6,19 @@
 //!
 //! Sources: PM0075 2.3 and 3; times from the data sheet of the STM32F103xC (5.3.9: a half-word
 //! 52.5 us, a page 20 to 40 ms, taken as 20). Code in flash stands still as long as an
-//! operation lasts (PM0075 2.3.1); code in RAM would not, and does here.
+//! operation lasts (PM0075 2.3); code in RAM would not, and does here.
 //! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase,
 //! read protection.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | ACR | PM0075 3.1 |
+//! | 04h | KEYR | 3.2 |
+//! | 0Ch | SR | 3.4 |
+//! | 10h | CR | 3.5 |
+//! | 14h | AR | 3.6 |
+//! | 1Ch | OBR | 3.7 |
+//! | 20h | WRPR | 3.8 |
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use flash::layout::PAGE;
@@ -37,7 +47,7 @@ mod sr {
     pub const EOP: u32 = 1 << 5;
 }
 
-/// Where the keys stand (PM0075 2.3.1).
+/// Where the keys stand (PM0075 2.3.1 and 2.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lock {
     Locked,

@@ -4,6 +4,15 @@
 //!
 //! Source: RM0008 9.2. Left out: the lock (LCKR), analogue input, slew rates, and two drivers that
 //! work against each other: an output pin has the level of its output.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | CRL | RM0008 9.2.1 |
+//! | 04h | CRH | 9.2.2 |
+//! | 08h | IDR | 9.2.3 |
+//! | 0Ch | ODR | 9.2.4 |
+//! | 10h | BSRR | 9.2.5 |
+//! | 14h | BRR | 9.2.6 |
 
 /// The registers and what the board does to the pins.
 #[derive(Clone, Debug)]

@@ -6,6 +6,16 @@
 //!
 //! Sources: PM0056 4.3 (registers), 2.3.4 and 2.3.5 (priorities); RM0008 10.1.2 (60 interrupts).
 //! Left out: NMI's only source, the clock security system; debug monitor.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 000h | ISER | PM0056 4.3.2 |
+//! | 080h | ICER | 4.3.3 |
+//! | 100h | ISPR | 4.3.4 |
+//! | 180h | ICPR | 4.3.5 |
+//! | 200h | IABR | 4.3.6 |
+//! | 300h | IPR | 4.3.7 |
+//! | E00h | STIR | 4.3.8 |
 
 /// Exceptions of the part, thread mode's 0 included.
 pub const EXCEPTIONS: u32 = 16 + 60;

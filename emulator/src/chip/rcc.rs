@@ -5,6 +5,17 @@
 //!
 //! Source: RM0008 7.3; start-up times from the data sheet of the STM32F103xC (5.3.6 and 5.3.8).
 //! Left out: the clock security system, RTC and LSE, MCO, clock interrupts.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | CR | RM0008 7.3.1 |
+//! | 04h | CFGR | 7.3.2 |
+//! | 0Ch | APB2RSTR | 7.3.4 |
+//! | 10h | APB1RSTR | 7.3.5 |
+//! | 14h | AHBENR | 7.3.6 |
+//! | 18h | APB2ENR | 7.3.7 |
+//! | 1Ch | APB1ENR | 7.3.8 |
+//! | 24h | CSR | 7.3.10 |
 
 /// The crystal on the board, Hz.
 const HSE_HZ: u32 = 8_000_000;
@@ -29,7 +40,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// Its flag in CSR; every reset also pulls the pin (RM0008 7.1.1).
+    /// Its flag in CSR; every reset also pulls the pin (RM0008 7.1.1, 7.1.2).
     fn flags(self) -> u32 {
         let own = match self {
             Self::Power => 1 << 27,

@@ -6,6 +6,14 @@
 //!
 //! Source: RM0008 25.3 and 25.5. Left out: slave mode, hardware CRC, I2S, one-wire modes, DMA
 //! requests, and NSS as an output: chip select is a pin of the port.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | CR1 | RM0008 25.5.1 |
+//! | 04h | CR2 | 25.5.2 |
+//! | 08h | SR | 25.5.3 |
+//! | 0Ch | DR | 25.5.4 |
+//! | 10h | CRCPR | 25.5.5 |
 
 /// What is at the other end of the wires.
 pub trait Wire {

@@ -6,6 +6,31 @@
 //!
 //! Left out: the MPU (the part has none), SysTick's external clock (HCLK/8) as another frequency
 //! than HCLK / 8, all of DWT but its cycle counter, and breakpoints.
+//!
+//! | address | register | section |
+//! |---|---|---|
+//! | E0001000h | DWT_CTRL | ARMv7-M C1.8 |
+//! | E0001004h | DWT_CYCCNT | ARMv7-M C1.8 |
+//! | E000E010h | STK_CTRL, on to STK_VAL at E000E018h | PM0056 4.5.1 to 4.5.3 |
+//! | E000E014h | STK_LOAD | PM0056 4.5.2 |
+//! | E000E018h | STK_VAL | PM0056 4.5.3 |
+//! | E000E01Ch | STK_CALIB | PM0056 4.5.4 |
+//! | E000E100h | the NVIC, which has its own table | PM0056 4.3 |
+//! | E000ED00h | CPUID | PM0056 4.4.2 |
+//! | E000ED04h | ICSR | PM0056 4.4.3 |
+//! | E000ED08h | VTOR | PM0056 4.4.4 |
+//! | E000ED0Ch | AIRCR | PM0056 4.4.5 |
+//! | E000ED10h | SCR | PM0056 4.4.6 |
+//! | E000ED14h | CCR | PM0056 4.4.7 |
+//! | E000ED18h | SHPR1, on to SHPR3 at E000ED20h | PM0056 4.4.8 |
+//! | E000ED24h | SHCSR | PM0056 4.4.9 |
+//! | E000ED28h | CFSR | PM0056 4.4.10 |
+//! | E000ED2Ch | HFSR | PM0056 4.4.11 |
+//! | E000ED34h | MMFAR | PM0056 4.4.12 |
+//! | E000ED38h | BFAR | PM0056 4.4.13 |
+//! | E000EDFCh | DEMCR | ARMv7-M C1.6.5 |
+//! | E0042000h | DBGMCU_IDCODE | RM0008 31.6.1 |
+//! | E0042004h | DBGMCU_CR | RM0008 31.16.3 |
 
 use super::nvic::{self, Nvic};
 

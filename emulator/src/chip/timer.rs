@@ -5,6 +5,22 @@
 //! Source: RM0008 15.3 and 15.4. Left out: counting down and centre-aligned, slave modes and other
 //! clocks than the internal one, outputs on pins, DMA, the input's filter and prescaler, and the
 //! preload of compare values: they count at once.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | CR1 | RM0008 15.4.1 |
+//! | 04h | CR2 | 15.4.2 |
+//! | 08h | SMCR | 15.4.3 |
+//! | 0Ch | DIER | 15.4.4 |
+//! | 10h | SR | 15.4.5 |
+//! | 14h | EGR | 15.4.6 |
+//! | 18h | CCMR1 | 15.4.7 |
+//! | 1Ch | CCMR2 | 15.4.8 |
+//! | 20h | CCER | 15.4.9 |
+//! | 24h | CNT | 15.4.10 |
+//! | 28h | PSC | 15.4.11 |
+//! | 2Ch | ARR | 15.4.12 |
+//! | 34h | CCR1, on to CCR4 at 40h | 15.4.13 to 15.4.16 |
 
 /// Channels of a timer.
 const CHANNELS: usize = 4;
@@ -106,7 +122,7 @@ impl Timer {
             self.base_cycle = wrap;
             self.compared = 0;
             self.update();
-            // 15.3.2: one-pulse mode stops at the update.
+            // 15.3.10: one-pulse mode stops at the update.
             if self.cr1 >> 3 & 1 != 0 {
                 self.cr1 &= !1;
             }

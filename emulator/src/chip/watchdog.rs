@@ -4,6 +4,12 @@
 //!
 //! Source: RM0008 19.3 and 19.4; LSI 40 kHz, 30 to 60 (data sheet 5.3.7). Left out: freezing
 //! by the debugger, the option byte that starts it, and the time that PR and RLR take to be taken.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | KR | RM0008 19.4.1 |
+//! | 04h | PR | 19.4.2 |
+//! | 08h | RLR | 19.4.3 |
 
 /// The registers and where it stands.
 #[derive(Clone, Debug)]

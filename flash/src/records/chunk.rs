@@ -54,6 +54,16 @@ pub(crate) struct Chunk {
     pub offset: u32,
 }
 
+/// What stands where a chunk may be.
+pub(crate) enum Look {
+    /// A chunk that is whole.
+    Whole(Chunk),
+    /// A chunk that was whole, and of which bits have gone bad: perhaps those of these fields.
+    Damaged(Chunk),
+    /// A chunk that was never whole.
+    Cut,
+}
+
 /// Payload bytes that fit behind a chunk header at offset `at` of a page; even.
 pub(crate) const fn room(at: u32) -> u32 {
     PAGE.saturating_sub(at).saturating_sub(CHUNK_HEAD)
@@ -97,12 +107,24 @@ impl Chunk {
         page: u32,
         at: u32,
     ) -> Result<Option<Self>, AccessError> {
+        Ok(match Self::look(flash, page, at)? {
+            Look::Whole(chunk) => Some(chunk),
+            Look::Damaged(_) | Look::Cut => None,
+        })
+    }
+
+    /// What is at offset `at` of the page at `page`.
+    pub(crate) fn look<F: ReadNorFlash>(
+        flash: &mut F,
+        page: u32,
+        at: u32,
+    ) -> Result<Look, AccessError> {
         let mut bytes = [0; CHUNK_HEAD as usize];
         let offset = page.saturating_add(at);
         read(flash, offset, &mut bytes)?;
         let (words, _) = bytes.as_chunks::<4>();
         let [[kind, last, low, high], version, offset_in_record, _] = words else {
-            return Ok(None);
+            return Ok(Look::Cut);
         };
         let chunk = Self {
             kind: *kind,
@@ -112,12 +134,49 @@ impl Chunk {
             offset: u32::from_le_bytes(*offset_in_record),
         };
         if chunk.length > room(at) {
-            return Ok(None);
+            return Ok(Look::Cut);
         }
         let mut crc = Crc32::new();
         let payload = offset.saturating_add(CHUNK_HEAD);
         add_to(&mut crc, flash, payload, chunk.length)?;
-        Ok((chunk.encode(crc) == bytes).then_some(chunk))
+        let fitting = chunk.encode(crc);
+        if fitting == bytes {
+            return Ok(Look::Whole(chunk));
+        }
+        let check = |header: [u8; CHUNK_HEAD as usize]| {
+            let [.., a, b, c, d] = header;
+            u32::from_le_bytes([a, b, c, d])
+        };
+        // The check sum is programmed last. A cut leaves it blank, or with ones that should not be
+        // there any more; all others came to their end once.
+        let (held, fits) = (check(bytes), check(fitting));
+        let is_cut = held >> 16 == 0xFFFF || held & fits == fits;
+        Ok(if is_cut {
+            Look::Cut
+        } else {
+            Look::Damaged(chunk)
+        })
+    }
+
+    /// Offset in the page at `page` behind a chunk that was cut at `at`, as far as its header says.
+    pub(crate) fn cut_end<F: ReadNorFlash>(
+        flash: &mut F,
+        page: u32,
+        at: u32,
+    ) -> Result<u32, AccessError> {
+        let mut length = [0; 2];
+        read(
+            flash,
+            page.saturating_add(at).saturating_add(2),
+            &mut length,
+        )?;
+        let length = u32::from(u16::from_le_bytes(length)).next_multiple_of(2);
+        let head = at.saturating_add(CHUNK_HEAD);
+        Ok(if length > room(at) {
+            head
+        } else {
+            head.saturating_add(length)
+        })
     }
 
     /// Offset in its page behind a chunk that begins at `at`.

@@ -56,6 +56,7 @@ impl Pages {
     }
 
     /// Offset in the flash of the page with number `sequence`.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(crate) fn offset(&self, sequence: u32) -> u32 {
         let place = sequence.checked_rem(self.count).unwrap_or(0);
         self.start.saturating_add(place.saturating_mul(PAGE))

@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use crate::access::{AccessError, read};
 use crate::layout::PAGE;
 
-use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, room};
+use super::chunk::{CHUNK_HEAD, Chunk, GAP, LONGEST, Look, VOID, room};
 use super::pages::HEAD;
 use super::{Entry, RecordError, Records};
 
@@ -37,6 +37,7 @@ impl<const KINDS: usize> Records<KINDS> {
             return Ok(());
         };
         let end = newest.saturating_add(1);
+        self.damaged = 0;
         let mut open = None;
         let mut met = false;
         for sequence in end.saturating_sub(self.pages.count())..end {
@@ -71,14 +72,23 @@ impl<const KINDS: usize> Records<KINDS> {
     ) -> Result<u32, AccessError> {
         let mut at = HEAD;
         while has_room(at) && !self.pages.is_blank(flash, sequence, at)? {
-            let Some(chunk) = Chunk::read(flash, self.pages.offset(sequence), at)? else {
+            let page = self.pages.offset(sequence);
+            let look = Chunk::look(flash, page, at)?;
+            let Look::Whole(chunk) = look else {
                 self.torn = self.torn.saturating_add(1);
                 *open = None;
-                let Some(end) = self.gap_end(flash, sequence, at)? else {
+                if let Some(end) = self.gap_end(flash, sequence, at)? {
+                    at = end;
+                    continue;
+                }
+                let Some(next) = self.behind_damage(flash, sequence, at, &look)? else {
                     self.cut_at = Some(at);
                     return Ok(PAGE);
                 };
-                at = end;
+                let mut kind = [0];
+                read(flash, page.saturating_add(at), &mut kind)?;
+                self.damaged |= mask::<KINDS>(kind[0]);
+                at = next;
                 continue;
             };
             *open = self.join(
@@ -94,6 +104,33 @@ impl<const KINDS: usize> Records<KINDS> {
             at = chunk.end(at);
         }
         Ok(at)
+    }
+
+    /// Where to go on behind the chunk at offset `at` of page `sequence`, if it was whole once.
+    ///
+    /// Nothing but a gap follows one that was cut, so another whole one behind it tells; and the
+    /// last of all is followed by nothing.
+    fn behind_damage<F: ReadNorFlash>(
+        &self,
+        flash: &mut F,
+        sequence: u32,
+        at: u32,
+        look: &Look,
+    ) -> Result<Option<u32>, AccessError> {
+        let page = self.pages.offset(sequence);
+        let mut place = at.saturating_add(CHUNK_HEAD);
+        while room(place) > 0 {
+            if Chunk::read(flash, page, place)?.is_some() {
+                return Ok(Some(place));
+            }
+            place = place.saturating_add(2);
+        }
+        if let Look::Damaged(chunk) = look
+            && self.pages.is_blank(flash, sequence, chunk.end(at))?
+        {
+            return Ok(Some(chunk.end(at)));
+        }
+        Ok(None)
     }
 
     /// The offset in page `sequence` behind the gap that begins at `at`, if it was closed.
@@ -142,6 +179,7 @@ impl<const KINDS: usize> Records<KINDS> {
             && known.version < entry.version
         {
             *known = entry;
+            self.damaged &= !mask::<KINDS>(chunk.kind);
         }
         None
     }
@@ -283,6 +321,16 @@ impl<const KINDS: usize> Records<KINDS> {
             *entry = Entry::default();
         }
         Err(RecordError::Damaged(kind))
+    }
+}
+
+/// The bit of a kind in [`Records::damaged`]; every bit for what is no kind, as a kind of which
+/// bits have gone bad may have been any.
+pub(super) const fn mask<const KINDS: usize>(kind: u8) -> u32 {
+    match kind {
+        VOID | GAP => 0,
+        _ if (kind as usize) < KINDS => 1 << kind,
+        _ => u32::MAX >> (u32::BITS - KINDS as u32),
     }
 }
 

@@ -12,7 +12,7 @@ use crate::layout::PAGE;
 
 use super::chunk::{CHUNK_HEAD, Chunk, LONGEST, VOID, room};
 use super::pages::HEAD;
-use super::ring::has_room;
+use super::ring::{has_room, mask};
 use super::{Entry, RecordError, Records};
 
 /// A record that is being stored.
@@ -130,6 +130,7 @@ impl<const KINDS: usize> Records<KINDS> {
         }
         if let Some(entry) = self.index.get_mut(usize::from(staging.kind)) {
             *entry = staging.entry;
+            self.damaged &= !mask::<KINDS>(staging.kind);
         }
         Ok(())
     }
@@ -204,7 +205,10 @@ impl<const KINDS: usize> Records<KINDS> {
         };
         let page = self.pages.offset(self.head);
         let mut end = PAGE;
-        while end > cut && is_blank(flash, page.saturating_add(end).saturating_sub(2), 2)? {
+        // Nothing of the chunk that was cut is written over, neither its header nor its payload,
+        // which may look blank: they tell a cut from damage.
+        let first = Chunk::cut_end(flash, page, cut)?;
+        while end > first && is_blank(flash, page.saturating_add(end).saturating_sub(2), 2)? {
             end = end.saturating_sub(2);
         }
         if has_room(end.saturating_add(CHUNK_HEAD)) {

@@ -1,5 +1,6 @@
 //! Records stored, read, cut at every operation, worn and damaged.
 
+use std::format;
 use std::vec;
 use std::vec::Vec;
 
@@ -33,6 +34,13 @@ fn region(pages: u32) -> Region {
 
 fn mounted(nor: &mut Bench, pages: u32) -> Store {
     Store::mount(nor, region(pages)).unwrap()
+}
+
+/// Mounts after a cut, which is no damage.
+fn mounted_after_a_cut(nor: &mut Bench, pages: u32) -> Store {
+    let store = mounted(nor, pages);
+    assert_eq!(store.damaged(), 0);
+    store
 }
 
 /// Bytes that differ from version to version; every sixteenth pair is FFFFh.
@@ -234,7 +242,7 @@ fn cut_everywhere(full: &Bench, kept: &Content, kind: u8, new: &[u8]) -> u64 {
         nor.cut_after(cut);
         let done = store_it(&mut nor, &mut store, kind, new).is_ok();
         nor.power_up();
-        let mut store = mounted(&mut nor, PAGES);
+        let mut store = mounted_after_a_cut(&mut nor, PAGES);
         let mut now = content(&mut nor, &store);
         let slot = usize::from(kind);
         let stored = now[slot] == new;
@@ -298,7 +306,7 @@ fn storm(seed: u64, pages: u32, longest: [u32; KINDS], cuts: u32) -> Bench {
         if nor.is_cut() {
             done_cuts += 1;
             nor.power_up();
-            store = mounted(&mut nor, pages);
+            store = mounted_after_a_cut(&mut nor, pages);
         } else {
             assert_eq!(result, Ok(()), "seed {seed}, version {version}");
             nor.power_up();
@@ -392,6 +400,44 @@ fn any_flipped_bit_leaves_a_version_that_was_stored_and_the_other_kinds_alone() 
         assert_eq!(content(&mut nor, &store)[0], b"next");
     }
     assert!(old > 1000, "{old}");
+}
+
+#[test]
+fn a_bit_that_went_bad_took_along_what_was_behind_it_and_nobody_was_told() {
+    let mut clean = bench(PAGES + 2, 4);
+    let mut store = mounted(&mut clean, PAGES);
+    for version in 1..3 {
+        for kind in 0..4 {
+            store_it(&mut clean, &mut store, kind, &bytes(100, version)).unwrap();
+        }
+    }
+    // All eight lie in the first page, 16 bytes of chunk and 100 of record each.
+    for (number, at) in (0..8_u32).zip((PAGE + 16..).step_by(116)) {
+        for byte in 0..116 {
+            let mut nor = clean.clone();
+            nor.flip(at + byte, 1 << (byte % 8));
+            let mut store = mounted(&mut nor, PAGES);
+            let kind = number % 4;
+            let expected = |of: u32| if number >= 4 && of == kind { 1 } else { 2 };
+            for of in 0..4 {
+                let held = &content(&mut nor, &store)[of as usize];
+                assert_eq!(*held, bytes(100, expected(of)), "chunk {number}, kind {of}");
+            }
+            // What was stored again since is nothing to tell of. Of the last chunk of all the
+            // header alone says where it ends.
+            let case = format!("chunk {number}, byte {byte}: {}", store.damaged());
+            match (number, byte) {
+                (..4, _) => assert_eq!(store.damaged(), 0, "{case}"),
+                // Nor is a kind what it was.
+                (7, ..16) | (_, 0) => {}
+                _ => assert_eq!(store.damaged(), 1 << kind, "{case}"),
+            }
+            store_it(&mut nor, &mut store, kind as u8, b"anew").unwrap();
+            assert_eq!(store.damaged() & 1 << kind, 0);
+            let again = mounted(&mut nor, PAGES).damaged();
+            assert_eq!(again & 1 << kind, 0, "{case}");
+        }
+    }
 }
 
 #[test]

@@ -54,8 +54,13 @@ enum Phase {
 /// The paper's check: state. A reset is a new state.
 #[derive(Clone, Debug)]
 pub struct PaperState {
-    /// The newest warnings, one more than may stand in the window.
-    warnings: Deque<Instant, { MOST_WARNINGS + 1 }>,
+    /// The newest warnings, one more than may stand in the window, each by its time since the one
+    /// before, us, at most `u32::MAX`: half the room that their instants would take.
+    warnings: Deque<u32, { MOST_WARNINGS + 1 }>,
+    /// When the newest of them was.
+    newest: Instant,
+    /// From the oldest of them to the newest.
+    age_us: u64,
     phase: Phase,
     silence: Silence,
 }
@@ -64,6 +69,8 @@ impl Default for PaperState {
     fn default() -> Self {
         Self {
             warnings: Deque::new(),
+            newest: Instant(0),
+            age_us: 0,
             phase: Phase::Working,
             silence: Silence::default(),
         }
@@ -74,15 +81,22 @@ impl PaperState {
     /// Notes a warning; true when the window now holds more than [`MOST_WARNINGS`].
     ///
     /// There is room for 111, so it is over the limit exactly when the room is full and the
-    /// oldest of them is still within the window.
+    /// oldest of them is still within the window. A window is shorter than 71 minutes.
     fn note(&mut self, now: Instant, window_us: u64) -> bool {
         if self.warnings.is_full() {
             self.warnings.pop_front();
+            let oldest = self.warnings.front().copied().unwrap_or(0);
+            self.age_us = self.age_us.saturating_sub(oldest.into());
+        }
+        let pause = now.micros_since(self.newest).max(0);
+        let pause = u32::try_from(pause).unwrap_or(u32::MAX);
+        if !self.warnings.is_empty() {
+            self.age_us = self.age_us.saturating_add(pause.into());
         }
         // It has room now.
-        let _ = self.warnings.push_back(now);
-        let oldest = self.warnings.front().filter(|_| self.warnings.is_full());
-        oldest.is_some_and(|t| now.micros_since(*t) < window_us as i64)
+        let _ = self.warnings.push_back(pause);
+        self.newest = now;
+        self.warnings.is_full() && self.age_us < window_us
     }
 }
 

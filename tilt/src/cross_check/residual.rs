@@ -212,7 +212,7 @@ fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
         // A rest is smaller than what divides it, so it has at least as much room above.
         let digits = whole.leading_zeros().min(left);
         let next = rest << digits;
-        share = share << digits | next / whole;
+        share = (share << digits) | (next / whole);
         rest = next % whole;
         left -= digits;
     }

@@ -75,6 +75,29 @@ fn r13_a_warning_leaves_after_exactly_600_s() {
 }
 
 #[test]
+fn r13_the_window_slides_with_the_warnings() {
+    // Pauses of hours, of exactly 6 s, then shorter: 110 of them have to be under 600 s.
+    let pauses = [7_200_000_000, 5_000_000_000].into_iter();
+    let pauses = pauses.chain([6_000_000; 300]).chain([5_454_545; 300]);
+    let (mut state, mut now) = (PaperState::default(), 0);
+    let mut times = std::vec::Vec::new();
+    for pause in pauses {
+        now += pause;
+        times.push(now);
+        let pair = (reading(THRESHOLD + 1), reading(0));
+        let found = PaperCheck::PAPER.step(&mut state, pair.0, pair.1, Instant(now));
+        let within = times.iter().filter(|t| now - *t < 600_000_000).count();
+        if within > MOST_WARNINGS {
+            assert_eq!(found.judgement(), Judgement::StopMotion);
+            assert!(times.len() > 400, "{}", times.len());
+            return;
+        }
+        assert_eq!(found.judgement(), Judgement::Warning, "{now}");
+    }
+    panic!("never stopped");
+}
+
+#[test]
 fn r13_stop_lasts_45_s_then_data_delay_resumes() {
     let mut state = PaperState::default();
     assert_eq!(warn(&mut state, 111, 0.0), Judgement::StopMotion);

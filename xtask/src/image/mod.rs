@@ -34,8 +34,9 @@ const CHIP: &str = "thumbv7m-none-eabi";
 const PROFILE: &str = "footprint";
 /// What the bootloader may take of the flash, bytes.
 const BOOT_BUDGET: usize = 8 * 1024;
-/// What statics may take of the RAM, bytes: the rest is the stack's.
-const RAM_BUDGET: u64 = 24 * 1024;
+/// What statics and the stack along direct calls may take of the RAM, bytes: interrupts and calls
+/// by pointer come on top. A device that is copied on its way to its place is found by this.
+const RAM_BUDGET: usize = 23 * 1024;
 
 /// Why there are no images.
 #[derive(Debug)]
@@ -159,7 +160,7 @@ fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
     println!("              deepest stack along direct calls {stack:6}");
     let limits = [
         ("the bootloader", boot, BOOT_BUDGET),
-        ("static RAM", ram as usize, RAM_BUDGET as usize),
+        ("RAM", ram as usize + stack as usize, RAM_BUDGET),
     ];
     let over = limits.iter().filter(|(_, is, budget)| is > budget);
     over.map(|(what, is, budget)| format!("slot {slot}: {what} takes {is} of {budget} bytes"))

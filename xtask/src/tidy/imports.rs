@@ -44,8 +44,7 @@ const RULES: [Rule; 12] = [
         Some(&[]),
     ),
     rule("sim", &["device", "tilt", "canopen", "flash"], None),
-    // Its bus server is the one of `plumb`; its tests write calibrations as the factory does, and
-    // run what the image is made of.
+    // Its bus server is the one of `plumb`; its tests run the image's code on the host too.
     rule(
         "emulator",
         &[

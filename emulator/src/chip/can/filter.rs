@@ -2,6 +2,15 @@
 //!
 //! In: loads, stores, a frame's identifier. Out: the FIFO that takes it and the number of the
 //! filter that matched. Source: RM0008 24.7.4, 24.9.4. Left out: nothing.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 00h | FMR (200h) | RM0008 24.9.4 |
+//! | 04h | FM1R | 24.9.4 |
+//! | 0Ch | FS1R | 24.9.4 |
+//! | 14h | FFA1R | 24.9.4 |
+//! | 1Ch | FA1R | 24.9.4 |
+//! | 40h | F0R1, on to F13R2 at ACh | 24.9.4 |
 
 use canopen::Frame;
 use canopen::frame::Id;

@@ -6,6 +6,20 @@
 //!
 //! Source: RM0008 24.4 to 24.9. Left out: loop back, time-triggered mode, wake-up by the bus, and
 //! the wait for 11 recessive bits before normal mode begins.
+//!
+//! | offset | register | section |
+//! |---|---|---|
+//! | 000h | MCR | RM0008 24.9.2 |
+//! | 004h | MSR | 24.9.2 |
+//! | 008h | TSR | 24.9.2 |
+//! | 00Ch | RF0R | 24.9.2 |
+//! | 010h | RF1R | 24.9.2 |
+//! | 014h | IER | 24.9.2 |
+//! | 018h | ESR | 24.9.2 |
+//! | 01Ch | BTR | 24.9.2 |
+//! | 180h | TI0R, on to TDH2R at 1ACh | 24.9.3 |
+//! | 1B0h | RI0R, on to RDH1R at 1CCh | 24.9.3 |
+//! | 200h | the filters, which have their own table | 24.9.4 |
 
 mod filter;
 mod registers;
