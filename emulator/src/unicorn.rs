@@ -227,8 +227,11 @@ fn build(shared: Shared, flash: u32, ram: u32) -> Result<Engine, uc_error> {
         map_registers(&mut engine, base, size)?;
     }
     engine.ctl_set_tlb_type(TlbType::VIRTUAL)?;
-    engine.add_tlb_hook(1, 0, |engine, page, _| {
-        leave_it_block(engine);
+    engine.add_tlb_hook(1, 0, |engine, page, kind| {
+        // A fetch is between two blocks, and there may be an IT block that goes on.
+        if kind != MemType::FETCH {
+            leave_it_block(engine);
+        }
         Some(translation(page as u32))
     })?;
     add_block_hook(&mut engine)?;

@@ -182,3 +182,16 @@ fn a_first_store_within_an_it_block_made_the_next_block_conditional() {
     assert_eq!(cpu.run(), Stop::WaitForInterrupt);
     assert_eq!(cpu.register(Register::R(2)), 1);
 }
+
+/// The engine asks what a page is for at the first fetch from it, and an IT block that went on from
+/// the page before was left then: what it should have skipped was executed.
+#[test]
+fn an_it_block_ended_at_the_end_of_a_page() {
+    // CMP r0, r0; B 3FCh.
+    let mut cpu = cpu(&[0x4280, 0xE1FB]);
+    // NOP; IT NE; in the next page: MOVNE r1, #1; WFI.
+    put(&mut cpu, BASE + 0x3FC, &[0xBF00, 0xBF18, 0x2101, 0xBF30]);
+    cpu.put_flash_right();
+    assert_eq!(cpu.run(), Stop::WaitForInterrupt);
+    assert_eq!(cpu.register(Register::R(1)), 0);
+}

@@ -207,11 +207,11 @@ impl Log {
     /// Whether the task set the alarm next: it had found nothing.
     fn sets_alarm(&self) -> bool {
         let rest = self.entries.get(self.at..).unwrap_or_default();
-        let mut task = rest.iter().filter(|entry| entry.exception == TASK);
-        let mut next = || task.next().map(|entry| entry.deed);
-        matches!(next(), Some(Deed::Load(CNT, _)))
-            && matches!(next(), Some(Deed::Load(SR, _)))
-            && matches!(next(), Some(Deed::Store(CCR2, _)) | None)
+        let next = rest.iter().find(|entry| entry.exception == TASK);
+        matches!(
+            next.map(|entry| entry.deed),
+            Some(Deed::Store(CCR2, _)) | None
+        )
     }
 
     /// The next entry, if it is one of this exception.
@@ -258,7 +258,7 @@ impl Log {
                     }
                 }
                 Deed::Load(ESR, value) => {
-                    self.error_state(value, at);
+                    self.tell(error_state(value), at);
                     return;
                 }
                 _ => {}
@@ -278,17 +278,21 @@ impl Log {
         }
     }
 
-    /// What ESR says (RM0008 24.9.2).
-    pub fn error_state(&mut self, esr: u32, at: Instant) {
-        let state = match esr {
-            esr if esr & 4 != 0 => State::Off,
-            esr if esr & 2 != 0 => State::Passive,
-            esr if esr & 1 != 0 => State::Warning,
-            _ => State::Active,
-        };
-        let (transmit, receive) = ((esr >> 16) as u8, (esr >> 24) as u8);
+    /// Tells the inbox of the error state and its counters.
+    pub fn tell(&mut self, (state, transmit, receive): (State, u8, u8), at: Instant) {
         self.inbox.state(state, transmit, receive, at);
     }
+}
+
+/// What ESR says (RM0008 24.9.2): the error state, and the counters of sending and receiving.
+pub fn error_state(esr: u32) -> (State, u8, u8) {
+    let state = match esr {
+        esr if esr & 4 != 0 => State::Off,
+        esr if esr & 2 != 0 => State::Passive,
+        esr if esr & 1 != 0 => State::Warning,
+        _ => State::Active,
+    };
+    (state, (esr >> 16) as u8, (esr >> 24) as u8)
 }
 
 /// The frame in a receive mailbox (RM0008 24.9.4).

@@ -25,8 +25,8 @@ use flash::nor::{Nor, Page};
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
-use crate::log::Log;
 use crate::log::register::*;
+use crate::log::{Log, error_state};
 
 /// The flash that both begin with.
 pub type Cells = Nor<Vec<Page>, Dice>;
@@ -191,9 +191,11 @@ pub fn follow(entries: Vec<Entry>, cells: Cells, channel: Channel, serial: u32) 
 /// `firmware::node::Node::serve`, once.
 fn serve(unit: &mut Unit, device: &mut Device<Wire, Memory>, wire: &mut Wire) {
     let log = Rc::clone(&wire.0);
-    let now = wire.now();
-    let state = wire.load(ESR);
-    log.borrow_mut().error_state(state, now);
+    let state = error_state(wire.load(ESR));
+    if log.borrow_mut().inbox().is_another(state.0) {
+        let now = wire.now();
+        log.borrow_mut().tell(state, now);
+    }
     let lost = log.borrow_mut().inbox().take_lost();
     if lost != 0 {
         device.frames_lost(lost, wire.now());
@@ -202,7 +204,6 @@ fn serve(unit: &mut Unit, device: &mut Device<Wire, Memory>, wire: &mut Wire) {
         let now = wire.now();
         let take = |until| log.borrow_mut().take(until, now);
         if let Some(next) = unit.at(device, wire).step(now, take) {
-            wire.now();
             if next > wire.now() {
                 return;
             }
