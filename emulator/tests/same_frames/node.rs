@@ -203,10 +203,10 @@ fn serve(unit: &mut Unit, device: &mut Device<Wire, Memory>, wire: &mut Wire) {
     while !log.borrow().has_ended() {
         let now = wire.now();
         let take = |until| log.borrow_mut().take(until, now);
-        if let Some(next) = unit.at(device, wire).step(now, take) {
-            if next > wire.now() {
-                return;
-            }
+        if let Some(next) = unit.at(device, wire).step(now, take)
+            && next > wire.now()
+        {
+            return;
         }
         match unit.take_order() {
             None => continue,
