@@ -35,8 +35,8 @@ pub enum Input {
 /// Events and edges that nobody has looked at.
 #[derive(Debug)]
 pub struct Inbox {
-    /// Each with the lower 32 bits of its time, which saves 8 bytes of 32: they are unmistakable for
-    /// 71 minutes, and nothing waits for more than seconds.
+    /// Each with the lower 32 bits of its time, which saves 8 bytes of 32: they are unmistakable
+    /// for 71 minutes, and nothing waits for more than seconds.
     events: Deque<(Event, u32), EVENTS>,
     /// The time of the newest event, from which those of the others follow.
     newest: Instant,
