@@ -101,7 +101,7 @@ fn a_bit_gone_bad_in_any_page_of_records_is_told_of_and_no_angle_is_invented() {
             };
             let at = rng.range(f64::from(from), f64::from(to)) as u32;
             let mut cells = cells.clone();
-            cells.flip(page * PAGE + at.min(PAGE - 1), 1 << (flip + at) % 8);
+            cells.flip(page * PAGE + at.min(PAGE - 1), 1 << ((flip + at) % 8));
             let case = format!("page {page}, byte {at}");
             let (said, told) = start(&mut bench, cells);
             let same = Said {
