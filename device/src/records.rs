@@ -86,8 +86,8 @@ pub trait RecordStore {
     /// record or none that is whole.
     fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize;
 
-    /// The records whose last version was whole once and was not when [`RecordStore::start`] looked,
-    /// bit n for the record with number n. An older version is read of them, or none.
+    /// The records whose last version was whole once and was not when [`RecordStore::start`]
+    /// looked, bit n for the record with number n. An older version is read of them, or none.
     fn damaged(&self) -> u32 {
         0
     }
