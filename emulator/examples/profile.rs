@@ -1,8 +1,8 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
 //! In: how many seconds, 10 unless said, and `still` for a bus without a host. Out: speed by
-//! processor time, load, and the symbols with the most instructions of the node of channel A, per second and per sample;
-//! in OPERATIONAL with a SYNC every 10 ms unless it is still.
+//! processor time, load, and the symbols with the most instructions of the node of channel A, per
+//! second and per sample; in OPERATIONAL with a SYNC every 10 ms unless it is still.
 
 use std::error::Error;
 
