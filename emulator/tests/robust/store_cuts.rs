@@ -11,12 +11,10 @@ use emulator::cuts::Cuts;
 
 use crate::bench::{Bench, SAVE, Said, calibration};
 
-/// Starts with the flash that each cut of `act` leaves of which `is_cut` says so, by its number
-/// and how many there are; what `shows` saw then, and without a cut.
+/// Starts with the flash that each cut of `act` leaves; what `shows` saw then, and without a cut.
 fn cut_each<T>(
     bench: &mut Bench,
     act: impl FnOnce(&mut Bench),
-    is_cut: impl Fn(usize, usize) -> bool,
     mut shows: impl FnMut(&mut Bench) -> T,
 ) -> (Vec<T>, T) {
     let begun = Instant::now();
@@ -24,8 +22,7 @@ fn cut_each<T>(
     let journal = bench.journal(act);
     let count = journal.len();
     let mut cuts = Cuts::new(before, &journal);
-    let cut = (0..count).filter(|number| is_cut(*number, count));
-    let shown = cut.map(|number| {
+    let shown = (0..count).map(|number| {
         bench.start_past_the_bootloader(cuts.at(number, 1));
         let shown = shows(bench);
         assert_eq!(bench.broken_rules(), 0, "cut {number}");
@@ -34,10 +31,7 @@ fn cut_each<T>(
     let shown: Vec<_> = shown.collect();
     bench.start(cuts.end());
     let seconds = begun.elapsed().as_secs_f64();
-    eprintln!(
-        "{} of {count} operations cut in {seconds:.1} s",
-        shown.len()
-    );
+    eprintln!("{count} operations cut in {seconds:.1} s");
     (shown, shows(bench))
 }
 
@@ -69,19 +63,7 @@ fn parameters(bench: &mut Bench) -> [usize; 5] {
 }
 
 #[test]
-fn a_cut_in_a_parameter_store_leaves_each_group_old_or_new() {
-    // The first group is long, one half-word of it like the other, and has its header at its end:
-    // the begin of it and a sample. Of what follows every operation.
-    cut_parameters(|number, count| number < 16 || number % 6 == 0 || number + 160 > count);
-}
-
-#[test]
-#[ignore = "takes a minute more; run it when the stores change"]
 fn a_cut_at_every_operation_of_a_parameter_store_leaves_each_group_old_or_new() {
-    cut_parameters(|_, _| true);
-}
-
-fn cut_parameters(is_cut: impl Fn(usize, usize) -> bool) {
     let mut bench = Bench::new();
     store_parameters(&mut bench, 0);
     bench.pair.run(0.5);
@@ -89,7 +71,6 @@ fn cut_parameters(is_cut: impl Fn(usize, usize) -> bool) {
     let (shown, whole) = cut_each(
         &mut bench,
         |bench| store_parameters(bench, 1),
-        is_cut,
         |bench| {
             let said = bench.says();
             let same = Said {
@@ -139,12 +120,7 @@ fn a_cut_at_every_operation_of_a_calibration_leaves_the_old_or_the_new() {
         calibration: identity(&second),
         ..old
     };
-    let (shown, whole) = cut_each(
-        &mut bench,
-        |bench| download(bench, &second),
-        |_, _| true,
-        Bench::says,
-    );
+    let (shown, whole) = cut_each(&mut bench, |bench| download(bench, &second), Bench::says);
     assert_eq!(whole, new);
     for (number, said) in shown.iter().enumerate() {
         assert!([old, new].contains(said), "cut {number}: {said:?}");
