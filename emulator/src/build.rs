@@ -4,9 +4,10 @@
 //! images are built (profile `footprint`). Left out: doing it when nothing has changed; cargo sees
 //! to that.
 
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{env, fmt, fs, io};
+use std::{env, fmt, io};
 
 use flash::layout::BASE;
 use sim::memory::development_key;
@@ -101,6 +102,13 @@ impl Product {
     /// Errors: see [`BuildError`].
     pub fn build() -> Result<Self, BuildError> {
         let target = target_folder();
+        // Tests and servers that build at the same time would read each other's half of it. The
+        // lock ends with its file.
+        let lock = target.join("images.lock");
+        let lock = fs::create_dir_all(&target)
+            .and_then(|()| File::create(&lock))
+            .and_then(|file| file.lock().map(|()| file))
+            .map_err(|error| BuildError::Read(lock, error))?;
         let mut cargo = cargo();
         cargo
             .args([
@@ -132,11 +140,13 @@ impl Product {
             let bytes = read(&images.join(name))?;
             Image::read(&bytes).map_err(BuildError::Image)
         };
-        Ok(Self {
+        let built = Self {
             factory,
             boot: program("boot.elf")?,
             app: program("app-a.elf")?,
-        })
+        };
+        drop(lock);
+        Ok(built)
     }
 
     /// The file of an update for slot `a` or `b`: header and body.
