@@ -38,6 +38,8 @@ class Plumb:
 
     def __init__(self, *arguments: str) -> None:
         command = [PLUMB, "serve", "--listen", "127.0.0.1:0", *arguments]
+        if EMULATED and "PLUMB_IMAGES" in os.environ:
+            command += ["--images", os.environ["PLUMB_IMAGES"]]
         self.process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,

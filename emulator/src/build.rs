@@ -94,7 +94,8 @@ pub struct Product {
 }
 
 impl Product {
-    /// Builds it with `cargo xtask image`, or finds it built. Budgets are that command's business.
+    /// Builds it with `cargo xtask image`, or finds it built, in a folder of its own: what somebody
+    /// is about to flash is not to be replaced by it.
     ///
     /// It believes updates that are signed with the key of the simulated nodes, unless `PLUMB_KEY`
     /// names another.
@@ -120,33 +121,37 @@ impl Product {
                 "--",
                 "image",
             ])
-            .env("CARGO_TARGET_DIR", &target);
+            .env("CARGO_TARGET_DIR", &target)
+            .env("PLUMB_IMAGES", images_folder());
         if env::var_os("PLUMB_KEY").is_none() {
             let digits = development_key().map(|byte| format!("{byte:02x}"));
             cargo.env("PLUMB_KEY", digits.concat());
         }
         let output = cargo.output().map_err(BuildError::Cargo)?;
-        let images = target.join("images");
-        let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
-        let factory = read(&images.join(name)).map_err(|missing| {
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            if output.status.success() {
-                missing
-            } else {
-                BuildError::Failed(said)
-            }
-        })?;
-        let program = |name: &str| {
-            let bytes = read(&images.join(name))?;
-            Image::read(&bytes).map_err(BuildError::Image)
-        };
-        let built = Self {
-            factory,
-            boot: program("boot.elf")?,
-            app: program("app-a.elf")?,
-        };
+        if !output.status.success() {
+            let said = [output.stdout, output.stderr].concat();
+            let said = String::from_utf8_lossy(&said).into_owned();
+            return Err(BuildError::Failed(said));
+        }
+        let built = Self::read(&images_folder())?;
         drop(lock);
         Ok(built)
+    }
+
+    /// What `cargo xtask image` has left in `folder`.
+    ///
+    /// Errors: [`BuildError::Read`], [`BuildError::Image`].
+    pub fn read(folder: &Path) -> Result<Self, BuildError> {
+        let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
+        let program = |name: &str| {
+            let bytes = read(&folder.join(name))?;
+            Image::read(&bytes).map_err(BuildError::Image)
+        };
+        Ok(Self {
+            factory: read(&folder.join(name))?,
+            boot: program("boot.elf")?,
+            app: program("app-a.elf")?,
+        })
     }
 
     /// The file of an update for slot `a` or `b`: header and body.
@@ -155,13 +160,18 @@ impl Product {
     pub fn update(&self, slot: &str) -> Result<Vec<u8>, BuildError> {
         let version = env!("CARGO_PKG_VERSION");
         let name = format!("plumb-{version}-slot-{slot}.img");
-        read(&target_folder().join("images").join(name))
+        read(&images_folder().join(name))
     }
 
     /// What goes into an erased flash.
     pub fn pieces(&self) -> Vec<(u32, Vec<u8>)> {
         vec![(BASE, self.factory.clone())]
     }
+}
+
+/// Where the product's images for emulation are.
+fn images_folder() -> PathBuf {
+    target_folder().join("emulated").join("images")
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, BuildError> {

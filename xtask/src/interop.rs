@@ -16,6 +16,7 @@ use std::sync::{Mutex, PoisonError};
 use std::{env, fmt, fs, io, thread};
 
 use crate::command::{self, CommandError, Tally};
+use crate::image::{self, ImageError};
 use crate::workspace::Workspace;
 
 /// The packages, each with its exact release.
@@ -38,6 +39,8 @@ pub enum InteropError {
     Packages,
     /// A command failed: the build, or a test.
     Command(CommandError),
+    /// There are no images to emulate.
+    Image(ImageError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
     /// No test ran at all, which means the run says nothing.
@@ -62,6 +65,7 @@ impl fmt::Display for InteropError {
                  above); the network is needed once, then never again"
             ),
             Self::Command(error) => write!(out, "{error}"),
+            Self::Image(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoTests => write!(out, "not one test ran"),
         }
@@ -71,6 +75,12 @@ impl fmt::Display for InteropError {
 impl From<CommandError> for InteropError {
     fn from(error: CommandError) -> Self {
         Self::Command(error)
+    }
+}
+
+impl From<ImageError> for InteropError {
+    fn from(error: ImageError) -> Self {
+        Self::Image(error)
     }
 }
 
@@ -111,7 +121,10 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
     let all = files(workspace)?;
     let emulated = all.iter().filter(|file| !NOT_EMULATED.contains(&&***file));
     let emulated = emulated.cloned().collect();
-    let test = |file: &str, program| test(workspace, &python, file, program);
+    // Once for all, since every bus would build them anew.
+    let images = workspace.target().join("emulated").join("interop");
+    image::build_into(workspace, images.clone())?;
+    let test = |file: &str, program| test(workspace, &python, &images, file, program);
     let mut outcomes = side_by_side(AT_ONCE, all, |file| test(file, "plumb"));
     outcomes.extend(side_by_side(EMULATED_AT_ONCE, emulated, |file| {
         test(file, "emulate")
@@ -172,7 +185,7 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
 
 /// Runs one file of tests against what `program` serves: its summary is printed, and everything
 /// where a test fails.
-fn test(workspace: &Workspace, python: &Path, file: &str, program: &str) -> Outcome {
+fn test(workspace: &Workspace, python: &Path, images: &Path, file: &str, program: &str) -> Outcome {
     let name = format!("{program}{}", env::consts::EXE_SUFFIX);
     let mut pytest = workspace.program(
         &python.to_string_lossy(),
@@ -181,6 +194,7 @@ fn test(workspace: &Workspace, python: &Path, file: &str, program: &str) -> Outc
     pytest
         .arg(format!("interop/{file}"))
         .env("PLUMB", workspace.target().join("debug").join(name))
+        .env("PLUMB_IMAGES", images)
         .env("PYTHONDONTWRITEBYTECODE", "1");
     let (mut tally, mut said, mut last) = (Tally::default(), String::new(), String::new());
     let outcome = command::watch(pytest, |line| {

@@ -59,6 +59,9 @@ enum Go {
     Quit,
 }
 
+/// What is told of trouble that only the code of a virtual node can have.
+const BEYOND: &str = "its code runs on an emulated processor: only its part and its wires break";
+
 fn complain(sentence: &str) {
     eprintln!("plumb: {sentence}");
 }
@@ -215,6 +218,7 @@ impl Server {
             Done::Quietly => {}
             Done::Told(text) => say(&text),
             Done::Impossible(pose) => complain(&impossible(pose)),
+            Done::Beyond => complain(BEYOND),
             Done::ScriptOnly => complain("`wait`, `hold` and `repeat` are words of scripts"),
             Done::Quit => return Go::Quit,
         }

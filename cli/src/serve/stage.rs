@@ -28,9 +28,6 @@ use super::words::{BusTrouble, Word, help};
 /// Frames of clients that may wait here; the rest wait with the clients.
 const OUTGOING_LIMIT: usize = 64;
 
-/// What is told of trouble that only the code of a virtual node can have.
-const BEYOND: &str = "its code runs on an emulated processor: only its part and its wires break";
-
 /// How often the dies follow the chamber.
 const CHAMBER_NS: u64 = 100_000_000;
 
@@ -254,6 +251,8 @@ pub enum Done {
     Quit,
     /// A word for scripts, which means nothing here.
     ScriptOnly,
+    /// Trouble of a node whose code runs elsewhere; nothing has changed.
+    Beyond,
 }
 
 impl Stage {
@@ -284,7 +283,7 @@ impl Stage {
                 self.network.bus.set_bit_rate(self.adapter.port, rate);
             }
             Word::Fault(nodes, trouble) if self.is_beyond(&nodes.0, *trouble) => {
-                return Done::Told(BEYOND.to_owned());
+                return Done::Beyond;
             }
             Word::Fault(nodes, trouble) => self.each(&nodes.0, |s, n| s.trouble(n, *trouble)),
             Word::Heal(nodes) => self.each(&nodes.0, Self::heal),

@@ -1,13 +1,14 @@
 //! `cargo emulate`: the product's exact images, run on emulated boards.
 //!
-//! In: a verb and its arguments. Out: `serve` puts two emulated nodes on a bus that other programs
+//! In: a verb and its arguments; images, unless they are to be built. Out: `serve` puts two emulated nodes on a bus that other programs
 //! can join, exactly as `plumb serve` does with virtual ones. Errors are one sentence on stderr
 //! and exit status 2.
 
 use std::error::Error;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use emulator::build::Product;
 use emulator::pair::deliver;
 use plumb::serve;
@@ -26,12 +27,21 @@ struct CommandLine {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// Put two emulated nodes on a CAN bus that other programs can join
-    Serve(serve::Arguments),
+    Serve(Serve),
+}
+
+#[derive(Debug, Args)]
+struct Serve {
+    #[command(flatten)]
+    bus: serve::Arguments,
+    /// Run what `cargo xtask image` has left in this folder, instead of building it anew
+    #[arg(long, value_name = "DIR")]
+    images: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
-    let Verb::Serve(arguments) = CommandLine::parse().verb;
-    match run(&arguments) {
+    let Verb::Serve(serve) = CommandLine::parse().verb;
+    match run(&serve) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("emulate: {error}");
@@ -41,9 +51,12 @@ fn main() -> ExitCode {
 }
 
 /// Builds the images, puts them on two boards, and serves them.
-fn run(arguments: &serve::Arguments) -> Result<ExitCode, Box<dyn Error>> {
+fn run(serve: &Serve) -> Result<ExitCode, Box<dyn Error>> {
+    let arguments = &serve.bus;
     refuse(arguments)?;
-    let pieces = Product::build()?.pieces();
+    let named = arguments.node_ids()?;
+    let product = serve.images.as_deref();
+    let pieces = product.map_or_else(Product::build, Product::read)?.pieces();
     let bit_rate = u32::from(arguments.bit_rate) * 1000;
     let mut network = Network::new(bit_rate, arguments.seed);
     let (world, seed) = (&World::NOMINAL, arguments.seed);
@@ -52,7 +65,6 @@ fn run(arguments: &serve::Arguments) -> Result<ExitCode, Box<dyn Error>> {
     } else {
         Delivered::calibrated(Mode::Product, world, seed, 0)?
     };
-    let named = arguments.node_ids()?;
     let ids = [0, 1].map(|number| named[number].unwrap_or(UNCONFIGURED));
     let fitting = (ids, arguments.bit_rate);
     deliver(&mut network, &delivered, fitting, seed, &pieces)?;

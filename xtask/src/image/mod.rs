@@ -1,6 +1,7 @@
 //! `cargo xtask image`: what is flashed, and what an update sends.
 //!
-//! In: the package `firmware`. Out, in `target/images`:
+//! In: the package `firmware`, and whose updates it is to believe (`PLUMB_KEY` and
+//! `PLUMB_UNSIGNED`, see its build script). Out, in `target/images` or where `PLUMB_IMAGES` says:
 //!
 //! | file | is |
 //! |---|---|
@@ -14,10 +15,11 @@
 //! Left out: signatures.
 
 mod hex;
+mod keys;
 mod linked;
 
 use std::path::{Path, PathBuf};
-use std::{fmt, fs, io};
+use std::{env, fmt, fs, io};
 
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
@@ -38,9 +40,14 @@ const BOOT_BUDGET: usize = 8 * 1024;
 /// by pointer come on top. A device that is copied on its way to its place is found by this.
 const RAM_BUDGET: usize = 23 * 1024;
 
+/// How the names of our files end.
+const OURS: [&str; 6] = ["boot.elf", "app-a.elf", "app-b.elf", ".img", ".bin", ".hex"];
+
 /// Why there are no images.
 #[derive(Debug)]
 pub enum ImageError {
+    /// A variable of the environment does not say whose updates are believed.
+    Keys(String),
     /// A command failed.
     Command(CommandError),
     /// A file could not be read or written.
@@ -58,6 +65,7 @@ pub enum ImageError {
 impl fmt::Display for ImageError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Keys(why) => out.write_str(why),
             Self::Command(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::Elf(path, error) => write!(out, "{}: {error}", path.display()),
@@ -81,24 +89,47 @@ struct Outlet {
 }
 
 impl Outlet {
+    /// The folder, without the files of the last build: they would pass for this one's if it
+    /// fails.
+    fn clear(folder: PathBuf, version: String) -> Result<Self, ImageError> {
+        let outlet = Self { folder, version };
+        let failed = |error| ImageError::File(outlet.folder.clone(), error);
+        fs::create_dir_all(&outlet.folder).map_err(failed)?;
+        for entry in fs::read_dir(&outlet.folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if OURS.iter().any(|ours| name.ends_with(ours)) {
+                fs::remove_file(&path).map_err(|error| ImageError::File(path, error))?;
+            }
+        }
+        Ok(outlet)
+    }
+
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ImageError> {
         let path = self.folder.join(name);
         fs::write(&path, bytes).map_err(|error| ImageError::File(path, error))
     }
 }
 
-/// Builds everything, prints sizes, and fails above a budget.
+/// Builds everything into where it belongs, prints sizes, and fails above a budget.
 pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
+    let folder = env::var_os("PLUMB_IMAGES");
+    let folder = folder.map_or_else(|| workspace.target().join("images"), PathBuf::from);
+    build_into(workspace, folder)
+}
+
+/// The same into `folder`.
+pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageError> {
     let version = env!("CARGO_PKG_VERSION").to_string();
-    let folder = workspace.target().join("images");
-    fs::create_dir_all(&folder).map_err(|error| ImageError::File(folder.clone(), error))?;
-    let outlet = Outlet { folder, version };
+    let believed = keys::believed(|name| env::var(name).ok()).map_err(ImageError::Keys)?;
+    let outlet = Outlet::clear(folder, version)?;
     let mut over = Vec::new();
     for slot in [Slot::A, Slot::B] {
         let [boot, app] = link(workspace, &outlet, slot)?;
         over.extend(judge(slot, &boot, &app));
         offer(&outlet, slot, &boot, &app)?;
     }
+    println!("      {believed}");
     println!("      {}", outlet.folder.display());
     if over.is_empty() {
         Ok(())
