@@ -1,8 +1,8 @@
 //! `cargo emulate`: the product's exact images, run on emulated boards.
 //!
-//! In: a verb and its arguments; images, unless they are to be built. Out: `serve` puts two emulated nodes on a bus that other programs
-//! can join, exactly as `plumb serve` does with virtual ones. Errors are one sentence on stderr
-//! and exit status 2.
+//! In: a verb and its arguments; images, unless they are to be built. Out: `serve` puts two
+//! emulated nodes on a bus that other programs can join, exactly as `plumb serve` does with
+//! virtual ones. Errors are one sentence on stderr and exit status 2.
 
 use std::error::Error;
 use std::path::PathBuf;
