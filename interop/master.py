@@ -52,6 +52,10 @@ class Plumb:
         threading.Thread(target=self._read, daemon=True).start()
         self.ready = self.printed("serving ", 60)
         self.port = int(re.search(r"socketcand [\d.]+:(\d+)", self.ready)[1])
+        if EMULATED:
+            # Until its bootloader and its start are through, a real image's boot-up message is
+            # still to come, and would pass for that of a reset.
+            time.sleep(0.5)
 
     def _read(self) -> None:
         for line in self.process.stdout:

@@ -238,3 +238,24 @@ fn r9_a_flipped_bit_of_the_running_program_is_told_of() {
     }
     panic!("a damaged program was not told of within 30 s");
 }
+
+#[test]
+fn a_request_was_lost_behind_other_frames_while_a_page_was_erased() {
+    let mut pair = pair();
+    pair.run(1.0);
+    for control in [0, 3] {
+        pair.write(1, (0x1F51, 1), 1, control).expect("a clear");
+    }
+    // Within an erase of 20 ms: more than a FIFO of the controller holds, then the request.
+    for round in 0..4 {
+        let answered = pair.of_id(0x581).len();
+        for id in 0x123..0x129 {
+            pair.send(Frame::data_frame(id, &[0; 8])).expect("room");
+            pair.run(0.0006);
+        }
+        let request = [0x40, 0, 0x10, 0, 0, 0, 0, 0];
+        pair.send(Frame::data_frame(0x601, &request)).expect("room");
+        pair.run(0.45);
+        assert_eq!(pair.of_id(0x581).len(), answered + 1, "round {round}");
+    }
+}

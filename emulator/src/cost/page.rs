@@ -9,11 +9,12 @@ use std::fmt::Write as _;
 use super::{Figures, Interrupt};
 
 /// The exceptions of the image, with what they do.
-const NAMES: [(u32, &str); 5] = [
+const NAMES: [(u32, &str); 6] = [
     (16 + 28, "TIM2: the edge's time"),
     (16 + 29, "TIM3: the device at work"),
     (16 + 19, "CAN: sent"),
     (16 + 20, "CAN: received"),
+    (16 + 21, "CAN: asked by a master"),
     (16 + 22, "CAN: state"),
 ];
 

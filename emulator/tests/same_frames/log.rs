@@ -33,16 +33,21 @@ pub mod register {
     pub const MSR: u32 = CAN + 0x04;
     pub const TSR: u32 = CAN + 0x08;
     pub const RF0R: u32 = CAN + 0x0C;
+    pub const RF1R: u32 = CAN + 0x10;
     pub const ESR: u32 = CAN + 0x18;
     pub const BTR: u32 = CAN + 0x1C;
     pub const TIR: u32 = CAN + 0x180;
     pub const TDTR: u32 = CAN + 0x184;
     pub const TDLR: u32 = CAN + 0x188;
     pub const TDHR: u32 = CAN + 0x18C;
-    pub const RIR: u32 = CAN + 0x1B0;
-    pub const RDTR: u32 = CAN + 0x1B4;
-    pub const RDLR: u32 = CAN + 0x1B8;
-    pub const RDHR: u32 = CAN + 0x1BC;
+    pub const RI0R: u32 = CAN + 0x1B0;
+    pub const RDT0R: u32 = CAN + 0x1B4;
+    pub const RDL0R: u32 = CAN + 0x1B8;
+    pub const RDH0R: u32 = CAN + 0x1BC;
+    pub const RI1R: u32 = CAN + 0x1C0;
+    pub const RDT1R: u32 = CAN + 0x1C4;
+    pub const RDL1R: u32 = CAN + 0x1C8;
+    pub const RDH1R: u32 = CAN + 0x1CC;
 }
 use register::*;
 
@@ -247,11 +252,11 @@ impl Log {
                 Deed::Load(CNT, value) => count = value as u16,
                 Deed::Load(SR, flags) => at = ticks::join(self.overflows, flags & 1 != 0, count),
                 Deed::Load(TSR, flags) => self.completed(flags, at),
-                Deed::Load(RF0R, flags) if flags & 1 << 4 != 0 => self.inbox.lost(),
-                Deed::Load(RIR, value) => words[0] = value,
-                Deed::Load(RDTR, value) => words[1] = value,
-                Deed::Load(RDLR, value) => words[2] = value,
-                Deed::Load(RDHR, value) => {
+                Deed::Load(RF0R | RF1R, flags) if flags & 1 << 4 != 0 => self.inbox.lost(),
+                Deed::Load(RI0R | RI1R, value) => words[0] = value,
+                Deed::Load(RDT0R | RDT1R, value) => words[1] = value,
+                Deed::Load(RDL0R | RDL1R, value) => words[2] = value,
+                Deed::Load(RDH0R | RDH1R, value) => {
                     words[3] = value;
                     if let Some(frame) = frame(words) {
                         self.inbox.put(Event::Received(frame), at);

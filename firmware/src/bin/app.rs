@@ -95,6 +95,13 @@ mod app {
         rtic::pend(Interrupt::TIM3);
     }
 
+    #[task(binds = CAN_RX1, priority = 2, shared = [inbox])]
+    fn can_asked(mut cx: can_asked::Context) {
+        let now = clock::now();
+        cx.shared.inbox.lock(|inbox| can::interrupt(inbox, now));
+        rtic::pend(Interrupt::TIM3);
+    }
+
     #[task(binds = CAN_SCE, priority = 2, shared = [inbox])]
     fn can_state(mut cx: can_state::Context) {
         let now = clock::now();

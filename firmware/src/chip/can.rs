@@ -1,4 +1,4 @@
-//! The CAN controller, bxCAN: mailboxes out, FIFO 0 in, error state.
+//! The CAN controller, bxCAN: mailboxes out, two FIFOs in, error state.
 //!
 //! In: frames for a mailbox, and interrupts. Out: [`Event`]s with their time, in the order in which
 //! the controller's flags told of them. RM0008 24.4 (modes), 24.5 (test modes), 24.7 (mailboxes,
@@ -6,8 +6,11 @@
 //!
 //! Frames are never waited for: an interrupt tells what has become of one. A new bit rate has to
 //! wait for the end of the frame on the bus. Bus-off ends when the device says so (ABOM = 0).
-//! Frames of any identifier come in, in the order of the bus; what is not for this node the stack
-//! throws away.
+//! Frames of any identifier come in; what is not for this node the stack throws away. A FIFO holds
+//! three, which is less than a bus brings while the processor stands still for the erase of a page.
+//! So what a master has to be heard with, NMT, LSS and the requests of SDOs, has FIFO 1 for itself:
+//! of those a few are under way at most, whatever else there is. Within a FIFO the order is that of
+//! the bus.
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
@@ -44,9 +47,9 @@ const FMP: u32 = 3;
 const FOVR: u32 = 1 << 4;
 /// See [`FMP`].
 const RFOM: u32 = 1 << 5;
-/// IER: mailbox empty, frame in FIFO 0, FIFO 0 overrun, error warning, error passive, bus-off,
-/// error.
-const INTERRUPTS: u32 = 1 | 1 << 1 | 1 << 3 | 1 << 8 | 1 << 9 | 1 << 10 | 1 << 15;
+/// IER: mailbox empty, frame in and overrun of FIFO 0 and of FIFO 1, error warning, error passive,
+/// bus-off, error.
+const INTERRUPTS: u32 = 1 | 1 << 1 | 1 << 3 | 1 << 4 | 1 << 6 | 1 << 8 | 1 << 9 | 1 << 10 | 1 << 15;
 /// ESR: error warning; error passive; bus-off.
 const EWGF: u32 = 1;
 /// See [`EWGF`].
@@ -63,6 +66,16 @@ const RTR: u32 = 1 << 1;
 const IDE: u32 = 1 << 2;
 /// FMR: filters are being set up. Its other bits have a reset value that must stay.
 const FINIT: u32 = 0x2A1C_0E01;
+
+/// Identifiers of a master's NMT commands (CiA 301 7.3.3), LSS requests (CiA 305), and SDO requests
+/// to any node.
+const NMT: u32 = 0;
+/// See [`NMT`].
+const LSS: u32 = 0x7E5;
+/// See [`NMT`].
+const SDO: u32 = 0x600;
+/// The bits of an identifier that are not a node-id.
+const ANY_NODE: u32 = 0x780;
 
 /// How long initialisation is waited for, us. The controller gets there at the end of the frame
 /// that is on the bus: after 13.4 ms at 10 kbit/s, 134 bits. On a bus that is shorted it never
@@ -89,14 +102,20 @@ impl Can {
     pub fn start(_: CAN) -> Self {
         let can = registers();
         write(can.mcr(), INRQ | RFLM);
-        // Bank 0, one mask of 32 bits that looks at no bit: everything goes to FIFO 0.
+        // Bank 0, a list, and bank 1, a mask, both of 32 bits, for FIFO 1; bank 2, masks of 16 bits
+        // that look at no bit, for FIFO 0 and all that is left: the wider filter goes before
+        // (RM0008 24.7.4).
         write(can.fmr(), FINIT);
-        write(can.fm1r(), 0);
-        write(can.fs1r(), 1);
-        write(can.ffa1r(), 0);
-        write(can.fb(0).fr1(), 0);
-        write(can.fb(0).fr2(), 0);
-        write(can.fa1r(), 1);
+        write(can.fm1r(), 0b001);
+        write(can.fs1r(), 0b011);
+        write(can.ffa1r(), 0b011);
+        write(can.fb(0).fr1(), NMT << 21);
+        write(can.fb(0).fr2(), LSS << 21);
+        write(can.fb(1).fr1(), SDO << 21);
+        write(can.fb(1).fr2(), ANY_NODE << 21 | IDE);
+        write(can.fb(2).fr1(), 0);
+        write(can.fb(2).fr2(), 0);
+        write(can.fa1r(), 0b111);
         write(can.fmr(), FINIT & !1);
         write(can.ier(), INTERRUPTS);
         Self(())
@@ -181,7 +200,7 @@ fn initialise() {
     while can.msr().read().bits() & INAK == 0 && clock::now() < end {}
 }
 
-/// Serves each of the controller's four interrupts: moves what has happened into the inbox.
+/// Serves each of the controller's four interrupts alike: moves what has happened into the inbox.
 pub fn interrupt(inbox: &mut Inbox, now: Instant) {
     let can = registers();
     let tsr = can.tsr().read().bits();
@@ -194,7 +213,8 @@ pub fn interrupt(inbox: &mut Inbox, now: Instant) {
             inbox.put(event(place), now);
         }
     }
-    receive(can, inbox, now);
+    receive(can, 1, inbox, now);
+    receive(can, 0, inbox, now);
     write(can.msr(), ERRI);
     look(inbox, || now);
 }
@@ -213,24 +233,25 @@ pub fn look(inbox: &mut Inbox, now: impl FnOnce() -> Instant) {
     }
 }
 
-fn receive(can: &RegisterBlock, inbox: &mut Inbox, now: Instant) {
+/// Empties FIFO `number`, 0 or 1. RF0R and RF1R have the same bits.
+fn receive(can: &RegisterBlock, number: usize, inbox: &mut Inbox, now: Instant) {
     // The FIFO holds three; one more may come in meanwhile.
     for _ in 0..4 {
-        let fifo = can.rf0r().read().bits();
+        let fifo = can.rfr(number).read().bits();
         if fifo & FOVR != 0 {
             inbox.lost();
-            write(can.rf0r(), FOVR);
+            write(can.rfr(number), FOVR);
         }
         if fifo & FMP == 0 {
             return;
         }
-        let mailbox = can.rx(0);
+        let mailbox = can.rx(number);
         let [rir, rdtr] = [mailbox.rir().read().bits(), mailbox.rdtr().read().bits()];
         let [low, high] = [mailbox.rdlr().read().bits(), mailbox.rdhr().read().bits()];
         if let Some(frame) = frame(rir, rdtr, low, high) {
             inbox.put(Event::Received(frame), now);
         }
-        write(can.rf0r(), RFOM);
+        write(can.rfr(number), RFOM);
     }
 }
 
