@@ -215,6 +215,32 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
 }
 
 #[test]
+fn the_next_page_of_a_clear_did_not_wait_until_what_had_come_up_was_done() {
+    let mut site = powered(delivered());
+    for command in [0, 3] {
+        assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
+    }
+    site.pass(100);
+    let erased = |site: &mut Site| site.device.memory().flash().operations();
+    let before = erased(&mut site);
+    // Each page takes 40 ms, which the device is told when they are over.
+    let mut last = before;
+    for _ in 0..100 {
+        site.pass(0);
+        let now = erased(&mut site);
+        assert!(now - last <= 1);
+        if now > last {
+            site.stand_still(40_000);
+            site.pass(0);
+            assert_eq!(erased(&mut site), now, "within 20 ms");
+        }
+        last = now;
+    }
+    let pages = last - before;
+    assert!((30..=50).contains(&pages), "{pages}");
+}
+
+#[test]
 fn nothing_is_erased_in_operational() {
     let mut site = powered(delivered());
     for command in [0, 3] {
