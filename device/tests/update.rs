@@ -215,6 +215,35 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
 }
 
 #[test]
+fn an_image_with_another_signature_of_the_same_body_passed_for_the_one_under_way() {
+    let file = image(Slot::B, NEW, HARDWARE);
+    // What 2080h says of the image under way when so many segments of it have come.
+    let under_way = |file: &[u8], segments: usize| {
+        let mut site = powered(delivered());
+        clear(&mut site);
+        let begun = site.request([0x21, 0x50, 0x1F, 1, 0x78, 2, 0, 0]);
+        assert!(begun.is_some_and(|answer| answer.is_ok()));
+        for (number, piece) in file.chunks(7).take(segments).enumerate() {
+            let mut segment = [(number as u8 & 1) << 4; 8];
+            segment[1..].copy_from_slice(piece);
+            assert!(site.request(segment).is_some_and(|answer| answer.is_ok()));
+        }
+        site.hears(0x601, &[0x80, 0x50, 0x1F, 1, 0, 0, 4, 5]);
+        [5, 6].map(|sub| number(&mut site, at(0x2080, sub)))
+    };
+    // A signature is over the version, too.
+    let mut signed = file.clone();
+    signed[FIELDS - 1] = 0;
+    let said = [&file, &signed].map(|file| under_way(file, 20));
+    let sum = |file: &[u8]| u64::from(Crc32::of(&file[..FIELDS]));
+    assert_eq!(said, [sum(&file), sum(&signed)].map(|sum| [sum, 140]));
+    assert!(said[0] != said[1]);
+    // Before all of the signature is here nothing can go on.
+    assert_eq!(under_way(&file, 13), [0, 0]);
+    assert_eq!(under_way(&file, 14), [sum(&file), 98]);
+}
+
+#[test]
 fn the_next_page_of_a_clear_did_not_wait_until_what_had_come_up_was_done() {
     let mut site = powered(delivered());
     for command in [0, 3] {
