@@ -9,7 +9,9 @@ mod site;
 
 use canopen::object::{Value, at};
 use device::calibration::encoding::{MAX_LENGTH, identity, length, read_at};
+use device::fault::Fault;
 use device::objects::table::Channel;
+use device::records::{EventStore, Record, RecordStore};
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Calibration, Correction};
 use tilt::sample::Temperature;
@@ -99,6 +101,25 @@ fn a_cut_at_any_operation_of_a_parameter_store_leaves_each_group_old_or_new() {
         shown == [1; 4]
     });
     assert!(operations > 600, "{operations}");
+}
+
+#[test]
+fn a_box_that_another_event_took_over_was_left_staged_and_storing_failed() {
+    let mut site = powered(blank());
+    let memory = site.device.memory();
+    for _ in 0..100 {
+        let begun = RecordStore::begin(memory, Record::Box1, Record::Box1.longest());
+        assert_eq!(begun, Ok(()));
+        assert_eq!(RecordStore::append(memory, &[7; 1600]), Ok(()));
+        if memory.needs_room() {
+            break;
+        }
+        assert_eq!(RecordStore::commit(memory), Ok(()));
+    }
+    assert!(memory.needs_room());
+    site.pass(100);
+    assert!(!site.device.memory().needs_room());
+    assert!(!site.device.faults().has(Fault::Storage));
 }
 
 /// Tables of as many points as there are, which turn every angle by `turn` units.

@@ -73,9 +73,9 @@ fn clear(site: &mut Site) {
         assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
     }
     let pages = RC.a.length / PAGE;
-    site.pass(10 * (pages - 2));
+    site.pass(20 * (pages - 3));
     assert_eq!(number(site, STATUS), 1);
-    site.pass(30);
+    site.pass(80);
     assert_eq!(number(site, STATUS), 1 << 1);
 }
 
@@ -84,7 +84,7 @@ fn update(site: &mut Site, file: &[u8]) {
     for command in [0, 3] {
         let _ = site.write(CONTROL, Value::u8(command));
     }
-    site.pass(600);
+    site.pass(1200);
     let _ = site.download(DATA, file);
     let _ = site.write(CONTROL, Value::u8(1));
 }
@@ -202,8 +202,8 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
     }
     site.hears(0x601, &[0x80, 0x50, 0x1F, 1, 0, 0, 4, 5]);
     assert_eq!(number(&mut site, STATUS), 3 << 1);
-    let sum = u64::from(Crc32::of(&file[HEADER as usize..]));
-    assert_eq!(number(&mut site, at(0x2080, 5)), sum);
+    let identity = u64::from(Crc32::of(&file[..FIELDS]));
+    assert_eq!(number(&mut site, at(0x2080, 5)), identity);
     assert_eq!(number(&mut site, at(0x2080, 6)), sent as u64);
     let wrong = site.write(at(0x2080, 6), Value::u32(1));
     assert_eq!(wrong, Some(Err(0x0609_0030)));
@@ -212,6 +212,61 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
     assert_eq!(site.download(DATA, &file[sent..]), Some(Ok(())));
     assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
     assert_eq!(running(&mut site), (NEW.0.into(), 1, 1));
+}
+
+#[test]
+fn an_image_with_another_signature_of_the_same_body_passed_for_the_one_under_way() {
+    let file = image(Slot::B, NEW, HARDWARE);
+    // What 2080h says of the image under way when so many segments of it have come.
+    let under_way = |file: &[u8], segments: usize| {
+        let mut site = powered(delivered());
+        clear(&mut site);
+        let begun = site.request([0x21, 0x50, 0x1F, 1, 0x78, 2, 0, 0]);
+        assert!(begun.is_some_and(|answer| answer.is_ok()));
+        for (number, piece) in file.chunks(7).take(segments).enumerate() {
+            let mut segment = [(number as u8 & 1) << 4; 8];
+            segment[1..].copy_from_slice(piece);
+            assert!(site.request(segment).is_some_and(|answer| answer.is_ok()));
+        }
+        site.hears(0x601, &[0x80, 0x50, 0x1F, 1, 0, 0, 4, 5]);
+        [5, 6].map(|sub| number(&mut site, at(0x2080, sub)))
+    };
+    // A signature is over the version, too.
+    let mut signed = file.clone();
+    signed[FIELDS - 1] = 0;
+    let said = [&file, &signed].map(|file| under_way(file, 20));
+    let sum = |file: &[u8]| u64::from(Crc32::of(&file[..FIELDS]));
+    assert_eq!(said, [sum(&file), sum(&signed)].map(|sum| [sum, 140]));
+    assert!(said[0] != said[1]);
+    // Before all of the signature is here nothing can go on.
+    assert_eq!(under_way(&file, 13), [0, 0]);
+    assert_eq!(under_way(&file, 14), [sum(&file), 98]);
+}
+
+#[test]
+fn the_next_page_of_a_clear_did_not_wait_until_what_had_come_up_was_done() {
+    let mut site = powered(delivered());
+    for command in [0, 3] {
+        assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
+    }
+    site.pass(100);
+    let erased = |site: &mut Site| site.device.memory().flash().operations();
+    let before = erased(&mut site);
+    // Each page takes 40 ms, which the device is told when they are over.
+    let mut last = before;
+    for _ in 0..100 {
+        site.pass(0);
+        let now = erased(&mut site);
+        assert!(now - last <= 1);
+        if now > last {
+            site.stand_still(40_000);
+            site.pass(0);
+            assert_eq!(erased(&mut site), now, "within 20 ms");
+        }
+        last = now;
+    }
+    let pages = last - before;
+    assert!((30..=50).contains(&pages), "{pages}");
 }
 
 #[test]
@@ -226,7 +281,7 @@ fn nothing_is_erased_in_operational() {
     site.pass(1000);
     assert_eq!(site.device.memory().flash().operations(), operations);
     site.nmt(128);
-    site.pass(600);
+    site.pass(1200);
     assert_eq!(number(&mut site, STATUS), 1 << 1);
 }
 

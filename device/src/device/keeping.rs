@@ -108,6 +108,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         let may_erase = self.values.state != State::Operational && !self.keeping.cramped;
         if may_erase && self.keeping.copying.is_none() && self.memory.needs_room() {
+            // Nobody stages anything now: a box was left when another event took its place.
+            RecordStore::discard(&mut self.memory);
             let made = self.memory.make_room();
             self.values.storage_failed |= made == Err(StoreError::Hardware);
             self.keeping.cramped = made.is_err();

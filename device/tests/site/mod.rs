@@ -268,6 +268,12 @@ impl Site {
         }
     }
 
+    /// The processor does nothing for so long.
+    pub fn stand_still(&mut self, us: i64) {
+        self.now = self.now.offset(us);
+        self.device.stood_still(self.now);
+    }
+
     /// Samples at the part's rate, with a poll after each.
     pub fn measure(&mut self, samples: u16) {
         let period_us = i64::from(Config::PRODUCT.rate.period_us());

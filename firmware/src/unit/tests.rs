@@ -353,3 +353,30 @@ fn what_is_due_just_now_is_done_at_its_own_instant() {
     assert_eq!(punctual(Instant(97_999), now), now);
     assert_eq!(punctual(Instant(u64::MAX), now), Instant(u64::MAX));
 }
+
+#[test]
+fn the_sensor_was_blamed_for_the_time_that_the_processor_stood_still() {
+    let mut bench = Bench::measuring();
+    bench.hear(0, &[0x80, 1]);
+    bench.pass(100_000);
+    let silent = |bench: &Bench| bench.device.faults().has(Fault::SensorSilent);
+    // An edge has just replaced the one before it, and a frame has come between the two.
+    let later = |us| Instant(bench.now.0 + us);
+    let [frame, edge, end] = [later(40_010), later(40_020), later(40_030)];
+    let mut inbox = Inbox::new();
+    inbox.put(Event::Received(Frame::data_frame(0x80, &[])), frame);
+    inbox.edge(edge);
+    bench.serve(&mut inbox, end);
+    assert!(!silent(&bench));
+    bench.pass(100_000);
+    assert!(!silent(&bench));
+    // One that really is silent is found though page after page is erased.
+    for _ in 0..2 {
+        assert!(!silent(&bench));
+        for us in [40_000, 1000] {
+            let end = Instant(bench.now.0 + us);
+            bench.serve(&mut inbox, end);
+        }
+    }
+    assert!(silent(&bench));
+}
