@@ -100,6 +100,8 @@ pub struct Channel<SPI> {
     fault: Option<Invalid>,
     /// When the next sample will be missed.
     overdue_at: Instant,
+    /// Nobody could read samples up to this instant.
+    excused_until: Instant,
     next_check: Instant,
     /// A sample that is overdue is not asked after again before this.
     next_watch: Instant,
@@ -120,6 +122,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             lost: false,
             fault: Some(Invalid::NoSample),
             overdue_at: NEVER,
+            excused_until: Instant(0),
             next_check: Instant(0),
             next_watch: Instant(0),
             samples: 0,
@@ -186,6 +189,22 @@ impl<SPI: SpiDevice> Channel<SPI> {
         if let Some((_, newest)) = self.state.filtered() {
             self.overdue_at = newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1);
         }
+    }
+
+    /// The processor stood still until `now`: that no samples were read meanwhile is no silence of
+    /// the part, whose next one has to come within its period.
+    ///
+    /// Two such excuses in a row do not count without a sample between them, so that a part that
+    /// really is silent is found while a memory is erased page by page.
+    pub fn excuse(&mut self, settings: &Settings, now: Instant) {
+        if self.overdue_at > self.excused_until {
+            self.excused_until = now.offset(i64::from(settings.chain.period_us));
+        }
+    }
+
+    /// A sample is missing, but not by the part's fault.
+    fn is_excused(&self, now: Instant) -> bool {
+        (self.overdue_at..=self.excused_until).contains(&now)
     }
 
     /// When [`Channel::poll`] is next due. Every sample puts it off.
@@ -265,9 +284,15 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.fault.or(lost).or_else(stuck)
     }
 
+    /// [`Channel::reason`], or that there is no sample because nobody could read it.
+    fn reason_at(&self, now: Instant) -> Option<Invalid> {
+        let excused = || self.is_excused(now).then_some(Invalid::NoSample);
+        self.reason().or_else(excused)
+    }
+
     /// What the channel says at `now`.
     pub fn reading(&self, settings: &Settings, now: Instant) -> Reading {
-        match self.reason() {
+        match self.reason_at(now) {
             Some(reason) => Observation::absent(reason).reading,
             None => settings.chain.reading(&self.state, now),
         }
@@ -276,7 +301,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
     pub fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
         let activity = self.health.take_activity(&mut self.watch);
-        let (reading, vector) = match self.reason() {
+        let (reading, vector) = match self.reason_at(now) {
             Some(reason) => (Observation::absent(reason).reading, None),
             None => settings.chain.reading_and_vector(&self.state, now),
         };

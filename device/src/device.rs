@@ -47,7 +47,7 @@ use crate::sensor::InitError;
 use keeping::Keeping;
 use pair::Pair;
 use sending::{PDOS, Sending};
-use trial::Trial;
+use trial::{PAUSE_US, Trial};
 
 /// What a device is made with.
 #[derive(Clone, Debug)]
@@ -114,6 +114,8 @@ pub struct Device<SPI, M> {
     next_sum: Instant,
     last_sync: Instant,
     next_refresh: Instant,
+    /// No page is erased for an update before this.
+    next_erase: Instant,
     /// When the next call is due, the channel's own deadline apart.
     next: Instant,
     keeping: Keeping,
@@ -180,6 +182,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             next_sum: Instant(0),
             last_sync: Instant(0),
             next_refresh: Instant(0),
+            next_erase: Instant(0),
             next: Instant(0),
             keeping: Keeping::new(),
             pair: Pair::new(),
@@ -367,6 +370,16 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.bus.withdrawn(cob_id);
         // What is sent on events is told as it is now.
         self.next = self.next.min(now);
+    }
+
+    /// The processor stood still until `now`, as it does while a page is erased: what happened
+    /// meanwhile is told later, with its own time.
+    ///
+    /// The sensor is not blamed for that time, and the next page waits until what has come up is
+    /// done.
+    pub fn stood_still(&mut self, now: Instant) {
+        self.node.channel.excuse(&self.settings, now);
+        self.next_erase = now.offset(PAUSE_US);
     }
 
     /// The identifier of what [`Device::transmit`] would give.

@@ -102,6 +102,8 @@ pub struct Running {
 pub struct Held {
     /// CRC-32 of the body, as its header says.
     pub crc: u32,
+    /// CRC-32 over header and signature, which tells images with the same body apart.
+    pub identity: u32,
     /// Bytes of its file that are here.
     pub bytes: u32,
 }
@@ -132,7 +134,7 @@ pub trait ProgramMemory {
     /// What has come is worth nothing.
     fn discard(&mut self);
 
-    /// What has come of an image, as soon as its header has.
+    /// What has come of an image, as soon as its header and signature have.
     fn held(&self) -> Option<Held>;
 
     /// Checks the committed image's signature, and marks it as the one to run after the next reset.

@@ -73,9 +73,9 @@ fn clear(site: &mut Site) {
         assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
     }
     let pages = RC.a.length / PAGE;
-    site.pass(10 * (pages - 2));
+    site.pass(20 * (pages - 3));
     assert_eq!(number(site, STATUS), 1);
-    site.pass(30);
+    site.pass(80);
     assert_eq!(number(site, STATUS), 1 << 1);
 }
 
@@ -84,7 +84,7 @@ fn update(site: &mut Site, file: &[u8]) {
     for command in [0, 3] {
         let _ = site.write(CONTROL, Value::u8(command));
     }
-    site.pass(600);
+    site.pass(1200);
     let _ = site.download(DATA, file);
     let _ = site.write(CONTROL, Value::u8(1));
 }
@@ -202,8 +202,8 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
     }
     site.hears(0x601, &[0x80, 0x50, 0x1F, 1, 0, 0, 4, 5]);
     assert_eq!(number(&mut site, STATUS), 3 << 1);
-    let sum = u64::from(Crc32::of(&file[HEADER as usize..]));
-    assert_eq!(number(&mut site, at(0x2080, 5)), sum);
+    let identity = u64::from(Crc32::of(&file[..FIELDS]));
+    assert_eq!(number(&mut site, at(0x2080, 5)), identity);
     assert_eq!(number(&mut site, at(0x2080, 6)), sent as u64);
     let wrong = site.write(at(0x2080, 6), Value::u32(1));
     assert_eq!(wrong, Some(Err(0x0609_0030)));
@@ -226,7 +226,7 @@ fn nothing_is_erased_in_operational() {
     site.pass(1000);
     assert_eq!(site.device.memory().flash().operations(), operations);
     site.nmt(128);
-    site.pass(600);
+    site.pass(1200);
     assert_eq!(number(&mut site, STATUS), 1 << 1);
 }
 

@@ -238,7 +238,11 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
         now: Instant,
         take: impl FnOnce(Instant) -> Option<(Input, Instant)>,
     ) -> Option<Instant> {
-        let next = punctual(self.next(), now);
+        let due = self.next();
+        let next = punctual(due, now);
+        if next != due {
+            self.device.stood_still(now);
+        }
         match take(next) {
             Some((Input::Edge, at)) => self.data_ready(at),
             Some((Input::Bus(event), at)) => self.event(event, at),

@@ -13,8 +13,9 @@
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
 use crate::Progress;
-use crate::access::{AccessError, erase, program};
-use crate::image::{Header, ImageError, SIGNATURE_AT, Signature, Version, header, verify};
+use crate::access::{AccessError, add_to, erase, program};
+use crate::check_sum::Crc32;
+use crate::image::{FIELDS, Header, ImageError, SIGNATURE_AT, Signature, Version, header, verify};
 use crate::layout::{HEADER, Layout, PAGE, Region, Slot};
 use crate::slots::{MARKS, marks};
 
@@ -91,6 +92,7 @@ pub struct Install {
     received: u32,
     odd: Option<u8>,
     header: Option<Header>,
+    identity: Option<u32>,
 }
 
 impl Install {
@@ -116,6 +118,7 @@ impl Install {
             received: 0,
             odd: None,
             header: None,
+            identity: None,
         })
     }
 
@@ -132,6 +135,12 @@ impl Install {
     /// The header, once it has come and was let in.
     pub const fn header(&self) -> Option<&Header> {
         self.header.as_ref()
+    }
+
+    /// CRC-32 over header and signature as the flash has them ([`FIELDS`] bytes), once both have
+    /// come: another version or signature of the same body is another image.
+    pub const fn identity(&self) -> Option<u32> {
+        self.identity
     }
 
     /// Erases the next page of the slot, the header's first.
@@ -182,6 +191,10 @@ impl Install {
             let header = header(flash, self.slot, hardware).map_err(InstallError::Image)?;
             self.rules.admit(&header, self.slot)?;
             self.header = Some(header);
+        } else if self.received == FIELDS as u32 {
+            let mut crc = Crc32::new();
+            add_to(&mut crc, flash, self.slot.start, FIELDS as u32)?;
+            self.identity = Some(crc.value());
         }
         Ok(())
     }

@@ -21,6 +21,10 @@ use crate::program::{ProgramMemory, Standing};
 /// After so long without having shown what it can, a program on trial gives up, us.
 pub const PATIENCE_US: i64 = 10_000_000;
 
+/// Time between two pages of a clear in which requests are answered, us: a page makes the
+/// processor stand still for 40 ms at most, and of the frames meanwhile three stay.
+pub(super) const PAUSE_US: i64 = 20_000;
+
 /// What a program has shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Trial {
@@ -52,7 +56,8 @@ impl Trial {
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What is due of an update; nothing is erased while others work by the angles.
     pub(super) fn update(&mut self, now: Instant) {
-        if self.values.state != State::Operational {
+        if self.values.state != State::Operational && now >= self.next_erase {
+            self.next_erase = now.offset(PAUSE_US);
             self.values.program.step(&mut self.memory);
         }
         if !self.trial.running {

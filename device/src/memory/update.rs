@@ -215,9 +215,11 @@ impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
 
     fn held(&self) -> Option<Held> {
         let install = &self.place.as_ref()?.install;
-        let crc = install.header()?.crc;
-        let bytes = install.received();
-        Some(Held { crc, bytes })
+        Some(Held {
+            crc: install.header()?.crc,
+            identity: install.identity()?,
+            bytes: install.received(),
+        })
     }
 
     fn activate(&mut self) -> Result<(), ProgramError> {

@@ -276,7 +276,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             2 => Value::u32(running.version),
             3 => Value::u8(running.slot),
             4 => Value::u8(running.standing as u8),
-            5 => Value::u32(held.map_or(0, |held| held.crc)),
+            5 => Value::u32(held.map_or(0, |held| held.identity)),
             6 => Value::u32(held.map_or(0, |held| held.bytes)),
             _ => return Err(Abort::NoSuchSubIndex),
         })

@@ -77,7 +77,11 @@ impl ProgramMemory for Memory {
 
     fn held(&self) -> Option<Held> {
         let bytes = self.image.len() as u32;
-        (bytes > 0).then_some(Held { crc: 7, bytes })
+        (bytes > 0).then_some(Held {
+            crc: 7,
+            identity: 8,
+            bytes,
+        })
     }
 
     fn running(&mut self) -> Running {

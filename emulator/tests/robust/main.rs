@@ -5,6 +5,7 @@ mod bad_records;
 mod bad_slots;
 mod bench;
 mod brown_out;
+mod clearing;
 mod failed_trial;
 mod first_angle;
 mod store_cuts;
