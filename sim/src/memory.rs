@@ -34,7 +34,12 @@ pub const DEVELOPMENT: &[u8; 32] = b"not secret: for simulated nodes.";
 
 /// The public key that belongs to [`DEVELOPMENT`].
 pub fn development_key() -> [u8; 32] {
-    *KeyPair::from_seed(Seed::new(*DEVELOPMENT)).pk
+    public_key(DEVELOPMENT)
+}
+
+/// The public key that belongs to the secret key `seed`.
+pub fn public_key(seed: &[u8; 32]) -> [u8; 32] {
+    *pair(seed).pk
 }
 
 /// A node's memory.

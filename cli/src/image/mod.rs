@@ -2,7 +2,8 @@
 //!
 //! In: images as `cargo xtask image` builds them, or bodies and what a header says of them, and a
 //! secret key. Out: one file with an image for each slot, signed. Without images and bodies it is
-//! a program for the nodes of `plumb serve`, signed with the key that those know.
+//! a program for the nodes of `plumb serve`, signed with the key that those know. With `--public`
+//! it prints the public key instead, which a node's image is built with.
 //!
 //! Left out: linking, and keeping secret keys.
 
@@ -14,8 +15,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use flash::image::Version;
-use flash::layout::Slot;
-use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, sign, unsigned};
+use flash::layout::{BASE, HEADER, RAM, RC, Slot};
+use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned};
 
 use crate::update::UpdateError;
 use crate::update::file;
@@ -24,8 +25,8 @@ use crate::update::file;
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
     /// The file to write
-    #[arg(value_name = "FILE")]
-    pub out: PathBuf,
+    #[arg(required_unless_present = "public", value_name = "FILE")]
+    pub out: Option<PathBuf>,
     /// Images to sign and join
     #[arg(
         long,
@@ -38,7 +39,7 @@ pub struct Arguments {
     #[arg(
         long,
         value_parser = version,
-        required_unless_present = "from",
+        required_unless_present_any = ["from", "public"],
         value_name = "MAJOR.MINOR.PATCH"
     )]
     pub version: Option<Version>,
@@ -54,6 +55,13 @@ pub struct Arguments {
     /// File with the secret key, 64 hexadecimal digits; without it the key of `plumb serve`
     #[arg(long, value_name = "FILE")]
     pub key: Option<PathBuf>,
+    /// Print the public key of --key, for PLUMB_KEY, and write no file
+    #[arg(
+        long,
+        requires = "key",
+        conflicts_with_all = ["out", "from", "version", "a", "b", "hardware", "unsigned", "sick"]
+    )]
+    pub public: bool,
     /// Leave the signature out
     #[arg(long, conflicts_with = "key")]
     pub unsigned: bool,
@@ -69,6 +77,10 @@ pub enum ImageError {
     File(PathBuf, io::Error),
     /// A file is no secret key.
     Key(PathBuf),
+    /// A file holds no body.
+    Empty(PathBuf),
+    /// A body is not linked for its slot: its first two words are no stack and no code there.
+    Body(PathBuf, Slot),
     /// Images can't be used.
     Images(UpdateError),
 }
@@ -86,6 +98,12 @@ impl fmt::Display for ImageError {
         match self {
             Self::Images(error) => error.fmt(f),
             Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
+            Self::Empty(path) => write!(f, "{} is empty", path.display()),
+            Self::Body(path, slot) => write!(
+                f,
+                "{} is linked for another slot than {slot:?}: its reset vector is not there",
+                path.display()
+            ),
             Self::Key(path) => write!(
                 f,
                 "{} is no secret key: write 64 hexadecimal digits",
@@ -100,14 +118,12 @@ fn number(text: &str) -> Result<u32, String> {
 }
 
 fn version(text: &str) -> Result<Version, String> {
-    let mut parts = text.split('.');
-    let mut next = || parts.next().and_then(|part| part.parse::<u16>().ok());
-    let read = [next(), next(), next()];
-    let [Some(major), Some(minor), Some(patch)] = read else {
+    let parts: Vec<_> = text.split('.').map(str::parse::<u64>).collect();
+    let [Ok(major), Ok(minor), Ok(patch)] = parts[..] else {
         return Err("write three numbers, as 1.2.3".to_owned());
     };
-    match (u8::try_from(major), u8::try_from(minor), parts.next()) {
-        (Ok(major), Ok(minor), None) => Ok(Version::new(major, minor, patch)),
+    match (major.try_into(), minor.try_into(), patch.try_into()) {
+        (Ok(major), Ok(minor), Ok(patch)) => Ok(Version::new(major, minor, patch)),
         _ => Err("write three numbers, 0 to 255, 0 to 255 and 0 to 65535".to_owned()),
     }
 }
@@ -120,6 +136,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         Some(path) => secret(path)?,
         None => *DEVELOPMENT,
     };
+    let Some(out) = arguments.out.as_ref().filter(|_| !arguments.public) else {
+        println!("{}", digits(&public_key(&key)));
+        return Ok(ExitCode::SUCCESS);
+    };
     let mut images = match arguments.version {
         Some(version) => made(arguments, version)?,
         None => file::read(&arguments.from)?
@@ -131,8 +151,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         images.iter_mut().for_each(|image| sign(image, &key));
     }
     let file = images.concat();
-    let written = fs::write(&arguments.out, file);
-    written.map_err(|error| ImageError::File(arguments.out.clone(), error))?;
+    let written = fs::write(out, file);
+    written.map_err(|error| ImageError::File(out.clone(), error))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -142,7 +162,7 @@ fn made(arguments: &Arguments, version: Version) -> Result<Vec<Vec<u8>>, ImageEr
     let mut images = Vec::new();
     for (slot, path) in [(Slot::A, &arguments.a), (Slot::B, &arguments.b)] {
         let mut body = match path {
-            Some(path) => read(path)?,
+            Some(path) => body(path, slot)?,
             None if arguments.sick => SICK.to_vec(),
             None => SOUND.to_vec(),
         };
@@ -151,6 +171,38 @@ fn made(arguments: &Arguments, version: Version) -> Result<Vec<Vec<u8>>, ImageEr
         images.push(unsigned(slot, hardware, version, &body));
     }
     Ok(images)
+}
+
+/// The body in a file.
+fn body(path: &Path, slot: Slot) -> Result<Vec<u8>, ImageError> {
+    let body = read(path)?;
+    match body.is_empty() {
+        true => Err(ImageError::Empty(path.to_owned())),
+        false if is_for_other(&body, slot) => Err(ImageError::Body(path.to_owned(), slot)),
+        false => Ok(body),
+    }
+}
+
+/// Whether a body begins as a vector table does, a stack in the RAM and code in the flash, and the
+/// code is not in this slot. Of one that begins otherwise nobody knows: the programs for the nodes
+/// of `plumb serve` are text.
+fn is_for_other(body: &[u8], slot: Slot) -> bool {
+    let (words, _) = body.as_chunks::<4>();
+    let [stack, reset, ..] = words else {
+        return false;
+    };
+    let (stack, reset) = (u32::from_le_bytes(*stack), u32::from_le_bytes(*reset));
+    let is_table =
+        (RAM..=RAM + RC.ram).contains(&stack) && (BASE..BASE + RC.flash).contains(&reset);
+    let in_slot = RC.slot(slot).is_some_and(|region| {
+        let first = region.address() + HEADER;
+        (first..region.address() + region.length).contains(&reset)
+    });
+    is_table && !in_slot
+}
+
+fn digits(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
@@ -185,5 +237,29 @@ mod tests {
         for wrong in ["1.2", "1.2.3.4", "256.0.0", "1.x.2", "", "1.2.65536"] {
             assert!(version(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_number_out_of_range_was_told_to_be_none() {
+        for wrong in ["1.0.65536", "256.0.0", "1.256.0"] {
+            assert!(version(wrong).unwrap_err().contains("65535"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn bodies_for_each_others_slots_were_taken() {
+        let region = |slot| RC.slot(slot).unwrap();
+        let table = |reset: u32| {
+            [RAM + RC.ram - 32, reset | 1]
+                .map(u32::to_le_bytes)
+                .concat()
+        };
+        for slot in [Slot::A, Slot::B] {
+            let first = region(slot).address() + HEADER;
+            assert!(!is_for_other(&table(first + 0x130), slot), "{slot:?}");
+            assert!(is_for_other(&table(first + 0x130), slot.other()));
+            assert!(is_for_other(&table(region(slot).address()), slot));
+        }
+        assert!(!is_for_other(SOUND, Slot::A) && !is_for_other(b"abc", Slot::A));
     }
 }

@@ -7,9 +7,24 @@
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use canopen::Frame;
+
+/// How long the wait for a frame goes on before it is looked whether the user has enough.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// Whether the user has asked for the end, by a signal.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// From now on a signal to end lets [`Bus::receive`] fail once, with
+/// [`io::ErrorKind::Interrupted`].
+///
+/// Errors: what the system says.
+pub fn watch_signals() -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
+}
 
 /// How long a server has for its answers while the bus is opened.
 const OPENING: Duration = Duration::from_secs(5);
@@ -59,8 +74,21 @@ impl Bus {
 
     /// The next frame with an 11-bit identifier; `None` when none has come until `until`.
     ///
-    /// Errors: what the system says.
+    /// Errors: what the system says, and [`io::ErrorKind::Interrupted`] after a signal to end.
     pub fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+        loop {
+            if INTERRUPTED.swap(false, Ordering::Relaxed) {
+                return Err(io::ErrorKind::Interrupted.into());
+            }
+            let glance = until.min(Instant::now() + GLANCE);
+            let received = self.receive_soon(glance)?;
+            if received.is_some() || glance == until {
+                return Ok(received);
+            }
+        }
+    }
+
+    fn receive_soon(&mut self, until: Instant) -> io::Result<Option<Frame>> {
         match self {
             Self::Socketcand(server) => server.receive(until),
             #[cfg(target_os = "linux")]

@@ -23,12 +23,20 @@ pub enum UpdateError {
     Join(String, io::Error),
     /// The bus was lost.
     Lost(io::Error),
+    /// The user has ended it.
+    Interrupted,
+    /// Signals can't be watched.
+    Signal(ctrlc::Error),
+    /// A node is named twice.
+    Twice(u8),
     /// A node does not answer.
     Silent(u8),
     /// A node has refused a request: index, sub-index, abort code.
     Refused(u8, u16, u8, u32),
     /// The node's transfer came out of step.
     Transfer(u8),
+    /// Somebody else has ended the transfer to a node and talks to it now.
+    Taken(u8),
     /// A node is not one of ours.
     Stranger(u8),
     /// No image is for this node's hardware.
@@ -54,6 +62,14 @@ pub enum UpdateError {
 }
 
 impl UpdateError {
+    /// What it means that the bus could not be read or written.
+    pub fn lost(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Interrupted,
+            _ => Self::Lost(error),
+        }
+    }
+
     /// Whether the work was done and the node would not have it: exit status 1.
     pub const fn is_verdict(&self) -> bool {
         matches!(self, Self::RolledBack(..) | Self::Found(..))
@@ -67,7 +83,7 @@ impl fmt::Display for UpdateError {
         match self {
             Self::File(path, error) => write!(f, "cannot read {}: {error}", path.display()),
             Self::Image(path, error) => {
-                write!(f, "{} is no image of a program ({error:?})", path.display())
+                write!(f, "{} is no image: {}", path.display(), no_image(*error))
             }
             Self::Damaged(path) => write!(f, "{} is damaged: fetch it again", path.display()),
             Self::Versions(one, other) => write!(
@@ -81,6 +97,8 @@ impl fmt::Display for UpdateError {
                 "cannot join the bus {bus}: {error}; give ADDRESS:PORT of a socketcand server \
                  (`plumb serve` is one) or the name of a CAN interface that is up"
             ),
+            Self::Interrupted => write!(f, "interrupted; {AGAIN}"),
+            Self::Signal(error) => write!(f, "cannot watch signals: {error}"),
             Self::Lost(error) => write!(f, "the bus is lost: {error}; {AGAIN}"),
             node => node.fmt_node(f),
         }
@@ -91,7 +109,21 @@ impl UpdateError {
     /// The sentence of an error that names a node.
     fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Silent(node) => write!(f, "node {node} does not answer; {AGAIN}"),
+            Self::Twice(node) => write!(f, "node {node} is named twice"),
+            Self::Silent(node) => write!(
+                f,
+                "node {node} does not answer: look at its node-id, its supply and the bus; {AGAIN}"
+            ),
+            Self::Taken(node) => write!(
+                f,
+                "somebody else talks to node {node}, perhaps another update: let one end first; \
+                 {AGAIN}"
+            ),
+            Self::Refused(node, index, sub, WRONG_STATE) => write!(
+                f,
+                "node {node} can't do that now (0800 0022h at {index:04X}h sub {sub}): perhaps \
+                 somebody else talks to it"
+            ),
             Self::Refused(node, index, sub, code) => write!(
                 f,
                 "node {node} refuses {index:04X}h sub {sub}: abort code {code:08X}h"
@@ -147,8 +179,25 @@ impl UpdateError {
     }
 }
 
+/// The abort code of what can't be done in a node's present state.
+const WRONG_STATE: u32 = 0x0800_0022;
+
 /// What helps after most of them.
-const AGAIN: &str = "the same command goes on where this one stopped";
+const AGAIN: &str = "the same command tries again, behind what the node has kept of the image";
+
+/// Why bytes are no image, in words.
+const fn no_image(error: ImageError) -> &'static str {
+    match error {
+        ImageError::Magic => "it does not begin as one, or ends early",
+        ImageError::Format(_) => "it is of an unknown format; a later plumb may know it",
+        ImageError::Header => "its header is damaged; fetch it again",
+        ImageError::Hardware(_) => "it is for other hardware",
+        ImageError::Address(_) => "it is linked for no slot of this part",
+        ImageError::Length(_) => "it has no body, or one that no slot has room for",
+        ImageError::Body => "its body is damaged; fetch it again",
+        ImageError::Access(_) => "it can't be read",
+    }
+}
 
 /// What 1F57h says, in words.
 fn found(status: u32) -> &'static str {

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 
 use flash::check_sum::Crc32;
-use flash::image::{Header, ImageError};
+use flash::image::{FIELDS, Header, ImageError};
 use flash::layout::{HEADER, Layout, RC, Slot};
 
 use super::error::UpdateError;
@@ -24,6 +24,15 @@ pub struct Image {
     pub slot: Slot,
     /// Header and body.
     pub bytes: Vec<u8>,
+}
+
+impl Image {
+    /// What tells it from every other: the CRC-32 of header and signature. 2080h sub 5 is the same
+    /// of the image that a node has begun to take.
+    pub fn identity(&self) -> u32 {
+        let fields = self.bytes.get(..FIELDS);
+        Crc32::of(fields.unwrap_or(&self.bytes))
+    }
 }
 
 /// Why bytes are no images.
@@ -116,6 +125,18 @@ mod tests {
             images[1].bytes,
             image(Slot::B, Version::new(1, 2, 3), SOUND)
         );
+    }
+
+    #[test]
+    fn an_image_of_another_version_with_the_same_body_went_on_as_this_one() {
+        let of = |patch| parse(&image(Slot::B, Version::new(1, 0, patch), SOUND)).unwrap();
+        let (one, other) = (of(1).remove(0), of(2).remove(0));
+        assert_eq!(one.header.crc, other.header.crc);
+        assert_ne!(one.identity(), other.identity());
+        let mut forged = one.clone();
+        forged.bytes[FIELDS - 1] ^= 1;
+        assert_ne!(one.identity(), forged.identity());
+        assert_eq!(one.identity(), of(1).remove(0).identity());
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //!
 //! A node's update: PRE-OPERATIONAL, clear, download of what is missing, start, and then to wait
 //! for the node's own judgement of its new program (docs/canopen.md). A node that was OPERATIONAL
-//! gets there again.
+//! gets there again, also when the update fails or is interrupted.
 //!
 //! Left out: building images (`image`).
 
@@ -52,6 +52,12 @@ const MEASURING: Duration = Duration::from_secs(10);
 
 /// How long a heartbeat is waited for.
 const HEARTBEAT: Duration = Duration::from_secs(2);
+
+/// How often a transfer is tried that loses its answers, and a clear.
+const TRIES: usize = 3;
+
+/// 1F57h of a memory that is clear: there is no program.
+const EMPTY: u32 = 1 << 1;
 
 /// Between two questions.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -99,7 +105,11 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Updat
 }
 
 fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError> {
+    if let Some(node) = twice(&arguments.nodes) {
+        return Err(UpdateError::Twice(node));
+    }
     let images = file::read(&arguments.images)?;
+    bus::watch_signals().map_err(UpdateError::Signal)?;
     let joined = Bus::join(&arguments.bus);
     let mut bus = joined.map_err(|error| UpdateError::Join(arguments.bus.clone(), error))?;
     let mut plans = Vec::new();
@@ -115,10 +125,24 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
     for (node, plan) in plans {
         match plan {
             Plan::Nothing(runs) => println!("node {node} runs {} already", version(runs)),
-            Plan::Send(image) => Node::new(&mut bus, node).renew(image, progress)?,
+            Plan::Send(image) => {
+                let others = arguments.nodes.iter().filter(|other| **other != node);
+                let others: Vec<u8> = match arguments.force {
+                    true => Vec::new(),
+                    false => others.copied().collect(),
+                };
+                Node::new(&mut bus, node).renew(image, &others, progress)?;
+            }
         }
     }
     Ok(())
+}
+
+/// A node that is named twice, if there is one.
+fn twice(nodes: &[u8]) -> Option<u8> {
+    let mut numbered = nodes.iter().enumerate();
+    let again = numbered.find(|(number, node)| nodes[..*number].contains(node));
+    again.map(|(_, node)| *node)
 }
 
 /// What is to be done with a node.
@@ -151,7 +175,7 @@ impl<'a> Node<'a> {
 
     fn nmt(&mut self, command: u8) -> Result<(), UpdateError> {
         let sent = self.bus.send(0, &[command, self.node]);
-        sent.map_err(UpdateError::Lost)
+        sent.map_err(UpdateError::lost)
     }
 
     /// What this node needs of these images. Nothing is changed.
@@ -189,12 +213,68 @@ impl<'a> Node<'a> {
         Ok(self.read(0x2020, 0)? & 3 != 0)
     }
 
-    /// All of a node's update.
-    fn renew(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
-        let node = self.node;
+    /// All of a node's update; it ends in the NMT state in which it was found. `others` have to
+    /// measure when the new program is started.
+    fn renew(
+        &mut self,
+        image: &Image,
+        others: &[u8],
+        progress: &Progress,
+    ) -> Result<(), UpdateError> {
         let works = self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
+        let ended = self.exchange(image, others, progress);
+        // Whoever has taken the node over would be disturbed.
+        if matches!(ended, Err(UpdateError::Taken(_))) {
+            return ended;
+        }
+        // What ended it says more than what may go wrong now.
+        let given_up = match ended {
+            Ok(()) => Ok(()),
+            Err(_) => Client::new(self.bus, self.node).give_up(),
+        };
+        // NMT "start".
+        let back = if works { self.nmt(1) } else { Ok(()) };
+        ended.and(given_up).and(back)?;
+        let runs = version(image.header.version.0);
+        println!("node {} runs {runs} now", self.node);
+        Ok(())
+    }
+
+    /// The way from one program to the other.
+    fn exchange(
+        &mut self,
+        image: &Image,
+        others: &[u8],
+        progress: &Progress,
+    ) -> Result<(), UpdateError> {
         // NMT "enter PRE-OPERATIONAL".
         self.nmt(128)?;
+        self.transfer(image, progress)?;
+        for other in others {
+            Node::new(self.bus, *other).must_measure()?;
+        }
+        self.start()?;
+        self.wait_for_trial(image.header.version.0)?;
+        self.wait_for_angle()
+    }
+
+    /// Brings all of the image to the node, behind what it has of it.
+    fn transfer(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
+        let mut tries = 1;
+        loop {
+            let sent = self.transfer_once(image, progress);
+            match sent {
+                Err(UpdateError::Silent(_) | UpdateError::Transfer(_)) if tries < TRIES => {
+                    tries += 1;
+                    Client::new(self.bus, self.node).give_up()?;
+                }
+                ended => return ended,
+            }
+        }
+    }
+
+    fn transfer_once(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
+        let node = self.node;
         let held = self.held(image)?;
         match held {
             0 => self.clear()?,
@@ -206,18 +286,17 @@ impl<'a> Node<'a> {
         let mut client = Client::new(self.bus, node);
         let sent = client.download(0x1F50, 1, rest, |count| task.advance(count));
         drop(task);
-        self.judged(sent)?;
-        let started = self.write(0x1F51, 1, 1, 1);
-        self.judged(started)?;
-        self.wait_for_boot()?;
-        self.wait_for_trial(image.header.version.0)?;
-        self.wait_for_angle()?;
-        if works {
-            // NMT "start".
-            self.nmt(1)?;
+        self.judged(sent)
+    }
+
+    /// Starts the new program. An answer that was lost does not matter: its trial shows it.
+    fn start(&mut self) -> Result<(), UpdateError> {
+        let started = Client::new(self.bus, self.node).command(0x1F51, 1, 1);
+        match self.judged(started) {
+            Ok(()) => self.wait_for_boot(),
+            Err(UpdateError::Silent(_)) => Ok(()),
+            Err(error) => Err(error),
         }
-        println!("node {node} runs {} now", version(image.header.version.0));
-        Ok(())
     }
 
     /// Bytes of this image that the node holds from a transfer that was broken off; they count
@@ -225,7 +304,7 @@ impl<'a> Node<'a> {
     fn held(&mut self, image: &Image) -> Result<usize, UpdateError> {
         let (crc, bytes) = (self.read(0x2080, 5)?, self.read(0x2080, 6)?);
         let length = image.bytes.len() as u32;
-        if crc != image.header.crc || !(1..length).contains(&bytes) {
+        if crc != image.identity() || !(1..length).contains(&bytes) {
             return Ok(0);
         }
         // It refuses where the transfer was not broken off but found wrong.
@@ -241,20 +320,34 @@ impl<'a> Node<'a> {
         // Another client may have begun one and left.
         self.wait_for_memory()?;
         self.write(0x1F51, 1, 0, 1)?;
-        let cleared = self.write(0x1F51, 1, 3, 1);
-        self.judged(cleared)?;
-        self.wait_for_memory()
+        let mut status = 0;
+        for _ in 0..TRIES {
+            // It is refused while it runs, so it is not said twice: whether it was heard is read.
+            match Client::new(self.bus, self.node).command(0x1F51, 1, 3) {
+                Err(UpdateError::Silent(_)) => {}
+                answer => self.judged(answer)?,
+            }
+            status = self.wait_for_memory()?;
+            if status == EMPTY {
+                return Ok(());
+            }
+        }
+        Err(UpdateError::Found(self.node, status))
     }
 
-    fn wait_for_memory(&mut self) -> Result<(), UpdateError> {
+    /// Waits until the node does not work at its memory any more: what 1F57h says then.
+    fn wait_for_memory(&mut self) -> Result<u32, UpdateError> {
         let until = Instant::now() + CLEARING;
-        while self.read(0x1F57, 1)? & 1 != 0 {
+        loop {
+            let status = self.read(0x1F57, 1)?;
+            if status & 1 == 0 {
+                return Ok(status);
+            }
             if Instant::now() > until {
                 return Err(UpdateError::Clearing(self.node));
             }
             sleep(PAUSE);
         }
-        Ok(())
     }
 
     /// A refusal is told by what the node says of the image, if it does.
@@ -274,7 +367,7 @@ impl<'a> Node<'a> {
     fn heartbeat(&mut self, patience: Duration) -> Result<Option<u8>, UpdateError> {
         let until = Instant::now() + patience;
         let id = 0x700 + u16::from(self.node);
-        while let Some(frame) = self.bus.receive(until).map_err(UpdateError::Lost)? {
+        while let Some(frame) = self.bus.receive(until).map_err(UpdateError::lost)? {
             if frame.cob_id() == Some(id)
                 && let [state] = frame.bytes()
             {
@@ -312,11 +405,26 @@ impl<'a> Node<'a> {
     /// Waits until it measures, so that the other one may be updated; one that could not before
     /// need not now.
     fn wait_for_angle(&mut self) -> Result<(), UpdateError> {
+        self.measures_soon().map(drop)
+    }
+
+    /// Waits until it measures; nothing leads on without.
+    fn must_measure(&mut self) -> Result<(), UpdateError> {
+        match self.measures_soon()? {
+            true => Ok(()),
+            false => Err(UpdateError::NoAngle(self.node)),
+        }
+    }
+
+    fn measures_soon(&mut self) -> Result<bool, UpdateError> {
         let until = Instant::now() + MEASURING;
-        while Instant::now() < until && !self.measures()? {
+        while Instant::now() < until {
+            if self.measures()? {
+                return Ok(true);
+            }
             sleep(PAUSE);
         }
-        Ok(())
+        Ok(false)
     }
 }
 
@@ -327,5 +435,11 @@ mod tests {
     #[test]
     fn a_version_is_written_with_dots() {
         assert_eq!(version(0x0102_0304), "1.2.772");
+    }
+
+    #[test]
+    fn a_node_named_twice_was_updated_twice() {
+        assert_eq!(twice(&[1, 2, 1]), Some(1));
+        assert_eq!(twice(&[2, 1]), None);
     }
 }
