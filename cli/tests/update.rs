@@ -134,8 +134,8 @@ fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
     let body = body.display().to_string();
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
-    // In the clear, which takes more than a second behind a heartbeat, and in the download, which takes
-    // two seconds.
+    // In the clear, which takes more than a second behind a heartbeat, and in the download, which
+    // takes two seconds.
     for wait_ms in [500, 3000] {
         let command = [
             "update", &image, "--bus", &bench.bus, "--nodes", "1", "--force",
@@ -182,6 +182,29 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     std::fs::write(&forged, bytes).unwrap();
     refused(&forged, 2, "is damaged: fetch it again");
     refused("no such file", 2, "cannot read no such file");
+    std::fs::write(&key, "#!/bin/sh").unwrap();
+    let key = key.display().to_string();
+    refused(
+        &key,
+        2,
+        "is no image: it does not begin as one, or ends early",
+    );
+    std::fs::write(&key, "").unwrap();
+    let empty = [
+        "image",
+        &other,
+        "--version",
+        "1.0.0",
+        "--a",
+        &key,
+        "--b",
+        &key,
+    ];
+    let (status, _, err) = said(&plumb(&empty).output().unwrap());
+    assert_eq!(status, Some(2), "{err}");
+    assert!(err.contains("is empty"), "{err}");
+    let twice = said(&bench.update(&forged, &["--nodes", "1,1"]));
+    assert!(twice.2.contains("node 1 is named twice"), "{}", twice.2);
 }
 
 #[test]
