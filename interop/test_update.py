@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import pathlib
+import signal
 import struct
 import subprocess
+import zlib
 from typing import Callable, Iterator
 
 import canopen
@@ -19,7 +21,7 @@ CRC, MEMORY, LENGTH, TOO_SHORT = 0x0504_0004, 0x0504_0005, 0x0607_0010, 0x0607_0
 UNFIT, CANNOT_STORE, LOCAL, WRONG_STATE = 0x0604_0043, 0x0800_0020, 0x0800_0021, 0x0800_0022
 STOP_PROGRAM, START_PROGRAM, CLEAR_PROGRAM = 0, 1, 3
 REQUEST = 0x601
-HEADER = 512
+HEADER, FIELDS = 512, 96
 BODY = bytes(i * i >> 3 & 0xFF for i in range(48 * 1024))
 VERSION, SLOT, STANDING, UNDER_WAY, HELD = 2, 3, 4, 5, 6
 
@@ -220,7 +222,7 @@ def test_a_download_that_was_broken_off_goes_on(cleared: Master, build: Build) -
     assert block(cleared, image, 60) == 60
     unanswered(cleared, abort(0x0800_0000, 0x1F50, 1))
     assert cleared.read(1, 0x1F57, 1) == 3 << 1
-    assert cleared.read(1, 0x2080, UNDER_WAY) == identity(image)
+    assert cleared.read(1, 0x2080, UNDER_WAY) == zlib.crc32(image[:FIELDS])
     held = cleared.read(1, 0x2080, HELD)
     # The last segment is held back until it is known how much of it counts.
     assert held == 59 * 7
@@ -262,3 +264,132 @@ def test_the_other_channel_measures_all_the_while(master: Master, build: Build) 
         program(master, image)
         valid.append(master.read(2, 0x2020) & 3)
     assert valid == [3] * 10
+
+
+LATER = itertools.count(1)
+
+
+@pytest.fixture
+def image(tmp_path: pathlib.Path) -> Callable[..., pathlib.Path]:
+    """Builds files for `plumb update`, each of a later version, with a body that takes a while."""
+
+    def image(*more: str) -> pathlib.Path:
+        file, part = tmp_path / f"image-{next(LATER)}", tmp_path / "body"
+        part.write_bytes(BODY)
+        version = f"2.0.{next(LATER)}"
+        command = [PLUMB, "image", file, "--version", version, "--a", part, "--b", part, *more]
+        subprocess.run(command, check=True)
+        return file
+
+    return image
+
+
+def update(plumb: Plumb, image: pathlib.Path, *more: str) -> subprocess.Popen[str]:
+    """`plumb update` under way."""
+    command = [PLUMB, "update", image, "--bus", f"127.0.0.1:{plumb.port}", *more]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def halves(file: pathlib.Path) -> list[bytes]:
+    """The images in a file, for slot A and B."""
+    both = file.read_bytes()
+    return [both[: len(both) // 2], both[len(both) // 2 :]]
+
+
+def segments(master: Master, mark: int) -> int:
+    """Segments of block downloads to node 1 since the mark, roughly."""
+    return sum(1 for f in master.since(mark, REQUEST) if f.data[0] in range(1, 0x20))
+
+
+def state(master: Master) -> int:
+    """Node 1's NMT state as its next heartbeat tells it."""
+    return master.next(0x701, master.mark()).data[0]
+
+
+@pytest.fixture
+def working(master: Master) -> Iterator[Master]:
+    """Both nodes OPERATIONAL, and SYNC runs. Without calibration they may disagree there, so an
+    update needs --force."""
+    master.nmt(START)
+    master.network.sync.start(0.02)
+    assert state(master) == 5
+    yield master
+    master.network.sync.stop()
+
+
+def test_an_interrupted_update_left_the_node_in_pre_operational(
+    plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
+) -> None:
+    file, mark = image(), working.mark()
+    running = update(plumb, file, "--nodes", "1", "--force")
+    until(lambda: segments(working, mark) > 100, "segments", 15)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=10)
+    assert running.returncode == 2 and "interrupted" in said
+    working.next(REQUEST, mark, data=lambda data: data == abort(0x0504_0000, 0x1F50, 1))
+    assert state(working) == 5
+    # The next client's first request is answered.
+    fields = free(working, dict(enumerate(halves(file))))[:FIELDS]
+    assert working.read(1, 0x2080, UNDER_WAY) == zlib.crc32(fields)
+    running = update(plumb, file, "--nodes", "1", "--force")
+    out, said = running.communicate(timeout=40)
+    assert running.returncode == 0, said
+    assert out.startswith("node 1 goes on behind ")
+    assert state(working) == 5
+
+
+def test_another_image_with_the_same_body_went_on_where_one_had_stopped(
+    plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
+) -> None:
+    mark = working.mark()
+    running = update(plumb, image(), "--nodes", "1", "--force")
+    until(lambda: segments(working, mark) > 100, "segments", 15)
+    running.send_signal(signal.SIGINT)
+    running.communicate(timeout=10)
+    other = image()
+    running = update(plumb, other, "--nodes", "1", "--force")
+    out, said = running.communicate(timeout=40)
+    assert running.returncode == 0, said
+    assert "goes on" not in out
+    version = struct.unpack_from("<I", other.read_bytes(), 12)[0]
+    assert working.read(1, 0x2080, VERSION) == version
+
+
+def test_a_refused_update_left_the_node_in_pre_operational(
+    plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
+) -> None:
+    running = update(plumb, image("--unsigned"), "--nodes", "1", "--force")
+    _, said = running.communicate(timeout=20)
+    assert running.returncode == 1 and "it is not signed" in said
+    assert state(working) == 5
+
+
+def test_an_update_started_while_the_other_channel_was_down(
+    plumb: Plumb, master: Master, image: Callable[..., pathlib.Path]
+) -> None:
+    for node in (1, 2):
+        until(lambda: master.read(node, 0x2020) & 3 == 3, "angles", 10)
+    before, mark = master.read(1, 0x2080, VERSION), master.mark()
+    running = update(plumb, image())
+    until(lambda: segments(master, mark) > 100, "segments", 15)
+    plumb.type("fault b silent")
+    try:
+        _, said = running.communicate(timeout=40)
+    finally:
+        plumb.type("heal b")
+    assert running.returncode == 2 and "node 2 has no valid angle" in said
+    assert master.read(1, 0x2080, VERSION) == before
+    assert state(master) == 127
+
+
+def test_an_update_ended_by_another_one_did_not_say_so(
+    plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
+) -> None:
+    mark = working.mark()
+    older = update(plumb, image(), "--nodes", "1", "--force")
+    until(lambda: segments(working, mark) > 100, "segments", 15)
+    newer = update(plumb, image(), "--nodes", "1", "--force")
+    _, said = older.communicate(timeout=20)
+    assert older.returncode == 2 and "somebody else talks to node 1" in said
+    out, said = newer.communicate(timeout=40)
+    assert newer.returncode == 0, said

@@ -134,9 +134,9 @@ fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
     let body = body.display().to_string();
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
-    // In the clear, which takes half a second behind a heartbeat, and in the download, which takes
-    // two seconds.
-    for wait_ms in [500, 1900] {
+    // In the clear, which takes more than a second behind a heartbeat, and in the download, which
+    // takes two seconds.
+    for wait_ms in [500, 3000] {
         let command = [
             "update", &image, "--bus", &bench.bus, "--nodes", "1", "--force",
         ];
@@ -182,4 +182,58 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     std::fs::write(&forged, bytes).unwrap();
     refused(&forged, 2, "is damaged: fetch it again");
     refused("no such file", 2, "cannot read no such file");
+    std::fs::write(&key, "#!/bin/sh").unwrap();
+    let key = key.display().to_string();
+    refused(
+        &key,
+        2,
+        "is no image: it does not begin as one, or ends early",
+    );
+    std::fs::write(&key, "").unwrap();
+    let empty = [
+        "image",
+        &other,
+        "--version",
+        "1.0.0",
+        "--a",
+        &key,
+        "--b",
+        &key,
+    ];
+    let (status, _, err) = said(&plumb(&empty).output().unwrap());
+    assert_eq!(status, Some(2), "{err}");
+    assert!(err.contains("is empty"), "{err}");
+    let twice = said(&bench.update(&forged, &["--nodes", "1,1"]));
+    assert!(twice.2.contains("node 1 is named twice"), "{}", twice.2);
+}
+
+#[test]
+fn the_public_key_of_a_key_file_is_what_a_node_is_built_with() {
+    use device::memory::ed25519::Ed25519;
+    use device::memory::update::Signatures;
+
+    let name = format!("plumb-update-key-{}", std::process::id());
+    let folder = std::env::temp_dir().join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let (key, file) = (folder.join("key"), folder.join("image"));
+    let (key, file) = (key.display().to_string(), file.display().to_string());
+    std::fs::write(&key, "3c".repeat(32)).unwrap();
+    let printed = plumb(&["image", "--public", "--key", &key]).output();
+    let (status, text, err) = said(&printed.unwrap());
+    assert_eq!((status, text.len()), (Some(0), 64), "{err}");
+    let built = plumb(&["image", &file, "--version", "1.0.0", "--key", &key]).output();
+    assert!(built.unwrap().status.success());
+    let both = std::fs::read(&file).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let image = &both[..both.len() / 2];
+    // Read as the firmware reads PLUMB_KEY.
+    let key = std::array::from_fn(|at| u8::from_str_radix(&text[2 * at..][..2], 16).unwrap());
+    let known = Ed25519 {
+        key,
+        unsigned: false,
+    };
+    let mut check = known.begin(image[32..96].try_into().unwrap()).unwrap();
+    known.add(&mut check, &image[..32]);
+    known.add(&mut check, &image[512..]);
+    assert!(known.is_good(&check));
 }

@@ -137,8 +137,9 @@ impl Install {
         self.header.as_ref()
     }
 
-    /// CRC-32 over header and signature as the flash has them ([`FIELDS`] bytes), once both have
-    /// come: another version or signature of the same body is another image.
+    /// CRC-32 over header and signature as the flash has them ([`FIELDS`] bytes without the
+    /// header's own check sum), once both have come: another version or signature of the same body
+    /// is another image.
     pub const fn identity(&self) -> Option<u32> {
         self.identity
     }
@@ -192,8 +193,11 @@ impl Install {
             self.rules.admit(&header, self.slot)?;
             self.header = Some(header);
         } else if self.received == FIELDS as u32 {
+            // Behind the header's own check sum the sum over it would be the same for any header.
+            let (checked, signature) = (SIGNATURE_AT - 4, self.slot.start + SIGNATURE_AT);
             let mut crc = Crc32::new();
-            add_to(&mut crc, flash, self.slot.start, FIELDS as u32)?;
+            add_to(&mut crc, flash, self.slot.start, checked)?;
+            add_to(&mut crc, flash, signature, FIELDS as u32 - SIGNATURE_AT)?;
             self.identity = Some(crc.value());
         }
         Ok(())

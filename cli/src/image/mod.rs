@@ -247,6 +247,20 @@ mod tests {
     }
 
     #[test]
+    fn a_secret_key_has_the_public_key_that_the_standard_says() {
+        // RFC 8032, 7.1, test 1.
+        let file = std::env::temp_dir().join(format!("plumb-key-{}", std::process::id()));
+        let text = "9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60\n";
+        fs::write(&file, text).unwrap();
+        let key = secret(&file);
+        fs::remove_file(&file).unwrap();
+        assert_eq!(
+            digits(&public_key(&key.unwrap())),
+            "d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a"
+        );
+    }
+
+    #[test]
     fn bodies_for_each_others_slots_were_taken() {
         let region = |slot| RC.slot(slot).unwrap();
         let table = |reset: u32| {

@@ -27,11 +27,15 @@ pub struct Image {
 }
 
 impl Image {
-    /// What tells it from every other: the CRC-32 of header and signature. 2080h sub 5 is the same
+    /// What tells it from every other: the CRC-32 of header and signature, without
+    /// the check sum that the header itself ends with. 2080h sub 5 is the same
     /// of the image that a node has begun to take.
     pub fn identity(&self) -> u32 {
-        let fields = self.bytes.get(..FIELDS);
-        Crc32::of(fields.unwrap_or(&self.bytes))
+        let mut crc = Crc32::new();
+        for part in [0..SIGNATURE_AT as usize - 4, SIGNATURE_AT as usize..FIELDS] {
+            crc.add(self.bytes.get(part).unwrap_or(&[]));
+        }
+        crc.value()
     }
 }
 

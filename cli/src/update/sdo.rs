@@ -1,8 +1,8 @@
 //! An SDO client: numbers up and down, and a block download (CiA 301, 7.2.4).
 //!
-//! In: requests for one node. Out: its answers, or why there are none. A request that may come twice
-//! is sent again when no answer comes: a node that erases a page loses what does not fit into its
-//! receiver meanwhile. What was lost of a block is sent again from where the node has it.
+//! In: requests for one node. Out: its answers, or why there are none. A request that may come
+//! twice is sent again when no answer comes: a node that erases a page loses what does not fit into
+//! its receiver meanwhile. What was lost of a block is sent again from where the node has it.
 //!
 //! Left out: uploads of more than four bytes, segments.
 

@@ -50,8 +50,8 @@ pub const UPDATE: [Row; 7] = [
         5,
         "Image under way",
         Unsigned32,
-        "CRC-32 over header and signature, the first 96 bytes, of the image of which something has \
-         come; 0 for none.",
+        "CRC-32 over header and signature, bytes 0 to 27 and 32 to 95, of the image of which \
+         something has come; 0 for none.",
     ),
     member(
         0x2080,
