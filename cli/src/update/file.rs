@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 
 use flash::check_sum::Crc32;
-use flash::image::{FIELDS, Header, ImageError};
+use flash::image::{FIELDS, Header, ImageError, SIGNATURE_AT};
 use flash::layout::{HEADER, Layout, RC, Slot};
 
 use super::error::UpdateError;
@@ -109,7 +109,7 @@ fn slot_of(header: &Header) -> Option<Slot> {
 #[cfg(test)]
 mod tests {
     use flash::image::Version;
-    use sim::memory::{SOUND, image};
+    use sim::memory::{SOUND, image, unsigned};
 
     use super::*;
 
@@ -141,6 +141,16 @@ mod tests {
         forged.bytes[FIELDS - 1] ^= 1;
         assert_ne!(one.identity(), forged.identity());
         assert_eq!(one.identity(), of(1).remove(0).identity());
+    }
+
+    #[test]
+    fn headers_without_a_signature_all_had_one_identity() {
+        let of = |patch| {
+            let version = Version::new(1, 0, patch);
+            let file = unsigned(Slot::B, RC.hardware, version, SOUND);
+            parse(&file).unwrap().remove(0).identity()
+        };
+        assert_ne!(of(1), of(2));
     }
 
     #[test]
