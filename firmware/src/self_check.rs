@@ -2,8 +2,8 @@
 //! the depth of the stack, and the sign of life for the watchdog.
 //!
 //! In: the header of the image that runs. Out: [`has_failed`], for the device's task, and
-//! `STACK_UNUSED`. A step takes in [`PIECE`] bytes, some 2400 instructions, at most every
-//! [`STEP_US`] and interrupted by everything: 90 kB take six seconds and 1.7 % of the processor.
+//! `STACK_UNUSED`. A step takes in [`PIECE`] bytes, at most every [`STEP_US`] and interrupted by
+//! everything: 16 kB a second. `docs/cost.md` counts what of the processor that takes.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 

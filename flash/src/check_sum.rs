@@ -1,8 +1,8 @@
 //! CRC-32 as Ethernet and zip have it: polynomial 04C11DB7h reflected, start and end inverted.
 //!
 //! In: bytes, in pieces. Out: the check sum; "123456789" gives CBF43926h. A table of sixteen
-//! words takes four bits at a time: the usual one of 1 kB is an eighth of the bootloader, and
-//! none at all is three times as slow for a program that is looked through again and again.
+//! words takes four bits at a time: the usual one of 1 kB is an eighth of the bootloader's room,
+//! and without any a program that is looked through again and again takes a step for each bit.
 
 /// What each value of four bits adds.
 const NIBBLES: [u32; 16] = nibbles();
