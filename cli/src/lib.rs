@@ -15,6 +15,7 @@ mod report;
 pub mod serve;
 mod text_table;
 mod update;
+mod watch;
 
 use std::process::ExitCode;
 
