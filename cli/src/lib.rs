@@ -9,6 +9,8 @@
 mod demo;
 mod describe;
 mod image;
+mod log;
+mod playback;
 mod progress;
 mod replay;
 mod report;
