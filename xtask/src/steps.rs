@@ -363,6 +363,10 @@ fn toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
             command::capture(query).is_ok_and(|folder| Path::new(folder.trim()).is_dir())
         },
     )?;
+    if !packages::provide_browser(workspace) {
+        let typed = packages::TYPED_BROWSER;
+        println!("      no browser: its tests are skipped; for them type `{typed}`");
+    }
     if packages::provide(workspace) {
         return Ok(());
     }
