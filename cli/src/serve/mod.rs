@@ -7,7 +7,7 @@
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
 mod error;
-mod hex;
+pub mod hex;
 mod hub;
 mod keep;
 mod motor;
@@ -19,9 +19,9 @@ mod pty;
 mod ready;
 mod script;
 mod server;
-mod slcan;
+pub mod slcan;
 mod socketcan;
-mod socketcand;
+pub mod socketcand;
 mod stage;
 mod status;
 mod stop;
