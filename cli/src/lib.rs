@@ -9,6 +9,7 @@
 mod demo;
 mod describe;
 mod image;
+mod monitor;
 mod progress;
 mod replay;
 mod report;
