@@ -15,6 +15,7 @@ mod replay;
 mod report;
 pub mod serve;
 mod shell;
+mod stdout;
 mod text_table;
 mod update;
 mod watch;

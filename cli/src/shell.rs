@@ -7,13 +7,15 @@
 
 use std::fmt;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Command};
 use clap_complete::Shell;
 use clap_mangen::Man;
+
+use crate::stdout;
 
 /// Which shell.
 #[derive(Clone, Debug, Args)]
@@ -128,13 +130,9 @@ fn write_all(folder: &Path, pages: &[Page]) -> Result<ExitCode, ShellError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints; a reader that has had enough is no error.
 fn print(text: &[u8]) -> Result<ExitCode, ShellError> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text).and_then(|()| out.flush()) {
-        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(ShellError::Print(why)),
-        _ => Ok(ExitCode::SUCCESS),
-    }
+    stdout::print(text).map_err(ShellError::Print)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use super::hub::Hub;
 use super::keep::Keep;
 use super::options::Arguments;
 use super::pace::{Pace, Speed};
+use super::ready;
 use super::say;
 use super::script::{Script, Wanted, impossible};
 use super::stage::{Done, Stage};
@@ -50,6 +51,7 @@ pub struct Server {
     /// Virtual time 0, microseconds since 1970.
     epoch_us: u64,
     told_late: bool,
+    json: bool,
 }
 
 /// Whether the run goes on.
@@ -95,6 +97,7 @@ impl Server {
             await_client: arguments.await_client,
             epoch_us: 0,
             told_late: false,
+            json: arguments.json,
         }
     }
 
@@ -216,6 +219,7 @@ impl Server {
     fn obey(&mut self, word: &Word) -> Go {
         match self.stage.obey(word) {
             Done::Quietly => {}
+            Done::Told(text) if self.json => say(&ready::json(&ready::Told::new(&text))),
             Done::Told(text) => say(&text),
             Done::Impossible(pose) => complain(&impossible(pose)),
             Done::Beyond => complain(BEYOND),
