@@ -7,9 +7,11 @@
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
 mod error;
-mod hex;
+pub mod hex;
 mod hub;
 mod keep;
+mod motor;
+mod motor_port;
 mod options;
 mod outlet;
 mod pace;
@@ -17,9 +19,9 @@ mod pty;
 mod ready;
 mod script;
 mod server;
-mod slcan;
+pub mod slcan;
 mod socketcan;
-mod socketcand;
+pub mod socketcand;
 mod stage;
 mod status;
 mod stop;
@@ -49,6 +51,7 @@ use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
 use crate::progress::Progress;
 use hub::Hub;
 use keep::Keep;
+use motor_port::MotorPort;
 use ready::Way;
 use server::Server;
 use stage::Stage;
@@ -76,8 +79,9 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
     doors.say_ready(arguments, &ids);
+    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, keep, interrupted);
-    server.run().map(|()| ExitCode::SUCCESS)
+    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
 }
 
 /// Serves a network that is made already, such as one of emulated nodes; gives all of it power.
@@ -102,8 +106,9 @@ pub fn run_network(
     let mut stage = Stage::new(network, arguments.seed);
     (0..nodes).for_each(|number| stage.power_on(number));
     doors.say_ready(arguments, ids);
+    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, None, interrupted);
-    server.run().map(|()| ExitCode::SUCCESS)
+    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
 }
 
 /// Prints. A reader that has gone is no reason to end the bus for all others.
@@ -158,6 +163,7 @@ struct Doors {
     socketcand: std::net::SocketAddr,
     slcan: Option<std::net::SocketAddr>,
     pty: Option<std::path::PathBuf>,
+    motor: Option<MotorPort>,
 }
 
 impl Doors {
@@ -168,10 +174,13 @@ impl Doors {
         if let Some(name) = &arguments.can {
             hub.open_kernel(name)?;
         }
+        let listen = |at| MotorPort::listen(at, arguments.seed);
+        let motor = arguments.motor.map(listen).transpose()?;
         Ok(Self {
             socketcand,
             slcan,
             pty,
+            motor,
         })
     }
 
@@ -194,6 +203,7 @@ impl Doors {
             slcan: self.slcan.map(|at| at.to_string()),
             pty: self.pty.as_ref().map(|path| path.display().to_string()),
             can_interface: arguments.can.clone(),
+            motor: self.motor.as_ref().map(|motor| motor.at.to_string()),
         }
     }
 
@@ -213,11 +223,14 @@ impl Doors {
             ways.push(Way::Kernel(name));
             places += &format!(", CAN interface {name}");
         }
+        let motor = self.motor.as_ref().map_or_else(String::new, |motor| {
+            format!("plumb calibrate --motor tcp://{}\n", motor.at)
+        });
         let id = |id: &Option<u8>| id.map_or("none".to_owned(), |id| id.to_string());
         let names: Vec<_> = ids.iter().map(id).collect();
         let lines: String = ways.into_iter().map(ready::lines).collect();
         format!(
-            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}",
+            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}{motor}",
             ids.len(),
             names.join(", "),
             arguments.bit_rate

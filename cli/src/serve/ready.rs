@@ -31,6 +31,8 @@ pub struct Ready {
     pub pty: Option<String>,
     /// Interface of the kernel.
     pub can_interface: Option<String>,
+    /// ADDRESS:PORT of the virtual motor.
+    pub motor: Option<String>,
 }
 
 /// What a typed word has told, for `--json`.
