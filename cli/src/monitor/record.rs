@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
-use crate::log::{Format, Writer};
+use super::writer::{Format, Writer};
 
 /// Lines wait no longer than this.
 const HELD_BACK: Duration = Duration::from_millis(500);
