@@ -12,6 +12,7 @@ mod describe;
 mod image;
 mod log;
 mod playback;
+mod monitor;
 mod progress;
 mod replay;
 mod report;
@@ -51,6 +52,8 @@ enum Verb {
     Image(image::Arguments),
     /// Print the manual page of the program or of a verb, or write all of them
     Man(shell::ManualPages),
+    /// Show what happens on a bus: angles, difference, verdict, faults, load; record it
+    Monitor(monitor::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
@@ -73,6 +76,7 @@ pub fn run() -> ExitCode {
         Verb::Man(arguments) => {
             shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
         }
+        Verb::Monitor(arguments) => monitor::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
