@@ -7,6 +7,7 @@
 //! work was done and the instrument is outside its specification.
 
 mod blackbox;
+mod bus;
 mod demo;
 mod describe;
 mod image;
@@ -15,13 +16,15 @@ mod progress;
 mod replay;
 mod report;
 pub mod serve;
+mod shell;
+mod stdout;
 mod text_table;
 mod update;
 mod watch;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use crate::progress::Progress;
 
@@ -40,10 +43,14 @@ struct CommandLine {
 enum Verb {
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
+    /// Print a script that lets a shell complete verbs and options
+    Completions(shell::Completions),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
+    /// Print the manual page of the program or of a verb, or write all of them
+    Man(shell::ManualPages),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
     /// Put a period of an instrument on one page, from logs of the bus
@@ -60,8 +67,14 @@ pub fn run() -> ExitCode {
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Completions(arguments) => {
+            shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
+        Verb::Man(arguments) => {
+            shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
