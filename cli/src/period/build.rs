@@ -147,13 +147,13 @@ fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> In
         from_s: seconds(span.0),
         to_s: seconds(span.1),
         covered_s: seconds(summary.covered_ns()),
-        gaps: gaps(&instrument.gaps),
+        gaps: gaps(&summary.gaps),
         channels: (0..2)
             .zip(ids)
             .zip(&summary.channels)
             .map(|((side, id), channel)| self::channel(side, id, channel, instrument))
             .collect(),
-        difference: difference(&summary.difference, instrument.of_measured),
+        difference: difference(&summary.difference),
         days: days(summary, clock),
         events: instrument
             .events
@@ -279,14 +279,14 @@ fn quantity(tally: &Tally, over_time: &Bins<Extremes>, unit: f64) -> QuantityRep
     }
 }
 
-fn difference(summary: &DifferenceSummary, of_measured: [u64; 2]) -> DifferenceReport {
+fn difference(summary: &DifferenceSummary) -> DifferenceReport {
     let size = |tally: &Tally| {
         let both = tally.extremes()?;
         Some(degrees(both.0.unsigned_abs().max(both.1.unsigned_abs())))
     };
     DifferenceReport {
-        syncs_measured: of_measured[0],
-        syncs_slopes: of_measured[1],
+        syncs_measured: summary.by_measured,
+        syncs_slopes: summary.by_slopes,
         slopes: (0..)
             .zip(&summary.own)
             .map(|(axis, tally)| slope_difference(axis, tally))

@@ -8,11 +8,11 @@
 use super::bins::Extremes;
 use super::capture::Recorder;
 use super::events::{End, Events, What};
-use super::gaps::{GAP_NS, Gap, Gaps};
+use super::gaps::{GAP_NS, Gap};
 use super::heartbeat::Heartbeat;
 use super::kind::Kind;
 use super::row::{Measured, Row};
-use super::summary::{ChannelSummary, Summary, Unusable};
+use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
 use crate::watch::{Detail, Emergency, Nmt, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
@@ -49,18 +49,17 @@ struct Under {
 /// One instrument.
 #[derive(Clone, Debug, Default)]
 pub struct Instrument {
-    /// What has no end of its size.
+    /// What has no end of its size: of the day under way, and after the end of the whole log.
     pub summary: Summary,
     /// Single events.
     pub events: Events,
     /// The SYNCs around them.
     pub recorder: Recorder,
-    /// Time without a frame of it.
-    pub gaps: Gaps,
     /// First and last frame of it, ns.
     pub span_ns: Option<(u64, u64)>,
-    /// SYNCs whose difference is of TPDO 3, and of TPDO 1.
-    pub of_measured: [u64; 2],
+    /// All days before.
+    done: Summary,
+    day: u64,
     last_ns: Option<u64>,
     incident_ns: Option<u64>,
     row: Row,
@@ -86,7 +85,6 @@ impl Instrument {
             bins.add(row.time_ns, Extremes::of(mdeg));
             self.recent.rotate_right(1);
             self.recent[0] = Some(mdeg);
-            self.of_measured[usize::from(!row.is_of_measured())] += 1;
             self.judge(&row);
         }
         self.recorder.record(row);
@@ -105,13 +103,25 @@ impl Instrument {
                 above |= f64::from(mdeg.unsigned_abs()) > band;
             }
         }
+        difference.by_measured += u64::from(row.is_of_measured());
+        difference.by_slopes += u64::from(!row.is_of_measured());
         difference.judged += u64::from(known);
         difference.above += u64::from(above);
+    }
+
+    /// Turns to the day of this time.
+    fn turn_to(&mut self, now_ns: u64) {
+        let day = now_ns / DAY_NS;
+        if day != self.day {
+            self.day = day;
+            self.done.merge(&std::mem::take(&mut self.summary));
+        }
     }
 
     /// Any frame of the instrument that has the form it should have.
     pub fn seen(&mut self, at: Moment, side: usize) {
         let now = at.now_ns;
+        self.turn_to(now);
         let (first, last) = self.span_ns.unwrap_or((now, now));
         self.span_ns = Some((first.min(now), last.max(now)));
         if let Some(side) = self.sides.get_mut(side) {
@@ -123,7 +133,7 @@ impl Instrument {
             self.summary.day(last).covered_ns += since;
             return;
         }
-        self.gaps.add(Gap {
+        self.summary.gaps.add(Gap {
             from_ns: last,
             to_ns: now,
             whole_bus: at.before_ns <= last.saturating_add(GAP_NS),
@@ -321,6 +331,9 @@ impl Instrument {
                 self.lost(number, from_ns, at.now_ns, End::Standing);
             }
         }
+        let last = std::mem::take(&mut self.summary);
+        self.done.merge(&last);
+        self.summary = std::mem::take(&mut self.done);
     }
 }
 

@@ -31,7 +31,11 @@ mod tally;
 mod traffic;
 mod verdict;
 
-use std::io::{self, Write};
+#[cfg(test)]
+mod bench;
+#[cfg(test)]
+mod tests;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -40,6 +44,7 @@ use clap::Args;
 use crate::progress::Progress;
 use crate::report::replay_tables::printable;
 use crate::report::write::{self, Written};
+use crate::stdout;
 use crate::text_table::wrap;
 use crate::watch::Plan;
 
@@ -118,11 +123,8 @@ pub fn run(arguments: &Arguments, _progress: &Progress) -> Result<ExitCode, Peri
     } else {
         shown(&report, &written)
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(PeriodError::Print(why)),
-        _ => Ok(ExitCode::SUCCESS),
-    }
+    stdout::print(text).map_err(PeriodError::Print)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Reads all logs.

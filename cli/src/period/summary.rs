@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 
 use super::bins::{Bins, Extremes};
+use super::gaps::Gaps;
 use super::kind::{KINDS, Kind};
 use super::tally::Tally;
 
@@ -94,6 +95,10 @@ fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) 
 pub struct DifferenceSummary {
     /// Channel A minus channel B on X and Y at the same SYNC, 0.001 deg.
     pub own: [Tally; 2],
+    /// SYNCs compared by TPDO 3, as measured.
+    pub by_measured: u64,
+    /// SYNCs compared by TPDO 1, presets and offsets included.
+    pub by_slopes: u64,
     /// The larger of both by size over time, with its sign.
     pub bins: Bins<Extremes>,
     /// SYNCs at which at least one axis could be compared and the uncertainty of both was known.
@@ -111,6 +116,8 @@ impl DifferenceSummary {
         for (own, other) in self.own.iter_mut().zip(&other.own) {
             own.merge(other);
         }
+        self.by_measured += other.by_measured;
+        self.by_slopes += other.by_slopes;
         self.bins.merge(&other.bins);
         self.judged += other.judged;
         self.above += other.above;
@@ -153,6 +160,8 @@ pub struct Summary {
     pub channels: [ChannelSummary; 2],
     /// The difference between them.
     pub difference: DifferenceSummary,
+    /// Time without a frame of it.
+    pub gaps: Gaps,
     /// The days with data, by their number since time 0.
     pub days: BTreeMap<u64, Day>,
 }
@@ -176,19 +185,89 @@ impl Summary {
             own.merge(other);
         }
         self.difference.merge(&other.difference);
+        self.gaps.merge(&other.gaps);
         for (number, day) in &other.days {
             self.days.entry(*number).or_default().merge(day);
         }
     }
 
-    /// Events of this kind in all.
-    pub fn events(&self, kind: Kind) -> u64 {
-        let of_day = |day: &Day| day.events.get(kind as usize).copied().unwrap_or_default();
-        self.days.values().map(of_day).sum()
-    }
-
     /// Time of which there is data, ns.
     pub fn covered_ns(&self) -> u64 {
         self.days.values().map(|day| day.covered_ns).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Puts something into every field.
+    fn note(summary: &mut Summary, time_s: u64, value: i32) {
+        let time_ns = time_s * 1_000_000_000;
+        let number = value.unsigned_abs() as usize;
+        let channel = &mut summary.channels[number % 2];
+        channel.slope[0].add(value);
+        channel.slope_bins[1].add(time_ns, Extremes::of(value));
+        channel.usable_ns += time_s;
+        let why = Unusable {
+            state: number as u8 % 10,
+            reason: 15,
+        };
+        *channel.unusable_ns.entry(why).or_default() += 5;
+        channel.uncertainty.add(value);
+        channel.uncertainty_bins.add(time_ns, Extremes::of(value));
+        channel.uncertainty_unknown += 1;
+        channel.temperature.add(value % 90);
+        channel.temperature_bins.add(time_ns, Extremes::of(value));
+        *channel.emergencies.entry(number as u16 % 7).or_default() += 1;
+        channel.boots += 1;
+        channel.heartbeat_losses += 2;
+        channel.heartbeat_lost_ns += 3;
+        channel.malformed += 4;
+        let difference = &mut summary.difference;
+        difference.own[1].add(value);
+        difference.by_measured += 1;
+        difference.by_slopes += 2;
+        difference.bins.add(time_ns, Extremes::of(value));
+        difference.judged += 2;
+        difference.above += 1;
+        difference.told.add(value);
+        difference.told_off.add(value);
+        summary.gaps.add(crate::period::gaps::Gap {
+            from_ns: time_ns,
+            to_ns: time_ns + number as u64,
+            whole_bus: value > 0,
+        });
+        summary.note(time_ns, Kind::ALL[number % KINDS]);
+        let day = summary.day(time_ns);
+        day.covered_ns += time_s;
+        day.syncs += 1;
+        day.incidents += 1;
+        day.largest_mdeg = day.largest_mdeg.max(Some(value.unsigned_abs()));
+    }
+
+    proptest! {
+        /// What makes a machine-day the unit: they can be counted apart and joined.
+        #[test]
+        fn merged_days_are_the_whole(
+            notes in prop::collection::vec((0..3_000_000_u64, -200_000..200_000_i32, 0..3_usize), 0..60),
+        ) {
+            let mut whole = Summary::default();
+            let mut parts: [Summary; 3] = Default::default();
+            for (time_s, value, part) in notes {
+                note(&mut whole, time_s, value);
+                note(&mut parts[part], time_s, value);
+            }
+            let [mut a, b, c] = parts;
+            let mut c_first = c.clone();
+            a.merge(&b);
+            a.merge(&c);
+            prop_assert_eq!(&a, &whole);
+            c_first.merge(&a);
+            c_first.merge(&Summary::default());
+            prop_assert_eq!(c_first.days.len(), whole.days.len());
+        }
     }
 }
