@@ -6,6 +6,7 @@
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
+mod calibrate;
 mod demo;
 mod describe;
 mod image;
