@@ -6,6 +6,7 @@
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
+mod bus;
 mod calibrate;
 mod demo;
 mod describe;
@@ -14,12 +15,15 @@ mod progress;
 mod replay;
 mod report;
 pub mod serve;
+mod shell;
+mod stdout;
 mod text_table;
 mod update;
+mod watch;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use crate::progress::Progress;
 
@@ -38,10 +42,14 @@ struct CommandLine {
 enum Verb {
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
+    /// Print a script that lets a shell complete verbs and options
+    Completions(shell::Completions),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
+    /// Print the manual page of the program or of a verb, or write all of them
+    Man(shell::ManualPages),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
@@ -56,8 +64,14 @@ pub fn run() -> ExitCode {
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Completions(arguments) => {
+            shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
+        Verb::Man(arguments) => {
+            shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),

@@ -41,7 +41,6 @@ mod real_chain;
 #[cfg(test)]
 mod repeatability;
 
-use std::io::{self, Write};
 use std::process::ExitCode;
 
 use crate::progress::Progress;
@@ -49,6 +48,7 @@ use crate::report::replay_data::ReplayReport;
 use crate::report::replay_tables::printable;
 use crate::report::terminal;
 use crate::report::write::{self, Written};
+use crate::stdout;
 
 pub use arguments::Arguments;
 pub use error::ReplayError;
@@ -73,12 +73,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Repla
     } else {
         shown(arguments, &report, &written)
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
-        Err(error) => Err(ReplayError::Stdout(error)),
-        Ok(()) => Ok(ExitCode::SUCCESS),
-    }
+    stdout::print(&text).map_err(ReplayError::Stdout)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> String {

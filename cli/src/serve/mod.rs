@@ -7,7 +7,7 @@
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
 mod error;
-mod hex;
+pub mod hex;
 mod hub;
 mod keep;
 mod motor;
@@ -19,9 +19,9 @@ mod pty;
 mod ready;
 mod script;
 mod server;
-mod slcan;
+pub mod slcan;
 mod socketcan;
-mod socketcand;
+pub mod socketcand;
 mod stage;
 mod status;
 mod stop;
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     let flag = Arc::clone(&interrupted);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
-    say(&doors.ready(arguments, &ids));
+    doors.say_ready(arguments, &ids);
     let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, keep, interrupted);
     server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
@@ -105,7 +105,7 @@ pub fn run_network(
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let mut stage = Stage::new(network, arguments.seed);
     (0..nodes).for_each(|number| stage.power_on(number));
-    say(&doors.ready(arguments, ids));
+    doors.say_ready(arguments, ids);
     let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, None, interrupted);
     server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
@@ -182,6 +182,29 @@ impl Doors {
             pty,
             motor,
         })
+    }
+
+    fn say_ready(&self, arguments: &Arguments, ids: &[Option<u8>]) {
+        if arguments.json {
+            say(&ready::json(&self.as_json(arguments, ids)));
+        } else {
+            say(&self.ready(arguments, ids));
+        }
+    }
+
+    fn as_json(&self, arguments: &Arguments, ids: &[Option<u8>]) -> ready::Ready {
+        ready::Ready {
+            format: "plumb-serve",
+            version: 1,
+            node_ids: ids.to_vec(),
+            bit_rate_kbit_s: arguments.bit_rate,
+            socketcand: self.socketcand.to_string(),
+            bus_name: arguments.bus_name.clone(),
+            slcan: self.slcan.map(|at| at.to_string()),
+            pty: self.pty.as_ref().map(|path| path.display().to_string()),
+            can_interface: arguments.can.clone(),
+            motor: self.motor.as_ref().map(|motor| motor.at.to_string()),
+        }
     }
 
     /// What is printed once all is ready: one line to wait for, then the lines to paste.

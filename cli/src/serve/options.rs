@@ -117,6 +117,9 @@ pub struct Arguments {
     /// Don't read words from the standard input
     #[arg(long)]
     pub no_stdin: bool,
+    /// Print what is said as JSON: where the bus is, and what `status` and `help` tell
+    #[arg(long)]
+    pub json: bool,
 }
 
 impl Arguments {

@@ -16,6 +16,7 @@ use super::keep::Keep;
 use super::motor_port::MotorPort;
 use super::options::Arguments;
 use super::pace::{Pace, Speed};
+use super::ready;
 use super::say;
 use super::script::{Script, Wanted, impossible};
 use super::stage::{Done, Stage};
@@ -52,6 +53,7 @@ pub struct Server {
     /// Virtual time 0, microseconds since 1970.
     epoch_us: u64,
     told_late: bool,
+    json: bool,
 }
 
 /// Whether the run goes on.
@@ -98,6 +100,7 @@ impl Server {
             await_client: arguments.await_client,
             epoch_us: 0,
             told_late: false,
+            json: arguments.json,
         }
     }
 
@@ -227,6 +230,7 @@ impl Server {
     fn obey(&mut self, word: &Word) -> Go {
         match self.stage.obey(word) {
             Done::Quietly => {}
+            Done::Told(text) if self.json => say(&ready::json(&ready::Told::new(&text))),
             Done::Told(text) => say(&text),
             Done::Impossible(pose) => complain(&impossible(pose)),
             Done::Beyond => complain(BEYOND),

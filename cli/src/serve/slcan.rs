@@ -30,7 +30,7 @@ const VERSION: &[u8] = b"V0100";
 const SERIAL_NUMBER: &[u8] = b"NPLMB";
 
 /// kbit/s of `S0` to `S8`.
-const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
+pub const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
 
 /// How a client wants its frames, set by `Z`, `M` and `m`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -232,7 +232,7 @@ impl Dialogue for Session {
 }
 
 /// The frame after its letter: identifier, one digit of length, and as many bytes exactly.
-fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
+pub fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
     let digits = if letter.is_ascii_lowercase() { 3 } else { 8 };
     let (id, rest) = rest.split_at_checked(digits)?;
     let id = hex::number(id)?;

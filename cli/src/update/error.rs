@@ -7,6 +7,8 @@ use std::path::PathBuf;
 use flash::image::ImageError;
 
 use super::version;
+use crate::bus::JoinError;
+use crate::bus::sdo::SdoError;
 
 /// Why an update ended before every node ran the new program.
 #[derive(Debug)]
@@ -20,13 +22,11 @@ pub enum UpdateError {
     /// The files hold images of two versions.
     Versions(u32, u32),
     /// The bus can't be joined.
-    Join(String, io::Error),
+    Join(JoinError),
     /// The bus was lost.
     Lost(io::Error),
     /// The user has ended it.
     Interrupted,
-    /// Signals can't be watched.
-    Signal(ctrlc::Error),
     /// A node is named twice.
     Twice(u8),
     /// A node does not answer.
@@ -76,6 +76,19 @@ impl UpdateError {
     }
 }
 
+impl From<SdoError> for UpdateError {
+    fn from(error: SdoError) -> Self {
+        match error {
+            SdoError::Lost(error) => Self::Lost(error),
+            SdoError::Interrupted => Self::Interrupted,
+            SdoError::Silent(node, ..) | SdoError::Unanswered(node, ..) => Self::Silent(node),
+            SdoError::Refused(node, index, sub, code) => Self::Refused(node, index, sub, code),
+            SdoError::Step(node, ..) | SdoError::Length(node, ..) => Self::Transfer(node),
+            SdoError::Taken(node) => Self::Taken(node),
+        }
+    }
+}
+
 impl std::error::Error for UpdateError {}
 
 impl fmt::Display for UpdateError {
@@ -92,13 +105,8 @@ impl fmt::Display for UpdateError {
                 version(*one),
                 version(*other)
             ),
-            Self::Join(bus, error) => write!(
-                f,
-                "cannot join the bus {bus}: {error}; give ADDRESS:PORT of a socketcand server \
-                 (`plumb serve` is one) or the name of a CAN interface that is up"
-            ),
+            Self::Join(error) => write!(f, "{error}"),
             Self::Interrupted => write!(f, "interrupted; {AGAIN}"),
-            Self::Signal(error) => write!(f, "cannot watch signals: {error}"),
             Self::Lost(error) => write!(f, "the bus is lost: {error}; {AGAIN}"),
             node => node.fmt_node(f),
         }

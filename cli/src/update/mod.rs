@@ -11,25 +11,24 @@
 //!
 //! Left out: building images (`image`).
 
-mod bus;
 mod error;
 pub mod file;
-mod sdo;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use canopen::Frame;
 use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use flash::layout::Slot;
 
+use crate::bus::sdo::Client;
+use crate::bus::{Bus, BusOptions};
 use crate::progress::Progress;
-use bus::Bus;
 pub use error::UpdateError;
 use file::Image;
-use sdo::Client;
 
 /// A node's state as its heartbeat tells it.
 const OPERATIONAL: u8 = 5;
@@ -68,9 +67,6 @@ pub struct Arguments {
     /// Files of images; of each node's two slots the one that it does not run in needs one
     #[arg(required = true, value_name = "IMAGE")]
     pub images: Vec<PathBuf>,
-    /// The bus: ADDRESS:PORT[/NAME] of a socketcand server, or a CAN interface
-    #[arg(long, value_name = "BUS")]
-    pub bus: String,
     /// The nodes, in the order of their update
     #[arg(
         long,
@@ -83,6 +79,9 @@ pub struct Arguments {
     /// Update also while a node has no valid angle
     #[arg(long)]
     pub force: bool,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
 }
 
 /// A version as people write it.
@@ -109,9 +108,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
         return Err(UpdateError::Twice(node));
     }
     let images = file::read(&arguments.images)?;
-    bus::watch_signals().map_err(UpdateError::Signal)?;
-    let joined = Bus::join(&arguments.bus);
-    let mut bus = joined.map_err(|error| UpdateError::Join(arguments.bus.clone(), error))?;
+    let mut bus = arguments.bus.join().map_err(UpdateError::Join)?;
     let mut plans = Vec::new();
     for node in &arguments.nodes {
         let asked = Node::new(&mut bus, *node).plan(&images);
@@ -165,23 +162,28 @@ impl<'a> Node<'a> {
         Self { bus, node }
     }
 
-    fn read(&mut self, index: u16, sub: u8) -> Result<u32, UpdateError> {
-        Client::new(self.bus, self.node).read(index, sub)
+    fn client(&mut self) -> Client<'_> {
+        Client::patient(self.bus, self.node)
     }
 
-    fn write(&mut self, index: u16, sub: u8, value: u32, length: u8) -> Result<(), UpdateError> {
-        Client::new(self.bus, self.node).write(index, sub, value, length)
+    fn read(&mut self, index: u16, sub: u8) -> Result<u32, UpdateError> {
+        Ok(self.client().read_u32(index, sub)?)
+    }
+
+    fn write(&mut self, index: u16, sub: u8, value: u32, length: usize) -> Result<(), UpdateError> {
+        let bytes = &value.to_le_bytes()[..length];
+        Ok(self.client().download_again(index, sub, bytes)?)
     }
 
     fn nmt(&mut self, command: u8) -> Result<(), UpdateError> {
-        let sent = self.bus.send(0, &[command, self.node]);
+        let sent = self.bus.send(&Frame::data_frame(0, &[command, self.node]));
         sent.map_err(UpdateError::lost)
     }
 
     /// What this node needs of these images. Nothing is changed.
     fn plan<'i>(&mut self, images: &'i [Image]) -> Result<Plan<'i>, UpdateError> {
         let node = self.node;
-        Client::new(self.bus, node).give_up()?;
+        self.client().give_up(0x1F50, 1)?;
         if ![PRODUCT_CODE_A, PRODUCT_CODE_B].contains(&self.read(0x1018, 2)?) {
             return Err(UpdateError::Stranger(node));
         }
@@ -230,7 +232,7 @@ impl<'a> Node<'a> {
         // What ended it says more than what may go wrong now.
         let given_up = match ended {
             Ok(()) => Ok(()),
-            Err(_) => Client::new(self.bus, self.node).give_up(),
+            Err(_) => self.client().give_up(0x1F50, 1).map_err(UpdateError::from),
         };
         // NMT "start".
         let back = if works { self.nmt(1) } else { Ok(()) };
@@ -266,7 +268,7 @@ impl<'a> Node<'a> {
             match sent {
                 Err(UpdateError::Silent(_) | UpdateError::Transfer(_)) if tries < TRIES => {
                     tries += 1;
-                    Client::new(self.bus, self.node).give_up()?;
+                    self.client().give_up(0x1F50, 1)?;
                 }
                 ended => return ended,
             }
@@ -283,16 +285,16 @@ impl<'a> Node<'a> {
         let rest = image.bytes.get(held..).unwrap_or(&[]);
         let task = progress.task(&format!("node {node}"), image.bytes.len() as u64);
         task.advance(held as u64);
-        let mut client = Client::new(self.bus, node);
-        let sent = client.download(0x1F50, 1, rest, |count| task.advance(count));
+        let mut client = self.client();
+        let sent = client.download_blocks(0x1F50, 1, rest, |count| task.advance(count));
         drop(task);
-        self.judged(sent)
+        self.judged(sent.map_err(UpdateError::from))
     }
 
     /// Starts the new program. An answer that was lost does not matter: its trial shows it.
     fn start(&mut self) -> Result<(), UpdateError> {
-        let started = Client::new(self.bus, self.node).command(0x1F51, 1, 1);
-        match self.judged(started) {
+        let started = self.client().download(0x1F51, 1, &[1]);
+        match self.judged(started.map_err(UpdateError::from)) {
             Ok(()) => self.wait_for_boot(),
             Err(UpdateError::Silent(_)) => Ok(()),
             Err(error) => Err(error),
@@ -323,7 +325,11 @@ impl<'a> Node<'a> {
         let mut status = 0;
         for _ in 0..TRIES {
             // It is refused while it runs, so it is not said twice: whether it was heard is read.
-            match Client::new(self.bus, self.node).command(0x1F51, 1, 3) {
+            match self
+                .client()
+                .download(0x1F51, 1, &[3])
+                .map_err(UpdateError::from)
+            {
                 Err(UpdateError::Silent(_)) => {}
                 answer => self.judged(answer)?,
             }
@@ -367,9 +373,9 @@ impl<'a> Node<'a> {
     fn heartbeat(&mut self, patience: Duration) -> Result<Option<u8>, UpdateError> {
         let until = Instant::now() + patience;
         let id = 0x700 + u16::from(self.node);
-        while let Some(frame) = self.bus.receive(until).map_err(UpdateError::lost)? {
-            if frame.cob_id() == Some(id)
-                && let [state] = frame.bytes()
+        while let Some(received) = self.bus.receive(until).map_err(UpdateError::lost)? {
+            if received.frame.cob_id() == Some(id)
+                && let [state] = received.frame.bytes()
             {
                 return Ok(Some(state & 0x7F));
             }

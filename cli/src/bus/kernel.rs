@@ -1,0 +1,113 @@
+//! An interface of the kernel's CAN.
+//!
+//! In: its name, frames. Out: frames of the bus, and errors that the controller has told of.
+//!
+//! Left out: setting the interface up, CAN FD.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use canopen::Frame;
+use socketcan::{CanFrame, CanSocket, EmbeddedFrame, ShouldRetry, Socket, SocketOptions};
+
+use super::{Received, Trouble, now_ns};
+
+/// How long to wait when the interface's own queue is full: eight frames at 1 Mbit/s.
+const FULL_WAIT: Duration = Duration::from_millis(1);
+
+/// How often a full queue is tried again.
+const TRIES: u32 = 1000;
+
+/// The shortest wait that the kernel takes for one.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+/// A socket of one interface.
+#[derive(Debug)]
+pub struct Client {
+    socket: CanSocket,
+    trouble: Trouble,
+}
+
+impl Client {
+    /// Opens an interface.
+    ///
+    /// Errors: what the system says.
+    pub fn join(interface: &str) -> io::Result<Self> {
+        let socket = CanSocket::open(interface)?;
+        // Errors tell a wrong bit rate from a silent bus; a driver that has none does no harm.
+        let _ = socket.set_error_filter_accept_all();
+        let trouble = Trouble::default();
+        Ok(Self { socket, trouble })
+    }
+
+    /// Sends a frame.
+    ///
+    /// Errors: what the system says; [`io::ErrorKind::TimedOut`] when the queue stays full.
+    pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        let frame = to_kernel(frame).ok_or(io::ErrorKind::InvalidInput)?;
+        for _ in 0..TRIES {
+            match self.socket.write_frame(&frame) {
+                Ok(()) => return Ok(()),
+                Err(error) if error.should_retry() || is_full(&error) => {
+                    std::thread::sleep(FULL_WAIT);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        self.trouble.unsent = true;
+        let sentence = "nothing can be sent: does nobody acknowledge? Look at bit rate and wires";
+        Err(io::Error::new(io::ErrorKind::TimedOut, sentence))
+    }
+
+    /// The next frame until then.
+    ///
+    /// Errors: what the system says.
+    pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
+        let mut is_first = true;
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() && !is_first {
+                return Ok(None);
+            }
+            is_first = false;
+            match self.socket.read_frame_timeout(left.max(SHORTEST)) {
+                Ok(frame) => match from_kernel(&frame) {
+                    Some(frame) => {
+                        let time_ns = now_ns();
+                        return Ok(Some(Received { time_ns, frame }));
+                    }
+                    None => self.trouble.errors += 1,
+                },
+                Err(error) if error.should_retry() => {}
+                Err(error) if error.kind() == io::ErrorKind::TimedOut => return Ok(None),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// What error frames have told.
+    pub const fn trouble(&self) -> Trouble {
+        self.trouble
+    }
+}
+
+fn is_full(error: &io::Error) -> bool {
+    let full = rustix::io::Errno::NOBUFS.raw_os_error();
+    error.raw_os_error() == Some(full)
+}
+
+/// `None` for an error frame.
+pub fn from_kernel(frame: &CanFrame) -> Option<Frame> {
+    match frame {
+        CanFrame::Data(data) => Frame::with(data.id(), data.data()),
+        CanFrame::Remote(remote) => Frame::remote(remote.id(), remote.dlc()),
+        CanFrame::Error(_) => None,
+    }
+}
+
+fn to_kernel(frame: &Frame) -> Option<CanFrame> {
+    match frame.is_remote() {
+        true => CanFrame::new_remote(frame.id(), frame.length()),
+        false => CanFrame::new(frame.id(), frame.bytes()),
+    }
+}

@@ -1,0 +1,186 @@
+//! Why an SDO transfer did not come to its end, and what abort codes mean (CiA 301, table 22).
+
+use std::fmt;
+use std::io;
+
+/// Why a transfer ended. Each names node and object.
+#[derive(Debug)]
+pub enum SdoError {
+    /// The bus was lost.
+    Lost(io::Error),
+    /// The user has ended it.
+    Interrupted,
+    /// The node does not answer a question: node, index, sub-index.
+    Silent(u8, u16, u8),
+    /// The node did not answer a write, which it may have taken all the same.
+    Unanswered(u8, u16, u8),
+    /// The node has refused: node, index, sub-index, abort code.
+    Refused(u8, u16, u8, u32),
+    /// The transfer came out of step: node, index, sub-index, and what was wrong.
+    Step(u8, u16, u8, &'static str),
+    /// Somebody else uses the node's only SDO channel.
+    Taken(u8),
+    /// The object has another length than a number has: node, index, sub-index, bytes.
+    Length(u8, u16, u8, usize),
+}
+
+impl SdoError {
+    /// What it means that the bus could not be read or written.
+    pub fn lost(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Interrupted,
+            _ => Self::Lost(error),
+        }
+    }
+
+    /// Whether the node has said nothing at all.
+    pub const fn is_silence(&self) -> bool {
+        matches!(self, Self::Silent(..) | Self::Unanswered(..))
+    }
+}
+
+impl std::error::Error for SdoError {}
+
+/// An object's address as people write it: `6012h`, or `1018h sub 2`.
+pub fn address(index: u16, sub: u8) -> String {
+    match sub {
+        0 => format!("{index:04X}h"),
+        _ => format!("{index:04X}h sub {sub}"),
+    }
+}
+
+impl fmt::Display for SdoError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
+            Self::Interrupted => write!(f, "interrupted"),
+            Self::Silent(node, index, sub) => write!(
+                f,
+                "node {node} does not answer when asked for {}",
+                address(*index, *sub)
+            ),
+            Self::Unanswered(node, index, sub) => write!(
+                f,
+                "node {node} has not answered the write of {}: whether it counts is not known, so \
+                 read it back before you write again",
+                address(*index, *sub)
+            ),
+            Self::Refused(node, index, sub, code) => write!(
+                f,
+                "node {node} refuses {}: {} (abort code {:04X} {:04X}h)",
+                address(*index, *sub),
+                meaning(*code),
+                code >> 16,
+                code & 0xFFFF
+            ),
+            Self::Step(node, index, sub, what) => write!(
+                f,
+                "the transfer of {} with node {node} came out of step ({what}): frames are lost, \
+                 or somebody else talks to it",
+                address(*index, *sub)
+            ),
+            Self::Taken(node) => write!(
+                f,
+                "somebody else talks to node {node} over SDO: end the other tool, or wait for it"
+            ),
+            Self::Length(node, index, sub, bytes) => write!(
+                f,
+                "{} of node {node} has {bytes} bytes and is no number",
+                address(*index, *sub)
+            ),
+        }
+    }
+}
+
+/// What an abort code means, in words (CiA 301, table 22).
+pub const fn meaning(code: u32) -> &'static str {
+    match code {
+        0x0503_0000 => "the toggle bit did not alternate",
+        0x0504_0000 => "the transfer took too long",
+        0x0504_0001 => "it does not know this command",
+        0x0504_0002 => "the block size is wrong",
+        0x0504_0003 => "a sequence number is wrong",
+        0x0504_0004 => "the check sum is wrong",
+        0x0504_0005 => "it is out of memory",
+        0x0601_0000 => "the object does not allow this access",
+        0x0601_0001 => "the object can only be written",
+        0x0601_0002 => "the object can only be read",
+        0x0602_0000 => "it has no such object",
+        0x0604_0041 => "the object cannot be mapped into a PDO",
+        0x0604_0042 => "the mapped objects are longer than a PDO",
+        0x0604_0043 => "the value does not go together with its other parameters",
+        0x0604_0047 => "its own state does not allow it",
+        0x0606_0000 => "its hardware failed",
+        0x0607_0010 => "the value has another length than the object",
+        0x0607_0012 => "the value is longer than the object",
+        0x0607_0013 => "the value is shorter than the object",
+        0x0609_0011 => "it has no such sub-index",
+        0x0609_0030 => "the object cannot have this value",
+        0x0609_0031 => "the value is above the range",
+        0x0609_0032 => "the value is below the range",
+        0x0609_0036 => "the highest value would be below the lowest",
+        0x060A_0023 => "a resource that it needs is not there",
+        0x0800_0000 => "it does not say why",
+        0x0800_0020 => "it cannot transfer or store the data",
+        0x0800_0021 => "it cannot store the data since it controls them itself",
+        0x0800_0022 => "it cannot do that in its present state",
+        0x0800_0023 => "it has no object dictionary",
+        0x0800_0024 => "there is no data",
+        _ => "the standard has no words for its reason",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::object::Abort;
+
+    #[test]
+    fn every_code_that_our_nodes_send_has_words_of_its_own() {
+        let codes = [
+            Abort::ToggleBit,
+            Abort::TimedOut,
+            Abort::InvalidCommand,
+            Abort::InvalidBlockSize,
+            Abort::InvalidSequence,
+            Abort::CrcError,
+            Abort::OutOfMemory,
+            Abort::UnsupportedAccess,
+            Abort::WriteOnly,
+            Abort::ReadOnly,
+            Abort::NoSuchObject,
+            Abort::NotMappable,
+            Abort::PdoTooLong,
+            Abort::ParameterIncompatible,
+            Abort::InternalIncompatible,
+            Abort::Hardware,
+            Abort::LengthMismatch,
+            Abort::LengthTooHigh,
+            Abort::LengthTooLow,
+            Abort::NoSuchSubIndex,
+            Abort::InvalidValue,
+            Abort::ValueTooHigh,
+            Abort::ValueTooLow,
+            Abort::MaximumBelowMinimum,
+            Abort::NoResource,
+            Abort::General,
+            Abort::CannotStore,
+            Abort::LocalControl,
+            Abort::WrongState,
+            Abort::NoData,
+        ]
+        .map(Abort::code);
+        let words: std::collections::BTreeSet<_> = codes.map(meaning).into();
+        assert_eq!(words.len(), codes.len());
+        assert!(!words.contains(meaning(1)));
+    }
+
+    #[test]
+    fn a_refusal_names_node_object_and_meaning() {
+        let told = SdoError::Refused(2, 0x1018, 9, 0x0609_0011).to_string();
+        assert_eq!(
+            told,
+            "node 2 refuses 1018h sub 9: it has no such sub-index (abort code 0609 0011h)"
+        );
+    }
+}

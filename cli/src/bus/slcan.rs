@@ -1,0 +1,299 @@
+//! A client of an SLCAN adapter: over TCP, at a serial port, or at a pseudo-terminal.
+//!
+//! In: lines that end with CR (frames, answers) and BEL (refused). Out: commands: close, bit
+//! rate, open, frames, status flags. Commands are those of the CAN232/CANUSB manuals, as far as
+//! every adapter knows them.
+//!
+//! Left out: time stamps of the adapter, which count milliseconds of a minute and not all have;
+//! filters, CAN FD.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use canopen::Frame;
+
+use super::intake::{self, Intake, Stream};
+use super::{Received, Trouble, now_ns};
+use crate::serve::slcan::{Form, RATES, frame};
+
+/// How long an adapter has for an answer.
+const ANSWER: Duration = Duration::from_secs(1);
+
+/// How often the opening is tried: an adapter may have been left in the middle of a line, and
+/// some restart when their port is opened.
+const OPENINGS: usize = 3;
+
+/// Status flags (CAN232 manual, `F`): error warning, error passive, bus error.
+const BAD: u8 = 1 << 2 | 1 << 5 | 1 << 7;
+
+/// Status flag: the queue of frames to be sent is full.
+const UNSENT: u8 = 1 << 1;
+
+/// An adapter whose channel is open.
+#[derive(Debug)]
+pub struct Client {
+    intake: Intake,
+    serial: bool,
+    trouble: Trouble,
+    /// Frames that came while an answer was waited for.
+    early: std::collections::VecDeque<Received>,
+}
+
+/// What a line of the adapter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Said {
+    Frame(Received),
+    /// CR, with or without a word before it.
+    Done,
+    /// BEL.
+    Refused,
+    /// Status flags.
+    Flags(u8),
+}
+
+impl Client {
+    /// Opens the adapter behind `host:port`.
+    ///
+    /// Errors: what the system says; [`io::ErrorKind::TimedOut`] and
+    /// [`io::ErrorKind::InvalidData`] when nothing like an adapter answers.
+    pub fn join_tcp(at: &str, kbit_s: Option<u32>) -> io::Result<Self> {
+        Self::open(Box::new(intake::connect(at)?), false, kbit_s)
+    }
+
+    /// Opens the adapter at a serial port.
+    ///
+    /// Errors: as [`Client::join_tcp`].
+    pub fn join_serial(path: &str, baud: u32, kbit_s: Option<u32>) -> io::Result<Self> {
+        let port = serialport::new(path, baud).timeout(ANSWER).open()?;
+        Self::open(Box::new(port), true, kbit_s)
+    }
+
+    fn open(stream: Box<dyn Stream>, serial: bool, kbit_s: Option<u32>) -> io::Result<Self> {
+        let mut client = Self {
+            intake: Intake::new(stream),
+            serial,
+            trouble: Trouble::default(),
+            early: std::collections::VecDeque::new(),
+        };
+        // A rate that the adapter was not told is the one that it has.
+        let rate = kbit_s.and_then(|wanted| RATES.iter().position(|rate| *rate == wanted));
+        let mut failed = io::Error::from(io::ErrorKind::TimedOut);
+        for _ in 0..OPENINGS {
+            match client.open_once(rate) {
+                Ok(()) => return Ok(client),
+                Err(error) if error.kind() == io::ErrorKind::TimedOut => failed = error,
+                Err(error) => return Err(error),
+            }
+        }
+        Err(failed)
+    }
+
+    fn open_once(&mut self, rate: Option<usize>) -> io::Result<()> {
+        // Whatever stands half written is ended, and an open channel closed; either may be refused.
+        self.intake.write(b"\rC\r")?;
+        self.answered(Instant::now() + ANSWER)?;
+        self.answered(Instant::now() + ANSWER)?;
+        if let Some(rate) = rate {
+            self.command(format!("S{rate}\r").as_bytes(), "the bit rate")?;
+        }
+        self.command(b"O\r", "to open its channel")?;
+        self.early.clear();
+        Ok(())
+    }
+
+    /// A command that must not be refused.
+    fn command(&mut self, command: &[u8], what: &str) -> io::Result<()> {
+        self.intake.write(command)?;
+        match self.answered(Instant::now() + ANSWER)? {
+            true => Ok(()),
+            false => {
+                let sentence = format!("the adapter refuses {what}");
+                Err(io::Error::new(io::ErrorKind::InvalidData, sentence))
+            }
+        }
+    }
+
+    /// Whether the next answer is CR; frames that come before it are kept.
+    fn answered(&mut self, until: Instant) -> io::Result<bool> {
+        loop {
+            match self.said(until)? {
+                Some(Said::Frame(received)) => self.early.push_back(received),
+                Some(Said::Refused) => return Ok(false),
+                Some(Said::Done | Said::Flags(_)) => return Ok(true),
+                None => return Err(io::ErrorKind::TimedOut.into()),
+            }
+        }
+    }
+
+    fn said(&mut self, until: Instant) -> io::Result<Option<Said>> {
+        let line = self.intake.next(b"\r\x07", until)?;
+        Ok(line.map(|(line, end)| read(line, end)))
+    }
+
+    /// Whether the adapter can be unplugged.
+    pub const fn is_serial(&self) -> bool {
+        self.serial
+    }
+
+    /// Sends a frame. Its acknowledgement by the adapter is not waited for.
+    ///
+    /// Errors: what the system says.
+    pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        let mut line = Vec::new();
+        Form::default().put_frame(&mut line, frame, 0);
+        self.intake.write(&line)
+    }
+
+    /// The next frame until then. A refused frame counts as trouble.
+    ///
+    /// Errors: what the system says.
+    pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
+        if let Some(early) = self.early.pop_front() {
+            return Ok(Some(early));
+        }
+        loop {
+            match self.said(until)? {
+                Some(Said::Frame(received)) => return Ok(Some(received)),
+                Some(Said::Refused) => self.trouble.unsent = true,
+                Some(Said::Flags(flags)) => self.note(flags),
+                Some(Said::Done) => {}
+                None => return Ok(None),
+            }
+        }
+    }
+
+    const fn note(&mut self, flags: u8) {
+        self.trouble.errors += (flags & BAD).count_ones() as u64;
+        self.trouble.unsent |= flags & UNSENT != 0;
+    }
+
+    /// Asks for the status flags; an adapter that does not know the question is not in trouble.
+    ///
+    /// Errors: what the system says.
+    pub fn trouble(&mut self) -> io::Result<Trouble> {
+        self.intake.write(b"F\r")?;
+        let until = Instant::now() + ANSWER / 4;
+        while let Some(said) = self.said(until)? {
+            match said {
+                Said::Frame(received) => self.early.push_back(received),
+                Said::Flags(flags) => {
+                    self.note(flags);
+                    break;
+                }
+                Said::Done | Said::Refused => {}
+            }
+        }
+        Ok(self.trouble)
+    }
+}
+
+impl Drop for Client {
+    /// An adapter that is left open goes on sending to whoever opens its port next.
+    fn drop(&mut self) {
+        let _ = self.intake.write(b"C\r");
+    }
+}
+
+fn read(line: &[u8], end: u8) -> Said {
+    // Some adapters end lines with CR and LF.
+    let line = line.trim_ascii();
+    if end != b'\r' {
+        return Said::Refused;
+    }
+    match line.split_first() {
+        Some((letter @ (b't' | b'T' | b'r' | b'R'), rest)) => {
+            // An adapter that was told to stamp by somebody before appends four digits.
+            let cut = rest.len().checked_sub(4).and_then(|end| rest.get(..end));
+            let read = frame(*letter, rest).or_else(|| frame(*letter, cut?));
+            let time_ns = now_ns();
+            read.map_or(Said::Done, |frame| Said::Frame(Received { time_ns, frame }))
+        }
+        Some((b'F', flags)) => {
+            let flags = crate::serve::hex::number(flags).and_then(|flags| u8::try_from(flags).ok());
+            flags.map_or(Said::Done, Said::Flags)
+        }
+        _ => Said::Done,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::frame::{ExtendedId, standard};
+    use proptest::prelude::*;
+    use std::io::{BufRead, BufReader, Write};
+    use std::net::TcpListener;
+
+    /// An adapter that answers each line with what `answers` has for it, and hangs up after that.
+    fn adapter(answers: &'static [&'static str]) -> (String, std::thread::JoinHandle<Vec<String>>) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let at = listener.local_addr().unwrap().to_string();
+        let server = std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut lines = BufReader::new(stream.try_clone().unwrap()).split(b'\r');
+            let mut heard = Vec::new();
+            for answer in answers {
+                let Some(Ok(line)) = lines.next() else { break };
+                heard.push(String::from_utf8(line).unwrap());
+                stream.write_all(answer.as_bytes()).unwrap();
+            }
+            heard
+        });
+        (at, server)
+    }
+
+    #[test]
+    fn a_channel_is_closed_told_its_rate_and_opened() {
+        let answers = &["\r", "\x07", "\r", "\r", "z\rt0801AA\rF04\r"];
+        let (at, server) = adapter(answers);
+        let mut client = Client::join_tcp(&at, Some(500)).unwrap();
+        client.send(&Frame::data_frame(0x601, &[1, 2])).unwrap();
+        let until = Instant::now() + ANSWER;
+        let received = client.receive(until).unwrap().unwrap();
+        assert_eq!(received.frame, Frame::data_frame(0x80, &[0xAA]));
+        // The adapter hangs up: named, and nothing hangs.
+        let ended = client.receive(until).unwrap_err().kind();
+        assert_eq!(ended, io::ErrorKind::UnexpectedEof);
+        assert_eq!(client.trouble.errors, 1);
+        let heard = server.join().unwrap();
+        assert_eq!(heard, ["", "C", "S6", "O", "t60120102"]);
+    }
+
+    #[test]
+    fn an_adapter_that_was_left_open_shows_frames_before_its_answers() {
+        let (at, server) = adapter(&["t0800\r\r", "t0800\r\r", "\r"]);
+        Client::join_tcp(&at, None).unwrap();
+        assert_eq!(server.join().unwrap(), ["", "C", "O"]);
+    }
+
+    #[test]
+    fn an_adapter_that_refuses_is_told_of() {
+        let (at, _server) = adapter(&["\r", "\r", "\x07"]);
+        let refused = Client::join_tcp(&at, None).unwrap_err();
+        assert!(refused.to_string().contains("refuses to open"), "{refused}");
+    }
+
+    #[test]
+    fn frames_of_all_four_kinds_are_read_with_a_stamp_and_without() {
+        let long = ExtendedId::new(0x1234_5678).unwrap();
+        for (line, sent) in [
+            ("t60124008", Frame::data_frame(0x601, &[0x40, 8])),
+            ("t601240080B0C", Frame::data_frame(0x601, &[0x40, 8])),
+            ("T1234567811A", Frame::with(long, &[0x1A]).unwrap()),
+            ("r7011", Frame::remote(standard(0x701), 1).unwrap()),
+            ("R12345678 ", Frame::data_frame(0, &[])),
+        ] {
+            match read(line.as_bytes(), b'\r') {
+                Said::Frame(received) => assert_eq!(received.frame, sent, "{line}"),
+                said => assert_eq!((line, said), ("R12345678 ", Said::Done)),
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_line_is_read_somehow(line in prop::collection::vec(any::<u8>(), 0..40)) {
+            let _ = read(&line, b'\r');
+        }
+    }
+}
