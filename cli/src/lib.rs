@@ -8,6 +8,7 @@
 
 mod blackbox;
 mod bus;
+mod calibrate;
 mod demo;
 mod describe;
 mod image;
