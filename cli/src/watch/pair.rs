@@ -97,6 +97,10 @@ impl Pair {
     #[inline]
     pub(super) fn sync(&mut self, time_ns: u64) {
         self.sync_ns = time_ns;
+        // A plan may have many pairs of which none is there.
+        if self.sides.iter().all(|side| side.seen_ns.is_none()) {
+            return;
+        }
         self.told = [false; 2];
         if self.exchanged != [true; 2] {
             self.remember([None; 2]);
