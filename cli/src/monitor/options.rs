@@ -51,9 +51,7 @@ impl Arguments {
         if self.nodes.is_empty() {
             return Plan::default();
         }
-        Plan {
-            pairs: self.nodes.clone(),
-        }
+        Plan::of(self.nodes.clone())
     }
 
     /// The nodes to be started.
