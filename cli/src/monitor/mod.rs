@@ -20,6 +20,7 @@ mod plain;
 mod reading;
 mod record;
 mod snapshot;
+mod terminal;
 mod trace;
 mod words;
 mod writer;
@@ -27,7 +28,7 @@ mod writer;
 #[cfg(test)]
 mod model_tests;
 
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -74,20 +75,27 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     let recorder = recorder.transpose()?;
     model.recording.name = recorder.as_ref().map(|r| r.path().display().to_string());
     let shared = Arc::new(Shared::new(model));
+    let is_terminal = !arguments.plain && !arguments.json && io::stdout().is_terminal();
     let (sender, lines) = sync_channel(LINES_WAITING);
     let tasks = Tasks {
         recorder,
-        lines: Some(sender),
+        lines: (!is_terminal).then_some(sender),
         may_lose_lines: true,
         reconnect: arguments.reconnect,
         start: arguments.to_start(),
         sync: arguments.sync,
     };
     let reader = spawn(Reader::new(feed, Arc::clone(&shared), tasks));
-    let printed = print_lines(arguments, &shared, &lines);
+    let shown = if is_terminal {
+        let until = arguments.duration.map(|time| Instant::now() + time);
+        let options = terminal::Options { until, page: None };
+        terminal::run(&shared, &options)
+    } else {
+        print_lines(arguments, &shared, &lines)
+    };
     drop(lines);
     shared.stop();
-    end(arguments, reader, printed)
+    end(arguments, reader, shown)
 }
 
 fn spawn(reader: Reader<BusFeed>) -> JoinHandle<Outcome> {

@@ -36,6 +36,8 @@ const LINE_NS: u64 = 1_000_000_000;
 pub struct Shared {
     model: Mutex<Model>,
     stop: AtomicBool,
+    paused: AtomicBool,
+    done: AtomicBool,
 }
 
 impl Shared {
@@ -44,6 +46,8 @@ impl Shared {
         Self {
             model: Mutex::new(model),
             stop: AtomicBool::new(false),
+            paused: AtomicBool::new(false),
+            done: AtomicBool::new(false),
         }
     }
 
@@ -57,9 +61,33 @@ impl Shared {
         self.stop.store(true, Ordering::Relaxed);
     }
 
+    /// Lets a log stand still, or go on; a bus does not wait.
+    pub fn pause(&self, paused: bool) {
+        self.paused.store(paused, Ordering::Relaxed);
+    }
+
+    /// Whether a log is to stand still.
+    pub fn is_paused(&self) -> bool {
+        self.paused.load(Ordering::Relaxed)
+    }
+
+    /// The reader has nothing left to show: the bus is lost, or it was asked to end.
+    pub fn is_done(&self) -> bool {
+        self.done.load(Ordering::Relaxed)
+    }
+
     /// Whether it was asked to.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Tells the views that the reader has ended, however it has.
+struct Done(Arc<Shared>);
+
+impl Drop for Done {
+    fn drop(&mut self) {
+        self.0.done.store(true, Ordering::Relaxed);
     }
 }
 
@@ -144,6 +172,7 @@ impl<F: Feed> Reader<F> {
 
     /// Reads to the end.
     pub fn run(mut self) -> Outcome {
+        let _done = Done(Arc::clone(&self.shared));
         let ending = match self.start().and_then(|()| self.read()) {
             Err(error) if error.kind() != io::ErrorKind::Interrupted => Ending::Lost(error),
             _ => Ending::Stopped,
