@@ -6,11 +6,16 @@
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
+mod blackbox;
 mod bus;
+mod calibrate;
 mod demo;
 mod describe;
 mod image;
+mod log;
+mod playback;
 mod monitor;
+mod period;
 mod progress;
 mod replay;
 mod report;
@@ -54,6 +59,8 @@ enum Verb {
     Monitor(monitor::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
+    /// Put a period of an instrument on one page, from logs of the bus
+    Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
@@ -76,6 +83,7 @@ pub fn run() -> ExitCode {
         }
         Verb::Monitor(arguments) => monitor::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
     };
