@@ -5,6 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::bus::JoinError;
+use crate::log::LogError;
 use crate::report::replay_tables::printable;
 
 /// Why monitoring could not be done.
@@ -12,6 +13,10 @@ use crate::report::replay_tables::printable;
 pub enum MonitorError {
     /// The bus can't be joined.
     Join(JoinError),
+    /// The log can't be read.
+    Log(LogError),
+    /// Node-ids that make no pairs.
+    Nodes,
     /// The bus was lost.
     Lost(io::Error),
     /// This recording exists already.
@@ -31,6 +36,11 @@ impl fmt::Display for MonitorError {
         let name = |path: &PathBuf| printable(&path.display().to_string());
         match self {
             Self::Join(error) => write!(f, "{error}"),
+            Self::Log(error) => write!(f, "{error}"),
+            Self::Nodes => write!(
+                f,
+                "--nodes needs two node-ids for each instrument, each node-id once: 1,2 or 1,2,3,4"
+            ),
             Self::Lost(error) => write!(f, "{}", printable(&error.to_string())),
             Self::Exists(path) => write!(
                 f,

@@ -12,6 +12,7 @@ mod error;
 mod events;
 mod feed;
 mod load;
+mod log_feed;
 mod model;
 mod moment;
 mod options;
@@ -23,7 +24,6 @@ mod snapshot;
 mod terminal;
 mod trace;
 mod words;
-mod writer;
 
 #[cfg(test)]
 mod model_tests;
@@ -38,11 +38,14 @@ use std::time::{Duration, Instant};
 pub use error::MonitorError;
 pub use options::Arguments;
 
-use feed::BusFeed;
+use feed::{BusFeed, Feed};
+use log_feed::{LogFeed, LogOptions};
 use model::{Model, Setup};
 use plain::EventObject;
 use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
+
+use crate::watch::Plan;
 
 /// Lines that may wait for a slow reader of the standard output.
 const LINES_WAITING: usize = 4096;
@@ -55,17 +58,28 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// Errors: see [`MonitorError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     let address = arguments.bus.address().map_err(MonitorError::Join)?;
+    let plan = arguments.plan()?;
+    let bit_rate = address.kbit_s.map(|kbit_s| kbit_s * 1000);
+    if arguments.log.is_empty() {
+        watch_bus(arguments, &plan, bit_rate)
+    } else {
+        watch_log(arguments, &plan, bit_rate)
+    }
+}
+
+fn watch_bus(
+    arguments: &Arguments,
+    plan: &Plan,
+    bit_rate: Option<u32>,
+) -> Result<ExitCode, MonitorError> {
     if let Some(path) = arguments.record.as_ref().filter(|_| !arguments.force)
         && path.exists()
     {
         return Err(MonitorError::Exists(path.clone()));
     }
     let feed = BusFeed::join(&arguments.bus).map_err(MonitorError::Join)?;
-    let setup = Setup {
-        name: feed.name().to_owned(),
-        bit_rate: address.kbit_s.map(|kbit_s| kbit_s * 1000),
-    };
-    let mut model = Model::new(&arguments.plan(), setup);
+    let name = feed.name().to_owned();
+    let mut model = Model::new(plan, Setup { name, bit_rate });
     let recorder = arguments.record.as_ref().map(|path| {
         Recorder::create(path, arguments.force).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => MonitorError::Exists(path.clone()),
@@ -74,18 +88,50 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     });
     let recorder = recorder.transpose()?;
     model.recording.name = recorder.as_ref().map(|r| r.path().display().to_string());
-    let shared = Arc::new(Shared::new(model));
-    let is_terminal = !arguments.plain && !arguments.json && io::stdout().is_terminal();
-    let (sender, lines) = sync_channel(LINES_WAITING);
     let tasks = Tasks {
         recorder,
-        lines: (!is_terminal).then_some(sender),
         may_lose_lines: true,
         reconnect: arguments.reconnect,
-        start: arguments.to_start(),
+        start: arguments.to_start(plan),
         sync: arguments.sync,
+        ..Tasks::default()
     };
-    let reader = spawn(Reader::new(feed, Arc::clone(&shared), tasks));
+    show(arguments, Arc::new(Shared::new(model)), feed, tasks)
+}
+
+fn watch_log(
+    arguments: &Arguments,
+    plan: &Plan,
+    bit_rate: Option<u32>,
+) -> Result<ExitCode, MonitorError> {
+    let options = LogOptions {
+        paths: arguments.log.clone(),
+        speed: arguments.speed,
+        skip_gaps: arguments.skip_gaps,
+        interface: arguments.bus.channel.clone(),
+    };
+    let name = log_feed::name(&options.paths);
+    let model = Model::new(plan, Setup { name, bit_rate });
+    let shared = Arc::new(Shared::new(model));
+    let feed = LogFeed::open(&options, Arc::clone(&shared)).map_err(MonitorError::Log)?;
+    let stopped = Arc::clone(&shared);
+    // Without it a signal ends the program at once, which leaves the terminal as it is.
+    let _ = ctrlc::set_handler(move || stopped.stop());
+    show(arguments, shared, feed, Tasks::default())
+}
+
+/// Runs the reader in its own thread and a view in this one.
+fn show(
+    arguments: &Arguments,
+    shared: Arc<Shared>,
+    feed: impl Feed + Send + 'static,
+    mut tasks: Tasks,
+) -> Result<ExitCode, MonitorError> {
+    let is_terminal = !arguments.plain && !arguments.json && io::stdout().is_terminal();
+    let (sender, lines) = sync_channel(LINES_WAITING);
+    tasks.lines = (!is_terminal).then_some(sender);
+    let reader = Reader::new(feed, Arc::clone(&shared), tasks);
+    let reader = thread::spawn(move || reader.run());
     let shown = if is_terminal {
         let until = arguments.duration.map(|time| Instant::now() + time);
         let options = terminal::Options { until, page: None };
@@ -96,10 +142,6 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     drop(lines);
     shared.stop();
     end(arguments, reader, shown)
-}
-
-fn spawn(reader: Reader<BusFeed>) -> JoinHandle<Outcome> {
-    thread::spawn(move || reader.run())
 }
 
 fn end(
@@ -113,7 +155,7 @@ fn end(
         return Err(MonitorError::Record(path.clone(), error));
     }
     match outcome.ending {
-        Ending::Stopped => Ok(ExitCode::SUCCESS),
+        Ending::Stopped | Ending::Ended => Ok(ExitCode::SUCCESS),
         Ending::Lost(error) => Err(MonitorError::Lost(error)),
     }
 }

@@ -51,7 +51,10 @@ fn show(terminal: &mut DefaultTerminal, shared: &Shared, options: &Options) -> i
     let mut picture = Picture::take(shared, &screen);
     let (mut drawn_at, mut drawn_frames) = (None::<Instant>, 0);
     let mut changed = true;
-    while !shared.is_done() && options.until.is_none_or(|until| Instant::now() < until) {
+    while !shared.is_done()
+        && !shared.is_stopped()
+        && options.until.is_none_or(|until| Instant::now() < until)
+    {
         let age = drawn_at.map_or(DRAW_ANYWAY, |at| at.elapsed());
         if age >= DRAW {
             if !screen.is_paused() {
