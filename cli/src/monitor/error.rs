@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use crate::bus::JoinError;
@@ -23,6 +24,8 @@ pub enum MonitorError {
     Exists(PathBuf),
     /// This recording can't be written.
     Record(PathBuf, io::Error),
+    /// The page can't be served at this address.
+    Web(SocketAddr, io::Error),
     /// The standard output can't be written.
     Print(io::Error),
     /// The reader has panicked.
@@ -51,6 +54,10 @@ impl fmt::Display for MonitorError {
                 f,
                 "recording to {} has ended: {error}; what was recorded until then is whole",
                 name(path)
+            ),
+            Self::Web(address, error) => write!(
+                f,
+                "no page can be served at {address}: {error}; give another by --web ADDRESS:PORT"
             ),
             Self::Print(error) => write!(f, "the output cannot be written: {error}"),
             Self::Reader => write!(

@@ -23,6 +23,7 @@ mod record;
 mod snapshot;
 mod terminal;
 mod trace;
+mod web;
 mod words;
 
 #[cfg(test)]
@@ -44,11 +45,15 @@ use model::{Model, Setup};
 use plain::EventObject;
 use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
+use web::Server;
 
 use crate::watch::Plan;
 
 /// Lines that may wait for a slow reader of the standard output.
 const LINES_WAITING: usize = 4096;
+
+/// How long browsers have for the last message of a bus that is lost: two of them.
+const LAST_WORDS: Duration = Duration::from_millis(600);
 
 /// How often it is looked whether the time is over.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -131,17 +136,27 @@ fn show(
     let (sender, lines) = sync_channel(LINES_WAITING);
     tasks.lines = (!is_terminal).then_some(sender);
     let reader = Reader::new(feed, Arc::clone(&shared), tasks);
+    let server = arguments.web.map(|address| {
+        let started = Server::start(address, Arc::clone(&shared));
+        started.map_err(|error| MonitorError::Web(address, error))
+    });
+    let server = server.transpose()?;
+    let page = server.as_ref().map(Server::url);
     let reader = thread::spawn(move || reader.run());
+    let until = arguments.duration.map(|time| Instant::now() + time);
     let shown = if is_terminal {
-        let until = arguments.duration.map(|time| Instant::now() + time);
-        let options = terminal::Options { until, page: None };
-        terminal::run(&shared, &options)
+        terminal::run(&shared, &terminal::Options { until, page })
     } else {
-        print_lines(arguments, &shared, &lines)
+        print_lines(arguments, &shared, &lines, until, page)
     };
     drop(lines);
     shared.stop();
-    end(arguments, reader, shown)
+    let ended = end(arguments, reader, shown);
+    if server.is_some() && ended.is_err() {
+        // Browsers hear of the end before the server goes with it.
+        thread::sleep(LAST_WORDS);
+    }
+    ended
 }
 
 fn end(
@@ -161,16 +176,27 @@ fn end(
 }
 
 /// Prints what the reader tells, until it has ended, the time is over or nobody reads any more.
-fn print_lines(arguments: &Arguments, shared: &Shared, lines: &Receiver<Line>) -> io::Result<()> {
-    let until = arguments.duration.map(|time| Instant::now() + time);
-    loop {
-        if until.is_some_and(|until| Instant::now() >= until) {
-            shared.stop();
-            return Ok(());
-        }
+/// While there is a page, the end of a log is no end: there is something to look at.
+fn print_lines(
+    arguments: &Arguments,
+    shared: &Shared,
+    lines: &Receiver<Line>,
+    until: Option<Instant>,
+    page: Option<String>,
+) -> io::Result<()> {
+    let stays = page.is_some();
+    if let Some(url) = page {
+        print(&address(arguments.json, url)?)?;
+    }
+    let over = || shared.is_stopped() || until.is_some_and(|until| Instant::now() >= until);
+    while !over() {
         let line = match lines.recv_timeout(GLANCE) {
             Ok(line) => line,
             Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) if stays && !shared.is_done() => {
+                thread::sleep(GLANCE);
+                continue;
+            }
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
         match print(&text(arguments.json, &line)?) {
@@ -178,6 +204,15 @@ fn print_lines(arguments: &Arguments, shared: &Shared, lines: &Receiver<Line>) -
             other => other?,
         }
     }
+    Ok(())
+}
+
+/// The first line where there is a page.
+fn address(json: bool, url: String) -> io::Result<String> {
+    if !json {
+        return Ok(format!("the page is at {url}\n"));
+    }
+    Ok(serde_json::to_string(&plain::PageObject::new(url))? + "\n")
 }
 
 fn text(json: bool, line: &Line) -> io::Result<String> {

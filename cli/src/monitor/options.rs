@@ -1,5 +1,6 @@
 //! What `plumb monitor` is asked to do.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -38,6 +39,10 @@ pub struct Arguments {
     /// Print an object of JSON each second and one for each event
     #[arg(long, conflicts_with = "plain")]
     pub json: bool,
+    /// Serve the same as a web page; an address other than the loopback shows it to the network
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1,
+          default_missing_value = "127.0.0.1:8410", require_equals = false)]
+    pub web: Option<SocketAddr>,
     /// Record every frame to a file: .asc is Vector ASC, any other name candump -L
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
