@@ -98,13 +98,11 @@ impl Arguments {
     /// The instruments that are looked for.
     fn plan(&self) -> Plan {
         let all = || (1..=125).step_by(2).map(|id| [id, id + 1]).collect();
-        Plan {
-            pairs: if self.nodes.is_empty() {
-                all()
-            } else {
-                self.nodes.clone()
-            },
-        }
+        Plan::of(if self.nodes.is_empty() {
+            all()
+        } else {
+            self.nodes.clone()
+        })
     }
 
     /// The nodes that are asked for what they remember; none unless a bus is named.
