@@ -51,6 +51,8 @@ enum Verb {
     Completions(shell::Completions),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
+    /// List what nodes remember of their faults, and save the samples around them
+    Faults(blackbox::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
     /// Print the manual page of the program or of a verb, or write all of them
@@ -77,6 +79,7 @@ pub fn run() -> ExitCode {
             shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
         }
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
+        Verb::Faults(arguments) => blackbox::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
         Verb::Man(arguments) => {
             shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
