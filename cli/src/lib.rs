@@ -40,6 +40,8 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// Calibrate both channels over the bus, by a motor or by hand, with a report
+    Calibrate(Box<calibrate::Arguments>),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
     /// Print a script that lets a shell complete verbs and options
@@ -63,6 +65,7 @@ pub fn run() -> ExitCode {
     let line = CommandLine::parse();
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
+        Verb::Calibrate(arguments) => calibrate::run(arguments).map_err(|e| e.to_string()),
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Completions(arguments) => {
             shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
