@@ -19,6 +19,7 @@ mod shell;
 mod stdout;
 mod text_table;
 mod update;
+mod verify;
 mod watch;
 
 use std::process::ExitCode;
@@ -58,6 +59,8 @@ enum Verb {
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
     Update(update::Arguments),
+    /// Compare a calibration report with the nodes that it is of
+    Verify(verify::Arguments),
 }
 
 /// What the program does; its exit status.
@@ -78,6 +81,7 @@ pub fn run() -> ExitCode {
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Verify(arguments) => verify::run(arguments).map_err(|e| e.to_string()),
     };
     match ended {
         Ok(code) => code,

@@ -45,6 +45,8 @@ pub struct Frame<'a> {
     pub begun: u64,
     /// 2061h of each node as it was made.
     pub made: Vec<Vec<u8>>,
+    /// Largest error as left that is accepted, deg.
+    pub tolerance_deg: f64,
 }
 
 impl Frame<'_> {
@@ -53,9 +55,9 @@ impl Frame<'_> {
             laboratory,
             operator,
             customer,
-            tolerance,
             ..
         } = self.arguments;
+        let tolerance = self.tolerance_deg;
         let extreme = |pick: fn(f64, f64) -> f64| temperatures.iter().copied().reduce(pick);
         let serial = self.session.nodes.first().map_or(0, |node| node.serial);
         let begun_utc = utc(self.begun);
@@ -82,7 +84,7 @@ impl Frame<'_> {
                     .to_owned(),
             },
             decision: Decision {
-                tolerance_deg: *tolerance,
+                tolerance_deg: tolerance,
                 rule: format!(
                     "Accepted when each error as left and its expanded uncertainty (k = 2) \
                      together are within {tolerance} deg (guarded acceptance, JCGM 106, 8.3.2)."

@@ -33,18 +33,26 @@ pub fn document(report: &Report, country: &str) -> String {
         });
         xml.of("dcc:measurementResults", |xml| {
             for channel in &report.channels {
-                xml.element(
-                    "dcc:measurementResult",
-                    &[("id", &format!("result{}", channel.channel))],
-                    |xml| result(xml, report, channel),
-                );
+                let of = [("refId", item_id(channel))];
+                let of = of.each_ref().map(|(key, value)| (*key, value.as_str()));
+                xml.element("dcc:measurementResult", &of, |xml| {
+                    result(xml, report, channel)
+                });
             }
             if !report.difference_as_left.is_empty() {
-                xml.of("dcc:measurementResult", |xml| differences(xml, report));
+                let both: Vec<_> = report.channels.iter().map(item_id).collect();
+                let of = [("refId", both.join(" "))];
+                let of = of.each_ref().map(|(key, value)| (*key, value.as_str()));
+                xml.element("dcc:measurementResult", &of, |xml| differences(xml, report));
             }
         });
     });
     xml.finish()
+}
+
+/// The name by which results refer to a channel.
+fn item_id(channel: &Channel) -> String {
+    format!("channel{}", channel.channel)
 }
 
 fn name(xml: &mut Xml, text: &str) {
@@ -115,39 +123,35 @@ fn contact(xml: &mut Xml, called: &str, country: &str) {
 }
 
 fn item(xml: &mut Xml, channel: &Channel) {
-    xml.element(
-        "dcc:item",
-        &[("id", &format!("channel{}", channel.channel))],
-        |xml| {
-            name(xml, &format!("Channel {}", channel.channel));
-            xml.of("dcc:installedSoftwares", |xml| {
-                software(xml, "Program of the node", &channel.software, "firmware");
-            });
-            xml.text("dcc:model", &[], &format!("{:08X}", channel.product_code));
-            xml.of("dcc:identifications", |xml| {
-                let identities = [
-                    (
-                        "manufacturer",
-                        "Serial number",
-                        channel.serial_number.to_string(),
-                    ),
-                    ("other", "Node-id", channel.node.to_string()),
-                    (
-                        "calibrationLaboratory",
-                        "Check sum of the calibration as left (2062h sub 1)",
-                        channel.as_left_crc32.clone(),
-                    ),
-                ];
-                for (issuer, what, value) in identities {
-                    xml.of("dcc:identification", |xml| {
-                        xml.text("dcc:issuer", &[], issuer);
-                        xml.text("dcc:value", &[], &value);
-                        name(xml, what);
-                    });
-                }
-            });
-        },
-    );
+    xml.element("dcc:item", &[("id", &item_id(channel))], |xml| {
+        name(xml, &format!("Channel {}", channel.channel));
+        xml.of("dcc:installedSoftwares", |xml| {
+            software(xml, "Program of the node", &channel.software, "firmware");
+        });
+        xml.text("dcc:model", &[], &format!("{:08X}", channel.product_code));
+        xml.of("dcc:identifications", |xml| {
+            let identities = [
+                (
+                    "manufacturer",
+                    "Serial number",
+                    channel.serial_number.to_string(),
+                ),
+                ("other", "Node-id", channel.node.to_string()),
+                (
+                    "calibrationLaboratory",
+                    "Check sum of the calibration as left (2062h sub 1)",
+                    channel.as_left_crc32.clone(),
+                ),
+            ];
+            for (issuer, what, value) in identities {
+                xml.of("dcc:identification", |xml| {
+                    xml.text("dcc:issuer", &[], issuer);
+                    xml.text("dcc:value", &[], &value);
+                    name(xml, what);
+                });
+            }
+        });
+    });
 }
 
 fn statements(xml: &mut Xml, report: &Report) {
@@ -195,6 +199,12 @@ fn method(report: &Report) -> (&'static str, &'static str) {
 
 fn result(xml: &mut Xml, report: &Report, channel: &Channel) {
     name(xml, &format!("Channel {}", channel.channel));
+    circumstances(xml, report);
+    xml.of("dcc:results", |xml| results(xml, channel));
+}
+
+/// How, with what, and under which conditions a result came about.
+fn circumstances(xml: &mut Xml, report: &Report) {
     let (called, how) = method(report);
     xml.of("dcc:usedMethods", |xml| {
         xml.of("dcc:usedMethod", |xml| {
@@ -234,7 +244,6 @@ fn result(xml: &mut Xml, report: &Report, channel: &Channel) {
             }
         });
     }
-    xml.of("dcc:results", |xml| results(xml, channel));
 }
 
 fn results(xml: &mut Xml, channel: &Channel) {
@@ -304,6 +313,7 @@ fn points_of(xml: &mut Xml, what: &str, axis: &str, points: &[Point], u_deg: f64
 
 fn differences(xml: &mut Xml, report: &Report) {
     name(xml, "Channel A less channel B");
+    circumstances(xml, report);
     xml.of("dcc:results", |xml| {
         for (what, all) in [
             ("As found", &report.difference_as_found),

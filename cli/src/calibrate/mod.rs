@@ -24,6 +24,15 @@ mod sample;
 mod session;
 mod xml;
 
+#[cfg(test)]
+pub use sample::report as sample_report;
+
+/// A certificate made up, for tests.
+#[cfg(test)]
+pub fn sample_dcc() -> String {
+    dcc::document(&sample_report(), "IT")
+}
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -64,9 +73,10 @@ pub struct Arguments {
     /// Degrees from stand to stand of the motor; 5, or 1 for the tables of the paper's mode
     #[arg(long, value_name = "DEG", value_parser = clap::value_parser!(u32).range(1..=30))]
     pub step: Option<u32>,
-    /// Largest error as left, its expanded uncertainty included, deg
-    #[arg(long, default_value_t = 0.2, value_name = "DEG")]
-    pub tolerance: f64,
+    /// Largest error as left, its expanded uncertainty included, deg; 0.2, and half a step more
+    /// for tables, which read the nearest of their points
+    #[arg(long, value_name = "DEG", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
     /// Standard uncertainty (k = 1) of the motor's angles in deg, where it states none or another
     #[arg(long, value_name = "DEG")]
     pub motor_uncertainty: Option<f64>,
@@ -102,6 +112,15 @@ fn country(text: &str) -> Result<String, String> {
     let fits = text.len() == 2 && text.bytes().all(|b| b.is_ascii_uppercase());
     fits.then(|| text.to_owned())
         .ok_or_else(|| "write two capital letters, as IT".to_owned())
+}
+
+/// Largest error as left when nothing is said, deg (R15).
+const TOLERANCE_DEG: f64 = 0.2;
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    let number = number.filter(|deg: &f64| (1e-3..=90.0).contains(deg));
+    number.ok_or_else(|| "write degrees from 0.001 to 90".to_owned())
 }
 
 /// Calibrates, or keeps and restores calibrations. Exit status 1: the instrument is not within its
@@ -229,13 +248,19 @@ fn with_motor(
         tell: &tell,
         reference_deg,
     };
-    let swept = bench.calibrate(kind, arguments.step.unwrap_or(kind.step()))?;
+    let step = arguments.step.unwrap_or(kind.step());
+    let swept = bench.calibrate(kind, step)?;
     let made = made(session)?;
+    let table_deg = match kind {
+        Kind::Tables => f64::from(step) / 2.0,
+        Kind::TwoAxis | Kind::OneAxis => 0.0,
+    };
     let frame = Frame {
         arguments,
         session,
         begun,
         made,
+        tolerance_deg: arguments.tolerance.unwrap_or(TOLERANCE_DEG + table_deg),
     };
     Ok(frame.by_motor(&swept, &name, reference_deg))
 }
@@ -264,6 +289,7 @@ fn with_hands(
         session,
         begun,
         made,
+        tolerance_deg: arguments.tolerance.unwrap_or(TOLERANCE_DEG),
     };
     Ok(frame.by_hand(&handled))
 }

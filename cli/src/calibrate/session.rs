@@ -133,6 +133,23 @@ impl Session {
     /// Errors: a node that does not answer, is no Plumb, or holds what can't be understood. The
     /// nodes are then in the state in which they were found.
     pub fn open(bus: Bus, ids: &[u8]) -> Result<Self, CalibrateError> {
+        let mut session = Self::look(bus, ids)?;
+        for place in 0..session.nodes.len() {
+            session.nodes[place].state = session.heartbeat(session.nodes[place].id)?;
+        }
+        for place in 0..session.nodes.len() {
+            if let Err(error) = session.enter(place) {
+                session.leave();
+                return Err(error);
+            }
+        }
+        Ok(session)
+    }
+
+    /// Finds the nodes and leaves them as they are.
+    ///
+    /// Errors: as [`Session::open`].
+    pub fn look(bus: Bus, ids: &[u8]) -> Result<Self, CalibrateError> {
         let mut session = Self {
             bus,
             nodes: Vec::new(),
@@ -142,12 +159,6 @@ impl Session {
             session.nodes.push(node);
         }
         session.nodes.sort_by_key(|node| node.channel as u8);
-        for place in 0..session.nodes.len() {
-            if let Err(error) = session.enter(place) {
-                session.leave();
-                return Err(error);
-            }
-        }
         Ok(session)
     }
 
@@ -174,7 +185,6 @@ impl Session {
         let period = self.client(id).read_u32(0x2033, 0)?;
         let bytes = Client::patient(&mut self.bus, id).upload(0x2061, 0)?;
         let calibration = decode(&bytes).ok_or(CalibrateError::Undecodable(id))?;
-        let state = self.heartbeat(id)?;
         Ok(Node {
             id,
             channel,
@@ -183,7 +193,7 @@ impl Session {
             software: String::from_utf8_lossy(&software).into_owned(),
             kind,
             calibrated: validity & 0x40 != 0,
-            state,
+            state: None,
             bytes,
             calibration,
             hash: hash_of(&mut self.bus, id)?,
