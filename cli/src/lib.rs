@@ -6,11 +6,16 @@
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
+mod blackbox;
 mod bus;
 mod calibrate;
 mod demo;
 mod describe;
 mod image;
+mod log;
+mod monitor;
+mod period;
+mod playback;
 mod progress;
 mod replay;
 mod report;
@@ -53,8 +58,12 @@ enum Verb {
     Image(image::Arguments),
     /// Print the manual page of the program or of a verb, or write all of them
     Man(shell::ManualPages),
+    /// Show what happens on a bus: angles, difference, verdict, faults, load; record it
+    Monitor(monitor::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
+    /// Put a period of an instrument on one page, from logs of the bus
+    Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
@@ -78,7 +87,9 @@ pub fn run() -> ExitCode {
         Verb::Man(arguments) => {
             shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
         }
+        Verb::Monitor(arguments) => monitor::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Verify(arguments) => verify::run(arguments).map_err(|e| e.to_string()),
