@@ -24,6 +24,7 @@ mod shell;
 mod stdout;
 mod text_table;
 mod update;
+mod verify;
 mod watch;
 
 use std::process::ExitCode;
@@ -45,6 +46,8 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// Calibrate both channels over the bus, by a motor or by hand, with a report
+    Calibrate(Box<calibrate::Arguments>),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
     /// Print a script that lets a shell complete verbs and options
@@ -67,6 +70,8 @@ enum Verb {
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
     Update(update::Arguments),
+    /// Compare a calibration report with the nodes that it is of
+    Verify(verify::Arguments),
 }
 
 /// What the program does; its exit status.
@@ -74,6 +79,7 @@ pub fn run() -> ExitCode {
     let line = CommandLine::parse();
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
+        Verb::Calibrate(arguments) => calibrate::run(arguments).map_err(|e| e.to_string()),
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Completions(arguments) => {
             shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
@@ -89,6 +95,7 @@ pub fn run() -> ExitCode {
         Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Verify(arguments) => verify::run(arguments).map_err(|e| e.to_string()),
     };
     match ended {
         Ok(code) => code,
