@@ -7,6 +7,7 @@
 //! work was done and the instrument is outside its specification.
 
 mod bus;
+mod commission;
 mod demo;
 mod describe;
 mod image;
@@ -40,10 +41,16 @@ enum Verb {
     Demo(demo::Arguments),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
+    /// Read objects of the nodes by name or address
+    Get(commission::get::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
+    /// Find out who is on the bus
+    Scan(commission::scan::Arguments),
+    /// Write an object of a node, with its unit, and read it back
+    Set(commission::set::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
@@ -57,8 +64,11 @@ pub fn run() -> ExitCode {
     let ended = match &line.verb {
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
+        Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Scan(arguments) => commission::scan::run(arguments).map_err(|e| e.to_string()),
+        Verb::Set(arguments) => commission::set::run(arguments).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
     };

@@ -7,14 +7,18 @@
 //! Left out: CAN FD; frames of one's own, which no transport shows to who has sent them.
 
 pub mod address;
+pub mod diagnosis;
 mod error;
 mod intake;
 #[cfg(target_os = "linux")]
 mod kernel;
+pub mod lss;
+pub mod nmt;
 pub mod options;
 pub mod sdo;
 mod slcan;
 mod socketcand;
+pub mod survey;
 
 use std::io;
 use std::sync::OnceLock;
