@@ -47,6 +47,10 @@ enum Verb {
     Image(image::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
+    /// Forget what nodes have saved, back to the values as delivered
+    Restore(commission::restore::Arguments),
+    /// Let what was written to the nodes outlast a power cut
+    Save(commission::save::Arguments),
     /// Find out who is on the bus
     Scan(commission::scan::Arguments),
     /// Write an object of a node, with its unit, and read it back
@@ -55,6 +59,8 @@ enum Verb {
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
     Update(update::Arguments),
+    /// Let the slopes read zero where the machine stands now
+    Zero(commission::zero::Arguments),
 }
 
 /// What the program does; its exit status.
@@ -67,10 +73,13 @@ pub fn run() -> ExitCode {
         Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Restore(arguments) => commission::restore::run(arguments).map_err(|e| e.to_string()),
+        Verb::Save(arguments) => commission::save::run(arguments).map_err(|e| e.to_string()),
         Verb::Scan(arguments) => commission::scan::run(arguments).map_err(|e| e.to_string()),
         Verb::Set(arguments) => commission::set::run(arguments).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Zero(arguments) => commission::zero::run(arguments).map_err(|e| e.to_string()),
     };
     match ended {
         Ok(code) => code,
