@@ -37,6 +37,8 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// Read the bit rate of the nodes, or change it on all of them at once
+    Bitrate(commission::bitrate::Arguments),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
@@ -45,6 +47,8 @@ enum Verb {
     Get(commission::get::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
+    /// Give one node its node-id, or both channels of an instrument theirs
+    NodeId(commission::node_id::Arguments),
     /// Run real recordings through the signal chain
     Replay(replay::Arguments),
     /// Forget what nodes have saved, back to the values as delivered
@@ -68,10 +72,12 @@ pub fn run() -> ExitCode {
     let line = CommandLine::parse();
     let progress = Progress::on_stderr();
     let ended = match &line.verb {
+        Verb::Bitrate(arguments) => commission::bitrate::run(arguments).map_err(|e| e.to_string()),
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
+        Verb::NodeId(arguments) => commission::node_id::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Restore(arguments) => commission::restore::run(arguments).map_err(|e| e.to_string()),
         Verb::Save(arguments) => commission::save::run(arguments).map_err(|e| e.to_string()),

@@ -172,6 +172,17 @@ impl Bus {
         told.map_err(|error| self.lost(error))
     }
 
+    /// Tells the adapter another bit rate, kbit/s; false where that is not the client's to say.
+    ///
+    /// Errors: as [`Bus::receive`], and a refusal of the adapter.
+    pub fn set_bit_rate(&mut self, kbit_s: u32) -> io::Result<bool> {
+        let told = match &mut self.link {
+            Link::Slcan(adapter) => adapter.set_bit_rate(kbit_s).map(|()| true),
+            _ => Ok(false),
+        };
+        told.map_err(|error| self.lost(error))
+    }
+
     /// Says of which bus an error is, and what its number means for who looks at a cable.
     fn lost(&self, error: io::Error) -> io::Error {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};

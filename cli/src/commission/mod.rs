@@ -12,9 +12,11 @@
 //! Left out: calibration, programs, and what the instrument sends by itself (`monitor`).
 
 mod ask;
+pub mod bitrate;
 mod fault;
 pub mod get;
 pub mod name;
+pub mod node_id;
 mod nodes;
 mod print;
 pub mod restore;
