@@ -47,6 +47,8 @@ enum Verb {
     Get(commission::get::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
+    /// Tell what nodes are, how they are set up and how they do
+    Info(commission::info::Arguments),
     /// Give one node its node-id, or both channels of an instrument theirs
     NodeId(commission::node_id::Arguments),
     /// Run real recordings through the signal chain
@@ -77,6 +79,7 @@ pub fn run() -> ExitCode {
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
+        Verb::Info(arguments) => commission::info::run(arguments).map_err(|e| e.to_string()),
         Verb::NodeId(arguments) => commission::node_id::run(arguments).map_err(|e| e.to_string()),
         Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Restore(arguments) => commission::restore::run(arguments).map_err(|e| e.to_string()),

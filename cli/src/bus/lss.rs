@@ -4,7 +4,7 @@
 //! request but a switch is answered; silence is an error of its own. Fastscan takes silence for an
 //! answer, so it asks with growing patience until what it has found is confirmed.
 //!
-//! Left out: identification by ranges, and tables of bit timing other than CiA's.
+//! Left out: identification by ranges, inquiries, and tables of bit timing other than CiA's.
 
 use std::fmt;
 use std::io;
@@ -38,11 +38,8 @@ const ACTIVATE_BIT_TIMING: u8 = 0x15;
 const STORE: u8 = 0x17;
 const SWITCH_SELECTIVE: u8 = 0x40;
 const SWITCHED: u8 = 0x44;
-const IDENTIFY_UNCONFIGURED: u8 = 0x4C;
 const IDENTIFIED: u8 = 0x4F;
-const UNCONFIGURED_HERE: u8 = 0x50;
 const FASTSCAN: u8 = 0x51;
-const INQUIRE_NODE_ID: u8 = 0x5E;
 
 /// Fastscan: whoever has no node-id answers.
 const ANYBODY: u8 = 0x80;
@@ -158,14 +155,6 @@ impl<'a> Master<'a> {
         Ok(self.answer(SWITCHED, PATIENCE)?.is_some())
     }
 
-    /// Whether nodes without a node-id are there.
-    ///
-    /// Errors: the bus is lost.
-    pub fn is_anybody_unconfigured(&mut self, patience: Duration) -> Result<bool, LssError> {
-        self.send(IDENTIFY_UNCONFIGURED, 0, [0; 3])?;
-        Ok(self.answer(UNCONFIGURED_HERE, patience)?.is_some())
-    }
-
     /// Finds one node without a node-id and leaves it in the configuration state; `None` when
     /// there is none.
     ///
@@ -212,16 +201,6 @@ impl<'a> Master<'a> {
         }
         self.send(FASTSCAN, number, rest)?;
         Ok(self.answer(IDENTIFIED, wait)?.is_some())
-    }
-
-    /// The node-id of the node in the configuration state; `None`: it has none.
-    ///
-    /// Errors: see [`LssError`].
-    pub fn node_id(&mut self) -> Result<Option<u8>, LssError> {
-        self.send(INQUIRE_NODE_ID, 0, [0; 3])?;
-        let answer = self.answer(INQUIRE_NODE_ID, PATIENCE)?;
-        let [_, id, ..] = answer.ok_or(LssError::Silent("inquire node-id"))?;
-        Ok((1..=127).contains(&id).then_some(id))
     }
 
     /// Gives the node in the configuration state a node-id, which counts after its next reset of
@@ -349,7 +328,6 @@ mod tests {
         let mut found = Vec::new();
         for id in [10, 11] {
             found.push(master.fastscan().unwrap().unwrap());
-            assert_eq!(master.node_id().unwrap(), None);
             master.configure_node_id(id).unwrap();
             assert_eq!(master.store().unwrap(), 1);
             master.switch_all(false).unwrap();
@@ -357,7 +335,6 @@ mod tests {
         assert_eq!(found, [A, B]);
         assert_eq!(master.fastscan().unwrap(), None);
         assert!(master.select(&A).unwrap());
-        assert_eq!(master.node_id().unwrap(), Some(10));
     }
 
     #[test]

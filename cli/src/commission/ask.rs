@@ -42,14 +42,6 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// What an object holds.
-    ///
-    /// Errors: see [`Fault`].
-    pub fn read(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, Fault> {
-        let read = Client::new(self.bus, self.id).upload(index, sub);
-        read.map_err(|error| Fault::sdo(self.bus, self.id, error))
-    }
-
     /// What an object holds, or the abort code with which the node refuses it.
     ///
     /// Errors: see [`Fault`].

@@ -15,6 +15,7 @@ mod ask;
 pub mod bitrate;
 mod fault;
 pub mod get;
+pub mod info;
 pub mod name;
 pub mod node_id;
 mod nodes;

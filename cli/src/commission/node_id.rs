@@ -9,7 +9,8 @@
 //! The channels find each other by numbers that stay as they are: 2001h, the heartbeat that is
 //! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1). They are written,
 //! saved, and count from the reset at the end. Then both are started, to see that they compare,
-//! and taken back.
+//! and taken back. Identifiers that follow the node-id as delivered do so no longer once they have
+//! been saved; those that are still as delivered for the old node-id are written anew.
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
 
@@ -18,12 +19,15 @@ use std::process::ExitCode;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
+use canopen::object::Access;
 use clap::Args;
-use device::objects::table::Channel;
+use device::objects::row::Default;
+use device::objects::table::{self, Channel};
 use serde::Serialize;
 
 use super::ask::Node;
 use super::fault::Fault;
+use super::name;
 use super::nodes::{self, NodeOption, Nodes, NodesError};
 use super::print;
 use super::save::{self, SaveError};
@@ -32,6 +36,7 @@ use crate::bus::nmt::{self, Command, State};
 use crate::bus::sdo::{Client, SdoError};
 use crate::bus::survey::survey;
 use crate::bus::{Bus, BusOptions};
+use crate::describe::meaning;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
@@ -51,6 +56,9 @@ const OFF: u32 = 1 << 31;
 
 /// Identifiers of the other channel's TPDO 3 and 4 in CiA's predefined set.
 const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
+
+/// 2021h of two channels that have found each other: agree, warning.
+const COMPARED: [u32; 2] = [1, 2];
 
 /// Two node-ids, of channel A and channel B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,8 +217,8 @@ struct Document {
     version: u32,
     bus: String,
     nodes: Vec<Member>,
-    /// Both compare; null where there is no pair.
-    compare: Option<bool>,
+    /// Both compare and agree; null where there is no pair.
+    agree: Option<bool>,
     notes: Vec<&'static str>,
 }
 
@@ -224,7 +232,7 @@ struct Work<'a> {
     json: bool,
 }
 
-/// Gives node-ids and prints.
+/// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
 ///
 /// Errors: see [`NodeIdError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
@@ -245,7 +253,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
             version: 1,
             bus: bus.name().to_owned(),
             nodes: members,
-            compare,
+            agree: compare,
             notes,
         })?,
         false => {
@@ -254,7 +262,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
             }
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(match compare {
+        Some(false) => ExitCode::from(1),
+        _ => ExitCode::SUCCESS,
+    })
 }
 
 impl Work<'_> {
@@ -294,7 +305,7 @@ impl Work<'_> {
         }
         self.give(&members[..1])?;
         match members.len() {
-            2 => self.join(&mut members).map(|()| (members, Some(true))),
+            2 => self.join(&mut members).map(|agree| (members, Some(agree))),
             _ => {
                 self.keep_lss(&members[..1])?;
                 Ok((members, None))
@@ -327,8 +338,8 @@ impl Work<'_> {
             return Err(NodeIdError::Taken(*id));
         }
         self.give(&members)?;
-        self.join(&mut members)?;
-        Ok((members, Some(true)))
+        let agree = self.join(&mut members)?;
+        Ok((members, Some(agree)))
     }
 
     /// Node-ids in use.
@@ -434,6 +445,25 @@ impl Work<'_> {
         }
         for member in members {
             self.wait(member.node)?;
+            self.renumber(member)?;
+        }
+        Ok(())
+    }
+
+    /// Identifiers that were saved for the old node-id.
+    fn renumber(&mut self, member: &Member) -> Result<(), NodeIdError> {
+        let Some(old) = member.old_node.filter(|old| *old != member.node) else {
+            return Ok(());
+        };
+        let id = member.node;
+        let mut node = Node::new(self.bus, id);
+        let changed = node.set_up(true, |node| renumber(node, old));
+        let changed = changed.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+        if !changed.is_empty() {
+            let list = changed.join(", ");
+            self.say(&format!(
+                "node {id}: identifiers follow the node-id: {list}, saved"
+            ))?;
         }
         Ok(())
     }
@@ -462,8 +492,8 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// Tells both channels of each other, saves, resets, and sees that they compare.
-    fn join(&mut self, members: &mut [Member]) -> Result<(), NodeIdError> {
+    /// Tells both channels of each other, saves, resets, and sees whether they agree.
+    fn join(&mut self, members: &mut [Member]) -> Result<bool, NodeIdError> {
         let [one, other] = members else {
             return Err(NodeIdError::NoPair);
         };
@@ -491,8 +521,8 @@ impl Work<'_> {
         self.compare(a, b)
     }
 
-    /// Starts both until they have compared, and takes back what was not started before.
-    fn compare(&mut self, a: u8, b: u8) -> Result<(), NodeIdError> {
+    /// Starts both until they agree, and takes back what was not started before.
+    fn compare(&mut self, a: u8, b: u8) -> Result<bool, NodeIdError> {
         let mut started = Vec::new();
         for id in [a, b] {
             let mut node = Node::new(self.bus, id);
@@ -501,27 +531,54 @@ impl Work<'_> {
                 started.push(id);
             }
         }
-        let until = Instant::now() + COMPARING;
-        let mut states = [None; 2];
-        while states.contains(&None) && Instant::now() < until {
-            for (state, id) in states.iter_mut().zip([a, b]) {
-                let found = Node::new(self.bus, id).number(0x2021, 0)?;
-                *state = found.filter(|state| *state != 0);
-            }
-            nmt::state(self.bus, a, PAUSE).map_err(Fault::bus)?;
-        }
+        let states = self.states(a, b)?;
         for id in started {
             Node::new(self.bus, id).command(Command::EnterPreOperational)?;
         }
-        match states {
-            [Some(one), Some(other)] => {
-                let words = |state: u32| if state == 1 { "agree" } else { "compare" };
-                self.say(&format!("nodes {a} and {b} {}", words(one.max(other))))?;
-                Ok(())
+        let [one, other] = states;
+        let agree = [one, other].iter().all(|state| COMPARED.contains(state));
+        match (agree, one.max(other)) {
+            (true, _) => {
+                self.say(&format!(
+                    "nodes {a} and {b} compare their angles: {}",
+                    pair_state(one)
+                ))?;
             }
-            _ => Err(NodeIdError::Apart(a, b)),
+            (false, 0) => return Err(NodeIdError::Apart(a, b)),
+            (false, _) => self.say(&format!(
+                "node {a} says: {}; node {b} says: {}; `plumb info` tells why",
+                pair_state(one),
+                pair_state(other)
+            ))?,
+        }
+        Ok(agree)
+    }
+
+    /// 2021h of both, when they have compared or the time is over.
+    fn states(&mut self, a: u8, b: u8) -> Result<[u32; 2], Fault> {
+        let until = Instant::now() + COMPARING;
+        loop {
+            let mut states = [0; 2];
+            for (state, id) in states.iter_mut().zip([a, b]) {
+                *state = Node::new(self.bus, id).number(0x2021, 0)?.unwrap_or(0);
+            }
+            let done = states.iter().all(|state| COMPARED.contains(state));
+            if done || Instant::now() > until {
+                return Ok(states);
+            }
+            nmt::state(self.bus, a, PAUSE).map_err(Fault::bus)?;
         }
     }
+}
+
+/// 2021h in words.
+fn pair_state(state: u32) -> String {
+    let row = name::one("state-of-the-pair")
+        .ok()
+        .and_then(|named| named.row);
+    let names = row.map_or(Vec::new(), |row| meaning::named_values(row.doc));
+    let named = names.iter().find(|(number, _)| *number == i64::from(state));
+    named.map_or_else(|| format!("state {state}"), |(_, name)| (*name).to_owned())
 }
 
 /// A node by its identity.
@@ -551,6 +608,45 @@ fn named(member: &Member) -> String {
     }
 }
 
+/// Writes the identifiers that are as delivered for the old node-id, and saves them; their
+/// addresses.
+fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, NodeIdError> {
+    let mut changed = Vec::new();
+    for row in table::rows() {
+        let (Default::NodeId(base), true) = (row.default, row.access.has(Access::STORED)) else {
+            continue;
+        };
+        let held = node.number(row.index, row.sub)?;
+        let delivered = |id: u8| (base + i64::from(id)) as u32;
+        // What was switched on or off since is still that.
+        let Some(held) = held.filter(|held| held & !OFF == delivered(old) & !OFF) else {
+            continue;
+        };
+        let new = held & OFF | delivered(node.id) & !OFF;
+        write_identifier(node, row.index, row.sub, held, new)?;
+        changed.push(name::address(row.index, row.sub));
+    }
+    if !changed.is_empty() {
+        save::save(
+            node,
+            save::Group::sub(Some(save::Group::Communication)),
+            false,
+        )?;
+    }
+    Ok(changed)
+}
+
+/// Writes a COB-ID: while it is on, nothing but bit 31 may change.
+fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) -> Result<(), Fault> {
+    if old == new {
+        return Ok(());
+    }
+    if old & OFF == 0 {
+        node.write(index, sub, &(old | OFF).to_le_bytes())?;
+    }
+    node.write(index, sub, &new.to_le_bytes())
+}
+
 /// Writes what a channel has to know of the other one, and saves it.
 fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
     node.write(0x2001, 0, &[peer])?;
@@ -562,13 +658,8 @@ fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
     let supervised = u32::from(peer) << 16 | time;
     node.write(0x1016, 1, &supervised.to_le_bytes())?;
     for (index, base) in EXCHANGE {
-        // While a PDO is on, nothing but bit 31 may change.
         let old = node.number(index, 1)?.unwrap_or(0);
-        let new = base + u32::from(peer);
-        if old != new {
-            node.write(index, 1, &(old | OFF).to_le_bytes())?;
-            node.write(index, 1, &new.to_le_bytes())?;
-        }
+        write_identifier(node, index, 1, old, base + u32::from(peer))?;
     }
     for group in [save::Group::Communication, save::Group::Manufacturer] {
         save::save(node, save::Group::sub(Some(group)), false)?;

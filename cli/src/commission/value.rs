@@ -156,7 +156,7 @@ fn show_number(row: &Row, raw: i64, resolution: Option<u32>) -> Shown {
     let (value, text) = match (&none, unit.is_empty()) {
         (Some(reason), _) => (None, reason.clone()),
         (None, true) => {
-            let number = dictionary::number(row, raw);
+            let number = plain(row, raw);
             let text = name.map_or(number.clone(), |name| format!("{number} ({name})"));
             (Some(raw as f64), text)
         }
@@ -171,6 +171,15 @@ fn show_number(row: &Row, raw: i64, resolution: Option<u32>) -> Shown {
         unit,
         text,
         reason: none,
+    }
+}
+
+/// A number without a unit: counts are decimal, patterns and identifiers hexadecimal.
+fn plain(row: &Row, raw: i64) -> String {
+    let counts = ["stops at", "wraps", "Number of", "Bytes of"];
+    match counts.iter().any(|word| row.doc.contains(word)) {
+        true => raw.to_string(),
+        false => dictionary::number(row, raw),
     }
 }
 
@@ -443,6 +452,9 @@ mod tests {
         );
         assert_eq!(shown("1014", 0x81, 10), "0x00000081");
         assert_eq!(shown("temperature", -5, 10), "-5 degC");
+        assert_eq!(shown("2052:5", 300, 10), "300");
+        assert_eq!(shown("serial-number", 12, 10), "12");
+        assert_eq!(shown("1F56:1", 0xABC, 10), "0x00000ABC");
         let foreign = name::one("2F00:1").unwrap();
         assert_eq!(show(&foreign, &[1, 0xAB], None).text, "01 AB");
     }
