@@ -11,6 +11,7 @@ mod bus;
 mod calibrate;
 mod demo;
 mod describe;
+mod eds;
 mod image;
 mod log;
 mod monitor;
