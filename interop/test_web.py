@@ -177,6 +177,7 @@ def test_when_nothing_comes_the_page_says_so_and_shows_no_number(
     plumb.stop()
     shows(browser, "#link", "no connection to plumb monitor")
     assert angles(browser, 0) == ["--", "--"]
+    assert "valid" not in text(browser, "#channel0 dl").replace("validity", "")
     assert "not known" in text(browser, "#verdict")
     assert monitor.process.wait(10) == 2
     picture(browser, tmp_path, "gone")

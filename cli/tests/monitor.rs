@@ -391,6 +391,97 @@ fn the_page_says_where_it_is_and_serves_what_it_shows() {
     seen.end();
 }
 
+/// User and system time that a process has taken, s.
+#[cfg(target_os = "linux")]
+fn cpu_s(child: &Child) -> f64 {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    // Behind the name, which may hold anything: fields 14 and 15, in ticks of 10 ms.
+    let (_, fields) = stat.rsplit_once(')').unwrap();
+    let fields: Vec<&str> = fields.split_whitespace().collect();
+    let ticks = |field: usize| fields[field - 3].parse::<f64>().unwrap();
+    (ticks(14) + ticks(15)) / 100.0
+}
+
+/// A terminal of 120 columns and 40 lines whose screen nobody keeps.
+#[cfg(target_os = "linux")]
+fn terminal(command: &mut Command) -> Child {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname(&master, Vec::new()).unwrap();
+    let path = path.into_string().unwrap();
+    let end = || {
+        fs::OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(&path)
+            .unwrap()
+    };
+    let mut size = rustix::termios::tcgetwinsize(&master).unwrap();
+    (size.ws_col, size.ws_row) = (120, 40);
+    rustix::termios::tcsetwinsize(&master, size).unwrap();
+    let child = command.stdin(end()).stdout(end()).spawn().unwrap();
+    thread::spawn(move || {
+        let mut screen = fs::File::from(master);
+        let mut piece = [0; 1 << 16];
+        while screen.read(&mut piece).is_ok_and(|length| length > 0) {}
+    });
+    child
+}
+
+/// Reads the page's stream as a browser does.
+fn browse(url: &str) {
+    let at = url.strip_prefix("http://").unwrap().trim_end_matches('/');
+    let mut stream = TcpStream::connect(at).unwrap();
+    write!(stream, "GET /events HTTP/1.1\r\nHost: {at}\r\n\r\n").unwrap();
+    thread::spawn(move || {
+        let mut piece = [0; 1 << 16];
+        while stream.read(&mut piece).is_ok_and(|length| length > 0) {}
+    });
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
+    const RATE: u32 = 2000;
+    const RUN_S: f64 = 20.0;
+    let servers: Vec<_> = (0..3)
+        .map(|_| Server::start(Serving::Frames(RATE)))
+        .collect();
+    let at = |place: usize| ["--bus", &servers[place].at, "-b", "1000000"];
+    let folder = folder();
+    let file = folder.join("load.log").display().to_string();
+    let mut lines = Watched::new(plumb(&at(0)).args(["--record", &file]));
+    let mut page = Watched::new(plumb(&at(1)).args(["--web", "127.0.0.1:0"]));
+    let address = page.line();
+    browse(address.trim().rsplit_once(' ').unwrap().1);
+    let mut drawn = terminal(&mut plumb(&at(2)));
+    lines.until("2000 frames/s");
+    let children = [&lines.child, &page.child, &drawn];
+    let before = children.map(cpu_s);
+    let from = Instant::now();
+    thread::sleep(Duration::from_secs_f64(RUN_S));
+    let (after, wall_s) = (children.map(cpu_s), from.elapsed().as_secs_f64());
+    let percent = |place: usize| (after[place] - before[place]) * 100.0 / wall_s;
+    let [plain, browser, screen] = [0, 1, 2].map(percent);
+    println!(
+        "monitor at {RATE} frames/s, per cent of a core: lines with a recording {plain:.1}, \
+         a page with a browser {browser:.1}, a terminal {screen:.1}"
+    );
+    // It has kept up, or else the figures would say nothing.
+    lines.until("2000 frames/s");
+    for child in [&mut lines.child, &mut page.child, &mut drawn] {
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    servers.into_iter().for_each(|server| drop(server.end()));
+    fs::remove_dir_all(folder).unwrap();
+    for taken in [plain, browser, screen] {
+        assert!(taken > 0.0 && taken < 5.0, "{taken} %");
+    }
+}
+
 /// What a server made here does on its bus.
 #[derive(Clone, Copy)]
 enum Serving {

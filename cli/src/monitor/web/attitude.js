@@ -38,7 +38,7 @@ const Attitude = (() => {
     const x = p[0] * Math.cos(turn) + p[1] * Math.sin(turn);
     const y = -p[0] * Math.sin(turn) + p[1] * Math.cos(turn);
     const up = p[2] * Math.cos(tip) + y * Math.sin(tip);
-    const scale = Math.min(width, height * 1.4) / 2.5;
+    const scale = Math.min(width, height * 1.4) / 2.8;
     return [width / 2 + x * scale, height / 2 - up * scale];
   }
 
@@ -107,8 +107,8 @@ const Attitude = (() => {
     ink.lineWidth = 1;
     ink.strokeStyle = colour("--grid");
     for (let n = -2; n <= 2; n += 1) {
-      line(ink, [n * 0.5, -1, -0.8], [n * 0.5, 1, -0.8], width, height);
-      line(ink, [-1, n * 0.5, -0.8], [1, n * 0.5, -0.8], width, height);
+      line(ink, [n * 0.5, -1, -0.6], [n * 0.5, 1, -0.6], width, height);
+      line(ink, [-1, n * 0.5, -0.6], [1, n * 0.5, -0.6], width, height);
     }
     const whole = (slopes) => !old && slopes.every((v) => v !== null);
     if (whole(a)) {
