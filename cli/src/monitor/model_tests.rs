@@ -350,9 +350,7 @@ fn without_a_bit_rate_there_is_no_load_but_a_reason() {
 
 #[test]
 fn two_instruments_are_told_apart() {
-    let plan = Plan {
-        pairs: vec![[1, 2], [3, 4]],
-    };
+    let plan = Plan::of(vec![[1, 2], [3, 4]]);
     let mut model = Model::new(&plan, Setup::default());
     model.take(0, &Frame::data_frame(0x80, &[]));
     model.take(1, &Frame::data_frame(0x183, &[100, 0, 0, 0, 0x7F, 1]));

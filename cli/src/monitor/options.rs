@@ -89,9 +89,7 @@ fn plan(nodes: &[u8]) -> Result<Plan, MonitorError> {
     if pairs.is_empty() {
         return Ok(Plan::default());
     }
-    Ok(Plan {
-        pairs: pairs.to_vec(),
-    })
+    Ok(Plan::of(pairs.to_vec()))
 }
 
 /// How fast.

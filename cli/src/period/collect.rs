@@ -9,8 +9,8 @@ use canopen::Frame;
 
 use super::gaps::GAP_NS;
 use super::instrument::{Instrument, Moment};
-use super::row::Measured;
 use super::traffic::Traffic;
+use crate::blackbox::exchange::Measured;
 use crate::watch::{Counts, News, Place, Plan, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::io;
 
+use crate::blackbox::FaultsError;
+use crate::bus::JoinError;
 use crate::report::replay_tables::printable;
 use crate::report::write::WriteError;
 
@@ -11,6 +13,12 @@ use crate::report::write::WriteError;
 pub enum PeriodError {
     /// A log that can't be read.
     Read(String, io::Error),
+    /// The bit rate is none.
+    Bus(JoinError),
+    /// What nodes remember can't be read.
+    Memory(FaultsError),
+    /// No node could be asked: why the first one could not.
+    Nobody(String),
     /// Neither a log, nor a black box, nor a bus was given.
     NothingGiven,
     /// There is no frame in all the logs.
@@ -35,9 +43,13 @@ impl fmt::Display for PeriodError {
                 "cannot read {}: {why}; check the name and the permissions",
                 printable(file)
             ),
-            Self::NothingGiven => {
-                write!(f, "nothing to report on: name a log or a folder of logs")
-            }
+            Self::Bus(why) => write!(f, "{why}"),
+            Self::Memory(why) => write!(f, "{why}"),
+            Self::Nobody(why) => write!(f, "{why}"),
+            Self::NothingGiven => write!(
+                f,
+                "nothing to report on: name a log, a folder of logs, a --black-box or a --bus"
+            ),
             Self::Empty => write!(
                 f,
                 "there is no frame in the logs: check that they are candump or ASC files"

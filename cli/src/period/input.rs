@@ -5,16 +5,44 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, StandardId};
 
 use super::data::{LogReport, Skipped};
 use super::error::PeriodError;
+use crate::progress::Progress;
 
-/// Reads one log; `take` gets each frame with its time in ns.
-pub fn read(path: &PathBuf, mut take: impl FnMut(u64, &Frame)) -> Result<LogReport, PeriodError> {
+/// What was read.
+#[derive(Clone, Debug, Default)]
+pub struct Logs {
+    /// Each file.
+    pub files: Vec<LogReport>,
+    /// The names of the interfaces.
+    pub interfaces: Vec<String>,
+}
+
+/// Reads logs; `take` gets the place of each frame's interface, its time in ns, and the frame.
+///
+/// Errors: a log can't be read.
+pub fn read(
+    paths: &[PathBuf],
+    _progress: &Progress,
+    mut take: impl FnMut(usize, u64, &Frame),
+) -> Result<Logs, PeriodError> {
+    let mut logs = Logs {
+        interfaces: vec!["can0".to_owned()],
+        ..Logs::default()
+    };
+    for path in paths {
+        logs.files
+            .push(one(path, |time_ns, frame| take(0, time_ns, frame))?);
+    }
+    Ok(logs)
+}
+
+fn one(path: &Path, mut take: impl FnMut(u64, &Frame)) -> Result<LogReport, PeriodError> {
     let name = path.display().to_string();
     let wrong = |why| PeriodError::Read(name.clone(), why);
     let mut lines = BufReader::new(File::open(path).map_err(wrong)?);
