@@ -6,6 +6,9 @@
 
 const Attitude = (() => {
   const SIZE = [1.5, 1.0, 0.35];
+  const FACES = [
+    [0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5],
+  ];
   const EDGES = [
     [0, 1], [1, 3], [3, 2], [2, 0], [4, 5], [5, 7], [7, 6], [6, 4],
     [0, 4], [1, 5], [2, 6], [3, 7],
@@ -31,11 +34,11 @@ const Attitude = (() => {
 
   // Seen from the front, from the right and a little from above.
   function project(p, width, height) {
-    const turn = 0.6, tip = 0.35;
+    const turn = 0.3, tip = 0.3;
     const x = p[0] * Math.cos(turn) + p[1] * Math.sin(turn);
     const y = -p[0] * Math.sin(turn) + p[1] * Math.cos(turn);
     const up = p[2] * Math.cos(tip) + y * Math.sin(tip);
-    const scale = Math.min(width, height * 1.4) / 3.6;
+    const scale = Math.min(width, height * 1.4) / 2.8;
     return [width / 2 + x * scale, height / 2 - up * scale];
   }
 
@@ -62,9 +65,23 @@ const Attitude = (() => {
     ink.stroke();
   }
 
+  function fill(ink, points, width, height) {
+    ink.globalAlpha = 0.12;
+    for (const face of FACES) {
+      ink.beginPath();
+      face.forEach((n) => ink.lineTo(...project(points[n], width, height)));
+      ink.fill();
+    }
+    ink.globalAlpha = 1;
+  }
+
   function box(ink, slopes, colour, dash, width, height) {
     const frame = axes(slopes[0], slopes[1]);
     const points = corners(frame);
+    ink.fillStyle = colour;
+    if (dash.length === 0) {
+      fill(ink, points, width, height);
+    }
     ink.strokeStyle = colour;
     ink.setLineDash(dash);
     ink.lineWidth = 2;
@@ -90,15 +107,15 @@ const Attitude = (() => {
     ink.lineWidth = 1;
     ink.strokeStyle = colour("--grid");
     for (let n = -2; n <= 2; n += 1) {
-      line(ink, [n * 0.5, -1, -0.8], [n * 0.5, 1, -0.8], width, height);
-      line(ink, [-1, n * 0.5, -0.8], [1, n * 0.5, -0.8], width, height);
+      line(ink, [n * 0.5, -1, -0.6], [n * 0.5, 1, -0.6], width, height);
+      line(ink, [-1, n * 0.5, -0.6], [1, n * 0.5, -0.6], width, height);
     }
     const whole = (slopes) => !old && slopes.every((v) => v !== null);
-    if (whole(b)) {
-      box(ink, b, colour("--b"), [5, 4], width, height);
-    }
     if (whole(a)) {
       box(ink, a, colour("--a"), [], width, height);
+    }
+    if (whole(b)) {
+      box(ink, b, colour("--b"), [5, 4], width, height);
     }
     if (!whole(a) && !whole(b)) {
       ink.fillStyle = colour("--soft");

@@ -6,6 +6,7 @@
 
 const Charts = (() => {
   const MOST = 700;
+  let range = [0, 1];
   let slopes = null;
   let difference = null;
 
@@ -28,7 +29,7 @@ const Charts = (() => {
       title,
       width,
       height: 200,
-      scales: { x: { time: dated } },
+      scales: { x: { time: dated, range: () => range } },
       tzDate: (s) => uPlot.tzDate(new Date(s * 1000), "Etc/UTC"),
       axes: [clock, { ...axis, size: 64 }],
       series: [{}, ...lines],
@@ -76,10 +77,11 @@ const Charts = (() => {
 
   // Shows points; builds the charts anew when axis, width or kind of time has changed.
   let built = "";
-  function show(holder, points, axis, widthS, band) {
-    const all = withGaps(points.slice(-MOST), widthS);
+  function show(holder, points, axis, time, band) {
+    const all = withGaps(points.slice(-MOST), time.widthS);
+    range = [time.endS - time.spanS, time.endS];
     const width = Math.max(240, holder.slopes.clientWidth);
-    const dated = all.length > 0 && all[0][0] > 315532800;
+    const dated = time.endS > 315532800;
     const wanted = `${axis} ${width} ${dated} ${colour("--a")}`;
     if (wanted !== built) {
       built = wanted;
@@ -90,6 +92,7 @@ const Charts = (() => {
     const times = column(all, 0);
     const at = (line, high) => column(all, 1 + 2 * (line + axis) + (high ? 1 : 0));
     slopes.setData([times, at(0, true), at(0, false), at(2, true), at(2, false)]);
+    // The band of now, over all of the time.
     const edge = (sign) => times.map(() => (band === null ? null : sign * band));
     difference.setData([times, at(4, true), at(4, false), edge(1), edge(-1)]);
   }

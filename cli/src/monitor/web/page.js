@@ -34,6 +34,11 @@ function element(name, text, className) {
   return made;
 }
 
+// What was known before the connection went is not known now.
+function known(value) {
+  return page.live ? value : "--";
+}
+
 function degrees(value) {
   return value === null || !page.live ? "--" : `${value >= 0 ? "+" : ""}${value.toFixed(3)}`;
 }
@@ -77,14 +82,14 @@ function showChannel(channel, holder) {
     element("h2", `Channel ${channel.name}, node ${channel.node_id}`),
     angles,
     list([
-      ["validity", channel.validity_text ?? "stale"],
+      ["validity", known(channel.validity_text ?? "stale")],
       ["uncertainty, k = 2", or(uncertainty === null ? null : uncertainty.toFixed(3), "deg")],
       ["temperature", or(channel.temperature_degc, "degC")],
       ["latency", or(channel.latency_ms, "ms")],
-      ["state", channel.nmt ?? "not known"],
-      ["heartbeat", heartbeat, channel.heartbeat_lost ? "fault" : ""],
+      ["state", known(channel.nmt ?? "not known")],
+      ["heartbeat", known(heartbeat), channel.heartbeat_lost ? "fault" : ""],
       ["restarts seen", String(channel.boots)],
-      ["faults", faults.length ? faults.join("; ") : "none", faults.length ? "fault" : ""],
+      ["faults", known(faults.join("; ") || "none"), faults.length ? "fault" : ""],
     ]),
   );
 }
@@ -104,8 +109,8 @@ function showPair(instrument) {
     list([
       ["band, k = 2", band === null || !page.live ? "--" : `${band.toFixed(3)} deg`],
       ["difference", page.live ? word : "--", inside === false ? "warning" : ""],
-      ["blamed", instrument.verdict.blamed.join(" and ") || "nobody"],
-      ["because", instrument.verdict.reason ?? "--"],
+      ["blamed", known(instrument.verdict.blamed.join(" and ") || "nobody")],
+      ["because", known(instrument.verdict.reason ?? "--")],
     ]),
   );
 }
@@ -192,7 +197,8 @@ function showCharts(instrument) {
   const fine = page.traces[page.instrument] ?? [];
   const points = page.span === 60 ? fine : page.coarse;
   const holder = { slopes: byId("slopes"), difference: byId("difference") };
-  Charts.show(holder, points, page.axis, SPANS[page.span], instrument.band_deg);
+  const time = { spanS: page.span, widthS: SPANS[page.span], endS: page.state.time_s };
+  Charts.show(holder, points, page.axis, time, instrument.band_deg);
   for (const button of document.querySelectorAll("[data-axis]")) {
     button.setAttribute("aria-pressed", String(Number(button.dataset.axis) === page.axis));
   }
