@@ -206,8 +206,8 @@ fn thirteen_hand_poses_come_within_a_factor_of_two_of_the_motor() {
     let worst = by_hand.iter().copied().fold(0.0, f64::max);
     let (motor, hand) = (median(by_motor), median(by_hand));
     println!(
-        "static RMSE at 25 degC, median of 20 units, 2 channels each: motor {motor:.4} deg, 13 hand \
-         poses {hand:.4} deg, ratio {:.2}; worst channel by hand {worst:.4} deg",
+        "static RMSE at 25 degC, median of 20 units, 2 channels each: motor {motor:.4} deg, 13 \
+         hand poses {hand:.4} deg, ratio {:.2}; worst channel by hand {worst:.4} deg",
         hand / motor
     );
     assert!(hand <= 2.0 * 0.04, "{hand}");

@@ -1,8 +1,8 @@
 //! The nodes under calibration: found, held in PRE-OPERATIONAL, read, written, and left as found.
 //!
-//! In: node-ids on a bus. Out: means of what their sensors feel and what they read, at a standstill;
-//! their calibrations. Time is told by the nodes' own samples, so a virtual bus may run at any
-//! speed.
+//! In: node-ids on a bus. Out: means of what their sensors feel and what they read, at a
+//! standstill; their calibrations. Time is told by the nodes' own samples, so a virtual bus may run
+//! at any speed.
 //!
 //! Left out: what the readings are for.
 
