@@ -348,14 +348,6 @@ impl Session {
         Ok(Client::patient(&mut self.bus, id).upload(0x2061, 0)?)
     }
 
-    /// 2062h sub 1 as it is now.
-    ///
-    /// Errors: a node that does not answer.
-    pub fn sum(&mut self, place: usize) -> Result<u32, CalibrateError> {
-        let id = self.nodes[place].id;
-        Ok(self.client(id).read_u32(0x2062, 1)?)
-    }
-
     /// 2063h: the hash of the report of the calibration in force; `None` when it has none.
     ///
     /// Errors: a node that does not answer.
