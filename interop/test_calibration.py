@@ -212,3 +212,39 @@ def test_a_run_and_a_download_do_not_mix(delivered: Master) -> None:
     assert delivered.read(1, 0x2060, 3) == 1, "the run goes on"
     delivered.write(1, 0x2060, 1, ABANDON)
     assert download(delivered, 1, data) == 0
+
+
+HASH, NO_DATA = bytes(range(32)), 0x0800_0024
+
+
+def report_hash(master: Master) -> bytes | int:
+    """What 2063h says, or its abort code."""
+    try:
+        return master.nodes[1].sdo.upload(0x2063, 0)
+    except canopen.SdoAbortedError as abort:
+        return abort.code
+
+
+def test_a_report_belongs_to_the_calibration_in_force_only(delivered: Master) -> None:
+    data = upload(delivered)
+    assert download(delivered, 1, data) == 0
+    assert delivered.refusal(1, 0x2063, 0, HASH) == 0
+    assert report_hash(delivered) == HASH
+    delivered.reset(1)
+    assert report_hash(delivered) == HASH, "stored"
+    # Another calibration: only the noise of its budget differs.
+    body = data[:16] + b"\x01\x02\x03\x00" + data[20:-4]
+    assert download(delivered, 1, body + zlib.crc32(body).to_bytes(4, "little")) == 0
+    assert report_hash(delivered) == NO_DATA
+    assert download(delivered, 1, data) == 0
+    assert report_hash(delivered) == HASH, "the one that it belongs to is in force again"
+
+
+def test_what_is_no_hash_is_refused_and_the_old_one_stays(delivered: Master) -> None:
+    assert delivered.refusal(1, 0x2063, 0, HASH) == 0
+    assert delivered.refusal(1, 0x2063, 0, HASH[:31]) == STORE_REFUSED
+    assert delivered.refusal(1, 0x2063, 0, bytes(33)) == TOO_LONG
+    delivered.write(1, 0x2060, 1, START_X)
+    assert delivered.refusal(1, 0x2063, 0, HASH) == WRONG_STATE, "a run is open"
+    delivered.write(1, 0x2060, 1, ABANDON)
+    assert report_hash(delivered) == HASH

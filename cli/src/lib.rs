@@ -6,21 +6,30 @@
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the instrument is outside its specification.
 
+mod blackbox;
 mod bus;
+mod calibrate;
 mod commission;
 mod demo;
 mod describe;
 mod image;
+mod log;
+mod monitor;
+mod period;
+mod playback;
 mod progress;
 mod replay;
 mod report;
 pub mod serve;
+mod shell;
+mod stdout;
 mod text_table;
 mod update;
+mod watch;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use crate::progress::Progress;
 
@@ -41,6 +50,8 @@ enum Verb {
     Bitrate(commission::bitrate::Arguments),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
+    /// Print a script that lets a shell complete verbs and options
+    Completions(shell::Completions),
     /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
     /// Read objects of the nodes by name or address
@@ -61,6 +72,12 @@ enum Verb {
     Scan(commission::scan::Arguments),
     /// Write an object of a node, with its unit, and read it back
     Set(commission::set::Arguments),
+    /// Print the manual page of the program or of a verb, or write all of them
+    Man(shell::ManualPages),
+    /// Show what happens on a bus: angles, difference, verdict, faults, load; record it
+    Monitor(monitor::Arguments),
+    /// Put a period of an instrument on one page, from logs of the bus
+    Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
@@ -76,6 +93,9 @@ pub fn run() -> ExitCode {
     let ended = match &line.verb {
         Verb::Bitrate(arguments) => commission::bitrate::run(arguments).map_err(|e| e.to_string()),
         Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
+        Verb::Completions(arguments) => {
+            shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
         Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
         Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
         Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
@@ -86,6 +106,11 @@ pub fn run() -> ExitCode {
         Verb::Save(arguments) => commission::save::run(arguments).map_err(|e| e.to_string()),
         Verb::Scan(arguments) => commission::scan::run(arguments).map_err(|e| e.to_string()),
         Verb::Set(arguments) => commission::set::run(arguments).map_err(|e| e.to_string()),
+        Verb::Man(arguments) => {
+            shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
+        }
+        Verb::Monitor(arguments) => monitor::run(arguments).map_err(|e| e.to_string()),
+        Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
         Verb::Zero(arguments) => commission::zero::run(arguments).map_err(|e| e.to_string()),

@@ -31,6 +31,11 @@ impl Progress {
     }
 
     /// Silence.
+    pub fn hidden() -> Self {
+        Self::on(None, QUIET_FOR)
+    }
+
+    /// Silence.
     #[cfg(test)]
     pub fn silent() -> Self {
         Self::on(None, QUIET_FOR)

@@ -448,3 +448,32 @@ fn the_manual_of_the_command_line_and_the_page_list_every_word() {
         assert!(page.contains(line), "docs/serve.md lacks: {line}");
     }
 }
+
+#[test]
+fn where_the_bus_is_and_what_is_told_come_as_json() {
+    let mut server = Command::new(env!("CARGO_BIN_EXE_plumb"))
+        .args([
+            "serve",
+            "--listen",
+            "127.0.0.1:0",
+            "--uncalibrated",
+            "--json",
+        ])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut typed = server.stdin.take().unwrap();
+    let lines = BufReader::new(server.stdout.take().unwrap()).lines();
+    typed.write_all(b"status\nquit\n").unwrap();
+    let said: Vec<serde_json::Value> = lines
+        .map(|line| serde_json::from_str(&line.unwrap()).unwrap())
+        .collect();
+    assert!(server.wait().unwrap().success());
+    assert_eq!(said[0]["format"], "plumb-serve");
+    assert_eq!(said[0]["node_ids"], serde_json::json!([1, 2]));
+    let at = said[0]["socketcand"].as_str().unwrap();
+    assert!(at.starts_with("127.0.0.1:") && !at.ends_with(":0"), "{at}");
+    assert_eq!(said[1]["format"], "plumb-serve-told");
+    assert_eq!(said[1]["lines"].as_array().unwrap().len(), 3);
+}

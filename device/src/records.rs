@@ -10,6 +10,7 @@ pub mod parameters;
 
 use crate::black_box::BOX_LENGTH;
 use crate::calibration::encoding::MAX_LENGTH;
+use crate::calibration::report::LENGTH as REPORT_LENGTH;
 use crate::fault_log::ENTRY;
 
 /// What is kept, each on its own.
@@ -33,19 +34,22 @@ pub enum Record {
     Box1,
     /// The second one.
     Box2,
+    /// The hash of the calibration report, with the check sum of the calibration it belongs to.
+    Report,
 }
 
 impl Record {
     /// How many records there are.
-    pub const COUNT: usize = 8;
+    pub const COUNT: usize = 9;
 
     /// Every record that holds what somebody has set.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Communication,
         Self::Profile,
         Self::Manufacturer,
         Self::Lss,
         Self::Calibration,
+        Self::Report,
     ];
 
     /// Bytes that it takes at most.
@@ -56,6 +60,7 @@ impl Record {
             Self::Lss => 32,
             Self::Calibration | Self::Delivered => MAX_LENGTH,
             Self::Box1 | Self::Box2 => BOX_LENGTH,
+            Self::Report => REPORT_LENGTH,
         }
     }
 }

@@ -12,6 +12,7 @@ mod faults;
 mod image;
 mod interop;
 mod packages;
+mod program;
 mod size;
 mod steps;
 mod tidy;
@@ -33,6 +34,7 @@ usage: cargo xtask COMMAND
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
   size --write        the same, written to docs/size.md
   image               bootloader, and application for each slot, to target/images
+  program             length of the released plumb, and how soon it answers
   interop             plumb serve against python-canopen, in an environment made for it
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
         ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
         ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
         ["image"] => steps::alone(&steps::IMAGE, &workspace),
+        ["program"] => steps::alone(&steps::PROGRAM, &workspace),
         ["interop"] => steps::alone(&steps::INTEROP, &workspace),
         ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {

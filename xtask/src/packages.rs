@@ -1,9 +1,9 @@
-//! Packages of the distribution that the emulator's processor core is built with: CMake, and the
-//! library of clang that reads its C headers.
+//! Packages of the distribution: CMake and the library of clang that reads C headers, with which
+//! the emulator's processor core is built, and a browser for the tests of `plumb monitor --web`.
 //!
-//! In: the workspace. Out: both are there, or one sentence with the line to type. They are
+//! In: the workspace. Out: they are there, or one sentence with the line to type. They are
 //! installed where that needs no question answered: as root, or through `sudo` without a
-//! password, with Debian's tools.
+//! password, with Debian's tools. Without the browser its tests are skipped and say so.
 //!
 //! Left out: other package managers, whose users get the names in the sentence.
 
@@ -16,6 +16,9 @@ use crate::workspace::Workspace;
 
 /// What Debian and its relatives call them.
 const NAMES: [&str; 2] = ["cmake", "libclang-dev"];
+
+/// The browser, and the program by which a test drives it.
+const BROWSER: [&str; 2] = ["chromium", "chromium-driver"];
 
 /// Folders in which a distribution keeps the library; `*` is any one name.
 const FOLDERS: [&str; 7] = [
@@ -31,6 +34,9 @@ const FOLDERS: [&str; 7] = [
 /// The line for somebody who has to do it by hand.
 pub const TYPED: &str = "sudo apt-get install -y cmake libclang-dev";
 
+/// The same for the browser.
+pub const TYPED_BROWSER: &str = "sudo apt-get install -y chromium chromium-driver";
+
 /// Sees to it that the packages are there; false when they could not be installed.
 ///
 /// Errors: none of its own; what apt-get says goes through.
@@ -39,8 +45,21 @@ pub fn provide(workspace: &Workspace) -> bool {
         return true;
     }
     println!("      installing {}", NAMES.join(" and "));
-    let installed = install(workspace).is_ok();
+    let installed = install(workspace, NAMES).is_ok();
     installed && present(workspace)
+}
+
+/// Sees to it that there is a browser; false when it could not be installed.
+pub fn provide_browser(workspace: &Workspace) -> bool {
+    let present = || {
+        let runs = |name| command::succeeds(workspace.program(name, &["--version"]));
+        runs("chromium") && runs("chromedriver")
+    };
+    if present() {
+        return true;
+    }
+    println!("      installing {}", BROWSER.join(" and "));
+    install(workspace, BROWSER).is_ok() && present()
 }
 
 fn present(workspace: &Workspace) -> bool {
@@ -89,11 +108,11 @@ fn matching(pattern: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-fn install(workspace: &Workspace) -> Result<(), CommandError> {
+fn install(workspace: &Workspace, names: [&str; 2]) -> Result<(), CommandError> {
     // A machine that has never asked knows of no package; an old list is better than none.
     let _ = apt(workspace, &["update", "-qq"]);
     let mut words = vec!["install", "-y", "-qq", "--no-install-recommends"];
-    words.extend(NAMES);
+    words.extend(names);
     apt(workspace, &words)
 }
 
@@ -139,6 +158,7 @@ mod tests {
     #[test]
     fn the_line_to_type_names_every_package() {
         assert!(NAMES.iter().all(|name| TYPED.contains(name)));
+        assert!(BROWSER.iter().all(|name| TYPED_BROWSER.contains(name)));
     }
 
     #[test]

@@ -16,6 +16,7 @@ use crate::faults::{self, FaultsError};
 use crate::image::{self, ImageError};
 use crate::interop::{self, InteropError};
 use crate::packages;
+use crate::program::{self, ProgramError};
 use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
@@ -69,6 +70,8 @@ enum StepError {
     Size(SizeError),
     /// The images of the part.
     Image(ImageError),
+    /// The released program.
+    Program(ProgramError),
     /// The master written by others.
     Interop(InteropError),
     /// A file or folder could not be handled.
@@ -93,6 +96,7 @@ impl fmt::Display for StepError {
             Self::Faults(error) => write!(out, "{error}"),
             Self::Size(error) => write!(out, "{error}"),
             Self::Image(error) => write!(out, "{error}"),
+            Self::Program(error) => write!(out, "{error}"),
             Self::Interop(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoReport(name) => write!(out, "the demo wrote no {name}"),
@@ -130,13 +134,19 @@ impl From<ImageError> for StepError {
     }
 }
 
+impl From<ProgramError> for StepError {
+    fn from(error: ProgramError) -> Self {
+        Self::Program(error)
+    }
+}
+
 impl From<SizeError> for StepError {
     fn from(error: SizeError) -> Self {
         Self::Size(error)
     }
 }
 
-const TEST: [Step; 13] = [
+const TEST: [Step; 14] = [
     Step {
         name: "toolchain: rustfmt, clippy, the chip's target and the emulator's packages",
         advice: "then start again",
@@ -198,6 +208,7 @@ const TEST: [Step; 13] = [
         advice: "repeat it with `cargo demo --days 1`",
         run: demo,
     },
+    PROGRAM,
 ];
 
 /// The house rules alone.
@@ -261,6 +272,13 @@ pub const IMAGE: Step = Step {
     name: "images of bootloader and application, within their budgets",
     advice: "what the linker says stands above; a slot's size is in `flash::layout`",
     run: build_images,
+};
+
+/// Measures the released program.
+pub const PROGRAM: Step = Step {
+    name: "the released program: its length and how soon it answers",
+    advice: "`cargo xtask program` repeats it; a dependency of `cli` may have grown",
+    run: check_program,
 };
 
 /// Measures the bus side on the part.
@@ -363,6 +381,10 @@ fn toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
             command::capture(query).is_ok_and(|folder| Path::new(folder.trim()).is_dir())
         },
     )?;
+    if !packages::provide_browser(workspace) {
+        let typed = packages::TYPED_BROWSER;
+        println!("      no browser: its tests are skipped; for them type `{typed}`");
+    }
     if packages::provide(workspace) {
         return Ok(());
     }
@@ -478,6 +500,10 @@ fn try_to_break(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 
 fn build_images(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(image::build(workspace)?)
+}
+
+fn check_program(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(program::check(workspace)?)
 }
 
 fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -7,7 +7,6 @@
 mod gather;
 mod jobs;
 
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -16,6 +15,7 @@ use clap::Args;
 use crate::progress::Progress;
 use crate::report::write::{self, WriteError};
 use crate::report::{data::DemoReport, terminal};
+use crate::stdout;
 
 /// What to build and test.
 #[derive(Clone, Debug, Args)]
@@ -82,19 +82,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, DemoE
             terminal::print_demo(&report)
         )
     };
-    say(&text)?;
+    stdout::print(&text).map_err(DemoError::Print)?;
     Ok(if report.within_specification {
         ExitCode::SUCCESS
     } else {
         ExitCode::from(1)
     })
-}
-
-/// Prints; a reader that has had enough, as in `plumb demo | head`, is no error.
-fn say(text: &str) -> Result<(), DemoError> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(DemoError::Print(e)),
-        _ => Ok(()),
-    }
 }

@@ -17,12 +17,14 @@ pub mod meaning;
 mod tests;
 
 use std::fmt;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use device::objects::table::{self, Channel};
+
+use crate::stdout;
 
 /// What to describe, and where to put it.
 #[derive(Clone, Debug, Args)]
@@ -116,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, DescribeError> {
         Some(path) => {
             std::fs::write(path, text).map_err(|why| DescribeError::Write(path.clone(), why))?;
         }
-        None => print(&text)?,
+        None => stdout::print(&text).map_err(DescribeError::Print)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -141,13 +143,4 @@ fn text(arguments: &Arguments) -> Result<String, DescribeError> {
         Document::Dbc => dbc::database(rows),
         Document::Objects => markdown::page(rows),
     })
-}
-
-/// Prints; a reader that has had enough, as in `plumb describe eds | head`, is no error.
-fn print(text: &str) -> Result<(), DescribeError> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(DescribeError::Print(why)),
-        _ => Ok(()),
-    }
 }

@@ -16,8 +16,10 @@ use std::process::ExitCode;
 use clap::Args;
 use flash::image::Version;
 use flash::layout::{BASE, HEADER, RAM, RC, Slot};
+use serde::Serialize;
 use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned};
 
+use crate::stdout;
 use crate::update::UpdateError;
 use crate::update::file;
 
@@ -68,6 +70,42 @@ pub struct Arguments {
     /// For the nodes of `plumb serve`: a program that does not pass its self-check
     #[arg(long, conflicts_with = "a")]
     pub sick: bool,
+    /// Print what was written, or the public key, as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What was done, for `--json`.
+#[derive(Debug, Serialize)]
+struct Done {
+    /// "plumb-image".
+    format: &'static str,
+    /// 1.
+    version: u32,
+    /// The file that was written.
+    file: Option<String>,
+    /// Its length.
+    length_bytes: Option<usize>,
+    /// Images in it.
+    images: Option<usize>,
+    /// Whether they are signed.
+    is_signed: Option<bool>,
+    /// The public key of the key that was given or has signed, hexadecimal.
+    public_key: Option<String>,
+}
+
+impl Done {
+    const fn new() -> Self {
+        Self {
+            format: "plumb-image",
+            version: 1,
+            file: None,
+            length_bytes: None,
+            images: None,
+            is_signed: None,
+            public_key: None,
+        }
+    }
 }
 
 /// Why no file was written.
@@ -83,6 +121,8 @@ pub enum ImageError {
     Body(PathBuf, Slot),
     /// Images can't be used.
     Images(UpdateError),
+    /// What was done can't be printed; it is done.
+    Print(io::Error),
 }
 
 impl From<UpdateError> for ImageError {
@@ -97,6 +137,7 @@ impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Images(error) => error.fmt(f),
+            Self::Print(error) => write!(f, "cannot print what was done: {error}"),
             Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
             Self::Empty(path) => write!(f, "{} is empty", path.display()),
             Self::Body(path, slot) => write!(
@@ -137,7 +178,15 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         None => *DEVELOPMENT,
     };
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.public) else {
-        println!("{}", digits(&public_key(&key)));
+        let public = digits(&public_key(&key));
+        let printed = match arguments.json {
+            true => stdout::print_json(&Done {
+                public_key: Some(public),
+                ..Done::new()
+            }),
+            false => stdout::print(public + "\n"),
+        };
+        printed.map_err(ImageError::Print)?;
         return Ok(ExitCode::SUCCESS);
     };
     let mut images = match arguments.version {
@@ -151,8 +200,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         images.iter_mut().for_each(|image| sign(image, &key));
     }
     let file = images.concat();
+    let length = file.len();
     let written = fs::write(out, file);
     written.map_err(|error| ImageError::File(out.clone(), error))?;
+    if arguments.json {
+        let done = Done {
+            file: Some(out.display().to_string()),
+            length_bytes: Some(length),
+            images: Some(images.len()),
+            is_signed: Some(!arguments.unsigned),
+            public_key: (!arguments.unsigned).then(|| digits(&public_key(&key))),
+            ..Done::new()
+        };
+        stdout::print_json(&done).map_err(ImageError::Print)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 

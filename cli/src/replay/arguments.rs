@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 
 use super::calibration_file;
 use super::error::ReplayError;
+use crate::playback;
 
 /// Which chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -32,7 +33,8 @@ pub enum CalibrateFrom {
 /// What to replay and how.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
-    /// One or two recordings: CSV, plain or gzip. One is one channel, two are cross-checked
+    /// Recordings of one or two sensors (CSV), or logs of a bus: candump -L, ASC, folders, - for
+    /// standard input; plain or gzip
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Use the calibration in this file instead of calibrating from the recordings
@@ -41,24 +43,46 @@ pub struct Arguments {
     /// Keep the calibration in this file
     #[arg(long, value_name = "FILE")]
     pub save_calibration: Option<PathBuf>,
-    /// Folder for report.html and report.json
-    #[arg(long, default_value = "plumb-report", value_name = "DIR")]
-    pub out: PathBuf,
-    /// Print report.json on stdout instead of the tables
+    /// Folder for report.html and report.json [default: plumb-report]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print JSON on stdout instead of the tables
     #[arg(long)]
     pub json: bool,
-    /// Signal chain and cross-check
-    #[arg(long, value_enum, default_value_t = Mode::Product)]
-    pub mode: Mode,
+    /// Signal chain and cross-check [default: product]
+    #[arg(long, value_enum)]
+    pub mode: Option<Mode>,
     /// Counts per g of `_lsb` columns; found from the standstills when not given
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub lsb_per_g: Option<f64>,
     /// Calibrate from this; from the reference columns where there are any, when not given
     #[arg(long, value_enum)]
     pub from: Option<CalibrateFrom>,
+    /// What only logs of a bus have.
+    #[command(flatten)]
+    pub log: playback::Options,
 }
 
 impl Arguments {
+    /// Where the report goes.
+    pub fn folder(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new("plumb-report"))
+    }
+
+    /// The first option that only recordings have, for a sentence.
+    pub fn given(&self) -> Option<&'static str> {
+        let options = [
+            (self.calibration.is_some(), "--calibration"),
+            (self.save_calibration.is_some(), "--save-calibration"),
+            (self.out.is_some(), "--out"),
+            (self.mode.is_some(), "--mode"),
+            (self.lsb_per_g.is_some(), "--lsb-per-g"),
+            (self.from.is_some(), "--from"),
+        ];
+        let given = options.into_iter().find(|(given, _)| *given);
+        given.map(|(_, name)| name)
+    }
+
     /// Refuses what can't be meant, before any file is read.
     pub fn check(&self) -> Result<(), ReplayError> {
         if let Some(third) = self.files.get(2) {

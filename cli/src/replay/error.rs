@@ -5,6 +5,7 @@ use std::fmt;
 use super::calibrate::CalibrateError;
 use super::calibration_file::CalibrationFileError;
 use super::recording_error::RecordingError;
+use crate::playback::PlaybackError;
 use crate::report::replay_tables::printable;
 use crate::report::write::WriteError;
 
@@ -75,6 +76,12 @@ pub enum ReplayError {
     Json(serde_json::Error),
     /// Standard output could not be written.
     Stdout(std::io::Error),
+    /// The first file is a recording, the second one the log of a bus.
+    BothKinds(String, String),
+    /// This option doesn't go with this file, and what it goes with.
+    WrongKind(&'static str, String, &'static str),
+    /// A log of a bus that can't be played back.
+    Playback(PlaybackError),
 }
 
 impl std::error::Error for ReplayError {}
@@ -114,6 +121,16 @@ impl fmt::Display for Sentence<'_> {
             Error::Write(error) => write!(f, "{error}"),
             Error::Json(error) => write!(f, "the report can't be written as JSON: {error}"),
             Error::Stdout(error) => write!(f, "standard output can't be written: {error}"),
+            Error::BothKinds(one, other) => write!(
+                f,
+                "{one} is a recording of a sensor and {other} the log of a bus; replay one kind \
+                 at a time"
+            ),
+            Error::WrongKind(option, file, kind) => write!(
+                f,
+                "{option} is for {kind}, which {file} is not; leave it away"
+            ),
+            Error::Playback(error) => write!(f, "{error}"),
             _ => self.0.about_calibration(f),
         }
     }

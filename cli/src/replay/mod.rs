@@ -1,5 +1,7 @@
 //! `plumb replay`: real recordings through the instrument's own chain.
 //!
+//! Logs of a bus are told from recordings by what they hold and are `playback`'s.
+//!
 //! In: one CSV file per channel (plain or gzip), one or two. Out: the tables on the terminal,
 //! `report.html` and `report.json` in a folder, and a calibration file if one is asked for.
 //! A [`recording::Recording`] of checked samples with every skipped row counted gives the
@@ -15,6 +17,7 @@ mod columns;
 mod error;
 mod figures;
 mod gather;
+mod kind;
 mod lines;
 mod play;
 mod prepare;
@@ -41,22 +44,30 @@ mod real_chain;
 #[cfg(test)]
 mod repeatability;
 
-use std::io::{self, Write};
 use std::process::ExitCode;
 
+use crate::playback;
 use crate::progress::Progress;
 use crate::report::replay_data::ReplayReport;
 use crate::report::replay_tables::printable;
 use crate::report::terminal;
 use crate::report::write::{self, Written};
+use crate::stdout;
+
+use arguments::Mode;
 
 pub use arguments::Arguments;
 pub use error::ReplayError;
 
 /// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
+    if kind::are_logs(arguments)? {
+        let ended = playback::run(&arguments.files, &arguments.log, arguments.json, progress);
+        return ended.map_err(ReplayError::Playback);
+    }
+    let mode = arguments.mode.unwrap_or(Mode::Product);
     let (channels, notes) = prepare::prepare(arguments, progress)?;
-    let report = gather::report(&channels, notes, arguments.mode, progress);
+    let report = gather::report(&channels, notes, mode, progress);
     let json = serde_json::to_string(&report).map_err(ReplayError::Json)?;
     let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
     // Complete beside its place before the report is written, put in its place after.
@@ -64,7 +75,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Repla
         Some(path) => Some(calibration_file::stage(path, &records)?),
         None => None,
     };
-    let written = write::replay(&arguments.out, &report).map_err(ReplayError::Write)?;
+    let written = write::replay(arguments.folder(), &report).map_err(ReplayError::Write)?;
     if let Some(kept) = kept {
         kept.put_in_place()?;
     }
@@ -73,12 +84,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Repla
     } else {
         shown(arguments, &report, &written)
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
-        Err(error) => Err(ReplayError::Stdout(error)),
-        Ok(()) => Ok(ExitCode::SUCCESS),
-    }
+    stdout::print(&text).map_err(ReplayError::Stdout)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> String {

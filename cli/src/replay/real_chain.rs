@@ -39,18 +39,19 @@ fn arguments(names: &[&str], mode: Mode) -> Option<Arguments> {
         files,
         calibration: None,
         save_calibration: None,
-        out: PathBuf::new(),
+        out: None,
         json: false,
-        mode,
+        mode: Some(mode),
         lsb_per_g: None,
         from: None,
+        log: crate::playback::Options::default(),
     })
 }
 
 fn replayed(arguments: &Arguments) -> (Vec<Prepared>, ReplayReport) {
     let progress = Progress::silent();
     let (channels, notes) = prepare(arguments, &progress).unwrap();
-    let report = gather::report(&channels, notes, arguments.mode, &progress);
+    let report = gather::report(&channels, notes, arguments.mode.unwrap(), &progress);
     (channels, report)
 }
 

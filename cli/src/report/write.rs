@@ -90,8 +90,9 @@ pub fn replay(folder: &Path, report: &ReplayReport) -> Result<Written, WriteErro
     both(folder, &replay_page::replay(report), report)
 }
 
-/// Both files are complete before the first is put in its place.
-fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Written, WriteError> {
+/// Writes a page and its data into `folder`: both files are complete before the first is put in
+/// its place.
+pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Written, WriteError> {
     let written = Written {
         html: folder.join("report.html"),
         json: folder.join("report.json"),

@@ -97,9 +97,9 @@ impl Keep {
     pub fn save(&mut self, stage: &mut Stage) -> Result<(), KeepError> {
         for node in 0..self.kept.len() {
             let memory = stage.network.unit(node).device.memory();
-            for record in Record::ALL {
+            for (place, record) in Record::ALL.into_iter().enumerate() {
                 let bytes = committed(memory, record);
-                let known = &mut self.kept[node][record as usize];
+                let known = &mut self.kept[node][place];
                 if *known != bytes {
                     known.clone_from(&bytes);
                     store(&self.path(node, record), &bytes)?;
@@ -119,6 +119,7 @@ impl Keep {
             Record::Delivered => "delivered",
             Record::Box1 => "box-1",
             Record::Box2 => "box-2",
+            Record::Report => "report",
         };
         self.folder.join(format!("{}-{record}", node_name(node)))
     }

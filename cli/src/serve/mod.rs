@@ -10,6 +10,8 @@ mod error;
 pub mod hex;
 mod hub;
 mod keep;
+mod motor;
+mod motor_port;
 mod options;
 mod outlet;
 mod pace;
@@ -49,6 +51,7 @@ use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
 use crate::progress::Progress;
 use hub::Hub;
 use keep::Keep;
+use motor_port::MotorPort;
 use ready::Way;
 use server::Server;
 use stage::Stage;
@@ -75,9 +78,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     let flag = Arc::clone(&interrupted);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
-    say(&doors.ready(arguments, &ids));
+    doors.say_ready(arguments, &ids);
+    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, keep, interrupted);
-    server.run().map(|()| ExitCode::SUCCESS)
+    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
 }
 
 /// Serves a network that is made already, such as one of emulated nodes; gives all of it power.
@@ -101,9 +105,10 @@ pub fn run_network(
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let mut stage = Stage::new(network, arguments.seed);
     (0..nodes).for_each(|number| stage.power_on(number));
-    say(&doors.ready(arguments, ids));
+    doors.say_ready(arguments, ids);
+    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, None, interrupted);
-    server.run().map(|()| ExitCode::SUCCESS)
+    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
 }
 
 /// Prints. A reader that has gone is no reason to end the bus for all others.
@@ -158,6 +163,7 @@ struct Doors {
     socketcand: std::net::SocketAddr,
     slcan: Option<std::net::SocketAddr>,
     pty: Option<std::path::PathBuf>,
+    motor: Option<MotorPort>,
 }
 
 impl Doors {
@@ -168,11 +174,37 @@ impl Doors {
         if let Some(name) = &arguments.can {
             hub.open_kernel(name)?;
         }
+        let listen = |at| MotorPort::listen(at, arguments.seed);
+        let motor = arguments.motor.map(listen).transpose()?;
         Ok(Self {
             socketcand,
             slcan,
             pty,
+            motor,
         })
+    }
+
+    fn say_ready(&self, arguments: &Arguments, ids: &[Option<u8>]) {
+        if arguments.json {
+            say(&ready::json(&self.as_json(arguments, ids)));
+        } else {
+            say(&self.ready(arguments, ids));
+        }
+    }
+
+    fn as_json(&self, arguments: &Arguments, ids: &[Option<u8>]) -> ready::Ready {
+        ready::Ready {
+            format: "plumb-serve",
+            version: 1,
+            node_ids: ids.to_vec(),
+            bit_rate_kbit_s: arguments.bit_rate,
+            socketcand: self.socketcand.to_string(),
+            bus_name: arguments.bus_name.clone(),
+            slcan: self.slcan.map(|at| at.to_string()),
+            pty: self.pty.as_ref().map(|path| path.display().to_string()),
+            can_interface: arguments.can.clone(),
+            motor: self.motor.as_ref().map(|motor| motor.at.to_string()),
+        }
     }
 
     /// What is printed once all is ready: one line to wait for, then the lines to paste.
@@ -191,11 +223,14 @@ impl Doors {
             ways.push(Way::Kernel(name));
             places += &format!(", CAN interface {name}");
         }
+        let motor = self.motor.as_ref().map_or_else(String::new, |motor| {
+            format!("plumb calibrate --motor tcp://{}\n", motor.at)
+        });
         let id = |id: &Option<u8>| id.map_or("none".to_owned(), |id| id.to_string());
         let names: Vec<_> = ids.iter().map(id).collect();
         let lines: String = ways.into_iter().map(ready::lines).collect();
         format!(
-            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}",
+            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}{motor}",
             ids.len(),
             names.join(", "),
             arguments.bit_rate

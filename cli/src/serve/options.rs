@@ -81,6 +81,9 @@ pub struct Arguments {
     /// Join this CAN interface of the kernel as well
     #[arg(long, value_name = "INTERFACE")]
     pub can: Option<String>,
+    /// Let programs turn the housing by the words of a motor (docs/motor.md), over TCP
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub motor: Option<SocketAddr>,
     /// Bit rate of the bus in kbit/s
     #[arg(long, default_value = "250", value_parser = bit_rate, value_name = "KBIT/S")]
     pub bit_rate: u16,
@@ -114,6 +117,9 @@ pub struct Arguments {
     /// Don't read words from the standard input
     #[arg(long)]
     pub no_stdin: bool,
+    /// Print what is said as JSON: where the bus is, and what `status` and `help` tell
+    #[arg(long)]
+    pub json: bool,
 }
 
 impl Arguments {

@@ -1,12 +1,67 @@
-//! Lines that a person pastes into another program to join the bus.
+//! Lines that a person pastes into another program to join the bus, and the same for programs.
 //!
-//! In: where the bus can be reached. Out: one block of text for each way. The lines are those of
-//! python-can 4.6, python-canopen 2.4 and can-utils.
+//! In: where the bus can be reached. Out: one block of text for each way, or one line of JSON. The
+//! lines are those of python-can 4.6, python-canopen 2.4 and can-utils.
 //!
 //! Left out: the motion of the instrument, and anything about its nodes.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
+
+use serde::Serialize;
+
+/// Where the bus is, for `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ready {
+    /// "plumb-serve".
+    pub format: &'static str,
+    /// 1.
+    pub version: u32,
+    /// Node-ids in the order a, b, a2, b2, ...; `null` for a node without one.
+    pub node_ids: Vec<Option<u8>>,
+    /// Bit rate.
+    pub bit_rate_kbit_s: u16,
+    /// ADDRESS:PORT of the socketcand server.
+    pub socketcand: String,
+    /// The name by which its clients open the bus.
+    pub bus_name: String,
+    /// ADDRESS:PORT of the SLCAN server.
+    pub slcan: Option<String>,
+    /// Path of the pseudo-terminal.
+    pub pty: Option<String>,
+    /// Interface of the kernel.
+    pub can_interface: Option<String>,
+    /// ADDRESS:PORT of the virtual motor.
+    pub motor: Option<String>,
+}
+
+/// What a typed word has told, for `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Told<'a> {
+    /// "plumb-serve-told".
+    pub format: &'static str,
+    /// 1.
+    pub version: u32,
+    /// The text, in lines.
+    pub lines: Vec<&'a str>,
+}
+
+impl<'a> Told<'a> {
+    /// This text.
+    pub fn new(text: &'a str) -> Self {
+        Self {
+            format: "plumb-serve-told",
+            version: 1,
+            lines: text.lines().collect(),
+        }
+    }
+}
+
+/// One line of JSON.
+pub fn json(value: &impl Serialize) -> String {
+    // Text, numbers and lists always have a form in JSON.
+    serde_json::to_string(value).unwrap_or_default() + "\n"
+}
 
 /// One way to the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,8 +13,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::hub::Hub;
 use super::keep::Keep;
+use super::motor_port::MotorPort;
 use super::options::Arguments;
 use super::pace::{Pace, Speed};
+use super::ready;
 use super::say;
 use super::script::{Script, Wanted, impossible};
 use super::stage::{Done, Stage};
@@ -45,11 +47,13 @@ pub struct Server {
     /// Typed words that were put off, with their times in ns.
     put_off: Vec<(u64, Word)>,
     keep: Option<Keep>,
+    motor: Option<MotorPort>,
     interrupted: Arc<AtomicBool>,
     await_client: bool,
     /// Virtual time 0, microseconds since 1970.
     epoch_us: u64,
     told_late: bool,
+    json: bool,
 }
 
 /// Whether the run goes on.
@@ -91,11 +95,18 @@ impl Server {
             typed,
             put_off: Vec::new(),
             keep,
+            motor: None,
             interrupted,
             await_client: arguments.await_client,
             epoch_us: 0,
             told_late: false,
+            json: arguments.json,
         }
+    }
+
+    /// The same with a motor that turns the housing.
+    pub fn with_motor(self, motor: Option<MotorPort>) -> Self {
+        Self { motor, ..self }
     }
 
     /// Runs until Ctrl-C or `quit`.
@@ -112,6 +123,9 @@ impl Server {
             self.tell_late(late);
             if self.advance(target_ns)? == Go::Quit || self.hear_typed() == Go::Quit {
                 break;
+            }
+            if let Some(motor) = &mut self.motor {
+                motor.serve(&mut self.stage);
             }
             self.take_in();
             self.tell();
@@ -216,6 +230,7 @@ impl Server {
     fn obey(&mut self, word: &Word) -> Go {
         match self.stage.obey(word) {
             Done::Quietly => {}
+            Done::Told(text) if self.json => say(&ready::json(&ready::Told::new(&text))),
             Done::Told(text) => say(&text),
             Done::Impossible(pose) => complain(&impossible(pose)),
             Done::Beyond => complain(BEYOND),

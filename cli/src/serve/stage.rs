@@ -106,6 +106,15 @@ impl Stage {
         self.hand.is_still()
     }
 
+    /// Turns the housing there, so fast; false, and nothing changes, when no housing stands so.
+    pub fn stand(&mut self, pose: Pose, deg_s: f64) -> bool {
+        let possible = pose.is_possible();
+        if possible {
+            self.hand.set_rate(deg_s);
+        }
+        possible && self.hand.go(pose)
+    }
+
     /// Where the housing truly stands: X, as the nodes measure it, and slope Y in degrees; and
     /// air and die in degC.
     pub fn truth(&self) -> ([f64; 2], [f64; 2]) {

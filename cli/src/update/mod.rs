@@ -13,6 +13,7 @@
 
 mod error;
 pub mod file;
+mod told;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,6 +30,7 @@ use crate::bus::{Bus, BusOptions};
 use crate::progress::Progress;
 pub use error::UpdateError;
 use file::Image;
+use told::{News, Told};
 
 /// A node's state as its heartbeat tells it.
 const OPERATIONAL: u8 = 5;
@@ -79,6 +81,9 @@ pub struct Arguments {
     /// Update also while a node has no valid angle
     #[arg(long)]
     pub force: bool,
+    /// Print a line of JSON for each node
+    #[arg(long)]
+    pub json: bool,
     /// The bus
     #[command(flatten)]
     pub bus: BusOptions,
@@ -119,16 +124,20 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
             return Err(UpdateError::NoAngle(*node));
         }
     }
+    let told = Told {
+        progress,
+        json: arguments.json,
+    };
     for (node, plan) in plans {
         match plan {
-            Plan::Nothing(runs) => println!("node {node} runs {} already", version(runs)),
+            Plan::Nothing(runs) => told.tell(node, News::Already(runs)),
             Plan::Send(image) => {
                 let others = arguments.nodes.iter().filter(|other| **other != node);
                 let others: Vec<u8> = match arguments.force {
                     true => Vec::new(),
                     false => others.copied().collect(),
                 };
-                Node::new(&mut bus, node).renew(image, &others, progress)?;
+                Node::new(&mut bus, node).renew(image, &others, told)?;
             }
         }
     }
@@ -217,14 +226,9 @@ impl<'a> Node<'a> {
 
     /// All of a node's update; it ends in the NMT state in which it was found. `others` have to
     /// measure when the new program is started.
-    fn renew(
-        &mut self,
-        image: &Image,
-        others: &[u8],
-        progress: &Progress,
-    ) -> Result<(), UpdateError> {
+    fn renew(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
         let works = self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
-        let ended = self.exchange(image, others, progress);
+        let ended = self.exchange(image, others, told);
         // Whoever has taken the node over would be disturbed.
         if matches!(ended, Err(UpdateError::Taken(_))) {
             return ended;
@@ -237,21 +241,15 @@ impl<'a> Node<'a> {
         // NMT "start".
         let back = if works { self.nmt(1) } else { Ok(()) };
         ended.and(given_up).and(back)?;
-        let runs = version(image.header.version.0);
-        println!("node {} runs {runs} now", self.node);
+        told.tell(self.node, News::Now(image.header.version.0));
         Ok(())
     }
 
     /// The way from one program to the other.
-    fn exchange(
-        &mut self,
-        image: &Image,
-        others: &[u8],
-        progress: &Progress,
-    ) -> Result<(), UpdateError> {
+    fn exchange(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
         // NMT "enter PRE-OPERATIONAL".
         self.nmt(128)?;
-        self.transfer(image, progress)?;
+        self.transfer(image, told)?;
         for other in others {
             Node::new(self.bus, *other).must_measure()?;
         }
@@ -261,10 +259,10 @@ impl<'a> Node<'a> {
     }
 
     /// Brings all of the image to the node, behind what it has of it.
-    fn transfer(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
+    fn transfer(&mut self, image: &Image, told: Told) -> Result<(), UpdateError> {
         let mut tries = 1;
         loop {
-            let sent = self.transfer_once(image, progress);
+            let sent = self.transfer_once(image, told);
             match sent {
                 Err(UpdateError::Silent(_) | UpdateError::Transfer(_)) if tries < TRIES => {
                     tries += 1;
@@ -275,15 +273,17 @@ impl<'a> Node<'a> {
         }
     }
 
-    fn transfer_once(&mut self, image: &Image, progress: &Progress) -> Result<(), UpdateError> {
+    fn transfer_once(&mut self, image: &Image, told: Told) -> Result<(), UpdateError> {
         let node = self.node;
         let held = self.held(image)?;
         match held {
             0 => self.clear()?,
-            _ => println!("node {node} goes on behind {held} bytes"),
+            _ => told.tell(node, News::GoesOn(held)),
         }
         let rest = image.bytes.get(held..).unwrap_or(&[]);
-        let task = progress.task(&format!("node {node}"), image.bytes.len() as u64);
+        let task = told
+            .progress
+            .task(&format!("node {node}"), image.bytes.len() as u64);
         task.advance(held as u64);
         let mut client = self.client();
         let sent = client.download_blocks(0x1F50, 1, rest, |count| task.advance(count));

@@ -10,6 +10,7 @@
 pub mod encoding;
 pub mod motor;
 mod recall;
+pub mod report;
 
 pub use recall::{Recalled, deliver, recall, stage};
 

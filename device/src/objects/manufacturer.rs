@@ -563,6 +563,14 @@ pub const MANUFACTURER: &[Row] = &[
         "0: a table per axis. 1: two slopes by vector. 2: one angle of 360 deg by vector.",
     ),
     var(
+        0x2063,
+        "Calibration report hash",
+        Domain,
+        "SHA-256 of the report of the calibration in force, 32 bytes that a tool writes behind \
+         2061h. Without one, or with one of another calibration, it reads as no data.",
+    )
+    .rw(),
+    var(
         0x2070,
         "Fault log",
         Domain,

@@ -1,5 +1,5 @@
 //! What is longer than eight bytes, and what works with it: names, the calibration, the fault log
-//! with its black box, and the program (1008h to 100Ah, 2060h to 2062h, 2070h and 2071h, 1F50h to
+//! with its black box, and the program (1008h to 100Ah, 2060h to 2063h, 2070h and 2071h, 1F50h to
 //! 1F57h).
 //!
 //! In: bytes in order, commands, references. Out: bytes from any offset, progress, results.
@@ -15,7 +15,7 @@ use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
 use super::panel::{Memory, Panel, Source};
 use crate::calibration::encoding::{self, decode_into};
 use crate::calibration::motor::{Axis, Command, Outcome, Sight};
-use crate::calibration::{recall, stage};
+use crate::calibration::{recall, report, stage};
 use crate::program::Effect;
 use crate::records::{Record, RecordStore, StoreError};
 
@@ -47,6 +47,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         }
         match at.index {
             0x2061 => Ok(encoding::length(&self.settings.chain.calibration)),
+            0x2063 => {
+                let identity = self.values.calibration_sum;
+                let belongs = report::belongs(self.memory, identity);
+                if belongs {
+                    Ok(report::HASH)
+                } else {
+                    Err(Abort::NoData)
+                }
+            }
             0x2070 => Ok(self.log.open()),
             0x2071 => self.black_box.open(at.sub, self.now).ok_or(Abort::NoData),
             _ => Err(Abort::NoSuchObject),
@@ -68,6 +77,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 offset,
                 into,
             )),
+            0x2063 => Ok(report::read_at(self.memory, offset, into)),
             0x2070 => Ok(self.log.read_at(offset, into)),
             0x2071 => Ok(self.black_box.read_at(at.sub, offset, into, self.now)),
             _ => Err(Abort::NoSuchObject),
@@ -88,6 +98,16 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 self.values.receiving = true;
                 Ok(())
             }
+            0x2063 => {
+                self.may_change_calibration()?;
+                if size.is_some_and(|size| size > report::HASH) {
+                    return Err(Abort::LengthTooHigh);
+                }
+                let begun = report::begin(self.memory, self.values.calibration_sum);
+                self.note(begun)?;
+                self.values.receiving = true;
+                Ok(())
+            }
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -95,7 +115,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn append_stream(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
         match at.index {
             0x1F50 => self.values.program.append(bytes, self.memory),
-            0x2061 => {
+            0x2061 | 0x2063 => {
                 let appended = RecordStore::append(self.memory, bytes);
                 self.note(appended)
             }
@@ -110,6 +130,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 self.values.receiving = false;
                 self.take_calibration()
             }
+            0x2063 => {
+                self.values.receiving = false;
+                self.take_hash()
+            }
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -117,7 +141,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn discard_stream(&mut self, at: Address) {
         match at.index {
             0x1F50 => self.values.program.discard(),
-            0x2061 => {
+            0x2061 | 0x2063 => {
                 self.values.receiving = false;
                 RecordStore::discard(self.memory);
             }
@@ -141,6 +165,16 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let understood = decode_into(calibration, &mut |offset, into| memory.staged(offset, into));
         let understood = understood.map_err(|_| Abort::CannotStore);
         self.keep_calibration(understood, |_| Ok(()))
+    }
+
+    /// All bytes of 2063h are staged: stored when they are one hash.
+    fn take_hash(&mut self) -> Result<(), Abort> {
+        if !report::is_whole(self.memory) {
+            RecordStore::discard(self.memory);
+            return Err(Abort::CannotStore);
+        }
+        let stored = RecordStore::commit(self.memory);
+        self.note(stored)
     }
 
     /// The calibration in force was changed by something that ended with `made`: holds it against

@@ -39,11 +39,12 @@ fn channels() -> Option<([Prepared; 2], [Chain; 2])> {
         files,
         calibration: None,
         save_calibration: None,
-        out: PathBuf::new(),
+        out: None,
         json: false,
-        mode: Mode::Product,
+        mode: None,
         lsb_per_g: None,
         from: None,
+        log: crate::playback::Options::default(),
     };
     let (prepared, _) = prepare(&arguments, &Progress::silent()).unwrap();
     let mut chains = tuning::chains(&prepared, Mode::Product);

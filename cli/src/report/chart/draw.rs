@@ -73,7 +73,9 @@ impl Frame {
 /// Bars need half a slot at each end, markers a little air; lines fill the width.
 fn padded(chart: &Chart, x: Range) -> Range {
     let has = |wanted: fn(&Shape) -> bool| chart.plots.iter().any(|plot| wanted(&plot.shape));
-    let air = if has(|shape| matches!(shape, Shape::Bars(_))) {
+    let air = if chart.x_range.is_some() {
+        0.0
+    } else if has(|shape| matches!(shape, Shape::Bars(_))) {
         0.5 * bars::slot(chart)
     } else if has(|shape| matches!(shape, Shape::Markers(_))) {
         0.03 * (x.to - x.from)
@@ -86,10 +88,22 @@ fn padded(chart: &Chart, x: Range) -> Range {
     }
 }
 
-/// Bars are labelled at their own places only; other axes get round ticks.
+/// Names where there are any. Bars are labelled at their own places; other axes get round ticks.
 fn x_ticks(chart: &Chart, x: Range) -> Vec<Tick> {
+    if !chart.x_names.is_empty() {
+        let named = chart
+            .x_names
+            .iter()
+            .filter(|(at, _)| (x.from..=x.to).contains(at));
+        return named
+            .map(|(at, name)| Tick {
+                at: *at,
+                label: name.clone(),
+            })
+            .collect();
+    }
     let places = bars::places(chart);
-    if places.is_empty() {
+    if places.is_empty() || chart.x_ticks_are_round {
         let many = |step: f64| (x.to - x.from) / step > 12.0;
         let step = chart.x_step.filter(|step| *step > 0.0 && !many(*step));
         return ticks(x, step.unwrap_or_else(|| nice_step(x, 6)));
@@ -168,7 +182,7 @@ fn push_axes(chart: &Chart, frame: &Frame, out: &mut String) {
             "<path class=\"axis\" d=\"M{x:.1} {bottom:.1}v4\"/>\
              <text class=\"tick mid\" x=\"{x:.1}\" y=\"{:.1}\">{}</text>",
             bottom + 20.0,
-            tick.label
+            escape(&tick.label)
         );
     }
     let _ = write!(

@@ -142,6 +142,12 @@ pub struct Chart {
     pub shaded_name: String,
     /// Distance of the ticks on the horizontal axis; `None` for a round one that fits.
     pub x_step: Option<f64>,
+    /// Ticks with names of their own in place of numbers, such as days; none for numbers.
+    pub x_names: Vec<(f64, String)>,
+    /// Horizontal range that the chart must show.
+    pub x_range: Option<(f64, f64)>,
+    /// Round ticks below bars, which else are labelled at their own places.
+    pub x_ticks_are_round: bool,
     /// Vertical range that the chart must show; for charts that are to be compared.
     pub y_range: Option<Range>,
 }
@@ -160,7 +166,9 @@ impl Chart {
 
     /// The horizontal range of the data; `None` without data.
     fn x_extent(&self) -> Option<Range> {
-        Range::of(self.plots.iter().flat_map(Plot::xs))
+        let data = Range::of(self.plots.iter().flat_map(Plot::xs))?;
+        let wanted = self.x_range.and_then(|(from, to)| Range::of([from, to]));
+        Some(wanted.map_or(data, |wanted| wanted.join(data)))
     }
 
     /// The chart as a `figure`.

@@ -1,0 +1,4 @@
+//! `plumb calibrate`.
+
+mod fit;
+mod hand;

@@ -1,0 +1,271 @@
+//! Frames of one log or many, in the order of time.
+//!
+//! In: files and folders. Out: [`Source`]. Each file is looked at before the first frame is given,
+//! for its kind and the time that it begins with, and is opened again at its turn. Files that
+//! overlap are merged. Within a file frames keep their order, even where time goes backwards.
+//! A file whose times count from its own start says nothing of when that was: such files follow
+//! one another in the order in which they were given, each begun where the one before ended.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::date::is_dated;
+use super::folder::{Candidate, candidates, cannot_open};
+use super::input::{Input, is_stdin};
+use super::reader::{Interfaces, Reader};
+use super::skipped::Skipped;
+use super::sniff::{self, Kind};
+use super::{LogError, Logged};
+use crate::progress::{Progress, Task};
+
+/// Logs that may overlap.
+const MOST_AT_ONCE: usize = 64;
+
+/// A log whose turn has not come.
+struct Waiting {
+    file: usize,
+    path: PathBuf,
+    kind: Kind,
+    first_ns: u64,
+    /// What can't be opened again.
+    input: Option<Input>,
+}
+
+/// A log under way, and the frame that it gives next.
+struct Open {
+    reader: Reader,
+    head: Logged,
+}
+
+/// Reads logs.
+pub struct Source {
+    files: Vec<String>,
+    waiting: VecDeque<Waiting>,
+    open: Vec<Open>,
+    interfaces: Interfaces,
+    skipped: Skipped,
+    task: Option<Arc<Task>>,
+    /// The end of the file without a date that was read last.
+    undated_end_ns: Option<u64>,
+    frames: u64,
+    bytes: u64,
+}
+
+impl Source {
+    /// Opens all logs behind these paths: files, folders, `-` for standard input.
+    pub fn open(paths: &[PathBuf], progress: &Progress) -> Result<Self, LogError> {
+        Self::of_interface(paths, None, progress)
+    }
+
+    /// The same, of one interface only; frames of the others are counted.
+    pub fn of_interface(
+        paths: &[PathBuf],
+        interface: Option<&str>,
+        progress: &Progress,
+    ) -> Result<Self, LogError> {
+        let candidates = candidates(paths)?;
+        let bytes = candidates.iter().map(|one| one.length).sum();
+        let mut source = Self {
+            files: Vec::new(),
+            waiting: VecDeque::new(),
+            open: Vec::new(),
+            interfaces: Interfaces::new(interface.map(str::to_owned)),
+            skipped: Skipped::default(),
+            task: Some(Arc::new(progress.task("Reading", bytes))),
+            undated_end_ns: None,
+            frames: 0,
+            bytes,
+        };
+        for candidate in candidates {
+            source.look(candidate)?;
+        }
+        if source.waiting.is_empty() {
+            let first = paths.first().map(|path| path.display().to_string());
+            return Err(LogError::NoLogs(first.unwrap_or_default()));
+        }
+        // Those without a date come first, in the order given.
+        let rank = |log: &Waiting| {
+            if is_dated(log.first_ns) {
+                log.first_ns
+            } else {
+                0
+            }
+        };
+        source.waiting.make_contiguous().sort_by_key(rank);
+        Ok(source)
+    }
+
+    /// Finds out what a file is.
+    fn look(&mut self, candidate: Candidate) -> Result<(), LogError> {
+        let path = candidate.path;
+        let name = if is_stdin(&path) {
+            "standard input".to_owned()
+        } else {
+            path.display().to_string()
+        };
+        // The bar counts what is read at its turn, or else bytes would be counted twice.
+        let task = self.task.clone().filter(|_| !candidate.is_file);
+        let opened = Input::open(&path, task);
+        let mut input = match opened {
+            Ok(input) => input,
+            Err(_) if !candidate.is_named => {
+                self.skipped.not_logs.push(name);
+                return Ok(());
+            }
+            Err(why) => return Err(cannot_open(&path, why)),
+        };
+        let is_gzip = input.is_gzip();
+        let head = match input.head() {
+            Ok(head) => sniff::look(head),
+            Err(_) if !candidate.is_named || is_gzip => sniff::Head::default(),
+            Err(why) => return Err(LogError::Read(name, why)),
+        };
+        let Some(kind) = head.kind else {
+            if head.is_wide && candidate.is_named {
+                return Err(LogError::Wide(name));
+            }
+            if candidate.is_named {
+                return Err(LogError::NotALog(name));
+            }
+            self.skipped.not_logs.push(name);
+            return Ok(());
+        };
+        self.waiting.push_back(Waiting {
+            file: self.files.len(),
+            path,
+            kind,
+            first_ns: head.first_ns.unwrap_or(0),
+            input: (!candidate.is_file).then_some(input),
+        });
+        self.files.push(name);
+        Ok(())
+    }
+
+    /// The next frame; `None` at the end of all.
+    #[inline]
+    pub fn next(&mut self) -> Option<Result<Logged, LogError>> {
+        // One log, and no other begins before its next frame: nearly always so.
+        if let [one] = self.open.as_mut_slice()
+            && self
+                .waiting
+                .front()
+                .is_none_or(|next| is_dated(one.head.time_ns) && next.first_ns > one.head.time_ns)
+        {
+            let given = one.head;
+            match one.reader.next(&mut self.interfaces, &mut self.skipped) {
+                Ok(Some(head)) => one.head = head,
+                Ok(None) => self.close(0),
+                Err(error) => {
+                    self.close(0);
+                    return Some(Err(error));
+                }
+            }
+            self.frames += 1;
+            return Some(Ok(given));
+        }
+        self.next_of_many()
+    }
+
+    fn next_of_many(&mut self) -> Option<Result<Logged, LogError>> {
+        if let Err(error) = self.open_what_is_due() {
+            return Some(Err(error));
+        }
+        let times = self.open.iter().map(|one| one.head.time_ns).enumerate();
+        let (place, _) = times.min_by_key(|(_, time_ns)| *time_ns)?;
+        let one = self.open.get_mut(place)?;
+        let given = one.head;
+        match one.reader.next(&mut self.interfaces, &mut self.skipped) {
+            Ok(Some(head)) => one.head = head,
+            Ok(None) => self.close(place),
+            Err(error) => {
+                self.close(place);
+                return Some(Err(error));
+            }
+        }
+        self.frames += 1;
+        Some(Ok(given))
+    }
+
+    /// Opens each log that begins before the next frame, or the next one when none is open.
+    fn open_what_is_due(&mut self) -> Result<(), LogError> {
+        while let Some(next) = self.waiting.front() {
+            let earliest_ns = self.open.iter().map(|one| one.head.time_ns).min();
+            let is_due = earliest_ns.is_none_or(|ns| is_dated(ns) && next.first_ns <= ns);
+            if !is_due {
+                break;
+            }
+            if self.open.len() >= MOST_AT_ONCE {
+                return Err(LogError::TooManyAtOnce(self.open.len() + 1));
+            }
+            if let Some(next) = self.waiting.pop_front() {
+                self.start(next)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn start(&mut self, log: Waiting) -> Result<(), LogError> {
+        let shift_ns = self.shift(&log);
+        let input = match log.input {
+            Some(input) => input,
+            None => Input::open(&log.path, self.task.clone())
+                .map_err(|why| cannot_open(&log.path, why))?,
+        };
+        let name = self.files.get(log.file).cloned().unwrap_or_default();
+        let mut reader = Reader::new(name, log.file, input, log.kind, shift_ns);
+        let overlaps = !self.open.is_empty();
+        if let Some(head) = reader.next(&mut self.interfaces, &mut self.skipped)? {
+            self.skipped.overlapping += u64::from(overlaps);
+            self.open.push(Open { reader, head });
+        }
+        Ok(())
+    }
+
+    /// How late a log without a date is, so that it follows the one before.
+    fn shift(&mut self, log: &Waiting) -> u64 {
+        if is_dated(log.first_ns) {
+            return 0;
+        }
+        match self.undated_end_ns {
+            Some(end_ns) if log.first_ns <= end_ns => {
+                self.skipped.undated.push(log.file);
+                end_ns - log.first_ns
+            }
+            _ => 0,
+        }
+    }
+
+    fn close(&mut self, place: usize) {
+        let closed = self.open.remove(place);
+        let end_ns = closed.reader.last_ns();
+        if !is_dated(end_ns) {
+            self.undated_end_ns = Some(end_ns);
+        }
+    }
+
+    /// What was no frame, so far.
+    pub const fn skipped(&self) -> &Skipped {
+        &self.skipped
+    }
+
+    /// Interfaces in the order in which they appeared.
+    pub fn interfaces(&self) -> &[String] {
+        self.interfaces.names()
+    }
+
+    /// The logs, by the places that [`Skipped`] tells.
+    pub fn files(&self) -> &[String] {
+        &self.files
+    }
+
+    /// Frames given so far.
+    pub const fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Bytes of all files together; 0 for standard input.
+    pub const fn bytes(&self) -> u64 {
+        self.bytes
+    }
+}

@@ -1,0 +1,179 @@
+//! Writing logs that other tools read.
+//!
+//! In: frames with their time and interface. Out: `candump -L`, or Vector ASC with CRLF line ends,
+//! as the field expects. Times are in whole us, rounded down. In an ASC interfaces are numbers:
+//! `can0` is 1, and those without a number come behind them in the order of their appearance.
+
+use std::io::{self, Write};
+
+use canopen::Frame;
+use canopen::frame::Id;
+
+use super::candump;
+use super::date::{Civil, is_dated};
+
+/// A format that is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// `candump -L`.
+    Candump,
+    /// Vector ASC.
+    Asc,
+}
+
+impl Format {
+    /// ASC for a name that ends so, else candump.
+    pub fn of(path: &std::path::Path) -> Self {
+        let is_asc = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("asc"));
+        if is_asc { Self::Asc } else { Self::Candump }
+    }
+}
+
+/// Writes a log.
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    out: W,
+    format: Format,
+    /// When the ASC began.
+    start_ns: Option<u64>,
+    names: Vec<String>,
+}
+
+const DAYS: [&str; 7] = ["Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"];
+const MONTHS: [&str; 12] = [
+    "Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec",
+];
+
+impl<W: Write> Writer<W> {
+    /// Writes to `out`, which should be buffered.
+    pub const fn new(out: W, format: Format) -> Self {
+        Self {
+            out,
+            format,
+            start_ns: None,
+            names: Vec::new(),
+        }
+    }
+
+    /// Writes a frame that was seen at this time, ns since 1970 or since a start.
+    pub fn write(&mut self, time_ns: u64, interface: &str, frame: &Frame) -> io::Result<()> {
+        match self.format {
+            Format::Candump => {
+                let name = candump_name(interface);
+                writeln!(self.out, "{}", candump::line(time_ns, &name, frame))
+            }
+            Format::Asc => {
+                let start_ns = self.begin(time_ns)?;
+                let channel = self.channel(interface);
+                self.asc_line(time_ns.saturating_sub(start_ns), channel, frame)
+            }
+        }
+    }
+
+    /// Writes what a format has at its end, and gives the writer back, flushed.
+    pub fn finish(mut self) -> io::Result<W> {
+        if self.format == Format::Asc {
+            self.begin(0)?;
+            self.out.write_all(b"End TriggerBlock\r\n")?;
+        }
+        self.out.flush()?;
+        Ok(self.out)
+    }
+
+    /// What was written reaches the file.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+
+    /// The head of an ASC, before its first frame; the time its times count from.
+    fn begin(&mut self, time_ns: u64) -> io::Result<u64> {
+        if let Some(start_ns) = self.start_ns {
+            return Ok(start_ns);
+        }
+        // The date has whole ms only. A log without a date keeps its times as they are.
+        let start_ns = if is_dated(time_ns) {
+            time_ns - time_ns % 1_000_000
+        } else {
+            0
+        };
+        self.start_ns = Some(start_ns);
+        let date = date(&Civil::of(start_ns));
+        write!(
+            self.out,
+            "date {date}\r\nbase hex  timestamps absolute\r\ninternal events logged\r\n\
+             Begin Triggerblock {date}\r\n   0.000000 Start of measurement\r\n"
+        )?;
+        Ok(start_ns)
+    }
+
+    fn asc_line(&mut self, since_ns: u64, channel: usize, frame: &Frame) -> io::Result<()> {
+        let us = since_ns / 1000;
+        let id = match frame.id() {
+            Id::Standard(id) => format!("{:X}", id.as_raw()),
+            Id::Extended(id) => format!("{:X}x", id.as_raw()),
+        };
+        let (seconds, us) = (us / 1_000_000, us % 1_000_000);
+        write!(self.out, "{seconds:4}.{us:06} {channel}  {id:<15} Rx   ")?;
+        if frame.is_remote() {
+            write!(self.out, "r {:x}\r\n", frame.length())
+        } else {
+            write!(self.out, "d {:x}", frame.length())?;
+            for byte in frame.bytes() {
+                write!(self.out, " {byte:02X}")?;
+            }
+            self.out.write_all(b"\r\n")
+        }
+    }
+
+    /// The number of an interface.
+    fn channel(&mut self, interface: &str) -> usize {
+        if let Ok(number) = interface.parse() {
+            return number;
+        }
+        let digits = interface.trim_start_matches(|c: char| !c.is_ascii_digit());
+        if let Ok(number) = digits.parse::<usize>()
+            && number < 255
+        {
+            return number + 1;
+        }
+        let known = self.names.iter().position(|name| name == interface);
+        let place = known.unwrap_or_else(|| {
+            self.names.push(interface.to_owned());
+            self.names.len() - 1
+        });
+        // Behind the interfaces that have a number of their own.
+        256 + place
+    }
+}
+
+/// `Tue Nov 14 10:13:20.123 pm 2023`.
+fn date(at: &Civil) -> String {
+    let (hour, rest) = (at.second / 3600, at.second % 3600);
+    let half = if hour < 12 { "am" } else { "pm" };
+    format!(
+        "{} {} {} {:02}:{:02}:{:02}.{:03} {half} {}",
+        DAYS.get(at.weekday()).unwrap_or(&"Sun"),
+        MONTHS.get(at.month as usize - 1).unwrap_or(&"Jan"),
+        at.day,
+        (hour + 11) % 12 + 1,
+        rest / 60,
+        rest % 60,
+        at.ns / 1_000_000,
+        at.year
+    )
+}
+
+/// A name without blanks; the number 1 of an ASC is `can0`.
+fn candump_name(interface: &str) -> String {
+    if let Ok(number) = interface.parse::<usize>() {
+        return format!("can{}", number.saturating_sub(1));
+    }
+    let name: String = interface.split_whitespace().collect();
+    if name.is_empty() {
+        "can0".to_owned()
+    } else {
+        name
+    }
+}

@@ -1,0 +1,145 @@
+//! Where frames come from.
+//!
+//! In: a bus that was joined. Out: frame after frame, each with its time on the source's clock,
+//! and what that clock shows between them.
+//!
+//! Left out: what they mean.
+
+use std::io;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use canopen::Frame;
+
+use crate::bus::{Bus, BusOptions, JoinError};
+
+/// What a source has to say.
+#[derive(Debug)]
+pub enum Step {
+    /// A frame was seen at this time, in ns on the source's clock.
+    Frame(u64, Frame),
+    /// Nothing until then.
+    Nothing,
+}
+
+/// A source of frames.
+pub trait Feed: Send {
+    /// The next frame, or nothing until `until`.
+    ///
+    /// Errors: the source is lost; [`io::ErrorKind::Interrupted`] when the user has enough.
+    fn step(&mut self, until: Instant) -> io::Result<Step>;
+
+    /// What the source's clock shows now, ns.
+    fn now_ns(&self) -> u64;
+
+    /// Name of the interface of the latest frame, for a recording.
+    fn interface(&self) -> &str;
+
+    /// Sends a frame; the time at which it went out on the source's clock.
+    ///
+    /// Errors: as [`Feed::step`].
+    fn send(&mut self, frame: &Frame) -> io::Result<u64>;
+
+    /// Tries to get a lost source back.
+    ///
+    /// Errors: why it is still lost.
+    fn again(&mut self) -> Result<(), JoinError>;
+}
+
+/// A bus.
+#[derive(Debug)]
+pub struct BusFeed {
+    options: BusOptions,
+    bus: Bus,
+    interface: String,
+    /// Time of the latest frame, and when it was taken.
+    last: Option<(u64, Instant)>,
+}
+
+impl BusFeed {
+    /// Joins it.
+    ///
+    /// Errors: see [`JoinError`].
+    pub fn join(options: &BusOptions) -> Result<Self, JoinError> {
+        let bus = options.join()?;
+        Ok(Self {
+            options: options.clone(),
+            interface: interface(bus.name()),
+            bus,
+            last: None,
+        })
+    }
+
+    /// What the bus is called.
+    pub fn name(&self) -> &str {
+        self.bus.name()
+    }
+}
+
+/// The last word of a bus's name as loggers take it: letters and digits only.
+fn interface(name: &str) -> String {
+    let last = name.rsplit(['/', ':']).next().unwrap_or("");
+    let word: String = last.chars().filter(char::is_ascii_alphanumeric).collect();
+    if word.chars().any(|c| c.is_ascii_alphabetic()) {
+        word
+    } else {
+        "can0".to_owned()
+    }
+}
+
+impl Feed for BusFeed {
+    fn step(&mut self, until: Instant) -> io::Result<Step> {
+        let Some(received) = self.bus.receive(until)? else {
+            return Ok(Step::Nothing);
+        };
+        self.last = Some((received.time_ns, Instant::now()));
+        Ok(Step::Frame(received.time_ns, received.frame))
+    }
+
+    fn now_ns(&self) -> u64 {
+        match self.last {
+            Some((time_ns, at)) => time_ns.saturating_add(as_ns(at.elapsed())),
+            None => {
+                let since = SystemTime::now().duration_since(UNIX_EPOCH);
+                since.map_or(0, as_ns)
+            }
+        }
+    }
+
+    fn interface(&self) -> &str {
+        &self.interface
+    }
+
+    fn send(&mut self, frame: &Frame) -> io::Result<u64> {
+        self.bus.send(frame)?;
+        Ok(self.now_ns())
+    }
+
+    fn again(&mut self) -> Result<(), JoinError> {
+        self.bus = self.options.join()?;
+        self.last = None;
+        Ok(())
+    }
+}
+
+/// Whole nanoseconds.
+pub fn as_ns(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interface_is_a_word_that_loggers_take() {
+        for (name, word) in [
+            ("socketcand://127.0.0.1:29536/plumb", "plumb"),
+            ("socketcan://can0", "can0"),
+            ("slcan:///dev/ttyACM0", "ttyACM0"),
+            ("slcan://pi:7", "can0"),
+            ("", "can0"),
+        ] {
+            assert_eq!(interface(name), word, "{name}");
+        }
+    }
+}

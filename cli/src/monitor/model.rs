@@ -1,0 +1,435 @@
+//! What a view knows: the watch on the frames, and what only time tells.
+//!
+//! In: frames with their time, and time without frames, both on the source's clock. Out: a
+//! [`Snapshot`] of any moment, traces, and events. A heartbeat, a SYNC or an angle that comes no
+//! more is found by the time alone; supervision begins with the first one.
+//!
+//! Left out: where frames come from, and how anything is drawn.
+
+use canopen::Frame;
+
+use super::events::{Events, Kind, NAMES, Whom};
+use super::load::Load;
+use super::moment;
+use super::pace::{Pace, Patience};
+use super::snapshot::{Snapshot, SourceState};
+use super::trace::Trace;
+use super::words::{self, Level};
+use crate::watch::{Delta, Emergency, News, Nmt, Place, Plan, Watch};
+
+const S: u64 = 1_000_000_000;
+
+/// A channel's slopes: three of them, one second at least (docs/canopen.md, state 0).
+pub const SLOPES: Patience = Patience {
+    intervals: 3,
+    least_ns: S,
+    most_ns: 10 * S,
+    unknown_ns: S,
+};
+
+/// TPDO 2 comes every tenth SYNC.
+pub const DETAIL: Patience = Patience {
+    intervals: 3,
+    least_ns: 2 * S,
+    most_ns: 100 * S,
+    unknown_ns: 10 * S,
+};
+
+const HEARTBEAT: Patience = Patience {
+    intervals: 3,
+    least_ns: S / 2,
+    most_ns: 200 * S,
+    unknown_ns: 5 * S,
+};
+
+const SYNC: Patience = Patience {
+    intervals: 5,
+    least_ns: S / 2,
+    most_ns: 50 * S,
+    unknown_ns: 5 * S,
+};
+
+/// A bus on which nothing comes for so long is silent.
+const SILENCE: Patience = Patience {
+    intervals: 0,
+    least_ns: 2 * S,
+    most_ns: 2 * S,
+    unknown_ns: 2 * S,
+};
+
+/// Frames may be out of order by so much: an adapter's queues.
+const DISORDER_NS: u64 = S;
+
+/// What the model is told of its source.
+#[derive(Clone, Debug, Default)]
+pub struct Setup {
+    /// What the user calls the source.
+    pub name: String,
+    /// Bit rate, bit/s, where it is known.
+    pub bit_rate: Option<u32>,
+}
+
+/// Where frames are kept besides.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    /// The file.
+    pub name: Option<String>,
+    /// Frames that it has.
+    pub frames: u64,
+    /// Why it has ended.
+    pub ended: Option<String>,
+}
+
+/// What is known of a channel besides its frames' content.
+#[derive(Clone, Debug, Default)]
+pub struct Extra {
+    /// TPDO 1.
+    pub slopes: Pace,
+    /// TPDO 2.
+    pub detail: Pace,
+    /// Heartbeats.
+    pub heartbeat: Pace,
+    /// What was seen before this time is of a node before its restart, or of another time.
+    pub floor_ns: u64,
+    /// Quality bytes of its latest TPDO 3, and their time.
+    pub quality: Option<(u64, [u8; 2])>,
+    /// Blamed channels and the reason, by its latest EMCY.
+    pub blame: Option<([bool; 2], Option<String>)>,
+    /// State of the pair that was told last.
+    pub state: Option<u8>,
+    /// Faults that stand, as after the EMCY before.
+    pub faults: u32,
+}
+
+/// What is known of an instrument besides its frames' content.
+#[derive(Clone, Debug, Default)]
+pub struct PairExtra {
+    /// Channel A and B.
+    pub sides: [Extra; 2],
+    /// The latest difference, and when it came.
+    pub delta: Option<(u64, Delta)>,
+    /// The last hours.
+    pub trace: Trace,
+}
+
+/// All that a view knows.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub(super) setup: Setup,
+    pub(super) watch: Watch,
+    pub(super) pairs: Vec<PairExtra>,
+    pub(super) load: Load,
+    pub(super) sync: Pace,
+    pub(super) any: Pace,
+    pub(super) any_ns: Option<u64>,
+    pub(super) now_ns: u64,
+    /// Set once, when the source has come to its end.
+    pub(super) ended: Option<(SourceState, String)>,
+    /// What a silence may come from, for a person.
+    pub(super) advice: Option<String>,
+    /// Where frames are recorded.
+    pub recording: Recording,
+    /// What has happened.
+    pub events: Events,
+    strangers: u128,
+}
+
+impl Model {
+    /// Knows nothing yet.
+    pub fn new(plan: &Plan, setup: Setup) -> Self {
+        Self {
+            setup,
+            watch: Watch::new(plan),
+            pairs: vec![PairExtra::default(); plan.pairs.len()],
+            load: Load::default(),
+            sync: Pace::default(),
+            any: Pace::default(),
+            any_ns: None,
+            now_ns: 0,
+            ended: None,
+            advice: None,
+            recording: Recording::default(),
+            events: Events::default(),
+            strangers: 0,
+        }
+    }
+
+    /// Everything at this moment.
+    pub fn snapshot(&self) -> Snapshot {
+        moment::snapshot(self)
+    }
+
+    /// The trace of an instrument, from 0 on.
+    pub fn trace(&self, instrument: usize) -> Option<&Trace> {
+        self.pairs.get(instrument).map(|pair| &pair.trace)
+    }
+
+    /// Time of the source, ns.
+    pub const fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// The source has ended, or is lost, for this reason.
+    pub fn end(&mut self, state: SourceState, why: String) {
+        let level = if state == SourceState::Lost {
+            Level::Fault
+        } else {
+            Level::Good
+        };
+        self.note(Kind::Source, level, why.clone());
+        self.ended = Some((state, why));
+    }
+
+    /// The source is there again.
+    pub fn resume(&mut self, why: String) {
+        self.note(Kind::Source, Level::Good, why);
+        self.ended = None;
+    }
+
+    /// Says what a silence may come from; shown while nothing comes.
+    pub fn advise(&mut self, advice: Option<String>) {
+        self.advice = advice;
+    }
+
+    /// Something of no instrument has happened just now.
+    pub fn note(&mut self, kind: Kind, level: Level, text: String) {
+        let whom = Whom::default();
+        self.events.add(self.now_ns, whom, kind, level, text);
+    }
+
+    /// A frame was seen at this time.
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) {
+        if self.any_ns.is_none() {
+            self.load.restart(time_ns);
+            self.now_ns = time_ns;
+        } else if time_ns.saturating_add(DISORDER_NS) < self.now_ns {
+            self.jump_back(time_ns);
+        }
+        self.pass(time_ns.max(self.now_ns));
+        self.heard();
+        let news = self.watch.take(time_ns, frame);
+        let is_sync = news == News::Sync;
+        self.load.take(self.now_ns, frame, is_sync);
+        self.read(news, frame);
+    }
+
+    /// Time goes on.
+    pub fn pass(&mut self, now_ns: u64) {
+        self.now_ns = self.now_ns.max(now_ns);
+        let now_ns = self.now_ns;
+        self.load.advance(now_ns);
+        if let Some(age) = self.any.overdue_ns(now_ns, SILENCE) {
+            self.any.stopped = true;
+            let text = format!("nothing has come for {:.1} s", age as f64 / 1e9);
+            self.note(Kind::Silence, Level::Warning, text);
+        }
+        if let Some(age) = self.sync.overdue_ns(now_ns, SYNC) {
+            self.sync.stopped = true;
+            let text = format!("SYNC has stopped: none for {:.1} s", age as f64 / 1e9);
+            self.note(Kind::Sync, Level::Warning, text);
+        }
+        for (instrument, pair) in self.pairs.iter_mut().enumerate() {
+            for (side, extra) in pair.sides.iter_mut().enumerate() {
+                let Some(age) = extra.heartbeat.overdue_ns(now_ns, HEARTBEAT) else {
+                    continue;
+                };
+                extra.heartbeat.stopped = true;
+                let text = format!("heartbeat lost: none for {:.1} s", age as f64 / 1e9);
+                let whom = whom(instrument, side);
+                let events = &mut self.events;
+                events.add(now_ns, whom, Kind::Heartbeat, Level::Fault, text);
+            }
+        }
+    }
+
+    fn heard(&mut self) {
+        if self.any.stopped
+            && let Some(last) = self.any_ns
+        {
+            let gap = self.now_ns.saturating_sub(last) as f64 / 1e9;
+            let text = format!("heard again after {gap:.1} s");
+            self.note(Kind::Silence, Level::Good, text);
+        }
+        self.any.take(self.now_ns);
+        self.any_ns = Some(self.now_ns);
+    }
+
+    fn jump_back(&mut self, time_ns: u64) {
+        let back = (self.now_ns - time_ns) as f64 / 1e9;
+        self.now_ns = time_ns;
+        self.note(
+            Kind::Time,
+            Level::Warning,
+            format!("the source's time goes back by {back:.1} s"),
+        );
+        self.load.restart(time_ns);
+        self.any.restart(time_ns);
+        self.sync.restart(time_ns);
+        for pair in &mut self.pairs {
+            pair.trace.clear();
+            pair.delta = None;
+            for extra in &mut pair.sides {
+                extra.heartbeat.restart(time_ns);
+                extra.quality = None;
+                // Nothing of before is younger than now.
+                extra.floor_ns = 0;
+            }
+        }
+    }
+
+    fn read(&mut self, news: News, frame: &Frame) {
+        match news {
+            News::Sync => self.synced(),
+            News::Slopes(place, delta) => self.sloped(place, delta),
+            News::Detail(place) => {
+                let now_ns = self.now_ns;
+                if let Some(extra) = self.extra(place) {
+                    extra.detail.take(now_ns);
+                }
+            }
+            News::Exchange(place) => self.exchanged(place, frame),
+            News::Emergency(place, emergency) => self.emergency(place, &emergency),
+            News::Heartbeat(place, state) => self.heartbeat(place, state),
+            News::Malformed(place) => self.malformed(place, frame),
+            News::Other => self.stranger(frame),
+        }
+    }
+
+    fn extra(&mut self, place: Place) -> Option<&mut Extra> {
+        let pair = self.pairs.get_mut(usize::from(place.pair))?;
+        pair.sides.get_mut(usize::from(place.side))
+    }
+
+    fn say(&mut self, place: Place, kind: Kind, level: Level, text: String) {
+        let whom = whom(usize::from(place.pair), usize::from(place.side));
+        self.events.add(self.now_ns, whom, kind, level, text);
+    }
+
+    fn synced(&mut self) {
+        if self.sync.stopped {
+            self.note(Kind::Sync, Level::Good, "SYNC is there again".to_owned());
+        }
+        self.sync.take(self.now_ns);
+    }
+
+    fn sloped(&mut self, place: Place, delta: Option<Delta>) {
+        let now_ns = self.now_ns;
+        let [pair, side] = [usize::from(place.pair), usize::from(place.side)];
+        let slopes = self.watch.pairs().get(pair).and_then(|p| {
+            let side = p.sides.get(side)?;
+            side.slopes
+        });
+        let (Some(slopes), Some(known)) = (slopes, self.pairs.get_mut(pair)) else {
+            return;
+        };
+        known.trace.add(now_ns, 2 * side, &slopes.mdeg);
+        if let Some(delta) = delta {
+            known.trace.add(now_ns, 4, &delta.mdeg);
+            known.delta = Some((now_ns, delta));
+        }
+        let Some(extra) = known.sides.get_mut(side) else {
+            return;
+        };
+        extra.slopes.take(now_ns);
+        let before = extra.state.replace(slopes.state);
+        if before == Some(slopes.state) {
+            return;
+        }
+        let [own, other] = [NAMES[side & 1], NAMES[1 - (side & 1)]];
+        let text = words::state(slopes.state, own, other);
+        self.say(place, Kind::Verdict, words::state_level(slopes.state), text);
+    }
+
+    fn exchanged(&mut self, place: Place, frame: &Frame) {
+        let is_angles = frame.cob_id().is_some_and(|id| id & 0x780 == 0x380);
+        let now_ns = self.now_ns;
+        if let (true, &[.., x, y], Some(extra)) = (is_angles, frame.bytes(), self.extra(place)) {
+            extra.quality = Some((now_ns, [x, y]));
+        }
+    }
+
+    fn emergency(&mut self, place: Place, emergency: &Emergency) {
+        let [pair, side] = [usize::from(place.pair), usize::from(place.side)];
+        let watched = self.watch.pairs().get(pair);
+        let faults = watched
+            .and_then(|p| p.sides.get(side))
+            .map_or(0, |s| s.faults);
+        let Some(extra) = self.extra(place) else {
+            return;
+        };
+        let before = std::mem::replace(&mut extra.faults, faults);
+        let (level, mut text) = words::emergency(emergency, before);
+        let [.., b6, _] = emergency.bytes;
+        let of_the_bus = matches!(emergency.code, 0x6101..=0x6105 | 0x8000..=0x8FFF);
+        if !of_the_bus {
+            let (blamed, why) = words::blame(b6, side);
+            if let (Some(why), true) = (&why, level == Level::Fault) {
+                text = format!("{text} ({why})");
+            }
+            if let Some(extra) = self.extra(place) {
+                extra.blame = Some((blamed, why));
+            }
+        }
+        let text = match emergency.code {
+            0 => text,
+            code => format!("EMCY {code:04X}h: {text}"),
+        };
+        self.say(place, Kind::Emergency, level, text);
+    }
+
+    fn heartbeat(&mut self, place: Place, state: Option<Nmt>) {
+        let now_ns = self.now_ns;
+        let Some(extra) = self.extra(place) else {
+            return;
+        };
+        let again = extra.heartbeat.stopped;
+        if state == Some(Nmt::BootUp) {
+            extra.floor_ns = now_ns;
+            extra.state = None;
+            extra.blame = None;
+            extra.quality = None;
+            extra.faults = 0;
+            extra.heartbeat = Pace::default();
+        }
+        extra.heartbeat.take(now_ns);
+        if again {
+            let text = "heartbeat is there again".to_owned();
+            self.say(place, Kind::Heartbeat, Level::Good, text);
+        }
+        let (level, text) = match state {
+            Some(Nmt::BootUp) => (Level::Warning, "the node has started".to_owned()),
+            Some(state) => (Level::Good, format!("the node is {}", words::nmt(state))),
+            None => return,
+        };
+        self.say(place, Kind::Nmt, level, text);
+    }
+
+    fn malformed(&mut self, place: Place, frame: &Frame) {
+        let id = frame.cob_id().unwrap_or_default();
+        let text = format!(
+            "frame {id:03X}h of {} bytes has not the form that was delivered",
+            frame.bytes().len()
+        );
+        self.say(place, Kind::Stranger, Level::Warning, text);
+    }
+
+    /// A heartbeat of a node that is not watched is told once.
+    fn stranger(&mut self, frame: &Frame) {
+        let Some(id) = frame.cob_id().filter(|id| id & 0x780 == 0x700) else {
+            return;
+        };
+        let bit = 1 << (id & 0x7F);
+        if frame.bytes().len() == 1 && self.strangers & bit == 0 {
+            self.strangers |= bit;
+            let text = format!("node {} is on the bus too and is not watched", id & 0x7F);
+            self.note(Kind::Stranger, Level::Good, text);
+        }
+    }
+}
+
+const fn whom(instrument: usize, side: usize) -> Whom {
+    Whom {
+        instrument: Some(instrument),
+        side: Some(side),
+    }
+}

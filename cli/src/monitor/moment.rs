@@ -1,0 +1,337 @@
+//! From what the model knows to what a view shows at one moment.
+//!
+//! In: a [`Model`]. Out: its [`Snapshot`]. A value that is too old is left out, and the reason says
+//! how old it is and, where that is known, why no newer one comes.
+//!
+//! Left out: anything that changes the model.
+
+use super::events::{NAMES, seconds};
+use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
+use super::pace::{Pace, Patience};
+use super::snapshot::{
+    Bus, Channel, FORMAT, Instrument, Known, Snapshot, SourceState, StandingFault, VERSION, Verdict,
+};
+use super::words::{self, Level};
+use crate::watch::{Detail, Nmt, Pair, Side, Slopes};
+
+/// k of the expanded uncertainty.
+const COVERAGE: f64 = 2.0;
+
+/// Each of two slopes is rounded to a count of 0.01 deg, so their difference may be off by one.
+const RESOLUTION_DEG: f64 = 0.01;
+
+/// TPDO 3's quality says a reason up to this.
+const LAST_REASON: u8 = 31;
+
+/// Everything at this moment.
+pub fn snapshot(model: &Model) -> Snapshot {
+    let instruments = model.watch.pairs().iter().zip(&model.pairs).enumerate();
+    Snapshot {
+        format: FORMAT,
+        version: VERSION,
+        record: "state",
+        time_s: seconds(model.now_ns),
+        bus: bus(model),
+        instruments: instruments
+            .map(|(number, (pair, extra))| instrument(model, number + 1, pair, extra))
+            .collect(),
+    }
+}
+
+fn bus(model: &Model) -> Bus {
+    let rates = model.load.per_second();
+    let counts = model.watch.counts();
+    let (state, state_text) = source(model);
+    let load = model.setup.bit_rate.filter(|rate| *rate > 0);
+    let recording = &model.recording;
+    Bus {
+        name: model.setup.name.clone(),
+        state,
+        state_text,
+        frames: counts.frames,
+        frames_per_s: rates.frames,
+        syncs_per_s: rates.syncs,
+        bits_per_s: rates.bits,
+        bit_rate_per_s: load,
+        load_percent: load.map(|rate| rates.bits as f64 * 100.0 / f64::from(rate)),
+        load_reason: load
+            .is_none()
+            .then(|| "the bit rate is not known: give it by --bitrate".to_owned()),
+        malformed: counts.malformed,
+        others: counts.others,
+        backwards: counts.backwards,
+        recording: recording.name.clone(),
+        recorded: recording.frames,
+        recording_reason: recording.ended.clone(),
+    }
+}
+
+fn source(model: &Model) -> (SourceState, Option<String>) {
+    if let Some((state, why)) = &model.ended {
+        return (*state, Some(why.clone()));
+    }
+    let advice = |text: String| match &model.advice {
+        Some(advice) => format!("{text}: {advice}"),
+        None => text,
+    };
+    match model.any_ns {
+        None => {
+            let text = "nothing has been heard yet".to_owned();
+            (SourceState::Waiting, Some(advice(text)))
+        }
+        Some(last) if model.any.stopped => {
+            let age = model.now_ns.saturating_sub(last) as f64 / 1e9;
+            let text = format!("nothing has come for {age:.0} s");
+            (SourceState::Silent, Some(advice(text)))
+        }
+        Some(_) => (SourceState::Running, None),
+    }
+}
+
+/// Age of what was seen at a time; `None` when it belongs to another time: before the node's
+/// restart, or before the source's time went back.
+fn age_ns(model: &Model, extra: &Extra, time_ns: u64) -> Option<u64> {
+    let age = model.now_ns.checked_sub(time_ns);
+    // Frames out of order by a little are of now.
+    let age = age.or_else(|| (time_ns - model.now_ns < 1_000_000_000).then_some(0))?;
+    (time_ns >= extra.floor_ns).then_some(age)
+}
+
+fn instrument(model: &Model, number: usize, pair: &Pair, extra: &PairExtra) -> Instrument {
+    let [a, b] = &pair.sides;
+    let [extra_a, extra_b] = &extra.sides;
+    let channels = [channel(model, 0, a, extra_a), channel(model, 1, b, extra_b)];
+    let [x, y] = [0, 1].map(|axis| difference(model, extra, &channels, axis));
+    let reason = x.reason().or(y.reason()).map(str::to_owned);
+    let band = band(&channels);
+    let there: Vec<f64> = [x.value(), y.value()].into_iter().flatten().collect();
+    let inside = |band: f64| there.iter().all(|d| d.abs() <= band + RESOLUTION_DEG);
+    Instrument {
+        number,
+        difference_x_deg: x.value(),
+        difference_y_deg: y.value(),
+        difference_reason: reason,
+        band_deg: band,
+        inside_band: band.filter(|_| !there.is_empty()).map(inside),
+        verdict: verdict(extra, &channels),
+        channels,
+    }
+}
+
+fn difference(
+    model: &Model,
+    extra: &PairExtra,
+    channels: &[Channel; 2],
+    axis: usize,
+) -> Known<f64> {
+    let without: Vec<_> = channels
+        .iter()
+        .filter(|channel| channel.slope_deg(axis).is_none())
+        .map(|channel| channel.name)
+        .collect();
+    if !without.is_empty() {
+        return Known::Absent(format!("no angle of {}", without.join(" and ")));
+    }
+    let limit = SLOPES.limit_ns(extra.sides[0].slopes.interval_ns());
+    let fresh = extra
+        .delta
+        .filter(|(time_ns, _)| model.now_ns.saturating_sub(*time_ns) <= limit);
+    let value = fresh.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
+    match value {
+        Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
+        None => Known::Absent("the two have not told of the same SYNC".to_owned()),
+    }
+}
+
+fn band(channels: &[Channel; 2]) -> Option<f64> {
+    let [a, b] = channels;
+    Some(a.uncertainty_deg?.hypot(b.uncertainty_deg?))
+}
+
+fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel {
+    let slopes = fresh(model, extra, SLOPES, extra.slopes, side.slopes, |s| {
+        s.time_ns
+    });
+    let detail = fresh(model, extra, DETAIL, extra.detail, side.detail, |d| {
+        d.time_ns
+    });
+    let why = |old: &Option<f64>| absent(model, side, extra, *old);
+    let [x, y] = [0, 1].map(|axis| slope(model, extra, slopes.as_ref(), axis, why));
+    let heartbeat_ns = side.nmt.map(|(_, time_ns)| time_ns);
+    let now_ns = model.now_ns;
+    let detail_value: Option<Detail> = detail.as_ref().ok().copied();
+    let slopes_value: Option<Slopes> = slopes.as_ref().ok().copied();
+    Channel {
+        name: NAMES[number & 1],
+        node_id: side.node_id,
+        slope_x_deg: x.value(),
+        slope_y_deg: y.value(),
+        slope_x_reason: x.reason().map(str::to_owned),
+        slope_y_reason: y.reason().map(str::to_owned),
+        stale: slopes.is_err(),
+        slopes_age_s: side
+            .slopes
+            .and_then(|s| age_ns(model, extra, s.time_ns))
+            .map(|age| age as f64 / 1e9),
+        validity: slopes_value.map(|s| s.validity),
+        validity_text: slopes_value.map(|s| words::validity(s.validity).join(", ")),
+        state: slopes_value.map(|s| s.state),
+        uncertainty_deg: detail_value
+            .and_then(|d| d.uncertainty_mdeg)
+            .map(|mdeg| COVERAGE * f64::from(mdeg) / 1000.0),
+        difference_deg: detail_value
+            .and_then(|d| d.difference_mdeg)
+            .map(|mdeg| f64::from(mdeg) / 1000.0),
+        latency_ms: detail_value.map(|d| d.latency_ms),
+        temperature_degc: detail_value.map(|d| d.temperature_degc),
+        detail_reason: detail.err().map(|old| why(&old)),
+        nmt: side.nmt.map(|(state, _)| words::nmt(state)),
+        heartbeat_age_s: heartbeat_ns.map(|ns| now_ns.saturating_sub(ns) as f64 / 1e9),
+        heartbeat_lost: extra.heartbeat.stopped,
+        boots: side.boots,
+        faults: faults(side.faults),
+    }
+}
+
+fn faults(bits: u32) -> Vec<StandingFault> {
+    let standing = |fault: device::fault::Fault| StandingFault {
+        number: fault as u8,
+        code: fault.report().0,
+        text: fault.text(),
+    };
+    words::faults(bits).into_iter().map(standing).collect()
+}
+
+/// What is young enough; else its age in s, where it has one.
+fn fresh<T: Copy>(
+    model: &Model,
+    extra: &Extra,
+    patience: Patience,
+    pace: Pace,
+    value: Option<T>,
+    time_ns: impl Fn(&T) -> u64,
+) -> Result<T, Option<f64>> {
+    let value = value.ok_or(None)?;
+    let age = age_ns(model, extra, time_ns(&value)).ok_or(None)?;
+    if age <= patience.limit_ns(pace.interval_ns()) {
+        Ok(value)
+    } else {
+        Err(Some(age as f64 / 1e9))
+    }
+}
+
+fn slope(
+    model: &Model,
+    extra: &Extra,
+    slopes: Result<&Slopes, &Option<f64>>,
+    axis: usize,
+    why: impl Fn(&Option<f64>) -> String,
+) -> Known<f64> {
+    let slopes = match slopes {
+        Ok(slopes) => slopes,
+        Err(old) => return Known::Absent(why(old)),
+    };
+    if let Some(mdeg) = slopes.mdeg.get(axis).copied().flatten() {
+        return Known::Fresh(f64::from(mdeg) / 1000.0);
+    }
+    // TPDO 3 says it for each axis, where it has no angle either.
+    let limit = SLOPES.limit_ns(extra.slopes.interval_ns());
+    let told = extra
+        .quality
+        .filter(|(time_ns, _)| age_ns(model, extra, *time_ns).is_some_and(|age| age <= limit));
+    let code = told.and_then(|(_, quality)| quality.get(axis).copied());
+    let reason = code
+        .filter(|code| *code <= LAST_REASON)
+        .and_then(words::reason);
+    Known::Absent(reason.unwrap_or_else(|| words::no_slope(slopes.state).to_owned()))
+}
+
+/// Why a channel has nothing fresh to show.
+fn absent(model: &Model, side: &Side, extra: &Extra, old_s: Option<f64>) -> String {
+    let why = if extra.heartbeat.stopped {
+        "its heartbeat is lost"
+    } else {
+        match side.nmt.map(|(state, _)| state) {
+            None if side.seen_ns.is_none() => "nothing has been heard of it",
+            Some(Nmt::BootUp) => "it has just started",
+            Some(Nmt::PreOperational) => "it is pre-operational, start it (NMT)",
+            Some(Nmt::Stopped) => "it is stopped, start it (NMT)",
+            _ if model.sync.interval_ns().is_none() || model.sync.stopped => "there is no SYNC",
+            _ => "its PDO does not come",
+        }
+    };
+    match old_s {
+        Some(age) => format!("stale, {age:.1} s old: {why}"),
+        None => why.to_owned(),
+    }
+}
+
+/// A state of the pair with the channels by their places, so that two views of it can be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum View {
+    Ill(usize),
+    Of(u8),
+}
+
+fn view(side: usize, state: u8) -> View {
+    match state {
+        7 => View::Ill(side),
+        8 => View::Ill(1 - (side & 1)),
+        state => View::Of(state),
+    }
+}
+
+fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
+    let [a, b] = channels;
+    let text = |side: usize, state: u8| {
+        let [own, other] = [NAMES[side & 1], NAMES[1 - (side & 1)]];
+        words::state(state, own, other)
+    };
+    let (level, text) = match (a.state, b.state) {
+        (None, None) => (Level::Unknown, format!("no verdict: {}", a.slope_reason(0))),
+        (Some(one), Some(two)) if view(0, one) == view(1, two) => {
+            (words::state_level(one), text(0, one))
+        }
+        (Some(one), Some(two)) => {
+            let level = words::state_level(one).max(words::state_level(two));
+            (
+                level,
+                format!("A says: {}; B says: {}", text(0, one), text(1, two)),
+            )
+        }
+        (Some(state), None) => (Level::Fault, alone(text(0, state), b)),
+        (None, Some(state)) => (Level::Fault, alone(text(1, state), a)),
+    };
+    let (blamed, reason) = blamed(extra, [a.state, b.state]);
+    Verdict {
+        level,
+        text,
+        blamed,
+        reason,
+    }
+}
+
+fn alone(text: String, silent: &Channel) -> String {
+    let why = silent.slope_reason(0);
+    format!("{text}; nothing from {}: {why}", silent.name)
+}
+
+/// Who is blamed, by the states of now, and why, by the latest EMCY that blames somebody.
+fn blamed(extra: &PairExtra, states: [Option<u8>; 2]) -> (Vec<&'static str>, Option<String>) {
+    let mut blamed = [false; 2];
+    for (side, state) in states.into_iter().enumerate() {
+        match state.map(|state| view(side, state)) {
+            Some(View::Ill(ill)) => blamed[ill & 1] = true,
+            Some(View::Of(9)) => blamed = [true; 2],
+            _ => {}
+        }
+    }
+    let names = NAMES.into_iter().zip(blamed);
+    let names: Vec<_> = names.filter(|(_, is)| *is).map(|(name, _)| name).collect();
+    let wrong = |state: Option<u8>| state.is_some_and(|state| state >= 5);
+    let told = extra.sides.iter().zip(states);
+    let reason = told
+        .filter(|(_, state)| wrong(*state))
+        .find_map(|(side, _)| side.blame.as_ref()?.1.clone());
+    (names, reason)
+}

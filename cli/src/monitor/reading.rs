@@ -1,0 +1,362 @@
+//! The thread that takes what the source gives, and never waits for a view.
+//!
+//! In: a [`Feed`]. Out: the model that the views share, a recording, and for the plain view a line
+//! a second and one for each event. A view of a bus that reads too slowly loses lines, which are
+//! counted, and no frame; a log waits for its view.
+//!
+//! Left out: what is done with lines.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use canopen::Frame;
+
+use super::events::{Event, Kind};
+use super::feed::{Feed, Step};
+use super::model::Model;
+use super::record::Recorder;
+use super::snapshot::{Snapshot, SourceState};
+use super::words::Level;
+use crate::report::replay_tables::printable;
+
+/// How long a step waits for a frame: after that it is looked what else there is to do.
+const GLANCE: Duration = Duration::from_millis(20);
+
+/// From one try to reach a lost bus to the next.
+const TRY_AGAIN: Duration = Duration::from_secs(1);
+
+/// From one line to the next, on the source's clock.
+const LINE_NS: u64 = 1_000_000_000;
+
+/// What the threads share.
+#[derive(Debug)]
+pub struct Shared {
+    model: Mutex<Model>,
+    stop: AtomicBool,
+}
+
+impl Shared {
+    /// Shares a model.
+    pub const fn new(model: Model) -> Self {
+        Self {
+            model: Mutex::new(model),
+            stop: AtomicBool::new(false),
+        }
+    }
+
+    /// The model; who holds it keeps the reader waiting, so not for long.
+    pub fn model(&self) -> MutexGuard<'_, Model> {
+        self.model.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Asks the reader to end.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was asked to.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Something for the plain view.
+#[derive(Clone, Debug)]
+pub enum Line {
+    /// A second has passed.
+    State(Box<Snapshot>),
+    /// Something has happened.
+    Event(Event),
+}
+
+/// Why reading has ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// The user has enough.
+    Stopped,
+    /// The bus is lost, or the log can't be read on.
+    Lost(io::Error),
+}
+
+/// What is left when reading has ended.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Why.
+    pub ending: Ending,
+    /// Why the recording has ended before that.
+    pub recording: Result<(), io::Error>,
+}
+
+/// SYNCs of our own.
+#[derive(Clone, Copy, Debug)]
+struct OwnSync {
+    period: Duration,
+    due: Instant,
+}
+
+/// What the reader is asked to do besides.
+#[derive(Debug, Default)]
+pub struct Tasks {
+    /// Where frames are recorded.
+    pub recorder: Option<Recorder>,
+    /// Where lines go.
+    pub lines: Option<SyncSender<Line>>,
+    /// Whether a line may be lost, as of a bus, or is waited for.
+    pub may_lose_lines: bool,
+    /// Whether a lost bus is tried again.
+    pub reconnect: bool,
+    /// Nodes to be started at the beginning.
+    pub start: Vec<u8>,
+    /// SYNC to be sent while nobody else does.
+    pub sync: Option<Duration>,
+}
+
+/// The reader.
+pub struct Reader<F> {
+    feed: F,
+    shared: Arc<Shared>,
+    tasks: Tasks,
+    sync: Option<OwnSync>,
+    next_line_ns: Option<u64>,
+    events_told: u64,
+    lines_lost: u64,
+    recording: Result<(), io::Error>,
+}
+
+impl<F: Feed> Reader<F> {
+    /// Reads from a source.
+    pub fn new(feed: F, shared: Arc<Shared>, tasks: Tasks) -> Self {
+        let due = Instant::now() + Duration::from_secs(1);
+        Self {
+            feed,
+            shared,
+            sync: tasks.sync.map(|period| OwnSync { period, due }),
+            tasks,
+            next_line_ns: None,
+            events_told: 0,
+            lines_lost: 0,
+            recording: Ok(()),
+        }
+    }
+
+    /// Reads to the end.
+    pub fn run(mut self) -> Outcome {
+        let ending = match self.start().and_then(|()| self.read()) {
+            Err(error) if error.kind() != io::ErrorKind::Interrupted => Ending::Lost(error),
+            _ => Ending::Stopped,
+        };
+        if let Some(recorder) = self.tasks.recorder.take() {
+            let finished = recorder.finish().map(drop);
+            self.recording = std::mem::replace(&mut self.recording, Ok(())).and(finished);
+        }
+        if let Ending::Lost(error) = &ending {
+            let why = printable(&error.to_string());
+            self.shared.model().end(SourceState::Lost, why);
+        }
+        self.tell_events();
+        Outcome {
+            ending,
+            recording: self.recording,
+        }
+    }
+
+    fn start(&mut self) -> io::Result<()> {
+        for node in std::mem::take(&mut self.tasks.start) {
+            // NMT, start remote node (CiA 301, 7.2.8.3.1).
+            self.send(&Frame::data_frame(0, &[1, node]))?;
+        }
+        Ok(())
+    }
+
+    /// Sends a frame, which is shown and recorded too: no transport shows us our own.
+    fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        let time_ns = self.feed.send(frame)?;
+        self.take(time_ns, frame);
+        Ok(())
+    }
+
+    fn read(&mut self) -> io::Result<()> {
+        while !self.shared.is_stopped() {
+            match self.step() {
+                Ok(()) => {}
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => return Ok(()),
+                Err(error) if self.tasks.reconnect => self.reconnect(&error),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    fn step(&mut self) -> io::Result<()> {
+        let now = Instant::now();
+        let until = self
+            .sync
+            .map_or(now + GLANCE, |sync| sync.due.min(now + GLANCE));
+        match self.feed.step(until)? {
+            Step::Frame(time_ns, frame) => {
+                self.line(time_ns);
+                self.take(time_ns, &frame);
+                self.foreign_sync(&frame);
+            }
+            Step::Nothing => {
+                let now_ns = self.feed.now_ns();
+                self.line(now_ns);
+                self.shared.model().pass(now_ns);
+                self.own_sync()?;
+            }
+        }
+        self.record_pass();
+        self.tell_events();
+        Ok(())
+    }
+
+    fn take(&mut self, time_ns: u64, frame: &Frame) {
+        if let Some(recorder) = &mut self.tasks.recorder {
+            let taken = recorder.take(time_ns, self.feed.interface(), frame);
+            self.recorded(taken);
+        }
+        self.shared.model().take(time_ns, frame);
+    }
+
+    fn record_pass(&mut self) {
+        let Some(recorder) = &mut self.tasks.recorder else {
+            return;
+        };
+        let passed = recorder.pass(Instant::now());
+        let frames = recorder.frames();
+        self.recorded(passed);
+        let mut model = self.shared.model();
+        if model.recording.ended.is_none() {
+            model.recording.frames = frames;
+        }
+    }
+
+    /// A recording that can't go on ends; the view does not.
+    fn recorded(&mut self, done: io::Result<()>) {
+        let Err(error) = done else { return };
+        let path = self
+            .tasks
+            .recorder
+            .take()
+            .map(|r| r.path().display().to_string());
+        let path = printable(&path.unwrap_or_default());
+        let why = format!("recording to {path} has ended: {error}");
+        let mut model = self.shared.model();
+        model.recording.ended = Some(error.to_string());
+        model.note(Kind::Source, Level::Fault, why);
+        self.recording = Err(error);
+    }
+
+    fn own_sync(&mut self) -> io::Result<()> {
+        let Some(mut sync) = self.sync.filter(|sync| Instant::now() >= sync.due) else {
+            return Ok(());
+        };
+        sync.due += sync.period;
+        self.sync = Some(sync);
+        self.send(&Frame::data_frame(0x80, &[]))
+    }
+
+    /// A SYNC of somebody else ends ours for good: two producers disturb each other.
+    fn foreign_sync(&mut self, frame: &Frame) {
+        if self.sync.is_some() && frame.cob_id() == Some(0x80) && !frame.is_remote() {
+            self.sync = None;
+            let text = "somebody else produces SYNC: none is sent from here".to_owned();
+            self.shared.model().note(Kind::Sync, Level::Good, text);
+        }
+    }
+
+    fn reconnect(&mut self, error: &io::Error) {
+        let why = printable(&error.to_string());
+        self.shared.model().end(SourceState::Lost, why);
+        let mut next = Instant::now();
+        while !self.shared.is_stopped() {
+            self.tell_events();
+            if Instant::now() >= next {
+                next = Instant::now() + TRY_AGAIN;
+                if self.feed.again().is_ok() {
+                    let text = "the bus is there again".to_owned();
+                    self.shared.model().resume(text);
+                    return;
+                }
+            }
+            let now_ns = self.feed.now_ns();
+            self.line(now_ns);
+            self.shared.model().pass(now_ns);
+            self.record_pass();
+            std::thread::sleep(GLANCE);
+        }
+    }
+
+    /// Makes a line when a second has passed on the source's clock.
+    fn line(&mut self, now_ns: u64) {
+        if self.tasks.lines.is_none() {
+            return;
+        }
+        let due = *self.next_line_ns.get_or_insert(now_ns + LINE_NS);
+        // Where time has gone back, seconds are counted from there.
+        if now_ns + 2 * LINE_NS < due {
+            self.next_line_ns = Some(now_ns + LINE_NS);
+        }
+        if now_ns < due {
+            return;
+        }
+        let snapshot = {
+            let mut model = self.shared.model();
+            model.pass(due);
+            model.snapshot()
+        };
+        self.tell_events();
+        self.tell(Line::State(Box::new(snapshot)));
+        let next = due + LINE_NS;
+        // A gap is told as an event, not as a line for each of its seconds.
+        self.next_line_ns = Some(if next <= now_ns {
+            now_ns + LINE_NS
+        } else {
+            next
+        });
+    }
+
+    fn tell_events(&mut self) {
+        if self.tasks.lines.is_none() {
+            return;
+        }
+        let (count, fresh) = {
+            let model = self.shared.model();
+            let count = model.events.count();
+            if count == self.events_told {
+                return;
+            }
+            let fresh: Vec<_> = model.events.since(self.events_told).cloned().collect();
+            (count, fresh)
+        };
+        self.events_told = count;
+        for event in fresh {
+            self.tell(Line::Event(event));
+        }
+    }
+
+    fn tell(&mut self, line: Line) {
+        let Some(lines) = &self.tasks.lines else {
+            return;
+        };
+        let gone = if self.tasks.may_lose_lines {
+            match lines.try_send(line) {
+                Ok(()) => false,
+                Err(TrySendError::Full(_)) => {
+                    self.lines_lost += 1;
+                    false
+                }
+                Err(TrySendError::Disconnected(_)) => true,
+            }
+        } else {
+            lines.send(line).is_err()
+        };
+        if gone {
+            self.tasks.lines = None;
+            self.shared.stop();
+        }
+    }
+}

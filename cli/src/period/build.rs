@@ -1,0 +1,420 @@
+//! From what was collected to the report.
+//!
+//! In: [`Collected`], the logs that were read, the bit rate where it is known. Out: a
+//! [`PeriodReport`] without memories. Units are turned here: 0.001 deg and ns into deg and s.
+
+use super::bins::{Bins, Extremes};
+use super::capture::{Capture, Recorder};
+use super::clock::Clock;
+use super::collect::Collected;
+use super::data::*;
+use super::events::{End, Event, What};
+use super::gaps::Gaps;
+use super::instrument::Instrument;
+use super::kind::Kind;
+use super::row::Row;
+use super::summary::{ChannelSummary, Day, DifferenceSummary, Summary, Unusable};
+use super::tally::Tally;
+use super::traffic::Traffic;
+use super::verdict;
+use crate::blackbox::words;
+use crate::report::series::{Bin, Point, rounded};
+
+/// The percentiles that are told.
+const PERCENTILES: [f64; 5] = [1.0, 5.0, 50.0, 95.0, 99.0];
+
+/// Bars of a histogram, about.
+const BARS: usize = 60;
+
+/// Days between which those without data are told one by one; beyond them only days with data.
+const MOST_DAYS: u64 = 800;
+
+/// The report.
+pub fn report(collected: &Collected, logs: Vec<LogReport>, bit_rate: Option<f64>) -> PeriodReport {
+    let span = collected.traffic.span_ns;
+    let clock = Clock::of(span.map_or(0, |span| span.0));
+    let seen = collected.instruments.iter();
+    // A pair of which nothing but frames of another form was seen is somebody else's nodes.
+    let seen = seen.filter(|(_, instrument)| has_slopes(instrument));
+    let instruments: Vec<_> = (1..)
+        .zip(seen)
+        .map(|(number, (ids, instrument))| one(number, *ids, instrument, clock))
+        .collect();
+    let mut report = PeriodReport {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        plumb_version: env!("CARGO_PKG_VERSION").to_owned(),
+        clock: match clock {
+            Clock::Utc => "utc".to_owned(),
+            Clock::Relative => "relative".to_owned(),
+        },
+        from_s: span.map(|span| seconds(span.0)),
+        to_s: span.map(|span| seconds(span.1)),
+        covered_s: seconds(collected.traffic.covered_ns),
+        logs,
+        bus: span.map(|_| bus(collected, &instruments, bit_rate)),
+        instruments,
+        ..PeriodReport::default()
+    };
+    (report.verdict, report.clean) = verdict::of(&report);
+    report.notes = verdict::notes(&report);
+    report
+}
+
+fn has_slopes(instrument: &Instrument) -> bool {
+    let channels = &instrument.summary.channels;
+    channels.iter().any(|channel| {
+        channel.usable_ns > 0
+            || !channel.unusable_ns.is_empty()
+            || channel.slope.iter().any(|slope| slope.count() > 0)
+            || channel.boots > 0
+    })
+}
+
+/// ns as s, to the microsecond.
+pub fn seconds(ns: u64) -> f64 {
+    (ns / 1000) as f64 * 1e-6
+}
+
+fn degrees(mdeg: impl Into<f64>) -> f64 {
+    rounded(mdeg.into() * 1e-3)
+}
+
+fn bus(
+    collected: &Collected,
+    instruments: &[InstrumentReport],
+    bit_rate: Option<f64>,
+) -> BusReport {
+    let (traffic, counts) = (&collected.traffic, &collected.counts);
+    let channels = instruments.iter().flat_map(|one| &one.channels);
+    let ours: Vec<u8> = channels.map(|channel| channel.node_id).collect();
+    let foreign = traffic.nodes().filter(|(id, _)| !ours.contains(id));
+    let rate = traffic.rate();
+    BusReport {
+        frames: counts.frames,
+        syncs: counts.syncs,
+        outside: collected.outside,
+        backwards: traffic.backwards,
+        malformed: instruments
+            .iter()
+            .flat_map(|one| &one.channels)
+            .map(|c| c.malformed)
+            .sum(),
+        extended: traffic.extended,
+        remote: traffic.remote,
+        commands: traffic.commands,
+        foreign: foreign
+            .map(|(node_id, frames)| ForeignNode { node_id, frames })
+            .collect(),
+        rate_bit_s: rate.map(rounded),
+        bit_rate_bit_s: bit_rate,
+        load_percent: rate
+            .zip(bit_rate)
+            .map(|(rate, most)| rounded(100.0 * rate / most)),
+        rate_bins: rate_bins(traffic),
+        bin_s: seconds(traffic.bits.width_ns()),
+        gaps: gaps(&traffic.gaps),
+    }
+}
+
+fn rate_bins(traffic: &Traffic) -> Vec<Point> {
+    let half = 0.5 * seconds(traffic.bits.width_ns());
+    let rates = traffic.rates().into_iter();
+    rates
+        .map(|(from_ns, rate)| Point(seconds(from_ns) + half, Some(rounded(rate))))
+        .collect()
+}
+
+fn gaps(gaps: &Gaps) -> GapsReport {
+    let longest = gaps.in_time().into_iter().map(|gap| GapReport {
+        from_s: seconds(gap.from_ns),
+        to_s: seconds(gap.to_ns),
+        whole_bus: gap.whole_bus,
+    });
+    GapsReport {
+        count: gaps.count(),
+        sum_s: seconds(gaps.sum_ns()),
+        longest: longest.collect(),
+    }
+}
+
+fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> InstrumentReport {
+    let summary = &instrument.summary;
+    let span = instrument.span_ns.unwrap_or_default();
+    let [faults_left_out, others_left_out] = instrument.events.left_out();
+    InstrumentReport {
+        number,
+        from_s: seconds(span.0),
+        to_s: seconds(span.1),
+        covered_s: seconds(summary.covered_ns()),
+        gaps: gaps(&summary.gaps),
+        channels: (0..2)
+            .zip(ids)
+            .zip(&summary.channels)
+            .map(|((side, id), channel)| self::channel(side, id, channel, instrument))
+            .collect(),
+        difference: difference(&summary.difference),
+        days: days(summary, clock),
+        events: instrument
+            .events
+            .kept()
+            .iter()
+            .map(|event| self::event(event, ids))
+            .collect(),
+        faults_left_out,
+        others_left_out,
+        plots: plots(&instrument.recorder, clock),
+        plots_left_out: instrument.recorder.left_out(),
+    }
+}
+
+fn channel(
+    side: usize,
+    node_id: u8,
+    channel: &ChannelSummary,
+    instrument: &Instrument,
+) -> ChannelReport {
+    let [vendor_id, product_code, revision, serial_number] = instrument.identity(side);
+    let axes = channel.slope.iter().zip(&channel.slope_bins);
+    let codes = channel.emergencies.iter();
+    ChannelReport {
+        channel: words::channel(side).to_owned(),
+        node_id,
+        seen: instrument.has_seen(side),
+        vendor_id,
+        product_code,
+        revision,
+        serial_number,
+        slopes: (0..)
+            .zip(axes)
+            .map(|(axis, (tally, bins))| slope(axis, tally, bins))
+            .collect(),
+        usable_s: seconds(channel.usable_ns),
+        unusable: channel
+            .unusable_ns
+            .iter()
+            .map(|(why, ns)| unusable(*why, *ns))
+            .collect(),
+        uncertainty: quantity(&channel.uncertainty, &channel.uncertainty_bins, 1e-3),
+        uncertainty_unknown: channel.uncertainty_unknown,
+        temperature: quantity(&channel.temperature, &channel.temperature_bins, 1.0),
+        emergencies: codes
+            .map(|(code, count)| CodeReport {
+                code: format!("{code:04X}h"),
+                text: words::code(*code).into_owned(),
+                count: *count,
+            })
+            .collect(),
+        boots: channel.boots,
+        heartbeat_losses: channel.heartbeat_losses,
+        heartbeat_lost_s: seconds(channel.heartbeat_lost_ns),
+        malformed: channel.malformed,
+    }
+}
+
+fn unusable(why: Unusable, ns: u64) -> UnusableReport {
+    UnusableReport {
+        state: why.state,
+        state_text: words::state(why.state).into_owned(),
+        reason: why.reason,
+        reason_text: words::reason(why.reason).map(Into::into),
+        time_s: seconds(ns),
+    }
+}
+
+fn axis_name(axis: usize) -> String {
+    if axis == 0 { "x" } else { "y" }.to_owned()
+}
+
+fn slope(axis: usize, tally: &Tally, over_time: &Bins<Extremes>) -> SlopeReport {
+    SlopeReport {
+        axis: axis_name(axis),
+        count: tally.count(),
+        min_deg: tally.extremes().map(|both| degrees(both.0)),
+        max_deg: tally.extremes().map(|both| degrees(both.1)),
+        mean_deg: tally.mean().map(degrees),
+        std_deg: tally.deviation().map(degrees),
+        percentiles: percentiles(tally),
+        step_deg: degrees(tally.histogram.step_mdeg() as f64),
+        bins: bins(over_time, 1e-3),
+    }
+}
+
+fn percentiles(tally: &Tally) -> Vec<Percentile> {
+    let values = PERCENTILES.into_iter().filter_map(|percent| {
+        let mdeg = tally.histogram.percentile(percent / 100.0)?;
+        // The middle of a step may lie beyond the last value in it.
+        let (least, most) = tally.extremes()?;
+        let mdeg = mdeg.clamp(i64::from(least), i64::from(most));
+        Some(Percentile {
+            percent,
+            value_deg: degrees(mdeg as f64),
+        })
+    });
+    values.collect()
+}
+
+fn bins(over_time: &Bins<Extremes>, unit: f64) -> Vec<Bin> {
+    let half = 0.5 * seconds(over_time.width_ns());
+    let scaled = |value: i32| rounded(f64::from(value) * unit);
+    let bins = over_time.iter();
+    bins.map(|(from_ns, both)| {
+        Bin(
+            seconds(from_ns) + half,
+            scaled(both.least),
+            scaled(both.most),
+        )
+    })
+    .collect()
+}
+
+fn quantity(tally: &Tally, over_time: &Bins<Extremes>, unit: f64) -> QuantityReport {
+    let scaled = |value: i32| rounded(f64::from(value) * unit);
+    QuantityReport {
+        count: tally.count(),
+        min: tally.extremes().map(|both| scaled(both.0)),
+        max: tally.extremes().map(|both| scaled(both.1)),
+        mean: tally.mean().map(|mean| rounded(mean * unit)),
+        bins: bins(over_time, unit),
+    }
+}
+
+fn difference(summary: &DifferenceSummary) -> DifferenceReport {
+    let size = |tally: &Tally| {
+        let both = tally.extremes()?;
+        Some(degrees(both.0.unsigned_abs().max(both.1.unsigned_abs())))
+    };
+    DifferenceReport {
+        syncs_measured: summary.by_measured,
+        syncs_slopes: summary.by_slopes,
+        slopes: (0..)
+            .zip(&summary.own)
+            .map(|(axis, tally)| slope_difference(axis, tally))
+            .collect(),
+        bins: bins(&summary.bins, 1e-3),
+        judged: summary.judged,
+        above: summary.above,
+        told_count: summary.told.count(),
+        told_max_deg: size(&summary.told),
+        told_off_mean_deg: summary.told_off.mean().map(degrees),
+        told_off_max_deg: size(&summary.told_off),
+    }
+}
+
+fn slope_difference(axis: usize, tally: &Tally) -> SlopeDifference {
+    let bars = tally.histogram.bars(BARS);
+    SlopeDifference {
+        axis: axis_name(axis),
+        count: tally.count(),
+        min_deg: tally.extremes().map(|both| degrees(both.0)),
+        max_deg: tally.extremes().map(|both| degrees(both.1)),
+        mean_deg: tally.mean().map(degrees),
+        std_deg: tally.deviation().map(degrees),
+        percentiles: percentiles(tally),
+        step_deg: degrees(tally.histogram.step_mdeg() as f64),
+        bar_deg: bars.first().map_or(0.0, |bar| degrees(bar.1 as f64)),
+        histogram: bars
+            .iter()
+            .map(|(middle, _, count)| Point(degrees(*middle as f64), Some(*count as f64)))
+            .collect(),
+    }
+}
+
+/// Every day from the first to the last one with data.
+fn days(summary: &Summary, clock: Clock) -> Vec<DayReport> {
+    let ends = summary
+        .days
+        .keys()
+        .next()
+        .zip(summary.days.keys().next_back());
+    let Some((first, last)) = ends else {
+        return Vec::new();
+    };
+    let none = Day::default();
+    if last - first > MOST_DAYS {
+        let days = summary.days.iter();
+        return days
+            .map(|(number, day)| self::day(clock, *number, day))
+            .collect();
+    }
+    (*first..=*last)
+        .map(|number| day(clock, number, summary.days.get(&number).unwrap_or(&none)))
+        .collect()
+}
+
+fn day(clock: Clock, number: u64, day: &Day) -> DayReport {
+    let kinds = Kind::ALL.into_iter().zip(day.events);
+    DayReport {
+        day: clock.day(number),
+        covered_s: seconds(day.covered_ns),
+        syncs: day.syncs,
+        incidents: day.incidents,
+        kinds: kinds
+            .filter(|(_, count)| *count > 0)
+            .map(|(kind, count)| KindReport {
+                kind: kind.key().to_owned(),
+                count,
+            })
+            .collect(),
+        difference_max_deg: day.largest_mdeg.map(degrees),
+    }
+}
+
+fn event(event: &Event, ids: [u8; 2]) -> EventReport {
+    let side = usize::from(event.side);
+    let (code, text) = match event.what {
+        What::Emergency(code) => (Some(format!("{code:04X}h")), words::code(code)),
+        What::HeartbeatLost => (None, "the heartbeat stayed away".into()),
+        What::Restart => (None, "the node started anew".into()),
+    };
+    let (end, until_ns) = match event.end {
+        End::Momentary => ("momentary", None),
+        End::Over(at_ns) => ("over", Some(at_ns)),
+        End::Restarted(at_ns) => ("restart", Some(at_ns)),
+        End::Standing => ("standing", None),
+    };
+    EventReport {
+        time_s: seconds(event.at_ns),
+        channel: words::channel(side).to_owned(),
+        node_id: ids.get(side).copied().unwrap_or_default(),
+        kind: event.what.kind().key().to_owned(),
+        code,
+        text: text.into_owned(),
+        blamed: words::blamed(event.blamed, side).map(str::to_owned),
+        reason_text: words::reason(event.reason).map(Into::into),
+        state: event.state,
+        end: end.to_owned(),
+        duration_s: until_ns.map(|ns| seconds(ns.saturating_sub(event.at_ns))),
+        repeats: event.repeats,
+        plot: event.plot.map(|plot| plot + 1),
+    }
+}
+
+fn plots(recorder: &Recorder, clock: Clock) -> Vec<PlotReport> {
+    let captures = (1..).zip(recorder.captures());
+    captures
+        .map(|(number, capture)| PlotReport {
+            number,
+            title: clock.text(capture.at_ns),
+            time_s: seconds(capture.at_ns),
+            rows: capture
+                .rows
+                .iter()
+                .map(|row| plot_row(row, capture))
+                .collect(),
+        })
+        .collect()
+}
+
+fn plot_row(row: &Row, capture: &Capture) -> PlotRow {
+    let angle = |side, axis| row.angle(side, axis).map(degrees);
+    PlotRow {
+        since_s: rounded((row.time_ns as i64 - capture.at_ns as i64) as f64 * 1e-9),
+        a_x_deg: angle(0, 0),
+        a_y_deg: angle(0, 1),
+        b_x_deg: angle(1, 0),
+        b_y_deg: angle(1, 1),
+        difference_x_deg: row.difference(0).map(degrees),
+        difference_y_deg: row.difference(1).map(degrees),
+    }
+}

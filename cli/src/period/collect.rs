@@ -1,0 +1,190 @@
+//! From the frames of a log to what is kept of each instrument.
+//!
+//! In: frames with their time, in ns, in the order of the log. Out: an [`Instrument`] per pair of
+//! the plan, and the [`Traffic`] of the bus. Memory does not grow with the log.
+//!
+//! Left out: where frames come from (`input`), and what a frame says (`watch`).
+
+use canopen::Frame;
+
+use super::gaps::GAP_NS;
+use super::instrument::{Instrument, Moment};
+use super::row::Measured;
+use super::traffic::Traffic;
+use crate::watch::{Counts, News, Place, Plan, Watch};
+
+/// A boot-up this soon after NMT 130 is its answer, ns.
+const ANSWER_NS: u64 = 2_000_000_000;
+
+/// NMT: reset of communication (CiA 301, 7.3.2.2.1.3).
+const RESET_COMMUNICATION: u8 = 130;
+
+/// From when to when, ns; frames before and from the end on are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// The first instant.
+    pub from_ns: Option<u64>,
+    /// The first instant behind it.
+    pub to_ns: Option<u64>,
+}
+
+impl Window {
+    fn has(self, time_ns: u64) -> bool {
+        self.from_ns.is_none_or(|from| time_ns >= from) && self.to_ns.is_none_or(|to| time_ns < to)
+    }
+}
+
+/// Everything under way.
+#[derive(Debug)]
+pub struct Collector {
+    watch: Watch,
+    instruments: Vec<Instrument>,
+    traffic: Traffic,
+    window: Window,
+    outside: u64,
+    /// The last NMT 130: when, and to whom; 0 for all.
+    reset: Option<(u64, u8)>,
+}
+
+impl Collector {
+    /// Nothing yet of the instruments of this plan.
+    pub fn new(plan: &Plan, window: Window) -> Self {
+        Self {
+            watch: Watch::new(plan),
+            instruments: plan.pairs.iter().map(|_| Instrument::default()).collect(),
+            traffic: Traffic::default(),
+            window,
+            outside: 0,
+            reset: None,
+        }
+    }
+
+    /// Takes a frame.
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) {
+        if !self.window.has(time_ns) {
+            self.outside += 1;
+            return;
+        }
+        let at = Moment {
+            now_ns: time_ns,
+            before_ns: self.traffic.take(time_ns, frame),
+        };
+        if time_ns.saturating_sub(at.before_ns) > GAP_NS {
+            let all = self.instruments.iter_mut();
+            all.for_each(Instrument::bus_was_silent);
+        }
+        let news = self.watch.take(time_ns, frame);
+        self.hand_on(at, news, frame);
+    }
+
+    fn hand_on(&mut self, at: Moment, news: News, frame: &Frame) {
+        let now_ns = at.now_ns;
+        match news {
+            News::Sync => {
+                let all = self.instruments.iter_mut();
+                return all.for_each(|instrument| instrument.sync(now_ns));
+            }
+            News::Other => return self.other(now_ns, frame),
+            _ => {}
+        }
+        let Some(place) = place_of(&news) else {
+            return;
+        };
+        let (number, side) = (usize::from(place.pair), usize::from(place.side));
+        let pair = self.watch.pairs().get(number);
+        let told = pair.and_then(|pair| pair.sides.get(side));
+        let (Some(instrument), Some(told)) = (self.instruments.get_mut(number), told) else {
+            return;
+        };
+        match news {
+            News::Slopes(..) => {
+                if let Some(slopes) = &told.slopes {
+                    instrument.slopes(now_ns, side, slopes);
+                }
+            }
+            News::Detail(_) => {
+                if let Some(detail) = &told.detail {
+                    instrument.detail(now_ns, side, detail);
+                }
+            }
+            News::Exchange(_) if frame.cob_id().is_some_and(|id| id & 0x780 == 0x380) => {
+                if let Some(measured) = Measured::read(frame.bytes()) {
+                    instrument.measured(now_ns, side, measured);
+                }
+            }
+            News::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
+            News::Heartbeat(_, changed) => {
+                let keeps = self.reset.is_some_and(|(at_ns, node)| {
+                    (node == 0 || node == told.node_id) && now_ns.abs_diff(at_ns) < ANSWER_NS
+                });
+                instrument.heartbeat(at, side, changed, keeps);
+            }
+            News::Malformed(_) => return instrument.malformed(side),
+            _ => {}
+        }
+        instrument.seen(at, side);
+    }
+
+    fn other(&mut self, now_ns: u64, frame: &Frame) {
+        let Some(cob_id) = frame.cob_id().filter(|_| !frame.is_remote()) else {
+            return;
+        };
+        if let (0, &[RESET_COMMUNICATION, node]) = (cob_id, frame.bytes()) {
+            self.reset = Some((now_ns, node));
+        }
+        if cob_id & 0x780 != 0x580 {
+            return;
+        }
+        let id = (cob_id & 0x7F) as u8;
+        for (pair, instrument) in self.watch.pairs().iter().zip(&mut self.instruments) {
+            if let Some(side) = pair.sides.iter().position(|side| side.node_id == id) {
+                instrument.sdo(side, frame.bytes());
+            }
+        }
+    }
+
+    /// The log has ended.
+    pub fn finish(mut self) -> Collected {
+        if let Some((_, last_ns)) = self.traffic.span_ns {
+            let at = Moment {
+                now_ns: last_ns,
+                before_ns: last_ns,
+            };
+            let all = self.instruments.iter_mut();
+            all.for_each(|instrument| instrument.finish(at));
+        }
+        let ids = self.watch.pairs().iter();
+        let ids = ids.map(|pair| [0, 1].map(|side: usize| pair.sides[side].node_id));
+        Collected {
+            instruments: ids.zip(self.instruments).collect(),
+            traffic: self.traffic,
+            counts: *self.watch.counts(),
+            outside: self.outside,
+        }
+    }
+}
+
+/// What a log came to.
+#[derive(Debug)]
+pub struct Collected {
+    /// Each instrument of the plan with the node-ids of channel A and B.
+    pub instruments: Vec<([u8; 2], Instrument)>,
+    /// The bus.
+    pub traffic: Traffic,
+    /// What `watch` has counted.
+    pub counts: Counts,
+    /// Frames outside the time that was asked for.
+    pub outside: u64,
+}
+
+fn place_of(news: &News) -> Option<Place> {
+    match news {
+        News::Slopes(place, _)
+        | News::Detail(place)
+        | News::Exchange(place)
+        | News::Emergency(place, _)
+        | News::Heartbeat(place, _)
+        | News::Malformed(place) => Some(*place),
+        News::Sync | News::Other => None,
+    }
+}

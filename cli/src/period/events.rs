@@ -1,0 +1,314 @@
+//! What happened, one by one: faults, restarts, lost heartbeats.
+//!
+//! In: EMCY messages, boot-ups and losses in the order of the log. Out: a list of [`Event`]s with
+//! their ends, of which the first [`MOST_FAULTS`] faults and the first [`MOST_OTHERS`] others are
+//! kept; the rest is counted. The same event of the same node again within a second of its end is
+//! a repetition, as in the device's own fault log.
+//!
+//! An end is known by the set of faults in EMCY bytes 3 to 5, by the error register for what
+//! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY).
+
+use super::kind::{Kind, fault_of};
+use crate::watch::Emergency;
+
+/// Faults that are kept one by one.
+pub const MOST_FAULTS: usize = 200;
+
+/// Other events that are kept one by one.
+pub const MOST_OTHERS: usize = 100;
+
+/// Again within this time is a repetition, ns.
+pub const REPEAT_NS: u64 = 1_000_000_000;
+
+/// Error register, bit 4: communication; and bit 0, which any error sets.
+const COMMUNICATION: u8 = 0x10;
+const GENERIC: u8 = 0x01;
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
+    /// An EMCY message of this code.
+    Emergency(u16),
+    /// The heartbeat stayed away.
+    HeartbeatLost,
+    /// A boot-up message after other frames of the node.
+    Restart,
+}
+
+impl What {
+    /// Its kind.
+    pub fn kind(self) -> Kind {
+        match self {
+            Self::Emergency(code) => Kind::of(code),
+            Self::HeartbeatLost => Kind::Heartbeat,
+            Self::Restart => Kind::Restart,
+        }
+    }
+
+    /// True for what has no end of its own.
+    fn is_momentary(self) -> bool {
+        match self {
+            Self::Emergency(0x8120 | 0x8130) => false,
+            Self::Emergency(code) => fault_of(code).is_none(),
+            Self::HeartbeatLost => false,
+            Self::Restart => true,
+        }
+    }
+}
+
+/// How an event ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// It has no end of its own.
+    Momentary,
+    /// Told to be over at this time, ns.
+    Over(u64),
+    /// The node started anew at this time, ns.
+    Restarted(u64),
+    /// Not before the log ended.
+    Standing,
+}
+
+/// One event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// When, ns.
+    pub at_ns: u64,
+    /// 0 is channel A, 1 is channel B: who told it, or whose heartbeat it is.
+    pub side: u8,
+    /// What.
+    pub what: What,
+    /// Channel that is blamed, seen from the teller: 0 none, 1 own, 2 the other, 3 both.
+    pub blamed: u8,
+    /// Why, as 2025h numbers it; 0 for no reason.
+    pub reason: u8,
+    /// State of the pair (2021h), where the message tells it.
+    pub state: Option<u8>,
+    /// How it ended.
+    pub end: End,
+    /// How often it came again.
+    pub repeats: u32,
+    /// The number of the plot with the SYNCs around it.
+    pub plot: Option<usize>,
+}
+
+/// The list.
+#[derive(Clone, Debug, Default)]
+pub struct Events {
+    kept: Vec<Event>,
+    faults: usize,
+    /// Faults and others that were not kept.
+    left_out: [u64; 2],
+}
+
+impl Events {
+    /// What was kept, in the order of the log.
+    pub fn kept(&self) -> &[Event] {
+        &self.kept
+    }
+
+    /// How many faults and how many others found no room.
+    pub const fn left_out(&self) -> [u64; 2] {
+        self.left_out
+    }
+
+    /// Takes an EMCY message; its place in the list when it is one to be kept, and whether it is
+    /// a new one.
+    pub fn emergency(&mut self, at_ns: u64, side: u8, told: &Emergency) -> Option<(usize, bool)> {
+        self.close_gone(at_ns, side, told);
+        if told.code == 0 {
+            return None;
+        }
+        let [_, _, _, verdict, state] = told.bytes;
+        let of_pair = fault_of(told.code).is_some();
+        self.add(Event {
+            blamed: if of_pair { verdict >> 6 } else { 0 },
+            reason: if of_pair { verdict & 0x3F } else { 0 },
+            state: of_pair.then_some(state),
+            ..Event::new(at_ns, side, What::Emergency(told.code))
+        })
+    }
+
+    /// Takes an event that is no EMCY message.
+    pub fn other(&mut self, at_ns: u64, side: u8, what: What, end: End) {
+        let event = Event::new(at_ns, side, what);
+        self.add(Event { end, ..event });
+    }
+
+    fn add(&mut self, event: Event) -> Option<(usize, bool)> {
+        let again = |kept: &Event| kept.side == event.side && kept.what == event.what;
+        let last = self.kept.iter().rposition(again);
+        if let Some((place, kept)) = last.and_then(|at| Some((at, self.kept.get_mut(at)?)))
+            && kept.is_within_a_second(&event)
+        {
+            kept.repeats = kept.repeats.saturating_add(1);
+            kept.end = event.end;
+            return Some((place, false));
+        }
+        let is_fault = event.what.kind().is_fault();
+        let others = self.kept.len() - self.faults;
+        let (count, most, out) = match is_fault {
+            true => (self.faults, MOST_FAULTS, 0),
+            false => (others, MOST_OTHERS, 1),
+        };
+        if count >= most {
+            self.left_out[out] += 1;
+            return None;
+        }
+        self.faults += usize::from(is_fault);
+        self.kept.push(event);
+        Some((self.kept.len() - 1, true))
+    }
+
+    /// Ends what this message no longer has in its set.
+    fn close_gone(&mut self, at_ns: u64, side: u8, told: &Emergency) {
+        let [f0, f1, f2, ..] = told.bytes;
+        let set = u32::from_le_bytes([f0, f1, f2, 0]);
+        let of_bus = matches!(told.code, 0x8000..=0x8FFF);
+        // The 0000h of a bus error has an empty set although faults of the instrument may stand.
+        let says_nothing = told.bytes == [0; 5] && told.register & !(COMMUNICATION | GENERIC) != 0;
+        let knows_faults = !of_bus && !says_nothing;
+        let open = self.kept.iter_mut();
+        for event in open.filter(|event| event.side == side && event.end == End::Standing) {
+            let What::Emergency(code) = event.what else {
+                continue;
+            };
+            let over = match fault_of(code) {
+                Some(fault) => knows_faults && set >> fault as u8 & 1 == 0,
+                None => told.code == 0 && told.register & COMMUNICATION == 0,
+            };
+            if over {
+                event.end = End::Over(at_ns);
+            }
+        }
+    }
+
+    /// Ends what a restart takes back, which is all that this node has told.
+    pub fn restarted(&mut self, at_ns: u64, side: u8) {
+        let open = self.kept.iter_mut();
+        for event in open.filter(|event| event.side == side && event.end == End::Standing) {
+            if matches!(event.what, What::Emergency(_)) {
+                event.end = End::Restarted(at_ns);
+            }
+        }
+    }
+
+    /// Notes which plot shows an event.
+    pub fn in_plot(&mut self, place: usize, plot: usize) {
+        if let Some(event) = self.kept.get_mut(place) {
+            event.plot.get_or_insert(plot);
+        }
+    }
+}
+
+impl Event {
+    fn new(at_ns: u64, side: u8, what: What) -> Self {
+        let end = if what.is_momentary() {
+            End::Momentary
+        } else {
+            End::Standing
+        };
+        Self {
+            at_ns,
+            side,
+            what,
+            blamed: 0,
+            reason: 0,
+            state: None,
+            end,
+            repeats: 0,
+            plot: None,
+        }
+    }
+
+    fn is_within_a_second(&self, later: &Self) -> bool {
+        let end_ns = match self.end {
+            End::Over(at_ns) | End::Restarted(at_ns) => at_ns,
+            End::Momentary => self.at_ns,
+            // Told again without an end, as after a frame that was lost.
+            End::Standing => later.at_ns,
+        };
+        later.at_ns >= self.at_ns && later.at_ns.saturating_sub(end_ns) <= REPEAT_NS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use device::fault::Fault;
+
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    fn told(code: u16, register: u8, faults: u32) -> Emergency {
+        let [f0, f1, f2, _] = faults.to_le_bytes();
+        Emergency {
+            code,
+            register,
+            bytes: [f0, f1, f2, 0x80 | 15, 8],
+        }
+    }
+
+    #[test]
+    fn a_fault_ends_when_it_is_no_longer_in_the_set() {
+        let mut events = Events::default();
+        let (silent, peer) = (
+            1 << Fault::SensorSilent as u32,
+            1 << Fault::PeerChannel as u32,
+        );
+        events.emergency(S, 0, &told(0xFF15, 0x81, peer));
+        events.emergency(2 * S, 0, &told(0xFF02, 0x81, peer | silent));
+        events.emergency(3 * S, 1, &told(0, 0, 0));
+        events.emergency(4 * S, 0, &told(0, 0x81, silent));
+        let ends: Vec<_> = events.kept().iter().map(|event| event.end).collect();
+        assert_eq!(ends, [End::Over(4 * S), End::Standing]);
+        assert_eq!(events.kept()[0].reason, 15);
+        assert_eq!(events.kept()[0].blamed, 2);
+        events.restarted(5 * S, 0);
+        assert_eq!(events.kept()[1].end, End::Restarted(5 * S));
+    }
+
+    #[test]
+    fn the_end_of_a_bus_error_does_not_end_a_fault_of_the_instrument() {
+        let mut events = Events::default();
+        events.emergency(S, 0, &told(0xFF13, 0x81, 1 << Fault::Disagree as u32));
+        events.emergency(2 * S, 0, &told(0x8130, 0x91, 2));
+        let end = Emergency {
+            code: 0,
+            register: 0x81,
+            bytes: [0; 5],
+        };
+        events.emergency(3 * S, 0, &end);
+        let ends: Vec<_> = events.kept().iter().map(|event| event.end).collect();
+        assert_eq!(ends, [End::Standing, End::Over(3 * S)]);
+    }
+
+    #[test]
+    fn a_loose_contact_is_one_event_that_came_again() {
+        let mut events = Events::default();
+        let set = 1 << Fault::SensorBus as u32;
+        for n in 0..50 {
+            events.emergency(n * S, 1, &told(0xFF01, 0x81, set));
+            events.emergency(n * S + S / 2, 1, &told(0, 0, 0));
+        }
+        assert_eq!(events.kept().len(), 1);
+        assert_eq!(events.kept()[0].repeats, 49);
+    }
+
+    #[test]
+    fn what_finds_no_room_is_counted_and_faults_keep_theirs() {
+        let mut events = Events::default();
+        for n in 0..1000 {
+            let range = told(0x5010, 0x21, 1);
+            events.emergency(10 * n * S, 0, &range);
+            events.emergency((10 * n + 1) * S, 0, &told(0, 0, 0));
+        }
+        events.emergency(
+            20_000 * S,
+            0,
+            &told(0xFF13, 0x81, 1 << Fault::Disagree as u32),
+        );
+        assert_eq!(events.left_out(), [0, 900]);
+        assert_eq!(events.kept().len(), 101);
+    }
+}

@@ -1,0 +1,363 @@
+//! One instrument under way: what stands between two of its frames.
+//!
+//! In: what `watch` makes of each frame, with the frame's time. Out: its [`Summary`], its
+//! [`Events`], the [`Recorder`]'s captures and its gaps.
+//!
+//! Left out: frames that belong to nobody (`collect`).
+
+use super::bins::Extremes;
+use super::capture::Recorder;
+use super::events::{End, Events, What};
+use super::gaps::{GAP_NS, Gap};
+use super::heartbeat::Heartbeat;
+use super::kind::Kind;
+use super::row::{Measured, Row};
+use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
+use crate::watch::{Detail, Emergency, Nmt, Slopes};
+
+/// A slope counts as such until the next one, for no longer than this, ns.
+const HOLD_NS: u64 = 1_000_000_000;
+
+/// Events closer than this to the one before are one incident, ns.
+const INCIDENT_NS: u64 = 1_000_000_000;
+
+/// Differences of the last SYNCs among which 2024h is looked for.
+const RECENT: usize = 4;
+
+/// Where a frame stands in the log.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Its time, ns.
+    pub now_ns: u64,
+    /// The frame of anybody before it, ns.
+    pub before_ns: u64,
+}
+
+/// What is remembered of a channel.
+#[derive(Clone, Debug, Default)]
+struct Under {
+    /// Since when its slopes are as they are: usable, or why not.
+    since: Option<(u64, Option<Unusable>)>,
+    reason: u8,
+    warned: bool,
+    seen: bool,
+    heartbeat: Heartbeat,
+    /// Vendor-ID, product code, revision and serial number (1018h), where the log has them.
+    identity: [Option<u32>; 4],
+}
+
+/// One instrument.
+#[derive(Clone, Debug, Default)]
+pub struct Instrument {
+    /// What has no end of its size: of the day under way, and after the end of the whole log.
+    pub summary: Summary,
+    /// Single events.
+    pub events: Events,
+    /// The SYNCs around them.
+    pub recorder: Recorder,
+    /// First and last frame of it, ns.
+    pub span_ns: Option<(u64, u64)>,
+    /// All days before.
+    done: Summary,
+    day: u64,
+    last_ns: Option<u64>,
+    incident_ns: Option<u64>,
+    row: Row,
+    recent: [Option<i32>; RECENT],
+    sides: [Under; 2],
+}
+
+impl Instrument {
+    /// A SYNC, or the first frame of one that is not in the log.
+    pub fn sync(&mut self, now_ns: u64) {
+        let row = std::mem::replace(&mut self.row, Row::at(now_ns));
+        if !row.is_empty() {
+            self.close(row);
+        }
+    }
+
+    fn close(&mut self, row: Row) {
+        let day = self.summary.day(row.time_ns);
+        day.syncs += 1;
+        if let Some(mdeg) = row.larger_difference() {
+            day.largest_mdeg = day.largest_mdeg.max(Some(mdeg.unsigned_abs()));
+            let bins = &mut self.summary.difference.bins;
+            bins.add(row.time_ns, Extremes::of(mdeg));
+            self.recent.rotate_right(1);
+            self.recent[0] = Some(mdeg);
+            self.judge(&row);
+        }
+        self.recorder.record(row);
+    }
+
+    fn judge(&mut self, row: &Row) {
+        let difference = &mut self.summary.difference;
+        let (mut known, mut above) = (false, false);
+        for (axis, own) in difference.own.iter_mut().enumerate() {
+            let Some(mdeg) = row.difference(axis) else {
+                continue;
+            };
+            own.add(mdeg);
+            if let Some(band) = row.band_mdeg(axis) {
+                known = true;
+                above |= f64::from(mdeg.unsigned_abs()) > band;
+            }
+        }
+        difference.by_measured += u64::from(row.is_of_measured());
+        difference.by_slopes += u64::from(!row.is_of_measured());
+        difference.judged += u64::from(known);
+        difference.above += u64::from(above);
+    }
+
+    /// Turns to the day of this time.
+    fn turn_to(&mut self, now_ns: u64) {
+        let day = now_ns / DAY_NS;
+        if day != self.day {
+            self.day = day;
+            self.done.merge(&std::mem::take(&mut self.summary));
+        }
+    }
+
+    /// Any frame of the instrument that has the form it should have.
+    pub fn seen(&mut self, at: Moment, side: usize) {
+        let now = at.now_ns;
+        self.turn_to(now);
+        let (first, last) = self.span_ns.unwrap_or((now, now));
+        self.span_ns = Some((first.min(now), last.max(now)));
+        if let Some(side) = self.sides.get_mut(side) {
+            side.seen = true;
+        }
+        let last = self.last_ns.replace(now).unwrap_or(now);
+        let since = now.saturating_sub(last);
+        if since <= GAP_NS {
+            self.summary.day(last).covered_ns += since;
+            return;
+        }
+        self.summary.gaps.add(Gap {
+            from_ns: last,
+            to_ns: now,
+            whole_bus: at.before_ns <= last.saturating_add(GAP_NS),
+        });
+    }
+
+    /// TPDO 1.
+    pub fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes) {
+        if self.row.slopes.get(number).is_some_and(Option::is_some) {
+            self.sync(now_ns);
+        }
+        let warns = matches!(slopes.state, 2..=4);
+        let warned = self.sides.iter().any(|side| side.warned);
+        let Some(side) = self.sides.get_mut(number) else {
+            return;
+        };
+        let usable = slopes.mdeg.iter().any(Option::is_some);
+        let unusable = (!usable).then_some(Unusable {
+            state: slopes.state,
+            reason: side.reason,
+        });
+        side.warned = warns;
+        let since = side.since.replace((now_ns, unusable));
+        if let Some(row) = self.row.slopes.get_mut(number) {
+            *row = Some(slopes.mdeg);
+        }
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            hold(channel, since, now_ns);
+            note_slopes(channel, now_ns, slopes);
+        }
+        if warns && !warned {
+            self.happened(now_ns, Kind::Warning);
+        }
+    }
+
+    /// TPDO 3.
+    pub fn measured(&mut self, now_ns: u64, number: usize, measured: Measured) {
+        if self.row.measured.get(number).is_some_and(Option::is_some) {
+            self.sync(now_ns);
+        }
+        if let (Some(row), Some(side)) = (
+            self.row.measured.get_mut(number),
+            self.sides.get_mut(number),
+        ) {
+            *row = Some(measured);
+            side.reason = measured.reason().unwrap_or(0);
+        }
+    }
+
+    /// TPDO 2.
+    pub fn detail(&mut self, now_ns: u64, number: usize, detail: &Detail) {
+        let Some(channel) = self.summary.channels.get_mut(number) else {
+            return;
+        };
+        let temperature = i32::from(detail.temperature_degc);
+        channel.temperature.add(temperature);
+        let bins = &mut channel.temperature_bins;
+        bins.add(now_ns, Extremes::of(temperature));
+        match detail.uncertainty_mdeg.map(i32::from) {
+            Some(mdeg) => {
+                channel.uncertainty.add(mdeg);
+                let bins = &mut channel.uncertainty_bins;
+                bins.add(now_ns, Extremes::of(mdeg));
+            }
+            None => channel.uncertainty_unknown += 1,
+        }
+        let Some(told) = detail.difference_mdeg.map(i32::from) else {
+            return;
+        };
+        // Each node says its own angle minus the other's.
+        let told = if number == 0 { told } else { -told };
+        let difference = &mut self.summary.difference;
+        difference.told.add(told);
+        let recent = self.recent.iter().flatten();
+        if let Some(off) = recent.map(|own| (told - own).abs()).min() {
+            difference.told_off.add(off);
+        }
+    }
+
+    /// EMCY.
+    pub fn emergency(&mut self, now_ns: u64, number: usize, told: &Emergency) {
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            *channel.emergencies.entry(told.code).or_default() += 1;
+        }
+        let placed = self.events.emergency(now_ns, number as u8, told);
+        if told.code == 0 {
+            return;
+        }
+        let kind = Kind::of(told.code);
+        self.happened(now_ns, kind);
+        if let (Some((place, true)), true) = (placed, kind.is_fault())
+            && let Some(plot) = self.recorder.trigger(now_ns)
+        {
+            self.events.in_plot(place, plot);
+        }
+    }
+
+    /// Counts an event, and an incident with it when it stands apart.
+    fn happened(&mut self, now_ns: u64, kind: Kind) {
+        self.summary.note(now_ns, kind);
+        if !kind.is_fault() && kind != Kind::Warning {
+            return;
+        }
+        let last = self.incident_ns.replace(now_ns);
+        if last.is_none_or(|last| now_ns.abs_diff(last) > INCIDENT_NS) {
+            self.summary.day(now_ns).incidents += 1;
+        }
+    }
+
+    /// A heartbeat or boot-up; `changed` is its state when it is a new one.
+    pub fn heartbeat(&mut self, at: Moment, number: usize, changed: Option<Nmt>, keeps: bool) {
+        let now_ns = at.now_ns;
+        let Some(side) = self.sides.get_mut(number) else {
+            return;
+        };
+        let lost = side.heartbeat.take(at);
+        let restarted = changed == Some(Nmt::BootUp);
+        let was_seen = side.seen;
+        if restarted {
+            side.since = None;
+            side.reason = 0;
+            side.warned = false;
+        }
+        if let Some(from_ns) = lost {
+            self.lost(number, from_ns, now_ns, End::Over(now_ns));
+        }
+        if !restarted {
+            return;
+        }
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            channel.boots += 1;
+        }
+        if !keeps {
+            self.events.restarted(now_ns, number as u8);
+        }
+        if was_seen {
+            let side = number as u8;
+            self.events
+                .other(now_ns, side, What::Restart, End::Momentary);
+            self.happened(now_ns, Kind::Restart);
+        }
+    }
+
+    fn lost(&mut self, number: usize, from_ns: u64, to_ns: u64, end: End) {
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            channel.heartbeat_losses += 1;
+            channel.heartbeat_lost_ns += to_ns.saturating_sub(from_ns);
+        }
+        let side = number as u8;
+        self.events.other(from_ns, side, What::HeartbeatLost, end);
+        self.happened(from_ns, Kind::Heartbeat);
+    }
+
+    /// Nothing at all was on the bus for longer than a gap takes.
+    pub fn bus_was_silent(&mut self) {
+        let sides = self.sides.iter_mut();
+        sides.for_each(|side| side.heartbeat.bus_was_silent());
+    }
+
+    /// A frame of another form than the plan says.
+    pub fn malformed(&mut self, number: usize) {
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            channel.malformed += 1;
+        }
+    }
+
+    /// An answer to an SDO: what it tells of the identity is kept.
+    pub fn sdo(&mut self, number: usize, bytes: &[u8]) {
+        if let (&[0x43, 0x18, 0x10, sub @ 1..=4, a, b, c, d], Some(side)) =
+            (bytes, self.sides.get_mut(number))
+            && let Some(place) = side.identity.get_mut(usize::from(sub) - 1)
+        {
+            *place = Some(u32::from_le_bytes([a, b, c, d]));
+        }
+    }
+
+    /// Vendor-ID, product code, revision and serial number (1018h) of a channel.
+    pub fn identity(&self, number: usize) -> [Option<u32>; 4] {
+        self.sides
+            .get(number)
+            .map_or([None; 4], |side| side.identity)
+    }
+
+    /// True when a channel sent anything that has the form it should have.
+    pub fn has_seen(&self, number: usize) -> bool {
+        self.sides.get(number).is_some_and(|side| side.seen)
+    }
+
+    /// The log has ended, at this moment.
+    pub fn finish(&mut self, at: Moment) {
+        self.sync(at.now_ns);
+        for number in 0..self.sides.len() {
+            let lost = self.sides.get_mut(number);
+            if let Some(from_ns) = lost.and_then(|side| side.heartbeat.take(at)) {
+                self.lost(number, from_ns, at.now_ns, End::Standing);
+            }
+        }
+        let last = std::mem::take(&mut self.summary);
+        self.done.merge(&last);
+        self.summary = std::mem::take(&mut self.done);
+    }
+}
+
+/// Counts the time since the slopes before, as what these were.
+fn hold(channel: &mut ChannelSummary, since: Option<(u64, Option<Unusable>)>, now_ns: u64) {
+    let Some((from_ns, unusable)) = since else {
+        return;
+    };
+    let held_ns = now_ns.saturating_sub(from_ns);
+    if held_ns > HOLD_NS {
+        return;
+    }
+    match unusable {
+        None => channel.usable_ns += held_ns,
+        Some(why) => *channel.unusable_ns.entry(why).or_default() += held_ns,
+    }
+}
+
+fn note_slopes(channel: &mut ChannelSummary, now_ns: u64, slopes: &Slopes) {
+    let axes = channel.slope.iter_mut().zip(&mut channel.slope_bins);
+    for ((tally, bins), mdeg) in axes.zip(slopes.mdeg) {
+        if let Some(mdeg) = mdeg {
+            tally.add(mdeg);
+            bins.add(now_ns, Extremes::of(mdeg));
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! `report.html` of `plumb report`.
+//!
+//! In: a [`PeriodReport`]. Out: one page that stands alone, the verdict on top, then what happened,
+//! then how it was measured, and at the end what was read and what such a report can't tell.
+
+use super::charts;
+use super::data::*;
+use super::tables;
+use super::verdict;
+use crate::report::chart::Chart;
+use crate::report::html::{self, escape};
+use crate::report::replay_tables::printable;
+use crate::text_table::Table;
+
+const LEAD: &str = "What the bus has told of a redundant inclinometer over a period: when its two \
+    channels disagreed, what they measured, and how sure they were.";
+
+/// The page.
+pub fn page(report: &PeriodReport) -> String {
+    let mut body = header(report);
+    for instrument in &report.instruments {
+        body.push_str(&one(report, instrument));
+    }
+    for (number, memory) in (1..).zip(&report.memories) {
+        body.push_str(&memory_section(number, memory));
+    }
+    if let Some(bus) = &report.bus {
+        body.push_str(&bus_section(report, bus));
+    }
+    body.push_str(&limits(report));
+    body.push_str(&footer(report));
+    html::page("Plumb period report", &body)
+}
+
+fn header(report: &PeriodReport) -> String {
+    let mut facts = Vec::new();
+    if let (Some(from), Some(to)) = (report.from_s, report.to_s) {
+        let zone = if report.clock == "utc" {
+            " UTC"
+        } else {
+            " of the log"
+        };
+        facts.push(("From", tables::at(report, from) + zone));
+        facts.push(("To", tables::at(report, to) + zone));
+        facts.push((
+            "With data",
+            super::clock::length(tables::ns(report.covered_s)),
+        ));
+    }
+    facts.push(("Instruments", report.instruments.len().to_string()));
+    facts.push(("Plumb", report.plumb_version.clone()));
+    format!(
+        "<header><h1>Plumb period report</h1>\n<p class=\"lead\">{}</p>\n{}{}{}</header>\n",
+        escape(LEAD),
+        html::verdict(report.clean, &report.verdict),
+        html::facts(&facts),
+        report
+            .notes
+            .iter()
+            .map(|note| html::paragraph(note))
+            .collect::<String>()
+    )
+}
+
+/// A table, or this sentence where it has no rows.
+fn table_or(table: &Table, sentence: &str) -> String {
+    if table.rows.is_empty() {
+        return format!(
+            "<h3>{}</h3>\n{}",
+            escape(&table.title),
+            html::paragraph(sentence)
+        );
+    }
+    html::table(table)
+}
+
+fn row_of(charts: &[Chart]) -> String {
+    let all: String = charts.iter().map(Chart::html).collect();
+    format!("<div class=\"charts\">\n{all}</div>\n")
+}
+
+fn one(report: &PeriodReport, instrument: &InstrumentReport) -> String {
+    let ids: Vec<String> = instrument
+        .channels
+        .iter()
+        .map(|c| c.node_id.to_string())
+        .collect();
+    let mut out = format!(
+        "<section><h2>Instrument {}: nodes {}</h2>\n",
+        instrument.number,
+        ids.join(" and ")
+    );
+    let from = tables::at(report, instrument.from_s);
+    let to = tables::at(report, instrument.to_s);
+    out += &html::facts(&[
+        ("From", from),
+        ("To", to),
+        (
+            "With data",
+            super::clock::length(tables::ns(instrument.covered_s)),
+        ),
+        ("Incidents", verdict::incidents_of(instrument).to_string()),
+    ]);
+    out += &what_happened(report, instrument);
+    out += &what_was_measured(report, instrument);
+    out += "</section>\n";
+    out
+}
+
+fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String {
+    let mut out = row_of(&[
+        charts::per_day(instrument),
+        charts::difference(report, instrument),
+    ]);
+    out += &html::table(&tables::days(instrument));
+    let faults = tables::events(report, instrument, true);
+    out += &table_or(&faults, "No fault was told, and none was found in the log.");
+    if !instrument.plots.is_empty() {
+        out += "<h3>The SYNCs around each fault</h3>\n";
+        out += &html::paragraph(
+            "32 SYNCs up to the event and 16 after it, from the log: the angles as measured where \
+             the channels have sent them (TPDO 3), else as reported.",
+        );
+        let plots = instrument.plots.iter();
+        let prefix = format!("fault-{}", instrument.number);
+        let all: Vec<Chart> = plots
+            .flat_map(|plot| charts::around(plot, &prefix))
+            .collect();
+        out += &row_of(&all);
+    }
+    if instrument.plots_left_out > 0 {
+        let text = format!(
+            "{} more events have no plot here.",
+            instrument.plots_left_out
+        );
+        out += &html::paragraph(&text);
+    }
+    let others = tables::events(report, instrument, false);
+    out += &table_or(
+        &others,
+        "Nothing else happened: no restart, no lost heartbeat.",
+    );
+    out
+}
+
+fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> String {
+    let mut out = html::table(&tables::angles(instrument));
+    out += &row_of(&charts::slopes(report, instrument));
+    let difference = tables::difference(instrument);
+    out += &table_or(
+        &difference,
+        "Nothing could be compared: no SYNC has angles of both.",
+    );
+    out += &row_of(&charts::histograms(instrument));
+    let availability = tables::availability(instrument);
+    out += &table_or(&availability, "No stretch of time has angles.");
+    out += &html::table(&tables::channels(instrument));
+    out += &row_of(&charts::quantities(report, instrument));
+    let gaps = tables::gaps(report, "Stretches without data", &instrument.gaps);
+    out += &table_or(&gaps, "There is no gap of more than 2 s.");
+    out
+}
+
+fn memory_section(number: usize, memory: &MemoryReport) -> String {
+    let mut out = format!(
+        "<section><h2>What is remembered: {}</h2>\n",
+        escape(&printable(&memory.source))
+    );
+    let entries = super::memory::entries(memory);
+    out += &table_or(&entries, "There is no entry.");
+    for plot in &memory.boxes {
+        out += &format!("<h3>{}</h3>\n", escape(&plot.title));
+        let prefix = format!("box-{number}");
+        out += &row_of(&charts::around(plot, &prefix));
+    }
+    out + "</section>\n"
+}
+
+fn bus_section(report: &PeriodReport, bus: &BusReport) -> String {
+    let mut out = "<section><h2>The bus and the logs</h2>\n".to_owned();
+    let mut facts = Vec::new();
+    if let Some(rate) = bus.rate_bit_s {
+        facts.push(("Mean", format!("{:.1} kbit/s", rate * 1e-3)));
+    }
+    if let (Some(load), Some(most)) = (bus.load_percent, bus.bit_rate_bit_s) {
+        facts.push(("Load", format!("{load:.1} % of {:.0} kbit/s", most * 1e-3)));
+    }
+    out += &html::facts(&facts);
+    out += &row_of(&[charts::load(report, bus)]);
+    out += &html::table(&tables::bus(bus));
+    let gaps = tables::gaps(report, "Stretches without any frame", &bus.gaps);
+    out += &table_or(&gaps, "There is no gap of more than 2 s.");
+    out += &html::table(&tables::logs(report));
+    out + "</section>\n"
+}
+
+fn limits(report: &PeriodReport) -> String {
+    let mut out = "<section><h2>What this report can't tell</h2>\n".to_owned();
+    if report.bus.is_some() {
+        out.extend(verdict::LIMITS.map(html::paragraph));
+    } else {
+        out += &html::paragraph(verdict::LIMITS[0]);
+        out += &html::paragraph(
+            "A node remembers its last 16 events and the samples of two. Its times count from \
+             its own start, and nobody knows when that was.",
+        );
+    }
+    out + "</section>\n"
+}
+
+fn footer(report: &PeriodReport) -> String {
+    let text = format!(
+        "The same figures are in report.json beside this page (format {}, version {}).",
+        report.format, report.version
+    );
+    format!("<footer>{}</footer>\n", html::paragraph(&text))
+}

@@ -1,0 +1,196 @@
+//! What both channels of an instrument said at one SYNC.
+//!
+//! In: TPDO 1 as `watch` has read it, and the bytes of TPDO 3 (docs/canopen.md). Out: a [`Row`]
+//! with the angles of both channels, their difference, and the band in which a difference is no
+//! more than both uncertainties allow.
+//!
+//! TPDO 3 has the angles as measured, also while the pair disagrees and TPDO 1 says 8000h, and
+//! finer; so the difference is formed of these where both channels have sent them, and else of
+//! TPDO 1. The two are not mixed: presets and offsets are in TPDO 1 only.
+
+/// Steps of TPDO 3 in a full circle.
+const CIRCLE_STEPS: i64 = 1 << 24;
+
+/// The full circle, 0.001 deg.
+const CIRCLE_MDEG: i32 = 360_000;
+
+/// The lowest quality that stands for an angle.
+const FIRST_ANGLE: u8 = 32;
+
+/// The coverage factor of the band.
+const COVERAGE: f64 = 2.0;
+
+/// TPDO 3 of one channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measured {
+    /// X and Y in steps of a 2^24th of the circle.
+    steps: [i32; 2],
+    /// Quality of X and Y.
+    quality: [u8; 2],
+}
+
+impl Measured {
+    /// Reads the bytes of a TPDO 3; `None` when there are not eight.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let &[x0, x1, x2, y0, y1, y2, qx, qy] = bytes else {
+            return None;
+        };
+        let steps = |low, middle, high| i32::from_le_bytes([0, low, middle, high]) >> 8;
+        Some(Self {
+            steps: [steps(x0, x1, x2), steps(y0, y1, y2)],
+            quality: [qx, qy],
+        })
+    }
+
+    /// The angle of an axis, 0.001 deg; `None` where there is none.
+    pub fn mdeg(&self, axis: usize) -> Option<i32> {
+        (self.quality.get(axis)? >= &FIRST_ANGLE).then_some(to_mdeg(*self.steps.get(axis)?))
+    }
+
+    /// Why there is no angle, as 2025h numbers it: of the first axis that has a reason.
+    pub fn reason(&self) -> Option<u8> {
+        let mut reasons = self.quality.iter().copied();
+        reasons.find(|quality| (1..FIRST_ANGLE).contains(quality))
+    }
+
+    /// Standard uncertainty of an axis, 0.001 deg; `None` where it is not known.
+    pub fn uncertainty_mdeg(&self, axis: usize) -> Option<f64> {
+        let quality = *self.quality.get(axis)?;
+        let known = (FIRST_ANGLE..u8::MAX).contains(&quality);
+        known.then(|| 2_f64.powf(f64::from(quality - FIRST_ANGLE) / 16.0))
+    }
+
+    /// This channel's angle minus the other one's, the shorter way round, 0.001 deg.
+    fn minus(&self, other: &Self, axis: usize) -> Option<i32> {
+        self.mdeg(axis)?;
+        other.mdeg(axis)?;
+        let steps = self.steps.get(axis)?.wrapping_sub(*other.steps.get(axis)?);
+        Some(to_mdeg((steps << 8) >> 8))
+    }
+}
+
+fn to_mdeg(steps: i32) -> i32 {
+    let scaled = i64::from(steps) * i64::from(CIRCLE_MDEG);
+    // To the nearest one.
+    ((scaled + CIRCLE_STEPS / 2).div_euclid(CIRCLE_STEPS)) as i32
+}
+
+/// One SYNC.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Row {
+    /// When it was seen, or the first frame after it; ns.
+    pub time_ns: u64,
+    /// TPDO 1 of both channels: slope X and Y, 0.001 deg.
+    pub slopes: [Option<[Option<i32>; 2]>; 2],
+    /// TPDO 3 of both channels.
+    pub measured: [Option<Measured>; 2],
+}
+
+impl Row {
+    /// A SYNC after which nobody has said anything yet.
+    pub fn at(time_ns: u64) -> Self {
+        Self {
+            time_ns,
+            ..Self::default()
+        }
+    }
+
+    /// True when nobody has said anything.
+    pub fn is_empty(&self) -> bool {
+        self.slopes == [None; 2] && self.measured == [None; 2]
+    }
+
+    /// True when both have said how they measure.
+    pub fn is_of_measured(&self) -> bool {
+        self.measured.iter().all(Option::is_some)
+    }
+
+    /// The angle of a channel on an axis, 0.001 deg: as measured where that was sent.
+    pub fn angle(&self, side: usize, axis: usize) -> Option<i32> {
+        match (self.measured.get(side)?, self.slopes.get(side)?) {
+            (Some(measured), _) => measured.mdeg(axis),
+            (None, slopes) => *slopes.as_ref()?.get(axis)?,
+        }
+    }
+
+    /// Channel A minus channel B on an axis, 0.001 deg.
+    pub fn difference(&self, axis: usize) -> Option<i32> {
+        if let [Some(a), Some(b)] = &self.measured {
+            return a.minus(b, axis);
+        }
+        let [Some(a), Some(b)] = &self.slopes else {
+            return None;
+        };
+        let apart = (*a.get(axis)?)? - (*b.get(axis)?)?;
+        let half = CIRCLE_MDEG / 2;
+        Some((apart + half).rem_euclid(CIRCLE_MDEG) - half)
+    }
+
+    /// The larger of both differences by size, with its sign.
+    pub fn larger_difference(&self) -> Option<i32> {
+        let both = [0, 1].into_iter().filter_map(|axis| self.difference(axis));
+        both.max_by_key(|mdeg| mdeg.unsigned_abs())
+    }
+
+    /// The expanded uncertainty (k = 2) of the difference on an axis, 0.001 deg.
+    pub fn band_mdeg(&self, axis: usize) -> Option<f64> {
+        let [Some(a), Some(b)] = &self.measured else {
+            return None;
+        };
+        let both = [a.uncertainty_mdeg(axis)?, b.uncertainty_mdeg(axis)?];
+        Some(COVERAGE * both[0].hypot(both[1]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
+        let [low, middle, high, _] = x_steps.to_le_bytes();
+        Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
+    }
+
+    #[test]
+    fn angles_are_read_with_sign_and_quality() {
+        let eighth = measured(-(1 << 21), 48).unwrap();
+        assert_eq!(eighth.mdeg(0), Some(-45_000));
+        assert_eq!(eighth.uncertainty_mdeg(0), Some(2.0));
+        assert_eq!(eighth.reason(), None);
+        let none = measured(77, 15).unwrap();
+        assert_eq!((none.mdeg(0), none.reason()), (None, Some(15)));
+        assert_eq!(measured(0, 255).unwrap().uncertainty_mdeg(1), None);
+        assert_eq!(Measured::read(&[0; 7]), None);
+    }
+
+    #[test]
+    fn the_difference_goes_the_shorter_way_round() {
+        let mut row = Row {
+            measured: [measured(0x7F_FFFF, 40), measured(-0x80_0000, 40)],
+            ..Row::default()
+        };
+        assert_eq!(row.difference(0), Some(0));
+        row.measured = [None; 2];
+        row.slopes = [
+            Some([Some(179_990), Some(10)]),
+            Some([Some(-179_990), Some(40)]),
+        ];
+        assert_eq!(
+            [row.difference(0), row.difference(1)],
+            [Some(-20), Some(-30)]
+        );
+        assert_eq!(row.larger_difference(), Some(-30));
+    }
+
+    #[test]
+    fn as_measured_goes_before_the_slopes() {
+        let row = Row {
+            measured: [measured(466, 40), measured(0, 40)],
+            slopes: [Some([None; 2]), Some([None; 2])],
+            ..Row::default()
+        };
+        assert_eq!((row.angle(0, 0), row.difference(0)), (Some(10), Some(10)));
+        let band = 2.0 * 2_f64.sqrt() * 2_f64.powf(0.5);
+        assert!((row.band_mdeg(0).unwrap() - band).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,273 @@
+//! What is kept of an instrument over any length of time.
+//!
+//! In: what the collector has found out of single frames. Out: a [`Summary`] that has the same
+//! size for a minute and for a year, but for one short row per day. Two of them join to what one
+//! of both times together would be, to the last bit, so that days, machines' logs and threads can
+//! be counted apart.
+//!
+//! Left out: single events, which are kept in a list with an end (`events`), and what stands
+//! between two frames (`collect`).
+
+use std::collections::BTreeMap;
+
+use super::bins::{Bins, Extremes};
+use super::gaps::Gaps;
+use super::kind::{KINDS, Kind};
+use super::tally::Tally;
+
+/// A day in ns.
+pub const DAY_NS: u64 = 86_400_000_000_000;
+
+/// Why a slope could not be used: state of the pair (2021h) and the channel's own reason (2025h),
+/// 0 where the channel had an angle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Unusable {
+    /// State of the pair, as 2021h shows it.
+    pub state: u8,
+    /// Reason of the channel's own, as 2025h numbers it; 0 for none.
+    pub reason: u8,
+}
+
+/// One channel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ChannelSummary {
+    /// Slope X and Y while they could be used, 0.001 deg.
+    pub slope: [Tally; 2],
+    /// The same over time.
+    pub slope_bins: [Bins<Extremes>; 2],
+    /// Time with a slope that could be used, ns.
+    pub usable_ns: u64,
+    /// Time without one, by reason, ns.
+    pub unusable_ns: BTreeMap<Unusable, u64>,
+    /// Standard uncertainty over time, 0.001 deg.
+    pub uncertainty: Tally,
+    /// The same over time.
+    pub uncertainty_bins: Bins<Extremes>,
+    /// TPDO 2 that said the uncertainty was not known.
+    pub uncertainty_unknown: u64,
+    /// Temperature of the sensor, degC.
+    pub temperature: Tally,
+    /// The same over time.
+    pub temperature_bins: Bins<Extremes>,
+    /// EMCY messages by code; 0 is "gone".
+    pub emergencies: BTreeMap<u16, u64>,
+    /// Boot-up messages.
+    pub boots: u64,
+    /// Times that the heartbeat stayed away too long.
+    pub heartbeat_losses: u64,
+    /// How long it stayed away, ns.
+    pub heartbeat_lost_ns: u64,
+    /// Frames of another form than the plan says.
+    pub malformed: u64,
+}
+
+impl ChannelSummary {
+    fn merge(&mut self, other: &Self) {
+        for (own, other) in self.slope.iter_mut().zip(&other.slope) {
+            own.merge(other);
+        }
+        for (own, other) in self.slope_bins.iter_mut().zip(&other.slope_bins) {
+            own.merge(other);
+        }
+        self.usable_ns += other.usable_ns;
+        add_all(&mut self.unusable_ns, &other.unusable_ns);
+        self.uncertainty.merge(&other.uncertainty);
+        self.uncertainty_bins.merge(&other.uncertainty_bins);
+        self.uncertainty_unknown += other.uncertainty_unknown;
+        self.temperature.merge(&other.temperature);
+        self.temperature_bins.merge(&other.temperature_bins);
+        add_all(&mut self.emergencies, &other.emergencies);
+        self.boots += other.boots;
+        self.heartbeat_losses += other.heartbeat_losses;
+        self.heartbeat_lost_ns += other.heartbeat_lost_ns;
+        self.malformed += other.malformed;
+    }
+}
+
+fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) {
+    for (key, count) in other {
+        *own.entry(*key).or_default() += count;
+    }
+}
+
+/// The difference of the two channels, by our own calculation and by the nodes'.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DifferenceSummary {
+    /// Channel A minus channel B on X and Y at the same SYNC, 0.001 deg.
+    pub own: [Tally; 2],
+    /// SYNCs compared by TPDO 3, as measured.
+    pub by_measured: u64,
+    /// SYNCs compared by TPDO 1, presets and offsets included.
+    pub by_slopes: u64,
+    /// The larger of both by size over time, with its sign.
+    pub bins: Bins<Extremes>,
+    /// SYNCs at which at least one axis could be compared and the uncertainty of both was known.
+    pub judged: u64,
+    /// Those of them at which a difference was above its expanded uncertainty (k = 2).
+    pub above: u64,
+    /// What the nodes have told (2024h sub 3), 0.001 deg.
+    pub told: Tally,
+    /// Sizes by which 2024h was off the closest of our own of the last SYNCs, 0.001 deg.
+    pub told_off: Tally,
+}
+
+impl DifferenceSummary {
+    fn merge(&mut self, other: &Self) {
+        for (own, other) in self.own.iter_mut().zip(&other.own) {
+            own.merge(other);
+        }
+        self.by_measured += other.by_measured;
+        self.by_slopes += other.by_slopes;
+        self.bins.merge(&other.bins);
+        self.judged += other.judged;
+        self.above += other.above;
+        self.told.merge(&other.told);
+        self.told_off.merge(&other.told_off);
+    }
+}
+
+/// What is kept of each day.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Day {
+    /// Time of which there is data, ns.
+    pub covered_ns: u64,
+    /// SYNCs at which something of the instrument was told.
+    pub syncs: u64,
+    /// Events by kind.
+    pub events: [u64; KINDS],
+    /// Events that stand apart: those closer than a second to the one before count once.
+    pub incidents: u64,
+    /// Greatest size of a difference, 0.001 deg.
+    pub largest_mdeg: Option<u32>,
+}
+
+impl Day {
+    fn merge(&mut self, other: &Self) {
+        self.covered_ns += other.covered_ns;
+        self.syncs += other.syncs;
+        for (own, other) in self.events.iter_mut().zip(other.events) {
+            *own += other;
+        }
+        self.incidents += other.incidents;
+        self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
+    }
+}
+
+/// An instrument.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Channel A and channel B.
+    pub channels: [ChannelSummary; 2],
+    /// The difference between them.
+    pub difference: DifferenceSummary,
+    /// Time without a frame of it.
+    pub gaps: Gaps,
+    /// The days with data, by their number since time 0.
+    pub days: BTreeMap<u64, Day>,
+}
+
+impl Summary {
+    /// The day of this time.
+    pub fn day(&mut self, time_ns: u64) -> &mut Day {
+        self.days.entry(time_ns / DAY_NS).or_default()
+    }
+
+    /// Counts an event of this kind.
+    pub fn note(&mut self, time_ns: u64, kind: Kind) {
+        if let Some(count) = self.day(time_ns).events.get_mut(kind as usize) {
+            *count += 1;
+        }
+    }
+
+    /// Takes all that another one has.
+    pub fn merge(&mut self, other: &Self) {
+        for (own, other) in self.channels.iter_mut().zip(&other.channels) {
+            own.merge(other);
+        }
+        self.difference.merge(&other.difference);
+        self.gaps.merge(&other.gaps);
+        for (number, day) in &other.days {
+            self.days.entry(*number).or_default().merge(day);
+        }
+    }
+
+    /// Time of which there is data, ns.
+    pub fn covered_ns(&self) -> u64 {
+        self.days.values().map(|day| day.covered_ns).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Puts something into every field.
+    fn note(summary: &mut Summary, time_s: u64, value: i32) {
+        let time_ns = time_s * 1_000_000_000;
+        let number = value.unsigned_abs() as usize;
+        let channel = &mut summary.channels[number % 2];
+        channel.slope[0].add(value);
+        channel.slope_bins[1].add(time_ns, Extremes::of(value));
+        channel.usable_ns += time_s;
+        let why = Unusable {
+            state: number as u8 % 10,
+            reason: 15,
+        };
+        *channel.unusable_ns.entry(why).or_default() += 5;
+        channel.uncertainty.add(value);
+        channel.uncertainty_bins.add(time_ns, Extremes::of(value));
+        channel.uncertainty_unknown += 1;
+        channel.temperature.add(value % 90);
+        channel.temperature_bins.add(time_ns, Extremes::of(value));
+        *channel.emergencies.entry(number as u16 % 7).or_default() += 1;
+        channel.boots += 1;
+        channel.heartbeat_losses += 2;
+        channel.heartbeat_lost_ns += 3;
+        channel.malformed += 4;
+        let difference = &mut summary.difference;
+        difference.own[1].add(value);
+        difference.by_measured += 1;
+        difference.by_slopes += 2;
+        difference.bins.add(time_ns, Extremes::of(value));
+        difference.judged += 2;
+        difference.above += 1;
+        difference.told.add(value);
+        difference.told_off.add(value);
+        summary.gaps.add(crate::period::gaps::Gap {
+            from_ns: time_ns,
+            to_ns: time_ns + number as u64,
+            whole_bus: value > 0,
+        });
+        summary.note(time_ns, Kind::ALL[number % KINDS]);
+        let day = summary.day(time_ns);
+        day.covered_ns += time_s;
+        day.syncs += 1;
+        day.incidents += 1;
+        day.largest_mdeg = day.largest_mdeg.max(Some(value.unsigned_abs()));
+    }
+
+    proptest! {
+        /// What makes a machine-day the unit: they can be counted apart and joined.
+        #[test]
+        fn merged_days_are_the_whole(
+            notes in prop::collection::vec((0..3_000_000_u64, -200_000..200_000_i32, 0..3_usize), 0..60),
+        ) {
+            let mut whole = Summary::default();
+            let mut parts: [Summary; 3] = Default::default();
+            for (time_s, value, part) in notes {
+                note(&mut whole, time_s, value);
+                note(&mut parts[part], time_s, value);
+            }
+            let [mut a, b, c] = parts;
+            let mut c_first = c.clone();
+            a.merge(&b);
+            a.merge(&c);
+            prop_assert_eq!(&a, &whole);
+            c_first.merge(&a);
+            c_first.merge(&Summary::default());
+            prop_assert_eq!(c_first.days.len(), whole.days.len());
+        }
+    }
+}

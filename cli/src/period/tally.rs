@@ -1,0 +1,97 @@
+//! Count, extremes, mean, scatter and percentiles of a quantity that comes value by value.
+//!
+//! In: whole numbers, 0.001 deg or whatever the caller counts in. Out: exact sums, so that the
+//! tally of two halves joined equals the tally of the whole to the last bit.
+//!
+//! Left out: when a value came (`bins`).
+
+use super::histogram::Histogram;
+
+/// Values so far.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    count: u64,
+    sum: i128,
+    squares: u128,
+    extremes: Option<(i32, i32)>,
+    /// How often each value came.
+    pub histogram: Histogram,
+}
+
+impl Tally {
+    /// Takes a value.
+    pub fn add(&mut self, value: i32) {
+        self.count += 1;
+        self.sum += i128::from(value);
+        self.squares += u128::from(value.unsigned_abs()).pow(2);
+        let (least, most) = self.extremes.unwrap_or((value, value));
+        self.extremes = Some((least.min(value), most.max(value)));
+        self.histogram.add(value);
+    }
+
+    /// Takes all values of another one.
+    pub fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum += other.sum;
+        self.squares += other.squares;
+        if let Some((least, most)) = other.extremes {
+            let own = self.extremes.unwrap_or((least, most));
+            self.extremes = Some((own.0.min(least), own.1.max(most)));
+        }
+        self.histogram.merge(&other.histogram);
+    }
+
+    /// Number of values.
+    pub const fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The least and the greatest value.
+    pub const fn extremes(&self) -> Option<(i32, i32)> {
+        self.extremes
+    }
+
+    /// The mean.
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum as f64 / self.count as f64)
+    }
+
+    /// The standard deviation of the values about their mean; `None` for fewer than two.
+    pub fn deviation(&self) -> Option<f64> {
+        let count = i128::from(self.count);
+        if count < 2 {
+            return None;
+        }
+        // Exact in whole numbers, where a difference of two large floats would not be.
+        let about = count * self.squares as i128 - self.sum * self.sum;
+        let variance = about as f64 / (count as f64 * (count - 1) as f64);
+        Some(variance.max(0.0).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mean_and_deviation_are_those_of_the_book() {
+        let mut tally = Tally::default();
+        assert_eq!((tally.mean(), tally.deviation()), (None, None));
+        for value in [2, 4, 4, 4, 5, 5, 7, 9] {
+            tally.add(value);
+        }
+        assert_eq!(tally.mean(), Some(5.0));
+        let expected = (32.0_f64 / 7.0).sqrt();
+        assert!((tally.deviation().unwrap() - expected).abs() < 1e-12);
+        assert_eq!(tally.extremes(), Some((2, 9)));
+    }
+
+    #[test]
+    fn a_small_scatter_far_from_zero_is_not_lost() {
+        let mut tally = Tally::default();
+        for n in 0..1_000_000 {
+            tally.add(1_000_000_000 + n % 2);
+        }
+        assert!((tally.deviation().unwrap() - 0.5).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,187 @@
+//! A report from the frames of a virtual instrument, from end to end.
+
+use std::sync::LazyLock;
+
+use canopen::Frame;
+
+use super::bench::{START_NS, Site, candump};
+use super::collect::{Collector, Window};
+use super::data::PeriodReport;
+use super::*;
+use crate::report::html::check;
+
+/// Two hours' worth of what can happen, in half a minute: motion, a loose board on channel B that
+/// is mended, channel A without supply, a gap.
+fn frames() -> &'static Vec<(u64, Frame)> {
+    static FRAMES: LazyLock<Vec<(u64, Frame)>> = LazyLock::new(|| {
+        let mut site = Site::working();
+        site.tilt(20.0, -10.0);
+        site.run_ms(4000);
+        site.loosen(1, 0.05);
+        site.run_ms(3000);
+        site.loosen(1, 0.0);
+        site.run_ms(1000);
+        site.send(0, &[129, 0]);
+        site.run_ms(1500);
+        site.send(0, &[1, 0]);
+        site.run_ms(3000);
+        site.network.power_off(0);
+        site.run_ms(3000);
+        site.network.power_on(0);
+        site.run_ms(1000);
+        site.send(0, &[1, 0]);
+        site.run_ms(3000);
+        site.frames
+    });
+    &FRAMES
+}
+
+fn collected(frames: &[(u64, Frame)], window: Window) -> PeriodReport {
+    let mut collector = Collector::new(&Plan::default(), window);
+    for (at_ns, frame) in frames {
+        collector.take(START_NS + at_ns, frame);
+    }
+    build::report(&collector.finish(), Vec::new(), Some(250e3))
+}
+
+fn report() -> &'static PeriodReport {
+    static REPORT: LazyLock<PeriodReport> =
+        LazyLock::new(|| collected(frames(), Window::default()));
+    &REPORT
+}
+
+#[test]
+fn a_loose_board_and_a_lost_supply_are_told_with_node_time_and_end() {
+    let [instrument] = &report().instruments[..] else {
+        panic!("one instrument");
+    };
+    let told = |code: &str| {
+        let events = instrument.events.iter();
+        events
+            .filter(|event| event.code.as_deref() == Some(code))
+            .collect::<Vec<_>>()
+    };
+    let disagree = [told("FF13h"), told("FF14h"), told("FF15h")].concat();
+    assert!(!disagree.is_empty(), "{:#?}", instrument.events);
+    let silent = told("FF15h");
+    assert!(
+        silent
+            .iter()
+            .any(|event| event.channel == "B" && event.blamed.as_deref() == Some("A"))
+    );
+    assert!(instrument.channels[0].heartbeat_losses > 0);
+    assert_eq!(instrument.channels[1].heartbeat_losses, 0);
+    let restarts = instrument
+        .events
+        .iter()
+        .filter(|event| event.kind == "restart");
+    assert!(restarts.count() >= 2);
+    assert!(verdict::incidents_of(instrument) >= 2);
+    assert!(!report().clean);
+}
+
+#[test]
+fn a_fault_has_the_syncs_around_it_from_the_log() {
+    let instrument = &report().instruments[0];
+    let plot = &instrument.plots[0];
+    assert_eq!(plot.rows.len(), 48);
+    assert!(plot.rows[31].since_s <= 0.02 && plot.rows[0].since_s < -0.25);
+    let last = plot.rows[47]
+        .difference_x_deg
+        .or(plot.rows[47].difference_y_deg);
+    assert!(last.is_some_and(|deg| deg.abs() > 0.5), "{plot:#?}");
+}
+
+#[test]
+fn angles_are_those_of_the_housing() {
+    let slope = &report().instruments[0].channels[1].slopes[0];
+    // For some SYNCs the loose board is believed: the greatest value is off by that.
+    let [least, .., most] = &slope.percentiles[..] else {
+        panic!("percentiles");
+    };
+    assert!((most.value_deg - 20.0).abs() < 0.3, "{slope:?}");
+    assert!(least.value_deg.abs() < 0.3);
+    let difference = &report().instruments[0].difference;
+    assert!(difference.slopes[0].percentiles[2].value_deg.abs() < 0.1);
+    assert!(difference.syncs_measured > 1000);
+    assert!(difference.judged > 0 && difference.above < difference.judged);
+    assert!(
+        difference.told_off_mean_deg.unwrap() < 0.02,
+        "{difference:?}"
+    );
+}
+
+#[test]
+fn time_with_and_without_an_angle_adds_up() {
+    for channel in &report().instruments[0].channels {
+        let not: f64 = channel.unusable.iter().map(|why| why.time_s).sum();
+        let all = channel.usable_s + not;
+        assert!((10.0..23.0).contains(&all), "{all}");
+        assert!(channel.usable_s > 8.0 && not > 0.5, "{channel:?}");
+    }
+}
+
+#[test]
+fn the_window_leaves_out_what_is_outside() {
+    let window = Window {
+        from_ns: Some(START_NS + 4_000_000_000),
+        to_ns: Some(START_NS + 6_000_000_000),
+    };
+    let report = collected(frames(), window);
+    assert!(report.covered_s <= 2.0 && report.covered_s > 1.9);
+    assert!(report.bus.as_ref().unwrap().outside > 1000);
+    assert!(report.clean, "{}", report.verdict);
+}
+
+#[test]
+fn the_load_is_that_of_the_virtual_bus() {
+    let load = report().bus.as_ref().unwrap().load_percent.unwrap();
+    assert!((10.0..100.0).contains(&load), "{load}");
+}
+
+#[test]
+fn the_page_is_whole_and_fetches_nothing() {
+    let html = page::page(report());
+    check::assert_balanced(&html);
+    check::assert_stands_alone(&html);
+    for sentence in ["What this report can't tell", "Incidents per day", "Plot 1"] {
+        assert!(html.contains(sentence), "{sentence}");
+    }
+}
+
+#[test]
+fn a_log_of_many_days_is_no_larger_than_one_of_a_minute() {
+    let day_ns = 86_400_000_000_000;
+    let mut collector = Collector::new(&Plan::default(), Window::default());
+    // Of every day some seconds; the third and fourth have none.
+    for day in (0..60).filter(|day| !matches!(day, 2 | 3)) {
+        for (at_ns, frame) in frames().iter().take(6000) {
+            collector.take(START_NS + day * day_ns + at_ns, frame);
+        }
+    }
+    let long = build::report(&collector.finish(), Vec::new(), None);
+    let instrument = &long.instruments[0];
+    assert_eq!(instrument.days.len(), 60);
+    assert_eq!(instrument.days[2].syncs, 0);
+    assert_eq!(instrument.gaps.count, 57);
+    assert_eq!(instrument.gaps.longest.len(), 40);
+    assert!(instrument.channels[0].slopes[0].bins.len() <= bins::MOST);
+    let size = serde_json::to_string(&long).unwrap().len();
+    assert!(size < 400_000, "{size}");
+    let table = tables::days(instrument);
+    assert_eq!(table.rows[2][1].text, "no data");
+}
+
+#[test]
+fn candump_text_gives_the_same_report() {
+    let folder = std::env::temp_dir().join(format!("plumb-period-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("trip.log");
+    std::fs::write(&path, candump(frames(), 0)).unwrap();
+    let mut collector = Collector::new(&Plan::default(), Window::default());
+    let log = input::read(&path, |at_ns, frame| collector.take(at_ns, frame)).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(log.frames, frames().len() as u64);
+    let read = build::report(&collector.finish(), Vec::new(), Some(250e3));
+    assert_eq!(read.instruments[0].days, report().instruments[0].days);
+}

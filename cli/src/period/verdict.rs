@@ -1,0 +1,195 @@
+//! The period in one sentence, and what a report of this kind can't tell.
+//!
+//! In: the figures of the report. Out: sentences.
+
+use super::clock::length;
+use super::data::{EventReport, InstrumentReport, PeriodReport};
+use super::kind::Kind;
+
+/// The period in a sentence, and whether it is one without a fault.
+pub fn of(report: &PeriodReport) -> (String, bool) {
+    if report.instruments.is_empty() {
+        return without_instrument(report);
+    }
+    let all = &report.instruments;
+    let incidents: u64 = all.iter().map(incidents_of).sum();
+    let covered = length((report.covered_s * 1e9) as u64);
+    let share = usable_share(all).map_or(String::new(), |share| {
+        format!(" The angles could be used {share} of the time with data.")
+    });
+    let standing = all.iter().flat_map(|one| &one.events);
+    let standing = standing.filter(|event| is_open_fault(event)).count();
+    let who = match all.len() {
+        1 => "One instrument".to_owned(),
+        count => format!("{count} instruments"),
+    };
+    let sentence = match incidents {
+        0 => format!("{who}, {covered} of data, no warning and no fault.{share}"),
+        1 => format!(
+            "{who}, {covered} of data, one incident{}.{share}",
+            open(standing)
+        ),
+        count => format!(
+            "{who}, {covered} of data, {count} incidents{}.{share}",
+            open(standing)
+        ),
+    };
+    (sentence, incidents == 0)
+}
+
+fn without_instrument(report: &PeriodReport) -> (String, bool) {
+    let entries: usize = report
+        .memories
+        .iter()
+        .map(|memory| memory.entries.len())
+        .sum();
+    let boxes: usize = report
+        .memories
+        .iter()
+        .map(|memory| memory.boxes.len())
+        .sum();
+    if report.memories.is_empty() {
+        return (
+            "No frame of an instrument was found in the logs.".to_owned(),
+            false,
+        );
+    }
+    let sentence = format!(
+        "{} of what nodes remember: {} events, {} with samples.",
+        plural(report.memories.len(), "memory", "memories"),
+        entries,
+        plural(boxes, "box", "boxes"),
+    );
+    (sentence, entries == 0 && boxes == 0)
+}
+
+/// A number with its noun.
+pub fn plural(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+fn open(standing: usize) -> String {
+    match standing {
+        0 => String::new(),
+        1 => ", one fault still standing at the end".to_owned(),
+        count => format!(", {count} faults still standing at the end"),
+    }
+}
+
+fn is_open_fault(event: &EventReport) -> bool {
+    let fault = Kind::ALL
+        .into_iter()
+        .any(|kind| kind.key() == event.kind && kind.is_fault());
+    fault && event.end == "standing"
+}
+
+/// Incidents of an instrument.
+pub fn incidents_of(instrument: &InstrumentReport) -> u64 {
+    instrument.days.iter().map(|day| day.incidents).sum()
+}
+
+fn usable_share(all: &[InstrumentReport]) -> Option<String> {
+    let channels = || all.iter().flat_map(|one| &one.channels);
+    let usable: f64 = channels().map(|channel| channel.usable_s).sum();
+    let not: f64 = channels()
+        .flat_map(|channel| &channel.unusable)
+        .map(|why| why.time_s)
+        .sum();
+    (usable + not > 0.0).then(|| percent(usable / (usable + not)))
+}
+
+/// A share in per cent; only all is 100, and only nothing is 0.
+pub fn percent(share: f64) -> String {
+    let rounded = (share * 1e4).round() / 100.0;
+    let shown = match (rounded, share) {
+        (rounded, share) if rounded >= 100.0 && share < 1.0 => 99.99,
+        (rounded, share) if rounded <= 0.0 && share > 0.0 => 0.01,
+        (rounded, _) => rounded,
+    };
+    format!(
+        "{} %",
+        format!("{shown:.2}")
+            .trim_end_matches('0')
+            .trim_end_matches('.')
+    )
+}
+
+/// What the reader should know, of this very report.
+pub fn notes(report: &PeriodReport) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut add = |told: bool, text: String| {
+        if told {
+            notes.push(text);
+        }
+    };
+    let relative = report.clock == "relative" && report.bus.is_some();
+    add(
+        relative,
+        "The logs have no date: times count from their own time 0, and days are stretches of \
+         24 hours since then."
+            .to_owned(),
+    );
+    if let Some(bus) = &report.bus {
+        add(
+            bus.backwards > 0,
+            format!(
+                "Time went backwards {} times. What lies between such frames is counted in no \
+                 length of time.",
+                bus.backwards
+            ),
+        );
+        add(
+            bus.malformed > 0,
+            format!(
+                "{} frames of the instruments have another form than as delivered, and were not \
+                 read: look for another PDO mapping, or for another node with such an identifier.",
+                bus.malformed
+            ),
+        );
+        add(
+            bus.outside > 0,
+            format!("{} frames lie outside the time asked for.", bus.outside),
+        );
+    }
+    let skipped: u64 = report
+        .logs
+        .iter()
+        .flat_map(|log| &log.skipped)
+        .map(|s| s.count)
+        .sum();
+    add(
+        skipped > 0,
+        format!("{skipped} lines of the logs are no frame and were skipped."),
+    );
+    notes
+}
+
+/// What a report of this kind can't tell.
+pub const LIMITS: [&str; 6] = [
+    "Both channels sit in one housing. What turns or shakes that housing against the machine \
+     moves both alike, and no difference shows it.",
+    "What was not logged is not in here. In a gap anything may have happened; a fault that came \
+     and went in one is in the fault log of the device only.",
+    "A log does not say which machine it is of. Logs of several machines with the same node-ids \
+     look like one instrument; make one report for each.",
+    "The uncertainty is what the instrument says of itself, by its calibration. Nothing here \
+     was compared with a reference.",
+    "When a fault is told is not when its cause began: the instrument takes the time to find it \
+     that docs/faults.md lists for each cause.",
+    "Times are those of the adapter or machine that wrote the log; nobody has compared its clock \
+     with another one. All times are UTC where the log has dates.",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_all_is_a_hundred_per_cent_and_only_nothing_is_none() {
+        assert_eq!(percent(1.0), "100 %");
+        assert_eq!(percent(0.999_999), "99.99 %");
+        assert_eq!(percent(0.000_001), "0.01 %");
+        assert_eq!(percent(0.0), "0 %");
+        assert_eq!(percent(0.125), "12.5 %");
+    }
+}

@@ -1,0 +1,308 @@
+//! The summary of logs as one JSON object, which the text is made of as well.
+//!
+//! In: a [`Summary`] and the [`Source`] it came from. Out: [`Report`].
+
+use device::fault::Fault;
+use serde::Serialize;
+
+use super::bus::{Bus, Channel, Instrument, Spread};
+use super::summary::Summary;
+use crate::log::{Skipped, Source, Tally};
+use crate::watch::Side;
+
+/// All of it.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Always `plumb-replay`.
+    pub format: &'static str,
+    /// Of this layout.
+    pub version: u32,
+    /// The logs in the order in which they were found.
+    pub files: Vec<String>,
+    /// Frames read.
+    pub frames: u64,
+    /// Lines that gave no frame, by kind.
+    pub skipped: Vec<SkippedJson>,
+    /// Frames older than one before them in their file.
+    pub backwards: Option<SkippedJson>,
+    /// Files whose end is missing.
+    pub damaged: Vec<DamagedJson>,
+    /// Files of a folder that are no logs.
+    pub not_logs: Vec<String>,
+    /// Files that were merged with another one, since they overlap.
+    pub overlapping_files: u64,
+    /// Files without a date that were taken as following the one before.
+    pub undated_files: Vec<String>,
+    /// What each interface has shown.
+    pub interfaces: Vec<InterfaceJson>,
+}
+
+/// Lines of a kind.
+#[derive(Debug, Serialize)]
+pub struct SkippedJson {
+    /// The kind.
+    pub kind: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// How many.
+    pub count: u64,
+    /// The file of the first.
+    pub first_file: String,
+    /// Its line, counted from 1.
+    pub first_line: u64,
+}
+
+/// A file whose end is missing.
+#[derive(Debug, Serialize)]
+pub struct DamagedJson {
+    /// The file.
+    pub file: String,
+    /// Why.
+    pub why: &'static str,
+}
+
+/// One interface.
+#[derive(Debug, Serialize)]
+pub struct InterfaceJson {
+    /// Its name in the log.
+    pub interface: String,
+    /// Time of the first frame, s since 1970 or since the start of a log without a date.
+    pub first_time_s: f64,
+    /// Time of the latest frame.
+    pub last_time_s: f64,
+    /// Frames.
+    pub frames: u64,
+    /// SYNCs.
+    pub syncs: u64,
+    /// Frames of the instruments of a wrong length.
+    pub malformed: u64,
+    /// Frames of other nodes and services.
+    pub others: u64,
+    /// By the plan.
+    pub instruments: Vec<InstrumentJson>,
+}
+
+/// One instrument.
+#[derive(Debug, Serialize)]
+pub struct InstrumentJson {
+    /// Channel A and B.
+    pub nodes: [NodeJson; 2],
+    /// Channel A minus B at the same SYNC, of X and Y.
+    pub delta: [SpreadJson; 2],
+}
+
+/// One channel.
+#[derive(Debug, Serialize)]
+pub struct NodeJson {
+    /// Node-id.
+    pub node_id: u8,
+    /// Whether anything of it was seen.
+    pub seen: bool,
+    /// TPDO 1 seen.
+    pub readings: u64,
+    /// Slope X where it may be used.
+    pub slope_x: SpreadJson,
+    /// Slope Y.
+    pub slope_y: SpreadJson,
+    /// Largest standard uncertainty.
+    pub largest_uncertainty_deg: Option<f64>,
+    /// Lowest temperature.
+    pub lowest_temperature_degc: Option<i32>,
+    /// Highest temperature.
+    pub highest_temperature_degc: Option<i32>,
+    /// How often each state of the pair (2021h) was told.
+    pub states: Vec<StateJson>,
+    /// Boot-up messages.
+    pub boots: u32,
+    /// EMCY messages.
+    pub emergencies: u64,
+    /// Each fault that one of them told of, by its number in docs/canopen.md.
+    pub faults: Vec<FaultJson>,
+}
+
+/// A fault.
+#[derive(Debug, Serialize)]
+pub struct FaultJson {
+    /// Its number.
+    pub fault: u8,
+    /// Its EMCY code.
+    pub code: u16,
+    /// What it is.
+    pub text: String,
+    /// Whether it stands at the end.
+    pub stands: bool,
+}
+
+/// How often a state was told.
+#[derive(Debug, Serialize)]
+pub struct StateJson {
+    /// 2021h; 10 for all that do not exist.
+    pub state: u8,
+    /// In words.
+    pub words: &'static str,
+    /// TPDO 1 with it.
+    pub count: u64,
+}
+
+/// Extremes and mean of angles.
+#[derive(Debug, Serialize)]
+pub struct SpreadJson {
+    /// How many.
+    pub count: u64,
+    /// The smallest.
+    pub min_deg: Option<f64>,
+    /// The mean.
+    pub mean_deg: Option<f64>,
+    /// The largest.
+    pub max_deg: Option<f64>,
+    /// Root of the mean square.
+    pub rms_deg: Option<f64>,
+}
+
+/// 2021h in words; the last for what does not exist.
+const STATES: [&str; 11] = [
+    "not compared",
+    "agree",
+    "warning",
+    "stop the motion",
+    "data were late",
+    "physical fault",
+    "disagree",
+    "this channel is ill",
+    "the other channel is ill",
+    "neither measures",
+    "states that do not exist",
+];
+
+impl Report {
+    /// Of all that was read.
+    pub fn new(summary: &Summary, source: &Source) -> Self {
+        let skipped = source.skipped();
+        let name = |file: usize| source.files().get(file).cloned().unwrap_or_default();
+        let tally = |kind, words, tally: Tally| SkippedJson {
+            kind,
+            words,
+            count: tally.count,
+            first_file: name(tally.file),
+            first_line: tally.line,
+        };
+        Self {
+            format: "plumb-replay",
+            version: 1,
+            files: source.files().to_vec(),
+            frames: source.frames(),
+            skipped: kinds(skipped, tally),
+            backwards: (skipped.backwards.count > 0).then(|| {
+                tally(
+                    "backwards",
+                    "frames older than one before",
+                    skipped.backwards,
+                )
+            }),
+            damaged: skipped
+                .damaged
+                .iter()
+                .map(|(file, damage)| DamagedJson {
+                    file: name(*file),
+                    why: damage.words(),
+                })
+                .collect(),
+            not_logs: skipped.not_logs.clone(),
+            overlapping_files: skipped.overlapping,
+            undated_files: skipped.undated.iter().map(|file| name(*file)).collect(),
+            interfaces: summary
+                .buses()
+                .map(|(place, bus)| interface(source.interfaces().get(place), bus))
+                .collect(),
+        }
+    }
+}
+
+fn kinds(
+    skipped: &Skipped,
+    tally: impl Fn(&'static str, &'static str, Tally) -> SkippedJson,
+) -> Vec<SkippedJson> {
+    skipped
+        .kinds()
+        .map(|(kind, count)| tally(kind.name(), kind.words(), count))
+        .collect()
+}
+
+fn interface(name: Option<&String>, bus: &Bus) -> InterfaceJson {
+    let counts = bus.watch.counts();
+    let [first, last] = bus.span_ns.unwrap_or_default();
+    let pairs = bus.watch.pairs().iter().zip(&bus.instruments);
+    InterfaceJson {
+        interface: name.cloned().unwrap_or_default(),
+        first_time_s: first as f64 / 1e9,
+        last_time_s: last as f64 / 1e9,
+        frames: counts.frames,
+        syncs: counts.syncs,
+        malformed: counts.malformed,
+        others: counts.others,
+        instruments: pairs
+            .map(|(pair, seen)| instrument(&pair.sides, seen))
+            .collect(),
+    }
+}
+
+fn instrument(sides: &[Side; 2], seen: &Instrument) -> InstrumentJson {
+    let [a, b] = sides;
+    let [channel_a, channel_b] = &seen.channels;
+    InstrumentJson {
+        nodes: [node(a, channel_a), node(b, channel_b)],
+        delta: [spread(&seen.delta[0]), spread(&seen.delta[1])],
+    }
+}
+
+fn node(side: &Side, channel: &Channel) -> NodeJson {
+    let temperature = &channel.temperature;
+    let known = |value: i32| (temperature.count > 0).then_some(value);
+    let uncertainty = &channel.uncertainty;
+    let states = (0..).zip(STATES).zip(channel.states);
+    NodeJson {
+        node_id: side.node_id,
+        seen: side.seen_ns.is_some(),
+        readings: channel.readings,
+        slope_x: spread(&channel.slopes[0]),
+        slope_y: spread(&channel.slopes[1]),
+        largest_uncertainty_deg: (uncertainty.count > 0)
+            .then(|| f64::from(uncertainty.max) / 1000.0),
+        lowest_temperature_degc: known(temperature.min),
+        highest_temperature_degc: known(temperature.max),
+        states: states
+            .filter(|(_, count)| *count > 0)
+            .map(|((state, words), count)| StateJson {
+                state,
+                words,
+                count,
+            })
+            .collect(),
+        boots: side.boots,
+        emergencies: channel.emergencies,
+        faults: faults(channel.faults, side.faults),
+    }
+}
+
+fn faults(seen: u32, stand: u32) -> Vec<FaultJson> {
+    let all = Fault::ALL.into_iter();
+    all.filter(|fault| seen & (1 << *fault as u32) != 0)
+        .map(|fault| FaultJson {
+            fault: fault as u8,
+            code: fault.report().0,
+            text: fault.text().to_owned(),
+            stands: stand & (1 << fault as u32) != 0,
+        })
+        .collect()
+}
+
+fn spread(of: &Spread) -> SpreadJson {
+    let known = |mdeg: i32| (of.count > 0).then(|| f64::from(mdeg) / 1000.0);
+    SpreadJson {
+        count: of.count,
+        min_deg: known(of.min),
+        mean_deg: of.mean().map(|mdeg| mdeg / 1000.0),
+        max_deg: known(of.max),
+        rms_deg: of.rms().map(|mdeg| mdeg / 1000.0),
+    }
+}

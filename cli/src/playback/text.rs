@@ -1,0 +1,142 @@
+//! The summary of logs for people.
+//!
+//! In: a [`Report`]. Out: the same as lines of text.
+
+use std::fmt::Write as _;
+
+use super::json::{InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson};
+use crate::log::text_utc;
+use crate::report::replay_tables::printable;
+
+/// The whole text.
+pub fn of(report: &Report) -> String {
+    let mut text = String::new();
+    let files = match report.files.as_slice() {
+        [one] => printable(one),
+        files => format!("{} logs", files.len()),
+    };
+    let _ = writeln!(text, "{files}: {} frames", report.frames);
+    for interface in &report.interfaces {
+        about_interface(&mut text, interface);
+    }
+    for kind in report
+        .skipped
+        .iter()
+        .filter(|kind| kind.kind != "no_frames")
+    {
+        about_skipped(&mut text, "Not used", kind);
+    }
+    if let Some(backwards) = &report.backwards {
+        about_skipped(&mut text, "Used as they came", backwards);
+    }
+    for damaged in &report.damaged {
+        let _ = writeln!(text, "{}: {}", printable(&damaged.file), damaged.why);
+    }
+    for file in &report.undated_files {
+        let file = printable(file);
+        let _ = writeln!(
+            text,
+            "{file}: has no date; taken as following the log before"
+        );
+    }
+    if report.overlapping_files > 0 {
+        let count = report.overlapping_files;
+        let _ = writeln!(
+            text,
+            "Overlap with another log in time and were merged: {count}"
+        );
+    }
+    if !report.not_logs.is_empty() {
+        let names: Vec<_> = report
+            .not_logs
+            .iter()
+            .take(5)
+            .map(|n| printable(n))
+            .collect();
+        let count = report.not_logs.len();
+        let _ = writeln!(text, "No logs: {count} files, as {}", names.join(", "));
+    }
+    text
+}
+
+fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
+    let (words, count) = (kind.words, kind.count);
+    let (file, line) = (printable(&kind.first_file), kind.first_line);
+    let _ = writeln!(
+        text,
+        "{head}: {count} {words}, the first in {file} line {line}"
+    );
+}
+
+fn about_interface(text: &mut String, interface: &InterfaceJson) {
+    let ns = |seconds: f64| (seconds * 1e9) as u64;
+    let _ = writeln!(
+        text,
+        "\n{}: {} frames in {:.1} s, {} to {}",
+        printable(&interface.interface),
+        interface.frames,
+        interface.last_time_s - interface.first_time_s,
+        text_utc(ns(interface.first_time_s)),
+        text_utc(ns(interface.last_time_s)),
+    );
+    let _ = writeln!(
+        text,
+        "  {} SYNC, {} of a wrong form, {} of other nodes and services",
+        interface.syncs, interface.malformed, interface.others
+    );
+    interface
+        .instruments
+        .iter()
+        .for_each(|one| about_instrument(text, one));
+}
+
+fn about_instrument(text: &mut String, one: &InstrumentJson) {
+    for node in &one.nodes {
+        about_node(text, node);
+    }
+    if one.delta.iter().any(|spread| spread.count > 0) {
+        let [a, b] = &one.nodes;
+        let _ = writeln!(text, "  node {} minus node {}", a.node_id, b.node_id);
+        for (axis, spread) in ["X", "Y"].iter().zip(&one.delta) {
+            about_spread(text, axis, spread);
+        }
+    }
+}
+
+fn about_node(text: &mut String, node: &NodeJson) {
+    if !node.seen {
+        let _ = writeln!(text, "  node {}: nothing", node.node_id);
+        return;
+    }
+    let _ = writeln!(text, "  node {}: {} readings", node.node_id, node.readings);
+    about_spread(text, "X", &node.slope_x);
+    about_spread(text, "Y", &node.slope_y);
+    let states: Vec<_> = node
+        .states
+        .iter()
+        .map(|state| format!("{} {}", state.count, state.words))
+        .collect();
+    if !states.is_empty() {
+        let _ = writeln!(text, "    states: {}", states.join(", "));
+    }
+    for fault in &node.faults {
+        let now = if fault.stands {
+            ", stands at the end"
+        } else {
+            ""
+        };
+        let _ = writeln!(text, "    EMCY {:04X}h {}{now}", fault.code, fault.text);
+    }
+}
+
+fn about_spread(text: &mut String, axis: &str, spread: &SpreadJson) {
+    if let (Some(min), Some(mean), Some(max)) = (spread.min_deg, spread.mean_deg, spread.max_deg) {
+        let _ = writeln!(
+            text,
+            "    {axis} {mean:8.3} deg, {min:.3} to {max:.3} deg ({} values)",
+            spread.count
+        );
+    } else {
+        let _ = writeln!(text, "    {axis} no value that may be used");
+    }
+}

@@ -1,0 +1,28 @@
+//! The standard output, of which a reader may have had enough.
+//!
+//! In: text, or a value for `--json`. Out: it is printed, or why not. That nobody reads any more,
+//! as in `plumb describe eds | head`, is no error.
+//!
+//! Left out: progress and complaints, which go to the standard error.
+
+use std::io::{self, Write as _};
+
+use serde::Serialize;
+
+/// Prints.
+///
+/// Errors: what the system says, but not that the reader has gone.
+pub fn print(text: impl AsRef<[u8]>) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_ref()).and_then(|()| out.flush()) {
+        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(why),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a value as one line of JSON.
+///
+/// Errors: what the system says, and that the value has no form in JSON.
+pub fn print_json(value: &impl Serialize) -> io::Result<()> {
+    print(serde_json::to_string(value)? + "\n")
+}
