@@ -1,8 +1,9 @@
-//! All values of the logs as a table.
+//! All values of the logs as a table, or their frames as another log.
 //!
 //! In: frames with their news. Out: a CSV or Parquet file: a row for each frame that tells
 //! something, a column for each value that there is (see [`super::row`]), and one for each signal
-//! of other nodes with a data sheet. It is written beside its place and put there when whole.
+//! of other nodes with a data sheet; or a log of all frames. It is written beside its place and
+//! put there when whole.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -15,7 +16,7 @@ use super::parquet_file::ParquetFile;
 use super::row::{self, COLUMNS, Row};
 use super::summary::Summary;
 use crate::eds::Device;
-use crate::log::Logged;
+use crate::log::{Format, Logged, Writer};
 use crate::watch::News;
 
 /// A table under way.
@@ -32,14 +33,18 @@ pub struct Export {
 enum Table {
     Csv(BufWriter<File>),
     Parquet(Box<ParquetFile>),
+    Log(Writer<BufWriter<File>>),
 }
+
+/// What the endings of a name stand for.
+const ENDINGS: [&str; 4] = ["csv", "parquet", "log", "asc"];
 
 /// A table that was written.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Exported {
     /// The file.
     pub file: String,
-    /// Its rows.
+    /// Its rows, or frames of a log.
     pub rows: u64,
 }
 
@@ -60,7 +65,7 @@ impl Export {
         }
         let ending = path.extension().and_then(|ending| ending.to_str());
         let ending = ending.unwrap_or_default().to_ascii_lowercase();
-        if !matches!(ending.as_str(), "csv" | "parquet") {
+        if !ENDINGS.contains(&ending.as_str()) {
             return Err(PlaybackError::ExportName(name));
         }
         let (signals, places) = columns(devices);
@@ -69,12 +74,17 @@ impl Export {
         let beside = PathBuf::from(beside);
         let failed = |why| PlaybackError::Export(path.display().to_string(), why);
         let file = File::create(&beside).map_err(failed)?;
-        let table = if ending == "csv" {
-            let mut out = BufWriter::with_capacity(1 << 18, file);
-            head(&mut out, &signals).map_err(failed)?;
-            Table::Csv(out)
-        } else {
-            Table::Parquet(Box::new(ParquetFile::new(file, &signals).map_err(failed)?))
+        let buffered = |file| BufWriter::with_capacity(1 << 18, file);
+        let table = match ending.as_str() {
+            "csv" => {
+                let mut out = buffered(file);
+                head(&mut out, &signals).map_err(failed)?;
+                Table::Csv(out)
+            }
+            "parquet" => {
+                Table::Parquet(Box::new(ParquetFile::new(file, &signals).map_err(failed)?))
+            }
+            _ => Table::Log(Writer::new(buffered(file), Format::of(path))),
         };
         Ok(Self {
             path: path.to_owned(),
@@ -96,6 +106,11 @@ impl Export {
     ) -> Result<(), PlaybackError> {
         let interface = interfaces.get(usize::from(logged.interface));
         let interface = interface.map_or("", String::as_str);
+        if let Table::Log(log) = &mut self.table {
+            self.rows += 1;
+            let written = log.write(logged.time_ns, interface, &logged.frame);
+            return written.map_err(|why| self.failed(why));
+        }
         let Some(bus) = summary.bus(logged.interface) else {
             return Ok(());
         };
@@ -130,6 +145,7 @@ impl Export {
         let written = match &mut self.table {
             Table::Csv(out) => line(out, &row, &self.extra),
             Table::Parquet(file) => file.row(&row, &self.extra),
+            Table::Log(_) => Ok(()),
         };
         self.extra.fill(None);
         self.rows += 1;
@@ -157,6 +173,7 @@ impl Export {
         match self.table {
             Table::Csv(mut out) => out.flush().map_err(failed)?,
             Table::Parquet(file) => file.finish().map_err(failed)?,
+            Table::Log(log) => drop(log.finish().map_err(failed)?),
         }
         std::fs::rename(&self.beside, &self.path).map_err(failed)?;
         Ok(Exported {

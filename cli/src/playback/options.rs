@@ -28,7 +28,7 @@ pub struct Options {
     /// End with the last frame at or before this time; as --from
     #[arg(long, value_name = "TIME")]
     pub to: Option<Moment>,
-    /// Write every value into this table: .csv or .parquet
+    /// Write every value into a table (.csv, .parquet), or the frames into a log (.log, .asc)
     #[arg(long, value_name = "FILE")]
     pub export: Option<PathBuf>,
     /// Send the frames onto this bus, as --bus names it elsewhere, when they are due

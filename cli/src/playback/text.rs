@@ -60,7 +60,7 @@ pub fn of(report: &Report) -> String {
     }
     if let Some(export) = &report.export {
         let (file, rows) = (printable(&export.file), export.rows);
-        let _ = writeln!(text, "Table: {file}, {rows} rows");
+        let _ = writeln!(text, "Written: {file}, {rows} rows");
     }
     text
 }
