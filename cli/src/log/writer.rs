@@ -82,6 +82,11 @@ impl<W: Write> Writer<W> {
         Ok(self.out)
     }
 
+    /// What was written reaches the file.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+
     /// The head of an ASC, before its first frame; the time its times count from.
     fn begin(&mut self, time_ns: u64) -> io::Result<u64> {
         if let Some(start_ns) = self.start_ns {
