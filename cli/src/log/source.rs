@@ -49,7 +49,6 @@ pub struct Source {
     /// The end of the file without a date that was read last.
     undated_end_ns: Option<u64>,
     frames: u64,
-    bytes: u64,
 }
 
 impl Source {
@@ -75,7 +74,6 @@ impl Source {
             task: Some(Arc::new(progress.task("Reading", bytes))),
             undated_end_ns: None,
             frames: 0,
-            bytes,
         };
         for candidate in candidates {
             source.look(candidate)?;
@@ -262,10 +260,5 @@ impl Source {
     /// Frames given so far.
     pub const fn frames(&self) -> u64 {
         self.frames
-    }
-
-    /// Bytes of all files together; 0 for standard input.
-    pub const fn bytes(&self) -> u64 {
-        self.bytes
     }
 }
