@@ -110,7 +110,7 @@ impl Damage {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Skipped {
     kinds: [Tally; Skip::ALL.len()],
-    /// Frames that were read and are older than one before them in their file.
+    /// Frames that were read and are older than the one before them in their file.
     pub backwards: Tally,
     /// Files whose end is missing, by their place, and how.
     pub damaged: Vec<(usize, Damage)>,

@@ -236,7 +236,7 @@ impl Source {
 
     fn close(&mut self, place: usize) {
         let closed = self.open.remove(place);
-        let end_ns = closed.reader.last_ns();
+        let end_ns = closed.reader.end_ns();
         if !is_dated(end_ns) {
             self.undated_end_ns = Some(end_ns);
         }

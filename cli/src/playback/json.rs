@@ -25,7 +25,7 @@ pub struct Report {
     pub frames: u64,
     /// Lines that gave no frame, by kind.
     pub skipped: Vec<SkippedJson>,
-    /// Frames older than one before them in their file.
+    /// Frames older than the one before them in their file.
     pub backwards: Option<SkippedJson>,
     /// Files whose end is missing.
     pub damaged: Vec<DamagedJson>,
@@ -292,7 +292,7 @@ impl Report {
             backwards: (skipped.backwards.count > 0).then(|| {
                 tally(
                     "backwards",
-                    "frames older than one before",
+                    "frames older than the one before",
                     skipped.backwards,
                 )
             }),

@@ -95,7 +95,8 @@ fn about_device(text: &mut String, device: &DeviceJson) {
 }
 
 fn ns(seconds: f64) -> u64 {
-    (seconds * 1e9) as u64
+    // To the microsecond, which such a number of seconds still has.
+    (seconds * 1e6).round() as u64 * 1000
 }
 
 fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
