@@ -128,6 +128,7 @@ impl Skipped {
     }
 
     /// What was counted of one kind.
+    #[cfg(test)]
     pub const fn tally(&self, kind: Skip) -> Tally {
         self.kinds[kind as usize]
     }
@@ -140,6 +141,7 @@ impl Skipped {
     }
 
     /// All lines that gave no frame.
+    #[cfg(test)]
     pub fn lines(&self) -> u64 {
         self.kinds.iter().map(|tally| tally.count).sum()
     }

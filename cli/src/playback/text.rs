@@ -21,6 +21,13 @@ pub fn of(report: &Report) -> String {
     for interface in &report.interfaces {
         about_interface(&mut text, interface);
     }
+    report
+        .devices
+        .iter()
+        .for_each(|device| about_device(&mut text, device));
+    if report.outside > 0 {
+        let _ = writeln!(text, "Outside --from and --to: {} frames", report.outside);
+    }
     for kind in report
         .skipped
         .iter()
