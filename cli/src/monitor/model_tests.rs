@@ -340,6 +340,26 @@ fn strangers_and_malformed_frames_are_counted_and_told_once() {
 }
 
 #[test]
+fn what_does_not_fit_together_is_counted_and_told_once() {
+    let mut bench = Bench::new();
+    for _ in 0..3 {
+        bench.take(0x80, &[]);
+        // Validity says that both may be used, and X is none.
+        bench.take(0x181, &[0, 0x80, 0, 0, 0x7F, 1]);
+        bench.wait(10);
+    }
+    let findings = bench.channel(0).findings;
+    assert_eq!((findings[0].name, findings[0].count), ("validity", 3));
+    let told = "A first of: slopes whose validity bit says otherwise";
+    let texts = bench.texts();
+    assert_eq!(
+        texts.iter().filter(|text| *text == told).count(),
+        1,
+        "{texts:?}"
+    );
+}
+
+#[test]
 fn without_a_bit_rate_there_is_no_load_but_a_reason() {
     let mut model = Model::new(&Plan::default(), Setup::default());
     model.take(0, &Frame::data_frame(0x80, &[]));

@@ -28,6 +28,10 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// From one try to reach a lost bus to the next.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
 
+/// After this silence it is asked why, and again and again.
+const ADVICE_FIRST: Duration = Duration::from_secs(2);
+const ADVICE: Duration = Duration::from_secs(5);
+
 /// From one line to the next, on the source's clock.
 const LINE_NS: u64 = 1_000_000_000;
 
@@ -158,6 +162,7 @@ pub struct Reader<F> {
     events_told: u64,
     lines_lost: u64,
     recording: Result<(), io::Error>,
+    next_advice: Instant,
 }
 
 impl<F: Feed> Reader<F> {
@@ -173,6 +178,7 @@ impl<F: Feed> Reader<F> {
             events_told: 0,
             lines_lost: 0,
             recording: Ok(()),
+            next_advice: Instant::now() + ADVICE_FIRST,
         }
     }
 
@@ -247,6 +253,7 @@ impl<F: Feed> Reader<F> {
                 let now_ns = self.feed.now_ns();
                 self.line(now_ns);
                 self.shared.model().pass(now_ns);
+                self.advise()?;
                 self.own_sync()?;
             }
             Step::Ended(remarks) => {
@@ -308,6 +315,18 @@ impl<F: Feed> Reader<F> {
         model.recording.ended = Some(error.to_string());
         model.note(Kind::Source, Level::Fault, why);
         self.recording = Err(error);
+    }
+
+    /// Finds out why nothing comes, now and then.
+    fn advise(&mut self) -> io::Result<()> {
+        let now = Instant::now();
+        if now < self.next_advice || !self.shared.model().is_quiet() {
+            return Ok(());
+        }
+        self.next_advice = now + ADVICE;
+        let advice = self.feed.advice()?;
+        self.shared.model().advise(advice);
+        Ok(())
     }
 
     fn own_sync(&mut self) -> io::Result<()> {

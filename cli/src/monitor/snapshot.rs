@@ -54,6 +54,17 @@ pub struct StandingFault {
     pub text: &'static str,
 }
 
+/// Something in what a channel says that does not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FindingCount {
+    /// Its name.
+    pub name: &'static str,
+    /// The same in words.
+    pub text: &'static str,
+    /// How often it was found.
+    pub count: u64,
+}
+
 /// One channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Channel {
@@ -99,6 +110,8 @@ pub struct Channel {
     pub boots: u32,
     /// Faults that stand, by its latest EMCY.
     pub faults: Vec<StandingFault>,
+    /// What does not fit together in what it says.
+    pub findings: Vec<FindingCount>,
 }
 
 impl Channel {
