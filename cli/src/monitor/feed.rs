@@ -20,6 +20,8 @@ pub enum Step {
     Frame(u64, Frame),
     /// Nothing until then.
     Nothing,
+    /// Something that the user should know of it.
+    Remark(String),
     /// It has come to its end; what there is to remark.
     Ended(Vec<String>),
 }

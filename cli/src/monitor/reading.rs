@@ -256,6 +256,10 @@ impl<F: Feed> Reader<F> {
                 self.advise()?;
                 self.own_sync()?;
             }
+            Step::Remark(text) => {
+                let text = printable(&text);
+                self.shared.model().note(Kind::Source, Level::Warning, text);
+            }
             Step::Ended(remarks) => {
                 self.ended(remarks);
                 return Ok(false);
@@ -374,10 +378,11 @@ impl<F: Feed> Reader<F> {
         if self.tasks.lines.is_none() {
             return;
         }
-        let due = *self.next_line_ns.get_or_insert(now_ns + LINE_NS);
+        let next_ns = now_ns.saturating_add(LINE_NS);
+        let due = *self.next_line_ns.get_or_insert(next_ns);
         // Where time has gone back, seconds are counted from there.
-        if now_ns + 2 * LINE_NS < due {
-            self.next_line_ns = Some(now_ns + LINE_NS);
+        if next_ns.saturating_add(LINE_NS) < due {
+            self.next_line_ns = Some(next_ns);
         }
         if now_ns < due {
             return;
@@ -389,13 +394,9 @@ impl<F: Feed> Reader<F> {
         };
         self.tell_events();
         self.tell(Line::State(Box::new(snapshot)));
-        let next = due + LINE_NS;
         // A gap is told as an event, not as a line for each of its seconds.
-        self.next_line_ns = Some(if next <= now_ns {
-            now_ns + LINE_NS
-        } else {
-            next
-        });
+        let next = due.saturating_add(LINE_NS);
+        self.next_line_ns = Some(if next <= now_ns { next_ns } else { next });
     }
 
     fn tell_events(&mut self) {
