@@ -16,6 +16,7 @@ mod calibrate;
 mod commission;
 mod demo;
 mod describe;
+mod eds;
 mod image;
 mod log;
 mod monitor;

@@ -102,6 +102,7 @@ const BUILD: [&str; 8] = [
 const NOT_EMULATED: [&str; 5] = [
     "test_calibration.py",
     "test_load.py",
+    "test_report.py",
     "test_transports.py",
     "test_update.py",
     "test_web.py",

@@ -3,6 +3,8 @@
 //! In: the eight bytes of each, from the bus or out of a black box. Out: angles with their
 //! uncertainty or the reason why there is none, acceleration, and how much the sensor shakes.
 
+use device::exchange::Exchange;
+
 /// Steps of TPDO 3 in a full circle.
 const CIRCLE_STEPS: i64 = 1 << 24;
 
@@ -38,6 +40,14 @@ impl Measured {
             steps: [steps(x0, x1, x2), steps(y0, y1, y2)],
             quality: [qx, qy],
         })
+    }
+
+    /// What `watch` has read.
+    pub const fn of(exchange: &Exchange) -> Self {
+        Self {
+            steps: exchange.angle,
+            quality: exchange.quality,
+        }
     }
 
     /// The angle of an axis, 0.001 deg; `None` where there is none.

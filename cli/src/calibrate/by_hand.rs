@@ -133,7 +133,7 @@ impl Bench<'_> {
                 let residual_deg = (fit.length_rms_mg() / 1000.0).to_degrees();
                 let before = &node.calibration;
                 Calibration {
-                    temperature: before.temperature.clone(),
+                    temperature: before.temperature,
                     correction: Correction::TwoAxis {
                         // The fit has refused what does not fit the chain's numbers.
                         vector: vector.unwrap_or(Vector::IDENTITY),

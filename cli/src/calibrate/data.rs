@@ -267,7 +267,49 @@ fn date(days: u64) -> (u64, u64, u64) {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
+
+    /// Every key of a value, however deep.
+    fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
+        match value {
+            serde_json::Value::Object(map) => {
+                for (key, value) in map {
+                    found.insert(key.clone());
+                    keys(value, found);
+                }
+            }
+            serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_report_is_documented() {
+        let mut report = crate::calibrate::sample_report();
+        report.faces = Some(Faces {
+            base_surface_deg: 0.0,
+            side_surface_deg: 0.0,
+            off_square_deg: 0.0,
+            between_channels_deg: 0.0,
+        });
+        report.channels[0].poses.push(Pose {
+            words: String::new(),
+            length_error_mg: 0.0,
+            as_found_deg: [None; 2],
+            as_left_deg: [0.0; 2],
+        });
+        let mut found = BTreeSet::new();
+        keys(&serde_json::to_value(&report).unwrap(), &mut found);
+        let page = include_str!("../../../docs/calibration-report.md");
+        let (_, page) = page.split_once("## report.json").unwrap();
+        let missing: Vec<_> = found
+            .iter()
+            .filter(|k| !page.contains(&format!("`{k}`")))
+            .collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
 
     #[test]
     fn days_are_those_of_the_calendar() {

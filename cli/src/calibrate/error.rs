@@ -43,8 +43,6 @@ pub enum CalibrateError {
     NoSamples(u8),
     /// The housing does not stand still: node, where, scatter in mg.
     Restless(u8, String, f64),
-    /// A node has no angle: node, where, reason of 2025h.
-    NoAngle(u8, String, u8),
     /// A node refuses a point of its table: node, angle, 2060h sub 8.
     Point(u8, f64, u8),
     /// Readings make no calibration of a node.
@@ -172,10 +170,6 @@ impl CalibrateError {
                 f,
                 "the housing does not stand still {place}: node {node} scatters by {mg:.1} mg; \
                  keep vibration away"
-            ),
-            Self::NoAngle(node, place, reason) => write!(
-                f,
-                "node {node} has no angle {place} (reason {reason} of 2025h, see docs/canopen.md)"
             ),
             Self::Point(node, deg, result) => write!(
                 f,

@@ -164,7 +164,7 @@ pub fn by_motor(
     let residuals = residuals(&correction, &points);
     let mut fitted = Fitted {
         calibration: Calibration {
-            temperature: before.temperature.clone(),
+            temperature: before.temperature,
             correction,
             budget: Budget::default(),
         },

@@ -1,7 +1,7 @@
 //! Calibrations in a file, byte for byte as the nodes have them.
 //!
-//! In: a session and a path. Out: a file of JSON with 2061h of each node, its check sum and the hash
-//! of its report (2063h); or the nodes with what such a file holds for their serial numbers.
+//! In: a session and a path. Out: a file of JSON with 2061h of each node, its check sum and the
+//! hash of its report (2063h); or the nodes with what such a file holds for their serial numbers.
 //!
 //! Left out: what the bytes mean (docs/calibration-report.md tells where that stands).
 

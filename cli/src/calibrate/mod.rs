@@ -42,6 +42,7 @@ use by_motor::Kind;
 use compose::{Frame, now};
 use console::Console;
 pub use error::CalibrateError;
+use hand::{FEWEST, POSES};
 pub use kept::{bytes as from_hex, hex};
 use motor::{Motor, ScpiMotor};
 pub use session::Session;
@@ -61,7 +62,8 @@ pub struct Arguments {
     #[arg(long)]
     pub by_hand: bool,
     /// Poses by hand, 13 to 18
-    #[arg(long, default_value_t = 13, value_parser = clap::value_parser!(u8).range(13..=18))]
+    #[arg(long, default_value_t = FEWEST, value_name = "N",
+          value_parser = clap::value_parser!(u8).range(i64::from(FEWEST)..=POSES.len() as i64))]
     pub poses: u8,
     /// By hand: ask nobody; a pose is taken when the housing was moved and stands still
     #[arg(long)]

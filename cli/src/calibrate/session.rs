@@ -1,8 +1,8 @@
 //! The nodes under calibration: found, held in PRE-OPERATIONAL, read, written, and left as found.
 //!
-//! In: node-ids on a bus. Out: means of what their sensors feel and what they read, at a standstill;
-//! their calibrations. Time is told by the nodes' own samples, so a virtual bus may run at any
-//! speed.
+//! In: node-ids on a bus. Out: means of what their sensors feel and what they read, at a
+//! standstill; their calibrations. Time is told by the nodes' own samples, so a virtual bus may run
+//! at any speed.
 //!
 //! Left out: what the readings are for.
 
@@ -346,14 +346,6 @@ impl Session {
     pub fn calibration(&mut self, place: usize) -> Result<Vec<u8>, CalibrateError> {
         let id = self.nodes[place].id;
         Ok(Client::patient(&mut self.bus, id).upload(0x2061, 0)?)
-    }
-
-    /// 2062h sub 1 as it is now.
-    ///
-    /// Errors: a node that does not answer.
-    pub fn sum(&mut self, place: usize) -> Result<u32, CalibrateError> {
-        let id = self.nodes[place].id;
-        Ok(self.client(id).read_u32(0x2062, 1)?)
     }
 
     /// 2063h: the hash of the report of the calibration in force; `None` when it has none.

@@ -29,7 +29,7 @@ mod fuzz;
 
 use canopen::Frame;
 
-pub use date::text_utc;
+pub use date::{is_dated, moment, text_utc};
 pub use error::LogError;
 pub use pace::{Pace, PaceOptions};
 pub use player::{Moment, PlayOptions, Player};

@@ -6,7 +6,7 @@
 use super::bins::{Bins, Extremes};
 use super::capture::{Capture, Recorder};
 use super::clock::Clock;
-use super::collect::Collected;
+use super::collect::{Collected, Told};
 use super::data::*;
 use super::events::{End, Event, What};
 use super::gaps::Gaps;
@@ -34,7 +34,7 @@ const MOST_DAYS: u64 = 800;
 /// bit/s.
 pub fn report(
     collected: &[(String, Collected)],
-    logs: Vec<LogReport>,
+    logs: Option<LogsReport>,
     bit_rate: Option<f64>,
 ) -> PeriodReport {
     let spans = || collected.iter().filter_map(|(_, one)| one.traffic.span_ns);
@@ -69,9 +69,9 @@ pub fn report(
         let number = report.instruments.len() + 1;
         let instruments: Vec<_> = (number..)
             .zip(seen)
-            .map(|(number, (ids, instrument))| InstrumentReport {
+            .map(|(number, (sides, instrument))| InstrumentReport {
                 interface: interface.clone(),
-                ..self::one(number, *ids, instrument, clock)
+                ..self::one(number, sides, instrument, clock)
             })
             .collect();
         report.buses.push(BusReport {
@@ -179,8 +179,14 @@ fn gaps(gaps: &Gaps) -> GapsReport {
     }
 }
 
-fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> InstrumentReport {
+fn one(
+    number: usize,
+    sides: &[Told; 2],
+    instrument: &Instrument,
+    clock: Clock,
+) -> InstrumentReport {
     let summary = &instrument.summary;
+    let ids = [0, 1].map(|side: usize| sides[side].node_id);
     let span = instrument.span_ns.unwrap_or_default();
     let [faults_left_out, others_left_out] = instrument.events.left_out();
     InstrumentReport {
@@ -191,9 +197,9 @@ fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> In
         covered_s: seconds(summary.covered_ns()),
         gaps: gaps(&summary.gaps),
         channels: (0..2)
-            .zip(ids)
+            .zip(sides)
             .zip(&summary.channels)
-            .map(|((side, id), channel)| self::channel(side, id, channel, instrument))
+            .map(|((side, told), channel)| self::channel(side, told, channel, instrument))
             .collect(),
         difference: difference(&summary.difference),
         days: days(summary, clock),
@@ -212,7 +218,7 @@ fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> In
 
 fn channel(
     side: usize,
-    node_id: u8,
+    told: &Told,
     channel: &ChannelSummary,
     instrument: &Instrument,
 ) -> ChannelReport {
@@ -221,7 +227,7 @@ fn channel(
     let codes = channel.emergencies.iter();
     ChannelReport {
         channel: words::channel(side).to_owned(),
-        node_id,
+        node_id: told.node_id,
         seen: instrument.has_seen(side),
         vendor_id,
         product_code,
@@ -251,6 +257,16 @@ fn channel(
         heartbeat_losses: channel.heartbeat_losses,
         heartbeat_lost_s: seconds(channel.heartbeat_lost_ns),
         malformed: channel.malformed,
+        findings: told
+            .checks
+            .found()
+            .map(|(check, finding)| FindingReport {
+                check: check.name().to_owned(),
+                text: check.words().to_owned(),
+                count: finding.count,
+                first_s: seconds(finding.first_ns),
+            })
+            .collect(),
     }
 }
 

@@ -36,8 +36,8 @@ pub struct PeriodReport {
     pub to_s: Option<f64>,
     /// Time of which there is data.
     pub covered_s: f64,
-    /// What was read.
-    pub logs: Vec<LogReport>,
+    /// What was read; none where no log was given.
+    pub logs: Option<LogsReport>,
     /// Each bus that was logged, by interface; none where no log was read.
     pub buses: Vec<BusReport>,
     /// Each instrument that was seen.
@@ -48,15 +48,23 @@ pub struct PeriodReport {
     pub notes: Vec<String>,
 }
 
-/// A log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LogReport {
-    /// Its name.
-    pub file: String,
+/// The logs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LogsReport {
+    /// Their names.
+    pub files: Vec<String>,
     /// Frames read.
     pub frames: u64,
-    /// Lines that are no frame, by reason.
+    /// What gave no frame, by reason.
     pub skipped: Vec<Skipped>,
+    /// Files whose end is missing, and how.
+    pub damaged: Vec<String>,
+    /// Files in folders that are no logs.
+    pub not_logs: Vec<String>,
+    /// Files that were begun before another one had ended.
+    pub overlapping: u64,
+    /// Files without a date that were taken as following another one.
+    pub undated: Vec<String>,
 }
 
 /// Lines that are no frame.
@@ -66,7 +74,9 @@ pub struct Skipped {
     pub reason: String,
     /// How many.
     pub count: u64,
-    /// The first of them, counted from 1.
+    /// The file of the first of them.
+    pub file: String,
+    /// Its line, counted from 1.
     pub first_line: u64,
 }
 
@@ -210,6 +220,21 @@ pub struct ChannelReport {
     pub heartbeat_lost_s: f64,
     /// Frames of another form than delivered.
     pub malformed: u64,
+    /// What does not fit together in what it says.
+    pub findings: Vec<FindingReport>,
+}
+
+/// Something that does not fit together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FindingReport {
+    /// What, in a word.
+    pub check: String,
+    /// The same in words.
+    pub text: String,
+    /// How often.
+    pub count: u64,
+    /// When first.
+    pub first_s: f64,
 }
 
 /// A slope while it could be used.

@@ -5,14 +5,14 @@ use std::io;
 
 use crate::blackbox::FaultsError;
 use crate::bus::JoinError;
-use crate::report::replay_tables::printable;
+use crate::log::LogError;
 use crate::report::write::WriteError;
 
 /// A report that could not be made. Nothing has been written when one is returned.
 #[derive(Debug)]
 pub enum PeriodError {
     /// A log that can't be read.
-    Read(String, io::Error),
+    Log(LogError),
     /// The bit rate is none.
     Bus(JoinError),
     /// What nodes remember can't be read.
@@ -38,11 +38,7 @@ pub enum PeriodError {
 impl fmt::Display for PeriodError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Read(file, why) => write!(
-                f,
-                "cannot read {}: {why}; check the name and the permissions",
-                printable(file)
-            ),
+            Self::Log(why) => write!(f, "{why}"),
             Self::Bus(why) => write!(f, "{why}"),
             Self::Memory(why) => write!(f, "{why}"),
             Self::Nobody(why) => write!(f, "{why}"),

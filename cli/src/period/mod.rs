@@ -204,7 +204,7 @@ fn read(arguments: &Arguments, progress: &Progress) -> Result<PeriodReport, Peri
     let collected: Vec<_> = names.zip(collected).collect();
     let kbit_s = arguments.bus.address().map_err(PeriodError::Bus)?.kbit_s;
     let bit_rate = kbit_s.map(|kbit_s| f64::from(kbit_s) * 1e3);
-    Ok(build::report(&collected, logs.files, bit_rate))
+    Ok(build::report(&collected, Some(logs.report), bit_rate))
 }
 
 /// What the terminal shows.

@@ -28,8 +28,8 @@ pub fn page(report: &PeriodReport) -> String {
     for (number, bus) in (1..).zip(&report.buses) {
         body.push_str(&bus_section(report, number, bus));
     }
-    if !report.logs.is_empty() {
-        body.push_str(&html::table(&tables::logs(report)));
+    if let Some(logs) = &report.logs {
+        body.push_str(&logs_section(logs));
     }
     body.push_str(&limits(report));
     body.push_str(&footer(report));
@@ -164,6 +164,8 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     let availability = tables::availability(instrument);
     out += &table_or(&availability, "No stretch of time has angles.");
     out += &html::table(&tables::channels(instrument));
+    let findings = tables::findings(report, instrument);
+    out += &table_or(&findings, "All that the channels say fits together.");
     out += &row_of(&charts::quantities(report, instrument));
     let gaps = tables::gaps(report, "Stretches without data", &instrument.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
@@ -204,6 +206,13 @@ fn bus_section(report: &PeriodReport, number: usize, bus: &BusReport) -> String 
     out += &html::table(&tables::bus(bus));
     let gaps = tables::gaps(report, "Stretches without any frame", &bus.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
+    out + "</section>\n"
+}
+
+fn logs_section(logs: &LogsReport) -> String {
+    let mut out = "<section><h2>The logs</h2>\n".to_owned();
+    out += &html::table(&tables::files(logs));
+    out += &table_or(&tables::skipped(logs), "Every line gave a frame.");
     out + "</section>\n"
 }
 

@@ -46,7 +46,7 @@ fn collected(frames: &[(u64, Frame)], window: Window) -> PeriodReport {
 
 fn finished(collector: Collector, bit_rate: Option<f64>) -> PeriodReport {
     let collected = [("can0".to_owned(), collector.finish())];
-    let mut report = build::report(&collected, Vec::new(), bit_rate);
+    let mut report = build::report(&collected, None, bit_rate);
     build::conclude(&mut report);
     report
 }
@@ -189,26 +189,36 @@ fn candump_text_gives_the_same_report() {
     let take = |_, at_ns, frame: &Frame| collector.take(at_ns, frame);
     let logs = input::read(&[path], &Progress::silent(), take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
-    assert_eq!(logs.files[0].frames, frames().len() as u64);
+    assert_eq!(logs.report.frames, frames().len() as u64);
     let read = finished(collector, Some(250e3));
     assert_eq!(read.instruments[0].days, report().instruments[0].days);
 }
 
 /// A report in which every list has something.
 fn full() -> PeriodReport {
-    use super::data::{ForeignNode, LogReport, Skipped};
+    use super::data::{FindingReport, ForeignNode, LogsReport, Skipped};
     use crate::blackbox::data::MemoryReport;
 
     let mut report = report().clone();
-    report.logs.push(LogReport {
-        file: "a<b>.log".to_owned(),
+    report.logs = Some(LogsReport {
+        files: vec!["a<b>.log".to_owned()],
         frames: 5,
         skipped: vec![Skipped {
             reason: "lines cut short".to_owned(),
             count: 1,
+            file: "a<b>.log".to_owned(),
             first_line: 7,
         }],
+        not_logs: vec!["c<d>".to_owned()],
+        ..LogsReport::default()
     });
+    let finding = FindingReport {
+        check: "missed".to_owned(),
+        text: "PDOs missing after a SYNC".to_owned(),
+        count: 3,
+        first_s: 1.5,
+    };
+    report.instruments[0].channels[1].findings.push(finding);
     report.buses[0].foreign.push(ForeignNode {
         node_id: 9,
         frames: 1,
@@ -249,7 +259,9 @@ fn every_table_fills_its_columns() {
         tables::channels(instrument),
         tables::gaps(&report, "Gaps", &instrument.gaps),
         tables::bus(&report.buses[0]),
-        tables::logs(&report),
+        tables::findings(&report, instrument),
+        tables::files(report.logs.as_ref().unwrap()),
+        tables::skipped(report.logs.as_ref().unwrap()),
         crate::blackbox::data::table(&report.memories[0], "Log"),
     ];
     for table in all {

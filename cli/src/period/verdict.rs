@@ -150,16 +150,18 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
         outside > 0,
         format!("{outside} frames lie outside the time asked for."),
     );
-    let skipped: u64 = report
-        .logs
-        .iter()
-        .flat_map(|log| &log.skipped)
-        .map(|s| s.count)
-        .sum();
-    add(
-        skipped > 0,
-        format!("{skipped} lines of the logs are no frame and were skipped."),
-    );
+    if let Some(logs) = &report.logs {
+        let damaged = logs.damaged.iter();
+        damaged.for_each(|told| add(true, format!("A log is damaged: {told}.")));
+        add(
+            !logs.undated.is_empty() && logs.files.len() > 1,
+            format!(
+                "{} of the logs have no date; they were taken as following one another in the \
+                 order given.",
+                logs.undated.len()
+            ),
+        );
+    }
     notes
 }
 
