@@ -20,6 +20,7 @@ use super::model::Model;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
 use super::words::Level;
+use crate::bus;
 use crate::report::replay_tables::printable;
 
 /// How long a step waits for a frame: after that it is looked what else there is to do.
@@ -230,7 +231,11 @@ impl<F: Feed> Reader<F> {
                 Ok(true) => {}
                 Ok(false) => return Ok(Ending::Ended),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => break,
-                Err(error) if self.tasks.reconnect => self.reconnect(&error),
+                Err(error) if self.tasks.reconnect => {
+                    if !self.reconnect(&error) {
+                        break;
+                    }
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -351,18 +356,19 @@ impl<F: Feed> Reader<F> {
         }
     }
 
-    fn reconnect(&mut self, error: &io::Error) {
+    /// Tries until the bus is there again or the user has enough.
+    fn reconnect(&mut self, error: &io::Error) -> bool {
         let why = printable(&error.to_string());
         self.shared.model().end(SourceState::Lost, why);
         let mut next = Instant::now();
-        while !self.shared.is_stopped() {
+        while !self.shared.is_stopped() && !bus::interrupted() {
             self.tell_events();
             if Instant::now() >= next {
                 next = Instant::now() + TRY_AGAIN;
                 if self.feed.again().is_ok() {
                     let text = "the bus is there again".to_owned();
                     self.shared.model().resume(text);
-                    return;
+                    return true;
                 }
             }
             let now_ns = self.feed.now_ns();
@@ -371,6 +377,7 @@ impl<F: Feed> Reader<F> {
             self.record_pass();
             std::thread::sleep(GLANCE);
         }
+        false
     }
 
     /// Makes a line when a second has passed on the source's clock.
@@ -424,7 +431,10 @@ impl<F: Feed> Reader<F> {
         };
         let gone = if self.tasks.may_lose_lines {
             match lines.try_send(line) {
-                Ok(()) => false,
+                Ok(()) => {
+                    self.tell_losses();
+                    false
+                }
                 Err(TrySendError::Full(_)) => {
                     self.lines_lost += 1;
                     false
@@ -437,6 +447,16 @@ impl<F: Feed> Reader<F> {
         if gone {
             self.tasks.lines = None;
             self.shared.stop();
+        }
+    }
+
+    /// Lines that found no room are told of when there is some again.
+    fn tell_losses(&mut self) {
+        let lost = std::mem::take(&mut self.lines_lost);
+        if lost > 0 {
+            let text = format!("{lost} lines were left out: nobody read them in time");
+            let mut model = self.shared.model();
+            model.note(Kind::Source, Level::Warning, text);
         }
     }
 }
