@@ -169,17 +169,6 @@ pub struct Instrument {
     pub verdict: Verdict,
 }
 
-impl Instrument {
-    /// The difference along an axis, 0 for X.
-    pub const fn difference_deg(&self, axis: usize) -> Option<f64> {
-        if axis == 0 {
-            self.difference_x_deg
-        } else {
-            self.difference_y_deg
-        }
-    }
-}
-
 /// How the source is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
