@@ -69,6 +69,12 @@ fn watch_signals() -> Result<(), JoinError> {
     watched.clone().map_err(JoinError::Signal)
 }
 
+/// Whether a signal to end has come since this or [`Bus::receive`] told so last; for who waits
+/// without a bus.
+pub fn interrupted() -> bool {
+    INTERRUPTED.swap(false, Ordering::Relaxed)
+}
+
 /// Nanoseconds since 1970 on this computer's clock.
 fn now_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
