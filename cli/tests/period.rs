@@ -254,5 +254,7 @@ fn what_can_not_be_reported_on_is_said_in_a_sentence() {
         "--to is not after --from",
     );
     refused(&["--black-box", &log], "a.log can't be used");
-    refused(&[&empty], "there is no frame in the logs");
+    refused(&[&empty], "empty.log is no log of a CAN bus");
+    refused(&[&log, "--eds", "none.eds@1"], "none.eds");
+    refused(&[&log, "--bus", "127.0.0.1:9"], "127.0.0.1:9");
 }

@@ -4,17 +4,17 @@ use std::fmt;
 use std::io;
 
 use super::decode::DecodeError;
-use crate::bus::JoinError;
-use crate::bus::sdo::SdoError;
+use crate::commission::fault::Fault;
+use crate::commission::nodes::NodesError;
 use crate::report::replay_tables::printable;
 
 /// What went wrong.
 #[derive(Debug)]
 pub enum FaultsError {
-    /// The bus could not be joined.
-    Join(JoinError),
-    /// A node could not be asked.
-    Sdo(SdoError),
+    /// The bus, or a node that could not be asked.
+    Bus(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
     /// A node has given something else.
     Node(u8, DecodeError),
     /// A file could not be read.
@@ -34,7 +34,9 @@ impl FaultsError {
     pub const fn ends_all(&self) -> bool {
         matches!(
             self,
-            Self::Join(_) | Self::Sdo(SdoError::Lost(_) | SdoError::Interrupted) | Self::Write(..)
+            Self::Bus(Fault::Join(_) | Fault::Lost(_) | Fault::Interrupted)
+                | Self::Nodes(_)
+                | Self::Write(..)
         )
     }
 }
@@ -42,8 +44,8 @@ impl FaultsError {
 impl fmt::Display for FaultsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Join(why) => write!(f, "{why}"),
-            Self::Sdo(why) => write!(f, "{why}"),
+            Self::Bus(why) => write!(f, "{why}"),
+            Self::Nodes(why) => write!(f, "{why}"),
             Self::Node(node, why) => write!(
                 f,
                 "what node {node} remembers can't be read: {why}; is it another device?"

@@ -23,6 +23,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::bus::{Bus, BusOptions};
+use crate::commission::nodes::NodeOption;
 use crate::report::replay_tables::printable;
 use crate::stdout;
 
@@ -37,10 +38,9 @@ pub struct Arguments {
     /// Read files of 2070h or 2071h, as saved by --boxes, and ask nobody
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// The nodes that are asked
-    #[arg(short, long, value_name = "ID,ID,...", default_value = "1,2", value_delimiter = ',',
-        value_parser = clap::value_parser!(u8).range(1..=127))]
-    pub node: Vec<u8>,
+    /// Which nodes are asked
+    #[command(flatten)]
+    pub nodes: NodeOption,
     /// Save fault logs and boxes in this folder, as they came and the boxes as CSV too
     #[arg(long, value_name = "DIR")]
     pub boxes: Option<PathBuf>,
@@ -110,14 +110,22 @@ pub fn from_file(path: &Path) -> Result<MemoryReport, FaultsError> {
     Ok(report)
 }
 
+fn join(options: &BusOptions) -> Result<Bus, FaultsError> {
+    options.join().map_err(|why| FaultsError::Bus(why.into()))
+}
+
 fn ask_all(arguments: &Arguments, report: &mut FaultsReport) -> Result<(), FaultsError> {
-    let mut bus = arguments.bus.join().map_err(FaultsError::Join)?;
+    let mut bus = join(&arguments.bus)?;
     let mut ended = Ok(());
-    for node in &arguments.node {
-        let asked = ask(&mut bus, *node).and_then(|(bytes, memory)| {
+    for node in arguments
+        .nodes
+        .readable(&mut bus)
+        .map_err(FaultsError::Nodes)?
+    {
+        let asked = ask(&mut bus, node).and_then(|(bytes, memory)| {
             report.memories.push(memory);
             match &arguments.boxes {
-                Some(folder) => save(folder, *node, &bytes, &mut report.saved),
+                Some(folder) => save(folder, node, &bytes, &mut report.saved),
                 None => Ok(()),
             }
         });
@@ -135,7 +143,7 @@ fn ask_all(arguments: &Arguments, report: &mut FaultsReport) -> Result<(), Fault
 ///
 /// Errors: it does not answer, or gives something else.
 fn ask(bus: &mut Bus, node: u8) -> Result<(Bytes, MemoryReport), FaultsError> {
-    let bytes = read::ask(bus, node).map_err(FaultsError::Sdo)?;
+    let bytes = read::ask(bus, node).map_err(FaultsError::Bus)?;
     let source = format!("node {node}");
     let wrong = |why| FaultsError::Node(node, why);
     let mut report = MemoryReport::of(source, Some(node));
@@ -155,12 +163,12 @@ fn ask(bus: &mut Bus, node: u8) -> Result<(Bytes, MemoryReport), FaultsError> {
 /// Errors: the bus can't be joined, or was lost.
 pub fn from_bus(
     options: &BusOptions,
-    nodes: &[u8],
+    nodes: &NodeOption,
 ) -> Result<(Vec<MemoryReport>, Vec<String>), FaultsError> {
-    let mut bus = options.join().map_err(FaultsError::Join)?;
+    let mut bus = join(options)?;
     let (mut memories, mut silent) = (Vec::new(), Vec::new());
-    for node in nodes {
-        match ask(&mut bus, *node) {
+    for node in nodes.readable(&mut bus).map_err(FaultsError::Nodes)? {
+        match ask(&mut bus, node) {
             Ok((_, memory)) => memories.push(memory),
             Err(why) if why.ends_all() => return Err(why),
             Err(why) => silent.push(why.to_string()),

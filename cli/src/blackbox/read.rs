@@ -5,6 +5,7 @@
 
 use crate::bus::Bus;
 use crate::bus::sdo::{Client, SdoError};
+use crate::commission::fault::Fault;
 
 /// The fault log.
 const LOG: u16 = 0x2070;
@@ -29,8 +30,12 @@ pub struct Bytes {
 
 /// Asks a node.
 ///
-/// Errors: see [`SdoError`].
-pub fn ask(bus: &mut Bus, node: u8) -> Result<Bytes, SdoError> {
+/// Errors: see [`Fault`]; a node that is silent is looked for.
+pub fn ask(bus: &mut Bus, node: u8) -> Result<Bytes, Fault> {
+    try_ask(bus, node).map_err(|why| Fault::sdo(bus, node, why))
+}
+
+fn try_ask(bus: &mut Bus, node: u8) -> Result<Bytes, SdoError> {
     let mut client = Client::new(bus, node);
     let mut bytes = Bytes {
         log: client.upload(LOG, 0)?,

@@ -13,12 +13,12 @@
 
 mod ask;
 pub mod bitrate;
-mod fault;
+pub mod fault;
 pub mod get;
 pub mod info;
 pub mod name;
 pub mod node_id;
-mod nodes;
+pub mod nodes;
 mod print;
 pub mod restore;
 pub mod save;

@@ -5,6 +5,7 @@
 
 use super::bins::{Bins, Extremes};
 use super::capture::{Capture, Recorder};
+use super::charts::CHANNEL_A;
 use super::clock::Clock;
 use super::collect::{Collected, Told};
 use super::data::*;
@@ -454,7 +455,7 @@ fn plots(recorder: &Recorder, clock: Clock) -> Vec<PlotReport> {
         .map(|(number, capture)| PlotReport {
             number,
             title: clock.text(capture.at_ns),
-            names: ["Channel A", "Channel B"].map(str::to_owned),
+            names: [CHANNEL_A, "Channel B"].map(str::to_owned),
             time_s: seconds(capture.at_ns),
             rows: capture
                 .rows

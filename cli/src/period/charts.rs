@@ -297,6 +297,9 @@ pub fn load(report: &PeriodReport, number: usize, bus: &BusReport) -> Chart {
     )
 }
 
+/// The name of channel A in a plot out of a log; in a box nobody knows which channel is which.
+pub const CHANNEL_A: &str = "Channel A";
+
 /// As figure 21: both channels around an event, and the difference between them.
 pub fn around(plot: &PlotReport, prefix: &str) -> Vec<Chart> {
     let is_y = larger(plot, |row| row.difference_y_deg) > larger(plot, |row| row.difference_x_deg);
@@ -312,6 +315,10 @@ pub fn around(plot: &PlotReport, prefix: &str) -> Vec<Chart> {
             .map(|row| (row.since_s * 1e3, of(row).unwrap_or(f64::NAN)));
         Plot::new(name, ink, Shape::Markers(points.collect()))
     };
+    let (word, minus) = match plot.names[0].as_str() {
+        CHANNEL_A => ("Plot", "A \u{2212} B, deg"),
+        _ => ("Box", "this \u{2212} other, deg"),
+    };
     let chart = |kind: &str, title: String, y: &str, plots| Chart {
         id: format!("{prefix}-{}-{kind}", plot.number),
         description: format!("{title}, {y}, at the SYNCs around the event."),
@@ -324,7 +331,7 @@ pub fn around(plot: &PlotReport, prefix: &str) -> Vec<Chart> {
     vec![
         chart(
             "angle",
-            format!("Plot {}: slope {axis} of both channels", plot.number),
+            format!("{word} {}: slope {axis} of both channels", plot.number),
             "deg",
             vec![
                 lines(&plot.names[0], Ink::First, a),
@@ -333,8 +340,8 @@ pub fn around(plot: &PlotReport, prefix: &str) -> Vec<Chart> {
         ),
         chart(
             "difference",
-            format!("Plot {}: difference", plot.number),
-            "first \u{2212} second, deg",
+            format!("{word} {}: difference", plot.number),
+            minus,
             vec![
                 lines("X", Ink::First, |row| row.difference_x_deg),
                 lines("Y", Ink::Second, |row| row.difference_y_deg),

@@ -5,6 +5,7 @@ use std::io;
 
 use crate::blackbox::FaultsError;
 use crate::bus::JoinError;
+use crate::eds::EdsError;
 use crate::log::LogError;
 use crate::report::write::WriteError;
 
@@ -13,6 +14,8 @@ use crate::report::write::WriteError;
 pub enum PeriodError {
     /// A log that can't be read.
     Log(LogError),
+    /// A data sheet that can't be read.
+    Eds(EdsError),
     /// The bit rate is none.
     Bus(JoinError),
     /// What nodes remember can't be read.
@@ -39,6 +42,7 @@ impl fmt::Display for PeriodError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Log(why) => write!(f, "{why}"),
+            Self::Eds(why) => write!(f, "{why}"),
             Self::Bus(why) => write!(f, "{why}"),
             Self::Memory(why) => write!(f, "{why}"),
             Self::Nobody(why) => write!(f, "{why}"),

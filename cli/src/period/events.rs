@@ -22,7 +22,7 @@ pub const REPEAT_NS: u64 = 1_000_000_000;
 
 /// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
 /// start has the lower identifier and overtakes it on the bus.
-const SAME_START_NS: u64 = 20_000_000;
+pub const SAME_START_NS: u64 = 20_000_000;
 
 /// Error register, bit 4: communication; and bit 0, which any error sets.
 const COMMUNICATION: u8 = 0x10;

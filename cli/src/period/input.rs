@@ -9,7 +9,7 @@ use canopen::Frame;
 
 use super::data::{LogsReport, Skipped};
 use super::error::PeriodError;
-use crate::log::{LogError, Source};
+use crate::log::Source;
 use crate::progress::Progress;
 
 /// What was read.

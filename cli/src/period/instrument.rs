@@ -7,7 +7,7 @@
 
 use super::bins::Extremes;
 use super::capture::Recorder;
-use super::events::{End, Events, What};
+use super::events::{End, Events, SAME_START_NS, What};
 use super::gaps::{GAP_NS, Gap};
 use super::heartbeat::Heartbeat;
 use super::kind::Kind;
@@ -41,7 +41,8 @@ struct Under {
     since: Option<(u64, Option<Unusable>)>,
     reason: u8,
     warned: bool,
-    seen: bool,
+    /// When it was seen first.
+    first_ns: Option<u64>,
     heartbeat: Heartbeat,
     /// Vendor-ID, product code, revision and serial number (1018h), where the log has them.
     identity: [Option<u32>; 4],
@@ -71,10 +72,13 @@ pub struct Instrument {
 impl Instrument {
     /// A SYNC, or the first frame of one that is not in the log.
     pub fn sync(&mut self, now_ns: u64) {
-        let row = std::mem::replace(&mut self.row, Row::at(now_ns));
-        if !row.is_empty() {
-            self.close(row);
+        // Most pairs of a plan are not there.
+        if self.row.is_empty() {
+            self.row.time_ns = now_ns;
+            return;
         }
+        let row = std::mem::replace(&mut self.row, Row::at(now_ns));
+        self.close(row);
     }
 
     fn close(&mut self, row: Row) {
@@ -127,7 +131,7 @@ impl Instrument {
         let (first, last) = self.span_ns.unwrap_or((now, now));
         self.span_ns = Some((first.min(now), last.max(now)));
         if let Some(side) = self.sides.get_mut(side) {
-            side.seen = true;
+            side.first_ns.get_or_insert(now);
         }
         let last = self.last_ns.replace(now).unwrap_or(now);
         let since = now.saturating_sub(last);
@@ -253,7 +257,10 @@ impl Instrument {
         };
         let lost = side.heartbeat.take(at);
         let restarted = changed == Some(Nmt::BootUp);
-        let was_seen = side.seen;
+        // What a start tells may overtake its boot-up message.
+        let was_seen = side
+            .first_ns
+            .is_some_and(|first_ns| now_ns.abs_diff(first_ns) >= SAME_START_NS);
         if restarted {
             side.since = None;
             side.reason = 0;
@@ -321,7 +328,9 @@ impl Instrument {
 
     /// True when a channel sent anything that has the form it should have.
     pub fn has_seen(&self, number: usize) -> bool {
-        self.sides.get(number).is_some_and(|side| side.seen)
+        self.sides
+            .get(number)
+            .is_some_and(|side| side.first_ns.is_some())
     }
 
     /// The log has ended, at this moment.

@@ -41,8 +41,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use crate::blackbox;
+use crate::blackbox::{self, data::MemoryReport};
 use crate::bus::BusOptions;
+use crate::commission::nodes::{NodeOption, Nodes};
+use crate::eds;
 use crate::progress::Progress;
 use crate::report::replay_tables::printable;
 use crate::report::write::{self, Written};
@@ -69,6 +71,9 @@ pub struct Arguments {
     /// Node-ids of channel A and B of an instrument; again for each; by default 1,2, 3,4 and so on
     #[arg(long, value_name = "A,B", value_parser = pair)]
     pub nodes: Vec<[u8; 2]>,
+    /// EDS or DCF of a node that is not as delivered, FILE or FILE@NODE; again for each
+    #[arg(long, value_name = "FILE[@NODE]")]
+    pub eds: Vec<eds::Request>,
     /// Files of a fault log or black box, as `plumb faults --boxes` saves them
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub black_box: Vec<PathBuf>,
@@ -96,31 +101,39 @@ fn pair(text: &str) -> Result<[u8; 2], String> {
 
 impl Arguments {
     /// The instruments that are looked for.
-    fn plan(&self) -> Plan {
-        let all = || (1..=125).step_by(2).map(|id| [id, id + 1]).collect();
-        Plan::of(if self.nodes.is_empty() {
-            all()
-        } else {
-            self.nodes.clone()
-        })
+    ///
+    /// Errors: a data sheet can't be read.
+    fn plan(&self) -> Result<Plan, PeriodError> {
+        let pairs = match &self.nodes[..] {
+            [] => (1..=125).step_by(2).map(|id| [id, id + 1]).collect(),
+            pairs => pairs.to_vec(),
+        };
+        let mut plan = Plan::of(pairs);
+        for request in &self.eds {
+            let device = request.read().map_err(PeriodError::Eds)?;
+            plan.nodes.push(device.plan().clone());
+        }
+        Ok(plan)
     }
 
-    /// The nodes that are asked for what they remember; none unless a bus is named.
-    fn asked(&self) -> Vec<u8> {
+    /// True when a bus is named, whose nodes are to be asked for what they remember. The variables
+    /// of python-can alone are no wish to ask anybody.
+    fn asks(&self) -> bool {
         let BusOptions {
             bus,
             interface,
             channel,
             ..
         } = &self.bus;
-        if [bus, interface, channel].into_iter().all(Option::is_none) {
-            return Vec::new();
+        [bus, interface, channel].into_iter().any(Option::is_some)
+    }
+
+    /// The nodes that are asked: those of the instruments, or all that are there.
+    fn asked(&self) -> NodeOption {
+        let nodes = self.nodes.as_flattened();
+        NodeOption {
+            node: (!nodes.is_empty()).then(|| Nodes::These(nodes.to_vec())),
         }
-        let pairs = match &self.nodes[..] {
-            [] => &[[1, 2]],
-            pairs => pairs,
-        };
-        pairs.as_flattened().to_vec()
     }
 }
 
@@ -128,8 +141,7 @@ impl Arguments {
 ///
 /// Errors: see [`PeriodError`].
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, PeriodError> {
-    let asked = arguments.asked();
-    if arguments.logs.is_empty() && arguments.black_box.is_empty() && asked.is_empty() {
+    if arguments.logs.is_empty() && arguments.black_box.is_empty() && !arguments.asks() {
         return Err(PeriodError::NothingGiven);
     }
     if let (Some(from), Some(to)) = (arguments.from, arguments.to)
@@ -137,15 +149,17 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     {
         return Err(PeriodError::NoTime);
     }
+    // First what can fail soon.
+    let files = arguments.black_box.iter();
+    let files: Result<Vec<_>, _> = files.map(|path| blackbox::from_file(path)).collect();
+    let mut memories = files.map_err(PeriodError::Memory)?;
+    let silent = ask(arguments, &mut memories)?;
     let mut report = match &arguments.logs[..] {
         [] => build::empty(),
         _ => read(arguments, progress)?,
     };
-    for path in &arguments.black_box {
-        let memory = blackbox::from_file(path).map_err(PeriodError::Memory)?;
-        report.memories.push(memory);
-    }
-    ask(arguments, &asked, &mut report)?;
+    report.memories = memories;
+    report.notes = silent;
     build::conclude(&mut report);
     let html = page::page(&report);
     let written = write::both(&arguments.out, &html, &report).map_err(PeriodError::Write)?;
@@ -158,23 +172,26 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     Ok(ExitCode::SUCCESS)
 }
 
-/// Asks the nodes. One that does not answer is a note where there is anything else to tell.
-fn ask(arguments: &Arguments, nodes: &[u8], report: &mut PeriodReport) -> Result<(), PeriodError> {
-    if nodes.is_empty() {
-        return Ok(());
+/// Asks the nodes; a sentence for each that does not answer, where there is anything else to tell.
+fn ask(
+    arguments: &Arguments,
+    memories: &mut Vec<MemoryReport>,
+) -> Result<Vec<String>, PeriodError> {
+    if !arguments.asks() {
+        return Ok(Vec::new());
     }
-    let (memories, silent) =
-        blackbox::from_bus(&arguments.bus, nodes).map_err(PeriodError::Memory)?;
-    report.memories.extend(memories);
-    let nothing = report.memories.is_empty() && report.buses.is_empty();
-    if let (true, Some(why)) = (nothing, silent.first()) {
+    let asked = blackbox::from_bus(&arguments.bus, &arguments.asked());
+    let (told, silent) = asked.map_err(PeriodError::Memory)?;
+    memories.extend(told);
+    if let (true, true, Some(why)) = (
+        memories.is_empty(),
+        arguments.logs.is_empty(),
+        silent.first(),
+    ) {
         return Err(PeriodError::Nobody(why.clone()));
     }
-    let told = silent
-        .into_iter()
-        .map(|why| format!("Not in this report: {why}."));
-    report.notes.extend(told);
-    Ok(())
+    let note = |why: String| format!("Not in this report: {why}.");
+    Ok(silent.into_iter().map(note).collect())
 }
 
 /// Reads all logs, each interface for itself.
@@ -183,7 +200,7 @@ fn read(arguments: &Arguments, progress: &Progress) -> Result<PeriodReport, Peri
         from_ns: arguments.from,
         to_ns: arguments.to,
     };
-    let plan = arguments.plan();
+    let plan = arguments.plan()?;
     let mut collectors: Vec<Collector> = Vec::new();
     let logs = input::read(&arguments.logs, progress, |interface, time_ns, frame| {
         while collectors.len() <= interface {

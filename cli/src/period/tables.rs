@@ -99,10 +99,9 @@ pub fn events(report: &PeriodReport, instrument: &InstrumentReport, faults: bool
         Column::text("When"),
         Column::text("Node"),
         Column::text("What"),
-        Column::text("Code"),
         Column::text("Blamed"),
         Column::text("Why"),
-        Column::number("For"),
+        Column::text("How long"),
         Column::number("Again"),
         Column::number("Plot"),
     ];
@@ -117,8 +116,7 @@ pub fn events(report: &PeriodReport, instrument: &InstrumentReport, faults: bool
         table.rows.push(vec![
             Cell::text(at(report, event.time_s)),
             Cell::text(format!("{} ({})", event.channel, event.node_id)),
-            Cell::text(event.text.as_str()),
-            word(&event.code),
+            Cell::text(what(event)),
             word(&event.blamed),
             word(&event.reason_text),
             Cell::text(how_long(event)),
@@ -138,10 +136,17 @@ pub fn events(report: &PeriodReport, instrument: &InstrumentReport, faults: bool
     cut(table, left_out)
 }
 
+fn what(event: &EventReport) -> String {
+    match &event.code {
+        Some(code) => format!("{} ({code})", event.text),
+        None => event.text.clone(),
+    }
+}
+
 fn how_long(event: &EventReport) -> String {
     match (event.end.as_str(), event.duration_s) {
         ("momentary", _) => String::new(),
-        ("restart", Some(seconds)) => format!("{}, until a restart", length(ns(seconds))),
+        ("restart", Some(seconds)) => format!("{} (restart)", length(ns(seconds))),
         (_, Some(seconds)) => length(ns(seconds)),
         _ => "still standing".to_owned(),
     }

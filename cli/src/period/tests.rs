@@ -194,6 +194,89 @@ fn candump_text_gives_the_same_report() {
     assert_eq!(read.instruments[0].days, report().instruments[0].days);
 }
 
+/// A report of these frames, one each 10 ms.
+fn of_frames(frames: &[Frame]) -> PeriodReport {
+    let mut collector = Collector::new(&Plan::default(), Window::default());
+    for (number, frame) in (0..).zip(frames) {
+        collector.take(START_NS + number * 10_000_000, frame);
+    }
+    finished(collector, None)
+}
+
+const SLOPES: [u8; 6] = [1, 0, 2, 0, 0x7F, 1];
+
+#[test]
+fn frames_of_others_are_counted_and_the_identity_is_taken_where_it_passes() {
+    use canopen::frame::{ExtendedId, StandardId};
+
+    let data = |id, bytes: &[u8]| Frame::data_frame(id, bytes);
+    let serial = [0x43, 0x18, 0x10, 4, 0x2A, 0, 0, 0];
+    let report = of_frames(&[
+        data(0x181, &SLOPES),
+        data(0x181, &SLOPES[..3]),
+        data(0x199, &[0; 8]),
+        data(0x582, &serial),
+        Frame::with(ExtendedId::new(0x181).unwrap(), &SLOPES).unwrap(),
+        Frame::remote(StandardId::new(0x701).unwrap(), 1).unwrap(),
+        data(0x000, &[1, 0]),
+    ]);
+    let (bus, instrument) = (&report.buses[0], &report.instruments[0]);
+    assert_eq!((bus.frames, bus.extended, bus.remote), (7, 1, 1));
+    assert_eq!((bus.commands, bus.malformed), (1, 1));
+    let foreign: Vec<_> = bus.foreign.iter().map(|node| node.node_id).collect();
+    assert_eq!(foreign, [25]);
+    assert_eq!(instrument.channels[1].serial_number, Some(42));
+    assert_eq!(instrument.channels[1].vendor_id, None);
+    assert_eq!(instrument.channels[0].malformed, 1);
+}
+
+#[test]
+fn a_reset_of_communication_takes_no_fault_back_and_one_of_the_node_does() {
+    let data = |id, bytes: &[u8]| Frame::data_frame(id, bytes);
+    let ends = |command: u8| {
+        let disagree = [0x13, 0xFF, 0x81, 0, 0x10, 0, 0, 6];
+        let mut frames = vec![
+            data(0x181, &SLOPES),
+            data(0x182, &SLOPES),
+            data(0x181, &SLOPES),
+            data(0x081, &disagree),
+            data(0x182, &SLOPES),
+            data(0x182, &SLOPES),
+        ];
+        frames.extend([data(0x000, &[command, 1]), data(0x701, &[0])]);
+        let report = of_frames(&frames);
+        let events = &report.instruments[0].events;
+        let kinds: Vec<_> = events.iter().map(|event| event.kind.clone()).collect();
+        assert_eq!(kinds, ["disagreement", "restart"]);
+        events[0].end.clone()
+    };
+    assert_eq!(ends(130), "standing");
+    assert_eq!(ends(129), "restart");
+}
+
+#[test]
+fn time_that_goes_backwards_is_told_and_upsets_nothing() {
+    let frame = Frame::data_frame(0x181, &SLOPES);
+    let mut collector = Collector::new(&Plan::default(), Window::default());
+    for at_s in [100, 101, 102, 5, 6, 200, 0] {
+        collector.take(at_s * 1_000_000_000, &frame);
+    }
+    let report = finished(collector, None);
+    assert_eq!(report.clock, "relative");
+    assert_eq!((report.from_s, report.to_s), (Some(0.0), Some(200.0)));
+    assert!((report.covered_s - 3.0).abs() < 1e-9);
+    let told = report
+        .notes
+        .iter()
+        .any(|note| note.contains("backwards 2 times"));
+    assert!(told, "{:?}", report.notes);
+    assert!(
+        report.verdict.contains("out of 3 min 20 s"),
+        "{}",
+        report.verdict
+    );
+}
+
 /// A report in which every list has something.
 fn full() -> PeriodReport {
     use super::data::{FindingReport, ForeignNode, LogsReport, Skipped};
@@ -305,6 +388,29 @@ mod documented {
         assert!(missing.is_empty(), "not documented: {missing:?}");
         let stale: Vec<_> = documented.difference(&found).collect();
         assert!(stale.is_empty(), "only documented: {stale:?}");
+    }
+
+    #[test]
+    fn limits_in_the_document_are_those_of_the_code() {
+        use super::super::{bins, capture, events, gaps, histogram};
+
+        let words: Vec<&str> = DOCUMENT.split_whitespace().collect();
+        let text = words.join(" ");
+        for sentence in [
+            format!(
+                "{} faults and {} other",
+                events::MOST_FAULTS,
+                events::MOST_OTHERS
+            ),
+            format!("{} before and {} after", capture::BEFORE, capture::AFTER),
+            format!("for {} faults of each", capture::MOST),
+            format!("at most {} bins", bins::MOST),
+            format!("at most {} steps", histogram::MOST),
+            format!("the {} longest", gaps::MOST),
+            format!("gaps of more than {} s", gaps::GAP_NS / 1_000_000_000),
+        ] {
+            assert!(text.contains(&sentence), "{sentence}");
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub fn of(report: &PeriodReport) -> (String, bool) {
     }
     let all = &report.instruments;
     let incidents: u64 = all.iter().map(incidents_of).sum();
-    let covered = length((report.covered_s * 1e9) as u64);
+    let covered = amount(report);
     let share = usable_share(all).map_or(String::new(), |share| {
         format!(" The angles could be used {share} of the time with data.")
     });
@@ -24,17 +24,27 @@ pub fn of(report: &PeriodReport) -> (String, bool) {
         count => format!("{count} instruments"),
     };
     let sentence = match incidents {
-        0 => format!("{who}, {covered} of data, no warning and no fault.{share}"),
-        1 => format!(
-            "{who}, {covered} of data, one incident{}.{share}",
-            open(standing)
-        ),
+        0 => format!("{who}, {covered}, no warning and no fault.{share}"),
+        1 => format!("{who}, {covered}, one incident{}.{share}", open(standing)),
         count => format!(
-            "{who}, {covered} of data, {count} incidents{}.{share}",
+            "{who}, {covered}, {count} incidents{}.{share}",
             open(standing)
         ),
     };
     (sentence, incidents == 0)
+}
+
+/// How much data there is, and out of what time.
+fn amount(report: &PeriodReport) -> String {
+    let ns = |seconds: f64| (seconds * 1e9) as u64;
+    let covered = length(ns(report.covered_s));
+    let span = report.from_s.zip(report.to_s).map(|(from, to)| to - from);
+    match span {
+        Some(span) if span > 1.01 * report.covered_s + 2.0 => {
+            format!("{covered} of data out of {}", length(ns(span)))
+        }
+        _ => format!("{covered} of data"),
+    }
 }
 
 fn without_instrument(report: &PeriodReport) -> (String, bool) {
