@@ -105,6 +105,7 @@ const NOT_EMULATED: [&str; 5] = [
     "test_report.py",
     "test_transports.py",
     "test_update.py",
+    "test_web.py",
 ];
 
 /// Files of tests that run at the same time. They wait for the bus most of their time.

@@ -7,14 +7,18 @@
 //! Left out: CAN FD; frames of one's own, which no transport shows to who has sent them.
 
 pub mod address;
+pub mod diagnosis;
 mod error;
 mod intake;
 #[cfg(target_os = "linux")]
 mod kernel;
+pub mod lss;
+pub mod nmt;
 pub mod options;
 pub mod sdo;
 mod slcan;
 mod socketcand;
+pub mod survey;
 
 use std::io;
 use std::sync::OnceLock;
@@ -164,6 +168,17 @@ impl Bus {
             Link::Slcan(adapter) => adapter.trouble(),
             #[cfg(target_os = "linux")]
             Link::Kernel(socket) => Ok(socket.trouble()),
+        };
+        told.map_err(|error| self.lost(error))
+    }
+
+    /// Tells the adapter another bit rate, kbit/s; false where that is not the client's to say.
+    ///
+    /// Errors: as [`Bus::receive`], and a refusal of the adapter.
+    pub fn set_bit_rate(&mut self, kbit_s: u32) -> io::Result<bool> {
+        let told = match &mut self.link {
+            Link::Slcan(adapter) => adapter.set_bit_rate(kbit_s).map(|()| true),
+            _ => Ok(false),
         };
         told.map_err(|error| self.lost(error))
     }

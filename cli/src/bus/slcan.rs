@@ -76,11 +76,23 @@ impl Client {
             early: std::collections::VecDeque::new(),
         };
         // A rate that the adapter was not told is the one that it has.
+        client.open_again(kbit_s)?;
+        Ok(client)
+    }
+
+    /// Closes the channel and opens it with another bit rate, kbit/s.
+    ///
+    /// Errors: as [`Client::join_tcp`].
+    pub fn set_bit_rate(&mut self, kbit_s: u32) -> io::Result<()> {
+        self.open_again(Some(kbit_s))
+    }
+
+    fn open_again(&mut self, kbit_s: Option<u32>) -> io::Result<()> {
         let rate = kbit_s.and_then(|wanted| RATES.iter().position(|rate| *rate == wanted));
         let mut failed = io::Error::from(io::ErrorKind::TimedOut);
         for _ in 0..OPENINGS {
-            match client.open_once(rate) {
-                Ok(()) => return Ok(client),
+            match self.open_once(rate) {
+                Ok(()) => return Ok(()),
                 Err(error) if error.kind() == io::ErrorKind::TimedOut => failed = error,
                 Err(error) => return Err(error),
             }

@@ -9,10 +9,10 @@
 
 mod dbc;
 mod dcf;
-mod dictionary;
+pub mod dictionary;
 mod eds;
 mod markdown;
-mod meaning;
+pub mod meaning;
 #[cfg(test)]
 mod tests;
 

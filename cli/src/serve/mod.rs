@@ -23,7 +23,7 @@ pub mod slcan;
 mod socketcan;
 pub mod socketcand;
 mod stage;
-mod status;
+pub mod status;
 mod stop;
 mod tcp;
 mod trouble;

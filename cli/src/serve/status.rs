@@ -165,7 +165,7 @@ fn verdict(process: &Process) -> String {
 }
 
 /// The reason behind a code of 2025h or 2027h.
-fn because(code: u8) -> String {
+pub fn because(code: u8) -> String {
     let Some(reason) = reason(code) else {
         return format!("reason {code}");
     };

@@ -42,7 +42,7 @@ impl SdoError {
 impl std::error::Error for SdoError {}
 
 /// An object's address as people write it: `6012h`, or `1018h sub 2`.
-pub fn address(index: u16, sub: u8) -> String {
+fn address(index: u16, sub: u8) -> String {
     match sub {
         0 => format!("{index:04X}h"),
         _ => format!("{index:04X}h sub {sub}"),

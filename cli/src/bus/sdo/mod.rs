@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::Bus;
-pub use error::{SdoError, address, meaning};
+pub use error::{SdoError, meaning};
 
 /// How long an answer may take: a program's signature is checked in half a second, and an erase
 /// of flash stops a node for some tenths.

@@ -1,0 +1,293 @@
+//! Why nobody answers, in one sentence that says what to look at.
+//!
+//! In: a bus on which a node was asked in vain. Out: what can be told from here: nothing is heard
+//! at all (and whether the adapter reports errors, as with a wrong bit rate), other node-ids are
+//! there, the node is heard but its SDO server is silent, or somebody else uses it.
+//!
+//! Left out: what only a look at the wires shows.
+
+use std::fmt;
+use std::io;
+use std::time::Duration;
+
+use super::nmt::State;
+use super::survey::{Survey, survey};
+use super::{Bus, Trouble};
+
+/// How long is listened: longer than the heartbeats of most nodes.
+const LISTENING: Duration = Duration::from_millis(1500);
+
+/// Errors of an adapter from which on the bit rate is the likely reason.
+const MANY_ERRORS: u64 = 3;
+
+/// Why nobody answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Silence {
+    /// Nothing is heard at all.
+    BusSilent {
+        /// The bus.
+        bus: String,
+    },
+    /// Nothing is heard but errors.
+    BitRate {
+        /// The bus.
+        bus: String,
+        /// Errors that the adapter tells of.
+        errors: u64,
+    },
+    /// The adapter cannot send: nobody acknowledges.
+    Unacknowledged {
+        /// The bus.
+        bus: String,
+    },
+    /// Only nodes without a node-id are there.
+    Unconfigured {
+        /// The node that was asked, `None` for any.
+        node: Option<u8>,
+    },
+    /// Frames come, but none that a node of this kind sends.
+    NoNodes {
+        /// Frames heard.
+        frames: u64,
+    },
+    /// Other nodes are there.
+    Others {
+        /// The node that was asked.
+        node: u8,
+        /// Who is there.
+        others: Vec<u8>,
+    },
+    /// Frames by its identifiers come, but no heartbeat and no answer.
+    OnlySends(u8),
+    /// It is in the state STOPPED.
+    Stopped(u8),
+    /// It has just started.
+    Starts(u8),
+    /// Its heartbeat comes, its SDO server is silent.
+    OnlyHeartbeats(u8, State),
+    /// Somebody else asks it.
+    Busy(u8),
+    /// It answers now.
+    AnswersNow(u8),
+}
+
+impl fmt::Display for Silence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BusSilent { bus } => write!(
+                f,
+                "nothing is heard on {bus}: no node has power, its wires are open, or the bit \
+                 rate is another one"
+            ),
+            Self::BitRate { bus, errors } => write!(
+                f,
+                "no frame but {errors} errors are heard on {bus}: most likely the bit rate is \
+                 another one (plumb -b, or `ip link set can0 type can bitrate ...`), or a \
+                 terminating resistor is missing"
+            ),
+            Self::Unacknowledged { bus } => write!(
+                f,
+                "the adapter of {bus} cannot send, since nobody acknowledges: no node has power, \
+                 the wires are open, or the bit rate is another one"
+            ),
+            Self::Unconfigured { node } => {
+                if let Some(node) = node {
+                    write!(f, "node {node} is not there; ")?;
+                }
+                write!(
+                    f,
+                    "a node without a node-id is on the bus: give it one with `plumb node-id`"
+                )
+            }
+            Self::NoNodes { frames } => write!(
+                f,
+                "{frames} frames are heard, but no heartbeat and no answer of a CANopen node: is \
+                 it the right bus?"
+            ),
+            Self::Others { node, others } => write!(
+                f,
+                "there is no node {node}; {} there: name one of them with --node",
+                listed(others)
+            ),
+            node => node.fmt_node(f),
+        }
+    }
+}
+
+impl Silence {
+    /// The sentence about a node that is there.
+    fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OnlySends(node) => write!(
+                f,
+                "node {node} does not answer and sends no heartbeat, but PDOs or EMCYs by its \
+                 identifiers come: is it in STOPPED, or is its SDO channel elsewhere?"
+            ),
+            Self::Stopped(node) => write!(
+                f,
+                "node {node} is in STOPPED, where no node answers SDO: bring it to \
+                 PRE-OPERATIONAL first (`plumb set` and `plumb save` do so with --stop)"
+            ),
+            Self::Starts(node) => write!(
+                f,
+                "node {node} sends boot-up messages and does not get further: is its supply weak?"
+            ),
+            Self::OnlyHeartbeats(node, state) => write!(
+                f,
+                "node {node} is {state} by its heartbeat, but its SDO server does not answer: \
+                 the frames to it are lost, or it is at work for long"
+            ),
+            Self::Busy(node) => write!(
+                f,
+                "somebody else talks to node {node} over SDO: end the other tool, or wait for it"
+            ),
+            Self::AnswersNow(node) => write!(
+                f,
+                "node {node} did not answer in time, but answers now: frames are lost, or it was \
+                 at work; try again"
+            ),
+            // The others name no node that is there.
+            _ => Ok(()),
+        }
+    }
+}
+
+/// "node 1 is" or "nodes 1, 2 and 3 are".
+fn listed(nodes: &[u8]) -> String {
+    let names: Vec<String> = nodes.iter().map(u8::to_string).collect();
+    match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => {
+            format!("nodes {} and {last} are", rest.join(", "))
+        }
+        Some((only, _)) => format!("node {only} is"),
+        None => "nobody is".to_owned(),
+    }
+}
+
+/// What is to be said of a survey.
+fn judge(survey: &Survey, trouble: Trouble, bus: &str, node: Option<u8>) -> Silence {
+    let bus = bus.to_owned();
+    if survey.frames == 0 {
+        return match trouble {
+            Trouble { errors, .. } if errors >= MANY_ERRORS => Silence::BitRate { bus, errors },
+            Trouble { unsent: true, .. } => Silence::Unacknowledged { bus },
+            _ => Silence::BusSilent { bus },
+        };
+    }
+    if let Some(node) = node {
+        let state = survey.heartbeats.get(&node);
+        let busy = survey.asked_by_others.contains(&node);
+        match (state, survey.answers.contains_key(&node)) {
+            (_, _) if busy => return Silence::Busy(node),
+            (_, true) => return Silence::AnswersNow(node),
+            (Some(State::Stopped), _) => return Silence::Stopped(node),
+            (Some(State::BootUp), _) => return Silence::Starts(node),
+            (Some(state), _) => return Silence::OnlyHeartbeats(node, *state),
+            (None, _) if survey.senders.contains(&node) => return Silence::OnlySends(node),
+            (None, _) => {}
+        }
+    }
+    let others: Vec<u8> = survey.nodes().into_iter().collect();
+    match (node, others.is_empty()) {
+        (Some(node), false) => Silence::Others { node, others },
+        _ if survey.unconfigured => Silence::Unconfigured { node },
+        _ => Silence::NoNodes {
+            frames: survey.frames,
+        },
+    }
+}
+
+/// Finds out why a node, or nobody at all, answers.
+///
+/// Errors: the bus is lost, or the user has ended it.
+pub fn silence(bus: &mut Bus, node: Option<u8>) -> io::Result<Silence> {
+    let heard = survey(bus, LISTENING);
+    // Where nobody acknowledges, sending fails, and that is the finding.
+    let heard = match heard {
+        Err(error) if error.kind() == io::ErrorKind::TimedOut => Survey::default(),
+        heard => heard?,
+    };
+    let trouble = bus.trouble()?;
+    Ok(judge(&heard, trouble, bus.name(), node))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::{BTreeMap, BTreeSet};
+
+    fn told(survey: &Survey, trouble: Trouble, node: Option<u8>) -> String {
+        judge(survey, trouble, "slcan://pi:1", node).to_string()
+    }
+
+    fn heard() -> Survey {
+        Survey {
+            frames: 9,
+            heartbeats: BTreeMap::from([(1, State::Operational), (2, State::Stopped)]),
+            answers: BTreeMap::from([(1, Some(0x3004_019A))]),
+            senders: BTreeSet::from([7]),
+            ..Survey::default()
+        }
+    }
+
+    #[test]
+    fn a_silent_bus_is_told_from_a_wrong_bit_rate_and_from_an_adapter_alone() {
+        let nothing = Survey::default();
+        let quiet = told(&nothing, Trouble::default(), Some(1));
+        assert!(
+            quiet.starts_with("nothing is heard on slcan://pi:1"),
+            "{quiet}"
+        );
+        let (errors, unsent) = (40, true);
+        let wrong = told(&nothing, Trouble { errors, unsent }, None);
+        assert!(
+            wrong.contains("40 errors") && wrong.contains("bit rate"),
+            "{wrong}"
+        );
+        let alone = told(&nothing, Trouble { errors: 0, unsent }, None);
+        assert!(alone.contains("nobody acknowledges"), "{alone}");
+    }
+
+    #[test]
+    fn another_node_id_is_named() {
+        let other = told(&heard(), Trouble::default(), Some(5));
+        assert_eq!(
+            other,
+            "there is no node 5; nodes 1 and 2 are there: name one of them with --node"
+        );
+    }
+
+    #[test]
+    fn a_node_that_is_heard_and_does_not_answer_is_told_by_its_state() {
+        let node = |node| told(&heard(), Trouble::default(), Some(node));
+        assert!(node(2).starts_with("node 2 is in STOPPED"), "{}", node(2));
+        assert!(node(1).contains("answers now"), "{}", node(1));
+        assert!(node(7).contains("PDOs or EMCYs"), "{}", node(7));
+        let mut deaf = heard();
+        deaf.heartbeats.insert(3, State::PreOperational);
+        let deaf = told(&deaf, Trouble::default(), Some(3));
+        assert!(deaf.contains("pre-operational by its heartbeat"), "{deaf}");
+    }
+
+    #[test]
+    fn somebody_else_and_fresh_nodes_are_told() {
+        let mut survey = heard();
+        survey.asked_by_others.insert(1);
+        assert!(told(&survey, Trouble::default(), Some(1)).contains("somebody else"));
+        let fresh = Survey {
+            frames: 1,
+            unconfigured: true,
+            ..Survey::default()
+        };
+        let fresh = told(&fresh, Trouble::default(), Some(1));
+        assert!(
+            fresh.contains("node 1 is not there; a node without a node-id"),
+            "{fresh}"
+        );
+        let strange = Survey {
+            frames: 500,
+            ..Survey::default()
+        };
+        assert!(told(&strange, Trouble::default(), None).contains("500 frames"));
+    }
+}

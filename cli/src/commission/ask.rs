@@ -1,0 +1,145 @@
+//! Objects of a node, read and written with silence looked into.
+//!
+//! In: a bus, a node, objects. Out: what they hold, shown with the node's own resolution, which is
+//! asked for once. A guard brings a node out of OPERATIONAL and back where the user allows it.
+//!
+//! Left out: which nodes and which objects.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::fault::Fault;
+use super::name::Named;
+use super::value::{self, Shown};
+use crate::bus::Bus;
+use crate::bus::nmt::{self, Command, State};
+use crate::bus::sdo::{Client, SdoError};
+
+/// How long a heartbeat is waited for: five of those that are delivered.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// How long a node has to be in the state that it was told.
+const CHANGE: Duration = Duration::from_secs(2);
+
+/// The node asked.
+#[derive(Debug)]
+pub struct Node<'a> {
+    /// The bus.
+    pub bus: &'a mut Bus,
+    /// Its id.
+    pub id: u8,
+    resolutions: BTreeMap<u16, Option<u32>>,
+}
+
+impl<'a> Node<'a> {
+    /// Asks this node.
+    pub fn new(bus: &'a mut Bus, id: u8) -> Self {
+        let resolutions = BTreeMap::new();
+        Self {
+            bus,
+            id,
+            resolutions,
+        }
+    }
+
+    /// What an object holds, or the abort code with which the node refuses it.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn try_read(&mut self, index: u16, sub: u8) -> Result<Result<Vec<u8>, u32>, Fault> {
+        match Client::new(self.bus, self.id).upload(index, sub) {
+            Err(SdoError::Refused(.., code)) => Ok(Err(code)),
+            read => read
+                .map(Ok)
+                .map_err(|error| Fault::sdo(self.bus, self.id, error)),
+        }
+    }
+
+    /// The number that an object holds; `None` where the node refuses it.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn number(&mut self, index: u16, sub: u8) -> Result<Option<u32>, Fault> {
+        match Client::new(self.bus, self.id).read_u32(index, sub) {
+            Ok(number) => Ok(Some(number)),
+            Err(SdoError::Refused(..) | SdoError::Length(..)) => Ok(None),
+            Err(error) => Err(Fault::sdo(self.bus, self.id, error)),
+        }
+    }
+
+    /// Writes an object, once.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn write(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), Fault> {
+        let written = Client::new(self.bus, self.id).download(index, sub, bytes);
+        written.map_err(|error| Fault::sdo(self.bus, self.id, error))
+    }
+
+    /// What the object holds that a row's unit depends on.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn resolution(&mut self, named: &Named) -> Result<Option<u32>, Fault> {
+        let Some(index) = named.row.and_then(value::depends_on) else {
+            return Ok(None);
+        };
+        if let Some(known) = self.resolutions.get(&index) {
+            return Ok(*known);
+        }
+        let number = self.number(index, 0)?;
+        self.resolutions.insert(index, number);
+        Ok(number)
+    }
+
+    /// What an object holds, to be shown; the bytes as well. A refusal is its abort code.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn shown(&mut self, named: &Named) -> Result<Result<(Vec<u8>, Shown), u32>, Fault> {
+        let resolution = self.resolution(named)?;
+        let read = self.try_read(named.index, named.sub)?;
+        Ok(read.map(|bytes| {
+            let shown = value::show(named, &bytes, resolution);
+            (bytes, shown)
+        }))
+    }
+
+    /// The state that the next heartbeat tells; `None` for a node that sends none.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn state(&mut self) -> Result<Option<State>, Fault> {
+        nmt::state(self.bus, self.id, HEARTBEAT).map_err(Fault::bus)
+    }
+
+    /// Sends an NMT command to it.
+    ///
+    /// Errors: see [`Fault`].
+    pub fn command(&mut self, command: Command) -> Result<(), Fault> {
+        nmt::command(self.bus, command, self.id).map_err(Fault::bus)
+    }
+
+    /// Does something in PRE-OPERATIONAL and returns to OPERATIONAL where the node was there, also
+    /// when it failed.
+    ///
+    /// Errors: `Err(None)` when the node is OPERATIONAL and may not be stopped, and those of
+    /// `work`.
+    pub fn set_up<T, E: From<Fault>>(
+        &mut self,
+        may_stop: bool,
+        work: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, Option<E>> {
+        let fault = |fault| Some(E::from(fault));
+        let works = self.state().map_err(fault)? == Some(State::Operational);
+        if !works {
+            return work(self).map_err(Some);
+        }
+        if !may_stop {
+            return Err(None);
+        }
+        self.command(Command::EnterPreOperational).map_err(fault)?;
+        let stopped = nmt::wait_for(self.bus, self.id, State::PreOperational, CHANGE);
+        let done = match stopped {
+            Ok(_) => work(self).map_err(Some),
+            Err(error) => Err(fault(Fault::bus(error))),
+        };
+        // What went wrong before says more than what may go wrong now.
+        let back = self.command(Command::Start).map_err(fault);
+        done.and_then(|done| back.map(|()| done))
+    }
+}

@@ -1,0 +1,292 @@
+//! `plumb bitrate`: the bit rate of the bus, read or changed on all nodes at once.
+//!
+//! In: nothing, or a rate in kbit/s. Out: the rate of each node, or nodes that have changed and
+//! stored it. Every node on the bus has to follow, or the bus stands still: so nothing is changed
+//! while a node is there that does not answer LSS, unless it is forced. The nodes are told, store
+//! it, and change together after a pause; then the adapter has to follow as well.
+//!
+//! Left out: the adapter's own rate, but for SLCAN, whose channel is opened anew with it.
+
+use std::fmt;
+use std::process::ExitCode;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::ask::Node;
+use super::fault::Fault;
+use super::nodes::{NodeOption, NodesError};
+use super::print;
+use crate::bus::lss::{BIT_RATES, Identity, Master};
+use crate::bus::sdo::{Client, SdoError};
+use crate::bus::survey::survey;
+use crate::bus::{Bus, BusOptions};
+
+/// How long is listened for who is there.
+const ASKING: Duration = Duration::from_millis(1000);
+
+/// How long nodes may take to answer at the new rate, behind both pauses.
+const BACK: Duration = Duration::from_secs(5);
+
+/// What is changed.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// The new bit rate, kbit/s: 1000, 800, 500, 250, 125, 50, 20 or 10; read when not given
+    #[arg(value_parser = rate, value_name = "KBIT/S")]
+    pub rate: Option<u16>,
+    /// Pause before and behind the change, ms
+    #[arg(long, default_value_t = 500, value_name = "MS",
+        value_parser = clap::value_parser!(u16).range(10..=10_000))]
+    pub delay: u16,
+    /// Change also while nodes are there that cannot follow
+    #[arg(long)]
+    pub force: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// Which nodes are read; all channels that are there when not given
+    #[command(flatten)]
+    pub nodes: NodeOption,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+fn rate(text: &str) -> Result<u16, String> {
+    let rate = text
+        .parse()
+        .ok()
+        .filter(|rate| *rate > 0 && BIT_RATES.contains(rate));
+    let known: Vec<_> = BIT_RATES.iter().filter(|rate| **rate > 0).collect();
+    rate.ok_or_else(|| format!("take one of {known:?} kbit/s"))
+}
+
+/// Why the bit rate was not read or changed.
+#[derive(Debug)]
+pub enum BitrateError {
+    /// The bus or a node.
+    Fault(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
+    /// A change is for all nodes.
+    AllOnly,
+    /// These nodes do not answer LSS and would not follow.
+    Behind(Vec<u8>),
+    /// These nodes do not answer at the new rate; the rate.
+    Gone(Vec<u8>, u16),
+}
+
+impl From<Fault> for BitrateError {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<NodesError> for BitrateError {
+    fn from(error: NodesError) -> Self {
+        Self::Nodes(error)
+    }
+}
+
+fn listed(nodes: &[u8]) -> String {
+    let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
+    names.join(", ")
+}
+
+impl fmt::Display for BitrateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Nodes(error) => write!(f, "{error}"),
+            Self::AllOnly => write!(
+                f,
+                "a bus has one bit rate: leave --node away, all nodes are changed at once"
+            ),
+            Self::Behind(nodes) => write!(
+                f,
+                "these nodes do not answer LSS and would not follow: {}; the bus would stand \
+                 still, so nothing was changed; take them off the bus, or say --force",
+                listed(nodes)
+            ),
+            Self::Gone(nodes, rate) => write!(
+                f,
+                "these nodes have stored {rate} kbit/s and do not answer here: {}; set the adapter \
+                 to {rate} kbit/s as well (for SocketCAN: `ip link set can0 down`, then `ip link \
+                 set can0 up type can bitrate {rate}000`; in `plumb serve` type `bit-rate {rate}`), \
+                 then look with `plumb bitrate`",
+                listed(nodes)
+            ),
+        }
+    }
+}
+
+/// The rate of one node.
+#[derive(Clone, Debug, Serialize)]
+struct Rate {
+    node: u8,
+    bit_rate_kbit_s: Option<u32>,
+    automatic: Option<bool>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Document {
+    format: &'static str,
+    version: u32,
+    bus: String,
+    changed: bool,
+    nodes: Vec<Rate>,
+}
+
+/// Reads or changes, and prints.
+///
+/// Errors: see [`BitrateError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, BitrateError> {
+    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let nodes = match arguments.rate {
+        Some(_) if arguments.nodes.node.is_some() => return Err(BitrateError::AllOnly),
+        Some(rate) => change(&mut bus, rate, arguments)?,
+        None => arguments.nodes.readable(&mut bus)?,
+    };
+    let mut rates = Vec::new();
+    for id in nodes {
+        let mut node = Node::new(&mut bus, id);
+        rates.push(Rate {
+            node: id,
+            bit_rate_kbit_s: node.number(0x2053, 1)?,
+            automatic: node.number(0x2053, 2)?.map(|number| number != 0),
+        });
+    }
+    match arguments.json {
+        true => print::json(&Document {
+            format: "plumb-bitrate",
+            version: 1,
+            bus: bus.name().to_owned(),
+            changed: arguments.rate.is_some(),
+            nodes: rates,
+        })?,
+        false => {
+            let lines = rates
+                .iter()
+                .map(|rate| line(rate, arguments.rate.is_some()));
+            print::text(&lines.collect::<String>())?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn line(rate: &Rate, changed: bool) -> String {
+    let number = match rate.bit_rate_kbit_s {
+        Some(0) => "no bit rate yet: it listens for one".to_owned(),
+        Some(number) => format!("{number} kbit/s"),
+        None => "a bit rate that it does not tell".to_owned(),
+    };
+    let automatic = match rate.automatic {
+        Some(true) => ", found by listening",
+        _ => "",
+    };
+    let stored = if changed { ", changed and stored" } else { "" };
+    format!("node {}: {number}{automatic}{stored}\n", rate.node)
+}
+
+/// Changes all nodes; who they are.
+fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, BitrateError> {
+    let heard = survey(bus, ASKING).map_err(Fault::bus)?;
+    let there: Vec<u8> = heard.nodes().into_iter().collect();
+    if there.is_empty() {
+        return Err(Fault::nobody(bus).into());
+    }
+    let (mut follow, mut behind) = (Vec::new(), Vec::new());
+    for id in there {
+        match selected(bus, id)? {
+            true => follow.push(id),
+            false => behind.push(id),
+        }
+    }
+    let may = arguments.force || behind.is_empty();
+    let told = match may && !follow.is_empty() {
+        true => tell(bus, rate, arguments.delay),
+        false => Err(BitrateError::Behind(behind)),
+    };
+    if told.is_err() {
+        Master::new(bus).switch_all(false).map_err(Fault::from)?;
+    }
+    told?;
+    if !arguments.json {
+        let sentence = format!(
+            "told to change to {rate} kbit/s: nodes {}\n",
+            listed(&follow)
+        );
+        print::text(&sentence)?;
+    }
+    // Both pauses of the nodes.
+    sleep(2 * Duration::from_millis(u64::from(arguments.delay)));
+    // Other adapters have their rate set elsewhere.
+    bus.set_bit_rate(u32::from(rate)).map_err(Fault::bus)?;
+    await_all(bus, &follow, rate)?;
+    Ok(follow)
+}
+
+/// Brings a node into the configuration state by its identity; false where it does not answer.
+fn selected(bus: &mut Bus, id: u8) -> Result<bool, Fault> {
+    let mut identity: Identity = [0; 4];
+    for (sub, number) in (1..).zip(&mut identity) {
+        match Client::new(bus, id).read_u32(0x1018, sub) {
+            Ok(found) => *number = found,
+            Err(SdoError::Lost(error)) => return Err(Fault::bus(error)),
+            Err(SdoError::Interrupted) => return Err(Fault::Interrupted),
+            Err(_) => return Ok(false),
+        }
+    }
+    Ok(Master::new(bus).select(&identity)?)
+}
+
+/// Tells those in the configuration state, which store it and change.
+fn tell(bus: &mut Bus, rate: u16, delay: u16) -> Result<(), BitrateError> {
+    let index = BIT_RATES
+        .iter()
+        .position(|known| *known == rate)
+        .unwrap_or(0);
+    let mut master = Master::new(bus);
+    let told = master.configure_bit_timing(index as u8);
+    let stored = told.and_then(|_| master.store());
+    let changed = stored.and_then(|_| master.activate_bit_timing(delay));
+    changed.map_err(|error| Fault::from(error).into())
+}
+
+/// Waits until all answer; then nobody is in the configuration state any more.
+fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), BitrateError> {
+    let until = Instant::now() + BACK;
+    let mut silent = nodes.to_vec();
+    while !silent.is_empty() && Instant::now() < until {
+        let mut still = Vec::new();
+        for id in silent {
+            match Client::new(bus, id).read_u32(0x1000, 0) {
+                Ok(_) => {}
+                Err(SdoError::Lost(error)) => return Err(Fault::bus(error).into()),
+                Err(SdoError::Interrupted) => return Err(Fault::Interrupted.into()),
+                Err(_) => still.push(id),
+            }
+        }
+        silent = still;
+    }
+    Master::new(bus).switch_all(false).map_err(Fault::from)?;
+    match silent.is_empty() {
+        true => Ok(()),
+        false => Err(BitrateError::Gone(silent, rate)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_those_of_the_standard_and_the_reserved_one_is_none() {
+        assert_eq!(rate("500"), Ok(500));
+        for wrong in ["0", "100", "250000", "fast", ""] {
+            assert!(rate(wrong).is_err(), "{wrong}");
+        }
+    }
+}

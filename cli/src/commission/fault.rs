@@ -1,0 +1,99 @@
+//! What may go wrong in every verb: the bus, the node, the printing.
+//!
+//! In: errors of `bus`. Out: a [`Fault`] whose sentence says why, where that can be found out: a
+//! node that does not answer is looked for before it is complained of.
+//!
+//! Left out: what one verb alone refuses.
+
+use std::fmt;
+use std::io;
+
+use crate::bus::diagnosis::{self, Silence};
+use crate::bus::lss::LssError;
+use crate::bus::sdo::SdoError;
+use crate::bus::{Bus, JoinError};
+
+/// Why a verb on the bus ended early.
+#[derive(Debug)]
+pub enum Fault {
+    /// The bus could not be joined.
+    Join(JoinError),
+    /// The bus was lost.
+    Lost(io::Error),
+    /// The user has ended it.
+    Interrupted,
+    /// Nobody answers, and why.
+    Silent(Silence),
+    /// A write was not answered, and why.
+    Unanswered(SdoError, Silence),
+    /// A node has refused, or the transfer failed.
+    Sdo(SdoError),
+    /// An LSS service failed.
+    Lss(LssError),
+    /// The answer can't be printed.
+    Print(io::Error),
+}
+
+impl Fault {
+    /// What an error of the bus means.
+    pub fn bus(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Interrupted,
+            _ => Self::Lost(error),
+        }
+    }
+
+    /// What an error of a transfer with this node means; silence is looked into.
+    pub fn sdo(bus: &mut Bus, node: u8, error: SdoError) -> Self {
+        match error {
+            SdoError::Lost(error) => Self::Lost(error),
+            SdoError::Interrupted => Self::Interrupted,
+            error if error.is_silence() => match diagnosis::silence(bus, Some(node)) {
+                Ok(why) if matches!(error, SdoError::Unanswered(..)) => {
+                    Self::Unanswered(error, why)
+                }
+                Ok(why) => Self::Silent(why),
+                Err(lost) => Self::bus(lost),
+            },
+            error => Self::Sdo(error),
+        }
+    }
+
+    /// Nobody at all answers.
+    pub fn nobody(bus: &mut Bus) -> Self {
+        diagnosis::silence(bus, None).map_or_else(Self::bus, Self::Silent)
+    }
+}
+
+impl From<JoinError> for Fault {
+    fn from(error: JoinError) -> Self {
+        Self::Join(error)
+    }
+}
+
+impl From<LssError> for Fault {
+    fn from(error: LssError) -> Self {
+        match error {
+            LssError::Lost(error) => Self::Lost(error),
+            LssError::Interrupted => Self::Interrupted,
+            error => Self::Lss(error),
+        }
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Join(error) => write!(f, "{error}"),
+            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
+            Self::Interrupted => write!(f, "interrupted"),
+            Self::Silent(why) => write!(f, "{why}"),
+            Self::Unanswered(error, why) => write!(f, "{error}; {why}"),
+            Self::Sdo(error) => write!(f, "{error}"),
+            Self::Lss(error) => write!(f, "{error}"),
+            Self::Print(error) => write!(f, "the answer cannot be printed: {error}"),
+        }
+    }
+}

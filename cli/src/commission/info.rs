@@ -1,0 +1,371 @@
+//! `plumb info`: what a node is, how it is set up, and how it does.
+//!
+//! In: nodes. Out: a column for each node, or JSON: identity, program, calibration, the pair, what
+//! is measured and how well, faults in words, the bus. What a node does not have is left empty.
+//! Nothing is changed.
+//!
+//! Left out: the fault log and the black box, which `plumb get fault-log --output FILE` and
+//! `plumb get black-box.1 --output FILE` fetch.
+
+use std::fmt;
+use std::process::ExitCode;
+
+use clap::Args;
+use device::fault::Fault as DeviceFault;
+use serde::Serialize;
+
+use super::ask::Node;
+use super::fault::Fault;
+use super::name::{self, Named};
+use super::nodes::{NodeOption, NodesError};
+use super::print;
+use crate::bus::BusOptions;
+use crate::report::replay_tables::printable;
+use crate::serve::status::because;
+use crate::text_table::{Cell, Column, Table};
+use crate::update::version;
+
+/// Bits of the error register (CiA 301, 7.5.2.2).
+const ERROR_BITS: [&str; 8] = [
+    "any",
+    "current",
+    "voltage",
+    "temperature",
+    "communication",
+    "profile",
+    "reserved",
+    "manufacturer",
+];
+
+/// Codes of EMCY that are not a fault of the instrument, in words (CiA 301, table 26; R9).
+const OTHER_CODES: [(u16, &str); 16] = [
+    (0x6101, "the program before this one ended by a panic"),
+    (0x6102, "the program before this one ended by a hard fault"),
+    (
+        0x6103,
+        "the program before this one met an interrupt without a handler",
+    ),
+    (0x6104, "the watchdog ended the program before this one"),
+    (0x6105, "the bootloader had found nothing to start"),
+    (0x8110, "CAN frames were lost"),
+    (0x8120, "the CAN controller was error passive"),
+    (0x8130, "the heartbeat of a supervised node was lost"),
+    (0x8140, "it came back from bus-off"),
+    (0x8150, "two nodes sent the same identifier"),
+    (0x8200, "a frame was against the protocol"),
+    (0x8210, "a PDO was too short"),
+    (0x8220, "a PDO was too long"),
+    (0x8240, "a SYNC had a wrong length"),
+    (0x8250, "a received PDO was missing"),
+    (0, "faults have gone"),
+];
+
+/// Which nodes.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Node-id; all channels that are there when not given
+    #[arg(
+        value_parser = clap::value_parser!(u8).range(1..=127),
+        conflicts_with = "node",
+        value_name = "NODE"
+    )]
+    pub id: Option<u8>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// Several nodes
+    #[command(flatten)]
+    pub nodes: NodeOption,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+/// Why nothing could be told.
+#[derive(Debug)]
+pub enum InfoError {
+    /// The bus or a node.
+    Fault(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
+}
+
+impl From<Fault> for InfoError {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<NodesError> for InfoError {
+    fn from(error: NodesError) -> Self {
+        Self::Nodes(error)
+    }
+}
+
+impl fmt::Display for InfoError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Nodes(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+/// One thing that a node tells.
+#[derive(Clone, Debug, Serialize)]
+struct Fact {
+    /// What it is, as the table has it.
+    #[serde(skip)]
+    label: &'static str,
+    name: String,
+    value: Option<f64>,
+    unit: Option<String>,
+    text: Option<String>,
+    reason: Option<String>,
+}
+
+/// What one node tells.
+#[derive(Clone, Debug, Serialize)]
+struct Info {
+    node: u8,
+    state: Option<String>,
+    facts: Vec<Fact>,
+    /// The error register in words.
+    errors: Vec<&'static str>,
+    /// The errors told before, newest first.
+    error_history: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Document {
+    format: &'static str,
+    version: u32,
+    bus: String,
+    nodes: Vec<Info>,
+}
+
+/// What is asked, in the order in which it is told: a label and an object.
+const ASKED: [(&str, &str); 35] = [
+    ("device", "device-name"),
+    ("hardware", "hardware-version"),
+    ("software", "software-version"),
+    ("product code", "product-code"),
+    ("revision", "revision-number"),
+    ("serial number", "serial-number"),
+    ("channel", "channel"),
+    ("program", "program.version"),
+    ("its slot", "program.slot"),
+    ("its standing", "program.standing"),
+    ("its check sum", "1F56h:1"),
+    ("mode", "mode-of-measurement"),
+    ("slope long", "slope-long"),
+    ("slope lateral", "slope-lateral"),
+    ("no angle, X", "reason.x"),
+    ("no angle, Y", "reason.y"),
+    ("uncertainty X (k = 1)", "uncertainty.x"),
+    ("uncertainty Y (k = 1)", "uncertainty.y"),
+    ("latency", "2023h:1"),
+    ("temperature", "temperature"),
+    ("the other channel", "peer"),
+    ("state of the pair", "state-of-the-pair"),
+    ("blamed", "2027h:1"),
+    ("because", "2027h:2"),
+    ("difference X", "2024h:1"),
+    ("difference Y", "2024h:2"),
+    ("SYNC from", "2026h:3"),
+    ("exchanges missed", "2026h:2"),
+    ("bus state", "2052h:1"),
+    ("bus load", "2052h:4"),
+    ("frames lost", "2052h:5"),
+    ("bus-offs", "2052h:6"),
+    ("bit rate", "2053h:1"),
+    ("heartbeat", "heartbeat"),
+    ("degraded operation", "2005h"),
+];
+
+/// Asks and prints.
+///
+/// Errors: see [`InfoError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, InfoError> {
+    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let nodes = match arguments.id {
+        Some(id) => vec![id],
+        None => arguments.nodes.readable(&mut bus)?,
+    };
+    let mut told = Vec::new();
+    for id in nodes {
+        told.push(ask(&mut Node::new(&mut bus, id))?);
+    }
+    match arguments.json {
+        true => print::json(&Document {
+            format: "plumb-info",
+            version: 1,
+            bus: bus.name().to_owned(),
+            nodes: told,
+        })?,
+        false => print::text(&text(&told))?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn ask(node: &mut Node) -> Result<Info, Fault> {
+    let mut facts = Vec::new();
+    for (label, name) in ASKED {
+        // A name that our own table does not know would be a mistake here; a test looks for it.
+        for named in name::find(name).unwrap_or_default() {
+            facts.push(fact(node, label, &named)?);
+        }
+    }
+    for named in name::find("2062").unwrap_or_default() {
+        facts.push(fact(node, "calibration", &named)?);
+    }
+    let register = node.number(0x1001, 0)?.unwrap_or(0);
+    let errors = ERROR_BITS.iter().enumerate();
+    let errors = errors.filter(|(bit, _)| register >> bit & 1 != 0);
+    let errors = errors
+        .map(|(_, name)| *name)
+        .filter(|name| *name != "any")
+        .collect();
+    let count = node.number(0x1003, 0)?.unwrap_or(0).min(8);
+    let mut error_history = Vec::new();
+    for sub in 1..=count {
+        if let Some(error) = node.number(0x1003, sub as u8)? {
+            error_history.push(error_text(error as u16));
+        }
+    }
+    let state = node.state()?;
+    Ok(Info {
+        node: node.id,
+        state: state.map(|state| state.to_string()),
+        facts,
+        errors,
+        error_history,
+    })
+}
+
+fn fact(node: &mut Node, label: &'static str, named: &Named) -> Result<Fact, Fault> {
+    let mut fact = Fact {
+        label,
+        name: named.name.clone(),
+        value: None,
+        unit: None,
+        text: None,
+        reason: None,
+    };
+    match node.shown(named)? {
+        Ok((_, shown)) => {
+            fact.value = shown.value;
+            fact.unit = Some(shown.unit).filter(|unit| !unit.is_empty());
+            fact.text = Some(in_words(named, shown.raw).unwrap_or(shown.text));
+            fact.reason = shown.reason;
+        }
+        Err(code) => fact.reason = Some(crate::bus::sdo::meaning(code).to_owned()),
+    }
+    Ok(fact)
+}
+
+/// Numbers whose words stand elsewhere than in their row.
+fn in_words(named: &Named, raw: Option<i64>) -> Option<String> {
+    let raw = raw?;
+    let one_of = |names: &[&str]| {
+        let name = usize::try_from(raw).ok().and_then(|raw| names.get(raw));
+        name.map(|name| (*name).to_owned())
+    };
+    match (named.index, named.sub) {
+        (0x2002, 0) => one_of(&["A", "B"]),
+        (0x2080, 2) => u32::try_from(raw).ok().map(version),
+        (0x2080, 3) => one_of(&["A", "B"]),
+        (0x2080, 4) => one_of(&[
+            "confirmed",
+            "on trial",
+            "confirmed, a newer one was given up",
+        ]),
+        (0x2025, _) | (0x2027, 2) if raw == 0 => Some("-".to_owned()),
+        (0x2025, _) | (0x2027, 2) => u8::try_from(raw).ok().map(because),
+        (0x2005, 0) => one_of(&["forbidden", "allowed"]),
+        (0x1017, 0) if raw == 0 => Some("none".to_owned()),
+        _ => None,
+    }
+}
+
+/// What an EMCY code says.
+fn error_text(code: u16) -> String {
+    let of_device = DeviceFault::ALL
+        .iter()
+        .find(|fault| fault.report().0 == code);
+    let other = || OTHER_CODES.iter().find(|(known, _)| *known == code);
+    let text = of_device.map(|fault| fault.text());
+    let text = text.or_else(|| other().map(|(_, text)| *text));
+    format!("{code:04X}h {}", text.unwrap_or("of unknown meaning"))
+}
+
+fn text(told: &[Info]) -> String {
+    let mut columns = vec![Column::text("")];
+    columns.extend(
+        told.iter()
+            .map(|info| Column::text(&format!("node {}", info.node))),
+    );
+    let mut table = Table::new("", columns);
+    let state = told
+        .iter()
+        .map(|info| info.state.as_deref().unwrap_or("no heartbeat"));
+    table.rows.push(row("state", state));
+    let facts = told.first().map(|info| info.facts.len()).unwrap_or(0);
+    for place in 0..facts {
+        let of_nodes = || told.iter().filter_map(|info| info.facts.get(place));
+        let Some(first) = of_nodes().next() else {
+            continue;
+        };
+        let own_label = match first.label {
+            "calibration" => first.name.replace("calibration-identity.", "calibration: "),
+            label => label.to_owned(),
+        };
+        let texts = of_nodes().map(|fact| fact.text.as_deref().unwrap_or("-"));
+        table.rows.push(row(&own_label, texts));
+    }
+    let errors = told.iter().map(|info| match info.errors.as_slice() {
+        [] => "none".to_owned(),
+        errors => errors.join(", "),
+    });
+    table.rows.push(row("errors now", errors));
+    let mut text = table.to_text();
+    for info in told {
+        for error in &info.error_history {
+            text.push_str(&format!("node {} has told: {error}\n", info.node));
+        }
+    }
+    text
+}
+
+fn row<T: AsRef<str>>(label: &str, texts: impl Iterator<Item = T>) -> Vec<Cell> {
+    let cells = texts.map(|text| Cell::text(printable(text.as_ref())));
+    [Cell::text(label)].into_iter().chain(cells).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn everything_that_is_asked_is_in_the_dictionary() {
+        for (label, name) in ASKED {
+            let found = name::find(name).unwrap();
+            assert!(found.iter().all(|one| one.row.is_some()), "{label}: {name}");
+            assert_eq!(found.len(), 1, "{label}: {name}");
+        }
+        assert!(name::find("2062").unwrap().len() > 1);
+    }
+
+    #[test]
+    fn every_code_of_a_fault_has_words() {
+        for fault in DeviceFault::ALL {
+            let text = error_text(fault.report().0);
+            assert!(text.contains(fault.text()), "{text}");
+        }
+        assert_eq!(
+            error_text(0x8130),
+            "8130h the heartbeat of a supervised node was lost"
+        );
+        assert_eq!(error_text(0x1234), "1234h of unknown meaning");
+    }
+}

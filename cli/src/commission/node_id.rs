@@ -1,0 +1,701 @@
+//! `plumb node-id`: node-ids by LSS, and what the two channels of an instrument know of each
+//! other.
+//!
+//! In: a new node-id for one node (`--node`, or the one that has none), or two for the channels A
+//! and B of an instrument (`--pair 10,11`; the two without node-ids, or those named). Out: nodes
+//! that have it, now and after a power cut, and that find each other: what was done, line by
+//! line, or one JSON object. A step that fails ends it; what was printed before is done.
+//!
+//! The channels find each other by numbers that stay as they are: 2001h, the heartbeat that is
+//! supervised (1016h:1), and what RPDO 1 and 2 receive (1400h:1, 1401h:1). They are written,
+//! saved, and count from the reset at the end. Then both are started, to see that they compare,
+//! and taken back. Identifiers that follow the node-id as delivered do so no longer once they have
+//! been saved; those that are still as delivered for the old node-id are written anew.
+//!
+//! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
+
+use std::fmt;
+use std::process::ExitCode;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use canopen::object::Access;
+use clap::Args;
+use device::objects::row::Default;
+use device::objects::table::{self, Channel};
+use serde::Serialize;
+
+use super::ask::Node;
+use super::fault::Fault;
+use super::name;
+use super::nodes::{self, NodeOption, Nodes, NodesError};
+use super::print;
+use super::save::{self, SaveError};
+use crate::bus::lss::{Identity, Master};
+use crate::bus::nmt::{self, Command, State};
+use crate::bus::sdo::{Client, SdoError};
+use crate::bus::survey::survey;
+use crate::bus::{Bus, BusOptions};
+use crate::describe::meaning;
+
+/// How long is listened for who is there.
+const ASKING: Duration = Duration::from_millis(400);
+
+/// How long a node may take until it answers by its new node-id.
+const RESTART: Duration = Duration::from_secs(10);
+
+/// How long two channels may take until they have compared: SYNC of their own after half a
+/// second, and two seconds in which each waits for the other.
+const COMPARING: Duration = Duration::from_secs(8);
+
+/// Between two questions.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Bit 31 of a COB-ID: the PDO is off.
+const OFF: u32 = 1 << 31;
+
+/// Identifiers of the other channel's TPDO 3 and 4 in CiA's predefined set.
+const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
+
+/// 2021h of two channels that have found each other: agree, warning.
+const COMPARED: [u32; 2] = [1, 2];
+
+/// Two node-ids, of channel A and channel B.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair(u8, u8);
+
+impl FromStr for Pair {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let id = |text: &str| text.trim().parse().ok().filter(|id| (1..=127).contains(id));
+        let ids = text.split_once(',').and_then(|(a, b)| id(a).zip(id(b)));
+        match ids {
+            Some((a, b)) if a != b => Ok(Self(a, b)),
+            _ => Err("write two different node-ids from 1 to 127: A,B".to_owned()),
+        }
+    }
+}
+
+/// Which node-ids, and for whom.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// The new node-id of one node: the one of --node, or the one that has none
+    #[arg(
+        required_unless_present = "pair",
+        conflicts_with = "pair",
+        value_parser = clap::value_parser!(u8).range(1..=127),
+        value_name = "ID"
+    )]
+    pub id: Option<u8>,
+    /// The new node-ids of channel A and channel B of one instrument
+    #[arg(long, value_name = "A,B")]
+    pub pair: Option<Pair>,
+    /// Print one JSON object at the end
+    #[arg(long)]
+    pub json: bool,
+    /// Which nodes; those without a node-id when not given
+    #[command(flatten)]
+    pub nodes: NodeOption,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+/// Why a node has not got its node-id, or the two do not find each other.
+#[derive(Debug)]
+pub enum NodeIdError {
+    /// The bus or a node.
+    Fault(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
+    /// What was written could not be saved.
+    Save(SaveError),
+    /// Another node has this node-id.
+    Taken(u8),
+    /// So many nodes were named as are not needed: needed, named.
+    Count(usize, usize),
+    /// So many nodes without a node-id were found, and another number is needed.
+    Fresh(usize, usize),
+    /// The nodes are not channels A and B of a Plumb.
+    NoPair,
+    /// No node with this identity answers LSS.
+    NotSelected(u8),
+    /// A node does not answer by its new node-id.
+    Gone(u8),
+    /// A node does not hold what was written: node, index.
+    Differs(u8, u16),
+    /// The two do not compare.
+    Apart(u8, u8),
+}
+
+impl From<Fault> for NodeIdError {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<NodesError> for NodeIdError {
+    fn from(error: NodesError) -> Self {
+        Self::Nodes(error)
+    }
+}
+
+impl From<SaveError> for NodeIdError {
+    fn from(error: SaveError) -> Self {
+        Self::Save(error)
+    }
+}
+
+impl fmt::Display for NodeIdError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Nodes(error) => write!(f, "{error}"),
+            Self::Save(error) => write!(f, "{error}"),
+            Self::Taken(id) => write!(
+                f,
+                "node-id {id} is in use on this bus: choose another one (`plumb scan` lists them)"
+            ),
+            Self::Count(needed, named) => {
+                write!(
+                    f,
+                    "--node names {named} nodes, and {needed} are needed here"
+                )
+            }
+            Self::Fresh(0, _) => write!(
+                f,
+                "no node without a node-id is there: name those to change with --node"
+            ),
+            Self::Fresh(found, needed) => write!(
+                f,
+                "{found} nodes without a node-id are there, and {needed} are needed here: connect \
+                 just these, or name nodes with --node"
+            ),
+            Self::NoPair => write!(
+                f,
+                "the two nodes are not channel A and channel B of a Plumb (`plumb scan` tells what \
+                 they are)"
+            ),
+            Self::NotSelected(node) => write!(
+                f,
+                "node {node} does not answer LSS by its identity: does another one have the same?"
+            ),
+            Self::Gone(id) => write!(
+                f,
+                "no node answers by node-id {id} after its reset: look for it with `plumb scan`"
+            ),
+            Self::Differs(node, index) => write!(
+                f,
+                "node {node} does not hold in {index:04X}h what was written: its parameters were \
+                 not saved"
+            ),
+            Self::Apart(a, b) => write!(
+                f,
+                "nodes {a} and {b} have their node-ids but do not compare within 8 s: \
+                 `plumb info` tells what is wrong"
+            ),
+        }
+    }
+}
+
+/// A node on its way to its new node-id.
+#[derive(Clone, Debug, Serialize)]
+struct Member {
+    channel: Option<char>,
+    old_node: Option<u8>,
+    node: u8,
+    serial_number: u32,
+    peer: Option<u8>,
+    #[serde(skip)]
+    identity: Identity,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Document {
+    format: &'static str,
+    version: u32,
+    bus: String,
+    nodes: Vec<Member>,
+    /// Both compare and agree; null where there is no pair.
+    agree: Option<bool>,
+    notes: Vec<&'static str>,
+}
+
+/// What does not follow the node-id.
+const SAFETY: &str = "safety frames (SRDO) keep their identifiers, 1301h and 1302h: with a second \
+                      instrument on the bus give one of them others before safety is commissioned";
+
+/// What the nodes are told, and how much of it is printed.
+struct Work<'a> {
+    bus: &'a mut Bus,
+    json: bool,
+}
+
+/// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
+///
+/// Errors: see [`NodeIdError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
+    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let json = arguments.json;
+    let mut work = Work {
+        bus: &mut bus,
+        json,
+    };
+    let (members, compare) = match (arguments.pair, arguments.id) {
+        (Some(pair), _) => work.pair(pair, &arguments.nodes)?,
+        (None, id) => work.single(id.unwrap_or(1), &arguments.nodes)?,
+    };
+    let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
+    match json {
+        true => print::json(&Document {
+            format: "plumb-node-id",
+            version: 1,
+            bus: bus.name().to_owned(),
+            nodes: members,
+            agree: compare,
+            notes,
+        })?,
+        false => {
+            for note in notes {
+                print::text(&format!("note: {note}\n"))?;
+            }
+        }
+    }
+    Ok(match compare {
+        Some(false) => ExitCode::from(1),
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+impl Work<'_> {
+    /// Prints what is done.
+    fn say(&self, sentence: &str) -> Result<(), Fault> {
+        match self.json {
+            true => Ok(()),
+            false => print::text(&format!("{sentence}\n")),
+        }
+    }
+
+    /// One node, and the other channel that knows it.
+    fn single(
+        &mut self,
+        id: u8,
+        named: &NodeOption,
+    ) -> Result<(Vec<Member>, Option<bool>), NodeIdError> {
+        let mut members = self.members(named, 1)?;
+        let there = self.there()?;
+        let Some(member) = members.first_mut() else {
+            return Err(NodeIdError::Fresh(0, 1));
+        };
+        if there.contains(&id) && member.old_node != Some(id) {
+            return Err(NodeIdError::Taken(id));
+        }
+        member.node = id;
+        let old = member.old_node;
+        let other = match old {
+            Some(old) => self.who_knows(&there, old)?,
+            None => None,
+        };
+        if let (Some(other), Some(channel)) = (other, members[0].channel) {
+            let own = self.look(other)?;
+            if own.channel.is_some_and(|letter| letter != channel) {
+                members.push(Member { node: other, ..own });
+            }
+        }
+        self.give(&members[..1])?;
+        match members.len() {
+            2 => self.join(&mut members).map(|agree| (members, Some(agree))),
+            _ => {
+                self.keep_lss(&members[..1])?;
+                Ok((members, None))
+            }
+        }
+    }
+
+    /// Both channels of an instrument.
+    fn pair(
+        &mut self,
+        Pair(a, b): Pair,
+        named: &NodeOption,
+    ) -> Result<(Vec<Member>, Option<bool>), NodeIdError> {
+        let mut members = self.members(named, 2)?;
+        members.sort_by_key(|member| member.channel);
+        match members.as_slice() {
+            [one, other] if one.channel == Some('A') && other.channel == Some('B') => {}
+            _ => return Err(NodeIdError::NoPair),
+        }
+        let olds: Vec<_> = members
+            .iter()
+            .filter_map(|member| member.old_node)
+            .collect();
+        for (member, id) in members.iter_mut().zip([a, b]) {
+            member.node = id;
+        }
+        let there = self.there()?;
+        let taken = |id: &&u8| there.contains(id) && !olds.contains(id);
+        if let Some(id) = [a, b].iter().find(taken) {
+            return Err(NodeIdError::Taken(*id));
+        }
+        self.give(&members)?;
+        let agree = self.join(&mut members)?;
+        Ok((members, Some(agree)))
+    }
+
+    /// Node-ids in use.
+    fn there(&mut self) -> Result<Vec<u8>, Fault> {
+        let survey = survey(self.bus, ASKING).map_err(Fault::bus)?;
+        Ok(survey.nodes().into_iter().collect())
+    }
+
+    /// The nodes named, or those without a node-id.
+    fn members(&mut self, named: &NodeOption, needed: usize) -> Result<Vec<Member>, NodeIdError> {
+        let ids = match &named.node {
+            None => return self.fresh(needed),
+            Some(Nodes::These(ids)) => ids.clone(),
+            Some(Nodes::All) => nodes::channels(self.bus)?,
+        };
+        if ids.len() != needed {
+            return Err(NodeIdError::Count(needed, ids.len()));
+        }
+        let looked: Result<Vec<_>, _> = ids.into_iter().map(|id| self.look(id)).collect();
+        Ok(looked?)
+    }
+
+    /// A node that has a node-id.
+    fn look(&mut self, id: u8) -> Result<Member, Fault> {
+        let mut node = Node::new(self.bus, id);
+        let mut identity = [0; 4];
+        for (sub, number) in (1..).zip(&mut identity) {
+            *number = node.number(0x1018, sub)?.unwrap_or(0);
+        }
+        let old_node = Some(id);
+        Ok(Member {
+            old_node,
+            node: id,
+            ..member(identity)
+        })
+    }
+
+    /// The nodes without a node-id, of which there have to be as many as are needed.
+    fn fresh(&mut self, needed: usize) -> Result<Vec<Member>, NodeIdError> {
+        let mut master = Master::new(self.bus);
+        let mut found = Vec::new();
+        let ended = loop {
+            match master.fastscan() {
+                Ok(Some(identity)) if found.len() <= needed => found.push(identity),
+                Ok(_) => break Ok(()),
+                Err(error) => break Err(error),
+            }
+        };
+        master.switch_all(false).map_err(Fault::from)?;
+        ended.map_err(Fault::from)?;
+        if found.len() != needed {
+            return Err(NodeIdError::Fresh(found.len(), needed));
+        }
+        let members: Vec<_> = found.into_iter().map(member).collect();
+        for member in &members {
+            let serial = member.serial_number;
+            self.say(&format!("found: {}, serial number {serial}", named(member)))?;
+        }
+        Ok(members)
+    }
+
+    /// Who takes this node-id for the other channel's.
+    fn who_knows(&mut self, there: &[u8], id: u8) -> Result<Option<u8>, Fault> {
+        for other in there.iter().filter(|other| **other != id) {
+            let mut node = Node::new(self.bus, *other);
+            let known = nodes::channel(node.bus, *other)?.is_some();
+            if known && node.number(0x2001, 0)? == Some(u32::from(id)) {
+                return Ok(Some(*other));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Node-ids by LSS, stored; they count at the end of this.
+    fn give(&mut self, members: &[Member]) -> Result<(), NodeIdError> {
+        for member in members
+            .iter()
+            .filter(|member| member.old_node != Some(member.node))
+        {
+            let mut master = Master::new(self.bus);
+            let selected = master.select(&member.identity).map_err(Fault::from)?;
+            let given = match selected {
+                true => master
+                    .configure_node_id(member.node)
+                    .and_then(|()| master.store()),
+                false => {
+                    let node = member.old_node.unwrap_or(member.node);
+                    return Err(NodeIdError::NotSelected(node));
+                }
+            };
+            // Nobody is left behind in the configuration state, whatever became of it.
+            let back = master.switch_all(false);
+            given.map_err(Fault::from)?;
+            back.map_err(Fault::from)?;
+            let id = member.node;
+            self.say(&format!(
+                "{}: node-id {id} is given and stored",
+                named(member)
+            ))?;
+        }
+        for old in members.iter().filter_map(|member| member.old_node) {
+            nmt::command(self.bus, Command::ResetCommunication, old).map_err(Fault::bus)?;
+        }
+        for member in members {
+            self.wait(member.node)?;
+            self.renumber(member)?;
+        }
+        Ok(())
+    }
+
+    /// Identifiers that were saved for the old node-id.
+    fn renumber(&mut self, member: &Member) -> Result<(), NodeIdError> {
+        let Some(old) = member.old_node.filter(|old| *old != member.node) else {
+            return Ok(());
+        };
+        let id = member.node;
+        let mut node = Node::new(self.bus, id);
+        let changed = node.set_up(true, |node| renumber(node, old));
+        let changed = changed.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+        if !changed.is_empty() {
+            let list = changed.join(", ");
+            self.say(&format!(
+                "node {id}: identifiers follow the node-id: {list}, saved"
+            ))?;
+        }
+        Ok(())
+    }
+
+    /// Waits until a node answers.
+    fn wait(&mut self, id: u8) -> Result<(), NodeIdError> {
+        let until = Instant::now() + RESTART;
+        while Instant::now() < until {
+            nmt::state(self.bus, id, PAUSE).map_err(Fault::bus)?;
+            match Client::new(self.bus, id).read_u32(0x1000, 0) {
+                Ok(_) => return Ok(()),
+                Err(SdoError::Lost(error)) => return Err(Fault::Lost(error).into()),
+                Err(SdoError::Interrupted) => return Err(Fault::Interrupted.into()),
+                Err(_) => {}
+            }
+        }
+        Err(NodeIdError::Gone(id))
+    }
+
+    /// Nothing but the node-id was to be kept: LSS has done so.
+    fn keep_lss(&mut self, members: &[Member]) -> Result<(), NodeIdError> {
+        for member in members {
+            let id = member.node;
+            self.say(&format!("node {id} answers; no other channel knows it yet"))?;
+        }
+        Ok(())
+    }
+
+    /// Tells both channels of each other, saves, resets, and sees whether they agree.
+    fn join(&mut self, members: &mut [Member]) -> Result<bool, NodeIdError> {
+        let [one, other] = members else {
+            return Err(NodeIdError::NoPair);
+        };
+        one.peer = Some(other.node);
+        other.peer = Some(one.node);
+        let (a, b) = (one.node, other.node);
+        for (id, peer) in [(a, b), (b, a)] {
+            let mut node = Node::new(self.bus, id);
+            let told = node.set_up(true, |node| tell(node, peer));
+            told.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
+            self.say(&format!(
+                "node {id}: the other channel is node {peer} (2001h, 1016h:1, 1400h:1, 1401h:1), saved"
+            ))?;
+        }
+        for id in [a, b] {
+            nmt::command(self.bus, Command::ResetNode, id).map_err(Fault::bus)?;
+        }
+        for (id, peer) in [(a, b), (b, a)] {
+            self.wait(id)?;
+            check(&mut Node::new(self.bus, id), peer)?;
+        }
+        self.say(&format!(
+            "nodes {a} and {b} are back from their reset and hold it"
+        ))?;
+        self.compare(a, b)
+    }
+
+    /// Starts both until they agree, and takes back what was not started before.
+    fn compare(&mut self, a: u8, b: u8) -> Result<bool, NodeIdError> {
+        let mut started = Vec::new();
+        for id in [a, b] {
+            let mut node = Node::new(self.bus, id);
+            if node.state()? != Some(State::Operational) {
+                node.command(Command::Start)?;
+                started.push(id);
+            }
+        }
+        let states = self.states(a, b)?;
+        for id in started {
+            Node::new(self.bus, id).command(Command::EnterPreOperational)?;
+        }
+        let [one, other] = states;
+        let agree = [one, other].iter().all(|state| COMPARED.contains(state));
+        match (agree, one.max(other)) {
+            (true, _) => {
+                self.say(&format!(
+                    "nodes {a} and {b} compare their angles: {}",
+                    pair_state(one)
+                ))?;
+            }
+            (false, 0) => return Err(NodeIdError::Apart(a, b)),
+            (false, _) => self.say(&format!(
+                "node {a} says: {}; node {b} says: {}; `plumb info` tells why",
+                pair_state(one),
+                pair_state(other)
+            ))?,
+        }
+        Ok(agree)
+    }
+
+    /// 2021h of both, when they have compared or the time is over.
+    fn states(&mut self, a: u8, b: u8) -> Result<[u32; 2], Fault> {
+        let until = Instant::now() + COMPARING;
+        loop {
+            let mut states = [0; 2];
+            for (state, id) in states.iter_mut().zip([a, b]) {
+                *state = Node::new(self.bus, id).number(0x2021, 0)?.unwrap_or(0);
+            }
+            let done = states.iter().all(|state| COMPARED.contains(state));
+            if done || Instant::now() > until {
+                return Ok(states);
+            }
+            nmt::state(self.bus, a, PAUSE).map_err(Fault::bus)?;
+        }
+    }
+}
+
+/// 2021h in words.
+fn pair_state(state: u32) -> String {
+    let row = name::one("state-of-the-pair")
+        .ok()
+        .and_then(|named| named.row);
+    let names = row.map_or(Vec::new(), |row| meaning::named_values(row.doc));
+    let named = names.iter().find(|(number, _)| *number == i64::from(state));
+    named.map_or_else(|| format!("state {state}"), |(_, name)| (*name).to_owned())
+}
+
+/// A node by its identity.
+fn member(identity: Identity) -> Member {
+    use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
+    let channel = match identity[1] {
+        PRODUCT_CODE_A => Some(Channel::A),
+        PRODUCT_CODE_B => Some(Channel::B),
+        _ => None,
+    };
+    Member {
+        channel: channel.map(crate::describe::dictionary::letter),
+        old_node: None,
+        node: 0,
+        serial_number: identity[3],
+        peer: None,
+        identity,
+    }
+}
+
+fn named(member: &Member) -> String {
+    match (member.channel, member.old_node) {
+        (Some(channel), Some(old)) => format!("channel {channel} (node {old} until now)"),
+        (Some(channel), None) => format!("channel {channel}"),
+        (None, Some(old)) => format!("node {old}"),
+        (None, None) => format!("a device with product code {:08X}h", member.identity[1]),
+    }
+}
+
+/// Writes the identifiers that are as delivered for the old node-id, and saves them; their
+/// addresses.
+fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, NodeIdError> {
+    let mut changed = Vec::new();
+    for row in table::rows() {
+        let (Default::NodeId(base), true) = (row.default, row.access.has(Access::STORED)) else {
+            continue;
+        };
+        let held = node.number(row.index, row.sub)?;
+        let delivered = |id: u8| (base + i64::from(id)) as u32;
+        // What was switched on or off since is still that.
+        let Some(held) = held.filter(|held| held & !OFF == delivered(old) & !OFF) else {
+            continue;
+        };
+        let new = held & OFF | delivered(node.id) & !OFF;
+        write_identifier(node, row.index, row.sub, held, new)?;
+        changed.push(name::address(row.index, row.sub));
+    }
+    if !changed.is_empty() {
+        save::save(
+            node,
+            save::Group::sub(Some(save::Group::Communication)),
+            false,
+        )?;
+    }
+    Ok(changed)
+}
+
+/// Writes a COB-ID: while it is on, nothing but bit 31 may change.
+fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) -> Result<(), Fault> {
+    if old == new {
+        return Ok(());
+    }
+    if old & OFF == 0 {
+        node.write(index, sub, &(old | OFF).to_le_bytes())?;
+    }
+    node.write(index, sub, &new.to_le_bytes())
+}
+
+/// Writes what a channel has to know of the other one, and saves it.
+fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+    node.write(0x2001, 0, &[peer])?;
+    let supervised = node.number(0x1016, 1)?.unwrap_or(500);
+    let time = match supervised & 0xFFFF {
+        0 => 500,
+        time => time,
+    };
+    let supervised = u32::from(peer) << 16 | time;
+    node.write(0x1016, 1, &supervised.to_le_bytes())?;
+    for (index, base) in EXCHANGE {
+        let old = node.number(index, 1)?.unwrap_or(0);
+        write_identifier(node, index, 1, old, base + u32::from(peer))?;
+    }
+    for group in [save::Group::Communication, save::Group::Manufacturer] {
+        save::save(node, save::Group::sub(Some(group)), false)?;
+    }
+    Ok(())
+}
+
+/// Whether a channel that was reset holds what it has to know of the other one.
+fn check(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+    let id = node.id;
+    let differs = |index| NodeIdError::Differs(id, index);
+    let peer = u32::from(peer);
+    if node.number(0x2001, 0)? != Some(peer) {
+        return Err(differs(0x2001));
+    }
+    if node.number(0x1016, 1)?.map(|number| number >> 16) != Some(peer) {
+        return Err(differs(0x1016));
+    }
+    for (index, base) in EXCHANGE {
+        if node.number(index, 1)? != Some(base + peer) {
+            return Err(differs(index));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_has_two_different_node_ids() {
+        assert_eq!("10,11".parse(), Ok(Pair(10, 11)));
+        assert_eq!(" 127 , 1 ".parse(), Ok(Pair(127, 1)));
+        for wrong in ["10", "10,10", "0,1", "1,128", "a,b", "1,2,3", ""] {
+            assert!(wrong.parse::<Pair>().is_err(), "{wrong:?}");
+        }
+    }
+}

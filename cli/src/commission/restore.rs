@@ -1,0 +1,160 @@
+//! `plumb restore`: what was saved is forgotten, and the delivered values count again (1011h).
+//!
+//! In: nodes, and which group of parameters. Out: a line for each node, or JSON. The values count
+//! from the next reset on; `--reset` does that too, and waits until the node is back. A node that
+//! was OPERATIONAL gets there again.
+//!
+//! Left out: node-id and bit rate, which stay; calibrations, which `calibrate` exchanges.
+
+use std::fmt;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::ask::Node;
+use super::fault::Fault;
+use super::nodes::{NodeOption, NodesError};
+use super::print;
+use super::save::Group;
+use crate::bus::BusOptions;
+use crate::bus::nmt::{self, Command, State};
+
+/// "load", lowest byte first (CiA 301, 7.5.2.14).
+const LOAD: [u8; 4] = *b"load";
+
+/// How long a node may take from its reset to its boot-up message.
+const RESTART: Duration = Duration::from_secs(10);
+
+/// What is restored, and where.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Only this group of parameters
+    #[arg(long, value_enum)]
+    pub only: Option<Group>,
+    /// Reset the nodes behind it, so that the delivered values count at once
+    #[arg(long)]
+    pub reset: bool,
+    /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
+    #[arg(long)]
+    pub stop: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// Which nodes; needed where more than one is there
+    #[command(flatten)]
+    pub nodes: NodeOption,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+/// Why something was not restored.
+#[derive(Debug)]
+pub enum RestoreError {
+    /// The bus or a node.
+    Fault(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
+    /// A node works.
+    Operational(u8),
+    /// A node has not come back after its reset.
+    Gone(u8),
+}
+
+impl From<Fault> for RestoreError {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<NodesError> for RestoreError {
+    fn from(error: NodesError) -> Self {
+        Self::Nodes(error)
+    }
+}
+
+impl fmt::Display for RestoreError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Nodes(error) => write!(f, "{error}"),
+            Self::Operational(node) => write!(
+                f,
+                "node {node} is OPERATIONAL, where it forgets nothing: say --stop to take it to \
+                 PRE-OPERATIONAL and back"
+            ),
+            Self::Gone(node) => write!(
+                f,
+                "node {node} has not come back after its reset: look for it with `plumb scan`"
+            ),
+        }
+    }
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Document {
+    format: &'static str,
+    version: u32,
+    bus: String,
+    group: Option<Group>,
+    restored_nodes: Vec<u8>,
+    reset: bool,
+}
+
+/// Restores and prints.
+///
+/// Errors: see [`RestoreError`]; nodes before the failing one are restored and were printed.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
+    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let nodes = arguments.nodes.writable(&mut bus)?;
+    for id in &nodes {
+        let mut node = Node::new(&mut bus, *id);
+        restore(&mut node, arguments)?;
+        if !arguments.json {
+            let what = Group::name(arguments.only);
+            let counts = match arguments.reset {
+                true => "the node was reset, they count",
+                false => "they count from its next reset on (--reset does that too)",
+            };
+            print::text(&format!("node {id}: {what} are as delivered; {counts}\n"))?;
+        }
+    }
+    if arguments.json {
+        print::json(&Document {
+            format: "plumb-restore",
+            version: 1,
+            bus: bus.name().to_owned(),
+            group: arguments.only,
+            restored_nodes: nodes,
+            reset: arguments.reset,
+        })?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), RestoreError> {
+    let id = node.id;
+    let worked = node.state()? == Some(State::Operational);
+    let sub = Group::sub(arguments.only);
+    let done = node.set_up(arguments.stop, |node| node.write(0x1011, sub, &LOAD));
+    done.map_err(|fault: Option<Fault>| {
+        fault.map_or(RestoreError::Operational(id), RestoreError::Fault)
+    })?;
+    if !arguments.reset {
+        return Ok(());
+    }
+    reset(node)?;
+    match worked {
+        true => Ok(node.command(Command::Start)?),
+        false => Ok(()),
+    }
+}
+
+/// Resets a node and waits until it is back.
+fn reset(node: &mut Node) -> Result<(), RestoreError> {
+    node.command(Command::ResetNode)?;
+    let back = nmt::wait_for(node.bus, node.id, State::BootUp, RESTART).map_err(Fault::bus)?;
+    back.then_some(()).ok_or(RestoreError::Gone(node.id))
+}

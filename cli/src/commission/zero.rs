@@ -1,0 +1,353 @@
+//! `plumb zero`: the slopes read 0, or another angle, from now on.
+//!
+//! In: a machine that stands still; axes, the angle that they are to read, nodes. Out: a line for
+//! each slope with what it read before and reads now, or JSON. Everything is looked at before
+//! anything is written: an angle has to be valid, and scaling (bit 1 of 6111h) has to be on, since
+//! a preset that is written without it is stored and not shown.
+//!
+//! The two channels compare their angles without preset and offset, so a zero on one of them
+//! alone does not make them disagree; but a machine that reads both would see two angles. So both
+//! are zeroed together unless one is named. Safety frames (6210h, 6220h) carry the angle as
+//! measured: a zero does not touch them.
+//!
+//! Left out: 6912h and 6922h, the other channel's slopes as this one shows them.
+
+use std::fmt;
+use std::process::ExitCode;
+use std::thread::sleep;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::ask::Node;
+use super::fault::Fault;
+use super::name::{self, Named};
+use super::nodes::{NodeOption, NodesError};
+use super::print;
+use super::value::{self, ValueError, decimal};
+use crate::bus::{Bus, BusOptions};
+use crate::serve::status::because;
+
+/// Bit of 6111h: preset and offsets count.
+const SCALING: u32 = 2;
+
+/// 2025h of an axis that the instrument does not have.
+const NOT_MEASURED: u32 = 6;
+
+/// How long the slope has to be measured anew behind the write.
+const SETTLING: Duration = Duration::from_millis(100);
+
+/// What is zeroed.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// Which slopes
+    #[arg(long, value_enum, default_value_t = Axis::Both)]
+    pub axis: Axis,
+    /// What they are to read
+    #[arg(
+        long,
+        default_value = "0deg",
+        allow_hyphen_values = true,
+        value_name = "ANGLE"
+    )]
+    pub to: String,
+    /// Turn scaling on where it is off
+    #[arg(long)]
+    pub enable_scaling: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// Which nodes; both channels of the instrument when not given
+    #[command(flatten)]
+    pub nodes: NodeOption,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+/// Which slopes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Axis {
+    /// Slope long
+    X,
+    /// Slope lateral
+    Y,
+    /// Both, or the one that there is
+    Both,
+}
+
+/// One slope of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Slope {
+    X,
+    Y,
+}
+
+impl Slope {
+    const fn index(self) -> u16 {
+        match self {
+            Self::X => 0x6110,
+            Self::Y => 0x6120,
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::X => "slope-long",
+            Self::Y => "slope-lateral",
+        }
+    }
+
+    /// Sub-index of 2025h, and the bit of 2020h.
+    const fn sub(self) -> u8 {
+        match self {
+            Self::X => 1,
+            Self::Y => 2,
+        }
+    }
+}
+
+/// Why nothing was zeroed.
+#[derive(Debug)]
+pub enum ZeroError {
+    /// The bus or a node.
+    Fault(Fault),
+    /// No node could be chosen.
+    Nodes(NodesError),
+    /// The angle is none.
+    Value(ValueError),
+    /// More than one instrument is there.
+    Instruments(Vec<u8>),
+    /// A slope is not valid: node, slope, reason of 2025h.
+    Invalid(u8, &'static str, u8),
+    /// Scaling is off.
+    Scaling(u8, &'static str, u16),
+    /// A node has no slopes of CiA 410.
+    NoSlopes(u8),
+}
+
+impl From<Fault> for ZeroError {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<NodesError> for ZeroError {
+    fn from(error: NodesError) -> Self {
+        Self::Nodes(error)
+    }
+}
+
+impl fmt::Display for ZeroError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Nodes(error) => write!(f, "{error}"),
+            Self::Value(error) => write!(f, "{error}; nothing was written"),
+            Self::Instruments(nodes) => write!(
+                f,
+                "{} channels are there: name the two of one instrument with --node {},{}",
+                nodes.len(),
+                nodes.first().unwrap_or(&1),
+                nodes.get(1).unwrap_or(&2)
+            ),
+            Self::Invalid(node, slope, reason) => write!(
+                f,
+                "node {node} has no valid {slope} ({}), so nothing was zeroed: {}",
+                because(*reason),
+                remedy(*reason)
+            ),
+            Self::Scaling(node, slope, index) => write!(
+                f,
+                "scaling of {slope} is off in node {node} (bit 1 of {index:04X}h): a preset would \
+                 be stored and not shown, so nothing was written; say --enable-scaling"
+            ),
+            Self::NoSlopes(node) => write!(f, "node {node} has no slopes that can be zeroed"),
+        }
+    }
+}
+
+/// What helps against a reason of 2025h.
+const fn remedy(reason: u8) -> &'static str {
+    match reason {
+        1 | 2 => "wait a second and try again",
+        17 => "the channels disagree; mend that first, or take the nodes to PRE-OPERATIONAL",
+        18 => "start the other channel as well, or take the node to PRE-OPERATIONAL",
+        _ => "`plumb info` tells what is wrong",
+    }
+}
+
+/// A slope that was zeroed.
+#[derive(Clone, Debug, Serialize)]
+struct Zeroed {
+    node: u8,
+    axis: Slope,
+    before_deg: Option<f64>,
+    after_deg: Option<f64>,
+    offset_deg: Option<f64>,
+    scaling_enabled: bool,
+    #[serde(skip)]
+    step_deg: f64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Document {
+    format: &'static str,
+    version: u32,
+    bus: String,
+    slopes: Vec<Zeroed>,
+    to_be_saved: bool,
+}
+
+/// What is to be done to one slope.
+#[derive(Clone, Debug)]
+struct Plan {
+    node: u8,
+    slope: Slope,
+    /// 6111h as it has to be first, where it has to change.
+    operating: Option<u8>,
+    /// The preset in steps.
+    preset: i64,
+}
+
+/// Zeroes and prints.
+///
+/// Errors: see [`ZeroError`]; nothing was written unless the bus failed in the middle.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
+    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let nodes = arguments.nodes.readable(&mut bus)?;
+    if arguments.nodes.node.is_none() && nodes.len() > 2 {
+        return Err(ZeroError::Instruments(nodes));
+    }
+    let mut plans = Vec::new();
+    for node in &nodes {
+        plans.extend(plan(&mut bus, *node, arguments)?);
+    }
+    let mut done = Vec::new();
+    for plan in &plans {
+        let zeroed = carry_out(&mut bus, plan)?;
+        if !arguments.json {
+            print::text(&line(&zeroed))?;
+        }
+        done.push(zeroed);
+    }
+    match arguments.json {
+        true => print::json(&Document {
+            format: "plumb-zero",
+            version: 1,
+            bus: bus.name().to_owned(),
+            slopes: done,
+            to_be_saved: true,
+        })?,
+        false => {
+            let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
+            let names = names.join(",");
+            let sentence = "not saved yet: plumb save --only profile";
+            print::text(&format!("{sentence} --node {names}\n"))?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Looks at a node; nothing is written.
+fn plan(bus: &mut Bus, id: u8, arguments: &Arguments) -> Result<Vec<Plan>, ZeroError> {
+    let mut node = Node::new(bus, id);
+    let slopes: &[Slope] = match arguments.axis {
+        Axis::X => &[Slope::X],
+        Axis::Y => &[Slope::Y],
+        Axis::Both => &[Slope::X, Slope::Y],
+    };
+    let validity = node.number(0x2020, 0)?.ok_or(ZeroError::NoSlopes(id))?;
+    let mut plans = Vec::new();
+    for slope in slopes {
+        let reason = node.number(0x2025, slope.sub())?.unwrap_or(0);
+        let absent = arguments.axis == Axis::Both && reason == NOT_MEASURED;
+        // One angle of 360 deg is slope X alone.
+        if absent && *slope == Slope::Y {
+            continue;
+        }
+        if validity & u32::from(slope.sub()) == 0 {
+            let reason = u8::try_from(reason).unwrap_or(u8::MAX);
+            return Err(ZeroError::Invalid(id, slope.name(), reason));
+        }
+        plans.push(plan_slope(&mut node, *slope, arguments)?);
+    }
+    Ok(plans)
+}
+
+fn plan_slope(node: &mut Node, slope: Slope, arguments: &Arguments) -> Result<Plan, ZeroError> {
+    let id = node.id;
+    let index = slope.index() + 1;
+    let operating = node.number(index, 0)?.ok_or(ZeroError::NoSlopes(id))?;
+    let is_on = operating & SCALING != 0;
+    if !is_on && !arguments.enable_scaling {
+        return Err(ZeroError::Scaling(id, slope.name(), index));
+    }
+    let preset = object(slope.index() + 2)?;
+    let resolution = node.resolution(&preset)?;
+    let row = preset.row.ok_or(ZeroError::NoSlopes(id))?;
+    let number = value::parse(&preset, row, &arguments.to, false, resolution);
+    Ok(Plan {
+        node: id,
+        slope,
+        operating: (!is_on).then_some((operating | SCALING) as u8),
+        preset: number.map_err(ZeroError::Value)?,
+    })
+}
+
+/// An object of our dictionary.
+fn object(index: u16) -> Result<Named, ZeroError> {
+    let named = name::one(&name::address(index, 0));
+    named.map_err(|_| ZeroError::NoSlopes(0))
+}
+
+fn carry_out(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
+    let mut node = Node::new(bus, plan.node);
+    let index = plan.slope.index();
+    let before = angle(&mut node, index)?;
+    if let Some(operating) = plan.operating {
+        node.write(index + 1, 0, &[operating])?;
+    }
+    let preset = object(index + 2)?;
+    let row = preset.row.ok_or(ZeroError::NoSlopes(plan.node))?;
+    node.write(index + 2, 0, &value::bytes(row.data_type, plan.preset))?;
+    sleep(SETTLING);
+    let resolution = node.resolution(&preset)?;
+    Ok(Zeroed {
+        node: plan.node,
+        axis: plan.slope,
+        before_deg: before,
+        after_deg: angle(&mut node, index)?,
+        offset_deg: angle(&mut node, index + 3)?,
+        scaling_enabled: plan.operating.is_some(),
+        step_deg: value::scale(row, resolution).factor,
+    })
+}
+
+/// A slope or one of its parameters, in degrees.
+fn angle(node: &mut Node, index: u16) -> Result<Option<f64>, ZeroError> {
+    let shown = node.shown(&object(index)?)?;
+    Ok(shown.ok().and_then(|(_, shown)| shown.value))
+}
+
+fn line(done: &Zeroed) -> String {
+    let angle = |angle: Option<f64>| match angle {
+        Some(angle) => format!("{} deg", decimal(angle, done.step_deg)),
+        None => "no angle".to_owned(),
+    };
+    let scaling = if done.scaling_enabled {
+        ", scaling is on now"
+    } else {
+        ""
+    };
+    format!(
+        "node {}: {} read {}, reads {} now (offset {}){scaling}\n",
+        done.node,
+        done.axis.name(),
+        angle(done.before_deg),
+        angle(done.after_deg),
+        angle(done.offset_deg)
+    )
+}
