@@ -5,6 +5,7 @@ from __future__ import annotations
 import pathlib
 import re
 import subprocess
+import time
 from typing import Iterator
 
 import dcclib
@@ -52,7 +53,10 @@ def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[pathlib.Path]:
         stands = iter(STANDS)
         for line in run.stderr:
             if line.startswith(("pose ", "verification, ")):
-                plumb.turn(*next(stands), rate=400)
+                pitch, roll = next(stands)
+                # Not by `turn`, which waits for a slope that folds beyond 90 deg.
+                plumb.type("rate 400", "level", f"pitch {pitch}", f"roll {roll}")
+                time.sleep(0.5)
                 run.stdin.write("\n")
         assert run.wait(60) == 0
         yield folder
