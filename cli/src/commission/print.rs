@@ -1,29 +1,24 @@
 //! How the verbs print: lines for people, or one JSON object.
 //!
-//! In: text, or something that serialises. Out: the standard output. A reader that has had
-//! enough, as in `plumb get ... | head`, is no error.
-
-use std::io::{self, Write as _};
+//! In: text, or something that serialises. Out: the standard output, or a [`Fault`].
+//!
+//! Left out: what a reader that has gone means (`stdout`).
 
 use serde::Serialize;
 
 use super::fault::Fault;
+use crate::stdout;
 
 /// Prints text as it is.
 ///
 /// Errors: [`Fault::Print`].
 pub fn text(text: &str) -> Result<(), Fault> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(Fault::Print(why)),
-        _ => Ok(()),
-    }
+    stdout::print(text).map_err(Fault::Print)
 }
 
 /// Prints one object and a line feed.
 ///
 /// Errors: [`Fault::Print`].
 pub fn json(object: &impl Serialize) -> Result<(), Fault> {
-    let line = serde_json::to_string(object).map_err(|error| Fault::Print(error.into()))?;
-    text(&format!("{line}\n"))
+    stdout::print_json(object).map_err(Fault::Print)
 }

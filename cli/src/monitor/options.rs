@@ -16,8 +16,6 @@ const MOST_S: f64 = 366.0 * 86_400.0;
 /// Listens to a bus and sends nothing, unless `--start` or `--sync` says so.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    #[command(flatten)]
-    pub bus: BusOptions,
     /// Logs instead of a bus: files or folders, candump -L or ASC, plain or gzip; -c is then the
     /// only interface that counts
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with_all =
@@ -61,6 +59,9 @@ pub struct Arguments {
     /// Try again each second when the bus is lost, instead of ending
     #[arg(long)]
     pub reconnect: bool,
+    /// The bus
+    #[command(flatten)]
+    pub bus: BusOptions,
 }
 
 impl Arguments {

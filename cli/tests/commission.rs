@@ -1,0 +1,555 @@
+//! The verbs that commission an instrument from the outside, against the nodes of `plumb serve`.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+fn plumb(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    command.args(arguments).stdin(Stdio::null());
+    for variable in ["CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE"] {
+        command.env_remove(variable);
+    }
+    command
+}
+
+/// A bus with an instrument; gone with it.
+struct Bench {
+    server: Child,
+    bus: String,
+}
+
+/// What a verb has come to: exit status, standard output, standard error.
+type Said = (Option<i32>, String, String);
+
+impl Bench {
+    /// With these options of `plumb serve`.
+    fn new(more: &[&str]) -> Self {
+        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--bit-rate", "250"])
+            .args(more)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut ready = String::new();
+        let mut out = BufReader::new(server.stdout.take().unwrap());
+        out.read_line(&mut ready).unwrap();
+        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        // Sensors have to settle before an angle is valid.
+        std::thread::sleep(Duration::from_millis(1200));
+        Self {
+            bus: bus.to_owned(),
+            server,
+        }
+    }
+
+    /// One whose nodes are not calibrated, which is ready sooner.
+    fn quick(more: &[&str]) -> Self {
+        Self::new(&[&["--uncalibrated"], more].concat())
+    }
+
+    fn say(&self, words: &[&str]) -> Said {
+        said(&plumb(words).args(["--bus", &self.bus]).output().unwrap())
+    }
+
+    /// A verb that has to succeed; what it has printed.
+    fn done(&self, words: &[&str]) -> String {
+        let (status, out, err) = self.say(words);
+        assert_eq!(status, Some(0), "{words:?}: {err}");
+        assert_eq!(err, "", "{words:?}");
+        out
+    }
+
+    /// A verb that has to be refused; its sentence.
+    fn refused(&self, words: &[&str]) -> String {
+        let (status, out, err) = self.say(words);
+        assert_eq!((status, out.as_str()), (Some(2), ""), "{words:?}: {err}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+        err
+    }
+
+    fn json(&self, words: &[&str]) -> Value {
+        let text = self.done(&[words, &["--json"]].concat());
+        assert_eq!(text.lines().count(), 1);
+        let value: Value = serde_json::from_str(&text).unwrap();
+        let verb = format!("plumb-{}", words[0]);
+        assert_eq!(value["format"], verb.as_str());
+        assert_eq!(value["version"], 1);
+        assert!(text.starts_with(&format!("{{\"format\":\"{verb}\",\"version\":1,")));
+        value
+    }
+
+    /// Types a word of `plumb serve`.
+    fn word(&mut self, word: &str) {
+        let typed = self.server.stdin.as_mut().unwrap();
+        writeln!(typed, "{word}").unwrap();
+    }
+
+    /// An NMT command, by hand over socketcand.
+    fn nmt(&self, command: u8, node: u8) {
+        use std::net::TcpStream;
+        let mut stream = TcpStream::connect(&self.bus).unwrap();
+        write!(
+            stream,
+            "< open plumb >< rawmode >< send 0 2 {command:X} {node:X} >"
+        )
+        .unwrap();
+        std::thread::sleep(Duration::from_millis(700));
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn said(output: &Output) -> Said {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    (output.status.code(), out, err)
+}
+
+/// A file in the folder for temporary ones, gone with it.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("plumb-commission-{}-{number}", std::process::id());
+        Self(std::env::temp_dir().join(name))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+#[test]
+fn who_is_on_the_bus_and_which_are_a_pair() {
+    let bench = Bench::quick(&[]);
+    let table = bench.done(&["scan"]);
+    assert!(table.contains("Plumb inclinometer, channel B"), "{table}");
+    assert!(table.contains("with node 2"), "{table}");
+    let scan = bench.json(&["scan"]);
+    let nodes = scan["nodes"].as_array().unwrap();
+    assert_eq!(nodes.len(), 2);
+    assert_eq!(nodes[0]["channel"], "A");
+    assert_eq!(nodes[0]["state"], "pre-operational");
+    assert_eq!(nodes[0]["pair"], 2);
+    assert_eq!(nodes[1]["profile"], 410);
+    assert!(nodes[1]["reason"].is_null());
+    let info = bench.done(&["info"]);
+    for words in [
+        "node 1",
+        "node 2",
+        "the channel is not calibrated",
+        "250 kbit/s",
+    ] {
+        assert!(info.contains(words), "{words}: {info}");
+    }
+    let info = bench.json(&["info", "2"]);
+    let facts = info["nodes"][0]["facts"].as_array().unwrap();
+    let latency = facts
+        .iter()
+        .find(|fact| fact["name"] == "latency.in-microseconds");
+    assert_eq!(latency.unwrap()["unit"], "us");
+}
+
+#[test]
+fn objects_are_read_by_name_and_address_and_kept_as_files() {
+    let bench = Bench::quick(&[]);
+    let table = bench.done(&["get", "heartbeat", "1017h", "uncertainty"]);
+    assert_eq!(table.matches("200 ms").count(), 4, "{table}");
+    assert!(table.contains("uncertainty.larger-uncertainty"), "{table}");
+    let got = bench.json(&["get", "slope-long", "device-name", "--node", "1"]);
+    let slope = &got["objects"][0];
+    assert_eq!(
+        (&slope["unit"], &slope["index"]),
+        (&"deg".into(), &"6110".into())
+    );
+    let (raw, value) = (
+        slope["raw"].as_i64().unwrap(),
+        slope["value"].as_f64().unwrap(),
+    );
+    assert!((raw as f64 * 0.01 - value).abs() < 1e-9);
+    assert_eq!(got["objects"][1]["text"], "Plumb inclinometer");
+    // A fault log of many segments, in blocks.
+    let file = Scratch::new();
+    let path = file.0.display().to_string();
+    bench.done(&["get", "calibration-data", "--node", "1", "--output", &path]);
+    let bytes = std::fs::read(&file.0).unwrap();
+    let (content, sum) = bytes.split_at(bytes.len() - 4);
+    assert!(content.len() > 64, "{}", content.len());
+    let got = bench.json(&["get", "2062:1", "--node", "1"]);
+    let sum = u32::from_le_bytes(sum.try_into().unwrap());
+    assert_eq!(got["objects"][0]["raw"], sum);
+    let told = bench.refused(&["get", "black-box.1", "--node", "1"]);
+    assert!(
+        told.contains("there is no data (abort code 0800 0024h)"),
+        "{told}"
+    );
+    let told = bench.refused(&["get", "heartbaet"]);
+    assert!(told.contains("near are heartbeat"), "{told}");
+    let told = bench.refused(&["get", "fault-log", "--output", &path]);
+    assert!(told.contains("one object of one node"), "{told}");
+}
+
+#[test]
+fn a_value_is_checked_written_once_read_back_and_told_to_be_unsaved() {
+    let bench = Bench::quick(&[]);
+    let told = bench.refused(&["set", "heartbeat", "500ms"]);
+    assert!(
+        told.contains("say which one with --node 1, or --node all"),
+        "{told}"
+    );
+    let told = bench.refused(&["set", "heartbeat", "70s", "--node", "1"]);
+    assert!(
+        told.contains("has to be 0 ms to 65535 ms; nothing was written"),
+        "{told}"
+    );
+    let told = bench.refused(&["set", "slope-long", "0deg", "--node", "1"]);
+    assert!(told.contains("can only be read"), "{told}");
+    let done = bench.done(&["set", "heartbeat", "0.5s", "--node", "all"]);
+    assert!(
+        done.contains("node 2: producer-heartbeat-time is 500 ms, counts at once"),
+        "{done}"
+    );
+    assert!(done.contains("plumb save --node 1"), "{done}");
+    let set = bench.json(&["set", "cross-check", "1", "--node", "2"]);
+    assert_eq!(set["nodes"][0]["counts_from"], "reset");
+    assert_eq!(set["nodes"][0]["to_be_saved"], true);
+    // The unit of the slopes is the one that the node has.
+    bench.done(&["set", "resolution", "0.1deg", "--node", "1"]);
+    bench.done(&[
+        "set",
+        "slope-long.differential-offset",
+        "-1.2deg",
+        "--node",
+        "1",
+    ]);
+    let got = bench.json(&["get", "slope-long.differential-offset", "--node", "1"]);
+    assert_eq!(got["objects"][0]["raw"], -12);
+    let told = bench.refused(&[
+        "set",
+        "slope-long.differential-offset",
+        "-1.234deg",
+        "--node",
+        "2",
+    ]);
+    assert!(
+        told.contains("nearest steps are -1.24 deg and -1.23 deg"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_zero_counts_on_both_channels_and_outlasts_a_reset() {
+    let bench = Bench::quick(&[]);
+    let zeroed = bench.json(&["zero"]);
+    let slopes = zeroed["slopes"].as_array().unwrap();
+    assert_eq!(slopes.len(), 4);
+    for slope in slopes {
+        assert!(slope["after_deg"].as_f64().unwrap().abs() < 0.2, "{slope}");
+    }
+    // An uncalibrated channel is off by degrees, so it was not zero before.
+    assert!(
+        slopes
+            .iter()
+            .any(|slope| slope["before_deg"].as_f64().unwrap().abs() > 0.5)
+    );
+    bench.done(&["save", "--only", "profile"]);
+    let before = bench.json(&["get", "slope-long.offset", "--node", "1"])["objects"][0].clone();
+    bench.nmt(129, 1);
+    let after = bench.json(&["get", "slope-long.offset", "--node", "1"])["objects"][0].clone();
+    assert_eq!(before["raw"], after["raw"]);
+    let done = bench.done(&["restore", "--node", "1", "--reset"]);
+    assert!(done.contains("as delivered; the node was reset"), "{done}");
+    let after = bench.json(&["get", "slope-long.offset", "--node", "1"])["objects"][0].clone();
+    assert_eq!(after["raw"], 0);
+}
+
+#[test]
+fn a_preset_without_scaling_was_stored_and_not_shown() {
+    let bench = Bench::quick(&[]);
+    bench.done(&["set", "slope-long.operating-parameter", "0", "--node", "2"]);
+    let told = bench.refused(&["zero"]);
+    assert!(
+        told.contains("scaling of slope-long is off in node 2"),
+        "{told}"
+    );
+    assert!(told.contains("nothing was written"), "{told}");
+    // Node 1 was looked at first and was not written either.
+    let got = bench.json(&["get", "slope-long.offset", "--node", "1"]);
+    assert_eq!(got["objects"][0]["raw"], 0);
+    let done = bench.done(&["zero", "--enable-scaling", "--axis", "x", "--to", "5deg"]);
+    assert!(done.contains("scaling is on now"), "{done}");
+    let got = bench.json(&["get", "slope-long", "--node", "2"]);
+    assert!((got["objects"][0]["value"].as_f64().unwrap() - 5.0).abs() < 0.2);
+}
+
+#[test]
+fn without_a_valid_angle_a_zero_says_why() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("fault b stuck");
+    std::thread::sleep(Duration::from_millis(800));
+    let told = bench.refused(&["zero"]);
+    assert!(told.contains("node 2 has no valid slope-long ("), "{told}");
+    assert!(told.contains("nothing was zeroed"), "{told}");
+}
+
+#[test]
+fn operational_nodes_store_nothing_unless_they_may_be_stopped() {
+    let bench = Bench::quick(&[]);
+    bench.nmt(1, 0);
+    let told = bench.refused(&["save", "--node", "1"]);
+    assert!(
+        told.contains("node 1 is OPERATIONAL") && told.contains("--stop"),
+        "{told}"
+    );
+    let told = bench.refused(&["restore", "--node", "1"]);
+    assert!(
+        told.contains("node 1 is OPERATIONAL") && told.contains("--stop"),
+        "{told}"
+    );
+    bench.done(&["save", "--stop", "--node", "1"]);
+    let scan = bench.json(&["scan"]);
+    assert_eq!(scan["nodes"][0]["state"], "operational");
+}
+
+#[test]
+fn two_fresh_nodes_get_their_node_ids_and_find_each_other() {
+    let bench = Bench::new(&["--node-ids", "none"]);
+    let told = bench.refused(&["get", "heartbeat"]);
+    assert!(
+        told.contains("a node without a node-id is on the bus"),
+        "{told}"
+    );
+    let told = bench.refused(&["node-id", "5"]);
+    assert!(
+        told.contains("3 nodes") || told.contains("2 nodes without a node-id"),
+        "{told}"
+    );
+    let from = Instant::now();
+    let done = bench.done(&["node-id", "--pair", "10,11"]);
+    assert!(
+        done.contains("channel A: node-id 10 is given and stored"),
+        "{done}"
+    );
+    assert!(
+        done.contains("nodes 10 and 11 compare their angles: agree"),
+        "{done}"
+    );
+    assert!(from.elapsed() < Duration::from_secs(60));
+    // It outlasts a reset, and so does what they know of each other.
+    bench.nmt(129, 0);
+    let scan = bench.json(&["scan"]);
+    assert_eq!(scan["nodes"][0]["node"], 10);
+    assert_eq!(scan["nodes"][0]["pair"], 11);
+    let got = bench.json(&["get", "1401:1", "--node", "11"]);
+    assert_eq!(got["objects"][0]["raw"], 0x48A);
+}
+
+#[test]
+fn identifiers_that_were_saved_stayed_with_the_old_node_id() {
+    let bench = Bench::new(&[]);
+    bench.done(&["save"]);
+    let told = bench.refused(&["node-id", "2", "--node", "1"]);
+    assert!(told.contains("node-id 2 is in use"), "{told}");
+    let node_id = bench.json(&["node-id", "7", "--node", "1"]);
+    assert_eq!(node_id["agree"], true);
+    for (object, raw) in [("1014", 0x87), ("1802:1", 0x387)] {
+        let got = bench.json(&["get", object, "--node", "7"]);
+        assert_eq!(got["objects"][0]["raw"], raw, "{object}");
+    }
+    let got = bench.json(&["get", "1400:1", "--node", "2"]);
+    assert_eq!(got["objects"][0]["raw"], 0x387);
+}
+
+#[test]
+fn all_nodes_change_their_bit_rate_together() {
+    let mut bench = Bench::quick(&[]);
+    assert_eq!(
+        bench.done(&["bitrate"]),
+        "node 1: 250 kbit/s\nnode 2: 250 kbit/s"
+    );
+    let told = bench.refused(&["bitrate", "500", "--node", "1"]);
+    assert!(told.contains("a bus has one bit rate"), "{told}");
+    let change = plumb(&["bitrate", "500", "--delay", "300", "--bus", &bench.bus])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The adapter of `plumb serve` is told by hand, as any other.
+    std::thread::sleep(Duration::from_millis(2500));
+    bench.word("bit-rate 500");
+    let (status, out, err) = said(&change.wait_with_output().unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    assert!(
+        out.ends_with("node 2: 500 kbit/s, changed and stored"),
+        "{out}"
+    );
+    bench.nmt(129, 0);
+    assert_eq!(
+        bench.done(&["bitrate"]),
+        "node 1: 500 kbit/s\nnode 2: 500 kbit/s"
+    );
+    // An adapter with another rate hears nothing, and that is said.
+    bench.word("bit-rate 250");
+    std::thread::sleep(Duration::from_millis(100));
+    let told = bench.refused(&["get", "heartbeat", "--node", "1"]);
+    assert!(told.contains("or the bit rate is another one"), "{told}");
+}
+
+#[test]
+fn when_nobody_answers_it_is_said_why() {
+    let mut bench = Bench::quick(&[]);
+    let told = bench.refused(&["get", "heartbeat", "--node", "5"]);
+    assert_eq!(
+        told,
+        "plumb: there is no node 5; nodes 1 and 2 are there: name one of them with --node"
+    );
+    bench.nmt(2, 1);
+    let told = bench.refused(&["get", "heartbeat", "--node", "1"]);
+    assert!(told.starts_with("plumb: node 1 is in STOPPED"), "{told}");
+    let scan = bench.json(&["scan"]);
+    assert_eq!(scan["nodes"][0]["reason"], "its SDO server does not answer");
+    bench.word("power all off");
+    std::thread::sleep(Duration::from_millis(300));
+    let told = bench.refused(&["scan"]);
+    assert!(
+        told.contains("nothing is heard on socketcand://127.0.0.1:"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_bus_that_cannot_be_joined_is_told_with_what_to_do() {
+    let refused = |words: &[&str]| {
+        let (status, out, err) = said(&plumb(words).output().unwrap());
+        assert_eq!((status, out.as_str()), (Some(2), ""), "{words:?}: {err}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+        err
+    };
+    let free = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let told = refused(&["scan", "--bus", &free.to_string()]);
+    assert!(
+        told.contains(&format!("nobody listens at {free}: start `plumb serve`")),
+        "{told}"
+    );
+    let told = refused(&["scan", "--bus", "slcan:///dev/no-such-port"]);
+    assert!(
+        told.contains("there is no serial port /dev/no-such-port"),
+        "{told}"
+    );
+    let told = refused(&["scan", "--bus", "http://x:1"]);
+    assert!(told.contains("is no bus: write socketcand://"), "{told}");
+    let told = refused(&["scan", "--bus", "can0", "-c", "can1"]);
+    assert!(told.contains("--bus and -c both name a bus"), "{told}");
+    let told = refused(&["scan", "-i", "pcan"]);
+    assert!(
+        told.contains("take socketcand, slcan or socketcan"),
+        "{told}"
+    );
+    // No machine has this interface; most test machines have no CAN at all.
+    if cfg!(target_os = "linux") {
+        let told = refused(&["scan", "-i", "socketcan", "-c", "nocan77"]);
+        assert!(told.contains("CAN interface nocan77"), "{told}");
+    }
+}
+
+#[test]
+fn a_server_that_goes_away_ends_a_verb_at_once() {
+    let mut bench = Bench::quick(&[]);
+    let scan = plumb(&["scan", "--time", "60", "--bus", &bench.bus])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_millis(700));
+    bench.server.kill().unwrap();
+    let from = Instant::now();
+    let (status, _, err) = said(&scan.wait_with_output().unwrap());
+    assert_eq!(status, Some(2));
+    assert!(
+        err.contains("the server has closed the connection"),
+        "{err}"
+    );
+    assert!(from.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn slcan_over_tcp_is_as_good_and_variables_name_the_bus() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = listener.local_addr().unwrap().to_string();
+    drop(listener);
+    let _bench = Bench::quick(&["--slcan", &at]);
+    let url = format!("slcan://{at}");
+    let output = plumb(&["get", "calibration-data", "serial-number", "--bus", &url]).output();
+    let (status, out, err) = said(&output.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    assert!(out.contains("serial-number"), "{out}");
+    let by_variables = plumb(&["get", "serial-number", "--node", "2"])
+        .env("CAN_INTERFACE", "slcan")
+        .env("CAN_CHANNEL", format!("socket://{at}"))
+        .env("CAN_BITRATE", "250000")
+        .output();
+    let (status, out, err) = said(&by_variables.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    assert!(out.ends_with('2'), "{out}");
+}
+
+/// A pseudo-terminal is a serial port to a client; when the server goes it is unplugged.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_serial_adapter_that_is_unplugged_is_named() {
+    let mut server = plumb(&[
+        "serve",
+        "--listen",
+        "127.0.0.1:0",
+        "--uncalibrated",
+        "--pty",
+    ])
+    .stdin(Stdio::piped())
+    .stdout(Stdio::piped())
+    .stderr(Stdio::null())
+    .spawn()
+    .unwrap();
+    let lines = BufReader::new(server.stdout.take().unwrap()).lines();
+    let ready: Vec<_> = lines.map_while(Result::ok).take(8).collect();
+    let title = ready.iter().find_map(|line| line.strip_prefix("SLCAN on "));
+    let path = title.unwrap_or_else(|| panic!("{ready:?}")).to_owned();
+    std::thread::sleep(Duration::from_millis(500));
+    let bus = format!("slcan://{path}");
+    let output = plumb(&["get", "serial-number", "--node", "1", "--bus", &bus]).output();
+    let (status, _, err) = said(&output.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    let scan = plumb(&["scan", "--time", "60", "--bus", &bus])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_millis(1000));
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let from = Instant::now();
+    let (status, _, err) = said(&scan.wait_with_output().unwrap());
+    assert_eq!(status, Some(2), "{err}");
+    assert!(
+        err.contains("the adapter is gone") && err.contains("unplugged"),
+        "{err}"
+    );
+    assert!(from.elapsed() < Duration::from_secs(5));
+}
