@@ -1,10 +1,14 @@
 //! `plumb`: the person's side of the instrument.
 //!
-//! One verb per folder: `demo` builds and tests virtual instruments, `replay` takes recordings of
-//! real ones, `describe` tells other tools about the nodes, `serve` puts virtual ones on a bus,
-//! `image` builds a new program's file and `update` brings it to the nodes.
+//! One verb per file or folder. On a bus: `commission/` finds nodes, reads and writes objects,
+//! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/` and `verify/` are
+//! the bench; `blackbox/` reads what nodes remember; `update/` brings a new program. Behind it:
+//! `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/` puts
+//! virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
+//! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
+//! `watch/` knows what frames say, `report/` draws.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
-//! work was done and the instrument is outside its specification.
+//! work was done and the answer is no (docs/command-line.md).
 
 mod blackbox;
 mod bus;
@@ -12,6 +16,7 @@ mod calibrate;
 mod commission;
 mod demo;
 mod describe;
+mod eds;
 mod image;
 mod log;
 mod monitor;
@@ -25,6 +30,7 @@ mod shell;
 mod stdout;
 mod text_table;
 mod update;
+mod verify;
 mod watch;
 
 use std::process::ExitCode;
@@ -33,10 +39,11 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use crate::progress::Progress;
 
-/// Plumb, an open redundant inclinometer: its virtual bench and the replay of recordings.
+/// Plumb, an open redundant inclinometer: commission it, calibrate it, watch it, and try it out on
+/// a virtual bus.
 ///
-/// Exit status: 0 when all is well, 1 when the instrument is outside its specification, 2 when the
-/// command could not be carried out.
+/// Exit status: 0 when all is well, 1 when the work was done and the answer is no (the instrument
+/// is outside its specification, or does not match), 2 when the command could not be carried out.
 #[derive(Debug, Parser)]
 #[command(name = "plumb", version, arg_required_else_help = true)]
 struct CommandLine {
@@ -46,80 +53,92 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Read the bit rate of the nodes, or change it on all of them at once
-    Bitrate(commission::bitrate::Arguments),
-    /// Build, characterise, calibrate and test virtual instruments, and dig for a week
-    Demo(demo::Arguments),
-    /// Print a script that lets a shell complete verbs and options
-    Completions(shell::Completions),
-    /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
-    Describe(describe::Arguments),
-    /// Read objects of the nodes by name or address
-    Get(commission::get::Arguments),
-    /// Build and sign the file of a new program
-    Image(image::Arguments),
-    /// Tell what nodes are, how they are set up and how they do
-    Info(commission::info::Arguments),
-    /// Give one node its node-id, or both channels of an instrument theirs
-    NodeId(commission::node_id::Arguments),
-    /// Run real recordings through the signal chain
-    Replay(replay::Arguments),
-    /// Forget what nodes have saved, back to the values as delivered
-    Restore(commission::restore::Arguments),
-    /// Let what was written to the nodes outlast a power cut
-    Save(commission::save::Arguments),
     /// Find out who is on the bus
     Scan(commission::scan::Arguments),
+    /// Tell what nodes are, how they are set up and how they do
+    Info(commission::info::Arguments),
+    /// Read objects of the nodes by name or address
+    Get(commission::get::Arguments),
     /// Write an object of a node, with its unit, and read it back
     Set(commission::set::Arguments),
-    /// Print the manual page of the program or of a verb, or write all of them
-    Man(shell::ManualPages),
+    /// Let the slopes read zero where the machine stands now
+    Zero(commission::zero::Arguments),
+    /// Let what was written to the nodes outlast a power cut
+    Save(commission::save::Arguments),
+    /// Forget what nodes have saved, back to the values as delivered
+    Restore(commission::restore::Arguments),
+    /// Give one node its node-id, or both channels of an instrument theirs
+    NodeId(commission::node_id::Arguments),
+    /// Read the bit rate of the nodes, or change it on all of them at once
+    Bitrate(commission::bitrate::Arguments),
     /// Show what happens on a bus: angles, difference, verdict, faults, load; record it
     Monitor(monitor::Arguments),
+    /// List what nodes remember of their faults, and save the samples around them
+    Faults(blackbox::Arguments),
+    /// Calibrate both channels over the bus, by a motor or by hand, with a report
+    Calibrate(Box<calibrate::Arguments>),
+    /// Compare a calibration report with the nodes that it is of
+    Verify(verify::Arguments),
+    /// Bring a new program to the nodes on a bus, one after the other
+    Update(update::Arguments),
+    /// Build and sign the file of a new program
+    Image(image::Arguments),
+    /// Sum up logs of a bus or play them, or run recordings of sensors through the signal chain
+    Replay(replay::Arguments),
     /// Put a period of an instrument on one page, from logs of the bus
     Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
-    /// Bring a new program to the nodes on a bus, one after the other
-    Update(update::Arguments),
-    /// Let the slopes read zero where the machine stands now
-    Zero(commission::zero::Arguments),
+    /// Build, characterise, calibrate and test virtual instruments, and dig for a week
+    Demo(demo::Arguments),
+    /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
+    Describe(describe::Arguments),
+    /// Print a script that lets a shell complete verbs and options
+    Completions(shell::Completions),
+    /// Print the manual page of the program or of a verb, or write all of them
+    Man(shell::ManualPages),
 }
 
 /// What the program does; its exit status.
 pub fn run() -> ExitCode {
     let line = CommandLine::parse();
-    let progress = Progress::on_stderr();
-    let ended = match &line.verb {
-        Verb::Bitrate(arguments) => commission::bitrate::run(arguments).map_err(|e| e.to_string()),
-        Verb::Demo(arguments) => demo::run(arguments, &progress).map_err(|e| e.to_string()),
-        Verb::Completions(arguments) => {
-            shell::completions(arguments, CommandLine::command()).map_err(|e| e.to_string())
-        }
-        Verb::Describe(arguments) => describe::run(arguments).map_err(|e| e.to_string()),
-        Verb::Get(arguments) => commission::get::run(arguments).map_err(|e| e.to_string()),
-        Verb::Image(arguments) => image::run(arguments).map_err(|e| e.to_string()),
-        Verb::Info(arguments) => commission::info::run(arguments).map_err(|e| e.to_string()),
-        Verb::NodeId(arguments) => commission::node_id::run(arguments).map_err(|e| e.to_string()),
-        Verb::Replay(arguments) => replay::run(arguments, &progress).map_err(|e| e.to_string()),
-        Verb::Restore(arguments) => commission::restore::run(arguments).map_err(|e| e.to_string()),
-        Verb::Save(arguments) => commission::save::run(arguments).map_err(|e| e.to_string()),
-        Verb::Scan(arguments) => commission::scan::run(arguments).map_err(|e| e.to_string()),
-        Verb::Set(arguments) => commission::set::run(arguments).map_err(|e| e.to_string()),
-        Verb::Man(arguments) => {
-            shell::manual(arguments, CommandLine::command()).map_err(|e| e.to_string())
-        }
-        Verb::Monitor(arguments) => monitor::run(arguments).map_err(|e| e.to_string()),
-        Verb::Report(arguments) => period::run(arguments, &progress).map_err(|e| e.to_string()),
-        Verb::Serve(arguments) => serve::run(arguments, &progress).map_err(|e| e.to_string()),
-        Verb::Update(arguments) => update::run(arguments, &progress).map_err(|e| e.to_string()),
-        Verb::Zero(arguments) => commission::zero::run(arguments).map_err(|e| e.to_string()),
-    };
-    match ended {
+    match carry_out(&line.verb, &Progress::on_stderr()) {
         Ok(code) => code,
         Err(sentence) => {
             eprintln!("plumb: {sentence}");
             ExitCode::from(2)
         }
     }
+}
+
+/// Carries a verb out; an error is a sentence.
+fn carry_out(verb: &Verb, progress: &Progress) -> Result<ExitCode, String> {
+    match verb {
+        Verb::Scan(arguments) => commission::scan::run(arguments).map_err(said),
+        Verb::Info(arguments) => commission::info::run(arguments).map_err(said),
+        Verb::Get(arguments) => commission::get::run(arguments).map_err(said),
+        Verb::Set(arguments) => commission::set::run(arguments).map_err(said),
+        Verb::Zero(arguments) => commission::zero::run(arguments).map_err(said),
+        Verb::Save(arguments) => commission::save::run(arguments).map_err(said),
+        Verb::Restore(arguments) => commission::restore::run(arguments).map_err(said),
+        Verb::NodeId(arguments) => commission::node_id::run(arguments).map_err(said),
+        Verb::Bitrate(arguments) => commission::bitrate::run(arguments).map_err(said),
+        Verb::Monitor(arguments) => monitor::run(arguments).map_err(said),
+        Verb::Faults(arguments) => blackbox::run(arguments).map_err(said),
+        Verb::Calibrate(arguments) => calibrate::run(arguments).map_err(said),
+        Verb::Verify(arguments) => verify::run(arguments).map_err(said),
+        Verb::Update(arguments) => update::run(arguments, progress).map_err(said),
+        Verb::Image(arguments) => image::run(arguments).map_err(said),
+        Verb::Replay(arguments) => replay::run(arguments, progress).map_err(said),
+        Verb::Report(arguments) => period::run(arguments, progress).map_err(said),
+        Verb::Serve(arguments) => serve::run(arguments, progress).map_err(said),
+        Verb::Demo(arguments) => demo::run(arguments, progress).map_err(said),
+        Verb::Describe(arguments) => describe::run(arguments).map_err(said),
+        Verb::Completions(shell) => shell::completions(shell, CommandLine::command()).map_err(said),
+        Verb::Man(pages) => shell::manual(pages, CommandLine::command()).map_err(said),
+    }
+}
+
+fn said(error: impl std::fmt::Display) -> String {
+    error.to_string()
 }

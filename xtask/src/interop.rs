@@ -99,11 +99,13 @@ const BUILD: [&str; 8] = [
 
 /// Files that the exact image on emulated boards is not asked to pass: they are about the program
 /// `plumb`, or about another instrument than the image is. Single tests say so by a mark.
-const NOT_EMULATED: [&str; 4] = [
+const NOT_EMULATED: [&str; 5] = [
     "test_calibration.py",
     "test_load.py",
+    "test_report.py",
     "test_transports.py",
     "test_update.py",
+    "test_web.py",
 ];
 
 /// Files of tests that run at the same time. They wait for the bus most of their time.

@@ -1,19 +1,318 @@
-//! From what was read at the stands to a calibration.
+//! From stands of a motor to a calibration of a node.
+//!
+//! In: stands, each with the motor's angle and what the node's sensor felt, and the calibration
+//! that the node had. Out: a new one with the same temperature compensation, and its residuals.
+//! Twelve parameters and three harmonics for each slope, or six parameters for a turn of 360 deg,
+//! as the virtual bench fits them (`sim::bench::calibrate`), with the fits of `tilt::calibration`.
+//!
+//! Left out: the tables of the paper's mode, which the node makes itself.
 
 use tilt::ONE_G;
+use tilt::angle::{Angle, Axes, Harmonics, slopes, turn};
+use tilt::calibration::FitError;
+use tilt::calibration::motor::{HarmonicFit, PlaneFit, VectorFit};
+use tilt::chain::{Calibration, Correction};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
-use tilt::temperature::TemperatureModel;
+use tilt::temperature::{Compensated, TemperatureModel};
+use tilt::uncertainty::{Budget, Uncertainty};
 
-/// A mean reading, in steps of 2^-26 g, compensated by `model` at this temperature, in g.
-pub fn compensated_g(
-    model: &TemperatureModel,
-    accel: [f64; 3],
-    temperature: Temperature,
-) -> [f64; 3] {
+use super::motor::Axis;
+use super::session::{Reading, wrap};
+
+/// A stand of the motor.
+#[derive(Clone, Debug)]
+pub struct Stand {
+    /// The slope that was turned.
+    pub axis: Axis,
+    /// The motor's angle, deg.
+    pub reference_deg: f64,
+    /// What each node said.
+    pub readings: Vec<Reading>,
+}
+
+impl Stand {
+    /// What a node read there less the reference, deg.
+    pub fn error_deg(&self, node: usize) -> Result<f64, u8> {
+        let place = usize::from(self.axis == Axis::Y);
+        let read = self.readings[node].angle_deg[place]?;
+        Ok(wrap(read - self.reference_deg))
+    }
+}
+
+/// A new calibration.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// It.
+    pub calibration: Calibration,
+    /// Condition figure of the fit.
+    pub condition: f64,
+    /// What it leaves at each stand, deg; none next to the vertical, where a slope folds.
+    pub residuals: Vec<(Axis, f64, f64)>,
+}
+
+impl Fitted {
+    /// Root mean square of the residuals, deg.
+    pub fn residual_deg(&self) -> f64 {
+        let squares: f64 = self.residuals.iter().map(|(.., r)| r * r).sum();
+        (squares / self.residuals.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Beyond this the fold at the vertical bends what harmonics and residuals would follow, deg.
+const FOLD_DEG: f64 = 86.0;
+
+/// Variance of one stand over that expected of a harmonic: (0.012 / 0.04)^2.
+const RIDGE: f64 = 0.09;
+
+/// Turn-on repeatability of the sensor, mg, and its 1/f floor. `[ASSUME]`
+pub const TURN_ON_MG: f64 = 0.3;
+const FLOOR_MG: f64 = 0.04;
+
+/// Thermal hysteresis 10 degC away from 25 degC, mg, on the average of its loop. `[ASSUME]`
+pub const HYSTERESIS_MG: f64 = 0.5 * 0.73;
+
+/// Noise of the sensor, mg / sqrt(Hz) (LIS2DW12 data sheet, table 3, high performance).
+const NOISE_MG: f64 = 0.090;
+
+/// A mean reading, in steps of 2^-26 g, compensated by `model` at this temperature.
+pub fn compensated(model: &TemperatureModel, accel: [f64; 3], t: Temperature) -> Compensated {
     let filtered = Filtered {
         accel: accel.map(|a| a.round() as i32),
     };
-    let compensated = model.apply(filtered, temperature);
+    model.apply(filtered, t)
+}
+
+/// The same in g.
+pub fn compensated_g(model: &TemperatureModel, accel: [f64; 3], t: Temperature) -> [f64; 3] {
+    let compensated = compensated(model, accel, t);
     compensated.accel.map(|a| f64::from(a) / f64::from(ONE_G))
+}
+
+/// A temperature in degC as the chain has it.
+pub fn temperature(celsius: f64) -> Temperature {
+    Temperature((celsius * 256.0).round() as i32)
+}
+
+/// The budget of a calibration that was made within one power-on: turn-on repeatability counts for
+/// it and for the use. `rate_hz` is the node's; noise that the node knew already is kept.
+pub fn budget(before: &Budget, rate_hz: f64, reference_deg: f64, residual_deg: f64) -> Budget {
+    let steps = |mg: f64| (mg / 1000.0 * f64::from(ONE_G)).round() as u32;
+    let noise = match before.noise {
+        0 => steps(NOISE_MG * (rate_hz / 2.0).sqrt()),
+        known => known,
+    };
+    let repeatability = (2.0 * TURN_ON_MG.powi(2) + FLOOR_MG.powi(2)).sqrt();
+    Budget {
+        noise,
+        repeatability: steps(repeatability),
+        hysteresis: steps(HYSTERESIS_MG),
+        reference: Uncertainty::from_degrees(reference_deg),
+        residual: Uncertainty::from_degrees(residual_deg),
+    }
+}
+
+/// What a stand is to the fits.
+struct Point {
+    axis: Axis,
+    reference_deg: f64,
+    felt: Compensated,
+}
+
+impl Point {
+    fn reference_g(&self) -> [f64; 3] {
+        let (sin, cos) = self.reference_deg.to_radians().sin_cos();
+        match self.axis {
+            Axis::X => [sin, 0.0, cos],
+            Axis::Y => [0.0, sin, cos],
+        }
+    }
+}
+
+/// A calibration of node number `node` from the stands; the temperature compensation is that of
+/// `before`. `reference_deg` is the motor's standard uncertainty.
+///
+/// Errors: see [`FitError`].
+pub fn by_motor(
+    before: &Calibration,
+    rate_hz: f64,
+    node: usize,
+    stands: &[Stand],
+    reference_deg: f64,
+) -> Result<Fitted, FitError> {
+    let points: Vec<Point> = stands
+        .iter()
+        .map(|stand| {
+            let Reading {
+                accel,
+                temperature_c,
+                ..
+            } = &stand.readings[node];
+            let t = temperature(*temperature_c);
+            Point {
+                axis: stand.axis,
+                reference_deg: stand.reference_deg,
+                felt: compensated(&before.temperature, *accel, t),
+            }
+        })
+        .collect();
+    let one_axis = matches!(before.correction, Correction::OneAxis { .. });
+    let (correction, condition) = match one_axis {
+        true => one_axis_fit(&points)?,
+        false => two_axis_fit(&points)?,
+    };
+    let residuals = residuals(&correction, &points);
+    let mut fitted = Fitted {
+        calibration: Calibration {
+            temperature: before.temperature,
+            correction,
+            budget: Budget::default(),
+        },
+        condition,
+        residuals,
+    };
+    // What the reference itself scatters is in its own term already.
+    let unexpected = fitted.residual_deg().powi(2) - reference_deg.powi(2);
+    let residual_deg = unexpected.max(0.0).sqrt();
+    fitted.calibration.budget = budget(&before.budget, rate_hz, reference_deg, residual_deg);
+    Ok(fitted)
+}
+
+type Found = Result<(Correction, f64), FitError>;
+
+fn two_axis_fit(points: &[Point]) -> Found {
+    let mut fit = VectorFit::default();
+    points.iter().for_each(|p| fit.add(p.reference_g(), p.felt));
+    let fitted = fit.solve()?;
+    let mut left = Axes::<HarmonicFit>::default();
+    for p in points.iter().filter(|p| p.reference_deg.abs() <= FOLD_DEG) {
+        let found = slopes(fitted.vector.apply(p.felt));
+        let reference = Angle::from_degrees(p.reference_deg);
+        match p.axis {
+            Axis::X => left.x.add(found.x, reference),
+            Axis::Y => left.y.add(found.y, reference),
+        }
+    }
+    let harmonics = Axes::<Harmonics> {
+        x: left.x.solve(RIDGE)?,
+        y: left.y.solve(RIDGE)?,
+    };
+    let vector = fitted.vector;
+    Ok((Correction::TwoAxis { vector, harmonics }, fitted.condition))
+}
+
+fn one_axis_fit(points: &[Point]) -> Found {
+    let mut fit = PlaneFit::default();
+    for p in points {
+        let [sin, _, cos] = p.reference_g();
+        fit.add(sin, cos, p.felt);
+    }
+    let fitted = fit.solve()?;
+    let vector = fitted.vector;
+    let mut left = HarmonicFit::default();
+    for p in points {
+        left.add(
+            turn(vector.apply(p.felt)),
+            Angle::from_degrees(p.reference_deg),
+        );
+    }
+    let harmonics = left.solve(0.0)?;
+    Ok((Correction::OneAxis { vector, harmonics }, fitted.condition))
+}
+
+/// What the correction finds at the points less the reference.
+fn residuals(correction: &Correction, points: &[Point]) -> Vec<(Axis, f64, f64)> {
+    let corrected = |harmonics: &Harmonics, angle: Angle| {
+        angle.degrees() + harmonics.correction(angle).degrees()
+    };
+    let mut all = Vec::new();
+    for p in points {
+        let found = match correction {
+            Correction::TwoAxis { vector, harmonics } => {
+                if p.reference_deg.abs() > FOLD_DEG {
+                    continue;
+                }
+                let found = slopes(vector.apply(p.felt));
+                match p.axis {
+                    Axis::X => corrected(&harmonics.x, found.x),
+                    Axis::Y => corrected(&harmonics.y, found.y),
+                }
+            }
+            Correction::OneAxis { vector, harmonics } => {
+                corrected(harmonics, turn(vector.apply(p.felt)))
+            }
+            Correction::Tables { .. } => continue,
+        };
+        all.push((p.axis, p.reference_deg, wrap(found - p.reference_deg)));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sensor with gain, offset and crossed axes.
+    fn reading(up: [f64; 3]) -> Reading {
+        let [x, y, z] = up;
+        let felt = [
+            1.02 * x + 0.01 * y + 0.02,
+            0.98 * y - 0.02 * z - 0.03,
+            1.01 * z + 0.015 * x + 0.04,
+        ];
+        Reading {
+            accel: felt.map(|g| g * f64::from(ONE_G)),
+            scatter_mg: 0.0,
+            temperature_c: 25.0,
+            angle_deg: [Ok(0.0); 2],
+        }
+    }
+
+    fn stands(axes: &[Axis], step: usize) -> Vec<Stand> {
+        let one = |axis: Axis, deg: f64| {
+            let (sin, cos) = deg.to_radians().sin_cos();
+            let up = match axis {
+                Axis::X => [sin, 0.0, cos],
+                Axis::Y => [0.0, sin, cos],
+            };
+            Stand {
+                axis,
+                reference_deg: deg,
+                readings: vec![reading(up)],
+            }
+        };
+        let angles = || (-90..=90).step_by(step).map(f64::from);
+        axes.iter()
+            .flat_map(|axis| angles().map(|deg| one(*axis, deg)))
+            .collect()
+    }
+
+    #[test]
+    fn a_sweep_of_both_slopes_leaves_nothing() {
+        let stands = stands(&[Axis::X, Axis::Y], 15);
+        let fitted = by_motor(&Calibration::NOMINAL, 400.0, 0, &stands, 0.01).unwrap();
+        assert!(fitted.residual_deg() < 1e-4, "{}", fitted.residual_deg());
+        assert!(fitted.calibration.budget.noise > 0);
+        assert_eq!(fitted.calibration.budget.residual, Uncertainty(0));
+    }
+
+    #[test]
+    fn one_slope_alone_is_refused() {
+        let fitted = by_motor(
+            &Calibration::NOMINAL,
+            400.0,
+            0,
+            &stands(&[Axis::X], 15),
+            0.01,
+        );
+        assert!(matches!(fitted, Err(FitError::IllConditioned { .. })));
+    }
+
+    #[test]
+    fn the_error_at_a_stand_goes_the_short_way_round() {
+        let mut stand = stands(&[Axis::Y], 90).remove(0);
+        stand.reference_deg = 179.9;
+        stand.readings[0].angle_deg[1] = Ok(-179.9);
+        assert!((stand.error_deg(0).unwrap() - 0.2).abs() < 1e-9);
+    }
 }

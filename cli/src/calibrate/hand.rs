@@ -107,7 +107,7 @@ pub const POSES: [HandPose; 18] = [
 ];
 
 /// Fewest poses of the plan.
-pub const FEWEST: usize = 13;
+pub const FEWEST: u8 = 13;
 
 /// A pose further than this from what was asked for is another one, deg.
 pub const NEAR_DEG: f64 = 20.0;

@@ -12,6 +12,9 @@ use tilt::vector::Vector;
 
 use super::*;
 
+/// As many poses as the plan has at least.
+const WANTED: usize = FEWEST as usize;
+
 /// How a person puts things: the plan's poses as the housing feels them.
 struct Person {
     /// Tilt of the surface about two axes, deg.
@@ -88,8 +91,8 @@ fn taken(person: &mut Person, poses: usize) -> Vec<Taken> {
 #[test]
 fn the_base_and_a_side_give_the_housings_frame() {
     let mut person = Person::new([0.4, -0.3], 8.0, 0.0, 1);
-    let taken = taken(&mut person, FEWEST);
-    let (fits, faces) = fit(&[taken.clone(), taken], FEWEST).unwrap();
+    let taken = taken(&mut person, WANTED);
+    let (fits, faces) = fit(&[taken.clone(), taken], WANTED).unwrap();
     for up in [
         [0.0, 0.0, 1.0],
         [0.6, 0.0, 0.8],
@@ -109,9 +112,9 @@ fn the_base_and_a_side_give_the_housings_frame() {
 
 #[test]
 fn a_missing_pose_is_named() {
-    let mut taken = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), FEWEST);
+    let mut taken = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), WANTED);
     taken.remove(7);
-    let error = fit(&[taken], FEWEST).unwrap_err();
+    let error = fit(&[taken], WANTED).unwrap_err();
     assert_eq!(error, HandError::Missing(vec![7]));
     assert!(error.to_string().contains("upside down"), "{error}");
 }
@@ -125,7 +128,7 @@ fn poses_that_never_lean_are_refused() {
         mean_g: feel(person.up(stands)),
     };
     let taken: Vec<_> = flat.into_iter().enumerate().map(one).collect();
-    let error = fit(&[taken], FEWEST).unwrap_err();
+    let error = fit(&[taken], WANTED).unwrap_err();
     assert!(
         matches!(error, HandError::IllConditioned(0, _)),
         "{error:?}"
@@ -134,15 +137,15 @@ fn poses_that_never_lean_are_refused() {
 
 #[test]
 fn what_was_bumped_and_what_stood_askew_is_named() {
-    let mut bumped = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), FEWEST);
+    let mut bumped = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), WANTED);
     bumped[9].mean_g[2] += 0.03;
     assert!(matches!(
-        fit(&[bumped], FEWEST),
+        fit(&[bumped], WANTED),
         Err(HandError::Length(0, ..))
     ));
-    let tilted = taken(&mut Person::new([3.0, 0.0], 5.0, 0.0, 1), FEWEST);
+    let tilted = taken(&mut Person::new([3.0, 0.0], 5.0, 0.0, 1), WANTED);
     assert!(matches!(
-        fit(&[tilted], FEWEST),
+        fit(&[tilted], WANTED),
         Err(HandError::Surface(0, _))
     ));
 }
@@ -194,8 +197,8 @@ fn thirteen_hand_poses_come_within_a_factor_of_two_of_the_motor() {
         let mut draw = Rng::stream(u64::from(unit), "surface");
         let surface = [draw.range(-0.5, 0.5), draw.range(-0.5, 0.5)];
         let mut person = Person::new(surface, 5.0, 2.0, u64::from(unit));
-        let channels = take(&mut bench, &mut person, FEWEST);
-        let (fits, _) = fit(&channels, FEWEST).unwrap();
+        let channels = take(&mut bench, &mut person, WANTED);
+        let (fits, _) = fit(&channels, WANTED).unwrap();
         for (side, fit) in bench.instrument.sides.iter_mut().zip(fits) {
             let vector = Vector::from_real(fit.matrix, fit.offset_g).unwrap();
             let harmonics = Axes::default();
@@ -206,8 +209,8 @@ fn thirteen_hand_poses_come_within_a_factor_of_two_of_the_motor() {
     let worst = by_hand.iter().copied().fold(0.0, f64::max);
     let (motor, hand) = (median(by_motor), median(by_hand));
     println!(
-        "static RMSE at 25 degC, median of 20 units, 2 channels each: motor {motor:.4} deg, 13 hand \
-         poses {hand:.4} deg, ratio {:.2}; worst channel by hand {worst:.4} deg",
+        "static RMSE at 25 degC, median of 20 units, 2 channels each: motor {motor:.4} deg, 13 \
+         hand poses {hand:.4} deg, ratio {:.2}; worst channel by hand {worst:.4} deg",
         hand / motor
     );
     assert!(hand <= 2.0 * 0.04, "{hand}");

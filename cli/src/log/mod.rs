@@ -29,10 +29,10 @@ mod fuzz;
 
 use canopen::Frame;
 
-pub use date::text_utc;
+pub use date::{is_dated, moment, text_utc};
 pub use error::LogError;
 pub use pace::{Pace, PaceOptions};
-pub use player::Player;
+pub use player::{Moment, PlayOptions, Player};
 pub use skipped::{Skip, Skipped, Tally};
 pub use sniff::{Kind, kind_of};
 pub use source::Source;

@@ -2,9 +2,11 @@
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use crate::bus::JoinError;
+use crate::log::LogError;
 use crate::report::replay_tables::printable;
 
 /// Why monitoring could not be done.
@@ -12,12 +14,18 @@ use crate::report::replay_tables::printable;
 pub enum MonitorError {
     /// The bus can't be joined.
     Join(JoinError),
+    /// The log can't be read.
+    Log(LogError),
+    /// Node-ids that make no pairs.
+    Nodes,
     /// The bus was lost.
     Lost(io::Error),
     /// This recording exists already.
     Exists(PathBuf),
     /// This recording can't be written.
     Record(PathBuf, io::Error),
+    /// The page can't be served at this address.
+    Web(SocketAddr, io::Error),
     /// The standard output can't be written.
     Print(io::Error),
     /// The reader has panicked.
@@ -31,6 +39,11 @@ impl fmt::Display for MonitorError {
         let name = |path: &PathBuf| printable(&path.display().to_string());
         match self {
             Self::Join(error) => write!(f, "{error}"),
+            Self::Log(error) => write!(f, "{error}"),
+            Self::Nodes => write!(
+                f,
+                "--nodes needs two node-ids for each instrument, each node-id once: 1,2 or 1,2,3,4"
+            ),
             Self::Lost(error) => write!(f, "{}", printable(&error.to_string())),
             Self::Exists(path) => write!(
                 f,
@@ -41,6 +54,10 @@ impl fmt::Display for MonitorError {
                 f,
                 "recording to {} has ended: {error}; what was recorded until then is whole",
                 name(path)
+            ),
+            Self::Web(address, error) => write!(
+                f,
+                "no page can be served at {address}: {error}; give another by --web ADDRESS:PORT"
             ),
             Self::Print(error) => write!(f, "the output cannot be written: {error}"),
             Self::Reader => write!(

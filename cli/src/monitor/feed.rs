@@ -1,9 +1,9 @@
 //! Where frames come from.
 //!
-//! In: a bus that was joined. Out: frame after frame, each with its time on the source's clock,
-//! and what that clock shows between them.
+//! In: a bus that was joined, or another [`Feed`]. Out: frame after frame, each with its time on
+//! the source's clock, and what that clock shows between them.
 //!
-//! Left out: what they mean.
+//! Left out: what they mean; logs, which are in `log_feed`.
 
 use std::io;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -19,10 +19,12 @@ pub enum Step {
     Frame(u64, Frame),
     /// Nothing until then.
     Nothing,
+    /// It has come to its end; what there is to remark.
+    Ended(Vec<String>),
 }
 
 /// A source of frames.
-pub trait Feed: Send {
+pub trait Feed {
     /// The next frame, or nothing until `until`.
     ///
     /// Errors: the source is lost; [`io::ErrorKind::Interrupted`] when the user has enough.
@@ -118,6 +120,28 @@ impl Feed for BusFeed {
         self.bus = self.options.join()?;
         self.last = None;
         Ok(())
+    }
+}
+
+impl<F: Feed + ?Sized> Feed for Box<F> {
+    fn step(&mut self, until: Instant) -> io::Result<Step> {
+        (**self).step(until)
+    }
+
+    fn now_ns(&self) -> u64 {
+        (**self).now_ns()
+    }
+
+    fn interface(&self) -> &str {
+        (**self).interface()
+    }
+
+    fn send(&mut self, frame: &Frame) -> io::Result<u64> {
+        (**self).send(frame)
+    }
+
+    fn again(&mut self) -> Result<(), JoinError> {
+        (**self).again()
     }
 }
 

@@ -12,6 +12,7 @@ mod error;
 mod events;
 mod feed;
 mod load;
+mod log_feed;
 mod model;
 mod moment;
 mod options;
@@ -20,14 +21,15 @@ mod plain;
 mod reading;
 mod record;
 mod snapshot;
+mod terminal;
 mod trace;
+mod web;
 mod words;
-mod writer;
 
 #[cfg(test)]
 mod model_tests;
 
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -37,14 +39,21 @@ use std::time::{Duration, Instant};
 pub use error::MonitorError;
 pub use options::Arguments;
 
-use feed::BusFeed;
+use feed::{BusFeed, Feed};
+use log_feed::{LogFeed, LogOptions};
 use model::{Model, Setup};
 use plain::EventObject;
 use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
+use web::Server;
+
+use crate::watch::Plan;
 
 /// Lines that may wait for a slow reader of the standard output.
 const LINES_WAITING: usize = 4096;
+
+/// How long browsers have for the last message of a bus that is lost: two of them.
+const LAST_WORDS: Duration = Duration::from_millis(600);
 
 /// How often it is looked whether the time is over.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -54,17 +63,28 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// Errors: see [`MonitorError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     let address = arguments.bus.address().map_err(MonitorError::Join)?;
+    let plan = arguments.plan()?;
+    let bit_rate = address.kbit_s.map(|kbit_s| kbit_s * 1000);
+    if arguments.log.is_empty() {
+        watch_bus(arguments, &plan, bit_rate)
+    } else {
+        watch_log(arguments, &plan, bit_rate)
+    }
+}
+
+fn watch_bus(
+    arguments: &Arguments,
+    plan: &Plan,
+    bit_rate: Option<u32>,
+) -> Result<ExitCode, MonitorError> {
     if let Some(path) = arguments.record.as_ref().filter(|_| !arguments.force)
         && path.exists()
     {
         return Err(MonitorError::Exists(path.clone()));
     }
     let feed = BusFeed::join(&arguments.bus).map_err(MonitorError::Join)?;
-    let setup = Setup {
-        name: feed.name().to_owned(),
-        bit_rate: address.kbit_s.map(|kbit_s| kbit_s * 1000),
-    };
-    let mut model = Model::new(&arguments.plan(), setup);
+    let name = feed.name().to_owned();
+    let mut model = Model::new(plan, Setup { name, bit_rate });
     let recorder = arguments.record.as_ref().map(|path| {
         Recorder::create(path, arguments.force).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => MonitorError::Exists(path.clone()),
@@ -73,25 +93,70 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     });
     let recorder = recorder.transpose()?;
     model.recording.name = recorder.as_ref().map(|r| r.path().display().to_string());
-    let shared = Arc::new(Shared::new(model));
-    let (sender, lines) = sync_channel(LINES_WAITING);
     let tasks = Tasks {
         recorder,
-        lines: Some(sender),
         may_lose_lines: true,
         reconnect: arguments.reconnect,
-        start: arguments.to_start(),
+        start: arguments.to_start(plan),
         sync: arguments.sync,
+        ..Tasks::default()
     };
-    let reader = spawn(Reader::new(feed, Arc::clone(&shared), tasks));
-    let printed = print_lines(arguments, &shared, &lines);
-    drop(lines);
-    shared.stop();
-    end(arguments, reader, printed)
+    show(arguments, Arc::new(Shared::new(model)), feed, tasks)
 }
 
-fn spawn(reader: Reader<BusFeed>) -> JoinHandle<Outcome> {
-    thread::spawn(move || reader.run())
+fn watch_log(
+    arguments: &Arguments,
+    plan: &Plan,
+    bit_rate: Option<u32>,
+) -> Result<ExitCode, MonitorError> {
+    let options = LogOptions {
+        paths: arguments.log.clone(),
+        speed: arguments.speed,
+        skip_gaps: arguments.skip_gaps,
+        interface: arguments.bus.channel.clone(),
+    };
+    let name = log_feed::name(&options.paths);
+    let model = Model::new(plan, Setup { name, bit_rate });
+    let shared = Arc::new(Shared::new(model));
+    let feed = LogFeed::open(&options, Arc::clone(&shared)).map_err(MonitorError::Log)?;
+    let stopped = Arc::clone(&shared);
+    // Without it a signal ends the program at once, which leaves the terminal as it is.
+    let _ = ctrlc::set_handler(move || stopped.stop());
+    show(arguments, shared, feed, Tasks::default())
+}
+
+/// Runs the reader in its own thread and a view in this one.
+fn show(
+    arguments: &Arguments,
+    shared: Arc<Shared>,
+    feed: impl Feed + Send + 'static,
+    mut tasks: Tasks,
+) -> Result<ExitCode, MonitorError> {
+    let is_terminal = !arguments.plain && !arguments.json && io::stdout().is_terminal();
+    let (sender, lines) = sync_channel(LINES_WAITING);
+    tasks.lines = (!is_terminal).then_some(sender);
+    let reader = Reader::new(feed, Arc::clone(&shared), tasks);
+    let server = arguments.web.map(|address| {
+        let started = Server::start(address, Arc::clone(&shared));
+        started.map_err(|error| MonitorError::Web(address, error))
+    });
+    let server = server.transpose()?;
+    let page = server.as_ref().map(Server::url);
+    let reader = thread::spawn(move || reader.run());
+    let until = arguments.duration.map(|time| Instant::now() + time);
+    let shown = if is_terminal {
+        terminal::run(&shared, &terminal::Options { until, page })
+    } else {
+        print_lines(arguments, &shared, &lines, until, page)
+    };
+    drop(lines);
+    shared.stop();
+    let ended = end(arguments, reader, shown);
+    if server.is_some() && ended.is_err() {
+        // Browsers hear of the end before the server goes with it.
+        thread::sleep(LAST_WORDS);
+    }
+    ended
 }
 
 fn end(
@@ -105,22 +170,33 @@ fn end(
         return Err(MonitorError::Record(path.clone(), error));
     }
     match outcome.ending {
-        Ending::Stopped => Ok(ExitCode::SUCCESS),
+        Ending::Stopped | Ending::Ended => Ok(ExitCode::SUCCESS),
         Ending::Lost(error) => Err(MonitorError::Lost(error)),
     }
 }
 
 /// Prints what the reader tells, until it has ended, the time is over or nobody reads any more.
-fn print_lines(arguments: &Arguments, shared: &Shared, lines: &Receiver<Line>) -> io::Result<()> {
-    let until = arguments.duration.map(|time| Instant::now() + time);
-    loop {
-        if until.is_some_and(|until| Instant::now() >= until) {
-            shared.stop();
-            return Ok(());
-        }
+/// While there is a page, the end of a log is no end: there is something to look at.
+fn print_lines(
+    arguments: &Arguments,
+    shared: &Shared,
+    lines: &Receiver<Line>,
+    until: Option<Instant>,
+    page: Option<String>,
+) -> io::Result<()> {
+    let stays = page.is_some();
+    if let Some(url) = page {
+        print(&address(arguments.json, url)?)?;
+    }
+    let over = || shared.is_stopped() || until.is_some_and(|until| Instant::now() >= until);
+    while !over() {
         let line = match lines.recv_timeout(GLANCE) {
             Ok(line) => line,
             Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) if stays && !shared.is_done() => {
+                thread::sleep(GLANCE);
+                continue;
+            }
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
         match print(&text(arguments.json, &line)?) {
@@ -128,6 +204,15 @@ fn print_lines(arguments: &Arguments, shared: &Shared, lines: &Receiver<Line>) -
             other => other?,
         }
     }
+    Ok(())
+}
+
+/// The first line where there is a page.
+fn address(json: bool, url: String) -> io::Result<String> {
+    if !json {
+        return Ok(format!("the page is at {url}\n"));
+    }
+    Ok(serde_json::to_string(&plain::PageObject::new(url))? + "\n")
 }
 
 fn text(json: bool, line: &Line) -> io::Result<String> {

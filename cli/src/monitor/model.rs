@@ -97,8 +97,8 @@ pub struct Extra {
     pub blame: Option<([bool; 2], Option<String>)>,
     /// State of the pair that was told last.
     pub state: Option<u8>,
-    /// Faults that stand, as after the EMCY before.
-    pub faults: u32,
+    /// Faults that were told and not taken back.
+    pub told: u32,
 }
 
 /// What is known of an instrument besides its frames' content.
@@ -162,6 +162,16 @@ impl Model {
     /// The trace of an instrument, from 0 on.
     pub fn trace(&self, instrument: usize) -> Option<&Trace> {
         self.pairs.get(instrument).map(|pair| &pair.trace)
+    }
+
+    /// Frames seen.
+    pub const fn frames(&self) -> u64 {
+        self.watch.counts().frames
+    }
+
+    /// How many instruments there are.
+    pub const fn instruments(&self) -> usize {
+        self.pairs.len()
     }
 
     /// Time of the source, ns.
@@ -357,7 +367,13 @@ impl Model {
         let Some(extra) = self.extra(place) else {
             return;
         };
-        let before = std::mem::replace(&mut extra.faults, faults);
+        // A set that has a new fault may already lack one whose 0000h is still to come.
+        let before = extra.told;
+        extra.told = if emergency.code == 0 {
+            faults
+        } else {
+            before | faults
+        };
         let (level, mut text) = words::emergency(emergency, before);
         let [.., b6, _] = emergency.bytes;
         let of_the_bus = matches!(emergency.code, 0x6101..=0x6105 | 0x8000..=0x8FFF);
@@ -388,7 +404,7 @@ impl Model {
             extra.state = None;
             extra.blame = None;
             extra.quality = None;
-            extra.faults = 0;
+            extra.told = 0;
             extra.heartbeat = Pace::default();
         }
         extra.heartbeat.take(now_ns);

@@ -223,6 +223,18 @@ fn what_has_gone_is_named_in_the_event() {
 }
 
 #[test]
+fn a_fault_that_goes_while_another_comes_was_not_named() {
+    let mut bench = Bench::new();
+    bench.take(0x081, &[0x13, 0xFF, 0x80, 0, 0x10, 0, 0, 6]);
+    // The peer is ill instead: the new one is told first, and its set has the old one no more.
+    bench.take(0x081, &[0x15, 0xFF, 0x80, 0, 0x40, 0, 0x80 | 13, 8]);
+    bench.take(0x081, &[0, 0, 0x80, 0, 0x40, 0, 0x80 | 13, 8]);
+    let texts = bench.texts();
+    let gone = "A gone: the channels differ for too long";
+    assert_eq!(texts.last().map(String::as_str), Some(gone));
+}
+
+#[test]
 fn channels_that_see_the_pair_differently_are_both_heard() {
     let mut bench = Bench::new();
     bench.cycle([0, 0], [1, 2]);
@@ -338,9 +350,7 @@ fn without_a_bit_rate_there_is_no_load_but_a_reason() {
 
 #[test]
 fn two_instruments_are_told_apart() {
-    let plan = Plan {
-        pairs: vec![[1, 2], [3, 4]],
-    };
+    let plan = Plan::of(vec![[1, 2], [3, 4]]);
     let mut model = Model::new(&plan, Setup::default());
     model.take(0, &Frame::data_frame(0x80, &[]));
     model.take(1, &Frame::data_frame(0x183, &[100, 0, 0, 0, 0x7F, 1]));

@@ -1,10 +1,12 @@
 //! What `plumb monitor` is asked to do.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 
+use super::MonitorError;
 use crate::bus::BusOptions;
 use crate::watch::Plan;
 
@@ -16,15 +18,31 @@ const MOST_S: f64 = 366.0 * 86_400.0;
 pub struct Arguments {
     #[command(flatten)]
     pub bus: BusOptions,
-    /// Node-ids of channel A and B; once for each instrument [default: 1,2]
-    #[arg(long, value_name = "A,B", value_parser = pair)]
-    pub nodes: Vec<[u8; 2]>,
+    /// Logs instead of a bus: files or folders, candump -L or ASC, plain or gzip; -c is then the
+    /// only interface that counts
+    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with_all =
+          ["bus", "record", "start", "sync", "reconnect"])]
+    pub log: Vec<PathBuf>,
+    /// How fast a log goes by: 10 is ten times as fast as it was, max as fast as can be
+    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = speed)]
+    pub speed: f64,
+    /// Pass over gaps of a log that are longer than two seconds
+    #[arg(long, requires = "log")]
+    pub skip_gaps: bool,
+    /// Node-ids of channel A and B; of several instruments A,B,A,B [default: 1,2]
+    #[arg(long, value_name = "A,B", value_delimiter = ',',
+          value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub nodes: Vec<u8>,
     /// Print a line each second and one for each event, as where the output is no terminal
     #[arg(long)]
     pub plain: bool,
     /// Print an object of JSON each second and one for each event
     #[arg(long, conflicts_with = "plain")]
     pub json: bool,
+    /// Serve the same as a web page; an address other than the loopback shows it to the network
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1,
+          default_missing_value = "127.0.0.1:8410", require_equals = false)]
+    pub web: Option<SocketAddr>,
     /// Record every frame to a file: .asc is Vector ASC, any other name candump -L
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -47,34 +65,41 @@ pub struct Arguments {
 
 impl Arguments {
     /// The instruments to be watched.
-    pub fn plan(&self) -> Plan {
-        if self.nodes.is_empty() {
-            return Plan::default();
-        }
-        Plan {
-            pairs: self.nodes.clone(),
-        }
+    ///
+    /// Errors: the node-ids make no pairs, or one of them is there twice.
+    pub fn plan(&self) -> Result<Plan, MonitorError> {
+        plan(&self.nodes)
     }
 
-    /// The nodes to be started.
-    pub fn to_start(&self) -> Vec<u8> {
+    /// The nodes of a plan that are to be started.
+    pub fn to_start(&self, plan: &Plan) -> Vec<u8> {
         if !self.start {
             return Vec::new();
         }
-        self.plan().pairs.into_iter().flatten().collect()
+        plan.pairs.iter().flatten().copied().collect()
     }
 }
 
-/// Two node-ids, as `1,2`.
-fn pair(text: &str) -> Result<[u8; 2], String> {
-    let wrong = || "two different node-ids of 1 to 127, as 1,2".to_owned();
-    let (a, b) = text.split_once(',').ok_or_else(wrong)?;
-    let id = |text: &str| {
-        let id = text.trim().parse::<u8>().ok();
-        id.filter(|id| (1..=127).contains(id)).ok_or_else(wrong)
-    };
-    let pair = [id(a)?, id(b)?];
-    (pair[0] != pair[1]).then_some(pair).ok_or_else(wrong)
+fn plan(nodes: &[u8]) -> Result<Plan, MonitorError> {
+    let (pairs, rest) = nodes.as_chunks();
+    let twice = (1..nodes.len()).any(|at| nodes[..at].contains(&nodes[at]));
+    if twice || !rest.is_empty() {
+        return Err(MonitorError::Nodes);
+    }
+    if pairs.is_empty() {
+        return Ok(Plan::default());
+    }
+    Ok(Plan::of(pairs.to_vec()))
+}
+
+/// How fast.
+fn speed(text: &str) -> Result<f64, String> {
+    if text == "max" {
+        return Ok(f64::INFINITY);
+    }
+    let number = text.trim_end_matches('x').parse::<f64>().ok();
+    let number = number.filter(|times| (0.001..=1e6).contains(times));
+    number.ok_or_else(|| "0.001 to 1000000 times, or max".to_owned())
 }
 
 /// A time with its unit.
@@ -126,11 +151,22 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_is_two_different_node_ids() {
-        assert_eq!(pair("1,2"), Ok([1, 2]));
-        assert_eq!(pair("17, 3"), Ok([17, 3]));
-        for text in ["1", "1,1", "0,2", "1,128", "a,b", "1,2,3", ""] {
-            assert!(pair(text).is_err(), "{text}");
+    fn nodes_come_in_pairs_and_once_each() {
+        let pairs = |nodes: &[u8]| plan(nodes).ok().map(|plan| plan.pairs);
+        assert_eq!(pairs(&[]), Some(vec![[1, 2]]));
+        assert_eq!(pairs(&[17, 3, 1, 2]), Some(vec![[17, 3], [1, 2]]));
+        for wrong in [&[1][..], &[1, 1], &[1, 2, 3], &[1, 2, 2, 3]] {
+            assert_eq!(pairs(wrong), None);
+        }
+    }
+
+    #[test]
+    fn a_speed_is_a_number_or_max() {
+        assert_eq!(speed("10"), Ok(10.0));
+        assert_eq!(speed("0.5x"), Ok(0.5));
+        assert_eq!(speed("max"), Ok(f64::INFINITY));
+        for wrong in ["0", "-1", "fast", "NaN", "inf", ""] {
+            assert!(speed(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -37,6 +37,27 @@ impl<'a> EventObject<'a> {
     }
 }
 
+/// What `--json` prints first where there is a page.
+#[derive(Serialize)]
+pub struct PageObject {
+    format: &'static str,
+    version: u32,
+    record: &'static str,
+    url: String,
+}
+
+impl PageObject {
+    /// The object.
+    pub const fn new(url: String) -> Self {
+        Self {
+            format: FORMAT,
+            version: VERSION,
+            record: "page",
+            url,
+        }
+    }
+}
+
 /// A signed angle, or `--`.
 pub fn degrees(value: Option<f64>) -> String {
     value.map_or_else(|| "--".to_owned(), |deg| format!("{deg:+.3}"))

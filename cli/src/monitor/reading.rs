@@ -36,6 +36,8 @@ const LINE_NS: u64 = 1_000_000_000;
 pub struct Shared {
     model: Mutex<Model>,
     stop: AtomicBool,
+    paused: AtomicBool,
+    done: AtomicBool,
 }
 
 impl Shared {
@@ -44,6 +46,8 @@ impl Shared {
         Self {
             model: Mutex::new(model),
             stop: AtomicBool::new(false),
+            paused: AtomicBool::new(false),
+            done: AtomicBool::new(false),
         }
     }
 
@@ -57,9 +61,37 @@ impl Shared {
         self.stop.store(true, Ordering::Relaxed);
     }
 
+    /// Lets a log stand still, or go on; a bus does not wait.
+    pub fn pause(&self, paused: bool) {
+        self.paused.store(paused, Ordering::Relaxed);
+    }
+
+    /// Whether a log is to stand still.
+    pub fn is_paused(&self) -> bool {
+        self.paused.load(Ordering::Relaxed)
+    }
+
+    /// The reader has nothing left to show: the bus is lost, or it was asked to end.
+    pub fn is_done(&self) -> bool {
+        self.done.load(Ordering::Relaxed)
+    }
+
     /// Whether it was asked to.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Tells the views that there is nothing more to show, however the reader has ended.
+struct Done {
+    shared: Arc<Shared>,
+    /// The end of a log is something to look at.
+    stays: bool,
+}
+
+impl Drop for Done {
+    fn drop(&mut self) {
+        self.shared.done.store(!self.stays, Ordering::Relaxed);
     }
 }
 
@@ -77,6 +109,8 @@ pub enum Line {
 pub enum Ending {
     /// The user has enough.
     Stopped,
+    /// The log has come to its end.
+    Ended,
     /// The bus is lost, or the log can't be read on.
     Lost(io::Error),
 }
@@ -144,10 +178,16 @@ impl<F: Feed> Reader<F> {
 
     /// Reads to the end.
     pub fn run(mut self) -> Outcome {
-        let ending = match self.start().and_then(|()| self.read()) {
-            Err(error) if error.kind() != io::ErrorKind::Interrupted => Ending::Lost(error),
-            _ => Ending::Stopped,
+        let mut done = Done {
+            shared: Arc::clone(&self.shared),
+            stays: false,
         };
+        let ending = match self.start().and_then(|()| self.read()) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Ending::Stopped,
+            Err(error) => Ending::Lost(error),
+            Ok(ending) => ending,
+        };
+        done.stays = matches!(ending, Ending::Ended);
         if let Some(recorder) = self.tasks.recorder.take() {
             let finished = recorder.finish().map(drop);
             self.recording = std::mem::replace(&mut self.recording, Ok(())).and(finished);
@@ -178,19 +218,21 @@ impl<F: Feed> Reader<F> {
         Ok(())
     }
 
-    fn read(&mut self) -> io::Result<()> {
+    fn read(&mut self) -> io::Result<Ending> {
         while !self.shared.is_stopped() {
             match self.step() {
-                Ok(()) => {}
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => return Ok(()),
+                Ok(true) => {}
+                Ok(false) => return Ok(Ending::Ended),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => break,
                 Err(error) if self.tasks.reconnect => self.reconnect(&error),
                 Err(error) => return Err(error),
             }
         }
-        Ok(())
+        Ok(Ending::Stopped)
     }
 
-    fn step(&mut self) -> io::Result<()> {
+    /// One step of the source; false at its end.
+    fn step(&mut self) -> io::Result<bool> {
         let now = Instant::now();
         let until = self
             .sync
@@ -207,10 +249,28 @@ impl<F: Feed> Reader<F> {
                 self.shared.model().pass(now_ns);
                 self.own_sync()?;
             }
+            Step::Ended(remarks) => {
+                self.ended(remarks);
+                return Ok(false);
+            }
         }
         self.record_pass();
         self.tell_events();
-        Ok(())
+        Ok(true)
+    }
+
+    /// The last state is told too: the last second of a log is rarely whole.
+    fn ended(&mut self, remarks: Vec<String>) {
+        let snapshot = {
+            let mut model = self.shared.model();
+            for remark in remarks {
+                model.note(Kind::Source, Level::Warning, remark);
+            }
+            model.end(SourceState::Ended, "the log has ended".to_owned());
+            model.snapshot()
+        };
+        self.tell_events();
+        self.tell(Line::State(Box::new(snapshot)));
     }
 
     fn take(&mut self, time_ns: u64, frame: &Frame) {

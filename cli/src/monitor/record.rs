@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
-use super::writer::{Format, Writer};
+use crate::log::{Format, Writer};
 
 /// Lines wait no longer than this.
 const HELD_BACK: Duration = Duration::from_millis(500);
@@ -240,7 +240,7 @@ mod tests {
         recorder.pass(Instant::now() + HELD_BACK * 2).unwrap();
         assert_eq!(recorder.frames(), 1);
         let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(text, "(1.500000) can0 080#\n");
+        assert_eq!(text, "(0000000001.500000) can0 080#\n");
         assert_eq!(recorder.finish().unwrap(), 1);
         std::fs::remove_dir_all(folder).unwrap();
     }

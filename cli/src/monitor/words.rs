@@ -95,9 +95,14 @@ pub const fn no_slope(state: u8) -> &'static str {
 
 /// The bits of the validity (2020h) that a person has to know of.
 pub fn validity(bits: u8) -> Vec<&'static str> {
+    let slopes = match bits & 3 {
+        0 => Some("not valid"),
+        1 => Some("Y not valid"),
+        2 => Some("X not valid"),
+        _ => None,
+    };
     let words = [
-        (bits & 0x01 == 0).then_some("X not valid"),
-        (bits & 0x02 == 0).then_some("Y not valid"),
+        slopes,
         (bits & 0x30 != 0x30).then_some("not compared"),
         (bits & 0x40 == 0).then_some("not calibrated"),
         (bits & 0x80 != 0).then_some("waits for a reset"),

@@ -6,7 +6,7 @@
 use super::bins::{Bins, Extremes};
 use super::capture::{Capture, Recorder};
 use super::clock::Clock;
-use super::collect::Collected;
+use super::collect::{Collected, Told};
 use super::data::*;
 use super::events::{End, Event, What};
 use super::gaps::Gaps;
@@ -17,6 +17,7 @@ use super::summary::{ChannelSummary, Day, DifferenceSummary, Summary, Unusable};
 use super::tally::Tally;
 use super::traffic::Traffic;
 use super::verdict;
+use crate::blackbox::data::{PlotReport, PlotRow};
 use crate::blackbox::words;
 use crate::report::series::{Bin, Point, rounded};
 
@@ -29,36 +30,75 @@ const BARS: usize = 60;
 /// Days between which those without data are told one by one; beyond them only days with data.
 const MOST_DAYS: u64 = 800;
 
-/// The report.
-pub fn report(collected: &Collected, logs: Vec<LogReport>, bit_rate: Option<f64>) -> PeriodReport {
-    let span = collected.traffic.span_ns;
-    let clock = Clock::of(span.map_or(0, |span| span.0));
-    let seen = collected.instruments.iter();
-    // A pair of which nothing but frames of another form was seen is somebody else's nodes.
-    let seen = seen.filter(|(_, instrument)| has_slopes(instrument));
-    let instruments: Vec<_> = (1..)
-        .zip(seen)
-        .map(|(number, (ids, instrument))| one(number, *ids, instrument, clock))
-        .collect();
+/// The report: what was collected of each interface, the logs, and the bit rate where it is known,
+/// bit/s.
+pub fn report(
+    collected: &[(String, Collected)],
+    logs: Option<LogsReport>,
+    bit_rate: Option<f64>,
+) -> PeriodReport {
+    let spans = || collected.iter().filter_map(|(_, one)| one.traffic.span_ns);
+    let first = spans().map(|span| span.0).min();
+    let clock = Clock::of(first.unwrap_or(0));
     let mut report = PeriodReport {
-        format: FORMAT.to_owned(),
-        version: VERSION,
-        plumb_version: env!("CARGO_PKG_VERSION").to_owned(),
         clock: match clock {
             Clock::Utc => "utc".to_owned(),
             Clock::Relative => "relative".to_owned(),
         },
-        from_s: span.map(|span| seconds(span.0)),
-        to_s: span.map(|span| seconds(span.1)),
-        covered_s: seconds(collected.traffic.covered_ns),
+        from_s: first.map(seconds),
+        to_s: spans().map(|span| span.1).max().map(seconds),
+        covered_s: seconds(
+            collected
+                .iter()
+                .map(|(_, one)| one.traffic.covered_ns)
+                .max()
+                .unwrap_or(0),
+        ),
         logs,
-        bus: span.map(|_| bus(collected, &instruments, bit_rate)),
-        instruments,
-        ..PeriodReport::default()
+        ..empty()
     };
-    (report.verdict, report.clean) = verdict::of(&report);
-    report.notes = verdict::notes(&report);
+    for (interface, one) in collected
+        .iter()
+        .filter(|(_, one)| one.traffic.span_ns.is_some())
+    {
+        // A pair of which nothing but frames of another form was seen is somebody else's nodes.
+        let seen = one
+            .instruments
+            .iter()
+            .filter(|(_, instrument)| has_slopes(instrument));
+        let number = report.instruments.len() + 1;
+        let instruments: Vec<_> = (number..)
+            .zip(seen)
+            .map(|(number, (sides, instrument))| InstrumentReport {
+                interface: interface.clone(),
+                ..self::one(number, sides, instrument, clock)
+            })
+            .collect();
+        report.buses.push(BusReport {
+            interface: interface.clone(),
+            ..bus(one, &instruments, bit_rate)
+        });
+        report.instruments.extend(instruments);
+    }
     report
+}
+
+/// A report that tells of nothing yet.
+pub fn empty() -> PeriodReport {
+    PeriodReport {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        plumb_version: env!("CARGO_PKG_VERSION").to_owned(),
+        clock: "relative".to_owned(),
+        ..PeriodReport::default()
+    }
+}
+
+/// Says what it all comes to, once everything is in.
+pub fn conclude(report: &mut PeriodReport) {
+    (report.verdict, report.clean) = verdict::of(report);
+    let notes = verdict::notes(report);
+    report.notes.splice(0..0, notes);
 }
 
 fn has_slopes(instrument: &Instrument) -> bool {
@@ -73,7 +113,7 @@ fn has_slopes(instrument: &Instrument) -> bool {
 
 /// ns as s, to the microsecond.
 pub fn seconds(ns: u64) -> f64 {
-    (ns / 1000) as f64 * 1e-6
+    (ns / 1000) as f64 / 1e6
 }
 
 fn degrees(mdeg: impl Into<f64>) -> f64 {
@@ -91,6 +131,7 @@ fn bus(
     let foreign = traffic.nodes().filter(|(id, _)| !ours.contains(id));
     let rate = traffic.rate();
     BusReport {
+        interface: String::new(),
         frames: counts.frames,
         syncs: counts.syncs,
         outside: collected.outside,
@@ -138,20 +179,27 @@ fn gaps(gaps: &Gaps) -> GapsReport {
     }
 }
 
-fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> InstrumentReport {
+fn one(
+    number: usize,
+    sides: &[Told; 2],
+    instrument: &Instrument,
+    clock: Clock,
+) -> InstrumentReport {
     let summary = &instrument.summary;
+    let ids = [0, 1].map(|side: usize| sides[side].node_id);
     let span = instrument.span_ns.unwrap_or_default();
     let [faults_left_out, others_left_out] = instrument.events.left_out();
     InstrumentReport {
         number,
+        interface: String::new(),
         from_s: seconds(span.0),
         to_s: seconds(span.1),
         covered_s: seconds(summary.covered_ns()),
         gaps: gaps(&summary.gaps),
         channels: (0..2)
-            .zip(ids)
+            .zip(sides)
             .zip(&summary.channels)
-            .map(|((side, id), channel)| self::channel(side, id, channel, instrument))
+            .map(|((side, told), channel)| self::channel(side, told, channel, instrument))
             .collect(),
         difference: difference(&summary.difference),
         days: days(summary, clock),
@@ -170,7 +218,7 @@ fn one(number: usize, ids: [u8; 2], instrument: &Instrument, clock: Clock) -> In
 
 fn channel(
     side: usize,
-    node_id: u8,
+    told: &Told,
     channel: &ChannelSummary,
     instrument: &Instrument,
 ) -> ChannelReport {
@@ -179,7 +227,7 @@ fn channel(
     let codes = channel.emergencies.iter();
     ChannelReport {
         channel: words::channel(side).to_owned(),
-        node_id,
+        node_id: told.node_id,
         seen: instrument.has_seen(side),
         vendor_id,
         product_code,
@@ -209,6 +257,16 @@ fn channel(
         heartbeat_losses: channel.heartbeat_losses,
         heartbeat_lost_s: seconds(channel.heartbeat_lost_ns),
         malformed: channel.malformed,
+        findings: told
+            .checks
+            .found()
+            .map(|(check, finding)| FindingReport {
+                check: check.name().to_owned(),
+                text: check.words().to_owned(),
+                count: finding.count,
+                first_s: seconds(finding.first_ns),
+            })
+            .collect(),
     }
 }
 
@@ -396,6 +454,7 @@ fn plots(recorder: &Recorder, clock: Clock) -> Vec<PlotReport> {
         .map(|(number, capture)| PlotReport {
             number,
             title: clock.text(capture.at_ns),
+            names: ["Channel A", "Channel B"].map(str::to_owned),
             time_s: seconds(capture.at_ns),
             rows: capture
                 .rows

@@ -7,6 +7,7 @@
 use super::clock::Clock;
 use super::data::*;
 use super::tables;
+use crate::blackbox::data::{PlotReport, PlotRow};
 use crate::report::chart::{Chart, Ink, Plot, Shape};
 use crate::report::series::{Bin, Point};
 
@@ -42,6 +43,10 @@ const TICKS: f64 = 6.0;
 /// Days whose names have room below the bars.
 const NAMED_DAYS: usize = 8;
 
+/// Days for which there is room at least.
+const FEWEST_DAYS: usize = 5;
+
+/// The colours of channel A and B.
 const INKS: [Ink; 2] = [Ink::First, Ink::Second];
 
 /// The ticks of a time axis, and what they are.
@@ -111,6 +116,7 @@ fn over_time(report: &PeriodReport, id: String, title: &str, y: &str, plots: Vec
         y_label: y.to_owned(),
         plots,
         x_names,
+        x_range: report.from_s.zip(report.to_s),
         ..Chart::default()
     }
 }
@@ -150,7 +156,8 @@ pub fn per_day(instrument: &InstrumentReport) -> Chart {
             .step_by(every)
             .map(|(at, day)| (at, short(&day.day)))
             .collect(),
-        x_range: Some((-0.5, days.len() as f64 - 0.5)),
+        // A single day needs no bar as wide as the chart.
+        x_range: Some((-0.5, days.len().max(FEWEST_DAYS) as f64 - 0.5)),
         ..Chart::default()
     }
 }
@@ -267,7 +274,7 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
 }
 
 /// What was on the bus over time.
-pub fn load(report: &PeriodReport, bus: &BusReport) -> Chart {
+pub fn load(report: &PeriodReport, number: usize, bus: &BusReport) -> Chart {
     let (unit, y) = match bus.bit_rate_bit_s {
         Some(rate) => (100.0 / rate, "% of the bit rate"),
         None => (1e-3, "kbit/s"),
@@ -281,7 +288,13 @@ pub fn load(report: &PeriodReport, bus: &BusReport) -> Chart {
         })
         .collect();
     let plots = vec![Plot::new("Load", Ink::First, band(&bins))];
-    over_time(report, "load".to_owned(), "Load of the bus", y, plots)
+    over_time(
+        report,
+        format!("load-{number}"),
+        "Load of the bus",
+        y,
+        plots,
+    )
 }
 
 /// As figure 21: both channels around an event, and the difference between them.
@@ -314,14 +327,14 @@ pub fn around(plot: &PlotReport, prefix: &str) -> Vec<Chart> {
             format!("Plot {}: slope {axis} of both channels", plot.number),
             "deg",
             vec![
-                lines("Channel A", Ink::First, a),
-                lines("Channel B", Ink::Second, b),
+                lines(&plot.names[0], Ink::First, a),
+                lines(&plot.names[1], Ink::Second, b),
             ],
         ),
         chart(
             "difference",
             format!("Plot {}: difference", plot.number),
-            "A \u{2212} B, deg",
+            "first \u{2212} second, deg",
             vec![
                 lines("X", Ink::First, |row| row.difference_x_deg),
                 lines("Y", Ink::Second, |row| row.difference_y_deg),

@@ -9,9 +9,9 @@ use canopen::Frame;
 
 use super::gaps::GAP_NS;
 use super::instrument::{Instrument, Moment};
-use super::row::Measured;
 use super::traffic::Traffic;
-use crate::watch::{Counts, News, Place, Plan, Watch};
+use crate::blackbox::exchange::Measured;
+use crate::watch::{Checks, Counts, News, Place, Plan, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.
 const ANSWER_NS: u64 = 2_000_000_000;
@@ -107,9 +107,10 @@ impl Collector {
                     instrument.detail(now_ns, side, detail);
                 }
             }
-            News::Exchange(_) if frame.cob_id().is_some_and(|id| id & 0x780 == 0x380) => {
-                if let Some(measured) = Measured::read(frame.bytes()) {
-                    instrument.measured(now_ns, side, measured);
+            // TPDO 4 comes with the angles of the TPDO 3 before it.
+            News::Exchange(_) if frame.cob_id().is_none_or(|id| id & 0x780 != 0x480) => {
+                if let Some(told) = told.told {
+                    instrument.measured(now_ns, side, Measured::of(&told.exchange));
                 }
             }
             News::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
@@ -153,10 +154,15 @@ impl Collector {
             let all = self.instruments.iter_mut();
             all.for_each(|instrument| instrument.finish(at));
         }
-        let ids = self.watch.pairs().iter();
-        let ids = ids.map(|pair| [0, 1].map(|side: usize| pair.sides[side].node_id));
+        let pairs = self.watch.pairs().iter();
+        let told = pairs.map(|pair| {
+            [0, 1].map(|side: usize| Told {
+                node_id: pair.sides[side].node_id,
+                checks: pair.sides[side].checks,
+            })
+        });
         Collected {
-            instruments: ids.zip(self.instruments).collect(),
+            instruments: told.zip(self.instruments).collect(),
             traffic: self.traffic,
             counts: *self.watch.counts(),
             outside: self.outside,
@@ -164,11 +170,20 @@ impl Collector {
     }
 }
 
+/// What `watch` knows of a channel.
+#[derive(Clone, Copy, Debug)]
+pub struct Told {
+    /// Its node-id.
+    pub node_id: u8,
+    /// What does not fit together in what it says.
+    pub checks: Checks,
+}
+
 /// What a log came to.
 #[derive(Debug)]
 pub struct Collected {
-    /// Each instrument of the plan with the node-ids of channel A and B.
-    pub instruments: Vec<([u8; 2], Instrument)>,
+    /// Each instrument of the plan, with what `watch` knows of channel A and B.
+    pub instruments: Vec<([Told; 2], Instrument)>,
     /// The bus.
     pub traffic: Traffic,
     /// What `watch` has counted.

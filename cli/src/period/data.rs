@@ -7,6 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::blackbox::data::{MemoryReport, PlotReport};
 use crate::report::series::{Bin, Point};
 
 /// Name of the format, the field `format`.
@@ -35,10 +36,10 @@ pub struct PeriodReport {
     pub to_s: Option<f64>,
     /// Time of which there is data.
     pub covered_s: f64,
-    /// What was read.
-    pub logs: Vec<LogReport>,
-    /// The bus as a whole; none where no log was read.
-    pub bus: Option<BusReport>,
+    /// What was read; none where no log was given.
+    pub logs: Option<LogsReport>,
+    /// Each bus that was logged, by interface; none where no log was read.
+    pub buses: Vec<BusReport>,
     /// Each instrument that was seen.
     pub instruments: Vec<InstrumentReport>,
     /// What nodes remember of their faults.
@@ -47,15 +48,23 @@ pub struct PeriodReport {
     pub notes: Vec<String>,
 }
 
-/// A log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LogReport {
-    /// Its name.
-    pub file: String,
+/// The logs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LogsReport {
+    /// Their names.
+    pub files: Vec<String>,
     /// Frames read.
     pub frames: u64,
-    /// Lines that are no frame, by reason.
+    /// What gave no frame, by reason.
     pub skipped: Vec<Skipped>,
+    /// Files whose end is missing, and how.
+    pub damaged: Vec<String>,
+    /// Files in folders that are no logs.
+    pub not_logs: Vec<String>,
+    /// Files that were begun before another one had ended.
+    pub overlapping: u64,
+    /// Files without a date that were taken as following another one.
+    pub undated: Vec<String>,
 }
 
 /// Lines that are no frame.
@@ -65,13 +74,17 @@ pub struct Skipped {
     pub reason: String,
     /// How many.
     pub count: u64,
-    /// The first of them, counted from 1.
+    /// The file of the first of them.
+    pub file: String,
+    /// Its line, counted from 1.
     pub first_line: u64,
 }
 
 /// The bus.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BusReport {
+    /// The interface that logged it, such as `can0`.
+    pub interface: String,
     /// Frames in the period.
     pub frames: u64,
     /// SYNCs.
@@ -140,6 +153,8 @@ pub struct GapReport {
 pub struct InstrumentReport {
     /// Counted from 1.
     pub number: usize,
+    /// The interface that logged its bus.
+    pub interface: String,
     /// First frame of it.
     pub from_s: f64,
     /// Last frame of it.
@@ -205,6 +220,21 @@ pub struct ChannelReport {
     pub heartbeat_lost_s: f64,
     /// Frames of another form than delivered.
     pub malformed: u64,
+    /// What does not fit together in what it says.
+    pub findings: Vec<FindingReport>,
+}
+
+/// Something that does not fit together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FindingReport {
+    /// What, in a word.
+    pub check: String,
+    /// The same in words.
+    pub text: String,
+    /// How often.
+    pub count: u64,
+    /// When first.
+    pub first_s: f64,
 }
 
 /// A slope while it could be used.
@@ -385,78 +415,4 @@ pub struct EventReport {
     pub repeats: u32,
     /// Number of the plot that shows it, from 1.
     pub plot: Option<usize>,
-}
-
-/// The SYNCs around an event.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlotReport {
-    /// Counted from 1.
-    pub number: usize,
-    /// What it shows.
-    pub title: String,
-    /// The event's time, which is 0 on the axis of the rows.
-    pub time_s: f64,
-    /// One row per SYNC.
-    pub rows: Vec<PlotRow>,
-}
-
-/// One SYNC of a plot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PlotRow {
-    /// Time since the event.
-    pub since_s: f64,
-    /// Channel A, slope X.
-    pub a_x_deg: Option<f64>,
-    /// Channel A, slope Y.
-    pub a_y_deg: Option<f64>,
-    /// Channel B, slope X.
-    pub b_x_deg: Option<f64>,
-    /// Channel B, slope Y.
-    pub b_y_deg: Option<f64>,
-    /// Channel A minus channel B, X.
-    pub difference_x_deg: Option<f64>,
-    /// Channel A minus channel B, Y.
-    pub difference_y_deg: Option<f64>,
-}
-
-/// What a node remembers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MemoryReport {
-    /// Where it comes from: a node of a bus, or a file.
-    pub source: String,
-    /// The node's id; none for a file.
-    pub node_id: Option<u8>,
-    /// Entries of the fault log, newest first.
-    pub entries: Vec<MemoryEntry>,
-    /// Entries made since the log was emptied; 255 for more. None for a file of a box.
-    pub entries_made: Option<u8>,
-    /// The boxes that are not empty.
-    pub boxes: Vec<PlotReport>,
-}
-
-/// An entry of a fault log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MemoryEntry {
-    /// Time since the start of the node.
-    pub since_start_s: f64,
-    /// SYNCs obeyed until then.
-    pub sync_count: u32,
-    /// EMCY code, such as `FF13h`.
-    pub code: String,
-    /// In words.
-    pub text: String,
-    /// The faults that stand after it, in words.
-    pub faults: Vec<String>,
-    /// State of the pair (2021h).
-    pub state: u8,
-    /// The same in words.
-    pub state_text: String,
-    /// The channel that is blamed, seen from the node: `own`, `other` or `both`.
-    pub blamed: Option<String>,
-    /// Why, in words.
-    pub reason_text: Option<String>,
-    /// Number of the box with the samples around it.
-    pub box_number: Option<u8>,
-    /// How often the same event came again.
-    pub repeats: u16,
 }

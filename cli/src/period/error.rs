@@ -3,14 +3,22 @@
 use std::fmt;
 use std::io;
 
-use crate::report::replay_tables::printable;
+use crate::blackbox::FaultsError;
+use crate::bus::JoinError;
+use crate::log::LogError;
 use crate::report::write::WriteError;
 
 /// A report that could not be made. Nothing has been written when one is returned.
 #[derive(Debug)]
 pub enum PeriodError {
     /// A log that can't be read.
-    Read(String, io::Error),
+    Log(LogError),
+    /// The bit rate is none.
+    Bus(JoinError),
+    /// What nodes remember can't be read.
+    Memory(FaultsError),
+    /// No node could be asked: why the first one could not.
+    Nobody(String),
     /// Neither a log, nor a black box, nor a bus was given.
     NothingGiven,
     /// There is no frame in all the logs.
@@ -30,14 +38,14 @@ pub enum PeriodError {
 impl fmt::Display for PeriodError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Read(file, why) => write!(
+            Self::Log(why) => write!(f, "{why}"),
+            Self::Bus(why) => write!(f, "{why}"),
+            Self::Memory(why) => write!(f, "{why}"),
+            Self::Nobody(why) => write!(f, "{why}"),
+            Self::NothingGiven => write!(
                 f,
-                "cannot read {}: {why}; check the name and the permissions",
-                printable(file)
+                "nothing to report on: name a log, a folder of logs, a --black-box or a --bus"
             ),
-            Self::NothingGiven => {
-                write!(f, "nothing to report on: name a log or a folder of logs")
-            }
             Self::Empty => write!(
                 f,
                 "there is no frame in the logs: check that they are candump or ASC files"

@@ -20,6 +20,10 @@ pub const MOST_OTHERS: usize = 100;
 /// Again within this time is a repetition, ns.
 pub const REPEAT_NS: u64 = 1_000_000_000;
 
+/// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
+/// start has the lower identifier and overtakes it on the bus.
+const SAME_START_NS: u64 = 20_000_000;
+
 /// Error register, bit 4: communication; and bit 0, which any error sets.
 const COMMUNICATION: u8 = 0x10;
 const GENERIC: u8 = 0x01;
@@ -187,7 +191,8 @@ impl Events {
     pub fn restarted(&mut self, at_ns: u64, side: u8) {
         let open = self.kept.iter_mut();
         for event in open.filter(|event| event.side == side && event.end == End::Standing) {
-            if matches!(event.what, What::Emergency(_)) {
+            let is_of_this_start = at_ns.saturating_sub(event.at_ns) < SAME_START_NS;
+            if matches!(event.what, What::Emergency(_)) && !is_of_this_start {
                 event.end = End::Restarted(at_ns);
             }
         }
@@ -281,6 +286,17 @@ mod tests {
         events.emergency(3 * S, 0, &end);
         let ends: Vec<_> = events.kept().iter().map(|event| event.end).collect();
         assert_eq!(ends, [End::Standing, End::Over(3 * S)]);
+    }
+
+    #[test]
+    fn a_fault_told_just_before_the_boot_up_message_was_taken_back_by_it() {
+        let mut events = Events::default();
+        let uncalibrated = 1 << Fault::NotCalibrated as u32;
+        events.emergency(S, 0, &told(0xFF20, 0x81, uncalibrated));
+        events.restarted(S + 185_000, 0);
+        assert_eq!(events.kept()[0].end, End::Standing);
+        events.restarted(2 * S, 0);
+        assert_eq!(events.kept()[0].end, End::Restarted(2 * S));
     }
 
     #[test]

@@ -11,8 +11,9 @@ use super::events::{End, Events, What};
 use super::gaps::{GAP_NS, Gap};
 use super::heartbeat::Heartbeat;
 use super::kind::Kind;
-use super::row::{Measured, Row};
+use super::row::Row;
 use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
+use crate::blackbox::exchange::Measured;
 use crate::watch::{Detail, Emergency, Nmt, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
@@ -77,14 +78,15 @@ impl Instrument {
     }
 
     fn close(&mut self, row: Row) {
+        let larger = row.larger_difference();
+        self.recent.rotate_right(1);
+        self.recent[0] = larger;
         let day = self.summary.day(row.time_ns);
         day.syncs += 1;
-        if let Some(mdeg) = row.larger_difference() {
+        if let Some(mdeg) = larger {
             day.largest_mdeg = day.largest_mdeg.max(Some(mdeg.unsigned_abs()));
             let bins = &mut self.summary.difference.bins;
             bins.add(row.time_ns, Extremes::of(mdeg));
-            self.recent.rotate_right(1);
-            self.recent[0] = Some(mdeg);
             self.judge(&row);
         }
         self.recorder.record(row);

@@ -1,6 +1,7 @@
 //! `plumb report`: a period of an instrument on one page.
 //!
-//! In: logs of a bus, as many and as long as there are. Out: `report.html` and `report.json` in a
+//! In: logs of a bus, as many and as long as there are, and what nodes remember of their faults, out
+//! of files or asked over the bus. Out: `report.html` and `report.json` in a
 //! folder, and the verdict with the main tables on the terminal. Frames are read by `watch`, counted
 //! by an [`instrument::Instrument`] each, and kept in a [`summary::Summary`] whose size does not
 //! grow with the log. The JSON is described in `docs/period-report.md`.
@@ -22,7 +23,6 @@ mod histogram;
 mod input;
 mod instrument;
 mod kind;
-mod memory;
 mod page;
 mod row;
 mod summary;
@@ -41,6 +41,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 
+use crate::blackbox;
+use crate::bus::BusOptions;
 use crate::progress::Progress;
 use crate::report::replay_tables::printable;
 use crate::report::write::{self, Written};
@@ -67,15 +69,18 @@ pub struct Arguments {
     /// Node-ids of channel A and B of an instrument; again for each; by default 1,2, 3,4 and so on
     #[arg(long, value_name = "A,B", value_parser = pair)]
     pub nodes: Vec<[u8; 2]>,
-    /// Bit rate of the bus in kbit/s, to tell its load in per cent
-    #[arg(long, value_name = "KBIT/S", value_parser = clap::value_parser!(u16).range(1..=1000))]
-    pub bit_rate: Option<u16>,
+    /// Files of a fault log or black box, as `plumb faults --boxes` saves them
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub black_box: Vec<PathBuf>,
     /// Folder for report.html and report.json
     #[arg(long, default_value = "plumb-period", value_name = "DIR")]
     pub out: PathBuf,
     /// Print the report as JSON
     #[arg(long)]
     pub json: bool,
+    /// The bus whose nodes are asked for their faults; its bit rate, to tell the load in per cent
+    #[command(flatten)]
+    pub bus: BusOptions,
 }
 
 fn pair(text: &str) -> Result<[u8; 2], String> {
@@ -93,21 +98,38 @@ impl Arguments {
     /// The instruments that are looked for.
     fn plan(&self) -> Plan {
         let all = || (1..=125).step_by(2).map(|id| [id, id + 1]).collect();
-        Plan {
-            pairs: if self.nodes.is_empty() {
-                all()
-            } else {
-                self.nodes.clone()
-            },
+        Plan::of(if self.nodes.is_empty() {
+            all()
+        } else {
+            self.nodes.clone()
+        })
+    }
+
+    /// The nodes that are asked for what they remember; none unless a bus is named.
+    fn asked(&self) -> Vec<u8> {
+        let BusOptions {
+            bus,
+            interface,
+            channel,
+            ..
+        } = &self.bus;
+        if [bus, interface, channel].into_iter().all(Option::is_none) {
+            return Vec::new();
         }
+        let pairs = match &self.nodes[..] {
+            [] => &[[1, 2]],
+            pairs => pairs,
+        };
+        pairs.as_flattened().to_vec()
     }
 }
 
 /// Makes the report; exit status 0 whatever it tells.
 ///
 /// Errors: see [`PeriodError`].
-pub fn run(arguments: &Arguments, _progress: &Progress) -> Result<ExitCode, PeriodError> {
-    if arguments.logs.is_empty() {
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, PeriodError> {
+    let asked = arguments.asked();
+    if arguments.logs.is_empty() && arguments.black_box.is_empty() && asked.is_empty() {
         return Err(PeriodError::NothingGiven);
     }
     if let (Some(from), Some(to)) = (arguments.from, arguments.to)
@@ -115,7 +137,16 @@ pub fn run(arguments: &Arguments, _progress: &Progress) -> Result<ExitCode, Peri
     {
         return Err(PeriodError::NoTime);
     }
-    let report = read(arguments)?;
+    let mut report = match &arguments.logs[..] {
+        [] => build::empty(),
+        _ => read(arguments, progress)?,
+    };
+    for path in &arguments.black_box {
+        let memory = blackbox::from_file(path).map_err(PeriodError::Memory)?;
+        report.memories.push(memory);
+    }
+    ask(arguments, &asked, &mut report)?;
+    build::conclude(&mut report);
     let html = page::page(&report);
     let written = write::both(&arguments.out, &html, &report).map_err(PeriodError::Write)?;
     let text = if arguments.json {
@@ -127,28 +158,53 @@ pub fn run(arguments: &Arguments, _progress: &Progress) -> Result<ExitCode, Peri
     Ok(ExitCode::SUCCESS)
 }
 
-/// Reads all logs.
-fn read(arguments: &Arguments) -> Result<PeriodReport, PeriodError> {
+/// Asks the nodes. One that does not answer is a note where there is anything else to tell.
+fn ask(arguments: &Arguments, nodes: &[u8], report: &mut PeriodReport) -> Result<(), PeriodError> {
+    if nodes.is_empty() {
+        return Ok(());
+    }
+    let (memories, silent) =
+        blackbox::from_bus(&arguments.bus, nodes).map_err(PeriodError::Memory)?;
+    report.memories.extend(memories);
+    let nothing = report.memories.is_empty() && report.buses.is_empty();
+    if let (true, Some(why)) = (nothing, silent.first()) {
+        return Err(PeriodError::Nobody(why.clone()));
+    }
+    let told = silent
+        .into_iter()
+        .map(|why| format!("Not in this report: {why}."));
+    report.notes.extend(told);
+    Ok(())
+}
+
+/// Reads all logs, each interface for itself.
+fn read(arguments: &Arguments, progress: &Progress) -> Result<PeriodReport, PeriodError> {
     let window = Window {
         from_ns: arguments.from,
         to_ns: arguments.to,
     };
-    let mut collector = Collector::new(&arguments.plan(), window);
-    let mut logs = Vec::new();
-    for path in &arguments.logs {
-        logs.push(input::read(path, |time_ns, frame| {
-            collector.take(time_ns, frame)
-        })?);
-    }
-    let collected = collector.finish();
-    if collected.traffic.span_ns.is_none() {
-        return Err(match collected.outside {
+    let plan = arguments.plan();
+    let mut collectors: Vec<Collector> = Vec::new();
+    let logs = input::read(&arguments.logs, progress, |interface, time_ns, frame| {
+        while collectors.len() <= interface {
+            collectors.push(Collector::new(&plan, window));
+        }
+        if let Some(collector) = collectors.get_mut(interface) {
+            collector.take(time_ns, frame);
+        }
+    })?;
+    let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();
+    if collected.iter().all(|one| one.traffic.span_ns.is_none()) {
+        return Err(match collected.iter().map(|one| one.outside).sum() {
             0 => PeriodError::Empty,
             frames => PeriodError::Outside(frames),
         });
     }
-    let bit_rate = arguments.bit_rate.map(|kbit_s| f64::from(kbit_s) * 1e3);
-    Ok(build::report(&collected, logs, bit_rate))
+    let names = logs.interfaces.into_iter();
+    let collected: Vec<_> = names.zip(collected).collect();
+    let kbit_s = arguments.bus.address().map_err(PeriodError::Bus)?.kbit_s;
+    let bit_rate = kbit_s.map(|kbit_s| f64::from(kbit_s) * 1e3);
+    Ok(build::report(&collected, Some(logs.report), bit_rate))
 }
 
 /// What the terminal shows.
@@ -166,6 +222,15 @@ fn shown(report: &PeriodReport, written: &Written) -> String {
             text.push('\n');
             text.push_str(&table.to_text());
         }
+    }
+    for memory in report
+        .memories
+        .iter()
+        .filter(|memory| !memory.entries.is_empty())
+    {
+        let title = format!("Fault log of {}", printable(&memory.source));
+        text.push('\n');
+        text.push_str(&blackbox::data::table(memory, &title).to_text());
     }
     for note in &report.notes {
         text.push('\n');

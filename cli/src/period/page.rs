@@ -7,6 +7,7 @@ use super::charts;
 use super::data::*;
 use super::tables;
 use super::verdict;
+use crate::blackbox::data::{self, MemoryReport};
 use crate::report::chart::Chart;
 use crate::report::html::{self, escape};
 use crate::report::replay_tables::printable;
@@ -24,8 +25,11 @@ pub fn page(report: &PeriodReport) -> String {
     for (number, memory) in (1..).zip(&report.memories) {
         body.push_str(&memory_section(number, memory));
     }
-    if let Some(bus) = &report.bus {
-        body.push_str(&bus_section(report, bus));
+    for (number, bus) in (1..).zip(&report.buses) {
+        body.push_str(&bus_section(report, number, bus));
+    }
+    if let Some(logs) = &report.logs {
+        body.push_str(&logs_section(logs));
     }
     body.push_str(&limits(report));
     body.push_str(&footer(report));
@@ -86,9 +90,14 @@ fn one(report: &PeriodReport, instrument: &InstrumentReport) -> String {
         .map(|c| c.node_id.to_string())
         .collect();
     let mut out = format!(
-        "<section><h2>Instrument {}: nodes {}</h2>\n",
+        "<section><h2>Instrument {}: nodes {}{}</h2>\n",
         instrument.number,
-        ids.join(" and ")
+        ids.join(" and "),
+        if report.buses.len() > 1 {
+            format!(" on {}", escape(&printable(&instrument.interface)))
+        } else {
+            String::new()
+        }
     );
     let from = tables::at(report, instrument.from_s);
     let to = tables::at(report, instrument.to_s);
@@ -155,6 +164,8 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     let availability = tables::availability(instrument);
     out += &table_or(&availability, "No stretch of time has angles.");
     out += &html::table(&tables::channels(instrument));
+    let findings = tables::findings(report, instrument);
+    out += &table_or(&findings, "All that the channels say fits together.");
     out += &row_of(&charts::quantities(report, instrument));
     let gaps = tables::gaps(report, "Stretches without data", &instrument.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
@@ -166,8 +177,10 @@ fn memory_section(number: usize, memory: &MemoryReport) -> String {
         "<section><h2>What is remembered: {}</h2>\n",
         escape(&printable(&memory.source))
     );
-    let entries = super::memory::entries(memory);
-    out += &table_or(&entries, "There is no entry.");
+    if memory.entries_made.is_some() {
+        let entries = data::table(memory, "Fault log, newest first");
+        out += &table_or(&entries, "There is no entry.");
+    }
     for plot in &memory.boxes {
         out += &format!("<h3>{}</h3>\n", escape(&plot.title));
         let prefix = format!("box-{number}");
@@ -176,8 +189,11 @@ fn memory_section(number: usize, memory: &MemoryReport) -> String {
     out + "</section>\n"
 }
 
-fn bus_section(report: &PeriodReport, bus: &BusReport) -> String {
-    let mut out = "<section><h2>The bus and the logs</h2>\n".to_owned();
+fn bus_section(report: &PeriodReport, number: usize, bus: &BusReport) -> String {
+    let mut out = format!(
+        "<section><h2>The bus {}</h2>\n",
+        escape(&printable(&bus.interface))
+    );
     let mut facts = Vec::new();
     if let Some(rate) = bus.rate_bit_s {
         facts.push(("Mean", format!("{:.1} kbit/s", rate * 1e-3)));
@@ -186,17 +202,23 @@ fn bus_section(report: &PeriodReport, bus: &BusReport) -> String {
         facts.push(("Load", format!("{load:.1} % of {:.0} kbit/s", most * 1e-3)));
     }
     out += &html::facts(&facts);
-    out += &row_of(&[charts::load(report, bus)]);
+    out += &row_of(&[charts::load(report, number, bus)]);
     out += &html::table(&tables::bus(bus));
     let gaps = tables::gaps(report, "Stretches without any frame", &bus.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
-    out += &html::table(&tables::logs(report));
+    out + "</section>\n"
+}
+
+fn logs_section(logs: &LogsReport) -> String {
+    let mut out = "<section><h2>The logs</h2>\n".to_owned();
+    out += &html::table(&tables::files(logs));
+    out += &table_or(&tables::skipped(logs), "Every line gave a frame.");
     out + "</section>\n"
 }
 
 fn limits(report: &PeriodReport) -> String {
     let mut out = "<section><h2>What this report can't tell</h2>\n".to_owned();
-    if report.bus.is_some() {
+    if !report.buses.is_empty() {
         out.extend(verdict::LIMITS.map(html::paragraph));
     } else {
         out += &html::paragraph(verdict::LIMITS[0]);

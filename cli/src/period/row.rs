@@ -8,72 +8,13 @@
 //! finer; so the difference is formed of these where both channels have sent them, and else of
 //! TPDO 1. The two are not mixed: presets and offsets are in TPDO 1 only.
 
-/// Steps of TPDO 3 in a full circle.
-const CIRCLE_STEPS: i64 = 1 << 24;
+use crate::blackbox::exchange::Measured;
 
 /// The full circle, 0.001 deg.
 const CIRCLE_MDEG: i32 = 360_000;
 
-/// The lowest quality that stands for an angle.
-const FIRST_ANGLE: u8 = 32;
-
 /// The coverage factor of the band.
 const COVERAGE: f64 = 2.0;
-
-/// TPDO 3 of one channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Measured {
-    /// X and Y in steps of a 2^24th of the circle.
-    steps: [i32; 2],
-    /// Quality of X and Y.
-    quality: [u8; 2],
-}
-
-impl Measured {
-    /// Reads the bytes of a TPDO 3; `None` when there are not eight.
-    pub fn read(bytes: &[u8]) -> Option<Self> {
-        let &[x0, x1, x2, y0, y1, y2, qx, qy] = bytes else {
-            return None;
-        };
-        let steps = |low, middle, high| i32::from_le_bytes([0, low, middle, high]) >> 8;
-        Some(Self {
-            steps: [steps(x0, x1, x2), steps(y0, y1, y2)],
-            quality: [qx, qy],
-        })
-    }
-
-    /// The angle of an axis, 0.001 deg; `None` where there is none.
-    pub fn mdeg(&self, axis: usize) -> Option<i32> {
-        (self.quality.get(axis)? >= &FIRST_ANGLE).then_some(to_mdeg(*self.steps.get(axis)?))
-    }
-
-    /// Why there is no angle, as 2025h numbers it: of the first axis that has a reason.
-    pub fn reason(&self) -> Option<u8> {
-        let mut reasons = self.quality.iter().copied();
-        reasons.find(|quality| (1..FIRST_ANGLE).contains(quality))
-    }
-
-    /// Standard uncertainty of an axis, 0.001 deg; `None` where it is not known.
-    pub fn uncertainty_mdeg(&self, axis: usize) -> Option<f64> {
-        let quality = *self.quality.get(axis)?;
-        let known = (FIRST_ANGLE..u8::MAX).contains(&quality);
-        known.then(|| 2_f64.powf(f64::from(quality - FIRST_ANGLE) / 16.0))
-    }
-
-    /// This channel's angle minus the other one's, the shorter way round, 0.001 deg.
-    fn minus(&self, other: &Self, axis: usize) -> Option<i32> {
-        self.mdeg(axis)?;
-        other.mdeg(axis)?;
-        let steps = self.steps.get(axis)?.wrapping_sub(*other.steps.get(axis)?);
-        Some(to_mdeg((steps << 8) >> 8))
-    }
-}
-
-fn to_mdeg(steps: i32) -> i32 {
-    let scaled = i64::from(steps) * i64::from(CIRCLE_MDEG);
-    // To the nearest one.
-    ((scaled + CIRCLE_STEPS / 2).div_euclid(CIRCLE_STEPS)) as i32
-}
 
 /// One SYNC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -149,18 +90,6 @@ mod tests {
     fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
         let [low, middle, high, _] = x_steps.to_le_bytes();
         Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
-    }
-
-    #[test]
-    fn angles_are_read_with_sign_and_quality() {
-        let eighth = measured(-(1 << 21), 48).unwrap();
-        assert_eq!(eighth.mdeg(0), Some(-45_000));
-        assert_eq!(eighth.uncertainty_mdeg(0), Some(2.0));
-        assert_eq!(eighth.reason(), None);
-        let none = measured(77, 15).unwrap();
-        assert_eq!((none.mdeg(0), none.reason()), (None, Some(15)));
-        assert_eq!(measured(0, 255).unwrap().uncertainty_mdeg(1), None);
-        assert_eq!(Measured::read(&[0; 7]), None);
     }
 
     #[test]

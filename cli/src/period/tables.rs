@@ -442,30 +442,76 @@ pub fn bus(bus: &BusReport) -> Table {
     table
 }
 
-/// What was read.
-pub fn logs(report: &PeriodReport) -> Table {
+/// What does not fit together in what the channels say.
+pub fn findings(report: &PeriodReport, instrument: &InstrumentReport) -> Table {
     let columns = vec![
-        Column::text("Log"),
-        Column::number("Frames"),
-        Column::number("Skipped lines"),
-        Column::text("Why"),
+        Column::text("Channel"),
+        Column::text("What"),
+        Column::number("Times"),
+        Column::text("First"),
     ];
-    let mut table = Table::new("Logs", columns);
-    for log in &report.logs {
-        let skipped: u64 = log.skipped.iter().map(|lines| lines.count).sum();
-        let why = |lines: &Skipped| {
-            format!(
-                "{} x {}, first in line {}",
-                lines.count, lines.reason, lines.first_line
-            )
-        };
-        let why: Vec<_> = log.skipped.iter().map(why).collect();
-        table.rows.push(vec![
-            Cell::text(printable(&log.file)),
-            count(log.frames),
-            count(skipped),
-            Cell::text(printable(&why.join("; "))),
-        ]);
+    let mut table = Table::new("What does not fit together", columns);
+    for channel in &instrument.channels {
+        table.rows.extend(channel.findings.iter().map(|finding| {
+            vec![
+                Cell::text(format!("{} ({})", channel.channel, channel.node_id)),
+                Cell::text(finding.text.as_str()),
+                count(finding.count),
+                Cell::text(at(report, finding.first_s)),
+            ]
+        }));
+    }
+    table
+}
+
+/// What was read.
+pub fn files(logs: &LogsReport) -> Table {
+    let columns = vec![Column::number("Log"), Column::text("File")];
+    let mut table = Table::new("What was read", columns);
+    let numbered = (1..).zip(&logs.files);
+    table.rows = numbered
+        .map(|(number, file)| vec![count(number), Cell::text(printable(file))])
+        .collect();
+    table.notes.push(format!("{} frames in all.", logs.frames));
+    if logs.overlapping > 0 {
+        table.notes.push(format!(
+            "{} files begin before another one has ended; their frames were put in order of time.",
+            logs.overlapping
+        ));
+    }
+    if !logs.not_logs.is_empty() {
+        let names: Vec<_> = logs
+            .not_logs
+            .iter()
+            .take(10)
+            .map(|name| printable(name))
+            .collect();
+        let text = format!("Left aside, since they are no logs: {}.", names.join(", "));
+        table.notes.push(text);
     }
     cut(table, 0)
+}
+
+/// What gave no frame.
+pub fn skipped(logs: &LogsReport) -> Table {
+    let columns = vec![
+        Column::text("What was skipped"),
+        Column::number("Times"),
+        Column::text("First in"),
+        Column::number("Line"),
+    ];
+    let mut table = Table::new("Skipped", columns);
+    table.rows = logs
+        .skipped
+        .iter()
+        .map(|lines| {
+            vec![
+                Cell::text(printable(&lines.reason)),
+                count(lines.count),
+                Cell::text(printable(&lines.file)),
+                count(lines.first_line),
+            ]
+        })
+        .collect();
+    table
 }

@@ -41,7 +41,14 @@ fn collected(frames: &[(u64, Frame)], window: Window) -> PeriodReport {
     for (at_ns, frame) in frames {
         collector.take(START_NS + at_ns, frame);
     }
-    build::report(&collector.finish(), Vec::new(), Some(250e3))
+    finished(collector, Some(250e3))
+}
+
+fn finished(collector: Collector, bit_rate: Option<f64>) -> PeriodReport {
+    let collected = [("can0".to_owned(), collector.finish())];
+    let mut report = build::report(&collected, None, bit_rate);
+    build::conclude(&mut report);
+    report
 }
 
 fn report() -> &'static PeriodReport {
@@ -129,13 +136,13 @@ fn the_window_leaves_out_what_is_outside() {
     };
     let report = collected(frames(), window);
     assert!(report.covered_s <= 2.0 && report.covered_s > 1.9);
-    assert!(report.bus.as_ref().unwrap().outside > 1000);
+    assert!(report.buses[0].outside > 1000);
     assert!(report.clean, "{}", report.verdict);
 }
 
 #[test]
 fn the_load_is_that_of_the_virtual_bus() {
-    let load = report().bus.as_ref().unwrap().load_percent.unwrap();
+    let load = report().buses[0].load_percent.unwrap();
     assert!((10.0..100.0).contains(&load), "{load}");
 }
 
@@ -159,7 +166,7 @@ fn a_log_of_many_days_is_no_larger_than_one_of_a_minute() {
             collector.take(START_NS + day * day_ns + at_ns, frame);
         }
     }
-    let long = build::report(&collector.finish(), Vec::new(), None);
+    let long = finished(collector, None);
     let instrument = &long.instruments[0];
     assert_eq!(instrument.days.len(), 60);
     assert_eq!(instrument.days[2].syncs, 0);
@@ -179,9 +186,140 @@ fn candump_text_gives_the_same_report() {
     let path = folder.join("trip.log");
     std::fs::write(&path, candump(frames(), 0)).unwrap();
     let mut collector = Collector::new(&Plan::default(), Window::default());
-    let log = input::read(&path, |at_ns, frame| collector.take(at_ns, frame)).unwrap();
+    let take = |_, at_ns, frame: &Frame| collector.take(at_ns, frame);
+    let logs = input::read(&[path], &Progress::silent(), take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
-    assert_eq!(log.frames, frames().len() as u64);
-    let read = build::report(&collector.finish(), Vec::new(), Some(250e3));
+    assert_eq!(logs.report.frames, frames().len() as u64);
+    let read = finished(collector, Some(250e3));
     assert_eq!(read.instruments[0].days, report().instruments[0].days);
+}
+
+/// A report in which every list has something.
+fn full() -> PeriodReport {
+    use super::data::{FindingReport, ForeignNode, LogsReport, Skipped};
+    use crate::blackbox::data::MemoryReport;
+
+    let mut report = report().clone();
+    report.logs = Some(LogsReport {
+        files: vec!["a<b>.log".to_owned()],
+        frames: 5,
+        skipped: vec![Skipped {
+            reason: "lines cut short".to_owned(),
+            count: 1,
+            file: "a<b>.log".to_owned(),
+            first_line: 7,
+        }],
+        not_logs: vec!["c<d>".to_owned()],
+        ..LogsReport::default()
+    });
+    let finding = FindingReport {
+        check: "missed".to_owned(),
+        text: "PDOs missing after a SYNC".to_owned(),
+        count: 3,
+        first_s: 1.5,
+    };
+    report.instruments[0].channels[1].findings.push(finding);
+    report.buses[0].foreign.push(ForeignNode {
+        node_id: 9,
+        frames: 1,
+    });
+    let bytes: Vec<u8> = [1, 20, 1, 200].into_iter().chain([0xFF; 20]).collect();
+    let path = std::env::temp_dir().join(format!("plumb-fault-log-{}", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    let mut memory: MemoryReport = crate::blackbox::from_file(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    memory.boxes.push(report.instruments[0].plots[0].clone());
+    report.memories.push(memory);
+    report.instruments[0].gaps.longest.push(data::GapReport {
+        from_s: 1.0,
+        to_s: 9.0,
+        whole_bus: false,
+    });
+    report
+}
+
+#[test]
+fn a_page_with_memories_is_whole_and_names_can_not_upset_it() {
+    let html = page::page(&full());
+    check::assert_balanced(&html);
+    check::assert_stands_alone(&html);
+    assert!(html.contains("a&lt;b&gt;.log") && html.contains("What is remembered"));
+}
+
+#[test]
+fn every_table_fills_its_columns() {
+    let report = full();
+    let instrument = &report.instruments[0];
+    let all = [
+        tables::events(&report, instrument, true),
+        tables::events(&report, instrument, false),
+        tables::angles(instrument),
+        tables::difference(instrument),
+        tables::availability(instrument),
+        tables::channels(instrument),
+        tables::gaps(&report, "Gaps", &instrument.gaps),
+        tables::bus(&report.buses[0]),
+        tables::findings(&report, instrument),
+        tables::files(report.logs.as_ref().unwrap()),
+        tables::skipped(report.logs.as_ref().unwrap()),
+        crate::blackbox::data::table(&report.memories[0], "Log"),
+    ];
+    for table in all {
+        assert!(!table.rows.is_empty(), "{}", table.title);
+        for row in &table.rows {
+            assert_eq!(row.len(), table.columns.len(), "{}", table.title);
+        }
+    }
+}
+
+mod documented {
+    //! `docs/period-report.md` has every field, and no other.
+
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
+    const DOCUMENT: &str = include_str!("../../../docs/period-report.md");
+
+    fn keys(value: &Value, found: &mut BTreeSet<String>) {
+        match value {
+            Value::Object(fields) => fields.iter().for_each(|(key, value)| {
+                found.insert(key.clone());
+                keys(value, found);
+            }),
+            Value::Array(items) => items.iter().for_each(|item| keys(item, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_field_is_documented_and_no_other() {
+        let mut found = BTreeSet::from(["saved".to_owned()]);
+        keys(&serde_json::to_value(super::full()).unwrap(), &mut found);
+        let rows = DOCUMENT.lines().filter_map(|line| line.strip_prefix("| `"));
+        let documented: BTreeSet<String> = rows
+            .filter_map(|row| row.split_once('`'))
+            .map(|(name, _)| name.to_owned())
+            .collect();
+        let missing: Vec<_> = found.difference(&documented).collect();
+        assert!(missing.is_empty(), "not documented: {missing:?}");
+        let stale: Vec<_> = documented.difference(&found).collect();
+        assert!(stale.is_empty(), "only documented: {stale:?}");
+    }
+
+    #[test]
+    fn every_kind_is_documented() {
+        for kind in super::super::kind::Kind::ALL {
+            assert!(DOCUMENT.contains(&format!("`{}`", kind.key())), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn it_reads_back_as_it_was_written() {
+        let report = super::full();
+        let text = serde_json::to_string(&report).unwrap();
+        assert!(text.starts_with("{\"format\":\"plumb-period\",\"version\":1,"));
+        let read: super::PeriodReport = serde_json::from_str(&text).unwrap();
+        assert_eq!(read, report);
+    }
 }

@@ -3,7 +3,7 @@
 //! In: the figures of the report. Out: sentences.
 
 use super::clock::length;
-use super::data::{EventReport, InstrumentReport, PeriodReport};
+use super::data::{BusReport, EventReport, InstrumentReport, PeriodReport};
 use super::kind::Kind;
 
 /// The period in a sentence, and whether it is one without a fault.
@@ -55,10 +55,10 @@ fn without_instrument(report: &PeriodReport) -> (String, bool) {
         );
     }
     let sentence = format!(
-        "{} of what nodes remember: {} events, {} with samples.",
-        plural(report.memories.len(), "memory", "memories"),
-        entries,
-        plural(boxes, "box", "boxes"),
+        "What {} remember{}: {}, and the samples around {boxes} of them.",
+        plural(report.memories.len(), "fault memory", "fault memories"),
+        if report.memories.len() == 1 { "s" } else { "" },
+        plural(entries, "event", "events"),
     );
     (sentence, entries == 0 && boxes == 0)
 }
@@ -122,45 +122,46 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
             notes.push(text);
         }
     };
-    let relative = report.clock == "relative" && report.bus.is_some();
+    let relative = report.clock == "relative" && !report.buses.is_empty();
     add(
         relative,
         "The logs have no date: times count from their own time 0, and days are stretches of \
          24 hours since then."
             .to_owned(),
     );
-    if let Some(bus) = &report.bus {
+    let sum = |of: fn(&BusReport) -> u64| report.buses.iter().map(of).sum::<u64>();
+    let (backwards, malformed) = (sum(|bus| bus.backwards), sum(|bus| bus.malformed));
+    let outside = sum(|bus| bus.outside);
+    add(
+        backwards > 0,
+        format!(
+            "Time went backwards {backwards} times. What lies between such frames is counted in no \
+             length of time."
+        ),
+    );
+    add(
+        malformed > 0,
+        format!(
+            "{malformed} frames of the instruments have another form than as delivered, and were \
+             not read: look for another PDO mapping, or for another node with such an identifier."
+        ),
+    );
+    add(
+        outside > 0,
+        format!("{outside} frames lie outside the time asked for."),
+    );
+    if let Some(logs) = &report.logs {
+        let damaged = logs.damaged.iter();
+        damaged.for_each(|told| add(true, format!("A log is damaged: {told}.")));
         add(
-            bus.backwards > 0,
+            !logs.undated.is_empty() && logs.files.len() > 1,
             format!(
-                "Time went backwards {} times. What lies between such frames is counted in no \
-                 length of time.",
-                bus.backwards
+                "{} of the logs have no date; they were taken as following one another in the \
+                 order given.",
+                logs.undated.len()
             ),
-        );
-        add(
-            bus.malformed > 0,
-            format!(
-                "{} frames of the instruments have another form than as delivered, and were not \
-                 read: look for another PDO mapping, or for another node with such an identifier.",
-                bus.malformed
-            ),
-        );
-        add(
-            bus.outside > 0,
-            format!("{} frames lie outside the time asked for.", bus.outside),
         );
     }
-    let skipped: u64 = report
-        .logs
-        .iter()
-        .flat_map(|log| &log.skipped)
-        .map(|s| s.count)
-        .sum();
-    add(
-        skipped > 0,
-        format!("{skipped} lines of the logs are no frame and were skipped."),
-    );
     notes
 }
 

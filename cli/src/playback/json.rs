@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::bus::{Bus, Channel, Instrument, Spread};
 use super::summary::Summary;
 use crate::log::{Skipped, Source, Tally};
-use crate::watch::Side;
+use crate::watch::{Side, Watch};
 
 /// All of it.
 #[derive(Debug, Serialize)]
@@ -77,9 +77,36 @@ pub struct InterfaceJson {
     /// Frames of the instruments of a wrong length.
     pub malformed: u64,
     /// Frames of other nodes and services.
-    pub others: u64,
+    pub others: OthersJson,
+    /// Times that nothing was seen for more than 0.5 s, which is taken as a hole in the log.
+    pub holes: u64,
+    /// The longest of these.
+    pub longest_hole_s: f64,
     /// By the plan.
     pub instruments: Vec<InstrumentJson>,
+}
+
+/// Frames that are none of the instruments' PDOs, EMCY and heartbeats.
+#[derive(Debug, Serialize)]
+pub struct OthersJson {
+    /// All of them.
+    pub frames: u64,
+    /// NMT commands.
+    pub nmt: u64,
+    /// SDO, of any node.
+    pub sdo: u64,
+    /// LSS, TIME, SRDO and GFC.
+    pub services: u64,
+    /// Of nodes of the plan, but not in it.
+    pub unplanned: u64,
+    /// Of other nodes.
+    pub strangers: u64,
+    /// With 29-bit identifiers.
+    pub extended: u64,
+    /// Remote frames.
+    pub remote: u64,
+    /// Node-ids of others that have sent a PDO, an EMCY or a heartbeat.
+    pub node_ids: Vec<u8>,
 }
 
 /// One instrument.
@@ -112,6 +139,12 @@ pub struct NodeJson {
     pub highest_temperature_degc: Option<i32>,
     /// How often each state of the pair (2021h) was told.
     pub states: Vec<StateJson>,
+    /// What does not fit together in what it says.
+    pub findings: Vec<FindingJson>,
+    /// How often its heartbeat was lost.
+    pub heartbeats_lost: u32,
+    /// Whether it is lost at the end.
+    pub heartbeat_is_lost: bool,
     /// Boot-up messages.
     pub boots: u32,
     /// EMCY messages.
@@ -131,6 +164,19 @@ pub struct FaultJson {
     pub text: String,
     /// Whether it stands at the end.
     pub stands: bool,
+}
+
+/// A thing that does not fit.
+#[derive(Debug, Serialize)]
+pub struct FindingJson {
+    /// Which.
+    pub check: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// How often.
+    pub count: u64,
+    /// When first.
+    pub first_time_s: f64,
 }
 
 /// How often a state was told.
@@ -239,10 +285,27 @@ fn interface(name: Option<&String>, bus: &Bus) -> InterfaceJson {
         frames: counts.frames,
         syncs: counts.syncs,
         malformed: counts.malformed,
-        others: counts.others,
+        others: others(&bus.watch),
+        holes: counts.holes,
+        longest_hole_s: counts.longest_hole_ns as f64 / 1e9,
         instruments: pairs
             .map(|(pair, seen)| instrument(&pair.sides, seen))
             .collect(),
+    }
+}
+
+fn others(watch: &Watch) -> OthersJson {
+    let counts = watch.counts();
+    OthersJson {
+        frames: counts.others,
+        nmt: counts.nmt,
+        sdo: counts.sdo,
+        services: counts.services,
+        unplanned: counts.unplanned,
+        strangers: counts.strangers,
+        extended: counts.extended,
+        remote: counts.remote,
+        node_ids: watch.strangers().collect(),
     }
 }
 
@@ -278,6 +341,18 @@ fn node(side: &Side, channel: &Channel) -> NodeJson {
                 count,
             })
             .collect(),
+        findings: side
+            .checks
+            .found()
+            .map(|(check, finding)| FindingJson {
+                check: check.name(),
+                words: check.words(),
+                count: finding.count,
+                first_time_s: finding.first_ns as f64 / 1e9,
+            })
+            .collect(),
+        heartbeats_lost: side.losses,
+        heartbeat_is_lost: side.lost_ns.is_some(),
         boots: side.boots,
         emergencies: channel.emergencies,
         faults: faults(channel.faults, side.faults),

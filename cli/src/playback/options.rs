@@ -34,8 +34,6 @@ impl Options {
         if pairs.is_empty() {
             return Plan::default();
         }
-        Plan {
-            pairs: pairs.to_vec(),
-        }
+        Plan::of(pairs.to_vec())
     }
 }

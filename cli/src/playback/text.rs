@@ -59,6 +59,10 @@ pub fn of(report: &Report) -> String {
     text
 }
 
+fn ns(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
+}
+
 fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
     let (words, count) = (kind.words, kind.count);
     let (file, line) = (printable(&kind.first_file), kind.first_line);
@@ -69,7 +73,6 @@ fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {
 }
 
 fn about_interface(text: &mut String, interface: &InterfaceJson) {
-    let ns = |seconds: f64| (seconds * 1e9) as u64;
     let _ = writeln!(
         text,
         "\n{}: {} frames in {:.1} s, {} to {}",
@@ -79,11 +82,23 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
         text_utc(ns(interface.first_time_s)),
         text_utc(ns(interface.last_time_s)),
     );
+    let others = &interface.others;
     let _ = writeln!(
         text,
         "  {} SYNC, {} of a wrong form, {} of other nodes and services",
-        interface.syncs, interface.malformed, interface.others
+        interface.syncs, interface.malformed, others.frames
     );
+    if interface.holes > 0 {
+        let _ = writeln!(
+            text,
+            "  nothing at all for more than 0.5 s: {} times, {:.1} s at most",
+            interface.holes, interface.longest_hole_s
+        );
+    }
+    if !others.node_ids.is_empty() {
+        let ids: Vec<_> = others.node_ids.iter().map(u8::to_string).collect();
+        let _ = writeln!(text, "  other nodes: {}", ids.join(", "));
+    }
     interface
         .instruments
         .iter()
@@ -118,6 +133,28 @@ fn about_node(text: &mut String, node: &NodeJson) {
         .collect();
     if !states.is_empty() {
         let _ = writeln!(text, "    states: {}", states.join(", "));
+    }
+    if node.heartbeats_lost > 0 {
+        let now = if node.heartbeat_is_lost {
+            ", and at the end"
+        } else {
+            ""
+        };
+        let _ = writeln!(
+            text,
+            "    heartbeat lost: {} times{now}",
+            node.heartbeats_lost
+        );
+    }
+    for finding in &node.findings {
+        let since = ns(finding.first_time_s);
+        let _ = writeln!(
+            text,
+            "    does not fit: {} {}, the first at {}",
+            finding.count,
+            finding.words,
+            text_utc(since)
+        );
     }
     for fault in &node.faults {
         let now = if fault.stands {

@@ -113,6 +113,26 @@ pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Writte
     Ok(written)
 }
 
+/// Writes files of these names and contents into `folder`, in this order; all of them are complete
+/// before the first is put in its place.
+///
+/// Errors: see [`WriteError`].
+pub fn together(folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
+    fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
+    let mut pending = Vec::new();
+    for (name, text) in files {
+        let place = folder.join(name);
+        if place.is_dir() {
+            let why = io::Error::from(io::ErrorKind::IsADirectory);
+            return Err(WriteError::Replace(place, why));
+        }
+        pending.push((Pending::write(&place, text)?, place));
+    }
+    pending
+        .iter_mut()
+        .try_for_each(|(file, place)| file.put_in_place(place))
+}
+
 /// A complete file under a name of its own; removed again unless it gets to its place.
 struct Pending {
     path: Option<PathBuf>,

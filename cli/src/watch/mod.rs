@@ -8,29 +8,21 @@
 //!
 //! Left out: where frames come from (`bus`, `log`), and what is done with what they say.
 
+mod checks;
+mod decode;
 mod pair;
+mod plan;
 mod side;
+#[cfg(test)]
+mod tests;
 
+pub use checks::{Check, Checks, Finding};
 pub use pair::{Delta, Pair};
-pub use side::{Detail, Nmt, Side, Slopes};
+pub use plan::{Field, NodePlan, PdoPlan, Plan, What};
+pub use side::{Detail, Nmt, Side, Slopes, Told};
 
 use canopen::Frame;
-
-/// The instruments on a bus.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// Node-ids of channel A and channel B of each instrument.
-    pub pairs: Vec<[u8; 2]>,
-}
-
-impl Default for Plan {
-    /// One instrument with node-ids 1 and 2, its PDOs as delivered.
-    fn default() -> Self {
-        Self {
-            pairs: vec![[1, 2]],
-        }
-    }
-}
+use side::Kind;
 
 /// Which channel a piece of news is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,37 +74,101 @@ pub struct Counts {
     pub syncs: u64,
     /// Frames of the instruments with a length that the plan does not know.
     pub malformed: u64,
-    /// Frames of nodes that are not in the plan, and of no node.
+    /// Frames of nodes that are not in the plan, and of no node: all that follow together.
     pub others: u64,
+    /// Of them NMT commands.
+    pub nmt: u64,
+    /// SDO, of any node.
+    pub sdo: u64,
+    /// LSS, TIME, SRDO and GFC.
+    pub services: u64,
+    /// Of nodes of the plan, and not in their plan.
+    pub unplanned: u64,
+    /// Of nodes that are not in the plan.
+    pub strangers: u64,
+    /// With 29-bit identifiers.
+    pub extended: u64,
+    /// Remote frames.
+    pub remote: u64,
     /// Frames that are older than one before them.
     pub backwards: u64,
+    /// Times that nothing at all was seen for longer than a heartbeat may take.
+    pub holes: u64,
+    /// The longest of these, ns.
+    pub longest_hole_ns: u64,
 }
+
+/// What an identifier stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    /// Nothing of the plan.
+    Other,
+    /// A SYNC that at least one pair obeys.
+    Sync,
+    /// A PDO: place and number in the node's plan.
+    Pdo(Place, u8),
+    /// An EMCY.
+    Emergency(Place),
+    /// A heartbeat.
+    Heartbeat(Place),
+}
+
+/// Silence of the whole bus that is a hole in the log rather than lost heartbeats, ns.
+const HOLE_NS: u64 = 500_000_000;
+
+/// Nobody supervises anything.
+const NEVER: u64 = u64::MAX;
 
 /// All that is known of the instruments.
 #[derive(Clone, Debug)]
 pub struct Watch {
     pairs: Vec<Pair>,
     counts: Counts,
-    places: Box<[Option<Place>; 128]>,
+    targets: Box<[Target; 2048]>,
+    /// Node-ids of the plan, and those besides that have sent a PDO, EMCY or heartbeat, as sets.
+    known: u128,
+    strangers: u128,
     last_ns: u64,
+    /// The first heartbeat that may be lost by now; not later than the true one.
+    deadline_ns: u64,
 }
 
 impl Watch {
     /// Knows nothing yet.
     pub fn new(plan: &Plan) -> Self {
-        let mut places = Box::new([None; 128]);
-        for (pair, ids) in (0..).zip(&plan.pairs) {
-            for (side, id) in (0..).zip(ids) {
-                if let Some(place) = places.get_mut(usize::from(*id)) {
-                    *place = Some(Place { pair, side });
-                }
-            }
-        }
-        Self {
-            pairs: plan.pairs.iter().map(|ids| Pair::new(*ids)).collect(),
+        let mut watch = Self {
+            pairs: Vec::with_capacity(plan.pairs.len()),
             counts: Counts::default(),
-            places,
+            targets: Box::new([Target::Other; 2048]),
+            known: 0,
+            strangers: 0,
             last_ns: 0,
+            deadline_ns: NEVER,
+        };
+        for (pair, ids) in (0..).zip(&plan.pairs) {
+            let nodes = ids.map(|id| plan.node(id));
+            for (side, node) in (0..).zip(&nodes) {
+                watch.expect(node, Place { pair, side });
+            }
+            watch.pairs.push(Pair::new(nodes.map(Side::new)));
+        }
+        watch
+    }
+
+    /// Enters the identifiers of a node.
+    fn expect(&mut self, node: &NodePlan, place: Place) {
+        let id = u16::from(node.node_id);
+        self.known |= 1 << (id & 0x7F);
+        let mut enter = |cob_id: u16, target| {
+            if let Some(entry) = self.targets.get_mut(usize::from(cob_id)) {
+                *entry = target;
+            }
+        };
+        enter(node.sync, Target::Sync);
+        enter(node.emcy, Target::Emergency(place));
+        enter(0x700 + id, Target::Heartbeat(place));
+        for (number, pdo) in (0..8).zip(&node.pdos) {
+            enter(pdo.cob_id, Target::Pdo(place, number));
         }
     }
 
@@ -126,13 +182,17 @@ impl Watch {
         &self.counts
     }
 
+    /// Node-ids that are not in the plan and have sent a PDO, an EMCY or a heartbeat.
+    pub fn strangers(&self) -> impl Iterator<Item = u8> {
+        let set = self.strangers;
+        (1..128).filter(move |id| set & (1 << id) != 0)
+    }
+
     /// Takes a frame that was seen at this time, in ns since whatever the source counts from.
+    #[inline]
     pub fn take(&mut self, time_ns: u64, frame: &Frame) -> News {
         self.counts.frames += 1;
-        if time_ns < self.last_ns {
-            self.counts.backwards += 1;
-        }
-        self.last_ns = time_ns;
+        self.keep_time(time_ns);
         let news = self.read(time_ns, frame);
         match news {
             News::Sync => self.counts.syncs += 1,
@@ -143,47 +203,165 @@ impl Watch {
         news
     }
 
-    fn read(&mut self, time_ns: u64, frame: &Frame) -> News {
-        let Some(cob_id) = frame.cob_id().filter(|_| !frame.is_remote()) else {
-            return News::Other;
-        };
-        if cob_id == 0x080 {
-            self.pairs.iter_mut().for_each(|pair| pair.sync(time_ns));
-            return News::Sync;
+    /// It is this late now, whether there are frames or not: heartbeats are found to be lost. For
+    /// a bus; in a log the frames tell the time.
+    pub fn tick(&mut self, now_ns: u64) {
+        if now_ns > self.deadline_ns {
+            self.sweep(now_ns);
         }
-        let place = self.places.get(usize::from(cob_id & 0x7F)).copied();
-        let Some(place) = place.flatten() else {
-            return News::Other;
-        };
-        let pair = self.pairs.get_mut(usize::from(place.pair));
-        let Some(pair) = pair else {
-            return News::Other;
-        };
-        pair.take(time_ns, place, cob_id & 0x780, frame.bytes())
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+    #[inline]
+    fn keep_time(&mut self, time_ns: u64) {
+        let since_ns = time_ns.wrapping_sub(self.last_ns);
+        if since_ns > HOLE_NS && self.last_ns > 0 {
+            self.jump(time_ns);
+        }
+        self.last_ns = time_ns;
+        if time_ns > self.deadline_ns {
+            self.sweep(time_ns);
+        }
+    }
 
-    #[test]
-    fn slopes_of_one_sync_make_a_difference() {
-        let mut watch = Watch::new(&Plan::default());
-        assert_eq!(watch.take(0, &Frame::data_frame(0x80, &[])), News::Sync);
-        let a = Frame::data_frame(0x181, &[0xE8, 3, 0, 0, 0x3F, 1]);
-        let b = Frame::data_frame(0x182, &[0xE6, 3, 0, 0x80, 0x3F, 1]);
-        let place = |side| Place { pair: 0, side };
-        assert_eq!(watch.take(1, &a), News::Slopes(place(0), None));
-        let delta = Delta {
-            time_ns: 0,
-            mdeg: [Some(20), None],
+    /// Time has gone on without a frame, or has gone back.
+    #[cold]
+    fn jump(&mut self, time_ns: u64) {
+        if time_ns < self.last_ns {
+            self.counts.backwards += 1;
+        } else {
+            let hole_ns = time_ns - self.last_ns;
+            self.counts.holes += 1;
+            self.counts.longest_hole_ns = self.counts.longest_hole_ns.max(hole_ns);
+        }
+        self.pairs.iter_mut().for_each(|pair| pair.excuse(time_ns));
+        self.deadline_ns = 0;
+    }
+
+    /// Finds lost heartbeats, and when the next one may be lost.
+    #[cold]
+    fn sweep(&mut self, now_ns: u64) {
+        self.deadline_ns = NEVER;
+        for side in self.pairs.iter_mut().flat_map(|pair| &mut pair.sides) {
+            match side.deadline_ns() {
+                Some(deadline_ns) if now_ns > deadline_ns => side.lose(deadline_ns),
+                Some(deadline_ns) => self.deadline_ns = self.deadline_ns.min(deadline_ns),
+                None => {}
+            }
+        }
+    }
+
+    #[inline]
+    fn read(&mut self, time_ns: u64, frame: &Frame) -> News {
+        let Some(cob_id) = frame.cob_id() else {
+            self.counts.extended += 1;
+            return News::Other;
         };
-        assert_eq!(watch.take(2, &b), News::Slopes(place(1), Some(delta)));
-        let slopes = watch.pairs()[0].sides[0].slopes.unwrap();
-        assert_eq!(slopes.mdeg, [Some(10_000), Some(0)]);
-        let cut = Frame::data_frame(0x182, &[1, 2]);
-        assert_eq!(watch.take(3, &cut), News::Malformed(place(1)));
-        assert_eq!(watch.counts().malformed, 1);
+        if frame.is_remote() {
+            self.counts.remote += 1;
+            return News::Other;
+        }
+        match self.targets.get(usize::from(cob_id)) {
+            Some(Target::Sync) => {
+                let obeys = |pair: &&mut Pair| pair.sides.iter().any(|s| s.plan.sync == cob_id);
+                let pairs = self.pairs.iter_mut().filter(obeys);
+                pairs.for_each(|pair| pair.sync(time_ns));
+                News::Sync
+            }
+            Some(Target::Pdo(place, number)) => self.pdo(time_ns, *place, *number, frame),
+            Some(Target::Emergency(place)) => self.emergency(time_ns, *place, frame),
+            Some(Target::Heartbeat(place)) => self.heartbeat(time_ns, *place, frame),
+            Some(Target::Other) | None => self.other(cob_id),
+        }
+    }
+
+    #[inline]
+    fn pdo(&mut self, time_ns: u64, at: Place, number: u8, frame: &Frame) -> News {
+        let Some(pair) = self.pairs.get_mut(usize::from(at.pair)) else {
+            return News::Other;
+        };
+        let Some(side) = pair.sides.get_mut(usize::from(at.side)) else {
+            return News::Other;
+        };
+        side.seen_ns = Some(time_ns);
+        let Some(plan) = side.plan.pdos.get(usize::from(number)) else {
+            return News::Other;
+        };
+        if frame.length() != usize::from(plan.length) {
+            side.checks.add(Check::Length, time_ns);
+            return News::Malformed(at);
+        }
+        let values = decode::decode(plan, frame.padded(), side.plan.resolution_mdeg);
+        side.arrived(number, plan.every, time_ns);
+        match side.take(time_ns, usize::from(number), &values) {
+            Kind::Slopes => News::Slopes(at, pair.slopes(usize::from(at.side))),
+            Kind::Detail => {
+                pair.detail(usize::from(at.side), time_ns);
+                News::Detail(at)
+            }
+            Kind::Angles | Kind::Exchange => {
+                pair.exchange(usize::from(at.side));
+                News::Exchange(at)
+            }
+            Kind::Behind => News::Exchange(at),
+            Kind::Other => {
+                self.counts.unplanned += 1;
+                News::Other
+            }
+        }
+    }
+
+    fn side(&mut self, at: Place) -> Option<&mut Side> {
+        let pair = self.pairs.get_mut(usize::from(at.pair))?;
+        pair.sides.get_mut(usize::from(at.side))
+    }
+
+    fn emergency(&mut self, time_ns: u64, at: Place, frame: &Frame) -> News {
+        let Some(side) = self.side(at) else {
+            return News::Other;
+        };
+        side.seen_ns = Some(time_ns);
+        match side.emergency(time_ns, frame.bytes()) {
+            Some(emergency) => News::Emergency(at, emergency),
+            None => {
+                side.checks.add(Check::Length, time_ns);
+                News::Malformed(at)
+            }
+        }
+    }
+
+    fn heartbeat(&mut self, time_ns: u64, at: Place, frame: &Frame) -> News {
+        let Some(side) = self.side(at) else {
+            return News::Other;
+        };
+        side.seen_ns = Some(time_ns);
+        let changed = side.heartbeat(time_ns, frame.bytes());
+        if changed.is_none() && frame.length() != 1 {
+            side.checks.add(Check::Length, time_ns);
+        }
+        let deadline_ns = side.deadline_ns();
+        self.deadline_ns = self.deadline_ns.min(deadline_ns.unwrap_or(NEVER));
+        changed.map_or(News::Malformed(at), |changed| News::Heartbeat(at, changed))
+    }
+
+    /// A frame that the plan does not have.
+    #[cold]
+    fn other(&mut self, cob_id: u16) -> News {
+        let node = 1_u128 << (cob_id & 0x7F);
+        let counts = &mut self.counts;
+        match cob_id {
+            0x000 => counts.nmt += 1,
+            0x001..=0x07F | 0x100..=0x180 | 0x7E4 | 0x7E5 => counts.services += 1,
+            0x581..=0x5FF | 0x601..=0x67F => counts.sdo += 1,
+            0x081..=0x0FF | 0x181..=0x57F | 0x701..=0x77F => {
+                if self.known & node != 0 {
+                    counts.unplanned += 1;
+                } else {
+                    counts.strangers += 1;
+                    self.strangers |= node;
+                }
+            }
+            _ => counts.strangers += 1,
+        }
+        News::Other
     }
 }

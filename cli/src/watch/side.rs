@@ -1,16 +1,16 @@
 //! One channel, as the bus tells of it.
 //!
-//! In: the bytes of its PDOs, EMCY and heartbeats. Out: its [`Side`].
+//! In: the values of its PDOs, its EMCY and heartbeats. Out: its [`Side`].
 //!
 //! Left out: what it says by SDO.
 
+use device::exchange::{self, Exchange, NO_VECTOR};
+use device::fault::Fault;
+
 use super::Emergency;
-
-/// Slopes that are none (docs/canopen.md).
-const NO_SLOPE: i16 = i16::MIN;
-
-/// Resolution as delivered (6000h), 0.001 deg.
-const RESOLUTION: i32 = 10;
+use super::checks::{Check, Checks};
+use super::decode::Values;
+use super::plan::{NodePlan, PdoPlan, What};
 
 /// The NMT state of a node (CiA 301, 7.2.8.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,15 @@ pub struct Detail {
     pub temperature_degc: i8,
 }
 
+/// What TPDO 3 and 4 carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// When the latest of both was seen.
+    pub time_ns: u64,
+    /// What the channel tells the other one; see `device::exchange` for the meaning.
+    pub exchange: Exchange,
+}
+
 /// What one node has told.
 #[derive(Clone, Debug)]
 pub struct Side {
@@ -64,44 +73,206 @@ pub struct Side {
     pub slopes: Option<Slopes>,
     /// The latest detail.
     pub detail: Option<Detail>,
+    /// The latest exchange.
+    pub told: Option<Told>,
     /// The state of its latest heartbeat, and when it came.
     pub nmt: Option<(Nmt, u64)>,
+    /// Since when its heartbeat is lost; `None` while it comes and before the first one.
+    pub lost_ns: Option<u64>,
+    /// How often its heartbeat was lost.
+    pub losses: u32,
     /// The faults that stand by its latest EMCY, bit n for fault n of `device::fault`.
     pub faults: u32,
+    /// Its latest EMCY, and when it came.
+    pub emergency: Option<(u64, Emergency)>,
     /// Boot-up messages seen.
     pub boots: u32,
+    /// What does not fit together in what it says.
+    pub checks: Checks,
+    pub(super) plan: NodePlan,
+    /// PDOs of the plan that came since the SYNC, and since the one before: bit n for PDO n.
+    came: u8,
+    came_before: u8,
+    /// PDOs that come at every SYNC.
+    at_every_sync: u8,
+    kinds: Vec<Kind>,
 }
 
+/// What a PDO turned out to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Slopes,
+    Detail,
+    /// The angles of the exchange.
+    Angles,
+    /// What is behind them.
+    Behind,
+    /// Both in one.
+    Exchange,
+    Other,
+}
+
+/// Numbers of faults that exist, as a set.
+const FAULTS: u32 = (1 << Fault::ALL.len()) - 1;
+
+/// The highest code of 2021h.
+const LAST_STATE: u8 = 9;
+
 impl Side {
-    pub(super) const fn new(node_id: u8) -> Self {
+    pub(super) fn new(plan: NodePlan) -> Self {
+        let every = plan.pdos.iter().enumerate().take(8);
+        let bits = every.map(|(number, pdo)| u8::from(pdo.every == 1) << number);
         Self {
-            node_id,
+            node_id: plan.node_id,
             seen_ns: None,
             slopes: None,
             detail: None,
+            told: None,
             nmt: None,
+            lost_ns: None,
+            losses: 0,
             faults: 0,
+            emergency: None,
             boots: 0,
+            checks: Checks::default(),
+            came: 0,
+            came_before: 0,
+            at_every_sync: bits.fold(0, |set, bit| set | bit),
+            kinds: plan.pdos.iter().map(kind_of).collect(),
+            plan,
         }
     }
 
+    /// A SYNC: what came at every SYNC so far and did not come at the last one is missing.
+    #[inline]
+    pub(super) fn sync(&mut self, time_ns: u64) {
+        let missing = self.came_before & !self.came & self.at_every_sync;
+        for _ in 0..missing.count_ones() {
+            self.checks.add(Check::Missed, time_ns);
+        }
+        (self.came_before, self.came) = (self.came, 0);
+    }
+
+    /// A PDO has come.
+    #[inline]
+    pub(super) fn arrived(&mut self, number: u8, every: u8, time_ns: u64) {
+        let bit = 1 << number;
+        if every > 0 && self.came & bit != 0 {
+            self.checks.add(Check::Twice, time_ns);
+        }
+        self.came |= bit;
+    }
+
+    /// Takes what a PDO carries.
+    #[inline]
+    pub(super) fn take(&mut self, time_ns: u64, pdo: usize, values: &Values) -> Kind {
+        let kind = self.kinds.get(pdo).copied().unwrap_or(Kind::Other);
+        if values.state.is_some_and(|state| state > LAST_STATE) {
+            self.checks.add(Check::Reserved, time_ns);
+        }
+        match kind {
+            Kind::Slopes => self.take_slopes(time_ns, values),
+            Kind::Detail => {
+                self.detail = Some(Detail {
+                    time_ns,
+                    uncertainty_mdeg: values.uncertainty_mdeg,
+                    latency_ms: values.latency_ms,
+                    difference_mdeg: values.difference_mdeg,
+                    temperature_degc: values.temperature_degc,
+                });
+            }
+            Kind::Angles | Kind::Behind | Kind::Exchange => {
+                self.take_exchange(time_ns, kind, values);
+            }
+            Kind::Other => {}
+        }
+        kind
+    }
+
+    fn take_slopes(&mut self, time_ns: u64, values: &Values) {
+        // A PDO without them keeps what another one has told.
+        let before = self.slopes.map_or((0, 0), |s| (s.validity, s.state));
+        let slopes = Slopes {
+            time_ns,
+            mdeg: values.slopes_mdeg,
+            validity: values.validity.unwrap_or(before.0),
+            state: values.state.unwrap_or(before.1),
+        };
+        if values.validity.is_some() {
+            self.check_validity(&slopes);
+        }
+        let ranges = slopes.mdeg.iter().zip(&self.plan.range_mdeg).enumerate();
+        for (axis, (mdeg, [low, high])) in ranges {
+            let outside = mdeg.is_some_and(|mdeg| mdeg < *low || mdeg > *high);
+            if outside && slopes.validity & (1 << axis) != 0 {
+                self.checks.add(Check::Range, time_ns);
+            }
+        }
+        self.slopes = Some(slopes);
+    }
+
+    /// Bits 0 and 1 of 2020h against the numbers (docs/canopen.md, "Reading an angle"). A valid
+    /// slope that 16 bit cannot hold reads as none, and is then told as outside its range.
+    fn check_validity(&mut self, slopes: &Slopes) {
+        for (axis, mdeg) in slopes.mdeg.iter().enumerate() {
+            let is_valid = slopes.validity & (1 << axis) != 0;
+            let out_of_range = self.faults & (1 << axis) != 0;
+            if is_valid != mdeg.is_some() && !(is_valid && out_of_range) {
+                self.checks.add(Check::Validity, slopes.time_ns);
+            }
+        }
+    }
+
+    fn take_exchange(&mut self, time_ns: u64, kind: Kind, values: &Values) {
+        let mut told = self.told.map_or(Exchange::NOTHING, |told| told.exchange);
+        if kind != Kind::Behind {
+            (told.angle, told.quality) = (values.exchange.angle, values.exchange.quality);
+            let is_reserved = |quality: &u8| {
+                let is_reason = (1..32).contains(quality);
+                is_reason && exchange::reason(*quality).is_none()
+            };
+            if told.quality.iter().any(is_reserved) {
+                self.checks.add(Check::Reserved, time_ns);
+            }
+        }
+        if kind != Kind::Angles {
+            told.vector = values.exchange.vector;
+            told.captured = values.exchange.captured;
+            told.activity = values.exchange.activity;
+        }
+        self.told = Some(Told {
+            time_ns,
+            exchange: told,
+        });
+    }
+
     /// Takes an EMCY; `None` when it is none.
-    pub(super) fn emergency(&mut self, bytes: &[u8]) -> Option<Emergency> {
+    pub(super) fn emergency(&mut self, time_ns: u64, bytes: &[u8]) -> Option<Emergency> {
         let [c0, c1, register, rest @ ..] = bytes else {
             return None;
         };
         let bytes: [u8; 5] = rest.try_into().ok()?;
         let [f0, f1, f2, ..] = bytes;
         let code = u16::from_le_bytes([*c0, *c1]);
-        // Those of the bus have other bytes there.
-        if !matches!(code, 0x8000..=0x8FFF) {
-            self.faults = u32::from_le_bytes([f0, f1, f2, 0]);
+        // Those of the bus have other bytes there, and so have those of a program that ended.
+        if !matches!(code, 0x8000..=0x8FFF | 0x6101..=0x6105) {
+            let set = u32::from_le_bytes([f0, f1, f2, 0]);
+            if set & !FAULTS != 0 {
+                self.checks.add(Check::Reserved, time_ns);
+            }
+            // The end of a fault of the bus has none of the instrument's, which may stand.
+            let of_the_bus = code == 0 && *register & !0x10 != 0 && bytes == [0; 5];
+            if !of_the_bus {
+                self.faults = set;
+            }
         }
-        Some(Emergency {
+        let emergency = Emergency {
             code,
             register: *register,
             bytes,
-        })
+        };
+        self.emergency = Some((time_ns, emergency));
+        Some(emergency)
     }
 
     /// Takes a heartbeat: the state if it is a new one; `None` when it is no heartbeat.
@@ -114,8 +285,12 @@ impl Side {
             4 => Nmt::Stopped,
             5 => Nmt::Operational,
             127 => Nmt::PreOperational,
-            _ => return None,
+            _ => {
+                self.checks.add(Check::Reserved, time_ns);
+                return None;
+            }
         };
+        self.lost_ns = None;
         if state == Nmt::BootUp {
             self.boots += 1;
             self.faults = 0;
@@ -126,38 +301,51 @@ impl Side {
                 .then_some(state),
         )
     }
+
+    /// When its heartbeat counts as lost, unless another one comes; `None` before the first one,
+    /// where nobody supervises, and while it is lost (CiA 301, 7.2.8.2.2.3).
+    pub(super) fn deadline_ns(&self) -> Option<u64> {
+        let (_, heard_ns) = self.nmt?;
+        let after_ns = u64::from(self.plan.lost_after_ms) * 1_000_000;
+        (self.lost_ns.is_none() && after_ns > 0).then(|| heard_ns.saturating_add(after_ns))
+    }
+
+    /// It is later than the deadline.
+    pub(super) fn lose(&mut self, deadline_ns: u64) {
+        self.lost_ns = Some(deadline_ns);
+        self.losses += 1;
+    }
+
+    /// The log has a hole: what was not seen in it is not lost.
+    pub(super) fn excuse(&mut self, time_ns: u64) {
+        if let Some((_, heard_ns)) = &mut self.nmt {
+            *heard_ns = time_ns;
+        }
+        self.came_before = 0;
+    }
+
+    /// The acceleration that it told last, 2^-13 g; `None` where there is none.
+    pub fn vector(&self) -> Option<[i16; 3]> {
+        let vector = self.told?.exchange.vector;
+        (vector != NO_VECTOR).then_some(vector)
+    }
 }
 
-fn slope(low: u8, high: u8) -> Option<i32> {
-    let raw = i16::from_le_bytes([low, high]);
-    (raw != NO_SLOPE).then_some(i32::from(raw) * RESOLUTION)
-}
-
-/// TPDO 1 as delivered; `None` when it has another form.
-pub(super) fn slopes(time_ns: u64, bytes: &[u8]) -> Option<Slopes> {
-    let &[x0, x1, y0, y1, validity, state] = bytes else {
-        return None;
-    };
-    Some(Slopes {
-        time_ns,
-        mdeg: [slope(x0, x1), slope(y0, y1)],
-        validity,
-        state,
-    })
-}
-
-/// TPDO 2 as delivered; `None` when it has another form.
-pub(super) fn detail(time_ns: u64, bytes: &[u8]) -> Option<Detail> {
-    let &[_, _, u0, u1, latency_ms, d0, d1, temperature] = bytes else {
-        return None;
-    };
-    let uncertainty = u16::from_le_bytes([u0, u1]);
-    let difference = i16::from_le_bytes([d0, d1]);
-    Some(Detail {
-        time_ns,
-        uncertainty_mdeg: (uncertainty != u16::MAX).then_some(uncertainty),
-        latency_ms,
-        difference_mdeg: (difference != i16::MIN).then_some(difference),
-        temperature_degc: i8::from_le_bytes([temperature]),
-    })
+fn kind_of(pdo: &PdoPlan) -> Kind {
+    let has_angles = pdo.has(|what| matches!(what, What::Angle(_) | What::Quality(_)));
+    let has_behind = pdo.has(|what| matches!(what, What::Vector(_) | What::Activity));
+    let has_detail = pdo.has(|what| {
+        matches!(
+            what,
+            What::Uncertainty | What::Difference | What::Temperature
+        )
+    });
+    match (has_angles, has_behind) {
+        _ if pdo.has(|what| matches!(what, What::Slope(_))) => Kind::Slopes,
+        (true, true) => Kind::Exchange,
+        (true, false) => Kind::Angles,
+        (false, true) => Kind::Behind,
+        _ if has_detail => Kind::Detail,
+        _ => Kind::Other,
+    }
 }

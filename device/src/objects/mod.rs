@@ -6,6 +6,7 @@
 //! Left out: what the objects do.
 
 mod build;
+mod calibration;
 pub mod communication;
 pub mod manufacturer;
 pub mod panel;

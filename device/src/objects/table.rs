@@ -9,6 +9,7 @@
 use canopen::object::packed::Packed;
 use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table};
 
+use super::calibration::CALIBRATION;
 use super::communication::COMMUNICATION;
 use super::manufacturer::MANUFACTURER;
 use super::pdo;
@@ -52,6 +53,7 @@ const PARTS: &[&[Row]] = &[
     &SRDO_2_MAPPING,
     SAFETY,
     MANUFACTURER,
+    CALIBRATION,
     &UPDATE,
     PROFILE,
     &RESOLUTIONS,

@@ -1,0 +1,292 @@
+//! Calibration by hand: pose after pose, each when the housing stands still.
+//!
+//! In: a session and a person. Out: what was taken in each pose, the fit, and the zero of both
+//! slopes as left. The sensor tells whether the housing stands still and whether it lies as it was
+//! asked to; a person is asked by line, or, with `--yes`, the sensor also tells when it was moved.
+//!
+//! Left out: the fit (`hand`).
+
+use tilt::angle::Axes;
+use tilt::chain::{Calibration, Correction};
+use tilt::vector::Vector;
+
+use super::by_motor::STILL_MG;
+use super::console::{Answer, Console};
+use super::error::CalibrateError;
+use super::fit::{budget, compensated_g, temperature};
+use super::hand::{self, Faces, HandError, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
+use super::session::{Reading, Session, encode};
+
+/// Readings of a pose, and how far apart, s: the mean of 1.2 s.
+const READINGS: u32 = 40;
+const APART_S: f64 = 0.03;
+
+/// Readings that tell whether the housing stands still.
+const GLANCE: u32 = 8;
+
+/// Settling of the filter behind a movement, s.
+const SETTLE_S: f64 = 0.4;
+
+/// What two means of a housing at rest may differ by, mg.
+const DRIFT_MG: f64 = 2.0;
+
+/// What a housing that was moved differs by from where it stood, mg.
+const MOVED_MG: f64 = 50.0;
+
+/// A round by hand.
+#[derive(Debug)]
+pub struct Handled {
+    /// What each node read in each pose, in the order of the plan.
+    pub poses: Vec<Vec<Reading>>,
+    /// The same as the fit has taken it, by node.
+    pub taken: Vec<Vec<Taken>>,
+    /// The fit of each node.
+    pub fits: Vec<HandFit>,
+    /// The new calibration of each node.
+    pub calibrations: Vec<Calibration>,
+    /// What the faces have told.
+    pub faces: Faces,
+    /// Readings on the base with the calibration left, the second one turned by 180 deg.
+    pub left: [Vec<Reading>; 2],
+}
+
+/// The nodes with whoever puts them down.
+pub struct Bench<'a> {
+    /// The nodes.
+    pub session: &'a mut Session,
+    /// Who is asked.
+    pub console: &'a Console,
+    /// Where requests and live figures go, a line each.
+    pub tell: &'a dyn Fn(&str),
+}
+
+impl Bench<'_> {
+    /// Takes the first `count` poses of the plan, fits, writes, and looks at the zero as left.
+    ///
+    /// Errors: whatever goes wrong; the nodes may then hold something new.
+    pub fn calibrate(&mut self, count: usize) -> Result<Handled, CalibrateError> {
+        let mut poses: Vec<Vec<Reading>> = Vec::new();
+        while poses.len() < count {
+            let place = poses.len();
+            let what = format!("pose {} of {count}: {}", place + 1, POSES[place].words);
+            let before = poses.last().cloned();
+            let Some(readings) = self.pose(place, &what, before.as_deref())? else {
+                let missing: Vec<usize> = (place..count).collect();
+                return Err(CalibrateError::Ended(names(&missing)));
+            };
+            (self.tell)(&live(&readings, self.session));
+            poses.push(readings);
+        }
+        let taken = self.taken(&poses);
+        let (fits, faces) = hand::fit(&taken, count).map_err(|e| self.named(e))?;
+        let calibrations = self.calibrations(&fits, &faces);
+        for (place, calibration) in calibrations.iter().enumerate() {
+            self.session.write(place, &encode(calibration))?;
+        }
+        let left = self.zero(poses.last().cloned())?;
+        Ok(Handled {
+            poses,
+            taken,
+            fits,
+            calibrations,
+            faces,
+            left,
+        })
+    }
+
+    /// The channel's number in an error is that of its node.
+    fn named(&self, error: HandError) -> CalibrateError {
+        match error {
+            HandError::Fit(channel, error) => {
+                CalibrateError::Fit(self.session.nodes[channel].id, error)
+            }
+            other => other.into(),
+        }
+    }
+
+    fn taken(&self, poses: &[Vec<Reading>]) -> Vec<Vec<Taken>> {
+        let nodes = self.session.nodes.iter().enumerate();
+        nodes
+            .map(|(place, node)| {
+                let model = &node.calibration.temperature;
+                let one = |(pose, readings): (usize, &Vec<Reading>)| {
+                    let Reading {
+                        accel,
+                        temperature_c,
+                        ..
+                    } = &readings[place];
+                    let mean_g = compensated_g(model, *accel, temperature(*temperature_c));
+                    Taken { pose, mean_g }
+                };
+                poses.iter().enumerate().map(one).collect()
+            })
+            .collect()
+    }
+
+    /// A calibration for each node: that of before with another correction and budget.
+    fn calibrations(&self, fits: &[HandFit], faces: &Faces) -> Vec<Calibration> {
+        let nodes = self.session.nodes.iter().zip(fits);
+        nodes
+            .map(|(node, fit)| {
+                let vector = Vector::from_real(fit.matrix, fit.offset_g);
+                let rate_hz = 1.0 / node.period_s.max(1e-4);
+                let residual_deg = (fit.length_rms_mg() / 1000.0).to_degrees();
+                let before = &node.calibration;
+                Calibration {
+                    temperature: before.temperature,
+                    correction: Correction::TwoAxis {
+                        // The fit has refused what does not fit the chain's numbers.
+                        vector: vector.unwrap_or(Vector::IDENTITY),
+                        harmonics: Axes::default(),
+                    },
+                    budget: budget(
+                        &before.budget,
+                        rate_hz,
+                        faces.zero_uncertainty_deg(),
+                        residual_deg,
+                    ),
+                }
+            })
+            .collect()
+    }
+
+    /// Both poses on the base once more, with the new calibration.
+    fn zero(&mut self, before: Option<Vec<Reading>>) -> Result<[Vec<Reading>; 2], CalibrateError> {
+        let mut both: Vec<Vec<Reading>> = Vec::new();
+        for (place, number) in [(0, "first"), (1, "second")] {
+            let what = format!("verification, {number} of 2: {}", POSES[place].words);
+            let before = both.last().cloned().or_else(|| before.clone());
+            let readings = self.pose(place, &what, before.as_deref())?;
+            let Some(readings) = readings else {
+                return Err(CalibrateError::Ended(names(&[place])));
+            };
+            (self.tell)(&live(&readings, self.session));
+            both.push(readings);
+        }
+        let second = both.pop().unwrap_or_default();
+        Ok([both.pop().unwrap_or_default(), second])
+    }
+
+    /// Asks for a pose until the housing stands in it; `None` when nobody answers any more.
+    fn pose(
+        &mut self,
+        place: usize,
+        what: &str,
+        before: Option<&[Reading]>,
+    ) -> Result<Option<Vec<Reading>>, CalibrateError> {
+        let mut stood: Option<Vec<Reading>> = before.map(<[Reading]>::to_vec);
+        loop {
+            let then = if self.console.asks() {
+                "; then press Enter"
+            } else {
+                ""
+            };
+            (self.tell)(&format!("{what}{then}"));
+            if !self.console.asks() {
+                self.await_movement(stood.as_deref())?;
+            }
+            if self.console.wait(self.session)? == Answer::Ended {
+                return Ok(None);
+            }
+            let readings = self.stillness()?;
+            let [x, y, z] = readings.first().map_or([0.0; 3], |r| r.accel);
+            let off = angle_deg([x, y, z], POSES[place].up);
+            if off <= NEAR_DEG {
+                return Ok(Some(readings));
+            }
+            (self.tell)(&format!(
+                "  that is another pose: {off:.0} deg off, {} is up",
+                side([x, y, z])
+            ));
+            stood = Some(readings);
+        }
+    }
+
+    /// Waits until the housing no longer stands as it did.
+    fn await_movement(&mut self, before: Option<&[Reading]>) -> Result<(), CalibrateError> {
+        let Some(before) = before.and_then(<[Reading]>::first) else {
+            return Ok(());
+        };
+        loop {
+            let now = self.session.read(1, APART_S)?;
+            if now
+                .first()
+                .is_some_and(|now| apart_mg(now, before) > MOVED_MG)
+            {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Waits until the housing stands still, and takes its mean.
+    fn stillness(&mut self) -> Result<Vec<Reading>, CalibrateError> {
+        let mut told = false;
+        loop {
+            self.session.settle(SETTLE_S)?;
+            let glance = self.session.read(GLANCE, APART_S)?;
+            if glance.iter().all(|r| r.scatter_mg <= STILL_MG) {
+                let mean = self.session.read(READINGS, APART_S)?;
+                let still = mean.iter().zip(&glance).all(|(mean, glance)| {
+                    mean.scatter_mg <= STILL_MG && apart_mg(mean, glance) <= DRIFT_MG
+                });
+                if still {
+                    return Ok(mean);
+                }
+            }
+            if !told {
+                (self.tell)("  it does not stand still yet: let go of it");
+                told = true;
+            }
+        }
+    }
+}
+
+fn names(places: &[usize]) -> String {
+    let names: Vec<_> = places.iter().map(|place| POSES[*place].words).collect();
+    names.join("; ")
+}
+
+/// The largest difference of an axis between two readings, mg.
+fn apart_mg(a: &Reading, b: &Reading) -> f64 {
+    let mg = f64::from(tilt::ONE_G) / 1000.0;
+    let apart = a.accel.iter().zip(b.accel).map(|(a, b)| (a - b).abs() / mg);
+    apart.fold(0.0, f64::max)
+}
+
+/// Which side of the housing is up, in words.
+fn side(accel: [f64; 3]) -> &'static str {
+    const SIDES: [[&str; 2]; 3] = [["X", "minus X"], ["Y", "minus Y"], ["Z", "minus Z"]];
+    let along = (0..3).max_by(|a, b| accel[*a].abs().total_cmp(&accel[*b].abs()));
+    let along = along.unwrap_or(2);
+    SIDES[along][usize::from(accel[along] < 0.0)]
+}
+
+/// A line about a pose: what each channel reads, and how still it was.
+fn live(readings: &[Reading], session: &Session) -> String {
+    let mut line = "  taken:".to_owned();
+    for (reading, node) in readings.iter().zip(&session.nodes) {
+        line += &format!(" {}", node.letter());
+        for (axis, angle) in ["X", "Y"].iter().zip(reading.angle_deg) {
+            line +=
+                &angle.map_or_else(|_| format!(" {axis} -"), |deg| format!(" {axis} {deg:+.2}"));
+        }
+        line += &format!(" deg, scatter {:.2} mg;", reading.scatter_mg);
+    }
+    line.trim_end_matches(';').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_side_that_is_up_is_named() {
+        assert_eq!(side([0.1, -0.9, 0.3]), "minus Y");
+        assert_eq!(side([0.1, -0.3, 0.9]), "Z");
+    }
+
+    #[test]
+    fn missing_poses_are_named_by_their_words() {
+        assert_eq!(names(&[7]), "upside down");
+    }
+}

@@ -1,0 +1,370 @@
+//! From what a round has given to the report of it.
+//!
+//! In: stands or poses with fits, and who, when and where. Out: a [`Report`], judged.
+//!
+//! Left out: its forms (`page`, `dcc`) and its hash.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use device::calibration::encoding::identity;
+use tilt::chain::Correction;
+use tilt::temperature::Compensated;
+
+use super::Arguments;
+use super::by_hand::Handled;
+use super::by_motor::{Swept, mean_uncertainty_deg};
+use super::data::{
+    Channel, Contribution, Decision, Difference, Environment, FORMAT, Method, Point, Pose,
+    Reference, Report, VERSION, utc,
+};
+use super::fit::Stand;
+use super::hand::{self, POSES};
+use super::motor::Axis;
+use super::session::{Node, Reading, Session, decode};
+
+/// Standard uncertainty of what the 1/f noise of the sensor does between two stands, deg: 0.04 mg.
+const FLOOR_DEG: f64 = 0.0023;
+
+/// Standard uncertainty of the compensation by a temperature that is known to a degree, deg: half a
+/// degree either side, uniform, times 0.1 mg/degC of a compensated part. `[ASSUME]`
+const TEMPERATURE_DEG: f64 = 0.0017;
+
+/// Seconds since 1970, now.
+pub fn now() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |time| time.as_secs())
+}
+
+/// What is the same in every report.
+pub struct Frame<'a> {
+    /// What was asked for.
+    pub arguments: &'a Arguments,
+    /// The nodes, as they were found.
+    pub session: &'a Session,
+    /// Seconds since 1970 at the begin.
+    pub begun: u64,
+    /// 2061h of each node as it was made.
+    pub made: Vec<Vec<u8>>,
+    /// Largest error as left that is accepted, deg.
+    pub tolerance_deg: f64,
+}
+
+impl Frame<'_> {
+    fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
+        let Arguments {
+            laboratory,
+            operator,
+            customer,
+            ..
+        } = self.arguments;
+        let tolerance = self.tolerance_deg;
+        let extreme = |pick: fn(f64, f64) -> f64| temperatures.iter().copied().reduce(pick);
+        let serial = self.session.nodes.first().map_or(0, |node| node.serial);
+        let begun_utc = utc(self.begun);
+        let stamp: String = begun_utc.chars().filter(|c| !"-:".contains(*c)).collect();
+        Report {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            plumb_version: env!("CARGO_PKG_VERSION").to_owned(),
+            identifier: format!("plumb-{serial}-{stamp}"),
+            method,
+            begun_utc,
+            ended_utc: utc(now()),
+            laboratory: laboratory.clone(),
+            operator: operator.clone(),
+            customer: customer.clone(),
+            bus: self.session.bus_name().to_owned(),
+            reference,
+            environment: Environment {
+                sensor_min_degc: extreme(f64::min),
+                sensor_max_degc: extreme(f64::max),
+                statement: "Temperature of the sensors as they tell it, to a degree. The air's \
+                    temperature, humidity and vibration were not measured. The calibration holds \
+                    the temperature compensation that each channel had before."
+                    .to_owned(),
+            },
+            decision: Decision {
+                tolerance_deg: tolerance,
+                rule: format!(
+                    "Accepted when each error as left and its expanded uncertainty (k = 2) \
+                     together are within {tolerance} deg (guarded acceptance, JCGM 106, 8.3.2)."
+                ),
+                accepted: false,
+                largest_error_deg: None,
+            },
+            channels: Vec::new(),
+            difference_as_found: Vec::new(),
+            difference_as_left: Vec::new(),
+            faces: None,
+            dcc_sha256: None,
+        }
+    }
+
+    fn channel(&self, place: usize, node: &Node) -> Channel {
+        let left = self.made.get(place).and_then(|bytes| decode(bytes));
+        let left = left.map_or(0, |calibration| identity(&calibration));
+        Channel {
+            channel: node.letter().to_owned(),
+            node: node.id,
+            serial_number: node.serial,
+            product_code: node.product,
+            software: node.software.clone(),
+            kind: self.kind_of(place).unwrap_or(node.kind),
+            calibrated_before: node.calibrated,
+            as_found_crc32: format!("{:08X}", node.found_sum()),
+            as_left_crc32: format!("{left:08X}"),
+            condition: None,
+            residual_deg: None,
+            residual_mg: None,
+            as_found: Vec::new(),
+            residuals: Vec::new(),
+            as_left: Vec::new(),
+            poses: Vec::new(),
+            uncertainty: Vec::new(),
+            combined_uncertainty_deg: 0.0,
+            expanded_uncertainty_deg: 0.0,
+        }
+    }
+
+    fn kind_of(&self, place: usize) -> Option<u8> {
+        let made = self.made.get(place).and_then(|bytes| decode(bytes))?;
+        Some(device::calibration::encoding::kind(&made.correction))
+    }
+
+    /// The report of a round by motor.
+    pub fn by_motor(&self, swept: &Swept, name: &str, reference_deg: f64) -> Report {
+        let method = match swept.fits.is_empty() {
+            true => Method::MotorTables,
+            false => Method::Motor,
+        };
+        let reference = Reference {
+            name: name.to_owned(),
+            standard_uncertainty_deg: Some(reference_deg),
+            statement:
+                "The angle that the motor states is the reference, with the uncertainty that \
+                it or the operator states. Level is where the motor's zero is: how the housing is \
+                mounted on it goes into the zero of the slopes."
+                    .to_owned(),
+        };
+        let all = swept.found.iter().chain(&swept.left);
+        let temperatures: Vec<f64> = all
+            .flat_map(|stand| stand.readings.iter().map(|r| r.temperature_c))
+            .collect();
+        let mut report = self.report(method, reference, &temperatures);
+        for (place, node) in self.session.nodes.iter().enumerate() {
+            let mut channel = self.channel(place, node);
+            let points = |stands: &[Stand]| stands.iter().map(|s| point(s, place)).collect();
+            channel.as_found = points(&swept.found);
+            channel.as_left = points(&swept.left);
+            if let Some(fit) = swept.fits.get(place) {
+                channel.condition = Some(fit.condition);
+                channel.residual_deg = Some(fit.residual_deg());
+                let residuals = fit.residuals.iter();
+                channel.residuals = residuals
+                    .map(|(axis, at, left)| known(*axis, *at, at + left))
+                    .collect();
+            }
+            channel.uncertainty = vec![
+                Contribution::new("Reference", "B", reference_deg, "as the motor states it"),
+                Contribution::new(
+                    "Noise of a mean",
+                    "A",
+                    mean_uncertainty_deg(&swept.left, place),
+                    "scatter of the readings of the verification round",
+                ),
+                Contribution::new("1/f noise", "B", FLOOR_DEG, "0.04 mg, an assumption"),
+            ];
+            combine(&mut channel);
+            report.channels.push(channel);
+        }
+        report.difference_as_found = differences(&swept.found);
+        report.difference_as_left = differences(&swept.left);
+        judge(&mut report);
+        report
+    }
+
+    /// The report of a round by hand.
+    pub fn by_hand(&self, handled: &Handled) -> Report {
+        let reference = Reference {
+            name: "Gravity at the place of the calibration".to_owned(),
+            standard_uncertainty_deg: Some(handled.faces.zero_uncertainty_deg()),
+            statement: format!(
+                "Gravity's length is the same in every pose. The zero of both slopes is the base \
+                 of the housing, by two poses turned by 180 deg on a surface {:.2} deg off level; \
+                 the direction of X is the side that it stood on, {:+.2} deg off square. A turn by \
+                 hand is taken as good to {} deg (k = 1). Not known without another reference: \
+                 whether base and side are flat, and what of the sensors' nonlinearity all poses \
+                 share.",
+                handled.faces.base_surface_deg,
+                handled.faces.off_square_deg,
+                hand::TURN_DEG
+            ),
+        };
+        let temperatures: Vec<f64> = handled
+            .poses
+            .iter()
+            .flatten()
+            .map(|reading| reading.temperature_c)
+            .collect();
+        let mut report = self.report(Method::ByHand, reference, &temperatures);
+        for (place, node) in self.session.nodes.iter().enumerate() {
+            let mut channel = self.channel(place, node);
+            let fit = &handled.fits[place];
+            channel.condition = Some(fit.condition);
+            channel.residual_mg = Some(fit.length_rms_mg());
+            channel.poses = poses(handled, place);
+            channel.as_left = zero(handled, place);
+            let residual_deg = (fit.length_rms_mg() / 1000.0).to_degrees();
+            let zero_deg = handled.faces.zero_uncertainty_deg();
+            channel.uncertainty = vec![
+                Contribution::new("Fit", "A", residual_deg, "what the poses miss of 1 g"),
+                Contribution::new(
+                    "Turn by 180 deg",
+                    "B",
+                    zero_deg,
+                    "half the surface's tilt times the turn's error",
+                ),
+                Contribution::new("1/f noise", "B", FLOOR_DEG, "0.04 mg, an assumption"),
+                Contribution::new(
+                    "Temperature",
+                    "B",
+                    TEMPERATURE_DEG,
+                    "known to a degree only; 0.1 mg/degC, an assumption",
+                ),
+            ];
+            combine(&mut channel);
+            report.channels.push(channel);
+        }
+        report.difference_as_left = zero_differences(&report.channels);
+        report.faces = Some(super::data::Faces {
+            base_surface_deg: handled.faces.base_surface_deg,
+            side_surface_deg: handled.faces.side_surface_deg,
+            off_square_deg: handled.faces.off_square_deg,
+            between_channels_deg: handled.faces.between_deg,
+        });
+        judge(&mut report);
+        report
+    }
+}
+
+fn combine(channel: &mut Channel) {
+    let combined = Contribution::combined_deg(&channel.uncertainty);
+    channel.combined_uncertainty_deg = combined;
+    channel.expanded_uncertainty_deg = 2.0 * combined;
+}
+
+/// Accepted when each channel read every angle, and each error with its U is within.
+fn judge(report: &mut Report) {
+    let tolerance = report.decision.tolerance_deg;
+    let within = |channel: &Channel| {
+        let u = channel.expanded_uncertainty_deg;
+        let fits = |p: &Point| p.error_deg.is_some_and(|e| e.abs() + u <= tolerance);
+        !channel.as_left.is_empty() && channel.as_left.iter().all(fits)
+    };
+    report.decision.accepted = report.channels.iter().all(within);
+    let largest = report
+        .channels
+        .iter()
+        .filter_map(Channel::largest_error_deg);
+    report.decision.largest_error_deg = largest.reduce(f64::max);
+}
+
+fn known(axis: Axis, reference_deg: f64, reading_deg: f64) -> Point {
+    Point {
+        axis: axis.letter().to_owned(),
+        reference_deg,
+        reading_deg: Some(reading_deg),
+        error_deg: Some(reading_deg - reference_deg),
+        reason: None,
+    }
+}
+
+fn point(stand: &Stand, place: usize) -> Point {
+    match stand.error_deg(place) {
+        Ok(error) => known(stand.axis, stand.reference_deg, stand.reference_deg + error),
+        Err(reason) => Point {
+            axis: stand.axis.letter().to_owned(),
+            reference_deg: stand.reference_deg,
+            reading_deg: None,
+            error_deg: None,
+            reason: Some(reason),
+        },
+    }
+}
+
+/// A less B at each stand of two channels.
+fn differences(stands: &[Stand]) -> Vec<Difference> {
+    let two = stands.iter().filter(|stand| stand.readings.len() == 2);
+    two.map(|stand| {
+        let errors = [stand.error_deg(0), stand.error_deg(1)];
+        let difference_deg = match errors {
+            [Ok(a), Ok(b)] => Some(a - b),
+            _ => None,
+        };
+        Difference {
+            axis: stand.axis.letter().to_owned(),
+            reference_deg: stand.reference_deg,
+            difference_deg,
+        }
+    })
+    .collect()
+}
+
+/// The zero of each slope as left: the mean of both poses on the base, in which the surface's tilt
+/// falls out.
+fn zero(handled: &Handled, place: usize) -> Vec<Point> {
+    let [first, second] = &handled.left;
+    let both = [&first[place], &second[place]];
+    let mut points = Vec::new();
+    for (number, axis) in [Axis::X, Axis::Y].into_iter().enumerate() {
+        points.push(match both.map(|r: &Reading| r.angle_deg[number]) {
+            [Ok(one), Ok(other)] => known(axis, 0.0, (one + other) / 2.0),
+            [Err(reason), _] | [_, Err(reason)] => Point {
+                axis: axis.letter().to_owned(),
+                reference_deg: 0.0,
+                reading_deg: None,
+                error_deg: None,
+                reason: Some(reason),
+            },
+        });
+    }
+    points
+}
+
+fn zero_differences(channels: &[Channel]) -> Vec<Difference> {
+    let [a, b] = channels else {
+        return Vec::new();
+    };
+    let pairs = a.as_left.iter().zip(&b.as_left);
+    pairs
+        .map(|(a, b)| Difference {
+            axis: a.axis.clone(),
+            reference_deg: a.reference_deg,
+            difference_deg: a.reading_deg.zip(b.reading_deg).map(|(a, b)| a - b),
+        })
+        .collect()
+}
+
+fn poses(handled: &Handled, place: usize) -> Vec<Pose> {
+    let fit = &handled.fits[place];
+    let taken = handled.taken[place].iter().zip(&handled.poses);
+    taken
+        .zip(&fit.length_mg)
+        .map(|((taken, readings), mg)| Pose {
+            words: POSES[taken.pose].words.to_owned(),
+            length_error_mg: *mg,
+            as_found_deg: readings[place].angle_deg.map(Result::ok),
+            as_left_deg: slopes(handled, place, taken.mean_g),
+        })
+        .collect()
+}
+
+/// The slopes of a vector in g with the new correction, deg.
+fn slopes(handled: &Handled, place: usize, mean_g: [f64; 3]) -> [f64; 2] {
+    let Correction::TwoAxis { vector, .. } = &handled.calibrations[place].correction else {
+        return [0.0; 2];
+    };
+    let accel = mean_g.map(|g| (g * f64::from(tilt::ONE_G)).round() as i32);
+    let found = tilt::angle::slopes(vector.apply(Compensated { accel }));
+    [found.x.degrees(), found.y.degrees()]
+}

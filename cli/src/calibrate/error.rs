@@ -1,0 +1,187 @@
+//! Why a calibration did not come to its end: one sentence that says who, what, and what to do.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+use tilt::calibration::FitError;
+
+use super::hand::HandError;
+use super::motor::MotorError;
+use crate::bus::JoinError;
+use crate::bus::sdo::SdoError;
+use crate::report::write::WriteError;
+
+/// Why there is no calibration.
+#[derive(Debug)]
+pub enum CalibrateError {
+    /// The bus could not be joined.
+    Join(JoinError),
+    /// A node did not do its part.
+    Sdo(SdoError),
+    /// The bus was lost.
+    Lost(io::Error),
+    /// The user has ended it.
+    Interrupted,
+    /// The motor did not do its part.
+    Motor(MotorError),
+    /// Neither a motor nor a hand was named, or both.
+    Method,
+    /// More or fewer nodes than an instrument has.
+    Nodes,
+    /// A node is named twice.
+    Twice(u8),
+    /// A node that is no channel of a Plumb.
+    Stranger(u8),
+    /// The nodes measure in different ways.
+    Mixed,
+    /// This way to calibrate is not for instruments of this kind.
+    Kind(&'static str),
+    /// A node's calibration can't be read.
+    Undecodable(u8),
+    /// A node takes no samples.
+    NoSamples(u8),
+    /// The housing does not stand still: node, where, scatter in mg.
+    Restless(u8, String, f64),
+    /// A node refuses a point of its table: node, angle, 2060h sub 8.
+    Point(u8, f64, u8),
+    /// Readings make no calibration of a node.
+    Fit(u8, FitError),
+    /// Poses make no calibration.
+    Hand(HandError),
+    /// What a node reads back is not what was written to it.
+    Differs(u8),
+    /// The poses have ended before all were taken.
+    Ended(String),
+    /// A report could not be written.
+    Write(WriteError),
+    /// A file could not be read or written.
+    File(PathBuf, io::Error),
+    /// A file is not what it should be.
+    Content(PathBuf, &'static str),
+    /// A file says nothing of a node's serial number.
+    Unknown(PathBuf, u8, u32),
+    /// The instrument was not within its tolerance.
+    Rejected,
+    /// It could not be printed.
+    Print(io::Error),
+    /// Something else, and the nodes that could not be given back what they had.
+    Left(Box<CalibrateError>, Vec<u8>),
+}
+
+impl std::error::Error for CalibrateError {}
+
+impl From<SdoError> for CalibrateError {
+    fn from(error: SdoError) -> Self {
+        match error {
+            SdoError::Interrupted => Self::Interrupted,
+            SdoError::Lost(error) => Self::Lost(error),
+            error => Self::Sdo(error),
+        }
+    }
+}
+
+impl From<MotorError> for CalibrateError {
+    fn from(error: MotorError) -> Self {
+        Self::Motor(error)
+    }
+}
+
+impl From<HandError> for CalibrateError {
+    fn from(error: HandError) -> Self {
+        Self::Hand(error)
+    }
+}
+
+impl CalibrateError {
+    /// What it means that the bus could not be read or written.
+    pub fn lost(error: io::Error) -> Self {
+        SdoError::lost(error).into()
+    }
+}
+
+impl fmt::Display for CalibrateError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Join(error) => write!(f, "{error}"),
+            Self::Sdo(error) => write!(f, "{error}"),
+            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
+            Self::Interrupted => write!(f, "interrupted; the calibration that was there counts"),
+            Self::Motor(error) => write!(f, "{error}"),
+            Self::Hand(error) => write!(f, "{error}"),
+            Self::Write(error) => write!(f, "{error}"),
+            Self::Print(error) => write!(f, "cannot print: {error}"),
+            Self::Method => write!(
+                f,
+                "say how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE"
+            ),
+            Self::Nodes => write!(
+                f,
+                "give one node or the two of an instrument, as --nodes 1,2"
+            ),
+            Self::Mixed => write!(
+                f,
+                "the nodes measure in different ways (2030h, 2062h sub 2): calibrate them one by \
+                 one with --nodes"
+            ),
+            Self::Kind(what) => write!(f, "{what}"),
+            Self::Rejected => write!(f, "the instrument is not within its tolerance"),
+            Self::Ended(missing) => write!(
+                f,
+                "the input ended before all poses were taken; missing: {missing}"
+            ),
+            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
+            Self::Content(path, what) => write!(f, "{}: {what}", path.display()),
+            Self::Unknown(path, node, serial) => write!(
+                f,
+                "{} says nothing of node {node} with the serial number {serial}",
+                path.display()
+            ),
+            Self::Left(error, nodes) => {
+                let nodes: Vec<_> = nodes.iter().map(u8::to_string).collect();
+                write!(
+                    f,
+                    "{error}; node {} could not be given back the calibration that it had: write \
+                     as-found.json with --restore",
+                    nodes.join(" and ")
+                )
+            }
+            node => node.fmt_node(f),
+        }
+    }
+}
+
+impl CalibrateError {
+    /// The sentence of an error that names a node.
+    fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Twice(node) => write!(f, "node {node} is named twice"),
+            Self::Stranger(node) => write!(f, "node {node} is no channel of a Plumb"),
+            Self::Undecodable(node) => write!(
+                f,
+                "the calibration of node {node} (2061h) is of a format that this plumb does not \
+                 know"
+            ),
+            Self::NoSamples(node) => write!(
+                f,
+                "node {node} takes no samples: its sensor does not answer; `plumb info` tells more"
+            ),
+            Self::Restless(node, place, mg) => write!(
+                f,
+                "the housing does not stand still {place}: node {node} scatters by {mg:.1} mg; \
+                 keep vibration away"
+            ),
+            Self::Point(node, deg, result) => write!(
+                f,
+                "node {node} does not take the point at {deg:.3} deg (2060h sub 8 is {result})"
+            ),
+            Self::Fit(node, error) => write!(f, "node {node}: {error}"),
+            Self::Differs(node) => write!(
+                f,
+                "node {node} reads back another calibration than was written to it"
+            ),
+            // The others name none.
+            _ => Ok(()),
+        }
+    }
+}

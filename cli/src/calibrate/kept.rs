@@ -1,0 +1,156 @@
+//! Calibrations in a file, byte for byte as the nodes have them.
+//!
+//! In: a session and a path. Out: a file of JSON with 2061h of each node, its check sum and the
+//! hash of its report (2063h); or the nodes with what such a file holds for their serial numbers.
+//!
+//! Left out: what the bytes mean (docs/calibration-report.md tells where that stands).
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::CalibrateError;
+use super::session::{Session, decode};
+
+/// Name of the format.
+const FORMAT: &str = "plumb-kept-calibration";
+
+/// One node's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeptNode {
+    /// Node-id then.
+    pub node: u8,
+    /// 1018h sub 4.
+    pub serial_number: u32,
+    /// 2062h sub 1, eight hexadecimal digits.
+    pub crc32: String,
+    /// 2061h, two hexadecimal digits a byte.
+    pub calibration_hex: String,
+    /// 2063h; none when no report belonged to it.
+    pub report_sha256: Option<String>,
+}
+
+/// The file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// "plumb-kept-calibration".
+    pub format: String,
+    /// 1.
+    pub version: u32,
+    /// The nodes.
+    pub nodes: Vec<KeptNode>,
+}
+
+/// Bytes as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The other way; `None` for anything else.
+pub fn bytes(hex: &str) -> Option<Vec<u8>> {
+    let digits = hex.as_bytes();
+    if !digits.len().is_multiple_of(2) || !digits.iter().all(u8::is_ascii_hexdigit) {
+        return None;
+    }
+    let pair = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    digits.chunks(2).map(pair).collect()
+}
+
+/// What the nodes of a session had when they were found.
+pub fn as_found(session: &Session) -> Kept {
+    let nodes = session.nodes.iter();
+    let nodes = nodes.map(|node| KeptNode {
+        node: node.id,
+        serial_number: node.serial,
+        crc32: format!("{:08X}", node.found_sum()),
+        calibration_hex: hex(&node.bytes),
+        report_sha256: node.hash.as_deref().map(hex),
+    });
+    Kept {
+        format: FORMAT.to_owned(),
+        version: 1,
+        nodes: nodes.collect(),
+    }
+}
+
+/// Writes a file; it appears whole or not at all.
+///
+/// Errors: [`CalibrateError::File`].
+pub fn save(path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
+    let failed = |error| CalibrateError::File(path.to_owned(), error);
+    let text = serde_json::to_string_pretty(kept).map_err(|error| failed(error.into()))?;
+    let new = path.with_extension("part");
+    std::fs::write(&new, text + "\n").map_err(failed)?;
+    std::fs::rename(&new, path).map_err(failed)
+}
+
+/// Reads a file.
+///
+/// Errors: [`CalibrateError::File`], [`CalibrateError::Content`].
+pub fn load(path: &Path) -> Result<Kept, CalibrateError> {
+    let failed = |error| CalibrateError::File(path.to_owned(), error);
+    let wrong = |what| CalibrateError::Content(path.to_owned(), what);
+    let text = std::fs::read(path).map_err(failed)?;
+    let kept: Kept = serde_json::from_slice(&text).map_err(|_| wrong(NOT_KEPT))?;
+    if kept.format != FORMAT || kept.version != 1 {
+        return Err(wrong(NOT_KEPT));
+    }
+    Ok(kept)
+}
+
+/// What a file is not.
+const NOT_KEPT: &str =
+    "this is no file that --keep has written (plumb-kept-calibration, version 1)";
+
+/// Gives each node what the file has for its serial number, reads it back and compares.
+///
+/// Errors: a node that the file does not know, a content that is none, a refusal. Nothing has
+/// changed when a node is not in the file.
+pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
+    let mut all = Vec::new();
+    for node in &session.nodes {
+        let found = kept.nodes.iter().find(|k| k.serial_number == node.serial);
+        let unknown = || CalibrateError::Unknown(path.to_owned(), node.id, node.serial);
+        let found = found.ok_or_else(unknown)?;
+        let content = bytes(&found.calibration_hex).filter(|bytes| decode(bytes).is_some());
+        let damaged = "a calibration in it is damaged: its check sum is wrong";
+        let content = content.ok_or_else(|| CalibrateError::Content(path.to_owned(), damaged))?;
+        all.push((content, found.report_sha256.as_deref().and_then(bytes)));
+    }
+    for (place, (content, hash)) in all.into_iter().enumerate() {
+        session.write(place, &content)?;
+        if let Some(hash) = hash {
+            session.write_hash(place, &hash)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_come_back_and_anything_else_is_none() {
+        assert_eq!(bytes(&hex(&[0, 0x5A, 0xFF])), Some(vec![0, 0x5A, 0xFF]));
+        for bad in ["0", "0g", "+1", "é1", " 1"] {
+            assert_eq!(bytes(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_named() {
+        let path = std::env::temp_dir().join(format!("plumb-kept-{}", std::process::id()));
+        for other in [
+            "",
+            "[]",
+            "{}",
+            "{\"format\":\"x\",\"version\":1,\"nodes\":[]}",
+        ] {
+            std::fs::write(&path, other).unwrap();
+            let told = load(&path).unwrap_err().to_string();
+            assert!(told.contains("no file that --keep has written"), "{told}");
+        }
+        std::fs::remove_file(&path).unwrap();
+    }
+}

@@ -1,0 +1,83 @@
+//! A report made up, for tests of its forms.
+
+use super::data::*;
+
+fn channel(letter: &str, node: u8) -> Channel {
+    let point = |axis: &str, reference_deg: f64, error_deg: f64| Point {
+        axis: axis.to_owned(),
+        reference_deg,
+        reading_deg: Some(reference_deg + error_deg),
+        error_deg: Some(error_deg),
+        reason: None,
+    };
+    let points = |error: f64| {
+        ["X", "Y"]
+            .iter()
+            .flat_map(|axis| [-52.5, 7.5, 52.5].map(|at| point(axis, at, error)))
+            .collect::<Vec<_>>()
+    };
+    Channel {
+        channel: letter.to_owned(),
+        node,
+        serial_number: u32::from(node),
+        product_code: 0x504C_0000 + u32::from(node),
+        software: "0.1.0".to_owned(),
+        kind: 1,
+        calibrated_before: true,
+        as_found_crc32: "01234567".to_owned(),
+        as_left_crc32: "DEADBEEF".to_owned(),
+        condition: Some(3.5),
+        residual_deg: Some(0.011),
+        residual_mg: None,
+        as_found: points(0.3),
+        residuals: points(0.01),
+        as_left: points(0.02),
+        poses: Vec::new(),
+        uncertainty: vec![Contribution::new("Reference", "B", 0.0134, "stated by it")],
+        combined_uncertainty_deg: 0.0134,
+        expanded_uncertainty_deg: 0.0268,
+    }
+}
+
+/// A report of two channels by a motor.
+pub fn report() -> Report {
+    let difference = |difference_deg| Difference {
+        axis: "X".to_owned(),
+        reference_deg: 7.5,
+        difference_deg: Some(difference_deg),
+    };
+    Report {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        plumb_version: "0.1.0".to_owned(),
+        identifier: "plumb-1-20261122T021700Z".to_owned(),
+        method: Method::Motor,
+        begun_utc: "2026-11-22T02:17:00Z".to_owned(),
+        ended_utc: "2026-11-22T02:27:00Z".to_owned(),
+        laboratory: None,
+        operator: None,
+        customer: None,
+        bus: "socketcand://127.0.0.1:29536/plumb".to_owned(),
+        reference: Reference {
+            name: "Plumb,Virtual motor,1,0.1.0".to_owned(),
+            standard_uncertainty_deg: Some(0.0134),
+            statement: "as the motor states it".to_owned(),
+        },
+        environment: Environment {
+            sensor_min_degc: Some(25.0),
+            sensor_max_degc: Some(25.0),
+            statement: "by the sensors, to a degree".to_owned(),
+        },
+        decision: Decision {
+            tolerance_deg: 0.2,
+            rule: "accepted when error and expanded uncertainty are within".to_owned(),
+            accepted: true,
+            largest_error_deg: Some(0.02),
+        },
+        channels: vec![channel("A", 1), channel("B", 2)],
+        difference_as_found: vec![difference(0.1)],
+        difference_as_left: vec![difference(0.01)],
+        faces: None,
+        dcc_sha256: Some("5a".repeat(32)),
+    }
+}

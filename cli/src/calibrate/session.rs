@@ -1,0 +1,519 @@
+//! The nodes under calibration: found, held in PRE-OPERATIONAL, read, written, and left as found.
+//!
+//! In: node-ids on a bus. Out: means of what their sensors feel and what they read, at a
+//! standstill; their calibrations. Time is told by the nodes' own samples, so a virtual bus may run
+//! at any speed.
+//!
+//! Left out: what the readings are for.
+
+use std::time::{Duration, Instant};
+
+use canopen::Frame;
+use device::calibration::encoding::{decode_into, identity, length, read_at};
+use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
+use device::objects::table::Channel;
+use tilt::chain::Calibration;
+
+use super::error::CalibrateError;
+use crate::bus::Bus;
+use crate::bus::sdo::{Client, SdoError};
+
+/// NMT states as heartbeats tell them, and the commands that lead there.
+const OPERATIONAL: (u8, u8) = (5, 1);
+const STOPPED: (u8, u8) = (4, 2);
+const PRE_OPERATIONAL: (u8, u8) = (127, 128);
+
+/// How long a heartbeat is waited for.
+const HEARTBEAT: Duration = Duration::from_millis(1500);
+
+/// How long samples may stay away.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The abort code of an object without content.
+const NO_DATA: u32 = 0x0800_0024;
+
+/// The abort code of an object that is not there.
+const NO_OBJECT: u32 = 0x0602_0000;
+
+/// Angle of one step of 2010h, deg.
+const ANGLE_STEP: f64 = 360.0 / 16_777_216.0;
+
+/// Qualities of 2010h from here on are angles, those below reasons.
+const QUALITY: u32 = 32;
+
+/// A calibration from its bytes.
+pub fn decode(bytes: &[u8]) -> Option<Calibration> {
+    let mut calibration = Calibration::NOMINAL;
+    let decoded = decode_into(&mut calibration, &mut |offset, into| {
+        let rest = bytes.get(offset as usize..).unwrap_or(&[]);
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        count
+    });
+    decoded.ok().map(|()| calibration)
+}
+
+/// The bytes of a calibration, as 2061h has them.
+pub fn encode(calibration: &Calibration) -> Vec<u8> {
+    let mut bytes = vec![0; length(calibration) as usize];
+    read_at(calibration, 0, &mut bytes);
+    bytes
+}
+
+/// One node.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Its node-id.
+    pub id: u8,
+    /// Which channel it is.
+    pub channel: Channel,
+    /// 1018h sub 4.
+    pub serial: u32,
+    /// 1018h sub 2.
+    pub product: u32,
+    /// 100Ah.
+    pub software: String,
+    /// 2062h sub 2: 0 tables, 1 two slopes, 2 one angle of 360 deg.
+    pub kind: u8,
+    /// Whether it had a calibration of its own (bit 6 of 2020h).
+    pub calibrated: bool,
+    /// NMT state in which it was found; `None` when it told none.
+    pub state: Option<u8>,
+    /// 2061h as it was found.
+    pub bytes: Vec<u8>,
+    /// The same, understood.
+    pub calibration: Calibration,
+    /// 2063h as it was found: the hash of the report that belongs to it.
+    pub hash: Option<Vec<u8>>,
+    /// Time between two samples, s.
+    pub period_s: f64,
+    /// Whether something was written to it.
+    pub changed: bool,
+}
+
+impl Node {
+    /// A or B.
+    pub const fn letter(&self) -> &'static str {
+        match self.channel {
+            Channel::A => "A",
+            Channel::B => "B",
+        }
+    }
+
+    /// 2062h sub 1 of the calibration that was found.
+    pub fn found_sum(&self) -> u32 {
+        identity(&self.calibration)
+    }
+}
+
+/// What one node says at a standstill.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Mean acceleration in the sensor's axes, 2^-26 g.
+    pub accel: [f64; 3],
+    /// Scatter of single readings around it, mg, all axes together.
+    pub scatter_mg: f64,
+    /// What the sensor says of its temperature, degC, to a degree.
+    pub temperature_c: f64,
+    /// Mean of the angles X and Y, deg; the reason of 2025h where one has none.
+    pub angle_deg: [Result<f64, u8>; 2],
+}
+
+/// The nodes on their bus.
+#[derive(Debug)]
+pub struct Session {
+    bus: Bus,
+    /// The nodes, channel A first.
+    pub nodes: Vec<Node>,
+}
+
+impl Session {
+    /// Finds the nodes and takes them to PRE-OPERATIONAL.
+    ///
+    /// Errors: a node that does not answer, is no Plumb, or holds what can't be understood. The
+    /// nodes are then in the state in which they were found.
+    pub fn open(bus: Bus, ids: &[u8]) -> Result<Self, CalibrateError> {
+        let mut session = Self::look(bus, ids)?;
+        for place in 0..session.nodes.len() {
+            session.nodes[place].state = session.heartbeat(session.nodes[place].id)?;
+        }
+        for place in 0..session.nodes.len() {
+            if let Err(error) = session.enter(place) {
+                session.leave();
+                return Err(error);
+            }
+        }
+        Ok(session)
+    }
+
+    /// Finds the nodes and leaves them as they are.
+    ///
+    /// Errors: as [`Session::open`].
+    pub fn look(bus: Bus, ids: &[u8]) -> Result<Self, CalibrateError> {
+        let mut session = Self {
+            bus,
+            nodes: Vec::new(),
+        };
+        for id in ids {
+            let node = session.meet(*id)?;
+            session.nodes.push(node);
+        }
+        session.nodes.sort_by_key(|node| node.channel as u8);
+        Ok(session)
+    }
+
+    /// How the bus is named.
+    pub fn bus_name(&self) -> &str {
+        self.bus.name()
+    }
+
+    fn client(&mut self, id: u8) -> Client<'_> {
+        Client::new(&mut self.bus, id)
+    }
+
+    fn meet(&mut self, id: u8) -> Result<Node, CalibrateError> {
+        let product = self.client(id).read_u32(0x1018, 2)?;
+        let channel = match product {
+            PRODUCT_CODE_A => Channel::A,
+            PRODUCT_CODE_B => Channel::B,
+            _ => return Err(CalibrateError::Stranger(id)),
+        };
+        let serial = self.client(id).read_u32(0x1018, 4)?;
+        let software = self.client(id).upload(0x100A, 0)?;
+        let kind = self.client(id).read_u32(0x2062, 2)? as u8;
+        let validity = self.client(id).read_u32(0x2020, 0)?;
+        let period = self.client(id).read_u32(0x2033, 0)?;
+        let bytes = Client::patient(&mut self.bus, id).upload(0x2061, 0)?;
+        let calibration = decode(&bytes).ok_or(CalibrateError::Undecodable(id))?;
+        Ok(Node {
+            id,
+            channel,
+            serial,
+            product,
+            software: String::from_utf8_lossy(&software).into_owned(),
+            kind,
+            calibrated: validity & 0x40 != 0,
+            state: None,
+            bytes,
+            calibration,
+            hash: hash_of(&mut self.bus, id)?,
+            period_s: f64::from(period) / 256e6,
+            changed: false,
+        })
+    }
+
+    /// The state that the node's next heartbeat tells.
+    fn heartbeat(&mut self, id: u8) -> Result<Option<u8>, CalibrateError> {
+        let until = Instant::now() + HEARTBEAT;
+        let wanted = 0x700 + u16::from(id);
+        while let Some(received) = self.bus.receive(until).map_err(CalibrateError::lost)? {
+            if received.frame.cob_id() == Some(wanted)
+                && let [state] = received.frame.bytes()
+            {
+                return Ok(Some(state & 0x7F));
+            }
+        }
+        Ok(None)
+    }
+
+    fn nmt(&mut self, command: u8, id: u8) -> Result<(), CalibrateError> {
+        let frame = Frame::data_frame(0, &[command, id]);
+        self.bus.send(&frame).map_err(CalibrateError::lost)
+    }
+
+    fn enter(&mut self, place: usize) -> Result<(), CalibrateError> {
+        let id = self.nodes[place].id;
+        self.nmt(PRE_OPERATIONAL.1, id)?;
+        // Answered in PRE-OPERATIONAL and not in STOPPED.
+        self.client(id).read_u32(0x1000, 0)?;
+        Ok(())
+    }
+
+    /// Takes every node back to the state in which it was found.
+    pub fn leave(&mut self) {
+        let states: Vec<_> = self
+            .nodes
+            .iter()
+            .map(|node| (node.id, node.state))
+            .collect();
+        for (id, state) in states {
+            let command = [OPERATIONAL, STOPPED]
+                .into_iter()
+                .find(|(known, _)| state == Some(*known));
+            if let Some((_, command)) = command {
+                // The last thing that is done: a bus that is lost tells so elsewhere.
+                let _ = self.nmt(command, id);
+            }
+        }
+    }
+
+    /// Waits for as long as that many seconds of a node's samples take.
+    ///
+    /// Errors: [`CalibrateError::NoSamples`].
+    pub fn settle(&mut self, seconds: f64) -> Result<(), CalibrateError> {
+        for place in 0..self.nodes.len() {
+            let (id, period_s) = (self.nodes[place].id, self.nodes[place].period_s);
+            let wanted = (seconds / period_s.max(1e-4)).ceil() as u32;
+            self.await_samples(id, wanted)?;
+        }
+        Ok(())
+    }
+
+    fn await_samples(&mut self, id: u8, wanted: u32) -> Result<(), CalibrateError> {
+        let from = self.client(id).read_u32(0x2032, 0)?;
+        let (mut last, mut until) = (from, Instant::now() + PATIENCE);
+        loop {
+            let now = self.client(id).read_u32(0x2032, 0)?;
+            if now.wrapping_sub(from) >= wanted {
+                return Ok(());
+            }
+            if now != last {
+                (last, until) = (now, Instant::now() + PATIENCE);
+            }
+            if Instant::now() > until {
+                return Err(CalibrateError::NoSamples(id));
+            }
+            self.rest(Duration::from_millis(2))?;
+        }
+    }
+
+    /// Lets the bus pass by for so long; ends early, as an error, when the user has enough.
+    pub fn rest(&mut self, pause: Duration) -> Result<(), CalibrateError> {
+        let until = Instant::now() + pause;
+        while self
+            .bus
+            .receive(until)
+            .map_err(CalibrateError::lost)?
+            .is_some()
+        {}
+        Ok(())
+    }
+
+    /// Mean of `count` readings of every node, `apart_s` of its samples apart.
+    ///
+    /// Errors: a node that does not answer or takes no samples.
+    pub fn read(&mut self, count: u32, apart_s: f64) -> Result<Vec<Reading>, CalibrateError> {
+        let mut sums: Vec<Sum> = self.nodes.iter().map(|_| Sum::default()).collect();
+        for _ in 0..count.max(1) {
+            self.settle(apart_s)?;
+            for (place, sum) in sums.iter_mut().enumerate() {
+                let id = self.nodes[place].id;
+                sum.add(self.read_once(id)?);
+            }
+        }
+        Ok(sums.into_iter().map(Sum::mean).collect())
+    }
+
+    fn read_once(&mut self, id: u8) -> Result<Single, CalibrateError> {
+        let mut client = self.client(id);
+        let mut accel = [0.0; 3];
+        for (sub, axis) in (1..).zip(&mut accel) {
+            *axis = f64::from(client.read_u32(0x2031, sub)? as i32);
+        }
+        let temperature = client.read_u32(0x6511, 0)? as u8 as i8;
+        let mut angle_deg = [Err(0); 2];
+        for (place, angle) in (0..2).zip(&mut angle_deg) {
+            let quality = client.read_u32(0x2010, 3 + place)?;
+            let raw = client.read_u32(0x2010, 1 + place)?;
+            *angle = match quality {
+                QUALITY.. => Ok(f64::from((raw << 8) as i32 >> 8) * ANGLE_STEP),
+                reason => Err(reason as u8),
+            };
+        }
+        Ok(Single {
+            accel,
+            temperature_c: f64::from(temperature),
+            angle_deg,
+        })
+    }
+
+    /// Writes a calibration, reads it back and compares byte by byte.
+    ///
+    /// Errors: a refusal, and [`CalibrateError::Differs`].
+    pub fn write(&mut self, place: usize, bytes: &[u8]) -> Result<(), CalibrateError> {
+        let id = self.nodes[place].id;
+        self.nodes[place].changed = true;
+        Client::patient(&mut self.bus, id).download(0x2061, 0, bytes)?;
+        if self.calibration(place)? != bytes {
+            return Err(CalibrateError::Differs(id));
+        }
+        Ok(())
+    }
+
+    /// 2061h as it is now.
+    ///
+    /// Errors: a node that does not answer.
+    pub fn calibration(&mut self, place: usize) -> Result<Vec<u8>, CalibrateError> {
+        let id = self.nodes[place].id;
+        Ok(Client::patient(&mut self.bus, id).upload(0x2061, 0)?)
+    }
+
+    /// 2063h: the hash of the report of the calibration in force; `None` when it has none.
+    ///
+    /// Errors: a node that does not answer.
+    pub fn hash(&mut self, place: usize) -> Result<Option<Vec<u8>>, CalibrateError> {
+        let id = self.nodes[place].id;
+        hash_of(&mut self.bus, id)
+    }
+
+    /// Writes 2063h, and reads it back.
+    ///
+    /// Errors: a refusal, and [`CalibrateError::Differs`].
+    pub fn write_hash(&mut self, place: usize, hash: &[u8]) -> Result<(), CalibrateError> {
+        let id = self.nodes[place].id;
+        self.client(id).download(0x2063, 0, hash)?;
+        match self.hash(place)? {
+            Some(kept) if kept == hash => Ok(()),
+            _ => Err(CalibrateError::Differs(id)),
+        }
+    }
+
+    /// 2060h sub 1: a command of the motor's run.
+    ///
+    /// Errors: a refusal.
+    pub fn run_command(&mut self, place: usize, command: u8) -> Result<(), CalibrateError> {
+        let id = self.nodes[place].id;
+        let mut client = Client::patient(&mut self.bus, id);
+        Ok(client.download(0x2060, 1, &[command])?)
+    }
+
+    /// 2060h sub 2: the housing stands at `deg`; what the table in force read there less that.
+    ///
+    /// Errors: [`CalibrateError::Point`] for a point that is not taken.
+    pub fn memorise(&mut self, place: usize, deg: f64) -> Result<(), CalibrateError> {
+        let id = self.nodes[place].id;
+        let thousandths = (deg * 1000.0).round() as i32;
+        match self
+            .client(id)
+            .download(0x2060, 2, &thousandths.to_le_bytes())
+        {
+            Err(SdoError::Refused(..)) => {
+                let result = self.client(id).read_u32(0x2060, 8)? as u8;
+                Err(CalibrateError::Point(id, deg, result))
+            }
+            done => Ok(done?),
+        }
+    }
+
+    /// Gives each node that was changed what it had, and tells which of them did not take it.
+    pub fn roll_back(&mut self) -> Vec<u8> {
+        let mut left = Vec::new();
+        for place in 0..self.nodes.len() {
+            let node = &self.nodes[place];
+            let (id, changed, bytes) = (node.id, node.changed, node.bytes.clone());
+            let hash = node.hash.clone();
+            if !changed {
+                continue;
+            }
+            // An interrupted transfer may be open, and a signal that waits ends the first try.
+            let restored = (0..2).any(|_| self.write(place, &bytes).is_ok());
+            let belongs = matches!(self.hash(place), Ok(now) if now == hash);
+            if let (true, false, Some(hash)) = (restored, belongs, &hash) {
+                // Without it the report of before is no longer vouched for, which verify tells.
+                let _ = self.write_hash(place, hash);
+            }
+            if restored {
+                self.nodes[place].changed = false;
+            } else {
+                left.push(id);
+            }
+        }
+        left
+    }
+}
+
+fn hash_of(bus: &mut Bus, id: u8) -> Result<Option<Vec<u8>>, CalibrateError> {
+    match Client::new(bus, id).upload(0x2063, 0) {
+        Ok(hash) => Ok(Some(hash)),
+        // A program of before this object has none either.
+        Err(SdoError::Refused(_, _, _, NO_DATA | NO_OBJECT)) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// One reading.
+struct Single {
+    accel: [f64; 3],
+    temperature_c: f64,
+    angle_deg: [Result<f64, u8>; 2],
+}
+
+/// Readings on their way to a mean.
+#[derive(Default)]
+struct Sum {
+    singles: Vec<Single>,
+}
+
+impl Sum {
+    fn add(&mut self, single: Single) {
+        self.singles.push(single);
+    }
+
+    fn mean(self) -> Reading {
+        let count = self.singles.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Single) -> f64| self.singles.iter().map(of).sum::<f64>() / count;
+        let accel: [f64; 3] = std::array::from_fn(|axis| mean(&|s| s.accel[axis]));
+        let square = |s: &Single| -> f64 {
+            let off = s.accel.iter().zip(accel).map(|(a, m)| (a - m).powi(2));
+            off.sum()
+        };
+        let mg = f64::from(tilt::ONE_G) / 1000.0;
+        Reading {
+            accel,
+            scatter_mg: mean(&square).sqrt() / mg,
+            temperature_c: mean(&|s| s.temperature_c),
+            angle_deg: [0, 1].map(|axis| mean_angle(&self.singles, axis)),
+        }
+    }
+}
+
+/// The mean of angles that may lie on both sides of +-180 deg.
+fn mean_angle(singles: &[Single], axis: usize) -> Result<f64, u8> {
+    let mut sum = 0.0;
+    let Some(first) = singles.first() else {
+        return Err(0);
+    };
+    let first = first.angle_deg[axis]?;
+    for single in singles {
+        sum += wrap(single.angle_deg[axis]? - first);
+    }
+    Ok(wrap(first + sum / singles.len() as f64))
+}
+
+/// To -180..=180 deg.
+pub fn wrap(deg: f64) -> f64 {
+    deg - 360.0 * (deg / 360.0).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn single(accel: f64, deg: Result<f64, u8>) -> Single {
+        Single {
+            accel: [accel, 0.0, 0.0],
+            temperature_c: 25.0,
+            angle_deg: [deg, Err(6)],
+        }
+    }
+
+    #[test]
+    fn a_mean_keeps_scatter_reasons_and_the_short_way_round() {
+        let mg = f64::from(tilt::ONE_G) / 1000.0;
+        let mut sum = Sum::default();
+        sum.add(single(0.0, Ok(179.9)));
+        sum.add(single(2.0 * mg, Ok(-179.7)));
+        let mean = sum.mean();
+        assert_eq!(mean.accel[0], mg);
+        assert!((mean.scatter_mg - 1.0).abs() < 1e-9);
+        assert!((mean.angle_deg[0].unwrap() + 179.9).abs() < 1e-9);
+        assert_eq!(mean.angle_deg[1], Err(6));
+    }
+
+    #[test]
+    fn a_calibration_comes_back_from_its_bytes_and_half_of_them_are_none() {
+        let bytes = encode(&Calibration::NOMINAL);
+        assert_eq!(decode(&bytes), Some(Calibration::NOMINAL));
+        assert_eq!(decode(&bytes[..bytes.len() - 4]), None);
+    }
+}

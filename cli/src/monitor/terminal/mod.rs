@@ -1,0 +1,110 @@
+//! The terminal view.
+//!
+//! In: the shared model and keys. Out: a screen that is drawn ten times a second at most, and only
+//! when something has changed. The terminal is as it was before when this ends, whatever ended it.
+//!
+//! Left out: reading of frames, which goes on in its own thread however slow the terminal is.
+
+mod chart;
+mod draw;
+mod picture;
+mod screen;
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+
+use super::reading::Shared;
+use picture::Picture;
+use screen::{Action, Key, Screen};
+
+/// The least time from one drawing to the next.
+const DRAW: Duration = Duration::from_millis(100);
+
+/// A screen on which nothing happens is drawn so often: ages go on.
+const DRAW_ANYWAY: Duration = Duration::from_secs(1);
+
+/// What the view has to know besides.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// When it ends by itself.
+    pub until: Option<Instant>,
+    /// The address of the web page, where there is one.
+    pub page: Option<String>,
+}
+
+/// Shows the model until the user has enough, the time is over, or the reader has ended.
+///
+/// Errors: what the terminal says.
+pub fn run(shared: &Shared, options: &Options) -> io::Result<()> {
+    let mut terminal = ratatui::try_init()?;
+    let shown = show(&mut terminal, shared, options);
+    ratatui::try_restore()?;
+    shown
+}
+
+fn show(terminal: &mut DefaultTerminal, shared: &Shared, options: &Options) -> io::Result<()> {
+    let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let mut screen = Screen::new(colours, options.page.clone());
+    let mut picture = Picture::take(shared, &screen);
+    let (mut drawn_at, mut drawn_frames) = (None::<Instant>, 0);
+    let mut changed = true;
+    while !shared.is_done()
+        && !shared.is_stopped()
+        && options.until.is_none_or(|until| Instant::now() < until)
+    {
+        let age = drawn_at.map_or(DRAW_ANYWAY, |at| at.elapsed());
+        if age >= DRAW {
+            if !screen.is_paused() {
+                let frames = shared.model().frames();
+                changed |= frames != drawn_frames || age >= DRAW_ANYWAY;
+                if changed {
+                    picture = Picture::take(shared, &screen);
+                    drawn_frames = frames;
+                }
+            }
+            if changed {
+                terminal.draw(|frame| draw::draw(frame, &picture, &screen))?;
+                changed = false;
+                drawn_at = Some(Instant::now());
+            }
+        }
+        if !event::poll(DRAW)? {
+            continue;
+        }
+        changed = true;
+        match handle(&event::read()?, &mut screen, shared) {
+            Action::Quit => break,
+            // A paused view keeps its moment, and takes no other events than it has.
+            Action::Pause => shared.pause(screen.is_paused()),
+            Action::Other => drawn_at = None,
+        }
+    }
+    Ok(())
+}
+
+fn handle(event: &Event, screen: &mut Screen, shared: &Shared) -> Action {
+    let Event::Key(pressed) = event else {
+        return Action::Other;
+    };
+    if pressed.kind == KeyEventKind::Release {
+        return Action::Other;
+    }
+    let control = pressed.modifiers.contains(KeyModifiers::CONTROL);
+    let key = match pressed.code {
+        KeyCode::Char('c') if control => Key::Char('q'),
+        KeyCode::Char(letter) => Key::Char(letter),
+        KeyCode::Tab | KeyCode::Right => Key::Next,
+        KeyCode::BackTab | KeyCode::Left => Key::Before,
+        KeyCode::Up => Key::Up,
+        KeyCode::Down => Key::Down,
+        KeyCode::PageUp => Key::PageUp,
+        KeyCode::PageDown => Key::PageDown,
+        KeyCode::Esc => Key::Escape,
+        _ => return Action::Other,
+    };
+    let instruments = shared.model().instruments();
+    screen.press(key, instruments)
+}

@@ -1,0 +1,102 @@
+//! What does not fit together in what a channel says.
+//!
+//! In: each thing found, with its time. Out: how often, and when first.
+
+/// A thing that can be wrong with what was received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Check {
+    /// A frame of the node of a length that its plan does not know.
+    Length,
+    /// A slope that may be used and is outside the measuring range (2040h).
+    Range,
+    /// A slope whose validity bit says otherwise than the number does.
+    Validity,
+    /// A code that has no meaning: state, quality, fault or NMT state.
+    Reserved,
+    /// A PDO came twice after one SYNC.
+    Twice,
+    /// A PDO that came after the SYNC before did not come after this one.
+    Missed,
+    /// 2024h is not the difference of the angles that both channels have told.
+    Difference,
+    /// The states of both channels contradict each other, or a channel sees agreement where the
+    /// angles that were told differ by more than they may.
+    State,
+}
+
+impl Check {
+    /// Every one of them.
+    pub const ALL: [Self; 8] = [
+        Self::Length,
+        Self::Range,
+        Self::Validity,
+        Self::Reserved,
+        Self::Twice,
+        Self::Missed,
+        Self::Difference,
+        Self::State,
+    ];
+
+    /// In words, of several.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Length => "frames of a wrong length",
+            Self::Range => "slopes outside the measuring range",
+            Self::Validity => "slopes whose validity bit says otherwise",
+            Self::Reserved => "codes without a meaning",
+            Self::Twice => "PDOs twice after one SYNC",
+            Self::Missed => "PDOs missing after a SYNC",
+            Self::Difference => "differences (2024h) that are not those of the angles told",
+            Self::State => "states of the pair that contradict each other or the angles",
+        }
+    }
+
+    /// The name in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Length => "length",
+            Self::Range => "range",
+            Self::Validity => "validity",
+            Self::Reserved => "reserved",
+            Self::Twice => "twice",
+            Self::Missed => "missed",
+            Self::Difference => "difference",
+            Self::State => "state",
+        }
+    }
+}
+
+/// How often something was found, and when first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Finding {
+    /// How often.
+    pub count: u64,
+    /// The time of the first.
+    pub first_ns: u64,
+}
+
+/// All that was found in what a channel says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Checks([Finding; Check::ALL.len()]);
+
+impl Checks {
+    pub(super) const fn add(&mut self, check: Check, time_ns: u64) {
+        let finding = &mut self.0[check as usize];
+        if finding.count == 0 {
+            finding.first_ns = time_ns;
+        }
+        finding.count += 1;
+    }
+
+    /// What was found of one kind.
+    pub const fn of(&self, check: Check) -> Finding {
+        self.0[check as usize]
+    }
+
+    /// The kinds that were found.
+    pub fn found(&self) -> impl Iterator<Item = (Check, Finding)> + '_ {
+        let all = Check::ALL.iter().zip(&self.0);
+        all.filter(|(_, finding)| finding.count > 0)
+            .map(|(check, finding)| (*check, *finding))
+    }
+}

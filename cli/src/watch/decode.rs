@@ -1,0 +1,139 @@
+//! The values of a PDO.
+//!
+//! In: its eight bytes and what the plan says of them. Out: a [`Values`], in which only those are
+//! set that the PDO carries.
+
+use super::plan::{PdoPlan, What};
+use device::exchange::{Exchange, NO_VECTOR};
+
+/// What one PDO has told.
+#[derive(Clone, Copy, Debug)]
+pub struct Values {
+    /// Slope X and Y, 0.001 deg; `None` where the number says that there is none.
+    pub slopes_mdeg: [Option<i32>; 2],
+    /// Validity (2020h).
+    pub validity: Option<u8>,
+    /// State of the pair (2021h).
+    pub state: Option<u8>,
+    /// Standard uncertainty, 0.001 deg.
+    pub uncertainty_mdeg: Option<u16>,
+    /// Group delay, ms.
+    pub latency_ms: u8,
+    /// The larger difference, 0.001 deg.
+    pub difference_mdeg: Option<i16>,
+    /// Temperature, degC.
+    pub temperature_degc: i8,
+    /// Angle, quality and what else of the exchange the PDO has.
+    pub exchange: Exchange,
+}
+
+const NOTHING: Values = Values {
+    slopes_mdeg: [None; 2],
+    validity: None,
+    state: None,
+    uncertainty_mdeg: None,
+    latency_ms: 0,
+    difference_mdeg: None,
+    temperature_degc: 0,
+    exchange: Exchange {
+        vector: NO_VECTOR,
+        ..Exchange::NOTHING
+    },
+};
+
+/// Takes the bytes apart.
+#[inline]
+pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
+    let all = u64::from_le_bytes(bytes);
+    let mut values = NOTHING;
+    for field in &plan.fields {
+        let upper = 64 - u32::from(field.bits);
+        // Shifted up to the top and down again, which keeps the sign where that is wanted.
+        let top = all << (upper - u32::from(field.shift));
+        let (plain, signed) = (top >> upper, (top as i64) >> upper);
+        match field.what {
+            What::Slope(axis) => {
+                let lowest = i64::MIN >> upper;
+                let mdeg = (signed != lowest).then(|| signed * i64::from(resolution_mdeg));
+                put(
+                    &mut values.slopes_mdeg,
+                    axis,
+                    mdeg.and_then(|mdeg| i32::try_from(mdeg).ok()),
+                );
+            }
+            What::Validity => values.validity = Some(plain as u8),
+            What::State => values.state = Some(plain as u8),
+            What::Uncertainty => {
+                let known = plain as u16;
+                let larger = values.uncertainty_mdeg.max(Some(known));
+                values.uncertainty_mdeg = if known == u16::MAX { None } else { larger };
+            }
+            What::Latency => values.latency_ms = plain as u8,
+            What::Difference => {
+                let known = signed as i16;
+                values.difference_mdeg = (known != i16::MIN).then_some(known);
+            }
+            What::Temperature => values.temperature_degc = signed as i8,
+            What::Angle(axis) => put(&mut values.exchange.angle, axis, signed as i32),
+            What::Quality(axis) => put(&mut values.exchange.quality, axis, plain as u8),
+            What::Vector(axis) => put(&mut values.exchange.vector, axis, signed as i16),
+            What::Captured => values.exchange.captured = plain as u8,
+            What::Activity => values.exchange.activity = plain as u8,
+            What::Other => {}
+        }
+    }
+    values
+}
+
+#[inline]
+fn put<T>(places: &mut [T], axis: u8, value: T) {
+    if let Some(place) = places.get_mut(usize::from(axis)) {
+        *place = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn slopes_of_32_bit_and_another_resolution() {
+        let plan = PdoPlan::of(0x181, 1, &[0x6110_0020, 0x6120_0020]);
+        let values = decode(&plan, [0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0x80], 100);
+        assert_eq!(values.slopes_mdeg, [Some(-100), None]);
+    }
+
+    proptest! {
+        #[test]
+        fn the_exchange_comes_out_as_it_went_in(
+            angle in [-(1 << 23)..(1 << 23), -(1 << 23)..(1 << 23)],
+            quality: [u8; 2],
+            vector: [i16; 3],
+            captured: u8,
+            activity: u8,
+        ) {
+            let told = Exchange { angle, quality, vector, captured, activity };
+            let [one, two] = [0, 8].map(|at| told.bytes()[at..at + 8].try_into().unwrap());
+            let node = super::super::NodePlan::as_delivered(1);
+            let (first, second) = (decode(&node.pdos[2], one, 10), decode(&node.pdos[3], two, 10));
+            prop_assert_eq!((first.exchange.angle, first.exchange.quality), (angle, quality));
+            prop_assert_eq!(second.exchange.vector, vector);
+            prop_assert_eq!(
+                (second.exchange.captured, second.exchange.activity),
+                (captured, activity)
+            );
+        }
+
+        #[test]
+        fn any_mapping_of_any_bytes_has_values(
+            mapping in proptest::collection::vec(any::<u32>(), 0..12),
+            bytes: [u8; 8],
+            resolution in 1..1000,
+        ) {
+            let plan = PdoPlan::of(0x181, 1, &mapping);
+            prop_assert!(plan.length <= 8);
+            let _ = decode(&plan, bytes, resolution);
+        }
+    }
+}

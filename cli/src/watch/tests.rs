@@ -1,0 +1,285 @@
+//! Conversations on a bus, and what the watch makes of them.
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+struct Bus {
+    watch: Watch,
+    now_ns: u64,
+}
+
+fn bus() -> Bus {
+    Bus {
+        watch: Watch::new(&Plan::default()),
+        now_ns: 1_700_000_000_000_000_000,
+    }
+}
+
+const PLACES: [Place; 2] = [Place { pair: 0, side: 0 }, Place { pair: 0, side: 1 }];
+
+/// TPDO 1 with X in 0.01 deg, both axes valid unless said otherwise.
+fn slopes(x: i16, validity: u8, state: u8) -> Vec<u8> {
+    let [low, high] = x.to_le_bytes();
+    vec![low, high, 0, 0, validity, state]
+}
+
+/// TPDO 3 of an angle in 0.001 deg.
+fn angle(mdeg: i32) -> Vec<u8> {
+    let steps = (i64::from(mdeg) << 24) / 360_000;
+    let [a, b, c, _] = (steps as i32).to_le_bytes();
+    vec![a, b, c, 0, 0, 0, 0x70, 0x70]
+}
+
+/// TPDO 2 with this difference.
+fn detail(mdeg: i16) -> Vec<u8> {
+    let [low, high] = mdeg.to_le_bytes();
+    vec![0x3F, 1, 20, 0, 30, low, high, 25]
+}
+
+impl Bus {
+    fn see(&mut self, id: u16, bytes: &[u8]) -> News {
+        self.now_ns += 100_000;
+        self.watch.take(self.now_ns, &Frame::data_frame(id, bytes))
+    }
+
+    fn pass(&mut self, ms: u64) {
+        self.now_ns += ms * MS;
+    }
+
+    /// A SYNC at which A and B have these angles, 0.001 deg, and states.
+    fn round(&mut self, mdeg: [i32; 2], states: [u8; 2]) {
+        self.pass(10);
+        self.see(0x080, &[]);
+        for (id, state) in (1..).zip(states) {
+            self.see(0x180 + id, &slopes(0, 0x3F, state));
+        }
+        for (id, mdeg) in (1..).zip(mdeg) {
+            self.see(0x380 + id, &angle(mdeg));
+            self.see(0x480 + id, &[0, 0, 0, 0, 0, 0x20, 0, 0]);
+        }
+    }
+
+    fn found(&self, side: usize) -> Vec<(Check, u64)> {
+        let checks = &self.watch.pairs()[0].sides[side].checks;
+        checks
+            .found()
+            .map(|(check, finding)| (check, finding.count))
+            .collect()
+    }
+}
+
+#[test]
+fn slopes_of_one_sync_make_a_difference() {
+    let mut watch = Watch::new(&Plan::default());
+    assert_eq!(watch.take(0, &Frame::data_frame(0x80, &[])), News::Sync);
+    let a = Frame::data_frame(0x181, &[0xE8, 3, 0, 0, 0x3F, 1]);
+    let b = Frame::data_frame(0x182, &[0xE6, 3, 0, 0x80, 0x3D, 1]);
+    assert_eq!(watch.take(1, &a), News::Slopes(PLACES[0], None));
+    let delta = Delta {
+        time_ns: 0,
+        mdeg: [Some(20), None],
+    };
+    assert_eq!(watch.take(2, &b), News::Slopes(PLACES[1], Some(delta)));
+    let slopes = watch.pairs()[0].sides[0].slopes.unwrap();
+    assert_eq!(slopes.mdeg, [Some(10_000), Some(0)]);
+    let cut = Frame::data_frame(0x182, &[1, 2]);
+    assert_eq!(watch.take(3, &cut), News::Malformed(PLACES[1]));
+    assert_eq!(watch.counts().malformed, 1);
+}
+
+#[test]
+fn a_healthy_pair_is_found_guilty_of_nothing() {
+    let mut bus = bus();
+    for turn in 0..500 {
+        bus.round([turn * 7, turn * 7 + 35], [1, 1]);
+        if turn % 10 == 9 {
+            assert_eq!(bus.see(0x281, &detail(-35)), News::Detail(PLACES[0]));
+            bus.see(0x282, &detail(35));
+        }
+    }
+    assert_eq!((bus.found(0), bus.found(1)), (vec![], vec![]));
+    assert_eq!(bus.watch.counts().others, 0);
+    let exchanged = bus.watch.pairs()[0].exchanged_mdeg;
+    assert!((exchanged[0].unwrap() + 35).abs() <= 1 && exchanged[1] == Some(0));
+}
+
+#[test]
+fn a_difference_that_is_not_that_of_the_angles_is_counted() {
+    let mut bus = bus();
+    bus.round([1000, 1050], [1, 1]);
+    bus.see(0x281, &detail(-50));
+    bus.see(0x282, &detail(50));
+    assert_eq!((bus.found(0), bus.found(1)), (vec![], vec![]));
+    bus.round([1000, 1050], [1, 1]);
+    bus.see(0x281, &detail(-60));
+    bus.see(0x282, &detail(-50));
+    bus.round([1000, 1050], [1, 1]);
+    // None said, and none known, are no contradictions.
+    bus.see(0x281, &detail(i16::MIN));
+    let one = vec![(Check::Difference, 1)];
+    assert_eq!((bus.found(0), bus.found(1)), (one.clone(), one));
+}
+
+#[test]
+fn a_pair_that_says_it_agrees_while_its_angles_are_apart_is_counted() {
+    let mut bus = bus();
+    for _ in 0..100 {
+        bus.round([0, 2000], [1, 1]);
+    }
+    assert_eq!(bus.found(0), [], "it may last for 1.5 s");
+    for _ in 0..100 {
+        bus.round([0, 2000], [1, 6]);
+    }
+    assert!(matches!(bus.found(0)[..], [(Check::State, 20..)]));
+    let mut told = self::bus();
+    for _ in 0..300 {
+        told.round([0, 2000], [6, 6]);
+    }
+    assert_eq!((told.found(0), told.found(1)), (vec![], vec![]));
+}
+
+#[test]
+fn states_that_exclude_each_other_for_long_are_counted_at_both() {
+    let mut bus = bus();
+    for states in [[7, 8], [8, 7], [9, 9], [0, 1]] {
+        (0..200).for_each(|_| bus.round([0, 0], states));
+    }
+    assert_eq!(bus.found(0), []);
+    (0..200).for_each(|_| bus.round([0, 0], [1, 8]));
+    assert!(matches!(bus.found(0)[..], [(Check::State, 20..)]));
+    assert!(matches!(bus.found(1)[..], [(Check::State, 20..)]));
+}
+
+#[test]
+fn numbers_and_validity_bits_that_contradict_each_other_are_counted() {
+    let mut bus = bus();
+    bus.see(0x181, &slopes(100, 0x3E, 1));
+    bus.see(0x181, &slopes(i16::MIN, 0x3F, 1));
+    bus.see(0x181, &slopes(i16::MIN, 0x3E, 1));
+    assert_eq!(bus.found(0), [(Check::Validity, 2), (Check::Twice, 2)]);
+    // Out of its range a valid slope may be one that 16 bit cannot hold.
+    bus.see(0x082, &[0x10, 0x50, 0x20, 1, 0, 0, 0, 1]);
+    bus.see(0x182, &slopes(i16::MIN, 0x3F, 1));
+    bus.see(0x080, &[]);
+    bus.see(0x182, &slopes(9500, 0x3F, 1));
+    assert_eq!(bus.found(1), [(Check::Range, 1)]);
+}
+
+#[test]
+fn codes_without_a_meaning_are_counted() {
+    let mut bus = bus();
+    bus.see(0x181, &slopes(0, 0x3F, 10));
+    bus.see(0x381, &[0, 0, 0, 0, 0, 0, 20, 0x70]);
+    bus.see(0x081, &[0x01, 0xFF, 0x81, 0, 0, 0x80, 0, 1]);
+    assert_eq!(bus.see(0x701, &[9]), News::Malformed(PLACES[0]));
+    assert_eq!(bus.found(0), [(Check::Reserved, 4)]);
+    assert_eq!(bus.see(0x701, &[]), News::Malformed(PLACES[0]));
+    assert_eq!(bus.see(0x081, &[1, 2, 3]), News::Malformed(PLACES[0]));
+    assert_eq!(bus.found(0), [(Check::Length, 2), (Check::Reserved, 4)]);
+}
+
+#[test]
+fn a_pdo_that_stays_away_is_missed_once_and_a_second_one_is_too_many() {
+    let mut bus = bus();
+    bus.round([0, 0], [1, 1]);
+    bus.round([0, 0], [1, 1]);
+    bus.see(0x181, &slopes(0, 0x3F, 1));
+    for _ in 0..5 {
+        bus.pass(10);
+        bus.see(0x080, &[]);
+        bus.see(0x181, &slopes(0, 0x3F, 1));
+    }
+    assert_eq!(bus.found(0), [(Check::Twice, 1), (Check::Missed, 2)]);
+    assert_eq!(bus.found(1), [(Check::Missed, 3)]);
+}
+
+#[test]
+fn supervision_of_a_heartbeat_begins_with_the_first_one() {
+    let mut bus = bus();
+    for _ in 0..20 {
+        bus.pass(100);
+        bus.see(0x701, &[5]);
+    }
+    let side = |bus: &Bus, n: usize| {
+        let side = &bus.watch.pairs()[0].sides[n];
+        (side.losses, side.lost_ns.is_some())
+    };
+    assert_eq!((side(&bus, 0), side(&bus, 1)), ((0, false), (0, false)));
+    bus.see(0x702, &[127]);
+    for _ in 0..10 {
+        bus.pass(100);
+        bus.see(0x701, &[5]);
+    }
+    assert_eq!((side(&bus, 0), side(&bus, 1)), ((0, false), (1, true)));
+    bus.see(0x702, &[127]);
+    assert_eq!(side(&bus, 1), (1, false));
+    bus.watch.tick(bus.now_ns + 501 * MS);
+    assert_eq!((side(&bus, 0), side(&bus, 1)), ((1, true), (2, true)));
+}
+
+#[test]
+fn a_hole_in_the_log_is_no_lost_heartbeat() {
+    let mut bus = bus();
+    bus.round([0, 0], [1, 1]);
+    bus.see(0x701, &[5]);
+    bus.pass(60_000);
+    bus.round([0, 0], [1, 1]);
+    let counts = *bus.watch.counts();
+    assert_eq!((counts.holes, counts.longest_hole_ns / MS), (1, 60_010));
+    assert_eq!(bus.watch.pairs()[0].sides[0].losses, 0);
+    bus.now_ns -= 3_600_000 * MS;
+    bus.round([0, 0], [1, 1]);
+    assert_eq!(bus.watch.counts().backwards, 1);
+    assert_eq!(bus.found(0), []);
+    // From here on it counts again.
+    for _ in 0..60 {
+        bus.round([0, 0], [1, 1]);
+    }
+    assert_eq!(bus.watch.pairs()[0].sides[0].losses, 1);
+}
+
+#[test]
+fn the_end_of_a_fault_of_the_bus_left_no_fault_of_the_instrument() {
+    let mut bus = bus();
+    bus.see(0x081, &[0x14, 0xFF, 0x81, 0, 0x20, 0, 0x4F, 7]);
+    bus.see(0x081, &[0x30, 0x81, 0x91, 2, 0, 0, 0, 0]);
+    let faults = |bus: &Bus| bus.watch.pairs()[0].sides[0].faults;
+    assert_eq!(faults(&bus), 1 << 13);
+    // 0000h of 8130h: bytes 3 to 7 are 0, and byte 2 tells that something is left.
+    bus.see(0x081, &[0, 0, 0x81, 0, 0, 0, 0, 0]);
+    assert_eq!(faults(&bus), 1 << 13);
+    bus.see(0x081, &[0, 0, 0, 0, 0, 0, 0, 1]);
+    assert_eq!(faults(&bus), 0);
+    bus.see(0x081, &[0x02, 0x61, 0x81, 0xFF, 0xFF, 0xFF, 0xFF, 1]);
+    assert_eq!((faults(&bus), bus.found(0)), (0, vec![]));
+}
+
+#[test]
+fn frames_that_are_nobodys_are_told_apart() {
+    use canopen::frame::{ExtendedId, standard};
+    let mut bus = bus();
+    for id in [
+        0x000, 0x100, 0x581, 0x601, 0x7E4, 0x501, 0x705, 0x185, 0x6F0,
+    ] {
+        assert_eq!(bus.see(id, &[1]), News::Other);
+    }
+    let extended = Frame::with(ExtendedId::new(0x181).unwrap(), &[0; 6]).unwrap();
+    let remote = Frame::remote(standard(0x181), 6).unwrap();
+    bus.watch.take(bus.now_ns, &extended);
+    bus.watch.take(bus.now_ns, &remote);
+    let counts = bus.watch.counts();
+    let told = [
+        counts.nmt,
+        counts.services,
+        counts.sdo,
+        counts.unplanned,
+        counts.strangers,
+    ];
+    assert_eq!(
+        (told, counts.extended, counts.remote),
+        ([1, 2, 2, 1, 3], 1, 1)
+    );
+    assert_eq!(counts.others, 11);
+    assert_eq!(bus.watch.strangers().collect::<Vec<_>>(), [5]);
+}

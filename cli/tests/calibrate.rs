@@ -1,0 +1,435 @@
+//! `plumb calibrate` and `plumb verify` from the outside, against the nodes of `plumb serve`.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, ChildStdin, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+fn plumb(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// A bus with two nodes, a motor, and a folder; all gone with it.
+struct Bench {
+    server: Child,
+    words: ChildStdin,
+    bus: String,
+    motor: String,
+    folder: PathBuf,
+}
+
+impl Bench {
+    fn new(more: &[&str]) -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("plumb-calibrate-{}-{number}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        fs::create_dir_all(&folder).unwrap();
+        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--motor", "127.0.0.1:0"])
+            .args(["--speed", "20", "--bit-rate", "1000"])
+            .args(more)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
+        let mut next = || lines.next().unwrap().unwrap();
+        let ready = next();
+        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let motor = loop {
+            if let Some((_, motor)) = next().split_once("--motor ") {
+                break motor.to_owned();
+            }
+        };
+        // The rest is read so that the server never waits for it.
+        std::thread::spawn(move || lines.for_each(drop));
+        let words = server.stdin.take().unwrap();
+        std::thread::sleep(Duration::from_millis(400));
+        Self {
+            bus: bus.to_owned(),
+            server,
+            words,
+            motor,
+            folder,
+        }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.join(name).display().to_string()
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = plumb(arguments);
+        command.args(["--bus", &self.bus]);
+        command
+    }
+
+    fn calibrate(&self, more: &[&str]) -> Command {
+        let mut command = self.command(&["calibrate", "--out", &self.path("report")]);
+        command.args(more);
+        command
+    }
+
+    fn by_motor(&self, more: &[&str]) -> Command {
+        let mut command = self.calibrate(&["--motor", &self.motor, "--country", "IT"]);
+        command.args(more);
+        command
+    }
+
+    fn verify(&self, file: &str) -> (Option<i32>, String, String) {
+        said(&self.command(&["verify", file]).output().unwrap())
+    }
+
+    /// What both nodes have in 2061h and 2063h.
+    fn kept(&self) -> String {
+        let file = self.path("kept.json");
+        let kept = self.command(&["calibrate", "--keep", &file]).output();
+        let (status, _, err) = said(&kept.unwrap());
+        assert_eq!(status, Some(0), "{err}");
+        fs::read_to_string(file).unwrap()
+    }
+
+    fn say(&mut self, words: &str) {
+        writeln!(self.words, "{words}").unwrap();
+    }
+
+    /// A socketcand client that has sent NMT "start" to all nodes.
+    fn started(&self) -> TcpStream {
+        let mut client = TcpStream::connect(&self.bus).unwrap();
+        write!(client, "< open plumb >< rawmode >").unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+        write!(client, "< send 0 2 1 0 >").unwrap();
+        client
+    }
+}
+
+/// The last state that the node's heartbeat has told within a while.
+fn state(client: &mut TcpStream, node: u8) -> Option<String> {
+    let until = Instant::now() + Duration::from_millis(500);
+    let patience = Some(Duration::from_millis(50));
+    client.set_read_timeout(patience).unwrap();
+    let mut text = String::new();
+    let mut bytes = [0; 4096];
+    while Instant::now() < until {
+        if let Ok(count) = client.read(&mut bytes) {
+            text += &String::from_utf8_lossy(&bytes[..count]);
+        }
+    }
+    let mark = format!("frame 70{node} ");
+    let (_, last) = text.rsplit_once(&mark)?;
+    last.split_whitespace().nth(1).map(str::to_owned)
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn said(output: &Output) -> (Option<i32>, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    (
+        output.status.code(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
+fn number(report: &serde_json::Value, path: &str) -> f64 {
+    report.pointer(path).unwrap().as_f64().unwrap()
+}
+
+#[test]
+fn a_motor_calibrates_both_channels_and_verify_knows_the_report() {
+    let bench = Bench::new(&["--uncalibrated"]);
+    let before = bench.kept();
+    let run = bench
+        .by_motor(&["--step", "15", "--json"])
+        .output()
+        .unwrap();
+    let (status, out, err) = said(&run);
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(out.lines().count(), 1);
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["format"], "plumb-calibrate");
+    for channel in 0..2 {
+        let of = |key: &str| format!("/channels/{channel}/{key}");
+        assert!(number(&report, &of("residual_deg")) < 0.05);
+        assert_eq!(
+            report["channels"][channel]["as_left"]
+                .as_array()
+                .unwrap()
+                .len(),
+            16
+        );
+        assert!(number(&report, &of("expanded_uncertainty_deg")) < 0.05);
+    }
+    let largest = number(&report, "/decision/largest_error_deg");
+    assert!(largest > 0.0 && largest < 0.1, "{largest}");
+    // The live residuals of every stand.
+    assert_eq!(
+        err.lines()
+            .filter(|line| line.starts_with("slope "))
+            .count(),
+        2 * 26 + 16
+    );
+    let found = fs::read_to_string(bench.path("report/as-found.json")).unwrap();
+    assert_eq!(found, before);
+    for file in ["report/dcc.xml", "report/report.json"] {
+        let (status, out, err) = bench.verify(&bench.path(file));
+        assert_eq!(status, Some(0), "{out} {err}");
+    }
+    let changed = fs::read_to_string(bench.path("report/dcc.xml")).unwrap();
+    let changed = changed.replace("not stated", "somebody");
+    fs::write(bench.path("changed.xml"), changed).unwrap();
+    let (status, out, _) = bench.verify(&bench.path("changed.xml"));
+    assert_eq!(status, Some(1));
+    assert!(out.contains("another report belongs to it"), "{out}");
+    let as_found = bench.path("report/as-found.json");
+    let restore = bench
+        .command(&["calibrate", "--restore", &as_found])
+        .output();
+    let (status, _, err) = said(&restore.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(1));
+    assert!(out.contains("another calibration is in force"), "{out}");
+}
+
+/// Where the housing stands in each pose: pitch and roll. The surface is tilted by half a degree,
+/// and what leans leans a few degrees off.
+const STANDS: [(f64, f64); 15] = [
+    (0.3, -0.4),
+    (-0.3, 0.4),
+    (0.0, 89.6),
+    (0.0, 90.4),
+    (0.0, -90.2),
+    (89.8, 0.0),
+    (-90.0, 0.0),
+    (0.0, 179.6),
+    (0.0, 41.0),
+    (0.0, -48.0),
+    (42.0, 0.0),
+    (-47.0, 0.0),
+    (41.0, 47.0),
+    (0.2, 0.3),
+    (-0.2, -0.3),
+];
+
+/// Puts the housing down as it is asked for, and says so by a line unless `silent`.
+fn put_down(bench: &mut Bench, asked: ChildStderr, mut answers: Option<ChildStdin>) -> String {
+    bench.say("rate 400");
+    let mut stands = STANDS.iter();
+    let mut all = String::new();
+    for line in BufReader::new(asked).lines().map_while(Result::ok) {
+        all += &format!("{line}\n");
+        if !(line.starts_with("pose ") || line.starts_with("verification, ")) {
+            continue;
+        }
+        let Some((pitch, roll)) = stands.next() else {
+            break;
+        };
+        // Up, so that a housing that comes back to where it stood has moved all the same.
+        for words in ["level", "roll 20"] {
+            bench.say(words);
+            std::thread::sleep(Duration::from_millis(150));
+        }
+        bench.say("level");
+        bench.say(&format!("roll {roll}"));
+        bench.say(&format!("pitch {pitch}"));
+        std::thread::sleep(Duration::from_millis(200));
+        if let Some(answers) = &mut answers {
+            writeln!(answers).unwrap();
+        }
+    }
+    all
+}
+
+#[test]
+fn a_person_calibrates_in_thirteen_poses() {
+    let mut bench = Bench::new(&["--uncalibrated"]);
+    let mut run = bench.calibrate(&["--by-hand", "--json"]);
+    run.stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut run = run.spawn().unwrap();
+    let (asked, answers) = (run.stderr.take().unwrap(), run.stdin.take());
+    let told = put_down(&mut bench, asked, answers);
+    let output = run.wait_with_output().unwrap();
+    let (status, out, _) = said(&output);
+    assert_eq!(status, Some(0), "{told}");
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["method"], "by-hand");
+    assert_eq!(report["channels"][1]["poses"].as_array().unwrap().len(), 13);
+    let tilt = number(&report, "/faces/base_surface_deg");
+    assert!((tilt - 0.5).abs() < 0.05, "{tilt}");
+    let largest = number(&report, "/decision/largest_error_deg");
+    assert!(largest < 0.05, "{largest}");
+    let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(0), "{out}");
+    // And the instrument agrees with the motor within what is promised.
+    let check = bench.by_motor(&["--step", "30", "--nodes", "1", "--json"]);
+    let check = { check }.output().unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
+    let errors = report["channels"][0]["as_found"].as_array().unwrap().iter();
+    let errors = errors.filter(|p| p["reference_deg"].as_f64().unwrap().abs() < 80.0);
+    let errors: Vec<f64> = errors.map(|p| p["error_deg"].as_f64().unwrap()).collect();
+    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+    assert!(rms < 0.08, "{rms}: {errors:?}");
+}
+
+#[test]
+fn poses_that_end_early_are_named_and_nothing_changes() {
+    let mut bench = Bench::new(&[]);
+    let before = bench.kept();
+    bench.say("roll 0.2");
+    let mut run = bench.calibrate(&["--by-hand"]);
+    run.stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut run = run.spawn().unwrap();
+    run.stdin.take().unwrap().write_all(b"\n\n").unwrap();
+    let (status, _, err) = said(&run.wait_with_output().unwrap());
+    assert_eq!(status, Some(2), "{err}");
+    let last = err.lines().last().unwrap();
+    assert!(last.contains("missing: on its side, X up; "), "{err}");
+    assert_eq!(bench.kept(), before);
+}
+
+#[test]
+fn what_is_not_within_its_tolerance_is_taken_back() {
+    let bench = Bench::new(&["--mode", "paper"]);
+    let before = bench.kept();
+    // Tables with points 30 deg apart read the nearest one: up to 15 deg off.
+    let run = bench
+        .by_motor(&["--step", "30", "--tolerance", "0.2"])
+        .output();
+    let (status, out, err) = said(&run.unwrap());
+    assert_eq!(status, Some(1), "{err}");
+    assert!(out.contains("NOT accepted"), "{out}");
+    assert_eq!(bench.kept(), before);
+    let (status, _, err) = bench.verify(&bench.path("report/report.json"));
+    assert_eq!(status, Some(2));
+    assert!(err.contains("was not accepted"), "{err}");
+    let run = bench.by_motor(&["--step", "30"]).output();
+    let (status, out, err) = said(&run.unwrap());
+    assert_eq!(status, Some(0), "{out} {err}");
+    assert!(out.contains("accepted: within 15.2 deg"), "{out}");
+    let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(0), "{out}");
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_leaves_the_nodes_as_they_were_found() {
+    let bench = Bench::new(&[]);
+    let mut client = bench.started();
+    assert_eq!(state(&mut client, 1).as_deref(), Some("05"));
+    let before = bench.kept();
+    let mut run = bench.by_motor(&["--step", "15"]);
+    run.stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut run = run.spawn().unwrap();
+    let mut lines = BufReader::new(run.stderr.take().unwrap()).lines();
+    for _ in 0..5 {
+        lines.next().unwrap().unwrap();
+    }
+    assert_eq!(state(&mut client, 2).as_deref(), Some("7F"));
+    let pid = run.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    let status = run.wait().unwrap();
+    assert_eq!(status.code(), Some(2));
+    let last = lines.map_while(Result::ok).last().unwrap();
+    assert!(last.contains("interrupted"), "{last}");
+    for node in [1, 2] {
+        assert_eq!(state(&mut client, node).as_deref(), Some("05"));
+    }
+    assert_eq!(bench.kept(), before);
+}
+
+#[test]
+fn a_node_that_vanishes_in_the_middle_is_named() {
+    let mut bench = Bench::new(&[]);
+    let before = bench.kept();
+    let mut run = bench.by_motor(&["--step", "15"]);
+    run.stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut run = run.spawn().unwrap();
+    let mut lines = BufReader::new(run.stderr.take().unwrap()).lines();
+    for _ in 0..5 {
+        lines.next().unwrap().unwrap();
+    }
+    bench.say("power b off");
+    let status = run.wait().unwrap();
+    assert_eq!(status.code(), Some(2));
+    let last = lines.map_while(Result::ok).last().unwrap();
+    assert!(last.contains("node 2 does not answer"), "{last}");
+    bench.say("power b on");
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(bench.kept(), before);
+}
+
+#[test]
+fn what_can_not_be_done_is_said_in_a_sentence() {
+    let bench = Bench::new(&["--mode", "paper"]);
+    let refused = |command: &mut Command, sentence: &str| {
+        let (code, out, err) = said(&command.output().unwrap());
+        assert_eq!((code, out.as_str()), (Some(2), ""), "{err}");
+        assert!(err.contains(sentence), "{err}");
+    };
+    refused(&mut bench.calibrate(&[]), "say how to calibrate");
+    refused(&mut bench.by_motor(&["--by-hand"]), "say how to calibrate");
+    refused(
+        &mut bench.by_motor(&["--nodes", "1,1"]),
+        "node 1 is named twice",
+    );
+    refused(
+        &mut bench.by_motor(&["--nodes", "1,2,3"]),
+        "give one node or the two",
+    );
+    refused(
+        &mut bench.by_motor(&["--nodes", "9"]),
+        "node 9 does not answer",
+    );
+    refused(
+        &mut bench.calibrate(&["--by-hand"]),
+        "calibrate this one by a motor",
+    );
+    let nobody = ["--motor", "tcp://127.0.0.1:1"];
+    refused(
+        &mut bench.calibrate(&nobody),
+        "cannot reach the motor tcp://127.0.0.1:1",
+    );
+    let bus = format!("tcp://{}", bench.bus);
+    refused(
+        &mut bench.calibrate(&["--motor", &bus]),
+        "the motor tcp://127.0.0.1:",
+    );
+    let file = bench.path("file");
+    fs::write(&file, "nothing").unwrap();
+    refused(
+        &mut bench.command(&["verify", &file]),
+        "no dcc.xml and no report.json",
+    );
+    refused(
+        &mut bench.command(&["verify", "no such file"]),
+        "cannot use no such file",
+    );
+    let restore = ["calibrate", "--restore", &file];
+    refused(
+        &mut bench.command(&restore),
+        "no file that --keep has written",
+    );
+}

@@ -1,0 +1,581 @@
+//! `plumb monitor` from the outside, against `plumb serve` and against a server made here.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+fn plumb(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    for name in ["CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE"] {
+        command.env_remove(name);
+    }
+    command.arg("monitor").args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn folder() -> PathBuf {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let name = format!("plumb-monitor-{}-{number}", std::process::id());
+    let folder = std::env::temp_dir().join(name);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Two nodes in real time, and a folder; both gone with it.
+struct Bench {
+    server: Child,
+    bus: String,
+    folder: PathBuf,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut server = Command::new(env!("CARGO_BIN_EXE_plumb"))
+            .args(["serve", "--listen", "127.0.0.1:0"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut ready = String::new();
+        let mut out = BufReader::new(server.stdout.take().unwrap());
+        out.read_line(&mut ready).unwrap();
+        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let bus = bus.to_owned();
+        // Who types gets an answer, which somebody has to read.
+        thread::spawn(move || out.read_to_end(&mut Vec::new()));
+        Self {
+            bus,
+            server,
+            folder: folder(),
+        }
+    }
+
+    fn type_line(&mut self, words: &str) {
+        let stdin = self.server.stdin.as_mut().unwrap();
+        writeln!(stdin, "{words}").unwrap();
+        stdin.flush().unwrap();
+    }
+
+    fn watch(&self, more: &[&str]) -> Command {
+        let mut command = plumb(&["--bus", &self.bus]);
+        command.args(more);
+        command
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.folder.join(name).display().to_string()
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn said(output: &Output) -> (Option<i32>, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    let status = output.status.code();
+    (status, text(&output.stdout), text(&output.stderr))
+}
+
+/// Lines of a monitor that goes on.
+struct Watched {
+    child: Child,
+    out: BufReader<std::process::ChildStdout>,
+}
+
+impl Watched {
+    fn new(command: &mut Command) -> Self {
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        Self { child, out }
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        assert_ne!(self.out.read_line(&mut line).unwrap(), 0, "it has ended");
+        line
+    }
+
+    /// Reads on until a line has this.
+    fn until(&mut self, wanted: &str) -> String {
+        let from = Instant::now();
+        let mut seen = String::new();
+        while from.elapsed() < Duration::from_secs(30) {
+            let line = self.line();
+            if line.contains(wanted) {
+                return line;
+            }
+            seen += &line;
+        }
+        panic!("no {wanted:?} in\n{seen}");
+    }
+
+    fn end(mut self) -> (Option<i32>, String) {
+        let status = self.child.wait().unwrap();
+        let mut err = String::new();
+        let mut stderr = self.child.stderr.take().unwrap();
+        stderr.read_to_string(&mut err).unwrap();
+        (status.code(), err)
+    }
+}
+
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    let pid = child.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn a_bus_is_shown_in_lines_and_a_fault_by_its_name() {
+    let mut bench = Bench::new();
+    let mut seen = Watched::new(&mut bench.watch(&["--start", "-b", "250000"]));
+    let line = seen.until("ok: both agree");
+    assert!(line.contains("  A ") && line.contains("A-B "), "{line}");
+    seen.until(" frames/s ");
+    bench.type_line("fault b bias x 20 mg");
+    seen.until("FAULT: B: EMCY FF13h: the channels differ for too long");
+    bench.type_line("roll 15");
+    seen.until("channel B is ill (at standstill its gravity is of the wrong length)");
+    seen.child.kill().unwrap();
+    seen.end();
+}
+
+#[test]
+fn json_is_one_object_per_line_and_stale_values_are_null() {
+    let bench = Bench::new();
+    let (status, out, err) = said(&bench.watch(&["--json", "--for", "3s"]).output().unwrap());
+    assert_eq!((status, err.as_str()), (Some(0), ""));
+    let mut states = 0;
+    for line in out.lines() {
+        assert!(line.starts_with(r#"{"format":"plumb-monitor","version":1,"record":"#));
+        let object: Value = serde_json::from_str(line).unwrap();
+        if object["record"] == "state" {
+            states += 1;
+            let channel = &object["instruments"][0]["channels"][0];
+            assert!(channel["slope_x_deg"].is_null(), "{line}");
+            let reason = channel["slope_x_reason"].as_str().unwrap();
+            assert_eq!(reason, "it is pre-operational, start it (NMT)");
+            assert_eq!(channel["nmt"], "pre-operational");
+        }
+    }
+    assert!((2..=3).contains(&states), "{out}");
+}
+
+#[test]
+fn passive_means_that_nothing_is_sent() {
+    let server = Server::start(Serving::Silent);
+    let output = plumb(&["--bus", &server.at, "--for", "2500ms"]).output();
+    let (status, out, _) = said(&output.unwrap());
+    assert_eq!(status, Some(0));
+    assert!(out.contains("nothing has been heard yet"), "{out}");
+    assert_eq!(server.end(), "< open plumb >< rawmode >");
+}
+
+#[test]
+fn start_and_sync_send_what_they_say_and_stop_for_somebody_else() {
+    let server = Server::start(Serving::Silent);
+    let options = [
+        "--bus", &server.at, "--for", "2s", "--start", "--sync", "100",
+    ];
+    let (status, out, _) = said(&plumb(&options).output().unwrap());
+    assert_eq!(status, Some(0));
+    assert!(
+        out.contains("1 frames/s") || out.contains("frames/s"),
+        "{out}"
+    );
+    let heard = server.end();
+    let start = "< open plumb >< rawmode >< send 000 2 01 01 >< send 000 2 01 02 >";
+    assert!(heard.starts_with(start), "{heard}");
+    let syncs = heard.matches("< send 080 0 >").count();
+    assert!((7..=11).contains(&syncs), "{heard}");
+    let server = Server::start(Serving::Frames(100));
+    let options = ["--bus", &server.at, "--for", "2s", "--sync", "100"];
+    let (_, out, _) = said(&plumb(&options).output().unwrap());
+    assert!(out.contains("somebody else produces SYNC"), "{out}");
+    assert!(!server.end().contains("send 080"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_recording_is_whole_after_an_interrupt_and_played_back_it_says_the_same() {
+    let bench = Bench::new();
+    for name in ["bus.log", "bus.asc"] {
+        let file = bench.file(name);
+        let options = ["--start", "--record", &file];
+        let mut seen = Watched::new(&mut bench.watch(&options));
+        seen.until("ok: both agree");
+        seen.until("frames/s");
+        seen.until("frames/s");
+        interrupt(&seen.child);
+        let (status, err) = seen.end();
+        assert_eq!((status, err.as_str()), (Some(0), ""));
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.ends_with('\n') && text.lines().count() > 300, "{name}");
+        let options = ["--log", &file, "--speed", "max", "--json"];
+        let (status, out, err) = said(&plumb(&options).output().unwrap());
+        assert_eq!((status, err.as_str()), (Some(0), ""), "{name}");
+        let last: Value = serde_json::from_str(out.lines().last().unwrap()).unwrap();
+        assert_eq!(last["bus"]["state"], "ended", "{last}");
+        assert_eq!(last["bus"]["malformed"], 0);
+        assert!(out.contains("both agree"));
+        let again = said(&bench.watch(&["--record", &file]).output().unwrap());
+        assert_eq!(again.0, Some(2));
+        assert!(again.2.contains("exists already"), "{}", again.2);
+        assert_eq!(fs::read_to_string(&file).unwrap(), text);
+    }
+}
+
+#[test]
+fn a_bus_that_dies_is_named_and_what_was_recorded_is_whole() {
+    let mut bench = Bench::new();
+    let file = bench.file("lost.log");
+    let options = ["--start", "--record", &file];
+    let mut seen = Watched::new(&mut bench.watch(&options));
+    seen.until("ok: both agree");
+    seen.until("frames/s");
+    bench.server.kill().unwrap();
+    let (status, err) = seen.end();
+    assert_eq!(status, Some(2));
+    assert!(err.starts_with("plumb: socketcand://127.0.0.1:"), "{err}");
+    assert_eq!(err.lines().count(), 1, "{err}");
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.ends_with('\n') && text.lines().count() > 50);
+}
+
+#[test]
+fn a_bus_that_comes_back_is_watched_on() {
+    let first = Server::start(Serving::Frames(100));
+    let at = first.at.clone();
+    let mut seen = Watched::new(&mut plumb(&["--bus", &at, "--reconnect"]));
+    seen.until("frames/s");
+    first.end();
+    seen.until("FAULT: ");
+    let second = Server::start_at(&at, Serving::Frames(100));
+    seen.until("the bus is there again");
+    seen.until("100 frames/s");
+    seen.child.kill().unwrap();
+    seen.end();
+    second.end();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_the_view_goes_on() {
+    let bench = Bench::new();
+    let options = ["--start", "--record", "/dev/full", "--force", "--for", "4s"];
+    let (status, out, err) = said(&bench.watch(&options).output().unwrap());
+    assert_eq!(status, Some(2));
+    assert!(out.contains("recording to /dev/full has ended: "), "{out}");
+    let after = out.split("has ended: ").nth(1).unwrap();
+    assert!(after.contains("frames/s"), "{out}");
+    assert!(err.contains("recording to /dev/full has ended: "), "{err}");
+}
+
+#[test]
+fn a_reader_that_has_enough_ends_it_without_a_word() {
+    let bench = Bench::new();
+    let mut seen = Watched::new(&mut bench.watch(&["--start"]));
+    seen.line();
+    let Watched { mut child, out } = seen;
+    drop(out);
+    let from = Instant::now();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(from.elapsed() < Duration::from_secs(10));
+}
+
+#[test]
+fn what_cannot_be_done_is_one_sentence() {
+    let folder = folder();
+    let no_log = folder.join("no.log");
+    fs::write(&no_log, "#!/bin/sh\n").unwrap();
+    let no_log = no_log.display().to_string();
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = taken.local_addr().unwrap().to_string();
+    let empty = folder.join("empty.log").display().to_string();
+    for (options, sentence) in [
+        (vec!["--bus", "127.0.0.1:1"], "127.0.0.1:1"),
+        (vec!["--log", "nowhere.log"], "nowhere.log"),
+        (vec!["--log", &no_log], "is no log of a CAN bus"),
+        (vec!["--nodes", "1,2,3"], "two node-ids for each instrument"),
+        (vec!["--bus", &taken, "--record", &empty], &taken),
+    ] {
+        let output = plumb(&options).output().unwrap();
+        let (status, out, err) = said(&output);
+        assert_eq!((status, out.as_str()), (Some(2), ""), "{options:?}: {err}");
+        assert!(err.contains(sentence), "{err}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+    }
+    assert!(!fs::exists(&empty).unwrap(), "an empty recording was left");
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_log_runs_at_its_own_time_and_gaps_are_told() {
+    let folder = folder();
+    let path = folder.join("gap.log");
+    let mut text = String::new();
+    for (from, count) in [(1_700_000_000.0, 200), (1_700_003_600.0, 200)] {
+        for n in 0..count {
+            let time = from + f64::from(n) * 0.01;
+            text += &format!("({time:.6}) can0 080#\n");
+            text += &format!("({time:.6}) can0 181#E80300007F01\n");
+            text += &format!("({time:.6}) can0 182#E60300007F01\n");
+        }
+    }
+    text += "(1700003610.000000) can0 18";
+    fs::write(&path, text).unwrap();
+    let path = path.display().to_string();
+    let from = Instant::now();
+    let options = ["--log", &path, "--speed", "10", "--skip-gaps"];
+    let (status, out, err) = said(&plumb(&options).output().unwrap());
+    assert_eq!((status, err.as_str()), (Some(0), ""));
+    // Four seconds and a gap of two at ten times their speed.
+    let took = from.elapsed();
+    assert!(
+        took > Duration::from_millis(500) && took < Duration::from_secs(20),
+        "{took:?}"
+    );
+    assert!(out.contains("heard again after 3598.0 s"), "{out}");
+    assert!(
+        out.contains("22:13:21.0  A +10.000 +0.000  B +9.980"),
+        "{out}"
+    );
+    assert!(out.contains("warning: 1 lines cut short"), "{out}");
+    assert!(out.contains("the log has ended"), "{out}");
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn the_page_says_where_it_is_and_serves_what_it_shows() {
+    let bench = Bench::new();
+    let options = ["--start", "--json", "--web", "127.0.0.1:0"];
+    let mut seen = Watched::new(&mut bench.watch(&options));
+    let first: Value = serde_json::from_str(&seen.line()).unwrap();
+    assert_eq!(first["record"], "page");
+    let url = first["url"].as_str().unwrap();
+    let at = url.strip_prefix("http://").unwrap().trim_end_matches('/');
+    seen.until("both agree");
+    let mut stream = TcpStream::connect(at).unwrap();
+    write!(stream, "GET /events HTTP/1.1\r\nHost: {at}\r\n\r\n").unwrap();
+    let mut lines = BufReader::new(stream).lines();
+    let message = lines.find_map(|line| line.unwrap().strip_prefix("data: ").map(str::to_owned));
+    let message: Value = serde_json::from_str(&message.unwrap()).unwrap();
+    assert_eq!(
+        message["state"]["instruments"][0]["verdict"]["level"],
+        "good"
+    );
+    let taken = bench.watch(&["--web", at]).output().unwrap();
+    let (status, _, err) = said(&taken);
+    assert_eq!(status, Some(2));
+    assert!(err.contains("no page can be served at"), "{err}");
+    seen.child.kill().unwrap();
+    seen.end();
+}
+
+/// User and system time that a process has taken, s.
+#[cfg(target_os = "linux")]
+fn cpu_s(child: &Child) -> f64 {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    // Behind the name, which may hold anything: fields 14 and 15, in ticks of 10 ms.
+    let (_, fields) = stat.rsplit_once(')').unwrap();
+    let fields: Vec<&str> = fields.split_whitespace().collect();
+    let ticks = |field: usize| fields[field - 3].parse::<f64>().unwrap();
+    (ticks(14) + ticks(15)) / 100.0
+}
+
+/// A terminal of 120 columns and 40 lines whose screen nobody keeps.
+#[cfg(target_os = "linux")]
+fn terminal(command: &mut Command) -> Child {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname(&master, Vec::new()).unwrap();
+    let path = path.into_string().unwrap();
+    let end = || {
+        fs::OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(&path)
+            .unwrap()
+    };
+    let mut size = rustix::termios::tcgetwinsize(&master).unwrap();
+    (size.ws_col, size.ws_row) = (120, 40);
+    rustix::termios::tcsetwinsize(&master, size).unwrap();
+    let child = command.stdin(end()).stdout(end()).spawn().unwrap();
+    thread::spawn(move || {
+        let mut screen = fs::File::from(master);
+        let mut piece = [0; 1 << 16];
+        while screen.read(&mut piece).is_ok_and(|length| length > 0) {}
+    });
+    child
+}
+
+/// Reads the page's stream as a browser does.
+fn browse(url: &str) {
+    let at = url.strip_prefix("http://").unwrap().trim_end_matches('/');
+    let mut stream = TcpStream::connect(at).unwrap();
+    write!(stream, "GET /events HTTP/1.1\r\nHost: {at}\r\n\r\n").unwrap();
+    thread::spawn(move || {
+        let mut piece = [0; 1 << 16];
+        while stream.read(&mut piece).is_ok_and(|length| length > 0) {}
+    });
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
+    const RATE: u32 = 2000;
+    const RUN_S: f64 = 20.0;
+    let servers: Vec<_> = (0..3)
+        .map(|_| Server::start(Serving::Frames(RATE)))
+        .collect();
+    let at = |place: usize| ["--bus", &servers[place].at, "-b", "1000000"];
+    let folder = folder();
+    let file = folder.join("load.log").display().to_string();
+    let mut lines = Watched::new(plumb(&at(0)).args(["--record", &file]));
+    let mut page = Watched::new(plumb(&at(1)).args(["--web", "127.0.0.1:0"]));
+    let address = page.line();
+    browse(address.trim().rsplit_once(' ').unwrap().1);
+    let mut drawn = terminal(&mut plumb(&at(2)));
+    lines.until("2000 frames/s");
+    let children = [&lines.child, &page.child, &drawn];
+    let before = children.map(cpu_s);
+    let from = Instant::now();
+    thread::sleep(Duration::from_secs_f64(RUN_S));
+    let (after, wall_s) = (children.map(cpu_s), from.elapsed().as_secs_f64());
+    let percent = |place: usize| (after[place] - before[place]) * 100.0 / wall_s;
+    let [plain, browser, screen] = [0, 1, 2].map(percent);
+    println!(
+        "monitor at {RATE} frames/s, per cent of a core: lines with a recording {plain:.1}, \
+         a page with a browser {browser:.1}, a terminal {screen:.1}"
+    );
+    // It has kept up, or else the figures would say nothing.
+    lines.until("2000 frames/s");
+    for child in [&mut lines.child, &mut page.child, &mut drawn] {
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    servers.into_iter().for_each(|server| drop(server.end()));
+    fs::remove_dir_all(folder).unwrap();
+    for taken in [plain, browser, screen] {
+        assert!(taken > 0.0 && taken < 5.0, "{taken} %");
+    }
+}
+
+/// What a server made here does on its bus.
+#[derive(Clone, Copy)]
+enum Serving {
+    /// Nothing ever comes.
+    Silent,
+    /// A SYNC and a pair's answers, so many frames a second.
+    Frames(u32),
+}
+
+/// A socketcand server with nobody behind it.
+struct Server {
+    at: String,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<String>,
+}
+
+impl Server {
+    fn start(serving: Serving) -> Self {
+        Self::start_at("127.0.0.1:0", serving)
+    }
+
+    fn start_at(at: &str, serving: Serving) -> Self {
+        let listener = TcpListener::bind(at).unwrap();
+        let at = listener.local_addr().unwrap().to_string();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            let (stream, _) = listener.accept().unwrap();
+            drop(listener);
+            serve(stream, serving, &stopped)
+        });
+        Self { at, stop, thread }
+    }
+
+    /// Ends it; what it has heard.
+    fn end(self) -> String {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap()
+    }
+}
+
+fn serve(mut stream: TcpStream, serving: Serving, stop: &AtomicBool) -> String {
+    stream.set_nodelay(true).unwrap();
+    stream.write_all(b"< hi >").unwrap();
+    let mut heard = String::new();
+    let mut piece = [0; 256];
+    for count in 1..=2 {
+        while heard.matches('>').count() < count {
+            let length = stream.read(&mut piece).unwrap();
+            heard += str::from_utf8(&piece[..length]).unwrap();
+        }
+        stream.write_all(b"< ok >").unwrap();
+    }
+    stream
+        .set_read_timeout(Some(Duration::from_millis(1)))
+        .unwrap();
+    let from = Instant::now();
+    let mut sent = 0_u32;
+    while !stop.load(Ordering::Relaxed) {
+        if let Serving::Frames(per_second) = serving {
+            while f64::from(sent) < from.elapsed().as_secs_f64() * f64::from(per_second) {
+                if stream.write_all(frame(sent).as_bytes()).is_err() {
+                    return heard;
+                }
+                sent += 1;
+            }
+        }
+        match stream.read(&mut piece) {
+            Ok(0) => break,
+            Ok(length) => heard += str::from_utf8(&piece[..length]).unwrap(),
+            Err(_) => {}
+        }
+    }
+    heard
+}
+
+/// Of a pair at its highest rate: SYNC, and TPDO 1, 3 and 4 of both, now and then the others.
+fn frame(number: u32) -> String {
+    let turn = number / 8;
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let time = format!("{:.6}", since.unwrap().as_secs_f64());
+    let (id, data) = match (number % 8, turn % 10) {
+        (0, _) => ("080", String::new()),
+        (1, _) => ("181", format!("{:02X}0300007F01", turn % 256)),
+        (2, _) => ("182", format!("{:02X}0300007F01", turn % 256)),
+        (3, _) => ("381", "AAFFFF91FBFF6F6F".to_owned()),
+        (4, _) => ("382", "AAFFFF91FBFF6F6F".to_owned()),
+        (5, _) => ("481", "0100020003000405".to_owned()),
+        (6, _) => ("482", "0100020003000405".to_owned()),
+        (_, 0) => ("281", "7F011E0019140019".to_owned()),
+        (_, 1) => ("282", "7F011E0019140019".to_owned()),
+        (_, 2) => ("701", "05".to_owned()),
+        (_, 3) => ("702", "05".to_owned()),
+        (..) => ("18FF0001", "00".to_owned()),
+    };
+    format!("< frame {id} {time} {data} >")
+}
