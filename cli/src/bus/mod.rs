@@ -141,8 +141,8 @@ impl Bus {
         sent.map_err(|error| self.lost(error))
     }
 
-    /// The next frame; `None` when none has come until `until`. A frame that is there already is
-    /// returned even when `until` is past.
+    /// The next frame; `None` when none has come until `until`, and always from then on: on a bus
+    /// that is never still a wait ends in time all the same.
     ///
     /// Errors: the bus is lost; the error says what is. [`io::ErrorKind::Interrupted`] after a
     /// signal to end.
@@ -151,7 +151,11 @@ impl Bus {
             if INTERRUPTED.swap(false, Ordering::Relaxed) {
                 return Err(io::ErrorKind::Interrupted.into());
             }
-            let glance = until.min(Instant::now() + GLANCE);
+            let now = Instant::now();
+            if now >= until {
+                return Ok(None);
+            }
+            let glance = until.min(now + GLANCE);
             let received = match &mut self.link {
                 Link::Socketcand(server) => server.receive(glance),
                 Link::Slcan(adapter) => adapter.receive(glance),
@@ -159,7 +163,7 @@ impl Bus {
                 Link::Kernel(socket) => socket.receive(glance),
             };
             let received = received.map_err(|error| self.lost(error))?;
-            if received.is_some() || glance == until {
+            if received.is_some() {
                 return Ok(received);
             }
         }
