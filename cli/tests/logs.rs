@@ -214,7 +214,6 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
         &[&folder.path("missing.log"), &log],
         &["missing.log", "cannot be opened"],
     );
-    refused(&[&wide, &log], &["wide.log", "UTF-16"]);
     refused(&[&folder.path("empty")], &["empty", "no log"]);
     refused(&[&note, &log], &["note.txt", "a.log", "one kind at a time"]);
     refused(&[&log, "--mode", "paper"], &["--mode", "recordings"]);
@@ -231,6 +230,10 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
         &["note.txt", "no object"],
     );
     refused(&[&log, "--onto", "127.0.0.1:1"], &["127.0.0.1:1"]);
+    let input = std::fs::File::open(wide).unwrap();
+    let (status, _, err) = said(&plumb(&["replay", "-"]).stdin(input).output().unwrap());
+    assert_eq!(status, Some(2));
+    assert!(err.starts_with("plumb: standard input is UTF-16"), "{err}");
 }
 
 #[test]

@@ -2,11 +2,11 @@
 //!
 //! | line | what it is |
 //! |---|---|
-//! | `date Tue Nov 14 10:13:20.123 pm 2023` | the start, in local time without a zone: taken as UTC |
-//! | `base hex  timestamps absolute` | numbers in `hex` or `dec`; times since the start or `relative` |
+//! | `date Tue Nov 14 10:13:20.123 pm 2023` | the start, without a zone: taken as UTC |
+//! | `base hex  timestamps absolute` | also `dec`; times since the start or `relative` |
 //! | `0.010000 1  181  Rx   d 2 E8 03` | data frame; an `x` behind the identifier is 29 bit |
 //! | `0.010000 1  701  Tx   r 1` | remote frame |
-//! | `0.010000 CANFD 1 Rx 181 0 0 d 8 8 ...` | in a CAN FD log; a classical frame by its flags, or counted |
+//! | `0.010000 CANFD 1 Rx 181 0 0 d 8 8 ...` | a classical frame by its flags, or counted |
 //! | `0.010000 1  ErrorFrame` | error frame, counted |
 //!
 //! In: the lines in their order, since times may count from line to line. Out: time, channel and

@@ -50,7 +50,8 @@ impl fmt::Display for PlaybackError {
             ),
             Self::ExportName(file) => write!(
                 f,
-                "{} tells no format; end the name in .csv or .parquet for a table, .log or .asc for a log",
+                "{} tells no format; end the name in .csv or .parquet for a table, .log or .asc \
+                 for a log",
                 printable(file)
             ),
             Self::Export(file, why) => write!(f, "{} can't be written: {why}", printable(file)),

@@ -1,8 +1,8 @@
 //! A table as a Parquet file.
 //!
 //! In: rows. Out: the file, with the columns of the CSV: `time_s` as DOUBLE, `interface` and
-//! `message` as text, `node_id` as INT32, all others as DOUBLE that may be null. Rows are kept until
-//! a group is full, so memory doesn't grow with the table.
+//! `message` as text, `node_id` as INT32, all others as DOUBLE that may be null. Rows are kept
+//! until a group is full, so memory doesn't grow with the table.
 
 use std::fs::File;
 use std::io;
