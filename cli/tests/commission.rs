@@ -374,6 +374,14 @@ fn identifiers_that_were_saved_stayed_with_the_old_node_id() {
     }
     let got = bench.json(&["get", "1400:1", "--node", "2"]);
     assert_eq!(got["objects"][0]["raw"], 0x387);
+    // What the channels know of each other is as delivered again, and that is said.
+    let done = bench.done(&["restore", "--node", "7", "--reset"]);
+    assert!(
+        done.contains("plumb node-id --pair A,B --node A,B"),
+        "{done}"
+    );
+    let told = bench.done(&["node-id", "--pair", "7,2", "--node", "7,2"]);
+    assert!(told.contains("compare their angles: agree"), "{told}");
 }
 
 #[test]

@@ -277,6 +277,20 @@ fn a_bus_that_comes_back_is_watched_on() {
     second.end();
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_it_while_the_bus_is_lost() {
+    let server = Server::start(Serving::Frames(100));
+    let at = server.at.clone();
+    let mut seen = Watched::new(&mut plumb(&["--bus", &at, "--reconnect"]));
+    seen.until("frames/s");
+    server.end();
+    seen.until("FAULT: ");
+    interrupt(&seen.child);
+    let (status, err) = seen.end();
+    assert_eq!((status, err.as_str()), (Some(0), ""));
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told_and_the_view_goes_on() {

@@ -203,6 +203,11 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     let (status, _, err) = said(&plumb(&empty).output().unwrap());
     assert_eq!(status, Some(2), "{err}");
     assert!(err.contains("is empty"), "{err}");
+    let (_, _, absent) = said(&bench.update(&bare, &["--nodes", "1,9"]));
+    assert!(
+        absent.contains("there is no node 9; nodes 1 and 2 are there"),
+        "{absent}"
+    );
     let twice = said(&bench.update(&forged, &["--nodes", "1,1"]));
     assert!(twice.2.contains("node 1 is named twice"), "{}", twice.2);
 }

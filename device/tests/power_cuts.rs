@@ -185,6 +185,31 @@ fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measu
 }
 
 #[test]
+fn a_cut_at_any_operation_of_a_reports_hash_leaves_the_old_or_the_new() {
+    let mut site = powered(blank());
+    assert_eq!(
+        site.download(at(0x2061, 0), &bytes(&tables(0))),
+        Some(Ok(()))
+    );
+    assert_eq!(site.download(at(0x2063, 0), &[0x0D; 32]), Some(Ok(())));
+    let memory = site.device.memory().clone();
+    let store = |site: &mut Site| {
+        let _ = site.download(at(0x2063, 0), &[0x4E; 32]);
+    };
+    let operations = cut_each(&memory, store, |site| {
+        let mut record = [0; 40];
+        let memory = site.device.memory();
+        let length = RecordStore::read(memory, Record::Report, 0, &mut record);
+        let (head, hash) = record[..length].split_at(4);
+        assert_eq!(head, identity(&tables(0)).to_le_bytes());
+        assert!(hash == [0x0D; 32] || hash == [0x4E; 32], "{hash:?}");
+        assert_eq!(site.device.faults().bits(), 0);
+        hash == [0x4E; 32]
+    });
+    assert!(operations > 18, "{operations}");
+}
+
+#[test]
 fn what_one_bad_bit_had_destroyed_was_replaced_by_older_things_without_a_word() {
     let own = identity(&tables(10_000_000));
     let delivered = identity(&Calibration::NOMINAL);

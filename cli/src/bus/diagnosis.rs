@@ -164,8 +164,8 @@ fn listed(nodes: &[u8]) -> String {
     }
 }
 
-/// What is to be said of a survey.
-fn judge(survey: &Survey, trouble: Trouble, bus: &str, node: Option<u8>) -> Silence {
+/// What is to be said of a survey, of a node or of any.
+pub fn judge(survey: &Survey, trouble: Trouble, bus: &str, node: Option<u8>) -> Silence {
     let bus = bus.to_owned();
     if survey.frames == 0 {
         return match trouble {

@@ -31,6 +31,9 @@ const WAITS: [Duration; 3] = [
     Duration::from_millis(400),
 ];
 
+/// How long answers to the question before are let pass by.
+const DRAIN: Duration = Duration::from_millis(2);
+
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;
 const CONFIGURE_BIT_TIMING: u8 = 0x13;
@@ -191,13 +194,10 @@ impl<'a> Master<'a> {
     /// Whether anybody's number begins so: above this bit it is `number`.
     fn is_there(&mut self, number: u32, rest: [u8; 3], wait: Duration) -> Result<bool, LssError> {
         // An answer to the question before, of a second node, would be taken for one to this.
+        let until = Instant::now() + DRAIN;
         let mut late = true;
         while late {
-            late = self
-                .bus
-                .receive(Instant::now())
-                .map_err(LssError::lost)?
-                .is_some();
+            late = self.bus.receive(until).map_err(LssError::lost)?.is_some();
         }
         self.send(FASTSCAN, number, rest)?;
         Ok(self.answer(IDENTIFIED, wait)?.is_some())

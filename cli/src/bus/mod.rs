@@ -69,6 +69,12 @@ fn watch_signals() -> Result<(), JoinError> {
     watched.clone().map_err(JoinError::Signal)
 }
 
+/// Whether a signal to end has come since this or [`Bus::receive`] told so last; for who waits
+/// without a bus.
+pub fn interrupted() -> bool {
+    INTERRUPTED.swap(false, Ordering::Relaxed)
+}
+
 /// Nanoseconds since 1970 on this computer's clock.
 fn now_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
@@ -135,8 +141,8 @@ impl Bus {
         sent.map_err(|error| self.lost(error))
     }
 
-    /// The next frame; `None` when none has come until `until`. A frame that is there already is
-    /// returned even when `until` is past.
+    /// The next frame; `None` when none has come until `until`, and always from then on: on a bus
+    /// that is never still a wait ends in time all the same.
     ///
     /// Errors: the bus is lost; the error says what is. [`io::ErrorKind::Interrupted`] after a
     /// signal to end.
@@ -145,7 +151,11 @@ impl Bus {
             if INTERRUPTED.swap(false, Ordering::Relaxed) {
                 return Err(io::ErrorKind::Interrupted.into());
             }
-            let glance = until.min(Instant::now() + GLANCE);
+            let now = Instant::now();
+            if now >= until {
+                return Ok(None);
+            }
+            let glance = until.min(now + GLANCE);
             let received = match &mut self.link {
                 Link::Socketcand(server) => server.receive(glance),
                 Link::Slcan(adapter) => adapter.receive(glance),
@@ -153,7 +163,7 @@ impl Bus {
                 Link::Kernel(socket) => socket.receive(glance),
             };
             let received = received.map_err(|error| self.lost(error))?;
-            if received.is_some() || glance == until {
+            if received.is_some() {
                 return Ok(received);
             }
         }

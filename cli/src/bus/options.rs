@@ -93,7 +93,7 @@ fn kbit_s(text: &str) -> Result<u32, JoinError> {
     let number: u32 = text.trim().parse().map_err(|_| wrong())?;
     let kbit_s = match number {
         0..=1000 => number,
-        _ if number % 1000 == 0 => number / 1000,
+        _ if number.is_multiple_of(1000) => number / 1000,
         _ => return Err(wrong()),
     };
     RATES.contains(&kbit_s).then_some(kbit_s).ok_or_else(wrong)

@@ -14,8 +14,8 @@ use super::by_motor::STILL_MG;
 use super::console::{Answer, Console};
 use super::error::CalibrateError;
 use super::fit::{budget, compensated_g, temperature};
-use super::hand::{self, Faces, HandError, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
-use super::session::{Reading, Session, encode};
+use super::hand::{self, Faces, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
+use super::session::{Node, Reading, Session, encode};
 
 /// Readings of a pose, and how far apart, s: the mean of 1.2 s.
 const READINGS: u32 = 40;
@@ -76,9 +76,12 @@ impl Bench<'_> {
             };
             (self.tell)(&live(&readings, self.session));
             poses.push(readings);
+            self.tell_length(&poses);
         }
         let taken = self.taken(&poses);
-        let (fits, faces) = hand::fit(&taken, count).map_err(|e| self.named(e))?;
+        let letters = self.session.nodes.iter().map(letter);
+        let lettered: Vec<_> = letters.zip(taken.iter().cloned()).collect();
+        let (fits, faces) = hand::fit(&lettered, count)?;
         let calibrations = self.calibrations(&fits, &faces);
         for (place, calibration) in calibrations.iter().enumerate() {
             self.session.write(place, &encode(calibration))?;
@@ -94,13 +97,17 @@ impl Bench<'_> {
         })
     }
 
-    /// The channel's number in an error is that of its node.
-    fn named(&self, error: HandError) -> CalibrateError {
-        match error {
-            HandError::Fit(channel, error) => {
-                CalibrateError::Fit(self.session.nodes[channel].id, error)
+    /// The live residual: what the poses so far miss of gravity's length.
+    fn tell_length(&self, poses: &[Vec<Reading>]) {
+        let mut line = String::new();
+        for (node, taken) in self.session.nodes.iter().zip(self.taken(poses)) {
+            if let Some(mg) = hand::length_so_far_mg(&taken) {
+                line += &format!(" {} {mg:.2} mg;", node.letter());
             }
-            other => other.into(),
+        }
+        if !line.is_empty() {
+            let line = line.trim_end_matches(';');
+            (self.tell)(&format!("  gravity's length so far, rms:{line}"));
         }
     }
 
@@ -239,6 +246,10 @@ impl Bench<'_> {
             }
         }
     }
+}
+
+fn letter(node: &Node) -> char {
+    node.letter().chars().next().unwrap_or('?')
 }
 
 fn names(places: &[usize]) -> String {

@@ -6,6 +6,8 @@
 //!
 //! Left out: judging the result, and giving back the old calibration (`run`).
 
+use std::time::Duration;
+
 use super::error::CalibrateError;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
@@ -150,7 +152,7 @@ impl Bench<'_> {
             for deg in kind.checks() {
                 left.push(self.stand(kind, *axis, *deg)?);
             }
-            self.motor.turn(*axis, 0.0)?;
+            self.turn(*axis, 0.0)?;
         }
         Ok(Swept { found, fits, left })
     }
@@ -167,7 +169,7 @@ impl Bench<'_> {
             for deg in both_ways {
                 found.push(self.stand(kind, *axis, *deg)?);
             }
-            self.motor.turn(*axis, 0.0)?;
+            self.turn(*axis, 0.0)?;
         }
         let mut fits = Vec::new();
         for (place, node) in self.session.nodes.iter().enumerate() {
@@ -201,7 +203,7 @@ impl Bench<'_> {
                     }
                     found.push(stand);
                 }
-                self.motor.turn(axis, 0.0)?;
+                self.turn(axis, 0.0)?;
             }
             for place in 0..nodes {
                 self.session.nodes[place].changed = true;
@@ -218,9 +220,26 @@ impl Bench<'_> {
         made.map(|()| found)
     }
 
+    /// Turns the motor; what passes on the bus meanwhile is heard, Ctrl-C included.
+    fn turn(&mut self, axis: Axis, deg: f64) -> Result<(), CalibrateError> {
+        let Self { session, motor, .. } = self;
+        let mut ended = None;
+        let turned = motor.turn(axis, deg, &mut || match session.rest(Duration::ZERO) {
+            Ok(()) => true,
+            Err(error) => {
+                ended = Some(error);
+                false
+            }
+        });
+        match ended {
+            Some(error) => Err(error),
+            None => Ok(turned?),
+        }
+    }
+
     /// Turns, waits for a standstill, reads.
     fn stand(&mut self, kind: Kind, axis: Axis, deg: f64) -> Result<Stand, CalibrateError> {
-        self.motor.turn(axis, deg)?;
+        self.turn(axis, deg)?;
         let reference_deg = self.motor.position_deg(axis)?;
         let mut restless = None;
         for _ in 0..TRIES {

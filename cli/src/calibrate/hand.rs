@@ -197,12 +197,12 @@ impl Faces {
 pub enum HandError {
     /// These poses of the plan are missing.
     Missing(Vec<usize>),
-    /// A channel's fit came to nothing.
-    Fit(usize, FitError),
+    /// A channel's fit came to nothing; its letter.
+    Fit(char, FitError),
     /// A channel's poses leave a combination of the parameters nearly open.
-    IllConditioned(usize, f64),
+    IllConditioned(char, f64),
     /// A channel misses gravity's length in a pose, by so many mg.
-    Length(usize, usize, f64),
+    Length(char, usize, f64),
     /// The surface under this pair is tilted by so many deg.
     Surface(usize, f64),
     /// The side face is off square by so many deg.
@@ -219,18 +219,18 @@ impl fmt::Display for HandError {
                 let names: Vec<_> = places.iter().map(name).collect();
                 write!(f, "poses are missing: {}", names.join("; "))
             }
-            Self::Fit(channel, error) => write!(f, "channel {}: {error}", letter(*channel)),
+            Self::Fit(channel, error) => write!(f, "channel {}: {error}", channel),
             Self::IllConditioned(channel, condition) => write!(
                 f,
                 "channel {}: the poses are too alike (condition {condition:.0}): lean the housing \
                  by about 45 deg where the plan says half",
-                letter(*channel)
+                channel
             ),
             Self::Length(channel, pose, mg) => write!(
                 f,
                 "channel {}: gravity is {mg:.1} mg off 1 g in the pose {:?}: it did not stand \
                  still, or its temperature had not settled; take all poses again",
-                letter(*channel),
+                channel,
                 name(pose)
             ),
             Self::Surface(pose, deg) => write!(
@@ -248,28 +248,30 @@ impl fmt::Display for HandError {
     }
 }
 
-fn letter(channel: usize) -> char {
-    if channel == 0 { 'A' } else { 'B' }
-}
-
-/// Corrections for one or two channels that stood in the same poses, the second one in the first
-/// one's frame. `wanted` is how many poses of the plan there have to be.
+/// Corrections for one or two channels, each with its letter, that stood in the same poses; the
+/// second one in the first one's frame. `wanted` is how many poses of the plan there have to be.
 ///
 /// Errors: see [`HandError`].
-pub fn fit(channels: &[Vec<Taken>], wanted: usize) -> Result<(Vec<HandFit>, Faces), HandError> {
-    for taken in channels {
+pub fn fit(
+    channels: &[(char, Vec<Taken>)],
+    wanted: usize,
+) -> Result<(Vec<HandFit>, Faces), HandError> {
+    for (_, taken) in channels {
         let there = |place: &usize| taken.iter().any(|t| t.pose == *place);
         let missing: Vec<usize> = (0..wanted).filter(|place| !there(place)).collect();
         if !missing.is_empty() {
             return Err(HandError::Missing(missing));
         }
     }
-    let fits = channels.iter().enumerate();
-    let mut fits: Vec<HandFit> = fits
-        .map(|(channel, taken)| length_fit(channel, taken))
+    let mut fits: Vec<HandFit> = channels
+        .iter()
+        .map(|(channel, taken)| length_fit(*channel, taken))
         .collect::<Result<_, _>>()?;
     let between_deg = match (&mut fits[..], channels) {
-        ([a, b], [for_a, for_b]) => bring_together(a, b, for_a, for_b)?,
+        ([a, b], [(_, for_a), (channel, for_b)]) => {
+            let turned = bring_together(a, b, for_a, for_b);
+            turned.map_err(|error| HandError::Fit(*channel, error))?
+        }
         _ => 0.0,
     };
     let (rotation, faces) = frame(&fits, channels, between_deg)?;
@@ -277,8 +279,16 @@ pub fn fit(channels: &[Vec<Taken>], wanted: usize) -> Result<(Vec<HandFit>, Face
     Ok((fits, faces))
 }
 
+/// What the poses so far miss of 1 g, mg rms with nine parameters free; `None` while they are too
+/// few or too alike.
+pub fn length_so_far_mg(taken: &[Taken]) -> Option<f64> {
+    let enough = taken.len() > poses::FEWEST_POSES;
+    let fitted = enough.then(|| length_fit(' ', taken))?;
+    fitted.ok().map(|fit| fit.length_rms_mg())
+}
+
 /// Nine parameters of a channel, in a frame of its own.
-fn length_fit(channel: usize, taken: &[Taken]) -> Result<HandFit, HandError> {
+fn length_fit(channel: char, taken: &[Taken]) -> Result<HandFit, HandError> {
     let means: Vec<_> = taken.iter().map(|t| t.mean_g).collect();
     let fitted = poses::fit(&means).map_err(|error| match error {
         FitError::IllConditioned { condition } => HandError::IllConditioned(channel, condition),
@@ -309,11 +319,11 @@ fn bring_together(
     b: &mut HandFit,
     for_a: &[Taken],
     for_b: &[Taken],
-) -> Result<f64, HandError> {
+) -> Result<f64, FitError> {
     let unit = |fit: &HandFit, t: &Taken| normal(fit.apply(t.mean_g));
     let to: Vec<_> = for_a.iter().map(|t| unit(a, t)).collect();
     let from: Vec<_> = for_b.iter().map(|t| unit(b, t)).collect();
-    let rotation = poses::align(&from, &to).map_err(|error| HandError::Fit(1, error))?;
+    let rotation = poses::align(&from, &to)?;
     let left = from.iter().zip(&to);
     let squares = left.map(|(f, t)| angle_deg(times(&rotation, *f), *t).powi(2));
     let rms = (squares.sum::<f64>() / to.len().max(1) as f64).sqrt();
@@ -324,11 +334,11 @@ fn bring_together(
 /// From the channels' common frame to the housing's.
 fn frame(
     fits: &[HandFit],
-    channels: &[Vec<Taken>],
+    channels: &[(char, Vec<Taken>)],
     between_deg: f64,
 ) -> Result<([[f64; 3]; 3], Faces), HandError> {
     let pair = |of: Use| {
-        let both = fits.iter().zip(channels).map(|(fit, taken)| {
+        let both = fits.iter().zip(channels).map(|(fit, (_, taken))| {
             let mut found = taken.iter().filter(|t| POSES[t.pose].of == of);
             let mut next = || found.next().map(|t| normal(fit.apply(t.mean_g)));
             [next(), next()].map(Option::unwrap_or_default)

@@ -92,7 +92,7 @@ fn taken(person: &mut Person, poses: usize) -> Vec<Taken> {
 fn the_base_and_a_side_give_the_housings_frame() {
     let mut person = Person::new([0.4, -0.3], 8.0, 0.0, 1);
     let taken = taken(&mut person, WANTED);
-    let (fits, faces) = fit(&[taken.clone(), taken], WANTED).unwrap();
+    let (fits, faces) = fit(&[('A', taken.clone()), ('B', taken)], WANTED).unwrap();
     for up in [
         [0.0, 0.0, 1.0],
         [0.6, 0.0, 0.8],
@@ -111,10 +111,20 @@ fn the_base_and_a_side_give_the_housings_frame() {
 }
 
 #[test]
+fn what_the_poses_miss_is_known_once_there_are_more_than_parameters() {
+    let mut taken = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), WANTED);
+    assert!(length_so_far_mg(&taken).unwrap() < 1e-3);
+    taken[12].mean_g[1] += 0.002;
+    let bumped = length_so_far_mg(&taken).unwrap();
+    assert!(bumped > 0.1 && bumped < 2.0, "{bumped}");
+    assert_eq!(length_so_far_mg(&taken[..9]), None);
+}
+
+#[test]
 fn a_missing_pose_is_named() {
     let mut taken = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), WANTED);
     taken.remove(7);
-    let error = fit(&[taken], WANTED).unwrap_err();
+    let error = fit(&[('B', taken)], WANTED).unwrap_err();
     assert_eq!(error, HandError::Missing(vec![7]));
     assert!(error.to_string().contains("upside down"), "{error}");
 }
@@ -128,9 +138,9 @@ fn poses_that_never_lean_are_refused() {
         mean_g: feel(person.up(stands)),
     };
     let taken: Vec<_> = flat.into_iter().enumerate().map(one).collect();
-    let error = fit(&[taken], WANTED).unwrap_err();
+    let error = fit(&[('B', taken)], WANTED).unwrap_err();
     assert!(
-        matches!(error, HandError::IllConditioned(0, _)),
+        matches!(error, HandError::IllConditioned('B', _)),
         "{error:?}"
     );
 }
@@ -140,12 +150,12 @@ fn what_was_bumped_and_what_stood_askew_is_named() {
     let mut bumped = taken(&mut Person::new([0.0; 2], 5.0, 0.0, 1), WANTED);
     bumped[9].mean_g[2] += 0.03;
     assert!(matches!(
-        fit(&[bumped], WANTED),
-        Err(HandError::Length(0, ..))
+        fit(&[('A', bumped)], WANTED),
+        Err(HandError::Length('A', ..))
     ));
     let tilted = taken(&mut Person::new([3.0, 0.0], 5.0, 0.0, 1), WANTED);
     assert!(matches!(
-        fit(&[tilted], WANTED),
+        fit(&[('A', tilted)], WANTED),
         Err(HandError::Surface(0, _))
     ));
 }
@@ -198,7 +208,8 @@ fn thirteen_hand_poses_come_within_a_factor_of_two_of_the_motor() {
         let surface = [draw.range(-0.5, 0.5), draw.range(-0.5, 0.5)];
         let mut person = Person::new(surface, 5.0, 2.0, u64::from(unit));
         let channels = take(&mut bench, &mut person, WANTED);
-        let (fits, _) = fit(&channels, WANTED).unwrap();
+        let [a, b] = channels;
+        let (fits, _) = fit(&[('A', a), ('B', b)], WANTED).unwrap();
         for (side, fit) in bench.instrument.sides.iter_mut().zip(fits) {
             let vector = Vector::from_real(fit.matrix, fit.offset_g).unwrap();
             let harmonics = Axes::default();

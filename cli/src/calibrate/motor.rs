@@ -11,6 +11,8 @@ use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
+use crate::report::replay_tables::printable;
+
 /// Which slope is turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
@@ -55,10 +57,16 @@ pub trait Motor {
     /// Errors: see [`MotorError`].
     fn uncertainty_deg(&mut self) -> Result<Option<f64>, MotorError>;
 
-    /// Turns to `deg` and returns when it stands there.
+    /// Turns to `deg` and returns when it stands there. `wait` is called again and again
+    /// meanwhile; when it is false, nobody waits any longer.
     ///
     /// Errors: see [`MotorError`].
-    fn turn(&mut self, axis: Axis, deg: f64) -> Result<(), MotorError>;
+    fn turn(
+        &mut self,
+        axis: Axis,
+        deg: f64,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> Result<(), MotorError>;
 
     /// Where it stands by its own measure, deg: the reference of the calibration.
     ///
@@ -81,6 +89,8 @@ pub enum MotorError {
     Stranger(String, String, String),
     /// It has an error of its own.
     Refused(String, String, String),
+    /// Nobody waits for it any longer.
+    Ended,
     /// It is told to stand at one angle and stands at another.
     Elsewhere(String, f64, f64),
 }
@@ -109,8 +119,9 @@ impl fmt::Display for MotorError {
                  docs/motor.md?"
             ),
             Self::Refused(name, asked, said) => {
-                write!(f, "the motor {name} refuses {asked:?}: {said}")
+                write!(f, "the motor {name} refuses {asked:?}: {}", printable(said))
             }
+            Self::Ended => write!(f, "the motor was not waited for"),
             Self::Elsewhere(name, to, at) => write!(
                 f,
                 "the motor {name} was sent to {to:.3} deg and stands at {at:.3} deg: is something \
@@ -190,10 +201,22 @@ impl ScpiMotor {
         said.map_err(|error| MotorError::Lost(self.name.clone(), error))
     }
 
-    fn ask(&mut self, question: &str, patience: Duration) -> Result<String, MotorError> {
+    fn ask(&mut self, question: &str) -> Result<String, MotorError> {
+        self.ask_while(question, ANSWER, &mut || true)
+    }
+
+    fn ask_while(
+        &mut self,
+        question: &str,
+        patience: Duration,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> Result<String, MotorError> {
         self.say(question)?;
         let until = Instant::now() + patience;
         loop {
+            if !wait() {
+                return Err(MotorError::Ended);
+            }
             if let Some(end) = self.heard.iter().position(|byte| *byte == b'\n') {
                 let line: Vec<u8> = self.heard.drain(..=end).collect();
                 return Ok(String::from_utf8_lossy(&line).trim().to_owned());
@@ -223,7 +246,7 @@ impl ScpiMotor {
     }
 
     fn number(&mut self, question: &str) -> Result<f64, MotorError> {
-        let said = self.ask(question, ANSWER)?;
+        let said = self.ask(question)?;
         let number = said.parse().ok().filter(|number: &f64| number.is_finite());
         number.ok_or_else(|| self.stranger(question, &said))
     }
@@ -236,7 +259,7 @@ impl ScpiMotor {
     /// The first error that it has not told of yet.
     fn error(&mut self) -> Result<Option<String>, MotorError> {
         const ASKED: &str = "SYST:ERR?";
-        let said = self.ask(ASKED, ANSWER)?;
+        let said = self.ask(ASKED)?;
         let number = said.split(',').next().unwrap_or("");
         match number.trim().parse::<i32>() {
             Ok(0) => Ok(None),
@@ -253,12 +276,12 @@ impl Motor for ScpiMotor {
     fn identity(&mut self) -> Result<String, MotorError> {
         // Errors of before are not this calibration's.
         while self.error()?.is_some() {}
-        self.ask("*IDN?", ANSWER)
+        self.ask("*IDN?")
     }
 
     fn axes(&mut self) -> Result<Vec<Axis>, MotorError> {
         const ASKED: &str = "CONF:AXES?";
-        let said = self.ask(ASKED, ANSWER)?;
+        let said = self.ask(ASKED)?;
         let named = |axis: &Axis| said.split(',').any(|word| word.trim() == axis.word());
         let axes: Vec<_> = [Axis::X, Axis::Y].into_iter().filter(named).collect();
         match axes.is_empty() {
@@ -272,14 +295,19 @@ impl Motor for ScpiMotor {
         Ok(Some(said).filter(|deg| *deg > 0.0))
     }
 
-    fn turn(&mut self, axis: Axis, deg: f64) -> Result<(), MotorError> {
+    fn turn(
+        &mut self,
+        axis: Axis,
+        deg: f64,
+        wait: &mut dyn FnMut() -> bool,
+    ) -> Result<(), MotorError> {
         const STANDS: &str = "*OPC?";
         let order = format!("POS:{} {deg:.4}", axis.word());
         self.say(&order)?;
         if let Some(said) = self.error()? {
             return Err(MotorError::Refused(self.name.clone(), order, said));
         }
-        let said = self.ask(STANDS, MOVE)?;
+        let said = self.ask_while(STANDS, MOVE, wait)?;
         if said != "1" {
             return Err(self.stranger(STANDS, &said));
         }
@@ -344,14 +372,14 @@ mod tests {
     #[test]
     fn it_turns_and_waits_and_asks_where_it_is() {
         let mut motor = motor(&["0,\"No error\"\n", "1\n", "30.001\r\n", "30.002\n"]);
-        motor.turn(Axis::X, 30.0).unwrap();
+        motor.turn(Axis::X, 30.0, &mut || true).unwrap();
         assert_eq!(motor.position_deg(Axis::X).unwrap(), 30.002);
     }
 
     #[test]
     fn errors_say_what_was_asked_and_what_came() {
         let told = |answers: &[&'static str]| {
-            let turned = motor(answers).turn(Axis::Y, 5.0);
+            let turned = motor(answers).turn(Axis::Y, 5.0, &mut || true);
             turned.unwrap_err().to_string()
         };
         let refused = told(&["-222,\"Data out of range\"\n"]);
@@ -363,6 +391,18 @@ mod tests {
         assert!(told(&["0\n", "1\n", "9.7\n"]).contains("stands at 9.700 deg"));
         assert!(told(&["0\n", "1\n"]).contains("is gone"));
         assert!(told(&["0\n", "1\n", "NaN\n"]).contains("by \"NaN\""));
+    }
+
+    #[test]
+    fn a_jammed_motor_is_waited_for_as_long_as_somebody_waits() {
+        let mut glances = 0;
+        let mut wait = || {
+            glances += 1;
+            glances < 4
+        };
+        let turned = motor(&["0\n", "", ""]).turn(Axis::X, 5.0, &mut wait);
+        assert!(matches!(turned, Err(MotorError::Ended)));
+        assert_eq!(glances, 4);
     }
 
     #[test]

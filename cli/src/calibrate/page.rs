@@ -212,11 +212,7 @@ fn errors(report: &Report, axis: &str, found: bool) -> Option<Chart> {
     for (channel, ink) in report.channels.iter().zip([Ink::First, Ink::Second]) {
         let of = |points: &[Point]| -> Vec<(f64, f64)> {
             let here = points.iter().filter(|p| p.axis == axis);
-            let mut here: Vec<_> = here
-                .filter_map(|p| Some((p.reference_deg, p.error_deg?)))
-                .collect();
-            here.sort_by(|a, b| a.0.total_cmp(&b.0));
-            here
+            by_angle(here.filter_map(|p| Some((p.reference_deg, p.error_deg?))))
         };
         let name = format!("Channel {}", channel.channel);
         if found {
@@ -243,15 +239,24 @@ fn errors(report: &Report, axis: &str, found: bool) -> Option<Chart> {
     })
 }
 
+/// Points in the order of their angles, those of both ways of a sweep as their mean.
+fn by_angle(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut points: Vec<_> = points.collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let same = |a: &(f64, f64), b: &(f64, f64)| b.0 - a.0 < 0.01;
+    let mean = |group: &[(f64, f64)]| {
+        let sum = group.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
+        let count = group.len() as f64;
+        (sum.0 / count, sum.1 / count)
+    };
+    points.chunk_by(same).map(mean).collect()
+}
+
 /// A less B, as found and as left.
 fn difference(report: &Report, axis: &str) -> Option<Chart> {
     let of = |all: &[Difference]| -> Vec<(f64, f64)> {
         let here = all.iter().filter(|d| d.axis == axis);
-        let mut here: Vec<_> = here
-            .filter_map(|d| Some((d.reference_deg, d.difference_deg?)))
-            .collect();
-        here.sort_by(|a, b| a.0.total_cmp(&b.0));
-        here
+        by_angle(here.filter_map(|d| Some((d.reference_deg, d.difference_deg?))))
     };
     let (found, left) = (
         of(&report.difference_as_found),
@@ -392,6 +397,12 @@ mod tests {
         assert!(page.contains("<title>Calibration report</title>"));
         assert!(page.contains("<h1>Calibration report</h1>"));
         assert!(page.contains("no certificate of an accredited"));
+    }
+
+    #[test]
+    fn both_ways_of_a_sweep_are_one_point() {
+        let swept = [(0.0, 1.0), (5.0, 2.0), (5.0, 4.0), (0.0, 2.0)];
+        assert_eq!(by_angle(swept.into_iter()), [(0.0, 1.5), (5.0, 3.0)]);
     }
 
     #[test]

@@ -11,11 +11,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
+use device::objects::table::Channel;
 use serde::Serialize;
 
 use super::ask::Node;
 use super::fault::Fault;
-use super::nodes::{NodeOption, NodesError};
+use super::nodes::{self, NodeOption, NodesError};
 use super::print;
 use super::save::Group;
 use crate::bus::BusOptions;
@@ -26,6 +27,10 @@ const LOAD: [u8; 4] = *b"load";
 
 /// How long a node may take from its reset to its boot-up message.
 const RESTART: Duration = Duration::from_secs(10);
+
+/// What a restored node does not know any more.
+const APART: &str = "note: the channels look for each other by node-ids 1 and 2 again, as delivered, \
+                     and have others: `plumb node-id --pair A,B --node A,B` tells them\n";
 
 /// What is restored, and where.
 #[derive(Clone, Debug, Args)]
@@ -101,6 +106,9 @@ struct Document {
     group: Option<Group>,
     restored_nodes: Vec<u8>,
     reset: bool,
+    /// Nodes that look for the other channel by the node-id as delivered, and have another one
+    /// themselves.
+    apart_nodes: Vec<u8>,
 }
 
 /// Restores and prints.
@@ -109,7 +117,12 @@ struct Document {
 pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let nodes = arguments.nodes.writable(&mut bus)?;
+    let mut apart = Vec::new();
     for id in &nodes {
+        let delivered = nodes::channel(&mut bus, *id)?.map(Channel::node_id);
+        if delivered.is_some_and(|delivered| delivered != *id) {
+            apart.push(*id);
+        }
         let mut node = Node::new(&mut bus, *id);
         restore(&mut node, arguments)?;
         if !arguments.json {
@@ -121,6 +134,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
             print::text(&format!("node {id}: {what} are as delivered; {counts}\n"))?;
         }
     }
+    if arguments.only == Some(Group::Profile) {
+        apart.clear();
+    }
+    if !arguments.json && !apart.is_empty() {
+        print::text(APART)?;
+    }
     if arguments.json {
         print::json(&Document {
             format: "plumb-restore",
@@ -129,6 +148,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
             group: arguments.only,
             restored_nodes: nodes,
             reset: arguments.reset,
+            apart_nodes: apart,
         })?;
     }
     Ok(ExitCode::SUCCESS)

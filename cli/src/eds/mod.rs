@@ -19,7 +19,7 @@ mod tests;
 
 pub use error::EdsError;
 pub use node::{Device, Pdo, Signal};
-pub use sheet::{Sheet, Warning};
+pub use sheet::Sheet;
 
 use std::path::{Path, PathBuf};
 

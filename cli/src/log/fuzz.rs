@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 
+use super::sniff::Kind;
 use super::*;
 use crate::progress::Progress;
 

@@ -29,12 +29,13 @@ mod fuzz;
 
 use canopen::Frame;
 
+pub use candump::line as candump_line;
 pub use date::{is_dated, moment, text_utc};
 pub use error::LogError;
-pub use pace::{Pace, PaceOptions};
-pub use player::{Moment, PlayOptions, Player};
+pub use pace::PaceOptions;
+pub use player::{Moment, Part, PlayOptions, Player};
 pub use skipped::{Skip, Skipped, Tally};
-pub use sniff::{Kind, kind_of};
+pub use sniff::kind_of;
 pub use source::Source;
 pub use writer::{Format, Writer};
 

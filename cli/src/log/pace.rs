@@ -67,13 +67,6 @@ impl Pace {
     pub fn pause(&mut self, held: Duration) {
         self.start = self.start.and_then(|start| start.checked_add(held));
     }
-
-    /// Goes on with another speed from `now` on.
-    pub fn set_speed(&mut self, speed: f64, now: Instant) {
-        self.options.speed = speed;
-        self.start = self.start.map(|_| now);
-        self.passed_ns = 0;
-    }
 }
 
 fn as_ns(duration: Duration) -> u64 {
@@ -132,10 +125,5 @@ mod tests {
         pace.pause(Duration::from_millis(40));
         let due = pace.due(10_000_000, start);
         assert_eq!(due.duration_since(start).as_millis(), 50);
-        pace.set_speed(2.0, due);
-        assert_eq!(
-            pace.due(30_000_000, start).duration_since(due).as_millis(),
-            10
-        );
     }
 }

@@ -53,6 +53,45 @@ impl Moment {
     }
 }
 
+/// A part of a log's time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Part {
+    from: Option<Moment>,
+    to: Option<Moment>,
+    first_ns: Option<u64>,
+    outside: u64,
+}
+
+impl Part {
+    /// From one moment to another; both belong to it.
+    pub const fn new(from: Option<Moment>, to: Option<Moment>) -> Self {
+        Self {
+            from,
+            to,
+            first_ns: None,
+            outside: 0,
+        }
+    }
+
+    /// Whether a frame of this time is in it. The first one that is asked about begins the log.
+    #[inline]
+    pub fn has(&mut self, time_ns: u64) -> bool {
+        if self.from.is_none() && self.to.is_none() {
+            return true;
+        }
+        let first_ns = *self.first_ns.get_or_insert(time_ns);
+        let before = self.from.is_some_and(|from| time_ns < from.ns(first_ns));
+        let behind = self.to.is_some_and(|to| time_ns > to.ns(first_ns));
+        self.outside += u64::from(before || behind);
+        !before && !behind
+    }
+
+    /// Frames that were not in it.
+    pub const fn outside(&self) -> u64 {
+        self.outside
+    }
+}
+
 /// What to play and how.
 #[derive(Clone, Debug, Default)]
 pub struct PlayOptions {
@@ -74,7 +113,7 @@ pub struct Player {
     options: PlayOptions,
     source: Source,
     pace: Pace,
-    first_ns: Option<u64>,
+    part: Part,
     given: u64,
 }
 
@@ -89,9 +128,9 @@ impl Player {
         Ok(Self {
             paths: paths.to_vec(),
             pace: Pace::new(options.pace),
+            part: Part::new(options.from, options.to),
             options,
             source,
-            first_ns: None,
             given: 0,
         })
     }
@@ -101,16 +140,12 @@ impl Player {
         loop {
             match self.source.next() {
                 Some(Ok(logged)) => {
-                    let first_ns = *self.first_ns.get_or_insert(logged.time_ns);
-                    let at = |moment: Option<Moment>| moment.map(|moment| moment.ns(first_ns));
-                    if at(self.options.from).is_some_and(|from| logged.time_ns < from) {
-                        continue;
-                    }
-                    if at(self.options.to).is_none_or(|to| logged.time_ns <= to) {
+                    if self.part.has(logged.time_ns) {
                         self.given += 1;
                         let due = self.pace.due(logged.time_ns, now);
                         return Some(Ok((logged, due)));
                     }
+                    continue;
                 }
                 Some(Err(error)) => return Some(Err(error)),
                 None => {}
@@ -129,7 +164,7 @@ impl Player {
         let interface = self.options.interface.as_deref();
         // The bar has run once.
         self.source = Source::of_interface(&self.paths, interface, &Progress::hidden())?;
-        self.first_ns = None;
+        self.part = Part::new(self.options.from, self.options.to);
         self.given = 0;
         Ok(())
     }

@@ -81,7 +81,8 @@ pub struct Reader {
     input: Input,
     dialect: Dialect,
     shift_ns: u64,
-    last_ns: u64,
+    before_ns: u64,
+    end_ns: u64,
 }
 
 enum Dialect {
@@ -101,13 +102,14 @@ impl Reader {
                 Kind::Asc => Dialect::Asc(Asc::default()),
             },
             shift_ns,
-            last_ns: 0,
+            before_ns: 0,
+            end_ns: 0,
         }
     }
 
     /// The latest time of a frame that was read.
-    pub const fn last_ns(&self) -> u64 {
-        self.last_ns
+    pub const fn end_ns(&self) -> u64 {
+        self.end_ns
     }
 
     /// The next frame; `None` at the end.
@@ -142,11 +144,12 @@ impl Reader {
             match read {
                 Ok((time_ns, interface, frame)) => {
                     let time_ns = time_ns.saturating_add(self.shift_ns);
-                    if time_ns < self.last_ns {
+                    // A step back counts once, and not until the old time is reached again.
+                    if time_ns < self.before_ns {
                         skipped.backwards.add(self.file, self.input.number());
-                    } else {
-                        self.last_ns = time_ns;
                     }
+                    self.before_ns = time_ns;
+                    self.end_ns = self.end_ns.max(time_ns);
                     return Ok(Some(Logged {
                         time_ns,
                         interface,

@@ -110,7 +110,7 @@ impl Damage {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Skipped {
     kinds: [Tally; Skip::ALL.len()],
-    /// Frames that were read and are older than one before them in their file.
+    /// Frames that were read and are older than the one before them in their file.
     pub backwards: Tally,
     /// Files whose end is missing, by their place, and how.
     pub damaged: Vec<(usize, Damage)>,
@@ -128,6 +128,7 @@ impl Skipped {
     }
 
     /// What was counted of one kind.
+    #[cfg(test)]
     pub const fn tally(&self, kind: Skip) -> Tally {
         self.kinds[kind as usize]
     }
@@ -140,6 +141,7 @@ impl Skipped {
     }
 
     /// All lines that gave no frame.
+    #[cfg(test)]
     pub fn lines(&self) -> u64 {
         self.kinds.iter().map(|tally| tally.count).sum()
     }

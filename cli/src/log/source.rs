@@ -49,7 +49,6 @@ pub struct Source {
     /// The end of the file without a date that was read last.
     undated_end_ns: Option<u64>,
     frames: u64,
-    bytes: u64,
 }
 
 impl Source {
@@ -75,7 +74,6 @@ impl Source {
             task: Some(Arc::new(progress.task("Reading", bytes))),
             undated_end_ns: None,
             frames: 0,
-            bytes,
         };
         for candidate in candidates {
             source.look(candidate)?;
@@ -238,7 +236,7 @@ impl Source {
 
     fn close(&mut self, place: usize) {
         let closed = self.open.remove(place);
-        let end_ns = closed.reader.last_ns();
+        let end_ns = closed.reader.end_ns();
         if !is_dated(end_ns) {
             self.undated_end_ns = Some(end_ns);
         }
@@ -262,10 +260,5 @@ impl Source {
     /// Frames given so far.
     pub const fn frames(&self) -> u64 {
         self.frames
-    }
-
-    /// Bytes of all files together; 0 for standard input.
-    pub const fn bytes(&self) -> u64 {
-        self.bytes
     }
 }

@@ -26,6 +26,8 @@ pub enum MonitorError {
     Record(PathBuf, io::Error),
     /// The page can't be served at this address.
     Web(SocketAddr, io::Error),
+    /// The page's server can't be started.
+    Serve(io::Error),
     /// The standard output can't be written.
     Print(io::Error),
     /// The reader has panicked.
@@ -59,6 +61,7 @@ impl fmt::Display for MonitorError {
                 f,
                 "no page can be served at {address}: {error}; give another by --web ADDRESS:PORT"
             ),
+            Self::Serve(error) => write!(f, "the page cannot be served: {error}"),
             Self::Print(error) => write!(f, "the output cannot be written: {error}"),
             Self::Reader => write!(
                 f,

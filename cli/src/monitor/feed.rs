@@ -10,7 +10,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use canopen::Frame;
 
-use crate::bus::{Bus, BusOptions, JoinError};
+use crate::bus::survey::Survey;
+use crate::bus::{Bus, BusOptions, JoinError, diagnosis};
 
 /// What a source has to say.
 #[derive(Debug)]
@@ -19,6 +20,8 @@ pub enum Step {
     Frame(u64, Frame),
     /// Nothing until then.
     Nothing,
+    /// Something that the user should know of it.
+    Remark(String),
     /// It has come to its end; what there is to remark.
     Ended(Vec<String>),
 }
@@ -40,6 +43,13 @@ pub trait Feed {
     ///
     /// Errors: as [`Feed::step`].
     fn send(&mut self, frame: &Frame) -> io::Result<u64>;
+
+    /// What a silence may come from, in words; asked when nothing comes.
+    ///
+    /// Errors: as [`Feed::step`].
+    fn advice(&mut self) -> io::Result<Option<String>> {
+        Ok(None)
+    }
 
     /// Tries to get a lost source back.
     ///
@@ -116,32 +126,20 @@ impl Feed for BusFeed {
         Ok(self.now_ns())
     }
 
+    fn advice(&mut self) -> io::Result<Option<String>> {
+        // Nobody is asked: who only listens has the adapter's word and no other.
+        let trouble = self.bus.trouble()?;
+        let bus = self.bus.name().to_owned();
+        let heard = Survey::default();
+        Ok(Some(
+            diagnosis::judge(&heard, trouble, &bus, None).to_string(),
+        ))
+    }
+
     fn again(&mut self) -> Result<(), JoinError> {
         self.bus = self.options.join()?;
         self.last = None;
         Ok(())
-    }
-}
-
-impl<F: Feed + ?Sized> Feed for Box<F> {
-    fn step(&mut self, until: Instant) -> io::Result<Step> {
-        (**self).step(until)
-    }
-
-    fn now_ns(&self) -> u64 {
-        (**self).now_ns()
-    }
-
-    fn interface(&self) -> &str {
-        (**self).interface()
-    }
-
-    fn send(&mut self, frame: &Frame) -> io::Result<u64> {
-        (**self).send(frame)
-    }
-
-    fn again(&mut self) -> Result<(), JoinError> {
-        (**self).again()
     }
 }
 

@@ -51,6 +51,9 @@ pub struct LogFeed {
     held_since: Option<Instant>,
     interface: String,
     name: String,
+    /// Whether one interface was chosen.
+    only: bool,
+    many_told: bool,
 }
 
 impl LogFeed {
@@ -76,6 +79,8 @@ impl LogFeed {
             held_since: None,
             interface: String::new(),
             name: name(&options.paths),
+            only: options.interface.is_some(),
+            many_told: false,
         })
     }
 
@@ -103,6 +108,19 @@ impl LogFeed {
             self.head = next.map(|(logged, due)| Head { logged, due });
         }
         Ok(self.head)
+    }
+
+    /// Told once: frames of several buses are no one's bus.
+    fn many_interfaces(&mut self) -> Option<String> {
+        let names = self.player.source().interfaces();
+        if self.many_told || self.only || names.len() < 2 {
+            return None;
+        }
+        let names = names.join(" and ");
+        self.many_told = true;
+        Some(format!(
+            "frames of {names} are taken together: choose one of them by -c"
+        ))
     }
 
     /// What was no frame, in words.
@@ -136,6 +154,9 @@ impl Feed for LogFeed {
         let Some(Head { logged, due }) = self.head()? else {
             return Ok(Step::Ended(self.remarks()));
         };
+        if let Some(remark) = self.many_interfaces() {
+            return Ok(Step::Remark(remark));
+        }
         if due > until {
             sleep_until(until);
             return Ok(Step::Nothing);
@@ -237,6 +258,22 @@ mod tests {
         };
         assert_eq!(remarks, ["1 lines cut short"]);
         assert!(from.elapsed() < Duration::from_secs(5));
+    }
+
+    #[test]
+    fn frames_of_two_interfaces_are_told_of_once() {
+        let text = "(1.000000) can0 080#\n(1.100000) can1 080#\n(1.200000) can0 080#\n";
+        let (mut feed, _) = feed("two", text, f64::INFINITY, false);
+        let mut remarks = Vec::new();
+        loop {
+            match feed.step(soon(1)).unwrap() {
+                Step::Remark(remark) => remarks.push(remark),
+                Step::Ended(_) => break,
+                _ => {}
+            }
+        }
+        assert_eq!(remarks.len(), 1);
+        assert!(remarks[0].starts_with("frames of can0 and can1 are taken together"));
     }
 
     #[test]

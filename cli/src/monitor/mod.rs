@@ -30,6 +30,7 @@ mod words;
 mod model_tests;
 
 use std::io::{self, IsTerminal as _, Write as _};
+use std::net::TcpListener;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
@@ -65,10 +66,15 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     let address = arguments.bus.address().map_err(MonitorError::Join)?;
     let plan = arguments.plan()?;
     let bit_rate = address.kbit_s.map(|kbit_s| kbit_s * 1000);
+    // Before anything else is begun, as a recording that would stay empty.
+    let page = arguments.web.map(|address| {
+        TcpListener::bind(address).map_err(|error| MonitorError::Web(address, error))
+    });
+    let page = page.transpose()?;
     if arguments.log.is_empty() {
-        watch_bus(arguments, &plan, bit_rate)
+        watch_bus(arguments, &plan, bit_rate, page)
     } else {
-        watch_log(arguments, &plan, bit_rate)
+        watch_log(arguments, &plan, bit_rate, page)
     }
 }
 
@@ -76,6 +82,7 @@ fn watch_bus(
     arguments: &Arguments,
     plan: &Plan,
     bit_rate: Option<u32>,
+    page: Option<TcpListener>,
 ) -> Result<ExitCode, MonitorError> {
     if let Some(path) = arguments.record.as_ref().filter(|_| !arguments.force)
         && path.exists()
@@ -101,13 +108,14 @@ fn watch_bus(
         sync: arguments.sync,
         ..Tasks::default()
     };
-    show(arguments, Arc::new(Shared::new(model)), feed, tasks)
+    show(arguments, Arc::new(Shared::new(model)), feed, tasks, page)
 }
 
 fn watch_log(
     arguments: &Arguments,
     plan: &Plan,
     bit_rate: Option<u32>,
+    page: Option<TcpListener>,
 ) -> Result<ExitCode, MonitorError> {
     let options = LogOptions {
         paths: arguments.log.clone(),
@@ -122,7 +130,7 @@ fn watch_log(
     let stopped = Arc::clone(&shared);
     // Without it a signal ends the program at once, which leaves the terminal as it is.
     let _ = ctrlc::set_handler(move || stopped.stop());
-    show(arguments, shared, feed, Tasks::default())
+    show(arguments, shared, feed, Tasks::default(), page)
 }
 
 /// Runs the reader in its own thread and a view in this one.
@@ -131,16 +139,14 @@ fn show(
     shared: Arc<Shared>,
     feed: impl Feed + Send + 'static,
     mut tasks: Tasks,
+    page: Option<TcpListener>,
 ) -> Result<ExitCode, MonitorError> {
     let is_terminal = !arguments.plain && !arguments.json && io::stdout().is_terminal();
     let (sender, lines) = sync_channel(LINES_WAITING);
     tasks.lines = (!is_terminal).then_some(sender);
     let reader = Reader::new(feed, Arc::clone(&shared), tasks);
-    let server = arguments.web.map(|address| {
-        let started = Server::start(address, Arc::clone(&shared));
-        started.map_err(|error| MonitorError::Web(address, error))
-    });
-    let server = server.transpose()?;
+    let server = page.map(|listener| Server::start(listener, Arc::clone(&shared)));
+    let server = server.transpose().map_err(MonitorError::Serve)?;
     let page = server.as_ref().map(Server::url);
     let reader = thread::spawn(move || reader.run());
     let until = arguments.duration.map(|time| Instant::now() + time);

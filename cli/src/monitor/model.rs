@@ -15,7 +15,7 @@ use super::pace::{Pace, Patience};
 use super::snapshot::{Snapshot, SourceState};
 use super::trace::Trace;
 use super::words::{self, Level};
-use crate::watch::{Delta, Emergency, News, Nmt, Place, Plan, Watch};
+use crate::watch::{Check, Delta, Emergency, News, Nmt, Place, Plan, Side, Watch};
 
 const S: u64 = 1_000_000_000;
 
@@ -97,6 +97,8 @@ pub struct Extra {
     pub blame: Option<([bool; 2], Option<String>)>,
     /// State of the pair that was told last.
     pub state: Option<u8>,
+    /// Kinds of findings that were told, bit n for check n.
+    pub checked: u8,
     /// Faults that were told and not taken back.
     pub told: u32,
 }
@@ -196,6 +198,11 @@ impl Model {
         self.ended = None;
     }
 
+    /// Whether nothing comes, so that somebody may ask why.
+    pub fn is_quiet(&self) -> bool {
+        self.any_ns.is_none() || self.any.stopped
+    }
+
     /// Says what a silence may come from; shown while nothing comes.
     pub fn advise(&mut self, advice: Option<String>) {
         self.advice = advice;
@@ -221,6 +228,7 @@ impl Model {
         let is_sync = news == News::Sync;
         self.load.take(self.now_ns, frame, is_sync);
         self.read(news, frame);
+        self.check();
     }
 
     /// Time goes on.
@@ -297,7 +305,7 @@ impl Model {
                     extra.detail.take(now_ns);
                 }
             }
-            News::Exchange(place) => self.exchanged(place, frame),
+            News::Exchange(place) => self.exchanged(place),
             News::Emergency(place, emergency) => self.emergency(place, &emergency),
             News::Heartbeat(place, state) => self.heartbeat(place, state),
             News::Malformed(place) => self.malformed(place, frame),
@@ -350,20 +358,48 @@ impl Model {
         self.say(place, Kind::Verdict, words::state_level(slopes.state), text);
     }
 
-    fn exchanged(&mut self, place: Place, frame: &Frame) {
-        let is_angles = frame.cob_id().is_some_and(|id| id & 0x780 == 0x380);
+    fn exchanged(&mut self, place: Place) {
         let now_ns = self.now_ns;
-        if let (true, &[.., x, y], Some(extra)) = (is_angles, frame.bytes(), self.extra(place)) {
-            extra.quality = Some((now_ns, [x, y]));
+        let told = self.side(place).and_then(|side| side.told);
+        if let (Some(told), Some(extra)) = (told, self.extra(place)) {
+            extra.quality = Some((now_ns, told.exchange.quality));
+        }
+    }
+
+    fn side(&self, place: Place) -> Option<&Side> {
+        let pair = self.watch.pairs().get(usize::from(place.pair))?;
+        pair.sides.get(usize::from(place.side))
+    }
+
+    /// Tells of each kind of thing that does not fit together when it is found first.
+    fn check(&mut self) {
+        for (instrument, pair) in self.watch.pairs().iter().enumerate() {
+            let extras = self.pairs.get_mut(instrument).map(|pair| &mut pair.sides);
+            for (number, (side, extra)) in pair
+                .sides
+                .iter()
+                .zip(extras.into_iter().flatten())
+                .enumerate()
+            {
+                for (check, _) in side.checks.found() {
+                    let bit = 1 << check as u8;
+                    // A frame of a wrong length is told with its identifier.
+                    if extra.checked & bit != 0 || check == Check::Length {
+                        continue;
+                    }
+                    extra.checked |= bit;
+                    let text = format!("first of: {}", check.words());
+                    let whom = whom(instrument, number);
+                    let (kind, level) = (Kind::Check, Level::Warning);
+                    self.events.add(self.now_ns, whom, kind, level, text);
+                }
+            }
         }
     }
 
     fn emergency(&mut self, place: Place, emergency: &Emergency) {
-        let [pair, side] = [usize::from(place.pair), usize::from(place.side)];
-        let watched = self.watch.pairs().get(pair);
-        let faults = watched
-            .and_then(|p| p.sides.get(side))
-            .map_or(0, |s| s.faults);
+        let side = usize::from(place.side);
+        let faults = self.side(place).map_or(0, |side| side.faults);
         let Some(extra) = self.extra(place) else {
             return;
         };

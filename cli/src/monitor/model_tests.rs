@@ -2,6 +2,8 @@
 
 use canopen::{Frame, frame::ExtendedId};
 
+use proptest::prelude::*;
+
 use super::events::Kind;
 use super::model::{Model, Setup};
 use super::snapshot::{Channel, Snapshot, SourceState};
@@ -340,6 +342,26 @@ fn strangers_and_malformed_frames_are_counted_and_told_once() {
 }
 
 #[test]
+fn what_does_not_fit_together_is_counted_and_told_once() {
+    let mut bench = Bench::new();
+    for _ in 0..3 {
+        bench.take(0x80, &[]);
+        // Validity says that both may be used, and X is none.
+        bench.take(0x181, &[0, 0x80, 0, 0, 0x7F, 1]);
+        bench.wait(10);
+    }
+    let findings = bench.channel(0).findings;
+    assert_eq!((findings[0].name, findings[0].count), ("validity", 3));
+    let told = "A first of: slopes whose validity bit says otherwise";
+    let texts = bench.texts();
+    assert_eq!(
+        texts.iter().filter(|text| *text == told).count(),
+        1,
+        "{texts:?}"
+    );
+}
+
+#[test]
 fn without_a_bit_rate_there_is_no_load_but_a_reason() {
     let mut model = Model::new(&Plan::default(), Setup::default());
     model.take(0, &Frame::data_frame(0x80, &[]));
@@ -373,4 +395,42 @@ fn a_snapshot_is_one_json_object_that_names_itself_first() {
     assert!(text.starts_with(start), "{text}");
     assert!(text.contains(r#""slope_x_deg":null"#));
     assert!(!text.contains("NaN"));
+}
+
+proptest! {
+    /// Any frames at any times: no panic, a snapshot with a form in JSON, bounded lists, and no
+    /// angle that nobody has sent.
+    #[test]
+    fn whatever_comes_the_model_keeps_its_word(
+        frames in prop::collection::vec(
+            (
+                any::<u64>(),
+                0_u64..3_000_000_000,
+                prop_oneof![0_u16..0x800, 0x180_u16..0x184, 0x281_u16..0x283, 0x700_u16..0x704],
+                prop::collection::vec(any::<u8>(), 0..9),
+            ),
+            0..200,
+        ),
+        jumps in any::<bool>(),
+    ) {
+        let mut model = Model::new(&Plan::default(), Setup::default());
+        let mut time_ns = 0_u64;
+        let mut sent = false;
+        for (any_ns, step_ns, id, bytes) in frames {
+            time_ns = if jumps { any_ns } else { time_ns.saturating_add(step_ns) };
+            sent |= matches!(id, 0x181 | 0x182);
+            model.take(time_ns, &Frame::data_frame(id, &bytes));
+            model.pass(time_ns.saturating_add(step_ns));
+            let seen = model.snapshot();
+            for channel in &seen.instruments[0].channels {
+                prop_assert!(sent || channel.slope_x_deg.is_none());
+                prop_assert_eq!(channel.slope_x_deg.is_none(), channel.slope_x_reason.is_some());
+                prop_assert_eq!(channel.slope_y_deg.is_none(), channel.slope_y_reason.is_some());
+            }
+        }
+        prop_assert!(model.events.since(0).count() <= 1000);
+        let text = serde_json::to_string(&model.snapshot()).unwrap();
+        prop_assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok());
+        super::plain::state(&model.snapshot());
+    }
 }

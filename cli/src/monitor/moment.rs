@@ -9,7 +9,8 @@ use super::events::{NAMES, seconds};
 use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
 use super::pace::{Pace, Patience};
 use super::snapshot::{
-    Bus, Channel, FORMAT, Instrument, Known, Snapshot, SourceState, StandingFault, VERSION, Verdict,
+    Bus, Channel, FORMAT, FindingCount, Instrument, Known, Snapshot, SourceState, StandingFault,
+    VERSION, Verdict,
 };
 use super::words::{self, Level};
 use crate::watch::{Detail, Nmt, Pair, Side, Slopes};
@@ -190,6 +191,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         heartbeat_lost: extra.heartbeat.stopped,
         boots: side.boots,
         faults: faults(side.faults),
+        findings: findings(side),
     }
 }
 
@@ -200,6 +202,17 @@ fn faults(bits: u32) -> Vec<StandingFault> {
         text: fault.text(),
     };
     words::faults(bits).into_iter().map(standing).collect()
+}
+
+fn findings(side: &Side) -> Vec<FindingCount> {
+    let found = side.checks.found();
+    found
+        .map(|(check, finding)| FindingCount {
+            name: check.name(),
+            text: check.words(),
+            count: finding.count,
+        })
+        .collect()
 }
 
 /// What is young enough; else its age in s, where it has one.

@@ -20,6 +20,7 @@ use super::model::Model;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
 use super::words::Level;
+use crate::bus;
 use crate::report::replay_tables::printable;
 
 /// How long a step waits for a frame: after that it is looked what else there is to do.
@@ -27,6 +28,10 @@ const GLANCE: Duration = Duration::from_millis(20);
 
 /// From one try to reach a lost bus to the next.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
+
+/// After this silence it is asked why, and again and again.
+const ADVICE_FIRST: Duration = Duration::from_secs(2);
+const ADVICE: Duration = Duration::from_secs(5);
 
 /// From one line to the next, on the source's clock.
 const LINE_NS: u64 = 1_000_000_000;
@@ -158,6 +163,7 @@ pub struct Reader<F> {
     events_told: u64,
     lines_lost: u64,
     recording: Result<(), io::Error>,
+    next_advice: Instant,
 }
 
 impl<F: Feed> Reader<F> {
@@ -173,6 +179,7 @@ impl<F: Feed> Reader<F> {
             events_told: 0,
             lines_lost: 0,
             recording: Ok(()),
+            next_advice: Instant::now() + ADVICE_FIRST,
         }
     }
 
@@ -224,7 +231,11 @@ impl<F: Feed> Reader<F> {
                 Ok(true) => {}
                 Ok(false) => return Ok(Ending::Ended),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => break,
-                Err(error) if self.tasks.reconnect => self.reconnect(&error),
+                Err(error) if self.tasks.reconnect => {
+                    if !self.reconnect(&error) {
+                        break;
+                    }
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -247,7 +258,12 @@ impl<F: Feed> Reader<F> {
                 let now_ns = self.feed.now_ns();
                 self.line(now_ns);
                 self.shared.model().pass(now_ns);
+                self.advise()?;
                 self.own_sync()?;
+            }
+            Step::Remark(text) => {
+                let text = printable(&text);
+                self.shared.model().note(Kind::Source, Level::Warning, text);
             }
             Step::Ended(remarks) => {
                 self.ended(remarks);
@@ -310,6 +326,18 @@ impl<F: Feed> Reader<F> {
         self.recording = Err(error);
     }
 
+    /// Finds out why nothing comes, now and then.
+    fn advise(&mut self) -> io::Result<()> {
+        let now = Instant::now();
+        if now < self.next_advice || !self.shared.model().is_quiet() {
+            return Ok(());
+        }
+        self.next_advice = now + ADVICE;
+        let advice = self.feed.advice()?;
+        self.shared.model().advise(advice);
+        Ok(())
+    }
+
     fn own_sync(&mut self) -> io::Result<()> {
         let Some(mut sync) = self.sync.filter(|sync| Instant::now() >= sync.due) else {
             return Ok(());
@@ -328,18 +356,19 @@ impl<F: Feed> Reader<F> {
         }
     }
 
-    fn reconnect(&mut self, error: &io::Error) {
+    /// Tries until the bus is there again or the user has enough.
+    fn reconnect(&mut self, error: &io::Error) -> bool {
         let why = printable(&error.to_string());
         self.shared.model().end(SourceState::Lost, why);
         let mut next = Instant::now();
-        while !self.shared.is_stopped() {
+        while !self.shared.is_stopped() && !bus::interrupted() {
             self.tell_events();
             if Instant::now() >= next {
                 next = Instant::now() + TRY_AGAIN;
                 if self.feed.again().is_ok() {
                     let text = "the bus is there again".to_owned();
                     self.shared.model().resume(text);
-                    return;
+                    return true;
                 }
             }
             let now_ns = self.feed.now_ns();
@@ -348,6 +377,7 @@ impl<F: Feed> Reader<F> {
             self.record_pass();
             std::thread::sleep(GLANCE);
         }
+        false
     }
 
     /// Makes a line when a second has passed on the source's clock.
@@ -355,10 +385,11 @@ impl<F: Feed> Reader<F> {
         if self.tasks.lines.is_none() {
             return;
         }
-        let due = *self.next_line_ns.get_or_insert(now_ns + LINE_NS);
+        let next_ns = now_ns.saturating_add(LINE_NS);
+        let due = *self.next_line_ns.get_or_insert(next_ns);
         // Where time has gone back, seconds are counted from there.
-        if now_ns + 2 * LINE_NS < due {
-            self.next_line_ns = Some(now_ns + LINE_NS);
+        if next_ns.saturating_add(LINE_NS) < due {
+            self.next_line_ns = Some(next_ns);
         }
         if now_ns < due {
             return;
@@ -370,13 +401,9 @@ impl<F: Feed> Reader<F> {
         };
         self.tell_events();
         self.tell(Line::State(Box::new(snapshot)));
-        let next = due + LINE_NS;
         // A gap is told as an event, not as a line for each of its seconds.
-        self.next_line_ns = Some(if next <= now_ns {
-            now_ns + LINE_NS
-        } else {
-            next
-        });
+        let next = due.saturating_add(LINE_NS);
+        self.next_line_ns = Some(if next <= now_ns { next_ns } else { next });
     }
 
     fn tell_events(&mut self) {
@@ -404,7 +431,10 @@ impl<F: Feed> Reader<F> {
         };
         let gone = if self.tasks.may_lose_lines {
             match lines.try_send(line) {
-                Ok(()) => false,
+                Ok(()) => {
+                    self.tell_losses();
+                    false
+                }
                 Err(TrySendError::Full(_)) => {
                     self.lines_lost += 1;
                     false
@@ -417,6 +447,16 @@ impl<F: Feed> Reader<F> {
         if gone {
             self.tasks.lines = None;
             self.shared.stop();
+        }
+    }
+
+    /// Lines that found no room are told of when there is some again.
+    fn tell_losses(&mut self) {
+        let lost = std::mem::take(&mut self.lines_lost);
+        if lost > 0 {
+            let text = format!("{lost} lines were left out: nobody read them in time");
+            let mut model = self.shared.model();
+            model.note(Kind::Source, Level::Warning, text);
         }
     }
 }

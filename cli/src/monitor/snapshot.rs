@@ -54,6 +54,17 @@ pub struct StandingFault {
     pub text: &'static str,
 }
 
+/// Something in what a channel says that does not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FindingCount {
+    /// Its name.
+    pub name: &'static str,
+    /// The same in words.
+    pub text: &'static str,
+    /// How often it was found.
+    pub count: u64,
+}
+
 /// One channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Channel {
@@ -99,6 +110,8 @@ pub struct Channel {
     pub boots: u32,
     /// Faults that stand, by its latest EMCY.
     pub faults: Vec<StandingFault>,
+    /// What does not fit together in what it says.
+    pub findings: Vec<FindingCount>,
 }
 
 impl Channel {
@@ -154,17 +167,6 @@ pub struct Instrument {
     pub inside_band: Option<bool>,
     /// State of the pair, in words.
     pub verdict: Verdict,
-}
-
-impl Instrument {
-    /// The difference along an axis, 0 for X.
-    pub const fn difference_deg(&self, axis: usize) -> Option<f64> {
-        if axis == 0 {
-            self.difference_x_deg
-        } else {
-            self.difference_y_deg
-        }
-    }
 }
 
 /// How the source is.

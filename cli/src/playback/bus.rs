@@ -96,11 +96,12 @@ impl Bus {
 
     /// Takes a frame.
     #[inline]
-    pub fn take(&mut self, time_ns: u64, frame: &Frame) {
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> News {
         let [_, latest] = self.span_ns.get_or_insert([time_ns; 2]);
         *latest = (*latest).max(time_ns);
         let news = self.watch.take(time_ns, frame);
         self.note(news);
+        news
     }
 
     #[inline]

@@ -6,6 +6,8 @@ use device::fault::Fault;
 use serde::Serialize;
 
 use super::bus::{Bus, Channel, Instrument, Spread};
+use super::export::Exported;
+use super::foreign::Foreign;
 use super::summary::Summary;
 use crate::log::{Skipped, Source, Tally};
 use crate::watch::{Side, Watch};
@@ -23,7 +25,7 @@ pub struct Report {
     pub frames: u64,
     /// Lines that gave no frame, by kind.
     pub skipped: Vec<SkippedJson>,
-    /// Frames older than one before them in their file.
+    /// Frames older than the one before them in their file.
     pub backwards: Option<SkippedJson>,
     /// Files whose end is missing.
     pub damaged: Vec<DamagedJson>,
@@ -33,8 +35,57 @@ pub struct Report {
     pub overlapping_files: u64,
     /// Files without a date that were taken as following the one before.
     pub undated_files: Vec<String>,
+    /// Frames before --from and behind --to.
+    pub outside: u64,
     /// What each interface has shown.
     pub interfaces: Vec<InterfaceJson>,
+    /// Nodes with a data sheet.
+    pub devices: Vec<DeviceJson>,
+    /// The table that was written.
+    pub export: Option<Exported>,
+}
+
+/// A node with a data sheet.
+#[derive(Debug, Serialize)]
+pub struct DeviceJson {
+    /// The data sheet.
+    pub file: String,
+    /// Its product.
+    pub product: String,
+    /// The node.
+    pub node_id: u8,
+    /// What was odd about the sheet, the first hundred.
+    pub warnings: Vec<WarningJson>,
+    /// How much was odd.
+    pub warning_count: u64,
+    /// Frames whose length is not that of their PDO.
+    pub wrong_length: u64,
+    /// What was seen of each of its signals; none of an instrument, which has its own place.
+    pub signals: Vec<SignalJson>,
+}
+
+/// Something odd.
+#[derive(Debug, Serialize)]
+pub struct WarningJson {
+    /// The line, counted from 1.
+    pub line: u32,
+    /// What.
+    pub text: String,
+}
+
+/// A signal of another node.
+#[derive(Debug, Serialize)]
+pub struct SignalJson {
+    /// Its name.
+    pub name: String,
+    /// Identifier of its PDO.
+    pub cob_id: u16,
+    /// How often it was seen.
+    pub count: u64,
+    /// The smallest value, in the device's own unit.
+    pub min: Option<f64>,
+    /// The largest value.
+    pub max: Option<f64>,
 }
 
 /// Lines of a kind.
@@ -241,7 +292,7 @@ impl Report {
             backwards: (skipped.backwards.count > 0).then(|| {
                 tally(
                     "backwards",
-                    "frames older than one before",
+                    "frames older than the one before",
                     skipped.backwards,
                 )
             }),
@@ -256,12 +307,52 @@ impl Report {
             not_logs: skipped.not_logs.clone(),
             overlapping_files: skipped.overlapping,
             undated_files: skipped.undated.iter().map(|file| name(*file)).collect(),
+            outside: 0,
+            devices: devices(summary.foreign()),
+            export: None,
             interfaces: summary
                 .buses()
                 .map(|(place, bus)| interface(source.interfaces().get(place), bus))
                 .collect(),
         }
     }
+}
+
+fn devices(foreign: &Foreign) -> Vec<DeviceJson> {
+    let all = foreign.devices().iter().enumerate();
+    all.map(|(place, device)| DeviceJson {
+        file: device.file.clone(),
+        product: device.product.clone(),
+        node_id: device.node_id,
+        warnings: device
+            .warnings
+            .iter()
+            .map(|warning| WarningJson {
+                line: warning.line,
+                text: warning.what.to_string(),
+            })
+            .collect(),
+        warning_count: device.warning_count,
+        wrong_length: foreign.wrong_length(place),
+        signals: if device.is_inclinometer() {
+            Vec::new()
+        } else {
+            signals(foreign, place)
+        },
+    })
+    .collect()
+}
+
+fn signals(foreign: &Foreign, place: usize) -> Vec<SignalJson> {
+    let all = foreign.seen(place);
+    all.map(|(pdo, signal, range)| SignalJson {
+        name: signal.name.clone(),
+        cob_id: pdo.cob_id,
+        count: range.count,
+        min: (range.count > 0).then_some(range.min),
+        max: (range.count > 0).then_some(range.max),
+    })
+    .collect()
 }
 
 fn kinds(

@@ -1,40 +1,72 @@
 //! `plumb replay` of bus logs: what the nodes have said, from files instead of a bus.
 //!
 //! In: logs that `log` reads, files or whole folders. Out: a summary per interface and instrument,
-//! or its JSON. Every interface has a [`crate::watch::Watch`] of its own, so two buses in one log
-//! are two instruments. `docs/logs.md` describes it.
+//! or its JSON; all values as a table; or the frames on a bus, when they are due. Every interface
+//! has a [`crate::watch::Watch`] of its own, so two buses in one log are two instruments.
+//! `docs/logs.md` describes it.
 //!
 //! Left out: recordings of bare sensors, which `replay` runs through the signal chain.
 
 mod bus;
 mod error;
+mod export;
+mod foreign;
 mod json;
+mod onto;
 mod options;
+mod parquet_file;
+mod row;
 mod summary;
 mod text;
 
-use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use crate::log::{LogError, Source};
+use crate::eds::{Device, Request};
+use crate::log::{LogError, Moment, Part, Source};
 use crate::progress::Progress;
+use crate::stdout;
 
 pub use error::PlaybackError;
 pub use options::Options;
+
+use export::Export;
+use foreign::Foreign;
 use summary::Summary;
 
-/// Reads the logs and tells what they say; exit status 0, whatever that is.
+/// Reads the logs and tells what they say, or plays them; exit status 0, whatever that is.
 pub fn run(
     paths: &[PathBuf],
     options: &Options,
+    from: Option<Moment>,
     json: bool,
     progress: &Progress,
 ) -> Result<ExitCode, PlaybackError> {
+    let devices: Vec<Device> = options
+        .eds
+        .iter()
+        .map(Request::read)
+        .collect::<Result<_, _>>()?;
+    let plan = options.plan(&devices).ok_or(PlaybackError::Nodes)?;
+    if options.onto.is_some() {
+        return onto::run(paths, options, from, json);
+    }
+    let mut export = match &options.export {
+        Some(path) => Some(Export::create(path, paths, &devices)?),
+        None => None,
+    };
     let mut source = Source::of_interface(paths, options.interface.as_deref(), progress)?;
-    let mut summary = Summary::new(options.plan());
+    let mut part = Part::new(from, options.to);
+    let mut summary = Summary::new(plan, Foreign::new(devices));
     while let Some(logged) = source.next() {
-        summary.take(&logged?);
+        let logged = logged?;
+        if !part.has(logged.time_ns) {
+            continue;
+        }
+        let news = summary.take(&logged);
+        if let Some(export) = &mut export {
+            export.take(&logged, source.interfaces(), news, &summary)?;
+        }
     }
     if let Some(wanted) = &options.interface
         && source.frames() == 0
@@ -42,20 +74,15 @@ pub fn run(
         let there = source.interfaces().to_vec();
         return Err(LogError::NoSuchInterface(wanted.clone(), there).into());
     }
-    let report = json::Report::new(&summary, &source);
-    let text = if json {
-        serde_json::to_string(&report).map_err(PlaybackError::Json)? + "\n"
+    let exported = export.map(Export::finish).transpose()?;
+    let mut report = json::Report::new(&summary, &source);
+    report.outside = part.outside();
+    report.export = exported;
+    if json {
+        stdout::print_json(&report)
     } else {
-        text::of(&report)
-    };
-    print(&text)
-}
-
-fn print(text: &str) -> Result<ExitCode, PlaybackError> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // Whoever reads has seen enough.
-        Err(why) if why.kind() != io::ErrorKind::BrokenPipe => Err(PlaybackError::Stdout(why)),
-        _ => Ok(ExitCode::SUCCESS),
+        stdout::print(text::of(&report))
     }
+    .map_err(PlaybackError::Stdout)?;
+    Ok(ExitCode::SUCCESS)
 }

@@ -4,7 +4,9 @@
 
 use std::fmt::Write as _;
 
-use super::json::{InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson};
+use super::json::{
+    DeviceJson, InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson,
+};
 use crate::log::text_utc;
 use crate::report::replay_tables::printable;
 
@@ -18,6 +20,13 @@ pub fn of(report: &Report) -> String {
     let _ = writeln!(text, "{files}: {} frames", report.frames);
     for interface in &report.interfaces {
         about_interface(&mut text, interface);
+    }
+    report
+        .devices
+        .iter()
+        .for_each(|device| about_device(&mut text, device));
+    if report.outside > 0 {
+        let _ = writeln!(text, "Outside --from and --to: {} frames", report.outside);
     }
     for kind in report
         .skipped
@@ -56,11 +65,45 @@ pub fn of(report: &Report) -> String {
         let count = report.not_logs.len();
         let _ = writeln!(text, "No logs: {count} files, as {}", names.join(", "));
     }
+    if let Some(export) = &report.export {
+        let (file, rows) = (printable(&export.file), export.rows);
+        let _ = writeln!(text, "Written: {file}, {rows} rows");
+    }
     text
 }
 
+fn about_device(text: &mut String, device: &DeviceJson) {
+    let (product, file) = (printable(&device.product), printable(&device.file));
+    let _ = writeln!(text, "\nnode {}: {product}, by {file}", device.node_id);
+    for signal in &device.signals {
+        let name = printable(&signal.name);
+        let _ = match (signal.min, signal.max) {
+            (Some(min), Some(max)) => {
+                writeln!(text, "    {name}: {min} to {max} ({} values)", signal.count)
+            }
+            _ => writeln!(text, "    {name}: not seen"),
+        };
+    }
+    if device.wrong_length > 0 {
+        let _ = writeln!(
+            text,
+            "    frames too short for their PDO: {}",
+            device.wrong_length
+        );
+    }
+    for warning in &device.warnings {
+        let _ = writeln!(
+            text,
+            "    {file} line {}: {}",
+            warning.line,
+            printable(&warning.text)
+        );
+    }
+}
+
 fn ns(seconds: f64) -> u64 {
-    (seconds * 1e9) as u64
+    // To the microsecond, which such a number of seconds still has.
+    (seconds * 1e6).round() as u64 * 1000
 }
 
 fn about_skipped(text: &mut String, head: &str, kind: &SkippedJson) {

@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 
 use super::calibration_file;
 use super::error::ReplayError;
+use crate::log::Moment;
 use crate::playback;
 
 /// Which chain.
@@ -28,6 +29,27 @@ pub enum CalibrateFrom {
     Poses,
     /// The recording's reference columns at its plateaus
     Reference,
+}
+
+/// What `--from` can mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum From {
+    /// Where the calibration of a recording comes from.
+    Calibrate(CalibrateFrom),
+    /// Where a log begins.
+    Time(Moment),
+}
+
+impl std::str::FromStr for From {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let words = <CalibrateFrom as ValueEnum>::from_str(text, false);
+        words.map(Self::Calibrate).or_else(|_| {
+            let time = text.parse().map(Self::Time);
+            time.map_err(|why| format!("poses or reference for a recording; for a log {why}"))
+        })
+    }
 }
 
 /// What to replay and how.
@@ -55,9 +77,11 @@ pub struct Arguments {
     /// Counts per g of `_lsb` columns; found from the standstills when not given
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub lsb_per_g: Option<f64>,
-    /// Calibrate from this; from the reference columns where there are any, when not given
-    #[arg(long, value_enum)]
-    pub from: Option<CalibrateFrom>,
+    /// Of recordings: calibrate from poses or reference, from the reference columns where there
+    /// are any when not given. Of logs: begin at this time, seconds since the first frame or a
+    /// date as 2026-11-22T12:30:00
+    #[arg(long, value_name = "poses|reference|TIME")]
+    pub from: Option<From>,
     /// What only logs of a bus have.
     #[command(flatten)]
     pub log: playback::Options,
@@ -69,6 +93,22 @@ impl Arguments {
         self.out.as_deref().unwrap_or(Path::new("plumb-report"))
     }
 
+    /// What a recording is to be calibrated from.
+    pub fn calibrate_from(&self) -> Option<CalibrateFrom> {
+        match self.from {
+            Some(From::Calibrate(from)) => Some(from),
+            _ => None,
+        }
+    }
+
+    /// Where a log is to begin.
+    pub fn begin(&self) -> Option<Moment> {
+        match self.from {
+            Some(From::Time(moment)) => Some(moment),
+            _ => None,
+        }
+    }
+
     /// The first option that only recordings have, for a sentence.
     pub fn given(&self) -> Option<&'static str> {
         let options = [
@@ -77,7 +117,7 @@ impl Arguments {
             (self.out.is_some(), "--out"),
             (self.mode.is_some(), "--mode"),
             (self.lsb_per_g.is_some(), "--lsb-per-g"),
-            (self.from.is_some(), "--from"),
+            (self.calibrate_from().is_some(), "--from poses or reference"),
         ];
         let given = options.into_iter().find(|(given, _)| *given);
         given.map(|(_, name)| name)

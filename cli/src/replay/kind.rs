@@ -30,6 +30,7 @@ pub fn are_logs(arguments: &Arguments) -> Result<bool, ReplayError> {
         (None, _) => arguments
             .log
             .given()
+            .or_else(|| arguments.begin().map(|_| "--from with a time"))
             .map_or(Ok(false), |option| Err(refuse(option, LOGS))),
     }
 }

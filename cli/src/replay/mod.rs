@@ -62,7 +62,8 @@ pub use error::ReplayError;
 /// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
     if kind::are_logs(arguments)? {
-        let ended = playback::run(&arguments.files, &arguments.log, arguments.json, progress);
+        let (paths, options) = (&arguments.files, &arguments.log);
+        let ended = playback::run(paths, options, arguments.begin(), arguments.json, progress);
         return ended.map_err(ReplayError::Playback);
     }
     let mode = arguments.mode.unwrap_or(Mode::Product);

@@ -85,7 +85,12 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, Repl
     let standstills: Vec<Standstill> = recordings.iter().map(find).collect();
     let (calibrated, mut notes) = match kept {
         Some(records) => from_file(arguments, records, &recordings, &standstills)?,
-        None => fitted(arguments.from, &recordings, &standstills, &offsets)?,
+        None => fitted(
+            arguments.calibrate_from(),
+            &recordings,
+            &standstills,
+            &offsets,
+        )?,
     };
     if arguments.lsb_per_g.is_some() {
         notes.extend(recordings.iter().zip(1..).filter_map(about_unused_scale));

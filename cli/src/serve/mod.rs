@@ -7,7 +7,7 @@
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
 mod error;
-pub mod hex;
+pub(crate) mod hex;
 mod hub;
 mod keep;
 mod motor;
@@ -19,11 +19,11 @@ mod pty;
 mod ready;
 mod script;
 mod server;
-pub mod slcan;
+pub(crate) mod slcan;
 mod socketcan;
-pub mod socketcand;
+pub(crate) mod socketcand;
 mod stage;
-pub mod status;
+pub(crate) mod status;
 mod stop;
 mod tcp;
 mod trouble;

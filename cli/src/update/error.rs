@@ -8,6 +8,7 @@ use flash::image::ImageError;
 
 use super::version;
 use crate::bus::JoinError;
+use crate::bus::diagnosis::Silence;
 use crate::bus::sdo::SdoError;
 
 /// Why an update ended before every node ran the new program.
@@ -29,6 +30,8 @@ pub enum UpdateError {
     Interrupted,
     /// A node is named twice.
     Twice(u8),
+    /// A node does not answer, and why.
+    NotThere(Silence),
     /// A node does not answer.
     Silent(u8),
     /// A node has refused a request: index, sub-index, abort code.
@@ -106,6 +109,7 @@ impl fmt::Display for UpdateError {
                 version(*other)
             ),
             Self::Join(error) => write!(f, "{error}"),
+            Self::NotThere(why) => write!(f, "{why}; nothing was changed"),
             Self::Interrupted => write!(f, "interrupted; {AGAIN}"),
             Self::Lost(error) => write!(f, "the bus is lost: {error}; {AGAIN}"),
             node => node.fmt_node(f),

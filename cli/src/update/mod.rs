@@ -25,6 +25,7 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use flash::layout::Slot;
 
+use crate::bus::diagnosis;
 use crate::bus::sdo::Client;
 use crate::bus::{Bus, BusOptions};
 use crate::progress::Progress;
@@ -116,7 +117,14 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
     let mut bus = arguments.bus.join().map_err(UpdateError::Join)?;
     let mut plans = Vec::new();
     for node in &arguments.nodes {
-        let asked = Node::new(&mut bus, *node).plan(&images);
+        let asked = match Node::new(&mut bus, *node).plan(&images) {
+            // Nothing has begun yet, so there is time to find out why.
+            Err(UpdateError::Silent(node)) => {
+                let why = diagnosis::silence(&mut bus, Some(node));
+                Err(why.map_or_else(UpdateError::lost, UpdateError::NotThere))
+            }
+            asked => asked,
+        };
         plans.push((*node, asked?));
     }
     for (node, _) in &plans {

@@ -88,11 +88,6 @@ impl Checks {
         finding.count += 1;
     }
 
-    /// What was found of one kind.
-    pub const fn of(&self, check: Check) -> Finding {
-        self.0[check as usize]
-    }
-
     /// The kinds that were found.
     pub fn found(&self) -> impl Iterator<Item = (Check, Finding)> + '_ {
         let all = Check::ALL.iter().zip(&self.0);

@@ -16,10 +16,10 @@ mod side;
 #[cfg(test)]
 mod tests;
 
-pub use checks::{Check, Checks, Finding};
+pub use checks::{Check, Checks};
 pub use pair::{Delta, Pair};
-pub use plan::{Field, NodePlan, PdoPlan, Plan, What};
-pub use side::{Detail, Nmt, Side, Slopes, Told};
+pub use plan::{NodePlan, PdoPlan, Plan, What};
+pub use side::{Detail, Nmt, Side, Slopes};
 
 use canopen::Frame;
 use side::Kind;
@@ -201,14 +201,6 @@ impl Watch {
             _ => {}
         }
         news
-    }
-
-    /// It is this late now, whether there are frames or not: heartbeats are found to be lost. For
-    /// a bus; in a log the frames tell the time.
-    pub fn tick(&mut self, now_ns: u64) {
-        if now_ns > self.deadline_ns {
-            self.sweep(now_ns);
-        }
     }
 
     #[inline]

@@ -1,6 +1,6 @@
 //! Blocks of up to 127 segments with one answer, and a check sum (CiA 301, 7.2.4.3.8 to 16).
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use canopen::crc;
 
@@ -15,6 +15,9 @@ const CHECK_SUM: u32 = 0x0504_0004;
 
 /// Segments of a block that is uploaded.
 const BLOCK: u8 = 127;
+
+/// How long a block may take: five times what it does at 10 kbit/s.
+const LONGEST_BLOCK: Duration = Duration::from_secs(10);
 
 /// A block as it has come.
 struct Block {
@@ -122,6 +125,8 @@ impl Client<'_> {
             is_last: false,
         };
         let id = 0x580 + u16::from(self.node);
+        // A node that sends anything for ever is not waited for.
+        let end = Instant::now() + LONGEST_BLOCK;
         let mut until = Instant::now() + SOON;
         while let Some(received) = self.bus.receive(until).map_err(SdoError::lost)? {
             let bytes = <[u8; 8]>::try_from(received.frame.bytes());
@@ -134,7 +139,7 @@ impl Client<'_> {
             if bytes[0] == ABORT {
                 return self.judge(bytes).map(|_| block);
             }
-            until = Instant::now() + SOON;
+            until = end.min(Instant::now() + SOON);
             let (number, last) = (bytes[0] & 0x7F, bytes[0] & 0x80 != 0);
             if number == block.arrived + 1 {
                 block.content.extend_from_slice(&bytes[1..]);

@@ -262,3 +262,37 @@ fn requests_name_object_and_length() {
     assert_eq!(expedited(at(0x1F51, 1), &[3])[0], 0x2F);
     assert_eq!(expedited(at(0x1F51, 1), &[3, 0, 0, 0])[0], 0x23);
 }
+
+/// A server that never stops sending. A wait for an answer has to end in time all the same.
+#[test]
+fn a_bus_that_was_never_still_kept_a_client_waiting_for_ever() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = listener.local_addr().unwrap().to_string();
+    spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        stream.write_all(b"< hi >< ok >< ok >").unwrap();
+        let flood = "< frame 181 1.0 0102030405060708 >".repeat(100);
+        while stream.write_all(flood.as_bytes()).is_ok() {}
+    });
+    let address = BusAddress::from(address::parse(&at).unwrap());
+    let mut bus = Bus::join(&address).unwrap();
+    let from = Instant::now();
+    let silent = Client::new(&mut bus, 1).upload(0x1000, 0);
+    assert!(matches!(silent, Err(SdoError::Silent(..))), "{silent:?}");
+    assert!(from.elapsed() < Duration::from_secs(10));
+}
+
+/// Segments that begin nowhere and end nowhere.
+#[test]
+fn any_answers_end_an_upload_somehow() {
+    let (mut bus, _server) = bus(&[
+        "41082000FFFFFFFF",
+        "",
+        "C60820FF00000000",
+        "FF00 7F00 0000 8100",
+        "FF00 7F00 0000 8100",
+        "8000000000000000",
+    ]);
+    let ended = Client::new(&mut bus, 1).upload(0x2008, 0);
+    assert!(ended.is_err(), "{ended:?}");
+}

@@ -226,6 +226,17 @@ fn reasons(bus: &Bus, instrument: &Instrument, screen: &Screen) -> Vec<Line<'sta
             lines.push(Line::from(toned(text, Level::Unknown, screen)));
         }
     }
+    for channel in &instrument.channels {
+        let found: Vec<_> = channel
+            .findings
+            .iter()
+            .map(|f| format!("{} {}", f.count, f.text))
+            .collect();
+        if !found.is_empty() {
+            let text = format!("{} seen: {}", channel.name, found.join("; "));
+            lines.push(Line::from(toned(text, Level::Warning, screen)));
+        }
+    }
     lines
 }
 

@@ -78,6 +78,7 @@ function showChannel(channel, holder) {
   const heartbeat = channel.heartbeat_lost ? "LOST"
     : channel.nmt === null ? "none yet" : "comes";
   const uncertainty = channel.uncertainty_deg;
+  const findings = channel.findings.map((found) => `${found.count} ${found.text}`);
   holder.replaceChildren(
     element("h2", `Channel ${channel.name}, node ${channel.node_id}`),
     angles,
@@ -88,6 +89,7 @@ function showChannel(channel, holder) {
       ["latency", or(channel.latency_ms, "ms")],
       ["state", known(channel.nmt ?? "not known")],
       ["heartbeat", known(heartbeat), channel.heartbeat_lost ? "fault" : ""],
+      ["does not fit", findings.join("; ") || "nothing", findings.length ? "warning" : ""],
       ["restarts seen", String(channel.boots)],
       ["faults", known(faults.join("; ") || "none"), faults.length ? "fault" : ""],
     ]),

@@ -1,0 +1,187 @@
+//! A row of an exported table: what one frame has told.
+//!
+//! In: a frame, the news in it and what is known since. Out: [`Row`]. A value that the frame does
+//! not carry is not there; angles that must not be used are not there either. The columns are
+//! described in `docs/logs.md`.
+
+use crate::watch::{News, Nmt, Place, Side, Watch};
+
+/// Names of the numbers in a row, units at the end.
+pub const COLUMNS: [&str; 21] = [
+    "slope_x_deg",
+    "slope_y_deg",
+    "validity",
+    "state",
+    "delta_x_deg",
+    "delta_y_deg",
+    "uncertainty_deg",
+    "latency_ms",
+    "difference_deg",
+    "temperature_degc",
+    "angle_x_deg",
+    "angle_y_deg",
+    "quality_x",
+    "quality_y",
+    "accel_x_g",
+    "accel_y_g",
+    "accel_z_g",
+    "emcy_code",
+    "error_register",
+    "faults",
+    "nmt_state",
+];
+
+/// Numbers of a row.
+pub type Values = [Option<f64>; COLUMNS.len()];
+
+/// What one frame has told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// When, ns.
+    pub time_ns: u64,
+    /// Where.
+    pub interface: &'a str,
+    /// Who.
+    pub node_id: u8,
+    /// What kind of frame.
+    pub message: &'static str,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Node, kind and values of a frame with news; `None` without.
+pub fn of_news(news: News, watch: &Watch) -> Option<(u8, &'static str, Values)> {
+    let mut values = [None; COLUMNS.len()];
+    let (place, message) = match news {
+        News::Slopes(place, _) => (place, "slopes"),
+        News::Detail(place) => (place, "detail"),
+        News::Exchange(place) => (place, "exchange"),
+        News::Emergency(place, _) => (place, "emcy"),
+        News::Heartbeat(place, _) => (place, "heartbeat"),
+        News::Sync | News::Malformed(_) | News::Other => return None,
+    };
+    let side = side_at(watch, place)?;
+    match news {
+        News::Slopes(_, delta) => {
+            slopes(&mut values, side);
+            let mdeg = delta.map_or([None; 2], |delta| delta.mdeg);
+            set(&mut values, 4, mdeg.map(|mdeg| mdeg.map(degrees)));
+        }
+        News::Detail(_) => detail(&mut values, side),
+        News::Exchange(_) => exchange(&mut values, side),
+        News::Emergency(_, emergency) => {
+            let numbers = [
+                Some(f64::from(emergency.code)),
+                Some(f64::from(emergency.register)),
+                Some(f64::from(side.faults)),
+            ];
+            set(&mut values, 17, numbers);
+        }
+        _ => set(&mut values, 20, [side.nmt.map(|(nmt, _)| code(nmt))]),
+    }
+    Some((side.node_id, message, values))
+}
+
+fn side_at(watch: &Watch, place: Place) -> Option<&Side> {
+    let pair = watch.pairs().get(usize::from(place.pair))?;
+    pair.sides.get(usize::from(place.side))
+}
+
+fn set<const N: usize>(values: &mut Values, first: usize, numbers: [Option<f64>; N]) {
+    let places = values.iter_mut().skip(first);
+    places
+        .zip(numbers)
+        .for_each(|(place, number)| *place = number);
+}
+
+fn degrees(mdeg: i32) -> f64 {
+    f64::from(mdeg) / 1000.0
+}
+
+fn slopes(values: &mut Values, side: &Side) {
+    let Some(slopes) = side.slopes else { return };
+    for (axis, (value, mdeg)) in values.iter_mut().zip(slopes.mdeg).enumerate() {
+        let may_be_used = slopes.validity & (1 << axis) != 0;
+        *value = mdeg.filter(|_| may_be_used).map(degrees);
+    }
+    let numbers = [
+        Some(f64::from(slopes.validity)),
+        Some(f64::from(slopes.state)),
+    ];
+    set(values, 2, numbers);
+}
+
+fn detail(values: &mut Values, side: &Side) {
+    let Some(detail) = side.detail else { return };
+    let numbers = [
+        detail.uncertainty_mdeg.map(|mdeg| f64::from(mdeg) / 1000.0),
+        Some(f64::from(detail.latency_ms)),
+        detail.difference_mdeg.map(|mdeg| f64::from(mdeg) / 1000.0),
+        Some(f64::from(detail.temperature_degc)),
+    ];
+    set(values, 6, numbers);
+}
+
+fn exchange(values: &mut Values, side: &Side) {
+    let Some(told) = side.told else { return };
+    let exchange = told.exchange;
+    let angle = |axis: usize| {
+        // Below 32 the quality is a reason why there is no angle.
+        let is_angle = exchange.quality[axis] >= 32;
+        is_angle.then(|| f64::from(exchange.angle[axis]) * 360.0 / 16_777_216.0)
+    };
+    set(values, 10, [angle(0), angle(1)]);
+    set(
+        values,
+        12,
+        exchange.quality.map(|quality| Some(f64::from(quality))),
+    );
+    let vector = side.vector();
+    let accel = |axis: usize| vector.map(|vector| f64::from(vector[axis]) / 8192.0);
+    set(values, 14, [accel(0), accel(1), accel(2)]);
+}
+
+/// The state as a heartbeat has it (CiA 301, 7.2.8.3.2.2).
+fn code(nmt: Nmt) -> f64 {
+    match nmt {
+        Nmt::BootUp => 0.0,
+        Nmt::Stopped => 4.0,
+        Nmt::Operational => 5.0,
+        Nmt::PreOperational => 127.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::watch::Plan;
+    use canopen::Frame;
+
+    #[test]
+    fn each_value_stands_in_the_column_of_its_name() {
+        let mut watch = Watch::new(&Plan::default());
+        let mut row = |id: u16, bytes: &[u8]| {
+            let news = watch.take(1, &Frame::data_frame(id, bytes));
+            let (_, _, values) = of_news(news, &watch).unwrap();
+            let named = COLUMNS.iter().zip(values);
+            let there = named.filter_map(|(name, value)| Some(format!("{name} {}", value?)));
+            there.collect::<Vec<_>>().join(", ")
+        };
+        let slopes = row(0x181, &[0xE8, 3, 1, 0, 0x3D, 1]);
+        assert_eq!(slopes, "slope_x_deg 10, validity 61, state 1");
+        let detail = row(0x281, &[0x3F, 1, 20, 0, 30, 0xFB, 0xFF, 25]);
+        let want =
+            "uncertainty_deg 0.02, latency_ms 30, difference_deg -0.005, temperature_degc 25";
+        assert_eq!(detail, want);
+        let angles = row(0x381, &[0, 0, 0x20, 0, 0, 0, 0x70, 7]);
+        assert_eq!(angles, "angle_x_deg 45, quality_x 112, quality_y 7");
+        let behind = row(0x481, &[0, 0x20, 0, 0xF0, 0, 0, 1, 2]);
+        assert!(
+            behind.ends_with("accel_x_g 1, accel_y_g -0.5, accel_z_g 0"),
+            "{behind}"
+        );
+        let emcy = row(0x081, &[1, 0xFF, 0x81, 16, 0, 0, 0, 7]);
+        assert_eq!(emcy, "emcy_code 65281, error_register 129, faults 16");
+        assert_eq!(row(0x701, &[127]), "nmt_state 127");
+    }
+}
