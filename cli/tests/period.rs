@@ -149,11 +149,7 @@ fn said(output: &Output) -> (Option<i32>, String, String) {
 fn a_fault_is_in_the_log_in_the_memory_of_the_nodes_and_on_the_page() {
     let bench = Bench::new();
     let folder = Folder::new();
-    let (log, out, boxes) = (
-        folder.path("day.log"),
-        folder.path("out"),
-        folder.path("boxes"),
-    );
+    let (log, out) = (folder.path("day.log"), folder.path("out"));
     fs::write(&log, &bench.log).unwrap();
     let url = format!("socketcand://{}/plumb", bench.bus);
     let arguments = [
@@ -181,9 +177,13 @@ fn a_fault_is_in_the_log_in_the_memory_of_the_nodes_and_on_the_page() {
         codes.iter().any(|event| event["code"] == "FF05h"),
         "{codes:?}"
     );
+    asked_alone_and_read_later(&folder, &url);
+}
 
-    // The same from the nodes alone, and later from the files.
-    let asked = ["faults", "--bus", &url, "--boxes", &boxes, "--json"];
+/// The same from the nodes alone, and later from the files.
+fn asked_alone_and_read_later(folder: &Folder, url: &str) {
+    let boxes = folder.path("boxes");
+    let asked = ["faults", "--bus", url, "--boxes", &boxes, "--json"];
     let (status, text, err) = said(&plumb(&asked).output().unwrap());
     assert_eq!(status, Some(0), "{err}");
     let faults: Value = serde_json::from_str(&text).unwrap();

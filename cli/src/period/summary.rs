@@ -252,7 +252,10 @@ mod tests {
         /// What makes a machine-day the unit: they can be counted apart and joined.
         #[test]
         fn merged_days_are_the_whole(
-            notes in prop::collection::vec((0..3_000_000_u64, -200_000..200_000_i32, 0..3_usize), 0..60),
+            notes in prop::collection::vec(
+                (0..3_000_000_u64, -200_000..200_000_i32, 0..3_usize),
+                0..60,
+            ),
         ) {
             let mut whole = Summary::default();
             let mut parts: [Summary; 3] = Default::default();
