@@ -29,8 +29,9 @@ const LOAD: [u8; 4] = *b"load";
 const RESTART: Duration = Duration::from_secs(10);
 
 /// What a restored node does not know any more.
-const APART: &str = "note: the channels look for each other by node-ids 1 and 2 again, as delivered, \
-                     and have others: `plumb node-id --pair A,B --node A,B` tells them\n";
+const APART: &str = "note: the channels look for each other by node-ids 1 and 2 again, as \
+                     delivered, and have others: `plumb node-id --pair A,B --node A,B` \
+                     tells them\n";
 
 /// What is restored, and where.
 #[derive(Clone, Debug, Args)]

@@ -14,29 +14,30 @@
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
 
-use std::fmt;
+mod error;
+mod known;
+
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use canopen::object::Access;
 use clap::Args;
-use device::objects::row::Default;
-use device::objects::table::{self, Channel};
+use device::objects::table::Channel;
 use serde::Serialize;
 
 use super::ask::Node;
 use super::fault::Fault;
 use super::name;
-use super::nodes::{self, NodeOption, Nodes, NodesError};
+use super::nodes::{self, NodeOption, Nodes};
 use super::print;
-use super::save::{self, SaveError};
 use crate::bus::lss::{Identity, Master};
 use crate::bus::nmt::{self, Command, State};
 use crate::bus::sdo::{Client, SdoError};
 use crate::bus::survey::survey;
 use crate::bus::{Bus, BusOptions};
 use crate::describe::meaning;
+
+pub use error::NodeIdError;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
@@ -50,12 +51,6 @@ const COMPARING: Duration = Duration::from_secs(8);
 
 /// Between two questions.
 const PAUSE: Duration = Duration::from_millis(100);
-
-/// Bit 31 of a COB-ID: the PDO is off.
-const OFF: u32 = 1 << 31;
-
-/// Identifiers of the other channel's TPDO 3 and 4 in CiA's predefined set.
-const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
 
 /// 2021h of two channels that have found each other: agree, warning.
 const COMPARED: [u32; 2] = [1, 2];
@@ -100,103 +95,6 @@ pub struct Arguments {
     /// The bus
     #[command(flatten)]
     pub bus: BusOptions,
-}
-
-/// Why a node has not got its node-id, or the two do not find each other.
-#[derive(Debug)]
-pub enum NodeIdError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// What was written could not be saved.
-    Save(SaveError),
-    /// Another node has this node-id.
-    Taken(u8),
-    /// So many nodes were named as are not needed: needed, named.
-    Count(usize, usize),
-    /// So many nodes without a node-id were found, and another number is needed.
-    Fresh(usize, usize),
-    /// The nodes are not channels A and B of a Plumb.
-    NoPair,
-    /// No node with this identity answers LSS.
-    NotSelected(u8),
-    /// A node does not answer by its new node-id.
-    Gone(u8),
-    /// A node does not hold what was written: node, index.
-    Differs(u8, u16),
-    /// The two do not compare.
-    Apart(u8, u8),
-}
-
-impl From<Fault> for NodeIdError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for NodeIdError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl From<SaveError> for NodeIdError {
-    fn from(error: SaveError) -> Self {
-        Self::Save(error)
-    }
-}
-
-impl fmt::Display for NodeIdError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::Save(error) => write!(f, "{error}"),
-            Self::Taken(id) => write!(
-                f,
-                "node-id {id} is in use on this bus: choose another one (`plumb scan` lists them)"
-            ),
-            Self::Count(needed, named) => {
-                write!(
-                    f,
-                    "--node names {named} nodes, and {needed} are needed here"
-                )
-            }
-            Self::Fresh(0, _) => write!(
-                f,
-                "no node without a node-id is there: name those to change with --node"
-            ),
-            Self::Fresh(found, needed) => write!(
-                f,
-                "{found} nodes without a node-id are there, and {needed} are needed here: connect \
-                 just these, or name nodes with --node"
-            ),
-            Self::NoPair => write!(
-                f,
-                "the two nodes are not channel A and channel B of a Plumb (`plumb scan` tells what \
-                 they are)"
-            ),
-            Self::NotSelected(node) => write!(
-                f,
-                "node {node} does not answer LSS by its identity: does another one have the same?"
-            ),
-            Self::Gone(id) => write!(
-                f,
-                "no node answers by node-id {id} after its reset: look for it with `plumb scan`"
-            ),
-            Self::Differs(node, index) => write!(
-                f,
-                "node {node} does not hold in {index:04X}h what was written: its parameters were \
-                 not saved"
-            ),
-            Self::Apart(a, b) => write!(
-                f,
-                "nodes {a} and {b} have their node-ids but do not compare within 8 s: \
-                 `plumb info` tells what is wrong"
-            ),
-        }
-    }
 }
 
 /// A node on its way to its new node-id.
@@ -457,7 +355,7 @@ impl Work<'_> {
         };
         let id = member.node;
         let mut node = Node::new(self.bus, id);
-        let changed = node.set_up(true, |node| renumber(node, old));
+        let changed = node.set_up(true, |node| known::renumber(node, old));
         let changed = changed.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
         if !changed.is_empty() {
             let list = changed.join(", ");
@@ -502,10 +400,11 @@ impl Work<'_> {
         let (a, b) = (one.node, other.node);
         for (id, peer) in [(a, b), (b, a)] {
             let mut node = Node::new(self.bus, id);
-            let told = node.set_up(true, |node| tell(node, peer));
+            let told = node.set_up(true, |node| known::tell(node, peer));
             told.map_err(|error| error.unwrap_or(Fault::Interrupted.into()))?;
             self.say(&format!(
-                "node {id}: the other channel is node {peer} (2001h, 1016h:1, 1400h:1, 1401h:1), saved"
+                "node {id}: the other channel is node {peer} (2001h, 1016h:1, 1400h:1, 1401h:1), \
+                 saved"
             ))?;
         }
         for id in [a, b] {
@@ -513,7 +412,7 @@ impl Work<'_> {
         }
         for (id, peer) in [(a, b), (b, a)] {
             self.wait(id)?;
-            check(&mut Node::new(self.bus, id), peer)?;
+            known::check(&mut Node::new(self.bus, id), peer)?;
         }
         self.say(&format!(
             "nodes {a} and {b} are back from their reset and hold it"
@@ -606,84 +505,6 @@ fn named(member: &Member) -> String {
         (None, Some(old)) => format!("node {old}"),
         (None, None) => format!("a device with product code {:08X}h", member.identity[1]),
     }
-}
-
-/// Writes the identifiers that are as delivered for the old node-id, and saves them; their
-/// addresses.
-fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, NodeIdError> {
-    let mut changed = Vec::new();
-    for row in table::rows() {
-        let (Default::NodeId(base), true) = (row.default, row.access.has(Access::STORED)) else {
-            continue;
-        };
-        let held = node.number(row.index, row.sub)?;
-        let delivered = |id: u8| (base + i64::from(id)) as u32;
-        // What was switched on or off since is still that.
-        let Some(held) = held.filter(|held| held & !OFF == delivered(old) & !OFF) else {
-            continue;
-        };
-        let new = held & OFF | delivered(node.id) & !OFF;
-        write_identifier(node, row.index, row.sub, held, new)?;
-        changed.push(name::address(row.index, row.sub));
-    }
-    if !changed.is_empty() {
-        save::save(
-            node,
-            save::Group::sub(Some(save::Group::Communication)),
-            false,
-        )?;
-    }
-    Ok(changed)
-}
-
-/// Writes a COB-ID: while it is on, nothing but bit 31 may change.
-fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) -> Result<(), Fault> {
-    if old == new {
-        return Ok(());
-    }
-    if old & OFF == 0 {
-        node.write(index, sub, &(old | OFF).to_le_bytes())?;
-    }
-    node.write(index, sub, &new.to_le_bytes())
-}
-
-/// Writes what a channel has to know of the other one, and saves it.
-fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
-    node.write(0x2001, 0, &[peer])?;
-    let supervised = node.number(0x1016, 1)?.unwrap_or(500);
-    let time = match supervised & 0xFFFF {
-        0 => 500,
-        time => time,
-    };
-    let supervised = u32::from(peer) << 16 | time;
-    node.write(0x1016, 1, &supervised.to_le_bytes())?;
-    for (index, base) in EXCHANGE {
-        let old = node.number(index, 1)?.unwrap_or(0);
-        write_identifier(node, index, 1, old, base + u32::from(peer))?;
-    }
-    for group in [save::Group::Communication, save::Group::Manufacturer] {
-        save::save(node, save::Group::sub(Some(group)), false)?;
-    }
-    Ok(())
-}
-
-/// Whether a channel that was reset holds what it has to know of the other one.
-fn check(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
-    let id = node.id;
-    let differs = |index| NodeIdError::Differs(id, index);
-    let peer = u32::from(peer);
-    if node.number(0x2001, 0)? != Some(peer) {
-        return Err(differs(0x2001));
-    }
-    if node.number(0x1016, 1)?.map(|number| number >> 16) != Some(peer) {
-        return Err(differs(0x1016));
-    }
-    for (index, base) in EXCHANGE {
-        if node.number(index, 1)? != Some(base + peer) {
-            return Err(differs(index));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,107 @@
+//! What goes with a node-id and does not follow it: identifiers that were saved, and the numbers by
+//! which the two channels find each other.
+//!
+//! In: a node in PRE-OPERATIONAL, its old node-id, the other channel's. Out: objects written and
+//! saved, or read back.
+//!
+//! Left out: identifiers of safety frames.
+
+use canopen::object::Access;
+use device::objects::row::Default;
+use device::objects::table;
+
+use super::super::ask::Node;
+use super::super::fault::Fault;
+use super::super::name;
+use super::super::save;
+use super::NodeIdError;
+
+/// Bit 31 of a COB-ID: the PDO is off.
+const OFF: u32 = 1 << 31;
+
+/// Identifiers of the other channel's TPDO 3 and 4 in CiA's predefined set.
+const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
+
+/// Writes the identifiers that are as delivered for the old node-id, and saves them; their
+/// addresses.
+///
+/// Errors: see [`NodeIdError`].
+pub fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, NodeIdError> {
+    let mut changed = Vec::new();
+    for row in table::rows() {
+        let (Default::NodeId(base), true) = (row.default, row.access.has(Access::STORED)) else {
+            continue;
+        };
+        let held = node.number(row.index, row.sub)?;
+        let delivered = |id: u8| (base + i64::from(id)) as u32;
+        // What was switched on or off since is still that.
+        let Some(held) = held.filter(|held| held & !OFF == delivered(old) & !OFF) else {
+            continue;
+        };
+        let new = held & OFF | delivered(node.id) & !OFF;
+        write_identifier(node, row.index, row.sub, held, new)?;
+        changed.push(name::address(row.index, row.sub));
+    }
+    if !changed.is_empty() {
+        save::save(
+            node,
+            save::Group::sub(Some(save::Group::Communication)),
+            false,
+        )?;
+    }
+    Ok(changed)
+}
+
+/// Writes a COB-ID: while it is on, nothing but bit 31 may change.
+fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) -> Result<(), Fault> {
+    if old == new {
+        return Ok(());
+    }
+    if old & OFF == 0 {
+        node.write(index, sub, &(old | OFF).to_le_bytes())?;
+    }
+    node.write(index, sub, &new.to_le_bytes())
+}
+
+/// Writes what a channel has to know of the other one, and saves it.
+///
+/// Errors: see [`NodeIdError`].
+pub fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+    node.write(0x2001, 0, &[peer])?;
+    let supervised = node.number(0x1016, 1)?.unwrap_or(500);
+    let time = match supervised & 0xFFFF {
+        0 => 500,
+        time => time,
+    };
+    let supervised = u32::from(peer) << 16 | time;
+    node.write(0x1016, 1, &supervised.to_le_bytes())?;
+    for (index, base) in EXCHANGE {
+        let old = node.number(index, 1)?.unwrap_or(0);
+        write_identifier(node, index, 1, old, base + u32::from(peer))?;
+    }
+    for group in [save::Group::Communication, save::Group::Manufacturer] {
+        save::save(node, save::Group::sub(Some(group)), false)?;
+    }
+    Ok(())
+}
+
+/// Whether a channel that was reset holds what it has to know of the other one.
+///
+/// Errors: [`NodeIdError::Differs`] where it does not, and those of the bus.
+pub fn check(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+    let id = node.id;
+    let differs = |index| NodeIdError::Differs(id, index);
+    let peer = u32::from(peer);
+    if node.number(0x2001, 0)? != Some(peer) {
+        return Err(differs(0x2001));
+    }
+    if node.number(0x1016, 1)?.map(|number| number >> 16) != Some(peer) {
+        return Err(differs(0x1016));
+    }
+    for (index, base) in EXCHANGE {
+        if node.number(index, 1)? != Some(base + peer) {
+            return Err(differs(index));
+        }
+    }
+    Ok(())
+}
