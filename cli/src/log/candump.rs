@@ -275,9 +275,17 @@ mod tests {
         Frame::remote(canopen::frame::standard(id), length).unwrap()
     }
 
+    /// Each of these lines is this frame of this time.
+    fn all_are<const N: usize>(cases: [(&str, u64, Frame); N]) {
+        for (line, time_ns, frame) in cases {
+            let read = parse(line.as_bytes());
+            assert_eq!(read, Ok((time_ns, &b"can0"[..], frame)), "{line}");
+        }
+    }
+
     #[test]
-    fn frames_of_every_form() {
-        let cases: [(&str, u64, Frame); 19] = [
+    fn frames_of_every_form_of_a_log() {
+        all_are([
             (
                 "(1700000000.123456) can0 181#E803",
                 T,
@@ -317,6 +325,12 @@ mod tests {
             ("(1.5) can0 001#1122334455667788_B", 1_500_000_000, {
                 short(1, &[0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88])
             }),
+        ]);
+    }
+
+    #[test]
+    fn frames_of_every_form_of_a_terminal() {
+        all_are([
             ("  can0  181   [2]  E8 03", 0, short(0x181, &[0xE8, 3])),
             (
                 " (0.5)  can0  701   [1]  remote request",
@@ -343,14 +357,7 @@ mod tests {
                 T,
                 short(0x181, &[5]),
             ),
-        ];
-        for (line, time_ns, frame) in cases {
-            assert_eq!(
-                parse(line.as_bytes()),
-                Ok((time_ns, &b"can0"[..], frame)),
-                "{line}"
-            );
-        }
+        ]);
     }
 
     #[test]

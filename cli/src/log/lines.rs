@@ -190,8 +190,7 @@ mod tests {
         struct Drops(&'static [u8]);
         impl Read for Drops {
             fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-                let mut one = &mut buffer[..1];
-                self.0.read(&mut one)
+                self.0.read(&mut buffer[..1])
             }
         }
         assert_eq!(all(lines(Drops(b"ab\ncd\r\ne"))), ["ab", "cd", "e..."]);

@@ -165,14 +165,14 @@ impl Pair {
         let (a, b) = (a.exchange, b.exchange);
         let mut mdeg = [None; 2];
         let mut is_apart = false;
-        for axis in 0..2 {
+        for (axis, mdeg) in mdeg.iter_mut().enumerate() {
             let [qa, qb] = [a.quality[axis], b.quality[axis]];
             if qa < FIRST_ANGLE || qb < FIRST_ANGLE {
                 continue;
             }
             // Half a circle wraps, as angles do.
             let steps = (a.angle[axis].wrapping_sub(b.angle[axis]) << 8) >> 8;
-            mdeg[axis] = Some(as_mdeg(steps));
+            *mdeg = Some(as_mdeg(steps));
             let variance = self.variance[usize::from(qa)] + self.variance[usize::from(qb)];
             let apart = steps as f32;
             is_apart |= apart.abs() > THRESHOLD && apart * apart > COVERAGE * COVERAGE * variance;
