@@ -91,19 +91,25 @@ fn said(output: &Output) -> (Option<i32>, String, String) {
 
 /// Runs with `--json` and expects success.
 fn json(arguments: &[&str]) -> Value {
+    let (value, err) = json_with(0, arguments);
+    assert!(err.is_empty(), "{err}");
+    value
+}
+
+/// The same with this exit status, and what the standard error says.
+fn json_with(wanted: i32, arguments: &[&str]) -> (Value, String) {
     let output = plumb(&["replay", "--json"])
         .args(arguments)
         .output()
         .unwrap();
     let (status, out, err) = said(&output);
-    assert_eq!(status, Some(0), "{err}");
-    assert!(err.is_empty(), "{err}");
+    assert_eq!(status, Some(wanted), "{err}");
     let value: Value = serde_json::from_str(&out).unwrap();
     assert!(
         out.starts_with(r#"{"format":"plumb-replay","version":1,"#),
         "{out}"
     );
-    value
+    (value, err)
 }
 
 /// Runs and expects status 2 with one sentence that has these words.
@@ -171,7 +177,15 @@ what is this
 (1700000000.003000) can0 181#E80300
 (1700000000.003000) can0 181#E803";
     let log = folder.file("bad.log", bad);
-    let report = json(&[&log]);
+    let (report, err) = json_with(2, &[&log]);
+    assert!(
+        err.starts_with("plumb: 3 lines are cut or can't be read"),
+        "{err}"
+    );
+    assert!(
+        err.contains("bad.log line 2") && err.lines().count() == 1,
+        "{err}"
+    );
     let skipped = report["skipped"].as_array().unwrap();
     let told: Vec<_> = skipped
         .iter()
@@ -237,6 +251,41 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
 }
 
 #[test]
+fn times_backwards_and_frames_of_other_kinds_were_no_reason_for_status_2() {
+    let folder = Folder::new();
+    let text = "(1700000000.5) can0 080#\n(1700000000.4) can0 181##1E8\n\
+        (1700000000.3) can0 20000004#0000000000000000\n(1700000000.2) can0 18DAF110#01\n\
+        (1700000000.1) can0 705#05\n(1700000000.0) can0 701#R\n";
+    let report = json(&[&folder.file("odd.log", text)]);
+    assert_eq!(number(&report, "/frames"), 4.0);
+    assert_eq!(number(&report, "/backwards/count"), 3.0);
+}
+
+#[test]
+fn an_export_was_whole_though_lines_could_not_be_read() {
+    let folder = Folder::new();
+    let text =
+        rounds(1_700_000_000, 2, "can0") + "what is this\n" + &rounds(1_700_000_001, 2, "can0");
+    let (log, out) = (folder.file("a.log", text), folder.path("out.csv"));
+    let (report, err) = json_with(2, &[&log, "--export", &out]);
+    assert_eq!(number(&report, "/export/rows"), 16.0);
+    assert_eq!(std::fs::read_to_string(out).unwrap().lines().count(), 17);
+    assert!(
+        err.contains("1 line is cut or can't be read") && err.contains("line 11"),
+        "{err}"
+    );
+}
+
+#[test]
+fn a_log_of_a_format_that_is_not_read_was_called_no_csv() {
+    let folder = Folder::new();
+    let blf = folder.file("a.blf", b"LOGG\x90\0\0\0");
+    refused(&[&blf], &["a.blf is a BLF log", "candump"]);
+    let trc = folder.file("a.trc", ";$FILEVERSION=2.1\n;$STARTTIME=45000\n");
+    refused(&[&trc], &["a.trc is a TRC log", "candump"]);
+}
+
+#[test]
 fn a_folder_is_read_in_the_order_of_time_whatever_its_files_are_called() {
     let folder = Folder::new();
     folder.file("b.log", rounds(1_700_000_000, 100, "can0"));
@@ -283,7 +332,11 @@ fn a_compressed_log_that_ends_in_the_middle_gives_what_it_has() {
     let folder = Folder::new();
     let whole = gzip(&rounds(1_700_000_000, 2000, "can0"));
     let cut = folder.file("cut.log.gz", &whole[..whole.len() / 2]);
-    let report = json(&[&cut]);
+    let (report, err) = json_with(2, &[&cut]);
+    assert!(
+        err.contains("the end of ") && err.contains("cut.log.gz is missing"),
+        "{err}"
+    );
     assert!(number(&report, "/frames") > 100.0);
     assert!(
         report["damaged"][0]["why"]

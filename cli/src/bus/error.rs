@@ -103,7 +103,7 @@ impl fmt::Display for JoinError {
             ),
             Self::BitRate(text) => write!(
                 f,
-                "{text:?} is no bit rate of an SLCAN adapter: take 10000, 20000, 50000, 100000, \
+                "{text:?} is no bit rate that is known here: take 10000, 20000, 50000, 100000, \
                  125000, 250000, 500000, 800000 or 1000000"
             ),
             Self::Refused(at) => write!(

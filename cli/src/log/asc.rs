@@ -3,6 +3,7 @@
 //! | line | what it is |
 //! |---|---|
 //! | `date Tue Nov 14 10:13:20.123 pm 2023` | the start, without a zone: taken as UTC |
+//! | `Begin Triggerblock Tue Nov 14 ...` | what times count from, where it can't be the date above |
 //! | `base hex  timestamps absolute` | also `dec`; times since the start or `relative` |
 //! | `0.010000 1  181  Rx   d 2 E8 03` | data frame; an `x` behind the identifier is 29 bit |
 //! | `0.010000 1  701  Tx   r 1` | remote frame |
@@ -40,11 +41,16 @@ const MONTHS: [&[&str]; 12] = [
     &["dec", "dez"],
 ];
 
+/// What may lie between a trigger and its first event by the date that both were rounded to, ns.
+const ROUNDING_NS: u64 = 1_000_000_000;
+
 /// What the lines so far have said.
 #[derive(Clone, Debug, Default)]
 pub struct Asc {
     /// When the log was started, ns since 1970; 0 where it doesn't say.
     start_ns: u64,
+    /// When the block was begun that no event was seen of, ns since 1970.
+    block_ns: Option<u64>,
     decimal: bool,
     relative: bool,
     /// The time of the line before, since the start.
@@ -73,15 +79,30 @@ impl Asc {
         self.before_ns = since_ns;
         let channel = words.next_word()?;
         let (channel, frame) = if channel == b"CANFD" {
+            self.settle_start(since_ns);
             fd_event(&mut words, self.decimal)?
         } else {
             let is_number = channel.iter().all(u8::is_ascii_digit);
             if !is_number {
                 return Err(Skip::NoFrame);
             }
+            self.settle_start(since_ns);
             (channel, event(&mut words, self.decimal)?)
         };
         Ok((self.start_ns.saturating_add(since_ns), channel, frame))
+    }
+
+    /// At the first event of a block: times count from the start of the measurement, unless the
+    /// block was begun before that or long after the event. Tools that write a file later give it
+    /// the date of the writing, and count from the block.
+    fn settle_start(&mut self, since_ns: u64) {
+        let Some(block_ns) = self.block_ns.take() else {
+            return;
+        };
+        let event_ns = self.start_ns.saturating_add(since_ns);
+        if block_ns < self.start_ns || event_ns.saturating_add(ROUNDING_NS) < block_ns {
+            self.start_ns = block_ns;
+        }
     }
 
     /// A line without a time.
@@ -94,7 +115,11 @@ impl Asc {
                 self.decimal = words.next() == Some("dec");
                 self.relative = words.any(|word| word == "relative");
             }
-            Some("begin" | "end" | "no" | "internal" | "version" | "previous" | "split") => {}
+            Some("begin") => {
+                let is_block = words.next() == Some("triggerblock");
+                self.block_ns = is_block.then(|| date(words)).flatten();
+            }
+            Some("end" | "no" | "internal" | "version" | "previous" | "split") => {}
             Some(word) if word.starts_with("//") => {}
             _ => return Skip::Unreadable,
         }
@@ -378,6 +403,30 @@ mod tests {
                 "0 1 80 Rx d 0",
             );
             assert_eq!(found.unwrap().0, start_ns, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_file_written_later_was_dated_by_its_writing() {
+        const S: u64 = 1_000_000_000;
+        let block = "Tue Nov 14 10:13:20.123 pm 2023";
+        let cases = [
+            // Written later, or begun long before the first frame: times count from the block.
+            ("Tue Nov 14 10:16:00.000 pm 2023", "0.5", START + S / 2),
+            ("Tue Nov 14 10:00:00.000 pm 2023", "0.5", START + S / 2),
+            ("", "0.5", START + S / 2),
+            // Triggered 800 s behind the start, which times count from.
+            ("Tue Nov 14 10:00:00.123 pm 2023", "800.5", START + S / 2),
+            (block, "0.5", START + S / 2),
+            (block, "800.5", START + 800 * S + S / 2),
+        ];
+        for (date, time, want_ns) in cases {
+            let header = format!(
+                "date {date}\nbase hex timestamps absolute\nBegin Triggerblock {block}\n\
+                 0.000000 Start of measurement"
+            );
+            let found = one(&header, &format!("{time} 1 80 Rx d 0"));
+            assert_eq!(found.unwrap().0, want_ns, "{date} {time}");
         }
     }
 }

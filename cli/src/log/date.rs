@@ -192,4 +192,12 @@ mod tests {
             "2023-11-14 22:13:20.123 UTC"
         );
     }
+
+    #[test]
+    fn times_after_2038_are_what_they_are() {
+        let second = |s: u64| text_utc(s * 1_000_000_000);
+        assert_eq!(second(2_147_483_647), "2038-01-19 03:14:07.000 UTC");
+        assert_eq!(second(2_147_483_648), "2038-01-19 03:14:08.000 UTC");
+        assert_eq!(second(9_000_000_000), "2255-03-14 16:00:00.000 UTC");
+    }
 }

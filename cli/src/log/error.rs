@@ -13,6 +13,18 @@ pub enum LogError {
     Read(String, io::Error),
     /// This file is no log.
     NotALog(String),
+    /// This file is a log of this format, which is not read.
+    Foreign(String, &'static str),
+    /// So many lines, and the ends of so many files, could not be read: the file and line of the
+    /// first. What could be was used.
+    Incomplete {
+        /// Lines that are cut, unreadable or too long.
+        lines: u64,
+        /// Where the first of them stands.
+        first: (String, u64),
+        /// The first compressed file whose end is missing or damaged.
+        damaged: Option<String>,
+    },
     /// This file is a text of 16-bit characters.
     Wide(String),
     /// This folder holds no log.
@@ -35,6 +47,17 @@ impl fmt::Display for LogError {
                 "{} is no log of a CAN bus: give what candump -L or an ASC logger has written",
                 printable(file)
             ),
+            Self::Foreign(file, format) => write!(
+                f,
+                "{} is a {format} log, which is not read: make a candump or ASC log of it, as with \
+                 `python3 -m can.logconvert`",
+                printable(file)
+            ),
+            Self::Incomplete {
+                lines,
+                first,
+                damaged,
+            } => incomplete(f, *lines, first, damaged.as_deref()),
             Self::Wide(file) => write!(
                 f,
                 "{} is UTF-16 text: convert it to UTF-8, or redirect to a file from another shell",
@@ -57,4 +80,29 @@ impl fmt::Display for LogError {
             ),
         }
     }
+}
+
+fn incomplete(
+    f: &mut fmt::Formatter<'_>,
+    lines: u64,
+    (file, line): &(String, u64),
+    damaged: Option<&str>,
+) -> fmt::Result {
+    if lines > 0 {
+        let be = if lines == 1 { "line is" } else { "lines are" };
+        let file = printable(file);
+        write!(
+            f,
+            "{lines} {be} cut or can't be read, the first in {file} line {line}"
+        )?;
+    }
+    if let Some(file) = damaged {
+        let and = if lines > 0 { ", and " } else { "" };
+        write!(
+            f,
+            "{and}the end of {} is missing or damaged",
+            printable(file)
+        )?;
+    }
+    f.write_str("; the rest was used: copy the log anew, or look at what writes it")
 }

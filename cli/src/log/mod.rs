@@ -35,7 +35,7 @@ pub use error::LogError;
 pub use pace::PaceOptions;
 pub use player::{Moment, Part, PlayOptions, Player};
 pub use skipped::{Skip, Skipped, Tally};
-pub use sniff::kind_of;
+pub use sniff::{foreign, kind_of};
 pub use source::Source;
 pub use writer::{Format, Writer};
 

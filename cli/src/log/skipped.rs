@@ -140,6 +140,18 @@ impl Skipped {
             .map(|(kind, tally)| (*kind, *tally))
     }
 
+    /// How many lines could not be read though they may have been frames, with the first of them.
+    pub fn unread(&self) -> Tally {
+        let all =
+            [Skip::Cut, Skip::Unreadable, Skip::TooLong].map(|kind| self.kinds[kind as usize]);
+        let some = || all.iter().filter(|tally| tally.count > 0);
+        let first = some().min_by_key(|tally| (tally.file, tally.line));
+        Tally {
+            count: some().map(|tally| tally.count).sum(),
+            ..first.copied().unwrap_or_default()
+        }
+    }
+
     /// All lines that gave no frame.
     #[cfg(test)]
     pub fn lines(&self) -> u64 {

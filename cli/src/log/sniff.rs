@@ -28,13 +28,24 @@ pub struct Head {
     pub first_ns: Option<u64>,
     /// Whether it is UTF-16, which is no format but a common mishap.
     pub is_wide: bool,
+    /// The format of a log that is not read.
+    pub foreign: Option<&'static str>,
 }
+
+/// What logs begin with that are often met and not read.
+const FOREIGN: [(&[u8], &str); 2] = [(b"LOGG\x90\0\0\0", "BLF"), (b";$FILEVERSION", "TRC")];
 
 /// Looks at the head of a text; its last line may be cut.
 pub fn look(head: &[u8]) -> Head {
     if matches!(head, [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..]) {
         return Head {
             is_wide: true,
+            ..Head::default()
+        };
+    }
+    if let Some((_, format)) = FOREIGN.iter().find(|(start, _)| head.starts_with(start)) {
+        return Head {
+            foreign: Some(*format),
             ..Head::default()
         };
     }
@@ -52,7 +63,7 @@ pub fn look(head: &[u8]) -> Head {
                 return Head {
                     kind: Some(kind),
                     first_ns: Some(time_ns),
-                    is_wide: false,
+                    ..Head::default()
                 };
             }
             Err(Skip::Fd | Skip::ErrorFrame) => found.kind = Some(kind),
@@ -75,6 +86,12 @@ fn first_that_reads<'a>(asc: &mut Asc, line: &'a [u8]) -> (Kind, Result<candump:
 fn is_asc_header(line: &[u8]) -> bool {
     let line = line.to_ascii_lowercase();
     line.starts_with(b"base hex") || line.starts_with(b"base dec")
+}
+
+/// The format of a log that is not read; `None` of any other file.
+pub fn foreign(path: &Path) -> io::Result<Option<&'static str>> {
+    let mut input = Input::open(path, None)?;
+    Ok(look(input.head()?).foreign)
 }
 
 /// What kind of log a file is; `None` when it is none.

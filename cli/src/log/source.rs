@@ -123,6 +123,9 @@ impl Source {
             if head.is_wide && candidate.is_named {
                 return Err(LogError::Wide(name));
             }
+            if let (Some(format), true) = (head.foreign, candidate.is_named) {
+                return Err(LogError::Foreign(name, format));
+            }
             if candidate.is_named {
                 return Err(LogError::NotALog(name));
             }
@@ -245,6 +248,20 @@ impl Source {
     /// What was no frame, so far.
     pub const fn skipped(&self) -> &Skipped {
         &self.skipped
+    }
+
+    /// What is missing of the logs, to be told when all that is there has been used; `None` when
+    /// nothing is.
+    pub fn incomplete(&self) -> Option<LogError> {
+        let name = |file: usize| self.files.get(file).cloned().unwrap_or_default();
+        let unread = self.skipped.unread();
+        let damaged = self.skipped.damaged.first().map(|(file, _)| name(*file));
+        let is_whole = unread.count == 0 && damaged.is_none();
+        (!is_whole).then(|| LogError::Incomplete {
+            lines: unread.count,
+            first: (name(unread.file), unread.line),
+            damaged,
+        })
     }
 
     /// Interfaces in the order in which they appeared.

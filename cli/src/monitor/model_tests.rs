@@ -172,7 +172,7 @@ fn a_node_that_has_restarted_shows_no_angle_of_before() {
         bench.channel(1).faults[0].text,
         "the channels differ for too long"
     );
-    bench.wait(1);
+    bench.wait(30);
     bench.take(0x702, &[0]);
     bench.take(0x702, &[127]);
     let channel = bench.channel(1);

@@ -136,6 +136,7 @@ fn bus(
         frames: counts.frames,
         syncs: counts.syncs,
         outside: collected.outside,
+        undated: collected.undated,
         backwards: traffic.backwards,
         malformed: instruments
             .iter()

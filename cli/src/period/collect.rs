@@ -42,6 +42,7 @@ pub struct Collector {
     traffic: Traffic,
     window: Window,
     outside: u64,
+    undated: u64,
     /// The last NMT 130: when, and to whom; 0 for all.
     reset: Option<(u64, u8)>,
 }
@@ -55,6 +56,7 @@ impl Collector {
             traffic: Traffic::default(),
             window,
             outside: 0,
+            undated: 0,
             reset: None,
         }
     }
@@ -63,6 +65,10 @@ impl Collector {
     pub fn take(&mut self, time_ns: u64, frame: &Frame) {
         if !self.window.has(time_ns) {
             self.outside += 1;
+            return;
+        }
+        if self.traffic.is_stray(time_ns) {
+            self.undated += 1;
             return;
         }
         let at = Moment {
@@ -166,6 +172,7 @@ impl Collector {
             traffic: self.traffic,
             counts: *self.watch.counts(),
             outside: self.outside,
+            undated: self.undated,
         }
     }
 }
@@ -190,6 +197,8 @@ pub struct Collected {
     pub counts: Counts,
     /// Frames outside the time that was asked for.
     pub outside: u64,
+    /// Frames without a date among those with one.
+    pub undated: u64,
 }
 
 fn place_of(news: &News) -> Option<Place> {

@@ -91,6 +91,8 @@ pub struct BusReport {
     pub syncs: u64,
     /// Frames before and after the period that was asked for.
     pub outside: u64,
+    /// Frames without a date among those with one, which are left out.
+    pub undated: u64,
     /// Frames older than the one before them.
     pub backwards: u64,
     /// Frames of instruments in another form than delivered.

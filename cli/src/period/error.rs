@@ -9,7 +9,8 @@ use crate::eds::EdsError;
 use crate::log::LogError;
 use crate::report::write::WriteError;
 
-/// A report that could not be made. Nothing has been written when one is returned.
+/// A report that could not be made. Nothing has been written when one is returned, but for
+/// [`LogError::Incomplete`]: what could be read is in the report then.
 #[derive(Debug)]
 pub enum PeriodError {
     /// A log that can't be read.

@@ -9,7 +9,7 @@
 //! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY).
 
 use super::kind::{Kind, fault_of};
-use crate::watch::Emergency;
+use crate::watch::{Emergency, SAME_START_NS};
 
 /// Faults that are kept one by one.
 pub const MOST_FAULTS: usize = 200;
@@ -19,10 +19,6 @@ pub const MOST_OTHERS: usize = 100;
 
 /// Again within this time is a repetition, ns.
 pub const REPEAT_NS: u64 = 1_000_000_000;
-
-/// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
-/// start has the lower identifier and overtakes it on the bus.
-pub const SAME_START_NS: u64 = 20_000_000;
 
 /// Error register, bit 4: communication; and bit 0, which any error sets.
 const COMMUNICATION: u8 = 0x10;

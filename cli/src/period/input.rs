@@ -9,16 +9,18 @@ use canopen::Frame;
 
 use super::data::{LogsReport, Skipped};
 use super::error::PeriodError;
-use crate::log::Source;
+use crate::log::{LogError, Source};
 use crate::progress::Progress;
 
 /// What was read.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Logs {
     /// The files and what was skipped in them.
     pub report: LogsReport,
     /// The names of the interfaces.
     pub interfaces: Vec<String>,
+    /// What of the logs could not be read.
+    pub incomplete: Option<LogError>,
 }
 
 /// Reads logs; `take` gets the place of each frame's interface, its time in ns, and the frame.
@@ -38,6 +40,7 @@ pub fn read(
     Ok(Logs {
         report: report(&source, frames),
         interfaces: source.interfaces().to_vec(),
+        incomplete: source.incomplete(),
     })
 }
 

@@ -7,14 +7,14 @@
 
 use super::bins::Extremes;
 use super::capture::Recorder;
-use super::events::{End, Events, SAME_START_NS, What};
+use super::events::{End, Events, What};
 use super::gaps::{GAP_NS, Gap};
 use super::heartbeat::Heartbeat;
 use super::kind::Kind;
 use super::row::Row;
 use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
 use crate::blackbox::exchange::Measured;
-use crate::watch::{Detail, Emergency, Nmt, Slopes};
+use crate::watch::{Detail, Emergency, Nmt, SAME_START_NS, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
 const HOLD_NS: u64 = 1_000_000_000;

@@ -6,7 +6,8 @@
 //! [`instrument::Instrument`] each, and kept in a [`summary::Summary`] whose size does not
 //! grow with the log. The JSON is described in `docs/period-report.md`.
 //!
-//! Left out: a judgement of the machine. The exit status is 0 whatever the log tells.
+//! Left out: a judgement of the machine. The exit status is 0 whatever the log tells, and 2 where a
+//! part of it could not be read.
 
 mod bins;
 mod build;
@@ -45,6 +46,7 @@ use crate::blackbox::{self, data::MemoryReport};
 use crate::bus::BusOptions;
 use crate::commission::nodes::{NodeOption, Nodes};
 use crate::eds;
+use crate::log::LogError;
 use crate::progress::Progress;
 use crate::report::replay_tables::printable;
 use crate::report::write::{self, Written};
@@ -137,7 +139,8 @@ impl Arguments {
     }
 }
 
-/// Makes the report; exit status 0 whatever it tells.
+/// Makes the report; exit status 0 whatever it tells, and an error behind it where a part of the
+/// logs could not be read.
 ///
 /// Errors: see [`PeriodError`].
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, PeriodError> {
@@ -154,8 +157,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     let files: Result<Vec<_>, _> = files.map(|path| blackbox::from_file(path)).collect();
     let mut memories = files.map_err(PeriodError::Memory)?;
     let silent = ask(arguments, &mut memories)?;
-    let mut report = match &arguments.logs[..] {
-        [] => build::empty(),
+    let (mut report, incomplete) = match &arguments.logs[..] {
+        [] => (build::empty(), None),
         _ => read(arguments, progress)?,
     };
     report.memories = memories;
@@ -169,7 +172,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
         shown(&report, &written)
     };
     stdout::print(text).map_err(PeriodError::Print)?;
-    Ok(ExitCode::SUCCESS)
+    match incomplete {
+        Some(why) => Err(PeriodError::Log(why)),
+        None => Ok(ExitCode::SUCCESS),
+    }
 }
 
 /// Asks the nodes; a sentence for each that does not answer, where there is anything else to tell.
@@ -194,8 +200,11 @@ fn ask(
     Ok(silent.into_iter().map(note).collect())
 }
 
-/// Reads all logs, each interface for itself.
-fn read(arguments: &Arguments, progress: &Progress) -> Result<PeriodReport, PeriodError> {
+/// Reads all logs, each interface for itself; also what of them could not be read.
+fn read(
+    arguments: &Arguments,
+    progress: &Progress,
+) -> Result<(PeriodReport, Option<LogError>), PeriodError> {
     let window = Window {
         from_ns: arguments.from,
         to_ns: arguments.to,
@@ -221,7 +230,8 @@ fn read(arguments: &Arguments, progress: &Progress) -> Result<PeriodReport, Peri
     let collected: Vec<_> = names.zip(collected).collect();
     let kbit_s = arguments.bus.address().map_err(PeriodError::Bus)?.kbit_s;
     let bit_rate = kbit_s.map(|kbit_s| f64::from(kbit_s) * 1e3);
-    Ok(build::report(&collected, Some(logs.report), bit_rate))
+    let report = build::report(&collected, Some(logs.report), bit_rate);
+    Ok((report, logs.incomplete))
 }
 
 /// What the terminal shows.

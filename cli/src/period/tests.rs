@@ -277,6 +277,28 @@ fn time_that_goes_backwards_is_told_and_upsets_nothing() {
     );
 }
 
+#[test]
+fn a_single_small_time_made_a_whole_log_undated() {
+    let frame = Frame::data_frame(0x181, &SLOPES);
+    let told = |times_s: &[u64]| {
+        let mut collector = Collector::new(&Plan::default(), Window::default());
+        for at_s in times_s {
+            collector.take(at_s * 1_000_000_000, &frame);
+        }
+        let report = finished(collector, None);
+        let span = [report.from_s, report.to_s].map(Option::unwrap);
+        (report.clock, span, report.buses[0].undated)
+    };
+    let dated = [1_700_000_000.0, 1_700_000_002.0];
+    let middle = [1_700_000_000, 1_700_000_001, 1, 1_700_000_002];
+    assert_eq!(told(&middle), ("utc".to_owned(), dated, 1));
+    let first = [1, 1_700_000_000, 1_700_000_001, 1_700_000_002];
+    assert_eq!(told(&first), ("utc".to_owned(), dated, 0));
+    // And a single date no dated one of a log that has none.
+    let other = [1, 2, 3, 1_700_000_000, 4, 5];
+    assert_eq!(told(&other), ("relative".to_owned(), [1.0, 5.0], 0));
+}
+
 /// A report in which every list has something.
 fn full() -> PeriodReport {
     use super::data::{FindingReport, ForeignNode, LogsReport, Skipped};

@@ -10,6 +10,7 @@ use sim::can_bus::frame_bits;
 
 use super::bins::Bins;
 use super::gaps::{GAP_NS, Gap, Gaps};
+use crate::log::is_dated;
 
 /// Bits between two frames.
 const INTERMISSION: u64 = 3;
@@ -32,6 +33,8 @@ pub struct Traffic {
     pub span_ns: Option<(u64, u64)>,
     /// Time without any frame.
     pub gaps: Gaps,
+    /// Frames without and with a date, with the first and last of each, ns.
+    dates: [(u64, Option<(u64, u64)>); 2],
     /// Frames that are older than the one before them.
     pub backwards: u64,
     /// Frames with a 29-bit identifier.
@@ -53,6 +56,7 @@ impl Default for Traffic {
             total_bits: 0,
             covered_ns: 0,
             span_ns: None,
+            dates: [(0, None); 2],
             gaps: Gaps::default(),
             backwards: 0,
             extended: 0,
@@ -65,18 +69,45 @@ impl Default for Traffic {
 }
 
 impl Traffic {
+    /// Whether this is a time without a date, in a log whose times mostly have one.
+    pub const fn is_stray(&self, now_ns: u64) -> bool {
+        let [(undated, _), (dated, _)] = self.dates;
+        !is_dated(now_ns) && dated > undated
+    }
+
+    /// The period is that of most frames: dates, or times without one.
+    fn extend(&mut self, now_ns: u64) {
+        let [undated, dated] = &mut self.dates;
+        let (count, span) = if is_dated(now_ns) {
+            &mut *dated
+        } else {
+            &mut *undated
+        };
+        *count += 1;
+        let (first, latest) = span.unwrap_or((now_ns, now_ns));
+        *span = Some((first.min(now_ns), latest.max(now_ns)));
+        self.span_ns = if dated.0 > undated.0 {
+            dated.1
+        } else {
+            undated.1.or(dated.1)
+        };
+    }
+
     /// Takes a frame; the time of the one before it, ns.
     pub fn take(&mut self, now_ns: u64, frame: &Frame) -> u64 {
         self.count(frame);
         let bits = frame_bits(frame) + INTERMISSION;
         self.total_bits += bits;
         self.bits.add(now_ns, bits);
-        let (first, latest) = self.span_ns.unwrap_or((now_ns, now_ns));
-        self.span_ns = Some((first.min(now_ns), latest.max(now_ns)));
+        self.extend(now_ns);
         let last = self.last_ns.replace(now_ns).unwrap_or(now_ns);
         if now_ns < last {
             self.backwards += 1;
             return last;
+        }
+        if is_dated(now_ns) && !is_dated(last) {
+            // Nobody knows how long it was.
+            return now_ns;
         }
         let since = now_ns - last;
         if since > GAP_NS {

@@ -142,6 +142,14 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
     let sum = |of: fn(&BusReport) -> u64| report.buses.iter().map(of).sum::<u64>();
     let (backwards, malformed) = (sum(|bus| bus.backwards), sum(|bus| bus.malformed));
     let outside = sum(|bus| bus.outside);
+    let undated = sum(|bus| bus.undated);
+    add(
+        undated > 0,
+        format!(
+            "{undated} frames have a time without a date, among others with one, and were left \
+             out."
+        ),
+    );
     add(
         backwards > 0,
         format!(

@@ -35,6 +35,9 @@ use foreign::Foreign;
 use summary::Summary;
 
 /// Reads the logs and tells what they say, or plays them; exit status 0, whatever that is.
+///
+/// Errors: see [`PlaybackError`]. When all is done and told, one that says what of the logs could
+/// not be read.
 pub fn run(
     paths: &[PathBuf],
     options: &Options,
@@ -84,5 +87,8 @@ pub fn run(
         stdout::print(text::of(&report))
     }
     .map_err(PlaybackError::Stdout)?;
-    Ok(ExitCode::SUCCESS)
+    match source.incomplete() {
+        Some(why) => Err(why.into()),
+        None => Ok(ExitCode::SUCCESS),
+    }
 }

@@ -73,7 +73,11 @@ pub fn run(
             Err(why) => return Err(PlaybackError::Lost(stage.sent, why)),
         }
     }
-    stage.tell(started.elapsed(), json)
+    stage.tell(started.elapsed(), json)?;
+    match player.source().incomplete() {
+        Some(why) => Err(why.into()),
+        None => Ok(ExitCode::SUCCESS),
+    }
 }
 
 struct Stage {
@@ -129,7 +133,7 @@ impl Stage {
         Ok(bytes > 0 && line.trim() != "q")
     }
 
-    fn tell(self, elapsed: Duration, json: bool) -> Result<ExitCode, PlaybackError> {
+    fn tell(self, elapsed: Duration, json: bool) -> Result<(), PlaybackError> {
         let played = Played {
             format: "plumb-replay",
             version: 1,
@@ -152,7 +156,6 @@ impl Stage {
                 played.elapsed_s, played.latest_ms
             ))
         }
-        .map_err(PlaybackError::Stdout)?;
-        Ok(ExitCode::SUCCESS)
+        .map_err(PlaybackError::Stdout)
     }
 }

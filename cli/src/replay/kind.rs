@@ -16,6 +16,12 @@ const LOGS: &str = "logs of a bus";
 /// True for logs of a bus; options of the other kind are refused.
 pub fn are_logs(arguments: &Arguments) -> Result<bool, ReplayError> {
     let name = |path: &Path| path.display().to_string();
+    for file in arguments.files.iter().filter(|file| file.is_file()) {
+        if let Ok(Some(format)) = log::foreign(file) {
+            let why = log::LogError::Foreign(name(file), format);
+            return Err(ReplayError::Playback(why.into()));
+        }
+    }
     let log = arguments.files.iter().find(|file| is_log(file));
     let other = arguments.files.iter().find(|file| !is_log(file));
     let first = arguments.files.first().map(|file| name(file));

@@ -19,7 +19,7 @@ mod tests;
 pub use checks::{Check, Checks};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
-pub use side::{Detail, Nmt, Side, Slopes};
+pub use side::{Detail, Nmt, SAME_START_NS, Side, Slopes};
 
 use canopen::Frame;
 use side::Kind;

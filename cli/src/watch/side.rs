@@ -25,6 +25,10 @@ pub enum Nmt {
     Stopped,
 }
 
+/// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
+/// start has the lower identifier and overtakes it on the bus.
+pub const SAME_START_NS: u64 = 20_000_000;
+
 /// What TPDO 1 carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slopes {
@@ -93,6 +97,8 @@ pub struct Side {
     /// PDOs of the plan that came since the SYNC, and since the one before: bit n for PDO n.
     came: u8,
     came_before: u8,
+    /// When the faults that stand were told.
+    faults_ns: Option<u64>,
     /// PDOs that come at every SYNC.
     at_every_sync: u8,
     kinds: Vec<Kind>,
@@ -137,6 +143,7 @@ impl Side {
             checks: Checks::default(),
             came: 0,
             came_before: 0,
+            faults_ns: None,
             at_every_sync: bits.fold(0, |set, bit| set | bit),
             kinds: plan.pdos.iter().map(kind_of).collect(),
             plan,
@@ -264,6 +271,7 @@ impl Side {
             let of_the_bus = code == 0 && *register & !0x10 != 0 && bytes == [0; 5];
             if !of_the_bus {
                 self.faults = set;
+                self.faults_ns = Some(time_ns);
             }
         }
         let emergency = Emergency {
@@ -293,7 +301,10 @@ impl Side {
         self.lost_ns = None;
         if state == Nmt::BootUp {
             self.boots += 1;
-            self.faults = 0;
+            let told_ns = self.faults_ns.filter(|_| self.faults != 0);
+            if told_ns.is_none_or(|told_ns| time_ns.abs_diff(told_ns) >= SAME_START_NS) {
+                self.faults = 0;
+            }
         }
         let before = self.nmt.replace((state, time_ns));
         Some(

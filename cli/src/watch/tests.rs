@@ -286,3 +286,18 @@ fn frames_that_are_nobodys_are_told_apart() {
     assert_eq!(counts.others, 11);
     assert_eq!(bus.watch.strangers().collect::<Vec<_>>(), [5]);
 }
+
+#[test]
+fn a_fault_of_the_start_that_overtook_its_boot_up_message_was_taken_back_by_it() {
+    let mut bus = bus();
+    let faults = |bus: &Bus| bus.watch.pairs()[0].sides[0].faults;
+    let emcy = [0x10, 0xFF, 0x81, 4, 0, 0, 0x40, 6];
+    bus.see(0x081, &emcy);
+    bus.pass(5);
+    bus.see(0x701, &[0]);
+    assert_eq!(faults(&bus), 4);
+    // One from before the start is over.
+    bus.pass(20);
+    bus.see(0x701, &[0]);
+    assert_eq!(faults(&bus), 0);
+}
