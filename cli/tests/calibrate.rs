@@ -89,7 +89,9 @@ impl Bench {
     /// What both nodes have in 2061h and 2063h.
     fn kept(&self) -> String {
         let file = self.path("kept.json");
-        let kept = self.command(&["calibrate", "--keep", &file]).output();
+        let kept = self
+            .command(&["calibrate", "--force", "--keep", &file])
+            .output();
         let (status, _, err) = said(&kept.unwrap());
         assert_eq!(status, Some(0), "{err}");
         fs::read_to_string(file).unwrap()
@@ -183,10 +185,11 @@ fn a_motor_calibrates_both_channels_and_verify_knows_the_report() {
     );
     let found = fs::read_to_string(bench.path("report/as-found.json")).unwrap();
     assert_eq!(found, before);
-    for file in ["report/dcc.xml", "report/report.json"] {
-        let (status, out, err) = bench.verify(&bench.path(file));
-        assert_eq!(status, Some(0), "{out} {err}");
-    }
+    let (status, out, err) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(0), "{out} {err}");
+    let (status, _, err) = bench.verify(&bench.path("report/report.json"));
+    assert_eq!(status, Some(2), "{err}");
+    assert!(err.contains("give the dcc.xml"), "{err}");
     let changed = fs::read_to_string(bench.path("report/dcc.xml")).unwrap();
     let changed = changed.replace("not stated", "somebody");
     fs::write(bench.path("changed.xml"), changed).unwrap();
@@ -279,7 +282,7 @@ fn a_person_calibrates_in_thirteen_poses() {
     let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
     assert_eq!(status, Some(0), "{out}");
     // And the instrument agrees with the motor within what is promised.
-    let check = bench.by_motor(&["--step", "30", "--nodes", "1", "--json"]);
+    let check = bench.by_motor(&["--step", "30", "--nodes", "1", "--force", "--json"]);
     let check = { check }.output().unwrap();
     let report: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
     let errors = report["channels"][0]["as_found"].as_array().unwrap().iter();
@@ -335,14 +338,40 @@ fn what_is_not_within_its_tolerance_is_taken_back() {
     assert_eq!(status, Some(1), "{err}");
     assert!(out.contains("NOT accepted"), "{out}");
     assert_eq!(bench.kept(), before);
-    let (status, _, err) = bench.verify(&bench.path("report/report.json"));
+    let (status, _, err) = said(&bench.by_motor(&["--step", "30"]).output().unwrap());
     assert_eq!(status, Some(2));
-    assert!(err.contains("was not accepted"), "{err}");
-    let run = bench.by_motor(&["--step", "30"]).output();
+    assert!(err.contains("as-found.json is there already"), "{err}");
+    let run = bench.by_motor(&["--step", "30", "--force"]).output();
     let (status, out, err) = said(&run.unwrap());
     assert_eq!(status, Some(0), "{out} {err}");
     assert!(out.contains("accepted: within 15.2 deg"), "{out}");
     let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(0), "{out}");
+}
+
+#[test]
+fn a_rejected_run_replaced_the_certificate_of_the_calibration_in_force() {
+    let bench = Bench::new(&["--mode", "paper"]);
+    let run = |more: &[&str]| {
+        said(
+            &bench
+                .by_motor(&["--step", "30"])
+                .args(more)
+                .output()
+                .unwrap(),
+        )
+    };
+    let (status, out, err) = run(&[]);
+    assert_eq!(status, Some(0), "{out} {err}");
+    let files = ["as-found.json", "dcc.xml", "report.json", "report.html"];
+    let files = files.map(|name| bench.path(&format!("report/{name}")));
+    let before = files.each_ref().map(|file| fs::read(file).unwrap());
+    let (status, out, err) = run(&["--force", "--tolerance", "0.2"]);
+    assert_eq!(status, Some(1), "{err}");
+    assert!(out.contains("report/not-accepted-2"), "{out}");
+    assert!(err.contains("report stays"), "{err}");
+    assert_eq!(files.each_ref().map(|file| fs::read(file).unwrap()), before);
+    let (status, out, _) = bench.verify(&files[1]);
     assert_eq!(status, Some(0), "{out}");
 }
 
@@ -409,7 +438,7 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
         assert!(err.contains(sentence), "{err}");
     };
     refused(&mut bench.calibrate(&[]), "say how to calibrate");
-    refused(&mut bench.by_motor(&["--by-hand"]), "say how to calibrate");
+    refused(&mut bench.by_motor(&["--by-hand"]), "not both");
     refused(
         &mut bench.by_motor(&["--nodes", "1,1"]),
         "node 1 is named twice",
@@ -439,9 +468,10 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
     let file = bench.path("file");
     fs::write(&file, "nothing").unwrap();
     refused(
-        &mut bench.command(&["verify", &file]),
-        "no dcc.xml and no report.json",
+        &mut bench.command(&["calibrate", "--keep", &file]),
+        "is there already: choose another file with --keep",
     );
+    refused(&mut bench.command(&["verify", &file]), "this is no dcc.xml");
     refused(
         &mut bench.command(&["verify", "no such file"]),
         "cannot use no such file",

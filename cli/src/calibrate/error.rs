@@ -25,8 +25,10 @@ pub enum CalibrateError {
     Interrupted,
     /// The motor did not do its part.
     Motor(MotorError),
-    /// Neither a motor nor a hand was named, or both.
+    /// Neither a motor nor a hand was named.
     Method,
+    /// Both were.
+    Both,
     /// More or fewer nodes than an instrument has.
     Nodes,
     /// A node is named twice.
@@ -61,6 +63,8 @@ pub enum CalibrateError {
     Content(PathBuf, &'static str),
     /// A file says nothing of a node's serial number.
     Unknown(PathBuf, u8, u32),
+    /// A file of an earlier calibration, and what else to name.
+    Earlier(PathBuf, &'static str),
     /// The instrument was not within its tolerance.
     Rejected,
     /// It could not be printed.
@@ -114,6 +118,16 @@ impl fmt::Display for CalibrateError {
             Self::Method => write!(
                 f,
                 "say how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE"
+            ),
+            Self::Both => write!(
+                f,
+                "either a motor turns the housing or a person does: give --motor URL or --by-hand, \
+                 not both"
+            ),
+            Self::Earlier(path, other) => write!(
+                f,
+                "{} is there already: choose another {other}, or replace it with --force",
+                path.display()
             ),
             Self::Nodes => write!(
                 f,

@@ -7,6 +7,7 @@
 
 use std::path::Path;
 
+use device::calibration::encoding::identity;
 use serde::{Deserialize, Serialize};
 
 use super::error::CalibrateError;
@@ -95,7 +96,24 @@ pub fn load(path: &Path) -> Result<Kept, CalibrateError> {
     if kept.format != FORMAT || kept.version != 1 {
         return Err(wrong(NOT_KEPT));
     }
-    Ok(kept)
+    match kept.nodes.iter().find_map(flaw) {
+        Some(what) => Err(wrong(what)),
+        None => Ok(kept),
+    }
+}
+
+/// What is wrong with one node's, if anything is.
+fn flaw(node: &KeptNode) -> Option<&'static str> {
+    let decoded = bytes(&node.calibration_hex).and_then(|bytes| decode(&bytes));
+    let Some(calibration) = decoded else {
+        return Some("a calibration in it is damaged: its check sum is wrong");
+    };
+    if node.crc32 != format!("{:08X}", identity(&calibration)) {
+        return Some("it was changed: crc32 in it is not that of the calibration beside it");
+    }
+    let hash = node.report_sha256.as_deref().map(bytes);
+    let whole = hash.is_none_or(|hash| hash.is_some_and(|hash| hash.len() == 32));
+    (!whole).then_some("it was changed: report_sha256 in it is no SHA-256")
 }
 
 /// What a file is not.
@@ -104,7 +122,7 @@ const NOT_KEPT: &str =
 
 /// Gives each node what the file has for its serial number, reads it back and compares.
 ///
-/// Errors: a node that the file does not know, a content that is none, a refusal. Nothing has
+/// Errors: a node that the file does not know, a refusal. Nothing has
 /// changed when a node is not in the file.
 pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
     let mut all = Vec::new();
@@ -112,9 +130,8 @@ pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), Ca
         let found = kept.nodes.iter().find(|k| k.serial_number == node.serial);
         let unknown = || CalibrateError::Unknown(path.to_owned(), node.id, node.serial);
         let found = found.ok_or_else(unknown)?;
-        let content = bytes(&found.calibration_hex).filter(|bytes| decode(bytes).is_some());
-        let damaged = "a calibration in it is damaged: its check sum is wrong";
-        let content = content.ok_or_else(|| CalibrateError::Content(path.to_owned(), damaged))?;
+        let content = bytes(&found.calibration_hex);
+        let content = content.ok_or_else(|| CalibrateError::Content(path.to_owned(), NOT_KEPT))?;
         all.push((content, found.report_sha256.as_deref().and_then(bytes)));
     }
     for (place, (content, hash)) in all.into_iter().enumerate() {
@@ -128,6 +145,7 @@ pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), Ca
 
 #[cfg(test)]
 mod tests {
+    use super::super::session::encode;
     use super::*;
 
     #[test]
@@ -136,6 +154,39 @@ mod tests {
         for bad in ["0", "0g", "+1", "é1", " 1"] {
             assert_eq!(bytes(bad), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn a_changed_field_was_printed_and_never_checked() {
+        let calibration = tilt::chain::Calibration::NOMINAL;
+        let whole = Kept {
+            format: FORMAT.to_owned(),
+            version: 1,
+            nodes: vec![KeptNode {
+                node: 1,
+                serial_number: 1,
+                crc32: format!("{:08X}", identity(&calibration)),
+                calibration_hex: hex(&encode(&calibration)),
+                report_sha256: Some("5a".repeat(32)),
+            }],
+        };
+        let name = format!("plumb-kept-changed-{}.json", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let told = |change: &dyn Fn(&mut KeptNode)| {
+            let mut kept = whole.clone();
+            change(&mut kept.nodes[0]);
+            save(&path, &kept).unwrap();
+            load(&path).map_err(|error| error.to_string())
+        };
+        assert_eq!(told(&|_| ()), Ok(whole.clone()));
+        let bad = |change: &dyn Fn(&mut KeptNode)| told(change).unwrap_err();
+        let text = bad(&|node| node.crc32.replace_range(..1, "Z"));
+        assert!(text.contains("crc32 in it is not"), "{text}");
+        let text = bad(&|node| node.report_sha256 = Some("5a".to_owned()));
+        assert!(text.contains("no SHA-256"), "{text}");
+        let text = bad(&|node| node.calibration_hex.truncate(20));
+        assert!(text.contains("damaged"), "{text}");
+        std::fs::remove_file(&path).unwrap();
     }
 
     #[test]

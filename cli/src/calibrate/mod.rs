@@ -15,6 +15,7 @@ pub mod data;
 mod dcc;
 mod error;
 mod fit;
+mod folder;
 mod hand;
 mod kept;
 pub mod motor;
@@ -42,13 +43,13 @@ use by_motor::Kind;
 use compose::{Frame, now};
 use console::Console;
 pub use error::CalibrateError;
+use folder::Folder;
 use hand::{FEWEST, POSES};
-pub use kept::{bytes as from_hex, hex};
+pub use kept::hex;
 use motor::{Motor, ScpiMotor};
 pub use session::Session;
 
 use crate::bus::BusOptions;
-use crate::report::write;
 use crate::stdout;
 use data::Report;
 
@@ -85,6 +86,10 @@ pub struct Arguments {
     /// Folder of the report
     #[arg(long, default_value = "calibration-report", value_name = "DIR")]
     pub out: PathBuf,
+    /// Replace an earlier report in that folder, or the file of --keep; what is not accepted
+    /// replaces nothing and goes into a folder of its own in there
+    #[arg(long)]
+    pub force: bool,
     /// Who calibrates, for the report
     #[arg(long, value_name = "NAME")]
     pub laboratory: Option<String>,
@@ -136,22 +141,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
         (None, Some(path)) => return restore(arguments, &ids, path),
         (None, None) => {}
     }
-    if arguments.motor.is_some() == arguments.by_hand {
-        return Err(CalibrateError::Method);
+    match (&arguments.motor, arguments.by_hand) {
+        (None, false) => return Err(CalibrateError::Method),
+        (Some(_), true) => return Err(CalibrateError::Both),
+        _ => {}
     }
-    write::try_folder(&arguments.out).map_err(CalibrateError::Write)?;
+    let folder = Folder::claim(&arguments.out, arguments.force)?;
     let motor = arguments.motor.as_deref().map(ScpiMotor::connect);
     let motor = motor.transpose()?;
     let mut session = open(arguments, &ids)?;
-    let saved = kept::save(
-        &arguments.out.join("as-found.json"),
-        &kept::as_found(&session),
-    );
-    let done = saved.and_then(|()| work(arguments, &mut session, motor));
-    let done = settle(&mut session, done);
+    if let Err(error) = folder.keep(&kept::as_found(&session)) {
+        session.leave();
+        return Err(error);
+    }
+    let done = work(arguments, &folder, &mut session, motor);
+    let done = settle(&folder, &mut session, done);
     session.leave();
-    let report = done?;
-    say(arguments, &report)?;
+    let (report, place) = done?;
+    say(arguments, &report, &place)?;
     Ok(match report.decision.accepted {
         true => ExitCode::SUCCESS,
         false => ExitCode::from(1),
@@ -172,23 +179,33 @@ fn open(arguments: &Arguments, ids: &[u8]) -> Result<Session, CalibrateError> {
     Session::open(bus, ids)
 }
 
+/// A report, and the folder that it is in.
+type Done = Result<(Report, PathBuf), CalibrateError>;
+
 /// Gives back what the nodes had unless all went well.
-fn settle(
-    session: &mut Session,
-    done: Result<Report, CalibrateError>,
-) -> Result<Report, CalibrateError> {
-    if done.as_ref().is_ok_and(|report| report.decision.accepted) {
+fn settle(folder: &Folder, session: &mut Session, done: Done) -> Done {
+    if done
+        .as_ref()
+        .is_ok_and(|(report, _)| report.decision.accepted)
+    {
         return done;
     }
     let left = session.roll_back();
-    match (done, left.is_empty()) {
-        (done, true) => done,
-        (Err(error), false) => Err(CalibrateError::Left(Box::new(error), left)),
-        (Ok(_), false) => Err(CalibrateError::Left(
-            Box::new(CalibrateError::Rejected),
-            left,
-        )),
-    }
+    let error = match (done, left.is_empty()) {
+        (Ok(done), true) => return Ok(done),
+        (Err(error), true) => {
+            // The nodes have it again.
+            folder.forget();
+            return Err(error);
+        }
+        (Err(error), false) => error,
+        (Ok(_), false) => CalibrateError::Rejected,
+    };
+    tell(&format!(
+        "what the nodes had is in {}",
+        folder.found().display()
+    ));
+    Err(CalibrateError::Left(Box::new(error), left))
 }
 
 fn tell(line: &str) {
@@ -198,9 +215,10 @@ fn tell(line: &str) {
 /// The calibration itself, its report on disk, and its hash in the nodes.
 fn work(
     arguments: &Arguments,
+    folder: &Folder,
     session: &mut Session,
     motor: Option<ScpiMotor>,
-) -> Result<Report, CalibrateError> {
+) -> Done {
     let begun = now();
     let mut report = match motor {
         Some(mut motor) => with_motor(arguments, session, &mut motor, begun)?,
@@ -221,8 +239,14 @@ fn work(
         ("report.json", &json),
         ("report.html", &page::page(&report)),
     ];
-    write::together(&arguments.out, &files).map_err(CalibrateError::Write)?;
-    Ok(report)
+    let place = folder.write(&files, report.decision.accepted)?;
+    if place != arguments.out {
+        let (place, out) = (place.display(), arguments.out.display());
+        tell(&format!(
+            "not accepted: its report is in {place}, the one in {out} stays"
+        ));
+    }
+    Ok((report, place))
 }
 
 fn with_motor(
@@ -304,6 +328,9 @@ fn made(session: &mut Session) -> Result<Vec<Vec<u8>>, CalibrateError> {
 }
 
 fn keep(arguments: &Arguments, ids: &[u8], path: &Path) -> Result<ExitCode, CalibrateError> {
+    if path.symlink_metadata().is_ok() && !arguments.force {
+        return Err(CalibrateError::Earlier(path.to_owned(), "file with --keep"));
+    }
     let mut session = open(arguments, ids)?;
     let kept = kept::as_found(&session);
     session.leave();
@@ -345,10 +372,10 @@ fn print_kept(
     Ok(ExitCode::SUCCESS)
 }
 
-fn say(arguments: &Arguments, report: &Report) -> Result<(), CalibrateError> {
+fn say(arguments: &Arguments, report: &Report, place: &Path) -> Result<(), CalibrateError> {
     let printed = match arguments.json {
         true => stdout::print_json(report),
-        false => stdout::print(summary(arguments, report)),
+        false => stdout::print(summary(report, place)),
     };
     printed.map_err(CalibrateError::Print)
 }
@@ -358,7 +385,7 @@ fn largest(errors: impl Iterator<Item = Option<f64>>) -> String {
     largest.map_or("none".to_owned(), |deg| format!("{deg:.3} deg"))
 }
 
-fn summary(arguments: &Arguments, report: &Report) -> String {
+fn summary(report: &Report, place: &Path) -> String {
     let mut text = String::new();
     for channel in &report.channels {
         let found = largest(channel.as_found.iter().map(|p| p.error_deg));
@@ -381,7 +408,7 @@ fn summary(arguments: &Arguments, report: &Report) -> String {
              had\n"
         ),
     };
-    let folder = arguments.out.display();
+    let folder = place.display();
     text += &format!("report: {folder}/report.html, report.json, dcc.xml\n");
     if let Some(hash) = &report.dcc_sha256 {
         text += &format!("the nodes keep the SHA-256 of dcc.xml: {hash}\n");

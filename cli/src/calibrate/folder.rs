@@ -1,0 +1,199 @@
+//! Where the report of a calibration goes, so that none replaces an earlier one by accident.
+//!
+//! In: the folder of --out and whether --force was given. Out: a folder that holds nothing of a
+//! report, or with --force one whose earlier report stays until a new calibration is accepted;
+//! what was not accepted goes into a folder of its own beside it.
+//!
+//! Left out: what the files hold.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::compose::now;
+use super::data::utc;
+use super::error::CalibrateError;
+use super::kept::{self, Kept};
+use crate::report::write;
+
+/// What the nodes had before.
+const AS_FOUND: &str = "as-found.json";
+
+/// Each of them makes a folder one of a calibration.
+const NAMES: [&str; 4] = [AS_FOUND, "dcc.xml", "report.json", "report.html"];
+
+/// The folder of a report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Folder {
+    /// What --out says.
+    out: PathBuf,
+    /// Where the files go before the calibration is accepted: `out` unless a report is there.
+    own: PathBuf,
+}
+
+impl Folder {
+    /// Takes a folder, which is made when it is not there; nothing in it changes.
+    ///
+    /// Errors: [`CalibrateError::Earlier`] without `force` where a report is; a folder that can't
+    /// be written.
+    pub fn claim(out: &Path, force: bool) -> Result<Self, CalibrateError> {
+        let mut places = NAMES.iter().map(|name| out.join(name));
+        let earlier = places.find(|place| place.symlink_metadata().is_ok());
+        let own = match earlier {
+            None => out.to_owned(),
+            Some(_) if force => {
+                let time = utc(now()).replace(['-', ':'], "");
+                out.join(format!("not-accepted-{time}"))
+            }
+            Some(place) => return Err(CalibrateError::Earlier(place, "folder with --out")),
+        };
+        write::try_folder(out).map_err(CalibrateError::Write)?;
+        let out = out.to_owned();
+        Ok(Self { out, own })
+    }
+
+    /// Writes down what the nodes had.
+    ///
+    /// Errors: [`CalibrateError::File`].
+    pub fn keep(&self, kept: &Kept) -> Result<(), CalibrateError> {
+        if self.own != self.out {
+            let failed = |error| CalibrateError::File(self.own.clone(), error);
+            // Fails where one is, which so is never replaced.
+            fs::create_dir(&self.own).map_err(failed)?;
+        }
+        kept::save(&self.found(), kept)
+    }
+
+    /// Where it stands what the nodes had.
+    pub fn found(&self) -> PathBuf {
+        self.own.join(AS_FOUND)
+    }
+
+    /// Writes the files of the report and returns the folder that they are in. What was accepted
+    /// takes the place of an earlier report, what was not stands in a folder of its own.
+    ///
+    /// Errors: [`CalibrateError::Write`], [`CalibrateError::File`].
+    pub fn write(&self, files: &[(&str, &str)], accepted: bool) -> Result<PathBuf, CalibrateError> {
+        if !accepted || self.own == self.out {
+            write::together(&self.own, files).map_err(CalibrateError::Write)?;
+            return Ok(self.own.clone());
+        }
+        let found = fs::read_to_string(self.found());
+        let found = found.map_err(|error| CalibrateError::File(self.found(), error))?;
+        let mut all = vec![(AS_FOUND, found.as_str())];
+        all.extend_from_slice(files);
+        write::together(&self.out, &all).map_err(CalibrateError::Write)?;
+        self.forget();
+        Ok(self.out.clone())
+    }
+
+    /// Takes back what [`Folder::keep`] has written, when it is of no more use: it stands
+    /// elsewhere, or the nodes have it again.
+    pub fn forget(&self) {
+        // What can't be removed is in nobody's way.
+        let _ = fs::remove_file(self.found());
+        if self.own != self.out {
+            let _ = fs::remove_dir(&self.own);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Scratch(PathBuf);
+
+    impl Scratch {
+        fn new(name: &str) -> Self {
+            let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
+            let _ = fs::remove_dir_all(&path);
+            Self(path)
+        }
+
+        fn read(&self, name: &str) -> String {
+            fs::read_to_string(self.0.join(name)).unwrap()
+        }
+
+        fn names(&self) -> Vec<String> {
+            let entries = fs::read_dir(&self.0).unwrap();
+            let mut names: Vec<_> = entries
+                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+                .collect();
+            names.sort();
+            names
+        }
+    }
+
+    impl Drop for Scratch {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn kept(format: &str) -> Kept {
+        Kept {
+            format: format.to_owned(),
+            version: 1,
+            nodes: Vec::new(),
+        }
+    }
+
+    fn run(scratch: &Scratch, force: bool, what: &str, accepted: bool) -> PathBuf {
+        let folder = Folder::claim(&scratch.0, force).unwrap();
+        folder.keep(&kept(what)).unwrap();
+        let files = [
+            ("dcc.xml", what),
+            ("report.json", what),
+            ("report.html", what),
+        ];
+        folder.write(&files, accepted).unwrap()
+    }
+
+    #[test]
+    fn an_earlier_report_was_replaced_without_a_word() {
+        let scratch = Scratch::new("earlier");
+        run(&scratch, false, "first", true);
+        let told = Folder::claim(&scratch.0, false).unwrap_err().to_string();
+        assert!(told.contains("as-found.json is there already"), "{told}");
+        assert!(told.contains("--out") && told.contains("--force"), "{told}");
+        for name in NAMES {
+            let alone = Scratch::new("alone");
+            fs::create_dir_all(&alone.0).unwrap();
+            fs::write(alone.0.join(name), "").unwrap();
+            assert!(Folder::claim(&alone.0, false).is_err(), "{name}");
+        }
+        run(&scratch, true, "second", true);
+        assert_eq!(scratch.read("dcc.xml"), "second");
+        assert!(scratch.read(AS_FOUND).contains("second"));
+        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+    }
+
+    #[test]
+    fn a_rejected_run_replaced_what_an_accepted_one_had_written() {
+        let scratch = Scratch::new("rejected");
+        run(&scratch, false, "first", true);
+        let beside = run(&scratch, true, "second", false);
+        for name in NAMES {
+            assert!(scratch.read(name).contains("first"), "{name}");
+            let text = fs::read_to_string(beside.join(name)).unwrap();
+            assert!(text.contains("second"), "{name}");
+        }
+        let name = beside.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(name.starts_with("not-accepted-2"), "{name}");
+    }
+
+    #[test]
+    fn a_run_that_came_to_nothing_leaves_nothing() {
+        let scratch = Scratch::new("nothing");
+        let folder = Folder::claim(&scratch.0, false).unwrap();
+        folder.keep(&kept("first")).unwrap();
+        folder.forget();
+        assert!(scratch.names().is_empty(), "{:?}", scratch.names());
+        run(&scratch, false, "first", true);
+        let folder = Folder::claim(&scratch.0, true).unwrap();
+        folder.keep(&kept("second")).unwrap();
+        folder.forget();
+        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+        assert!(scratch.read(AS_FOUND).contains("first"));
+    }
+}
