@@ -131,7 +131,8 @@ impl fmt::Display for SetError {
             ),
             Self::NoAngle(node, name, reason) => write!(
                 f,
-                "node {node} does not take {name} without a valid angle, and there is none ({}): {}",
+                "node {node} does not take {name} without a valid angle, and there is none ({}): \
+                 {}",
                 because(*reason),
                 remedy(*reason)
             ),
