@@ -160,6 +160,15 @@ fn who_is_on_the_bus_and_which_are_a_pair() {
     }
     let info = bench.json(&["info", "2"]);
     let facts = info["nodes"][0]["facts"].as_array().unwrap();
+    let report = facts
+        .iter()
+        .find(|fact| fact["name"] == "calibration-report-hash")
+        .unwrap();
+    assert!(report["text"].is_null(), "{report}");
+    assert_eq!(
+        report["reason"],
+        "no report of this calibration is known to it"
+    );
     let latency = facts
         .iter()
         .find(|fact| fact["name"] == "latency.in-microseconds");
@@ -306,6 +315,142 @@ fn without_a_valid_angle_a_zero_says_why() {
     let told = bench.refused(&["zero"]);
     assert!(told.contains("node 2 has no valid slope-long ("), "{told}");
     assert!(told.contains("nothing was zeroed"), "{told}");
+}
+
+/// What was refused with status 2 behind what could be done.
+fn half_done((status, out, err): Said) -> (String, String) {
+    assert_eq!(status, Some(2), "{out}: {err}");
+    assert_eq!(err.lines().count(), 1, "{err}");
+    assert_ne!(out, "", "{err}");
+    (out, err)
+}
+
+#[test]
+fn half_an_instrument_was_zeroed_without_a_word() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("power b off");
+    std::thread::sleep(Duration::from_millis(500));
+    let verbs: [&[&str]; 4] = [
+        &["zero"],
+        &["save"],
+        &["set", "heartbeat", "300ms", "--node", "all"],
+        &["set", "heartbeat", "300ms"],
+    ];
+    for verb in verbs {
+        let told = bench.refused(verb);
+        assert!(
+            told.contains("node 2, the other channel of node 1, does not answer")
+                && told.contains("nothing was written")
+                && told.contains("--node 1"),
+            "{told}"
+        );
+    }
+    let got = bench.json(&["get", "slope-long.offset", "heartbeat", "--node", "1"]);
+    assert_eq!(got["objects"][0]["raw"], 0);
+    assert_eq!(got["objects"][1]["raw"], 200);
+    let done = bench.done(&["zero", "--node", "1"]);
+    assert!(done.contains("now in the mean of 16"), "{done}");
+    // What is read is printed, and the missing one told.
+    for verb in [&["get", "slope-long"][..], &["info"], &["bitrate"]] {
+        let (out, err) = half_done(bench.say(verb));
+        assert!(out.contains("node 1"), "{out}");
+        assert!(err.contains("node 2, the other channel of node 1"), "{err}");
+    }
+}
+
+#[test]
+fn what_was_written_before_a_node_failed_was_not_in_the_json() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("power b off");
+    std::thread::sleep(Duration::from_millis(500));
+    let words = ["set", "heartbeat", "300ms", "--node", "1,2", "--json"];
+    let (out, err) = half_done(bench.say(&words));
+    let set: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(set["nodes"].as_array().unwrap().len(), 1);
+    assert_eq!(set["nodes"][0]["node"], 1);
+    assert!(err.contains("there is no node 2"), "{err}");
+    let (out, _) = half_done(bench.say(&["save", "--node", "1,2", "--json"]));
+    let save: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(save["saved_nodes"], serde_json::json!([1]));
+}
+
+#[test]
+fn a_refusal_in_a_table_ended_with_status_0() {
+    let bench = Bench::quick(&[]);
+    let (out, err) = half_done(bench.say(&["get", "1018h:99"]));
+    assert!(out.contains("refused: it has no such sub-index"), "{out}");
+    assert!(err.contains("2 objects are refused"), "{err}");
+    let words = ["get", "heartbeat", "1018h:99", "--node", "1", "--json"];
+    let (out, err) = half_done(bench.say(&words));
+    let got: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(got["objects"][0]["raw"], 200);
+    assert!(err.contains("node 1 refuses 1018h"), "{err}");
+}
+
+#[test]
+fn where_frames_got_lost_one_of_two_channels_was_left_out() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("bus loss 0.3");
+    std::thread::sleep(Duration::from_millis(300));
+    for _ in 0..4 {
+        let (status, out, err) = bench.say(&["get", "slope-long"]);
+        match status {
+            Some(0) => assert!(out.contains("node 1") && out.contains("node 2"), "{out}"),
+            status => {
+                assert_eq!(status, Some(2), "{err}");
+                assert!(!err.contains("no heartbeat and no answer"), "{err}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_operational_node_was_to_be_left_behind_by_force() {
+    let mut bench = Bench::quick(&[]);
+    bench.nmt(1, 0);
+    for more in [&[][..], &["--force"]] {
+        let told = bench.refused(&[&["bitrate", "500"], more].concat());
+        assert!(
+            told.contains("OPERATIONAL") && told.contains("1, 2") && told.contains("--stop"),
+            "{told}"
+        );
+        assert!(!told.contains("--force"), "{told}");
+    }
+    let words = ["bitrate", "500", "--stop", "--bus", &bench.bus];
+    let change = plumb(&words).stdout(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(3500));
+    bench.word("bit-rate 500");
+    let (status, out, err) = said(&change.wait_with_output().unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    assert!(
+        out.ends_with("node 2: 500 kbit/s, changed and stored"),
+        "{out}"
+    );
+    let scan = bench.json(&["scan"]);
+    assert_eq!(scan["nodes"][0]["state"], "operational");
+    assert_eq!(scan["nodes"][1]["state"], "operational");
+}
+
+#[test]
+fn on_a_dead_bus_node_id_asked_for_a_name() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("power all off");
+    std::thread::sleep(Duration::from_millis(500));
+    let told = bench.refused(&["node-id", "--pair", "3,4"]);
+    assert!(told.contains("nothing is heard on socketcand://"), "{told}");
+}
+
+#[test]
+fn a_preset_without_an_angle_was_told_to_need_pre_operational() {
+    let mut bench = Bench::quick(&[]);
+    bench.word("fault b stuck");
+    std::thread::sleep(Duration::from_millis(800));
+    let told = bench.refused(&["set", "slope-long.preset", "0deg", "--node", "2"]);
+    assert!(
+        told.contains("without a valid angle, and there is none ("),
+        "{told}"
+    );
+    assert!(!told.contains("--stop"), "{told}");
 }
 
 #[test]

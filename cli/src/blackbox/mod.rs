@@ -117,11 +117,9 @@ fn join(options: &BusOptions) -> Result<Bus, FaultsError> {
 fn ask_all(arguments: &Arguments, report: &mut FaultsReport) -> Result<(), FaultsError> {
     let mut bus = join(&arguments.bus)?;
     let mut ended = Ok(());
-    for node in arguments
-        .nodes
-        .readable(&mut bus)
-        .map_err(FaultsError::Nodes)?
-    {
+    let nodes = &arguments.nodes;
+    let meant = nodes.readable(&mut bus).map_err(FaultsError::Nodes)?;
+    for node in meant.nodes.clone() {
         let asked = ask(&mut bus, node).and_then(|(bytes, memory)| {
             report.memories.push(memory);
             match &arguments.boxes {
@@ -136,7 +134,7 @@ fn ask_all(arguments: &Arguments, report: &mut FaultsReport) -> Result<(), Fault
             _ => {}
         }
     }
-    ended
+    ended.and_then(|()| meant.complete().map_err(FaultsError::Nodes))
 }
 
 /// What a node of the bus remembers: as it came, and in words.
@@ -167,7 +165,9 @@ pub fn from_bus(
 ) -> Result<(Vec<MemoryReport>, Vec<String>), FaultsError> {
     let mut bus = join(options)?;
     let (mut memories, mut silent) = (Vec::new(), Vec::new());
-    for node in nodes.readable(&mut bus).map_err(FaultsError::Nodes)? {
+    let meant = nodes.readable(&mut bus).map_err(FaultsError::Nodes)?;
+    silent.extend(meant.complete().err().map(|why| why.to_string()));
+    for node in meant.nodes {
         match ask(&mut bus, node) {
             Ok((_, memory)) => memories.push(memory),
             Err(why) if why.ends_all() => return Err(why),

@@ -174,7 +174,8 @@ pub fn judge(survey: &Survey, trouble: Trouble, bus: &str, node: Option<u8>) -> 
             _ => Silence::BusSilent { bus },
         };
     }
-    if let Some(node) = node {
+    // Where nobody has answered in particular, the first one that is heard tells most.
+    if let Some(node) = node.or_else(|| survey.nodes().first().copied()) {
         let state = survey.heartbeats.get(&node);
         let busy = survey.asked_by_others.contains(&node);
         match (state, survey.answers.contains_key(&node)) {
@@ -267,6 +268,14 @@ mod tests {
         deaf.heartbeats.insert(3, State::PreOperational);
         let deaf = told(&deaf, Trouble::default(), Some(3));
         assert!(deaf.contains("pre-operational by its heartbeat"), "{deaf}");
+    }
+
+    #[test]
+    fn nodes_that_were_heard_were_told_to_send_no_heartbeat() {
+        let mut deaf = heard();
+        deaf.answers.clear();
+        let told = told(&deaf, Trouble::default(), None);
+        assert!(told.contains("node 1 is operational"), "{told}");
     }
 
     #[test]

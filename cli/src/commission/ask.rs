@@ -12,11 +12,15 @@ use super::fault::Fault;
 use super::name::Named;
 use super::value::{self, Shown};
 use crate::bus::Bus;
+use crate::bus::diagnosis::Silence;
 use crate::bus::nmt::{self, Command, State};
 use crate::bus::sdo::{Client, SdoError};
 
 /// How long a heartbeat is waited for: five of those that are delivered.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// How often a question is asked of a node that answers others.
+const ROUNDS: usize = 3;
 
 /// How long a node has to be in the state that it was told.
 const CHANGE: Duration = Duration::from_secs(2);
@@ -46,23 +50,39 @@ impl<'a> Node<'a> {
     ///
     /// Errors: see [`Fault`].
     pub fn try_read(&mut self, index: u16, sub: u8) -> Result<Result<Vec<u8>, u32>, Fault> {
-        match Client::new(self.bus, self.id).upload(index, sub) {
+        match self.asked(|client| client.upload(index, sub))? {
             Err(SdoError::Refused(.., code)) => Ok(Err(code)),
-            read => read
-                .map(Ok)
-                .map_err(|error| Fault::sdo(self.bus, self.id, error)),
+            read => read.map(Ok).map_err(Fault::Sdo),
         }
+    }
+
+    /// Asks, and again where the node is there all the same: where frames get lost, three
+    /// questions in vain are no rarity. What is left is no silence.
+    fn asked<T>(
+        &mut self,
+        ask: impl Fn(&mut Client) -> Result<T, SdoError>,
+    ) -> Result<Result<T, SdoError>, Fault> {
+        for left in (0..ROUNDS).rev() {
+            match ask(&mut Client::new(self.bus, self.id)) {
+                Ok(read) => return Ok(Ok(read)),
+                Err(SdoError::Step(..)) if left > 0 => {}
+                Err(error @ (SdoError::Refused(..) | SdoError::Length(..))) => {
+                    return Ok(Err(error));
+                }
+                Err(error) => match Fault::sdo(self.bus, self.id, error) {
+                    Fault::Silent(Silence::AnswersNow(_)) if left > 0 => {}
+                    fault => return Err(fault),
+                },
+            }
+        }
+        Err(Fault::Silent(Silence::AnswersNow(self.id)))
     }
 
     /// The number that an object holds; `None` where the node refuses it.
     ///
     /// Errors: see [`Fault`].
     pub fn number(&mut self, index: u16, sub: u8) -> Result<Option<u32>, Fault> {
-        match Client::new(self.bus, self.id).read_u32(index, sub) {
-            Ok(number) => Ok(Some(number)),
-            Err(SdoError::Refused(..) | SdoError::Length(..)) => Ok(None),
-            Err(error) => Err(Fault::sdo(self.bus, self.id, error)),
-        }
+        Ok(self.asked(|client| client.read_u32(index, sub))?.ok())
     }
 
     /// Writes an object, once.

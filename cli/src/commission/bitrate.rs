@@ -17,15 +17,19 @@ use serde::Serialize;
 
 use super::ask::Node;
 use super::fault::Fault;
-use super::nodes::{NodeOption, NodesError};
+use super::nodes::{Meant, NodeOption, NodesError};
 use super::print;
 use crate::bus::lss::{BIT_RATES, Identity, Master};
+use crate::bus::nmt::{self, Command, State};
 use crate::bus::sdo::{Client, SdoError};
 use crate::bus::survey::survey;
 use crate::bus::{Bus, BusOptions};
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);
+
+/// How long a node may take to tell that it is in PRE-OPERATIONAL.
+const STOPPING: Duration = Duration::from_secs(2);
 
 /// How long nodes may take to answer at the new rate, behind both pauses.
 const BACK: Duration = Duration::from_secs(5);
@@ -40,6 +44,9 @@ pub struct Arguments {
     #[arg(long, default_value_t = 500, value_name = "MS",
         value_parser = clap::value_parser!(u16).range(10..=10_000))]
     pub delay: u16,
+    /// Take nodes that are OPERATIONAL to PRE-OPERATIONAL for the change, and back
+    #[arg(long)]
+    pub stop: bool,
     /// Change also while nodes are there that cannot follow
     #[arg(long)]
     pub force: bool,
@@ -72,6 +79,8 @@ pub enum BitrateError {
     Nodes(NodesError),
     /// A change is for all nodes.
     AllOnly,
+    /// These nodes are OPERATIONAL, where they do not answer LSS.
+    Operational(Vec<u8>),
     /// These nodes do not answer LSS and would not follow.
     Behind(Vec<u8>),
     /// These nodes do not answer at the new rate; the rate.
@@ -103,6 +112,12 @@ impl fmt::Display for BitrateError {
             Self::AllOnly => write!(
                 f,
                 "a bus has one bit rate: leave --node away, all nodes are changed at once"
+            ),
+            Self::Operational(nodes) => write!(
+                f,
+                "nodes that are OPERATIONAL do not answer LSS and would not follow: {}; nothing \
+                 was changed; say --stop to take them to PRE-OPERATIONAL for it, and back",
+                listed(nodes)
             ),
             Self::Behind(nodes) => write!(
                 f,
@@ -144,13 +159,16 @@ struct Document {
 /// Errors: see [`BitrateError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, BitrateError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = match arguments.rate {
+    let meant = match arguments.rate {
         Some(_) if arguments.nodes.node.is_some() => return Err(BitrateError::AllOnly),
-        Some(rate) => change(&mut bus, rate, arguments)?,
+        Some(rate) => Meant {
+            nodes: change(&mut bus, rate, arguments)?,
+            missing: None,
+        },
         None => arguments.nodes.readable(&mut bus)?,
     };
     let mut rates = Vec::new();
-    for id in nodes {
+    for id in meant.nodes.clone() {
         let mut node = Node::new(&mut bus, id);
         rates.push(Rate {
             node: id,
@@ -173,6 +191,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, BitrateError> {
             print::text(&lines.collect::<String>())?;
         }
     }
+    meant.complete()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -190,13 +209,47 @@ fn line(rate: &Rate, changed: bool) -> String {
     format!("node {}: {number}{automatic}{stored}\n", rate.node)
 }
 
-/// Changes all nodes; who they are.
+/// Changes all nodes, and starts those again that were stopped for it; who they are.
 fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, BitrateError> {
     let heard = survey(bus, ASKING).map_err(Fault::bus)?;
     let there: Vec<u8> = heard.nodes().into_iter().collect();
     if there.is_empty() {
         return Err(Fault::nobody(bus).into());
     }
+    let working = heard.heartbeats.iter();
+    let working = working.filter(|(_, state)| **state == State::Operational);
+    let working: Vec<u8> = working.map(|(node, _)| *node).collect();
+    if !arguments.stop {
+        return change_these(bus, rate, arguments, there, &working);
+    }
+    let stopped = stop(bus, &working);
+    let changed = stopped.and_then(|()| change_these(bus, rate, arguments, there, &[]));
+    // Those that did not follow have not heard it; what went wrong before says more.
+    let started = working
+        .iter()
+        .try_for_each(|node| nmt::command(bus, Command::Start, *node));
+    let changed = changed?;
+    started.map_err(Fault::bus)?;
+    Ok(changed)
+}
+
+/// Takes nodes to PRE-OPERATIONAL.
+fn stop(bus: &mut Bus, nodes: &[u8]) -> Result<(), BitrateError> {
+    for node in nodes {
+        nmt::command(bus, Command::EnterPreOperational, *node).map_err(Fault::bus)?;
+        nmt::wait_for(bus, *node, State::PreOperational, STOPPING).map_err(Fault::bus)?;
+    }
+    Ok(())
+}
+
+/// Changes those that are there; some of them work and were not stopped.
+fn change_these(
+    bus: &mut Bus,
+    rate: u16,
+    arguments: &Arguments,
+    there: Vec<u8>,
+    working: &[u8],
+) -> Result<Vec<u8>, BitrateError> {
     let (mut follow, mut behind) = (Vec::new(), Vec::new());
     for id in there {
         match selected(bus, id)? {
@@ -204,10 +257,14 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, Bi
             false => behind.push(id),
         }
     }
+    let (working, behind): (Vec<u8>, Vec<u8>) =
+        behind.into_iter().partition(|id| working.contains(id));
     let may = arguments.force || behind.is_empty();
-    let told = match may && !follow.is_empty() {
-        true => tell(bus, rate, arguments.delay),
-        false => Err(BitrateError::Behind(behind)),
+    let told = match (working.is_empty(), may && !follow.is_empty()) {
+        // Not even by force: these can follow.
+        (false, _) => Err(BitrateError::Operational(working)),
+        (true, true) => tell(bus, rate, arguments.delay),
+        (true, false) => Err(BitrateError::Behind(behind)),
     };
     if told.is_err() {
         Master::new(bus).switch_all(false).map_err(Fault::from)?;

@@ -60,6 +60,9 @@ pub enum GetError {
     WriteOnly(String),
     /// A node refuses the one object: node, name, abort code.
     Refused(u8, String, u32),
+    /// Nodes refuse some of several objects, which were printed: how many, the first one's node,
+    /// name and reason.
+    Refusals(usize, u8, String, String),
     /// A file holds one object of one node.
     OneOnly,
     /// The file can't be written.
@@ -98,6 +101,17 @@ impl fmt::Display for GetError {
                 code >> 16,
                 code & 0xFFFF
             ),
+            Self::Refusals(1, node, name, reason) => {
+                write!(
+                    f,
+                    "node {node} refuses {name}: {reason}; the others were read"
+                )
+            }
+            Self::Refusals(count, node, name, reason) => write!(
+                f,
+                "{count} objects are refused, the first one, {name}, by node {node}: {reason}; the \
+                 others were read"
+            ),
             Self::OneOnly => write!(
                 f,
                 "a file holds one object of one node: name one object, and the node with --node"
@@ -134,10 +148,9 @@ struct Document {
     objects: Vec<Reading>,
 }
 
-/// Reads and prints. Exit status 0 also where a node refuses some of several objects, which is
-/// printed in their place.
+/// Reads and prints. What a node refuses of several objects is printed in its place.
 ///
-/// Errors: see [`GetError`].
+/// Errors: see [`GetError`]; those that were read are printed all the same.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, GetError> {
     if arguments.list {
         print::text(&list())?;
@@ -145,16 +158,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, GetError> {
     }
     let objects = objects(&arguments.names)?;
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.readable(&mut bus)?;
+    let meant = arguments.nodes.readable(&mut bus)?;
+    let nodes = &meant.nodes;
     if let Some(path) = &arguments.output {
         let ([object], [node]) = (objects.as_slice(), nodes.as_slice()) else {
             return Err(GetError::OneOnly);
         };
         save(&mut bus, *node, object, path)?;
+        meant.complete()?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut readings = Vec::new();
-    for id in &nodes {
+    for id in nodes {
         let mut node = Node::new(&mut bus, *id);
         for object in &objects {
             readings.push(reading(&mut node, object)?);
@@ -176,6 +191,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, GetError> {
             code.err().unwrap_or(0),
         ));
     }
+    let mut refused = readings.iter().filter(|reading| reading.text.is_none());
+    let count = refused.clone().count();
+    let refused = refused.next().map(|reading| {
+        let reason = reading.reason.clone().unwrap_or_default();
+        GetError::Refusals(count, reading.node, reading.name.clone(), reason)
+    });
     match arguments.json {
         true => print::json(&Document {
             format: "plumb-get",
@@ -183,7 +204,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, GetError> {
             bus: bus.name().to_owned(),
             objects: readings,
         })?,
-        false => print::text(&table(&nodes, &objects, &readings))?,
+        false => print::text(&table(nodes, &objects, &readings))?,
+    }
+    meant.complete()?;
+    if let Some(refused) = refused {
+        return Err(refused);
     }
     Ok(ExitCode::SUCCESS)
 }

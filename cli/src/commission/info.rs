@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::ask::Node;
 use super::fault::Fault;
 use super::name::{self, Named};
-use super::nodes::{NodeOption, NodesError};
+use super::nodes::{Meant, NodeOption, NodesError};
 use super::print;
 use crate::bus::BusOptions;
 use crate::report::replay_tables::printable;
@@ -183,17 +183,26 @@ const ASKED: [(&str, &str); 35] = [
     ("degraded operation", "2005h"),
 ];
 
+/// How the table calls the hash of the calibration's report.
+const REPORT: &str = "calibration report";
+
+/// The abort code of an object without content.
+const NO_DATA: u32 = 0x0800_0024;
+
 /// Asks and prints.
 ///
 /// Errors: see [`InfoError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, InfoError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = match arguments.id {
-        Some(id) => vec![id],
+    let meant = match arguments.id {
+        Some(id) => Meant {
+            nodes: vec![id],
+            missing: None,
+        },
         None => arguments.nodes.readable(&mut bus)?,
     };
     let mut told = Vec::new();
-    for id in nodes {
+    for id in meant.nodes.clone() {
         told.push(ask(&mut Node::new(&mut bus, id))?);
     }
     match arguments.json {
@@ -205,6 +214,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, InfoError> {
         })?,
         false => print::text(&text(&told))?,
     }
+    meant.complete()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -219,6 +229,7 @@ fn ask(node: &mut Node) -> Result<Info, Fault> {
     for named in name::find("2062").unwrap_or_default() {
         facts.push(fact(node, "calibration", &named)?);
     }
+    facts.push(report(node)?);
     let register = node.number(0x1001, 0)?.unwrap_or(0);
     let errors = ERROR_BITS.iter().enumerate();
     let errors = errors.filter(|(bit, _)| register >> bit & 1 != 0);
@@ -240,6 +251,30 @@ fn ask(node: &mut Node) -> Result<Info, Fault> {
         facts,
         errors,
         error_history,
+    })
+}
+
+/// The first digits of a hash.
+fn beginning(hash: &[u8]) -> String {
+    let digits = hash.iter().take(4).map(|byte| format!("{byte:02x}"));
+    format!("SHA-256 {}...", digits.collect::<String>())
+}
+
+/// Whether the node keeps the hash of its calibration's report, and how that begins.
+fn report(node: &mut Node) -> Result<Fact, Fault> {
+    let (mut text, mut reason) = (None, None);
+    match node.try_read(0x2063, 0)? {
+        Ok(hash) => text = Some(beginning(&hash)),
+        Err(NO_DATA) => reason = Some("no report of this calibration is known to it".to_owned()),
+        Err(code) => reason = Some(crate::bus::sdo::meaning(code).to_owned()),
+    }
+    Ok(Fact {
+        label: REPORT,
+        name: "calibration-report-hash".to_owned(),
+        value: None,
+        unit: None,
+        text,
+        reason,
     })
 }
 
@@ -320,7 +355,8 @@ fn text(told: &[Info]) -> String {
             "calibration" => first.name.replace("calibration-identity.", "calibration: "),
             label => label.to_owned(),
         };
-        let texts = of_nodes().map(|fact| fact.text.as_deref().unwrap_or("-"));
+        let none = if first.label == REPORT { "none" } else { "-" };
+        let texts = of_nodes().map(|fact| fact.text.as_deref().unwrap_or(none));
         table.rows.push(row(&own_label, texts));
     }
     let errors = told.iter().map(|info| match info.errors.as_slice() {
@@ -354,6 +390,12 @@ mod tests {
             assert_eq!(found.len(), 1, "{label}: {name}");
         }
         assert!(name::find("2062").unwrap().len() > 1);
+    }
+
+    #[test]
+    fn a_hash_is_told_by_its_first_eight_digits() {
+        let hash: Vec<u8> = (0xA0..0xC0).collect();
+        assert_eq!(beginning(&hash), "SHA-256 a0a1a2a3...");
     }
 
     #[test]

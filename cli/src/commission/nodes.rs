@@ -2,7 +2,10 @@
 //!
 //! In: `--node 1`, `--node 1,2`, `--node all`, or nothing. Out: node-ids. Nothing said means
 //! every channel of a Plumb that answers where reading is all that is done, and otherwise the one
-//! that is there: with two, the user has to say which.
+//! that is there: with two, the user has to say which. A channel names the other one of its
+//! instrument (2001h): one that does not answer is looked for, and told. Writes for all channels
+//! are refused then, since half an instrument would be set up; reads are printed, and end with
+//! exit status 2.
 //!
 //! Left out: nodes of other devices, unless they are named.
 
@@ -14,13 +17,17 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
 
+use super::ask::Node;
 use super::fault::Fault;
 use crate::bus::Bus;
 use crate::bus::sdo::{Client, SdoError};
-use crate::bus::survey::survey;
+use crate::bus::survey::{self, Survey};
 
 /// How long is waited for answers; heartbeats need not come for this.
 const ASKING: Duration = Duration::from_millis(400);
+
+/// How often everybody is asked where frames come and nobody answers.
+const SURVEYS: usize = 3;
 
 /// The lower half of the device type: CiA 410, inclinometers.
 const INCLINOMETER: u32 = 410;
@@ -68,6 +75,54 @@ pub enum NodesError {
     Strangers(Vec<u8>),
     /// More than one is there; the verb that needs one.
     Which(Vec<u8>),
+    /// The other channel of an instrument does not answer, so nothing is written.
+    Half(Missing),
+    /// The other channel of an instrument does not answer; what was read is of this one only.
+    Unread(Missing),
+}
+
+/// A channel whose peer does not answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// The channel that answers.
+    pub node: u8,
+    /// The other one, by its 2001h.
+    pub peer: u8,
+    /// The heartbeat of the other one is heard.
+    pub heard: bool,
+}
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { node, peer, heard } = self;
+        let why = match heard {
+            true => "its heartbeat comes: it is in STOPPED, or frames are lost",
+            false => "nothing is heard of it: it has no power, or its wires are open",
+        };
+        write!(
+            f,
+            "node {peer}, the other channel of node {node}, does not answer ({why})"
+        )
+    }
+}
+
+/// The nodes that are meant, and who of their peers does not answer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Meant {
+    /// Those that are there, ascending, or as they were named.
+    pub nodes: Vec<u8>,
+    /// The first channel without its peer; nobody is looked for where nodes were named.
+    pub missing: Option<Missing>,
+}
+
+impl Meant {
+    /// Called when everything was read and printed.
+    ///
+    /// Errors: [`NodesError::Unread`] where a peer does not answer.
+    pub fn complete(&self) -> Result<(), NodesError> {
+        self.missing
+            .map_or(Ok(()), |one| Err(NodesError::Unread(one)))
+    }
 }
 
 impl From<Fault> for NodesError {
@@ -95,15 +150,41 @@ impl fmt::Display for NodesError {
                 listed(nodes),
                 nodes.first().unwrap_or(&1)
             ),
+            Self::Half(missing) => write!(
+                f,
+                "{missing}, so nothing was written: bring it back, or say --node {} to change \
+                 that one alone",
+                missing.node
+            ),
+            Self::Unread(missing) => write!(
+                f,
+                "{missing}, so it was not read: bring it back, or say --node {} to read that one \
+                 alone",
+                missing.node
+            ),
         }
     }
 }
 
-/// The channels of Plumbs that answer, ascending.
+/// The channels of Plumbs that answer, ascending, and whose peer does not.
 ///
 /// Errors: see [`NodesError`]; nobody there is looked into.
-pub fn channels(bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
-    let survey = survey(bus, ASKING).map_err(Fault::bus)?;
+pub fn channels(bus: &mut Bus) -> Result<Meant, NodesError> {
+    let mut survey = survey::survey(bus, ASKING).map_err(Fault::bus)?;
+    for _ in 1..SURVEYS {
+        if !survey.answers.is_empty() || survey.frames == 0 {
+            break;
+        }
+        survey = survey::survey(bus, ASKING).map_err(Fault::bus)?;
+    }
+    let heard: Vec<u8> = survey.heartbeats.keys().copied().collect();
+    for node in heard {
+        if !survey.answers.contains_key(&node)
+            && let Some(kind) = device_type(bus, node)?
+        {
+            survey.answers.insert(node, Some(kind));
+        }
+    }
     let mut found = Vec::new();
     for (node, device_type) in &survey.answers {
         let is_inclinometer = device_type.is_some_and(|kind| kind & 0xFFFF == INCLINOMETER);
@@ -112,9 +193,43 @@ pub fn channels(bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
         }
     }
     match (found.is_empty(), survey.answers.is_empty()) {
-        (false, _) => Ok(found),
+        (false, _) => with_peers(bus, &survey, found),
         (true, true) => Err(Fault::nobody(bus).into()),
         (true, false) => Err(NodesError::Strangers(survey.answers.into_keys().collect())),
+    }
+}
+
+/// Looks for the peers of those found that have not answered to the one question to everybody.
+fn with_peers(bus: &mut Bus, survey: &Survey, found: Vec<u8>) -> Result<Meant, NodesError> {
+    let (mut nodes, mut missing) = (found.clone(), None);
+    for node in found {
+        let peer = Node::new(bus, node).number(0x2001, 0)?;
+        let Some(peer) = peer.and_then(|peer| u8::try_from(peer).ok()) else {
+            continue;
+        };
+        if nodes.contains(&peer) || survey.answers.contains_key(&peer) {
+            continue;
+        }
+        match device_type(bus, peer)? {
+            Some(_) if channel(bus, peer)?.is_some() => nodes.push(peer),
+            Some(_) => {}
+            None => {
+                let heard = survey.heartbeats.contains_key(&peer);
+                missing = missing.or(Some(Missing { node, peer, heard }));
+            }
+        }
+    }
+    nodes.sort_unstable();
+    Ok(Meant { nodes, missing })
+}
+
+/// The device type of a node; `None` where it does not answer or refuses.
+fn device_type(bus: &mut Bus, node: u8) -> Result<Option<u32>, Fault> {
+    match Client::new(bus, node).read_u32(0x1000, 0) {
+        Ok(kind) => Ok(Some(kind)),
+        Err(SdoError::Lost(error)) => Err(Fault::bus(error)),
+        Err(SdoError::Interrupted) => Err(Fault::Interrupted),
+        Err(_) => Ok(None),
     }
 }
 
@@ -122,23 +237,37 @@ pub fn channels(bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
 ///
 /// Errors: see [`Fault`].
 pub fn channel(bus: &mut Bus, node: u8) -> Result<Option<Channel>, Fault> {
-    let asked = Client::new(bus, node).read_u32(0x1018, 2);
-    match asked {
-        Ok(PRODUCT_CODE_A) => Ok(Some(Channel::A)),
-        Ok(PRODUCT_CODE_B) => Ok(Some(Channel::B)),
-        Ok(_) | Err(SdoError::Refused(..)) => Ok(None),
-        Err(error) => Err(Fault::sdo(bus, node, error)),
-    }
+    Ok(match Node::new(bus, node).number(0x1018, 2)? {
+        Some(PRODUCT_CODE_A) => Some(Channel::A),
+        Some(PRODUCT_CODE_B) => Some(Channel::B),
+        _ => None,
+    })
 }
 
 impl NodeOption {
-    /// The nodes that are read: all channels when nothing was said.
+    /// The nodes that are read: all channels when nothing was said. What was read is printed, and
+    /// then [`Meant::complete`] tells who has not answered.
     ///
     /// Errors: see [`NodesError`].
-    pub fn readable(&self, bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
+    pub fn readable(&self, bus: &mut Bus) -> Result<Meant, NodesError> {
         match &self.node {
-            Some(Nodes::These(ids)) => Ok(ids.clone()),
+            Some(Nodes::These(ids)) => Ok(Meant {
+                nodes: ids.clone(),
+                missing: None,
+            }),
             Some(Nodes::All) | None => channels(bus),
+        }
+    }
+
+    /// The nodes that are written together: all channels when nothing was said, and whole
+    /// instruments only.
+    ///
+    /// Errors: see [`NodesError`].
+    pub fn whole(&self, bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
+        let meant = self.readable(bus)?;
+        match meant.missing {
+            Some(missing) => Err(NodesError::Half(missing)),
+            None => Ok(meant.nodes),
         }
     }
 
@@ -146,7 +275,7 @@ impl NodeOption {
     ///
     /// Errors: see [`NodesError`].
     pub fn writable(&self, bus: &mut Bus) -> Result<Vec<u8>, NodesError> {
-        let nodes = self.readable(bus)?;
+        let nodes = self.whole(bus)?;
         match (&self.node, nodes.len()) {
             (None, 2..) => Err(NodesError::Which(nodes)),
             _ => Ok(nodes),
@@ -165,6 +294,29 @@ mod tests {
         for wrong in ["", "0", "128", "1,1", "a", "1;2", "-1"] {
             assert!(wrong.parse::<Nodes>().is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn a_peer_that_does_not_answer_is_named_and_what_to_do() {
+        let one = Missing {
+            node: 1,
+            peer: 2,
+            heard: false,
+        };
+        let half = NodesError::Half(one).to_string();
+        assert!(
+            half.contains("node 2, the other channel of node 1"),
+            "{half}"
+        );
+        assert!(half.contains("nothing was written"), "{half}");
+        assert!(half.contains("--node 1 "), "{half}");
+        let meant = Meant {
+            nodes: vec![1],
+            missing: Some(Missing { heard: true, ..one }),
+        };
+        let unread = meant.complete().unwrap_err().to_string();
+        assert!(unread.contains("its heartbeat comes"), "{unread}");
+        assert!(Meant::default().complete().is_ok());
     }
 
     #[test]

@@ -118,14 +118,15 @@ struct Document {
 pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let nodes = arguments.nodes.writable(&mut bus)?;
-    let mut apart = Vec::new();
-    for id in &nodes {
-        let delivered = nodes::channel(&mut bus, *id)?.map(Channel::node_id);
-        if delivered.is_some_and(|delivered| delivered != *id) {
-            apart.push(*id);
-        }
-        let mut node = Node::new(&mut bus, *id);
+    let (mut apart, mut restored) = (Vec::new(), Vec::new());
+    let ended = nodes.into_iter().try_for_each(|id| {
+        let delivered = nodes::channel(&mut bus, id)?.map(Channel::node_id);
+        let mut node = Node::new(&mut bus, id);
         restore(&mut node, arguments)?;
+        restored.push(id);
+        if delivered.is_some_and(|delivered| delivered != id) {
+            apart.push(id);
+        }
         if !arguments.json {
             let what = Group::name(arguments.only);
             let counts = match arguments.reset {
@@ -134,25 +135,26 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
             };
             print::text(&format!("node {id}: {what} are as delivered; {counts}\n"))?;
         }
-    }
+        Ok::<(), RestoreError>(())
+    });
     if arguments.only == Some(Group::Profile) {
         apart.clear();
     }
     if !arguments.json && !apart.is_empty() {
         print::text(APART)?;
     }
-    if arguments.json {
+    if arguments.json && (ended.is_ok() || !restored.is_empty()) {
         print::json(&Document {
             format: "plumb-restore",
             version: 1,
             bus: bus.name().to_owned(),
             group: arguments.only,
-            restored_nodes: nodes,
+            restored_nodes: restored,
             reset: arguments.reset,
             apart_nodes: apart,
         })?;
     }
-    Ok(ExitCode::SUCCESS)
+    ended.map(|()| ExitCode::SUCCESS)
 }
 
 fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), RestoreError> {

@@ -136,25 +136,28 @@ struct Document {
 /// Errors: see [`SaveError`]; nodes before the failing one are saved and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, SaveError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.readable(&mut bus)?;
-    for id in &nodes {
-        let mut node = Node::new(&mut bus, *id);
+    let nodes = arguments.nodes.whole(&mut bus)?;
+    let mut saved = Vec::new();
+    let ended = nodes.into_iter().try_for_each(|id| {
+        let mut node = Node::new(&mut bus, id);
         save(&mut node, Group::sub(arguments.only), arguments.stop)?;
+        saved.push(id);
         if !arguments.json {
             let what = Group::name(arguments.only);
             print::text(&format!("node {id}: {what} are saved\n"))?;
         }
-    }
-    if arguments.json {
+        Ok::<(), SaveError>(())
+    });
+    if arguments.json && (ended.is_ok() || !saved.is_empty()) {
         print::json(&Document {
             format: "plumb-save",
             version: 1,
             bus: bus.name().to_owned(),
             group: arguments.only,
-            saved_nodes: nodes,
+            saved_nodes: saved,
         })?;
     }
-    Ok(ExitCode::SUCCESS)
+    ended.map(|()| ExitCode::SUCCESS)
 }
 
 /// Stores one group of one node.

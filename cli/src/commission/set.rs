@@ -20,8 +20,11 @@ use super::name::{self, NameError, Named};
 use super::nodes::{NodeOption, NodesError};
 use super::print;
 use super::value::{self, ValueError};
+use super::zero::remedy;
 use crate::bus::BusOptions;
+use crate::bus::nmt::State;
 use crate::bus::sdo::SdoError;
+use crate::serve::status::because;
 
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = 0x0800_0022;
@@ -70,8 +73,12 @@ pub enum SetError {
     ReadOnly(String),
     /// Our dictionary does not have the object.
     Unknown(String),
-    /// The node does not take it in its present state.
+    /// The node does not take it while it is OPERATIONAL.
     State(u8, String),
+    /// The node does not take it in its present state, whatever that is.
+    Refused(u8, String),
+    /// The slope of this preset is not valid: node, name, reason of 2025h.
+    NoAngle(u8, String, u8),
     /// The node holds another number than was written: node, name, written, read.
     Differs(u8, String, String, String),
 }
@@ -114,8 +121,20 @@ impl fmt::Display for SetError {
             ),
             Self::State(node, name) => write!(
                 f,
-                "node {node} does not take {name} in its present state (abort code 0800 0022h): \
-                 if it is OPERATIONAL say --stop; a preset needs a valid angle (`plumb get reason`)"
+                "node {node} does not take {name} while it is OPERATIONAL (abort code 0800 \
+                 0022h): say --stop to take it to PRE-OPERATIONAL for the write, and back"
+            ),
+            Self::Refused(node, name) => write!(
+                f,
+                "node {node} does not take {name} in its present state (abort code 0800 0022h); \
+                 `plumb info --node {node}` tells what state it is in"
+            ),
+            Self::NoAngle(node, name, reason) => write!(
+                f,
+                "node {node} does not take {name} without a valid angle, and there is none ({}): \
+                 {}",
+                because(*reason),
+                remedy(*reason)
             ),
             Self::Differs(node, name, written, read) => write!(
                 f,
@@ -153,7 +172,7 @@ struct Document<'a> {
 
 /// Writes and prints.
 ///
-/// Errors: see [`SetError`].
+/// Errors: see [`SetError`]; nodes before the failing one are written and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, SetError> {
     let named = name::one(&arguments.name)?;
     let row = named
@@ -176,15 +195,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, SetError> {
         numbers.push((*id, number));
     }
     let mut written = Vec::new();
-    for (id, number) in numbers {
+    let ended = numbers.into_iter().try_for_each(|(id, number)| {
         let mut node = Node::new(&mut bus, id);
         let done = write(&mut node, &named, row, number, arguments.stop)?;
         if !arguments.json {
             print::text(&line(&named, &done))?;
         }
         written.push(done);
-    }
-    if arguments.json {
+        Ok::<(), SetError>(())
+    });
+    if arguments.json && (ended.is_ok() || !written.is_empty()) {
         print::json(&Document {
             format: "plumb-set",
             version: 1,
@@ -195,7 +215,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, SetError> {
             nodes: written,
         })?;
     }
-    Ok(ExitCode::SUCCESS)
+    ended.map(|()| ExitCode::SUCCESS)
 }
 
 fn write(
@@ -205,7 +225,6 @@ fn write(
     number: i64,
     may_stop: bool,
 ) -> Result<Written, SetError> {
-    let id = node.id;
     let before = match row.access.has(Access::READ) {
         true => node.shown(named)?.ok().and_then(|(_, shown)| shown.value),
         false => None,
@@ -220,11 +239,31 @@ fn write(
     };
     match done {
         Err(Fault::Sdo(SdoError::Refused(.., WRONG_STATE))) => {
-            return Err(SetError::State(id, named.name.clone()));
+            return Err(why_not(node, named));
         }
         done => done?,
     }
     read_back(node, named, row, number, before)
+}
+
+/// Why a node does not take this in its present state.
+fn why_not(node: &mut Node, named: &Named) -> SetError {
+    let (id, name) = (node.id, named.name.clone());
+    let sub = match named.index {
+        0x6112 => Some(1),
+        0x6122 => Some(2),
+        _ => None,
+    };
+    let asked = sub.map(|sub| node.number(0x2025, sub)).transpose();
+    match (asked, node.state()) {
+        (Err(fault), _) | (_, Err(fault)) => fault.into(),
+        (Ok(Some(Some(reason))), _) if reason != 0 => {
+            let reason = u8::try_from(reason).unwrap_or(u8::MAX);
+            SetError::NoAngle(id, name, reason)
+        }
+        (_, Ok(Some(State::Operational))) => SetError::State(id, name),
+        _ => SetError::Refused(id, name),
+    }
 }
 
 fn read_back(

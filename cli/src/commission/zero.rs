@@ -38,6 +38,12 @@ const NOT_MEASURED: u32 = 6;
 /// How long the slope has to be measured anew behind the write.
 const SETTLING: Duration = Duration::from_millis(100);
 
+/// Readings behind the write, whose mean is told.
+const READINGS: u32 = 16;
+
+/// Between two of them.
+const BETWEEN: Duration = Duration::from_millis(20);
+
 /// What is zeroed.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
@@ -170,7 +176,7 @@ impl fmt::Display for ZeroError {
 }
 
 /// What helps against a reason of 2025h.
-const fn remedy(reason: u8) -> &'static str {
+pub const fn remedy(reason: u8) -> &'static str {
     match reason {
         1 | 2 => "wait a second and try again",
         17 => "the channels disagree; mend that first, or take the nodes to PRE-OPERATIONAL",
@@ -214,10 +220,11 @@ struct Plan {
 
 /// Zeroes and prints.
 ///
-/// Errors: see [`ZeroError`]; nothing was written unless the bus failed in the middle.
+/// Errors: see [`ZeroError`]; nothing was written unless the bus failed in the middle, and what
+/// was is printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.readable(&mut bus)?;
+    let nodes = arguments.nodes.whole(&mut bus)?;
     if arguments.nodes.node.is_none() && nodes.len() > 2 {
         return Err(ZeroError::Instruments(nodes));
     }
@@ -226,12 +233,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
         plans.extend(plan(&mut bus, *node, arguments)?);
     }
     let mut done = Vec::new();
-    for plan in &plans {
+    let ended = plans.iter().try_for_each(|plan| {
         let zeroed = carry_out(&mut bus, plan)?;
         if !arguments.json {
             print::text(&line(&zeroed))?;
         }
         done.push(zeroed);
+        Ok::<(), ZeroError>(())
+    });
+    if ended.is_err() && (done.is_empty() || !arguments.json) {
+        return ended.map(|()| ExitCode::SUCCESS);
     }
     match arguments.json {
         true => print::json(&Document {
@@ -248,7 +259,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
             print::text(&format!("{sentence} --node {names}\n"))?;
         }
     }
-    Ok(ExitCode::SUCCESS)
+    ended.map(|()| ExitCode::SUCCESS)
 }
 
 /// Looks at a node; nothing is written.
@@ -314,12 +325,13 @@ fn carry_out(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
     let row = preset.row.ok_or(ZeroError::NoSlopes(plan.node))?;
     node.write(index + 2, 0, &value::bytes(row.data_type, plan.preset))?;
     sleep(SETTLING);
+    let after = mean(&mut node, index)?;
     let resolution = node.resolution(&preset)?;
     Ok(Zeroed {
         node: plan.node,
         axis: plan.slope,
         before_deg: before,
-        after_deg: angle(&mut node, index)?,
+        after_deg: after,
         offset_deg: angle(&mut node, index + 3)?,
         scaling_enabled: plan.operating.is_some(),
         step_deg: value::scale(row, resolution).factor,
@@ -330,6 +342,20 @@ fn carry_out(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
 fn angle(node: &mut Node, index: u16) -> Result<Option<f64>, ZeroError> {
     let shown = node.shown(&object(index)?)?;
     Ok(shown.ok().and_then(|(_, shown)| shown.value))
+}
+
+/// The mean of some readings, since single ones scatter by the noise of the sensor; `None` where
+/// one of them is none.
+fn mean(node: &mut Node, index: u16) -> Result<Option<f64>, ZeroError> {
+    let mut sum = 0.0;
+    for _ in 0..READINGS {
+        sleep(BETWEEN);
+        let Some(reading) = angle(node, index)? else {
+            return Ok(None);
+        };
+        sum += reading;
+    }
+    Ok(Some(sum / f64::from(READINGS)))
 }
 
 fn line(done: &Zeroed) -> String {
@@ -343,7 +369,7 @@ fn line(done: &Zeroed) -> String {
         ""
     };
     format!(
-        "node {}: {} read {}, reads {} now (offset {}){scaling}\n",
+        "node {}: {} read {}, reads {} now in the mean of {READINGS} (offset {}){scaling}\n",
         done.node,
         done.axis.name(),
         angle(done.before_deg),

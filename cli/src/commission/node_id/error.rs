@@ -62,14 +62,26 @@ impl fmt::Display for NodeIdError {
                 "node-id {id} is in use on this bus: choose another one (`plumb scan` lists them)"
             ),
             Self::Count(needed, named) => {
-                write!(
-                    f,
-                    "--node names {named} nodes, and {needed} are needed here"
-                )
+                let nodes = if *named == 1 { "node" } else { "nodes" };
+                let needed = match needed {
+                    1 => "one node-id is given: name one node, or give both with --pair A,B",
+                    _ => "--pair is for two: name the two channels of one instrument",
+                };
+                write!(f, "--node names {named} {nodes}, and {needed}")
             }
             Self::Fresh(0, _) => write!(
                 f,
                 "no node without a node-id is there: name those to change with --node"
+            ),
+            Self::Fresh(1, needed) => write!(
+                f,
+                "one node without a node-id is there, and {needed} are needed here: connect the \
+                 other one as well, or name nodes with --node"
+            ),
+            Self::Fresh(found, 1) => write!(
+                f,
+                "{found} nodes without a node-id are there, and one node-id is given: connect just \
+                 one of them, name a node with --node, or give both channels theirs with --pair A,B"
             ),
             Self::Fresh(found, needed) => write!(
                 f,

@@ -251,7 +251,7 @@ impl Work<'_> {
         let ids = match &named.node {
             None => return self.fresh(needed),
             Some(Nodes::These(ids)) => ids.clone(),
-            Some(Nodes::All) => nodes::channels(self.bus)?,
+            Some(Nodes::All) => nodes::channels(self.bus)?.nodes,
         };
         if ids.len() != needed {
             return Err(NodeIdError::Count(needed, ids.len()));
@@ -288,6 +288,10 @@ impl Work<'_> {
         };
         master.switch_all(false).map_err(Fault::from)?;
         ended.map_err(Fault::from)?;
+        // On a dead bus it is the bus that has to be told of.
+        if found.is_empty() && self.there()?.is_empty() {
+            return Err(Fault::nobody(self.bus).into());
+        }
         if found.len() != needed {
             return Err(NodeIdError::Fresh(found.len(), needed));
         }
