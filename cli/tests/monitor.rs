@@ -329,13 +329,16 @@ fn what_cannot_be_done_is_one_sentence() {
     let no_log = no_log.display().to_string();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = taken.local_addr().unwrap().to_string();
-    let empty = folder.join("empty.log").display().to_string();
+    let file = |name: &str| folder.join(name).display().to_string();
+    let (empty, packed, nowhere) = (file("empty.log"), file("bus.log.gz"), file("none/bus.log"));
     for (options, sentence) in [
         (vec!["--bus", "127.0.0.1:1"], "127.0.0.1:1"),
         (vec!["--log", "nowhere.log"], "nowhere.log"),
         (vec!["--log", &no_log], "is no log of a CAN bus"),
         (vec!["--nodes", "1,2,3"], "two node-ids for each instrument"),
         (vec!["--bus", &taken, "--record", &empty], &taken),
+        (vec!["--record", &packed], "a recording is not compressed"),
+        (vec!["--record", &nowhere], "there is no such folder"),
     ] {
         let output = plumb(&options).output().unwrap();
         let (status, out, err) = said(&output);

@@ -85,10 +85,9 @@ fn watch_bus(
     bit_rate: Option<u32>,
     page: Option<TcpListener>,
 ) -> Result<ExitCode, MonitorError> {
-    if let Some(path) = arguments.record.as_ref().filter(|_| !arguments.force)
-        && path.exists()
-    {
-        return Err(MonitorError::Exists(path.clone()));
+    // Before the bus is joined; the file is made after it, so that none is left empty.
+    if let Some(path) = &arguments.record {
+        record::may_be(path, arguments.force)?;
     }
     let feed = BusFeed::join(&arguments.bus).map_err(MonitorError::Join)?;
     let name = feed.name().to_owned();
@@ -96,7 +95,7 @@ fn watch_bus(
     let recorder = arguments.record.as_ref().map(|path| {
         Recorder::create(path, arguments.force).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => MonitorError::Exists(path.clone()),
-            _ => MonitorError::Record(path.clone(), error),
+            _ => MonitorError::Create(path.clone(), error),
         })
     });
     let recorder = recorder.transpose()?;
