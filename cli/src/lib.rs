@@ -33,6 +33,7 @@ mod update;
 mod verify;
 mod watch;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
@@ -105,7 +106,8 @@ pub fn run() -> ExitCode {
     match carry_out(&line.verb, &Progress::on_stderr()) {
         Ok(code) => code,
         Err(sentence) => {
-            eprintln!("plumb: {sentence}");
+            // Of a terminal that was closed nobody reads it: no reason to end otherwise.
+            let _ = writeln!(std::io::stderr(), "plumb: {sentence}");
             ExitCode::from(2)
         }
     }

@@ -39,8 +39,13 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
+        Self::with(&[])
+    }
+
+    fn with(more: &[&str]) -> Self {
         let mut server = Command::new(env!("CARGO_BIN_EXE_plumb"))
             .args(["serve", "--listen", "127.0.0.1:0"])
+            .args(more)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -324,13 +329,16 @@ fn what_cannot_be_done_is_one_sentence() {
     let no_log = no_log.display().to_string();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = taken.local_addr().unwrap().to_string();
-    let empty = folder.join("empty.log").display().to_string();
+    let file = |name: &str| folder.join(name).display().to_string();
+    let (empty, packed, nowhere) = (file("empty.log"), file("bus.log.gz"), file("none/bus.log"));
     for (options, sentence) in [
         (vec!["--bus", "127.0.0.1:1"], "127.0.0.1:1"),
         (vec!["--log", "nowhere.log"], "nowhere.log"),
         (vec!["--log", &no_log], "is no log of a CAN bus"),
         (vec!["--nodes", "1,2,3"], "two node-ids for each instrument"),
         (vec!["--bus", &taken, "--record", &empty], &taken),
+        (vec!["--record", &packed], "a recording is not compressed"),
+        (vec!["--record", &nowhere], "there is no such folder"),
     ] {
         let output = plumb(&options).output().unwrap();
         let (status, out, err) = said(&output);
@@ -418,9 +426,9 @@ fn cpu_s(child: &Child) -> f64 {
 
 /// A terminal of 120 columns and 40 lines whose screen nobody keeps.
 #[cfg(target_os = "linux")]
-fn terminal(command: &mut Command) -> Child {
+fn terminal(command: &mut Command) -> (Child, fs::File) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&master).unwrap();
     unlockpt(&master).unwrap();
     let path = ptsname(&master, Vec::new()).unwrap();
@@ -435,13 +443,89 @@ fn terminal(command: &mut Command) -> Child {
     let mut size = rustix::termios::tcgetwinsize(&master).unwrap();
     (size.ws_col, size.ws_row) = (120, 40);
     rustix::termios::tcsetwinsize(&master, size).unwrap();
-    let child = command.stdin(end()).stdout(end()).spawn().unwrap();
+    let child = command.stdin(end()).stdout(end()).stderr(end()).spawn();
+    // Its ends of the terminal are kept by the command.
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    (child.unwrap(), fs::File::from(master))
+}
+
+/// Takes what a terminal gets, which nobody looks at.
+#[cfg(target_os = "linux")]
+fn drain(mut screen: fs::File) {
     thread::spawn(move || {
-        let mut screen = fs::File::from(master);
         let mut piece = [0; 1 << 16];
         while screen.read(&mut piece).is_ok_and(|length| length > 0) {}
     });
-    child
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_monitor_whose_terminal_was_closed_went_on_for_ever() {
+    let bench = Bench::new();
+    for (name, hang_up, more) in [
+        ("closed.log", false, "--start"),
+        ("hung-up.log", true, "--start"),
+        ("lines.log", false, "--plain"),
+    ] {
+        let file = bench.file(name);
+        let (mut child, mut screen) = terminal(&mut bench.watch(&[more, "--record", &file]));
+        // It is at work.
+        let (from, mut piece) = (Instant::now(), [0; 1 << 12]);
+        while from.elapsed() < Duration::from_secs(2) {
+            assert_ne!(screen.read(&mut piece).unwrap(), 0);
+        }
+        drop(screen);
+        if hang_up {
+            let pid = child.id().to_string();
+            let sent = Command::new("kill").args(["-HUP", &pid]).status().unwrap();
+            assert!(sent.success());
+        }
+        let from = Instant::now();
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            if from.elapsed() > Duration::from_secs(10) {
+                child.kill().unwrap();
+                child.wait().unwrap();
+                panic!("{name}: it goes on");
+            }
+            thread::sleep(Duration::from_millis(20));
+        };
+        assert_eq!(status.code(), Some(0), "{name}");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.ends_with('\n'), "{name}");
+        assert!(
+            text.lines()
+                .all(|line| line.starts_with('(') && line.contains('#'))
+        );
+    }
+}
+
+#[test]
+fn own_frames_were_recorded_with_the_time_of_another_clock() {
+    let bench = Bench::with(&["--speed", "10"]);
+    // Ten seconds of the bus: its clock and this computer's are apart by then.
+    thread::sleep(Duration::from_millis(1100));
+    let file = bench.file("own.log");
+    let options = ["--start", "--for", "2s", "--record", &file];
+    let (status, out, err) = said(&bench.watch(&options).output().unwrap());
+    assert_eq!((status, err.as_str()), (Some(0), ""), "{out}");
+    assert!(!out.contains("nothing has come"), "{out}");
+    assert!(!out.contains("heard again"), "{out}");
+    let text = fs::read_to_string(&file).unwrap();
+    assert_eq!(text.matches(" 000#01").count(), 2, "{text}");
+    let time = |line: &str| line[1..18].parse::<f64>().unwrap();
+    let times: Vec<f64> = text.lines().map(time).collect();
+    for pair in times.windows(2) {
+        let [before, after] = pair else {
+            unreachable!()
+        };
+        assert!((0.0..2.0).contains(&(after - before)), "{before} {after}");
+    }
 }
 
 /// Reads the page's stream as a browser does.
@@ -470,7 +554,8 @@ fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
     let mut page = Watched::new(plumb(&at(1)).args(["--web", "127.0.0.1:0"]));
     let address = page.line();
     browse(address.trim().rsplit_once(' ').unwrap().1);
-    let mut drawn = terminal(&mut plumb(&at(2)));
+    let (mut drawn, screen) = terminal(&mut plumb(&at(2)));
+    drain(screen);
     lines.until("2000 frames/s");
     let children = [&lines.child, &page.child, &drawn];
     let before = children.map(cpu_s);

@@ -2,7 +2,8 @@
 //!
 //! In: frames with their time and interface. Out: `candump -L`, or Vector ASC with CRLF line ends,
 //! as the field expects. Times are in whole us, rounded down. In an ASC interfaces are numbers:
-//! `can0` is 1, and those without a number come behind them in the order of their appearance.
+//! `can0` is 1 unless another interface has that already, and one without a number has the lowest
+//! that is free when it appears.
 
 use std::io::{self, Write};
 
@@ -38,7 +39,8 @@ pub struct Writer<W: Write> {
     format: Format,
     /// When the ASC began.
     start_ns: Option<u64>,
-    names: Vec<String>,
+    /// Channel of each interface that has appeared.
+    channels: Vec<(String, usize)>,
 }
 
 const DAYS: [&str; 7] = ["Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"];
@@ -53,7 +55,7 @@ impl<W: Write> Writer<W> {
             out,
             format,
             start_ns: None,
-            names: Vec::new(),
+            channels: Vec::new(),
         }
     }
 
@@ -129,23 +131,28 @@ impl<W: Write> Writer<W> {
 
     /// The number of an interface.
     fn channel(&mut self, interface: &str) -> usize {
-        if let Ok(number) = interface.parse() {
-            return number;
+        let known = self.channels.iter().find(|(name, _)| name == interface);
+        if let Some((_, channel)) = known {
+            return *channel;
         }
-        let digits = interface.trim_start_matches(|c: char| !c.is_ascii_digit());
-        if let Ok(number) = digits.parse::<usize>()
-            && number < 255
-        {
-            return number + 1;
-        }
-        let known = self.names.iter().position(|name| name == interface);
-        let place = known.unwrap_or_else(|| {
-            self.names.push(interface.to_owned());
-            self.names.len() - 1
-        });
-        // Behind the interfaces that have a number of their own.
-        256 + place
+        let is_free = |channel: &usize| self.channels.iter().all(|(_, taken)| taken != channel);
+        let wanted = own_number(interface).filter(is_free);
+        // There are fewer interfaces than numbers.
+        let lowest = || (1..).find(is_free).unwrap_or(1);
+        let channel = wanted.unwrap_or_else(lowest);
+        self.channels.push((interface.to_owned(), channel));
+        channel
     }
+}
+
+/// The number that an interface has in its name: `2` is 2, `can0` is 1.
+fn own_number(interface: &str) -> Option<usize> {
+    if let Ok(number) = interface.parse() {
+        return Some(number);
+    }
+    let digits = interface.trim_start_matches(|c: char| !c.is_ascii_digit());
+    let number = digits.parse::<usize>().ok().filter(|number| *number < 255);
+    number.map(|number| number + 1)
 }
 
 /// `Tue Nov 14 10:13:20.123 pm 2023`.
@@ -175,5 +182,33 @@ fn candump_name(interface: &str) -> String {
         "can0".to_owned()
     } else {
         name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channels(interfaces: &[&str]) -> Vec<String> {
+        let mut writer = Writer::new(Vec::new(), Format::Asc);
+        let frame = Frame::data_frame(0x80, &[]);
+        for interface in interfaces {
+            writer.write(1_000_000, interface, &frame).unwrap();
+        }
+        let text = String::from_utf8(writer.finish().unwrap()).unwrap();
+        let frames = text.lines().filter(|line| line.contains(" Rx "));
+        let channel = |line: &str| line.split_whitespace().nth(1).unwrap().to_owned();
+        frames.map(channel).collect()
+    }
+
+    #[test]
+    fn an_interface_without_a_number_was_channel_256() {
+        assert_eq!(channels(&["plumb", "plumb"]), ["1", "1"]);
+        assert_eq!(
+            channels(&["plumb", "can0", "can2", "cab"]),
+            ["1", "2", "3", "4"]
+        );
+        assert_eq!(channels(&["can1", "plumb", "can0"]), ["2", "1", "3"]);
+        assert_eq!(channels(&["7", "can0", "7"]), ["7", "1", "7"]);
     }
 }

@@ -22,7 +22,11 @@ pub enum MonitorError {
     Lost(io::Error),
     /// This recording exists already.
     Exists(PathBuf),
-    /// This recording can't be written.
+    /// A recording would be compressed by this name, and is not.
+    Compressed(PathBuf),
+    /// This recording can't be begun.
+    Create(PathBuf, io::Error),
+    /// This recording can't be written on.
     Record(PathBuf, io::Error),
     /// The page can't be served at this address.
     Web(SocketAddr, io::Error),
@@ -50,6 +54,18 @@ impl fmt::Display for MonitorError {
             Self::Exists(path) => write!(
                 f,
                 "{} exists already: name another file, or add --force to write over it",
+                name(path)
+            ),
+            Self::Compressed(path) => write!(
+                f,
+                "{}: a recording is not compressed, so that nothing of it is lost: name it .log \
+                 or .asc, and compress it afterwards",
+                name(path)
+            ),
+            Self::Create(path, error) => write!(
+                f,
+                "nothing can be recorded to {}: {error}; name a file in a folder that exists and \
+                 that you may write to",
                 name(path)
             ),
             Self::Record(path, error) => write!(

@@ -39,10 +39,10 @@ pub trait Feed {
     /// Name of the interface of the latest frame, for a recording.
     fn interface(&self) -> &str;
 
-    /// Sends a frame; the time at which it went out on the source's clock.
+    /// Sends a frame.
     ///
     /// Errors: as [`Feed::step`].
-    fn send(&mut self, frame: &Frame) -> io::Result<u64>;
+    fn send(&mut self, frame: &Frame) -> io::Result<()>;
 
     /// What a silence may come from, in words; asked when nothing comes.
     ///
@@ -110,10 +110,7 @@ impl Feed for BusFeed {
     fn now_ns(&self) -> u64 {
         match self.last {
             Some((time_ns, at)) => time_ns.saturating_add(as_ns(at.elapsed())),
-            None => {
-                let since = SystemTime::now().duration_since(UNIX_EPOCH);
-                since.map_or(0, as_ns)
-            }
+            None => host_ns(),
         }
     }
 
@@ -121,9 +118,8 @@ impl Feed for BusFeed {
         &self.interface
     }
 
-    fn send(&mut self, frame: &Frame) -> io::Result<u64> {
-        self.bus.send(frame)?;
-        Ok(self.now_ns())
+    fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        self.bus.send(frame)
     }
 
     fn advice(&mut self) -> io::Result<Option<String>> {
@@ -137,10 +133,16 @@ impl Feed for BusFeed {
     }
 
     fn again(&mut self) -> Result<(), JoinError> {
+        // What its clock has shown is still the best that is known of it.
         self.bus = self.options.join()?;
-        self.last = None;
         Ok(())
     }
+}
+
+/// Nanoseconds since 1970 on this computer's clock.
+pub fn host_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, as_ns)
 }
 
 /// Whole nanoseconds.

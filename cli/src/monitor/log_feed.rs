@@ -185,7 +185,7 @@ impl Feed for LogFeed {
         &self.interface
     }
 
-    fn send(&mut self, _: &Frame) -> io::Result<u64> {
+    fn send(&mut self, _: &Frame) -> io::Result<()> {
         let sentence = format!("{}: nothing can be sent to a log", self.name);
         Err(io::Error::new(io::ErrorKind::Unsupported, sentence))
     }

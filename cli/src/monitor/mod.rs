@@ -16,6 +16,7 @@ mod log_feed;
 mod model;
 mod moment;
 mod options;
+mod own;
 mod pace;
 mod plain;
 mod reading;
@@ -84,10 +85,9 @@ fn watch_bus(
     bit_rate: Option<u32>,
     page: Option<TcpListener>,
 ) -> Result<ExitCode, MonitorError> {
-    if let Some(path) = arguments.record.as_ref().filter(|_| !arguments.force)
-        && path.exists()
-    {
-        return Err(MonitorError::Exists(path.clone()));
+    // Before the bus is joined; the file is made after it, so that none is left empty.
+    if let Some(path) = &arguments.record {
+        record::may_be(path, arguments.force)?;
     }
     let feed = BusFeed::join(&arguments.bus).map_err(MonitorError::Join)?;
     let name = feed.name().to_owned();
@@ -95,7 +95,7 @@ fn watch_bus(
     let recorder = arguments.record.as_ref().map(|path| {
         Recorder::create(path, arguments.force).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => MonitorError::Exists(path.clone()),
-            _ => MonitorError::Record(path.clone(), error),
+            _ => MonitorError::Create(path.clone(), error),
         })
     });
     let recorder = recorder.transpose()?;
@@ -191,6 +191,11 @@ fn print_lines(
     page: Option<String>,
 ) -> io::Result<()> {
     let stays = page.is_some();
+    // Asked while it is there: of a terminal that is closed nobody can say what it was.
+    let is_terminal = io::stdout().is_terminal();
+    let has_gone = |error: &io::Error| {
+        error.kind() == io::ErrorKind::BrokenPipe || is_terminal && is_gone(error)
+    };
     if let Some(url) = page {
         print(&address(arguments.json, url)?)?;
     }
@@ -206,11 +211,17 @@ fn print_lines(
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
         match print(&text(arguments.json, &line)?) {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+            Err(error) if has_gone(&error) => return Ok(()),
             other => other?,
         }
     }
     Ok(())
+}
+
+/// Whether this is what the system says of a terminal that was closed: EIO, which is 5 wherever
+/// there are such terminals, or ENXIO.
+fn is_gone(error: &io::Error) -> bool {
+    cfg!(unix) && matches!(error.raw_os_error(), Some(5 | 6))
 }
 
 /// The first line where there is a page.

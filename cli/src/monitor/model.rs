@@ -124,6 +124,8 @@ pub struct Model {
     pub(super) sync: Pace,
     pub(super) any: Pace,
     pub(super) any_ns: Option<u64>,
+    /// Whether any frame has set the time, one of our own too.
+    is_begun: bool,
     pub(super) now_ns: u64,
     /// Set once, when the source has come to its end.
     pub(super) ended: Option<(SourceState, String)>,
@@ -147,6 +149,7 @@ impl Model {
             sync: Pace::default(),
             any: Pace::default(),
             any_ns: None,
+            is_begun: false,
             now_ns: 0,
             ended: None,
             advice: None,
@@ -216,14 +219,29 @@ impl Model {
 
     /// A frame was seen at this time.
     pub fn take(&mut self, time_ns: u64, frame: &Frame) {
-        if self.any_ns.is_none() {
+        self.reach(time_ns);
+        self.heard();
+        self.count(time_ns, frame);
+    }
+
+    /// A frame of our own was sent at this time: it is on the bus, and nobody was heard by it.
+    pub fn take_own(&mut self, time_ns: u64, frame: &Frame) {
+        self.reach(time_ns);
+        self.count(time_ns, frame);
+    }
+
+    fn reach(&mut self, time_ns: u64) {
+        if !self.is_begun {
+            self.is_begun = true;
             self.load.restart(time_ns);
             self.now_ns = time_ns;
         } else if time_ns.saturating_add(DISORDER_NS) < self.now_ns {
             self.jump_back(time_ns);
         }
         self.pass(time_ns.max(self.now_ns));
-        self.heard();
+    }
+
+    fn count(&mut self, time_ns: u64, frame: &Frame) {
         let news = self.watch.take(time_ns, frame);
         let is_sync = news == News::Sync;
         self.load.take(self.now_ns, frame, is_sync);

@@ -15,8 +15,9 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::events::{Event, Kind};
-use super::feed::{Feed, Step};
+use super::feed::{Feed, Step, host_ns};
 use super::model::Model;
+use super::own::Own;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
 use super::words::Level;
@@ -159,6 +160,7 @@ pub struct Reader<F> {
     shared: Arc<Shared>,
     tasks: Tasks,
     sync: Option<OwnSync>,
+    own: Own,
     next_line_ns: Option<u64>,
     events_told: u64,
     lines_lost: u64,
@@ -175,6 +177,7 @@ impl<F: Feed> Reader<F> {
             shared,
             sync: tasks.sync.map(|period| OwnSync { period, due }),
             tasks,
+            own: Own::default(),
             next_line_ns: None,
             events_told: 0,
             lines_lost: 0,
@@ -195,6 +198,8 @@ impl<F: Feed> Reader<F> {
             Ok(ending) => ending,
         };
         done.stays = matches!(ending, Ending::Ended);
+        let rest = self.own.rest(Instant::now(), host_ns());
+        self.take_own(rest);
         if let Some(recorder) = self.tasks.recorder.take() {
             let finished = recorder.finish().map(drop);
             self.recording = std::mem::replace(&mut self.recording, Ok(())).and(finished);
@@ -218,10 +223,11 @@ impl<F: Feed> Reader<F> {
         Ok(())
     }
 
-    /// Sends a frame, which is shown and recorded too: no transport shows us our own.
+    /// Sends a frame, which is shown and recorded too when its time is known: no transport shows
+    /// us our own.
     fn send(&mut self, frame: &Frame) -> io::Result<()> {
-        let time_ns = self.feed.send(frame)?;
-        self.take(time_ns, frame);
+        self.feed.send(frame)?;
+        self.own.sent(Instant::now(), *frame);
         Ok(())
     }
 
@@ -250,11 +256,16 @@ impl<F: Feed> Reader<F> {
             .map_or(now + GLANCE, |sync| sync.due.min(now + GLANCE));
         match self.feed.step(until)? {
             Step::Frame(time_ns, frame) => {
+                let own = self.own.received(time_ns, Instant::now());
+                self.take_own(own);
                 self.line(time_ns);
-                self.take(time_ns, &frame);
+                self.record(time_ns, &frame);
+                self.shared.model().take(time_ns, &frame);
                 self.foreign_sync(&frame);
             }
             Step::Nothing => {
+                let own = self.own.waited(now, host_ns());
+                self.take_own(own);
                 let now_ns = self.feed.now_ns();
                 self.line(now_ns);
                 self.shared.model().pass(now_ns);
@@ -289,12 +300,19 @@ impl<F: Feed> Reader<F> {
         self.tell(Line::State(Box::new(snapshot)));
     }
 
-    fn take(&mut self, time_ns: u64, frame: &Frame) {
+    /// Takes frames of our own, which are no sign that anybody is there.
+    fn take_own(&mut self, frames: Vec<(u64, Frame)>) {
+        for (time_ns, frame) in frames {
+            self.record(time_ns, &frame);
+            self.shared.model().take_own(time_ns, &frame);
+        }
+    }
+
+    fn record(&mut self, time_ns: u64, frame: &Frame) {
         if let Some(recorder) = &mut self.tasks.recorder {
             let taken = recorder.take(time_ns, self.feed.interface(), frame);
             self.recorded(taken);
         }
-        self.shared.model().take(time_ns, frame);
     }
 
     fn record_pass(&mut self) {
@@ -371,6 +389,8 @@ impl<F: Feed> Reader<F> {
                     return true;
                 }
             }
+            let own = self.own.waited(Instant::now(), host_ns());
+            self.take_own(own);
             let now_ns = self.feed.now_ns();
             self.line(now_ns);
             self.shared.model().pass(now_ns);

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
+use super::MonitorError;
 use crate::log::{Format, Writer};
 
 /// Lines wait no longer than this.
@@ -64,6 +65,28 @@ impl<F: Write + Cut> Write for Whole<F> {
         self.length += self.pending.len() as u64;
         self.pending.clear();
         Ok(())
+    }
+}
+
+/// Whether a recording by this name can be begun, as far as can be told without making the file.
+///
+/// Errors: the file exists and `force` is not given, its folder does not, or its name promises a
+/// compressed file.
+pub fn may_be(path: &Path, force: bool) -> Result<(), MonitorError> {
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    let packed = ["gz", "bz2", "xz", "zst", "zip"];
+    if ending.is_some_and(|ending| packed.iter().any(|packed| ending == *packed)) {
+        return Err(MonitorError::Compressed(path.to_owned()));
+    }
+    if path.exists() && !force {
+        return Err(MonitorError::Exists(path.to_owned()));
+    }
+    match path.parent().filter(|folder| *folder != Path::new("")) {
+        Some(folder) if !folder.is_dir() => {
+            let error = io::Error::new(io::ErrorKind::NotFound, "there is no such folder");
+            Err(MonitorError::Create(path.to_owned(), error))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -242,6 +265,30 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "(0000000001.500000) can0 080#\n");
         assert_eq!(recorder.finish().unwrap(), 1);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_recording_named_gz_was_plain_text() {
+        for name in ["bus.log.gz", "bus.asc.GZ", "bus.zst"] {
+            let refused = may_be(Path::new(name), true).unwrap_err();
+            assert!(matches!(refused, MonitorError::Compressed(_)), "{name}");
+        }
+        may_be(Path::new("no such file.log"), false).unwrap();
+    }
+
+    #[test]
+    fn a_recording_into_no_folder_was_said_to_be_whole() {
+        let folder = folder("nowhere");
+        let path = folder.join("none").join("bus.log");
+        let sentence = may_be(&path, false).unwrap_err().to_string();
+        assert!(
+            sentence.starts_with("nothing can be recorded to "),
+            "{sentence}"
+        );
+        assert!(sentence.contains("there is no such folder"), "{sentence}");
+        assert!(!sentence.contains("whole"), "{sentence}");
+        may_be(&folder.join("bus.log"), false).unwrap();
         std::fs::remove_dir_all(folder).unwrap();
     }
 

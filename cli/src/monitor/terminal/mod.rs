@@ -7,16 +7,20 @@
 
 mod chart;
 mod draw;
+mod keys;
 mod picture;
 mod screen;
 
 use std::io;
+use std::mem::ManuallyDrop;
 use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers};
 
+use super::is_gone;
 use super::reading::Shared;
+use keys::Keys;
 use picture::Picture;
 use screen::{Action, Key, Screen};
 
@@ -37,12 +41,21 @@ pub struct Options {
 
 /// Shows the model until the user has enough, the time is over, or the reader has ended.
 ///
+/// A terminal that is closed is an end that the user has asked for.
+///
 /// Errors: what the terminal says.
 pub fn run(shared: &Shared, options: &Options) -> io::Result<()> {
     let mut terminal = ratatui::try_init()?;
     let shown = show(&mut terminal, shared, options);
-    ratatui::try_restore()?;
-    shown
+    let restored = ratatui::try_restore();
+    match shown.and(restored) {
+        Err(error) if is_gone(&error) => {
+            // Its end would show the cursor, and panic since it can't.
+            let _ = ManuallyDrop::new(terminal);
+            Ok(())
+        }
+        other => other,
+    }
 }
 
 fn show(terminal: &mut DefaultTerminal, shared: &Shared, options: &Options) -> io::Result<()> {
@@ -51,6 +64,7 @@ fn show(terminal: &mut DefaultTerminal, shared: &Shared, options: &Options) -> i
     let mut picture = Picture::take(shared, &screen);
     let (mut drawn_at, mut drawn_frames) = (None::<Instant>, 0);
     let mut changed = true;
+    let keys = Keys::read();
     while !shared.is_done()
         && !shared.is_stopped()
         && options.until.is_none_or(|until| Instant::now() < until)
@@ -71,11 +85,11 @@ fn show(terminal: &mut DefaultTerminal, shared: &Shared, options: &Options) -> i
                 drawn_at = Some(Instant::now());
             }
         }
-        if !event::poll(DRAW)? {
+        let Some(event) = keys.next(DRAW)? else {
             continue;
-        }
+        };
         changed = true;
-        match handle(&event::read()?, &mut screen, shared) {
+        match handle(&event, &mut screen, shared) {
             Action::Quit => break,
             // A paused view keeps its moment, and takes no other events than it has.
             Action::Pause => shared.pause(screen.is_paused()),
