@@ -6,7 +6,7 @@
 //!
 //! Left out: what it does once it runs; docs/decoding.md and docs/monitor.md have that.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 use std::{env, fmt, fs, io};
@@ -93,7 +93,7 @@ fn judge(length: u64, help: Duration) -> Result<(), ProgramError> {
 }
 
 /// The shortest time of many calls.
-fn best_help(workspace: &Workspace, path: &PathBuf) -> Result<Duration, ProgramError> {
+fn best_help(workspace: &Workspace, path: &Path) -> Result<Duration, ProgramError> {
     let mut best = Duration::MAX;
     for _ in 0..CALLS {
         let mut help = workspace.program(&path.to_string_lossy(), &["--help"]);
@@ -101,7 +101,7 @@ fn best_help(workspace: &Workspace, path: &PathBuf) -> Result<Duration, ProgramE
         let from = Instant::now();
         let ended = help.status();
         best = best.min(from.elapsed());
-        ended.map_err(|error| ProgramError::File(path.clone(), error))?;
+        ended.map_err(|error| ProgramError::File(path.to_owned(), error))?;
     }
     Ok(best)
 }

@@ -3,7 +3,7 @@
 //! | line | what it is |
 //! |---|---|
 //! | `date Tue Nov 14 10:13:20.123 pm 2023` | the start, without a zone: taken as UTC |
-//! | `Begin Triggerblock Tue Nov 14 ...` | what times count from, where it can't be the date above |
+//! | `Begin Triggerblock Tue Nov 14 ...` | what times count from, where the date above is not |
 //! | `base hex  timestamps absolute` | also `dec`; times since the start or `relative` |
 //! | `0.010000 1  181  Rx   d 2 E8 03` | data frame; an `x` behind the identifier is 29 bit |
 //! | `0.010000 1  701  Tx   r 1` | remote frame |

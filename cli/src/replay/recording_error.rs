@@ -127,8 +127,8 @@ impl fmt::Display for Problem {
             Self::NotReadable(why) => write!(f, "can't be read ({why}); check the path"),
             Self::Empty => f.write_str("holds no line; give a CSV file with a header"),
             Self::Binary => f.write_str(
-                "is no text; give a CSV file of a sensor, or a log of a bus as candump -L or an ASC \
-                 logger writes it, plain or gzip",
+                "is no text; give a CSV file of a sensor, or a log of a bus as candump -L or an \
+                 ASC logger writes it, plain or gzip",
             ),
             Self::GzipTruncated(rows) => write!(
                 f,
