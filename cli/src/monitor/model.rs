@@ -110,6 +110,8 @@ pub struct PairExtra {
     pub sides: [Extra; 2],
     /// The latest difference, and when it came.
     pub delta: Option<(u64, Delta)>,
+    /// The latest difference of the angles as measured, 0.001 deg, when it came, and which it is.
+    pub measured: Option<(u64, [Option<i32>; 2], u64)>,
     /// The last hours.
     pub trace: Trace,
 }
@@ -304,6 +306,7 @@ impl Model {
         for pair in &mut self.pairs {
             pair.trace.clear();
             pair.delta = None;
+            pair.measured = None;
             for extra in &mut pair.sides {
                 extra.heartbeat.restart(time_ns);
                 extra.quality = None;
@@ -360,7 +363,9 @@ impl Model {
         };
         known.trace.add(now_ns, 2 * side, &slopes.mdeg);
         if let Some(delta) = delta {
-            known.trace.add(now_ns, 4, &delta.mdeg);
+            if known.measured.is_none() {
+                known.trace.add(now_ns, 4, &delta.mdeg);
+            }
             known.delta = Some((now_ns, delta));
         }
         let Some(extra) = known.sides.get_mut(side) else {
@@ -381,6 +386,15 @@ impl Model {
         let told = self.side(place).and_then(|side| side.told);
         if let (Some(told), Some(extra)) = (told, self.extra(place)) {
             extra.quality = Some((now_ns, told.exchange.quality));
+        }
+        let at = usize::from(place.pair);
+        let (Some(pair), Some(known)) = (self.watch.pairs().get(at), self.pairs.get_mut(at)) else {
+            return;
+        };
+        let counted = known.measured.map_or(0, |(_, _, count)| count);
+        if pair.exchanges > counted {
+            known.trace.add(now_ns, 4, &pair.exchanged_mdeg);
+            known.measured = Some((now_ns, pair.exchanged_mdeg, pair.exchanges));
         }
     }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::events::Kind;
 use super::model::{Model, Setup};
-use super::snapshot::{Channel, Snapshot, SourceState};
+use super::snapshot::{Channel, Compared, Snapshot, SourceState};
 use super::words::Level;
 use crate::watch::Plan;
 
@@ -71,6 +71,30 @@ impl Bench {
             .map(|event| format!("{} {}", event.channel.unwrap_or("-"), event.text))
             .collect()
     }
+}
+
+/// TPDO 3 of an angle X, in 2^-24 of a circle.
+fn angle(x_mdeg: i64) -> [u8; 8] {
+    let [x0, x1, x2, ..] = (x_mdeg * 16_777_216 / 360_000).to_le_bytes();
+    [x0, x1, x2, 0, 0, 0, 0x70, 0x70]
+}
+
+#[test]
+fn different_presets_were_shown_as_a_difference_of_a_pair_that_agrees() {
+    let mut bench = Bench::new();
+    bench.cycle([1000, 10_500], [1, 1]);
+    let seen = bench.see();
+    assert_eq!(seen.instruments[0].difference_of, Compared::Slopes);
+    assert_eq!(seen.instruments[0].difference_x_deg, Some(-95.0));
+    for _ in 0..3 {
+        bench.cycle([1000, 10_500], [1, 1]);
+        bench.take(0x381, &angle(10_000));
+        bench.take(0x382, &angle(9_980));
+    }
+    let seen = bench.see();
+    assert_eq!(seen.instruments[0].difference_of, Compared::Measured);
+    let difference = seen.instruments[0].difference_x_deg.unwrap();
+    assert!((difference - 0.02).abs() < 0.0015, "{difference}");
 }
 
 #[test]

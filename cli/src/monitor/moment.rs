@@ -9,8 +9,8 @@ use super::events::{NAMES, seconds};
 use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
 use super::pace::{Pace, Patience};
 use super::snapshot::{
-    Bus, Channel, FORMAT, FindingCount, Instrument, Known, Snapshot, SourceState, StandingFault,
-    VERSION, Verdict,
+    Bus, Channel, Compared, FORMAT, FindingCount, Instrument, Known, Snapshot, SourceState,
+    StandingFault, VERSION, Verdict,
 };
 use super::words::{self, Level};
 use crate::watch::{Detail, Nmt, Pair, Side, Slopes};
@@ -111,6 +111,11 @@ fn instrument(model: &Model, number: usize, pair: &Pair, extra: &PairExtra) -> I
         number,
         difference_x_deg: x.value(),
         difference_y_deg: y.value(),
+        difference_of: if measured(model, extra).is_some() {
+            Compared::Measured
+        } else {
+            Compared::Slopes
+        },
         difference_reason: reason,
         band_deg: band,
         inside_band: band.filter(|_| !there.is_empty()).map(inside),
@@ -134,14 +139,24 @@ fn difference(
         return Known::Absent(format!("no angle of {}", without.join(" and ")));
     }
     let limit = SLOPES.limit_ns(extra.sides[0].slopes.interval_ns());
-    let fresh = extra
-        .delta
-        .filter(|(time_ns, _)| model.now_ns.saturating_sub(*time_ns) <= limit);
-    let value = fresh.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
+    let is_fresh = |time_ns: u64| model.now_ns.saturating_sub(time_ns) <= limit;
+    let sloped = extra.delta.filter(|(time_ns, _)| is_fresh(*time_ns));
+    let sloped = sloped.and_then(|(_, delta)| delta.mdeg.get(axis).copied().flatten());
+    // What is compared is what was measured; slopes have each channel's preset in them.
+    let measured = measured(model, extra);
+    let value = measured.map_or(sloped, |mdeg| mdeg.get(axis).copied().flatten());
     match value {
         Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
         None => Known::Absent("the two have not told of the same SYNC".to_owned()),
     }
+}
+
+/// The difference of the angles as measured (TPDO 3), 0.001 deg, while it is fresh.
+fn measured(model: &Model, extra: &PairExtra) -> Option<[Option<i32>; 2]> {
+    let limit = SLOPES.limit_ns(extra.sides[0].slopes.interval_ns());
+    let measured = extra.measured;
+    let fresh = measured.filter(|(time_ns, ..)| model.now_ns.saturating_sub(*time_ns) <= limit);
+    fresh.map(|(_, mdeg, _)| mdeg)
 }
 
 fn band(channels: &[Channel; 2]) -> Option<f64> {

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::clock::clock;
 use super::events::Event;
-use super::snapshot::{Bus, Channel, FORMAT, Instrument, Snapshot, SourceState, VERSION};
+use super::snapshot::{Bus, Channel, Compared, FORMAT, Instrument, Snapshot, SourceState, VERSION};
 use super::words::Level;
 use crate::report::replay_tables::printable;
 
@@ -99,10 +99,10 @@ fn values(instrument: &Instrument) -> String {
     let [a, b] = &instrument.channels;
     let band = instrument.band_deg.map_or_else(String::new, |band| {
         let word = match instrument.inside_band {
-            Some(false) => " EXCEEDED",
+            Some(false) => ", beyond it as 1 of 20 is",
             _ => "",
         };
-        format!(" (band {band:.3}{word})")
+        format!(" (band {band:.3}{word}{})", of(instrument))
     });
     format!(
         "{}  {}  A-B {} {}{band}  {}",
@@ -112,6 +112,14 @@ fn values(instrument: &Instrument) -> String {
         degrees(instrument.difference_y_deg),
         verdict(instrument)
     )
+}
+
+/// What a difference holds besides, where it is not of what was measured.
+pub fn of(instrument: &Instrument) -> &'static str {
+    match instrument.difference_of {
+        Compared::Measured => "",
+        Compared::Slopes => ", of slopes with their presets",
+    }
 }
 
 fn channel(channel: &Channel) -> String {

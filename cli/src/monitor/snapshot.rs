@@ -148,6 +148,16 @@ pub struct Verdict {
     pub reason: Option<String>,
 }
 
+/// Of what the difference is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Compared {
+    /// Of the angles as measured, which the channels tell each other (TPDO 3).
+    Measured,
+    /// Of the slopes (TPDO 1), since there is no TPDO 3: different presets are part of it.
+    Slopes,
+}
+
 /// One instrument.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Instrument {
@@ -155,9 +165,11 @@ pub struct Instrument {
     pub number: usize,
     /// Channel A and B.
     pub channels: [Channel; 2],
-    /// Slope X of A minus that of B at the same SYNC, deg.
+    /// Of what the difference is.
+    pub difference_of: Compared,
+    /// X of A minus X of B at the same SYNC, deg.
     pub difference_x_deg: Option<f64>,
-    /// Slope Y of A minus that of B, deg.
+    /// Y of A minus Y of B, deg.
     pub difference_y_deg: Option<f64>,
     /// Why one of them is absent.
     pub difference_reason: Option<String>,

@@ -33,6 +33,8 @@ pub struct Pair {
     pub delta: Option<Delta>,
     /// The latest difference of the angles that the channels have told each other, 0.001 deg.
     pub exchanged_mdeg: [Option<i32>; 2],
+    /// How often that was formed.
+    pub exchanges: u64,
     sync_ns: u64,
     /// Which of them have sent slopes since the SYNC, and which the exchange.
     told: [bool; 2],
@@ -84,6 +86,7 @@ impl Pair {
             sides,
             delta: None,
             exchanged_mdeg: [None; 2],
+            exchanges: 0,
             sync_ns: 0,
             told: [false; 2],
             exchanged: [false; 2],
@@ -179,6 +182,7 @@ impl Pair {
         }
         self.remember(mdeg);
         self.exchanged_mdeg = mdeg;
+        self.exchanges += 1;
         self.watch_apart(is_apart);
     }
 

@@ -12,7 +12,7 @@ use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
 use super::super::clock::clock;
 use super::super::plain::{degrees, level, told, verdict};
-use super::super::snapshot::{Bus, Channel, Instrument, SourceState};
+use super::super::snapshot::{Bus, Channel, Compared, Instrument, SourceState};
 use super::super::words::Level;
 use super::chart;
 use super::picture::Picture;
@@ -29,7 +29,7 @@ const HELP: [&str; 12] = [
     "?          this list",
     "",
     "The band is the expanded uncertainty (k = 2) of the difference:",
-    "two sound channels differ by less. The verdict is the nodes' own.",
+    "19 of 20 readings of a sound pair are within. The verdict is the nodes'.",
     "What is old is never shown as a number; the line below says why.",
     "",
 ];
@@ -196,10 +196,14 @@ fn difference(instrument: &Instrument, screen: &Screen) -> Line<'static> {
     );
     let (of, words) = match instrument.inside_band {
         Some(true) => (Level::Good, "inside its band"),
-        Some(false) => (Level::Warning, "BEYOND ITS BAND"),
+        Some(false) => (Level::Warning, "beyond, as 1 of 20 is"),
         None => (Level::Unknown, ""),
     };
-    let words = toned(format!("{:14}{words}", ""), of, screen);
+    let slopes = match (instrument.difference_of, instrument.inside_band) {
+        (Compared::Slopes, Some(_)) => " (slopes)",
+        _ => "",
+    };
+    let words = toned(format!("{:14}{words}{slopes}", ""), of, screen);
     Line::from(vec![Span::raw(values), words])
 }
 

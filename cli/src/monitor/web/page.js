@@ -104,12 +104,14 @@ function showPair(instrument) {
   );
   const band = instrument.band_deg;
   const inside = instrument.inside_band;
-  const word = inside === null ? "--" : inside ? "inside its band" : "BEYOND ITS BAND";
+  const word = inside === null ? "--" : inside ? "inside its band" : "beyond its band, as 1 of 20 is";
   byId("pair").replaceChildren(
     element("h2", "Difference A-B"),
     angles,
     list([
       ["band, k = 2", band === null || !page.live ? "--" : `${band.toFixed(3)} deg`],
+      ["of", instrument.difference_of === "measured" ? "angles as measured"
+        : "slopes, with their presets"],
       ["difference", page.live ? word : "--", inside === false ? "warning" : ""],
       ["blamed", known(instrument.verdict.blamed.join(" and ") || "nobody")],
       ["because", known(instrument.verdict.reason ?? "--")],
