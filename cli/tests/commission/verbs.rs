@@ -1,11 +1,8 @@
 //! What each verb does, and refuses.
 
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Write};
-use std::net::TcpListener;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::io::BufRead;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use super::bench::*;
