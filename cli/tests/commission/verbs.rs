@@ -1,7 +1,6 @@
 //! What each verb does, and refuses.
 
 use serde_json::Value;
-use std::io::BufRead;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
