@@ -178,7 +178,7 @@ fn files_that_are_no_recording() {
         &folder,
         &[folder.0.to_str().unwrap()],
         "replay-bad-file",
-        "it is a folder",
+        "--out is for recordings of sensors",
     );
 }
 
