@@ -16,7 +16,8 @@ CHANNELS = {1: "a", 2: "b"}
 
 # What has nothing to read on a fresh node: an error that never was, a residual without a point,
 # samples around an event.
-EMPTY = {(0x1003, sub) for sub in range(1, 9)} | {(0x2060, 6), (0x2071, 1), (0x2071, 2)}
+EMPTY = {(0x1003, sub) for sub in range(1, 9)}
+EMPTY |= {(0x2060, 6), (0x2063, 0), (0x2071, 1), (0x2071, 2)}
 
 
 class Row(NamedTuple):
