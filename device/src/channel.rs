@@ -338,7 +338,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// The latched fault.
-    pub fn fault(&self) -> Option<Invalid> {
+    pub const fn fault(&self) -> Option<Invalid> {
         self.fault
     }
 

@@ -18,6 +18,7 @@ pub mod fault_log;
 pub mod memory;
 pub mod node;
 pub mod objects;
+pub mod pair;
 pub mod peer_clock;
 pub mod profile;
 pub mod program;

@@ -21,14 +21,16 @@
 //! reporting.
 
 pub mod activity;
+pub mod findings;
 pub mod paper;
 pub mod product;
 pub mod residual;
 pub mod standstill;
 pub mod window;
 
+pub use findings::{Findings, Latch};
 pub use paper::{MOST_WARNINGS, PaperCheck, PaperState};
-pub use product::{Latch, ProductCheck, ProductState};
+pub use product::{ProductCheck, ProductState};
 pub use window::{WindowCheck, WindowState};
 
 use crate::angle::{Angle, Axes};
@@ -270,10 +272,79 @@ impl CrossCheck {
         }
     }
 
+    /// What was found and still counts, whatever the newest pair shows.
+    pub fn found(&self) -> Option<Judgement> {
+        match self {
+            Self::Paper(_, state) => state.is_faulted().then_some(Judgement::PhysicalFault),
+            Self::Window(check, state) => {
+                (check.latched && state.has_disagreed()).then_some(Judgement::Disagree)
+            }
+            Self::Product(_, state) => state.findings().judgement(),
+        }
+    }
+
+    /// Why this channel is held faulty.
+    pub fn own_fault(&self) -> Option<Invalid> {
+        self.findings()?.faulty(Node::Own)
+    }
+
+    /// True while the channels differ and nobody is known to be the wrong one, even where one of
+    /// them is held faulty for another reason.
+    pub fn disagree(&self) -> bool {
+        match self {
+            Self::Product(_, state) => state.findings().disagree(),
+            Self::Paper(..) | Self::Window(..) => self.found().is_some(),
+        }
+    }
+
+    /// True when the channels have agreed so that one may go on without the other.
+    pub fn have_agreed(&self) -> bool {
+        match self {
+            Self::Paper(_, state) => state.has_agreed(),
+            Self::Window(_, state) => state.has_agreed(),
+            Self::Product(_, state) => state.findings().have_agreed(),
+        }
+    }
+
+    /// True for what lasts until a reset, or as long as the [`Latch`] says.
+    pub fn is_latched(&self) -> bool {
+        match self {
+            Self::Product(_, state) => state.findings().is_latched(),
+            Self::Paper(..) | Self::Window(..) => self.found().is_some(),
+        }
+    }
+
+    /// The product's findings; other checks have none.
+    fn findings(&self) -> Option<&Findings> {
+        match self {
+            Self::Product(_, state) => Some(state.findings()),
+            Self::Paper(..) | Self::Window(..) => None,
+        }
+    }
+
+    /// This channel was away, or its part has been set up anew: it has to agree with the peer
+    /// again.
+    pub fn own_away(&mut self) {
+        match self {
+            Self::Paper(_, state) => state.forget_agreement(),
+            Self::Window(_, state) => state.forget_agreement(),
+            Self::Product(_, state) => state.findings_mut().own_away(),
+        }
+    }
+
+    /// This channel reports a fault of itself before the next pair.
+    pub fn own_faulty(&mut self, reason: Invalid) {
+        if let Self::Product(_, state) = self {
+            let told = false;
+            let against = findings::Against { reason, told };
+            state.findings_mut().hold(Node::Own, against);
+        }
+    }
+
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
         if let Self::Product(_, state) = self {
-            state.peer_restarted();
+            state.findings_mut().peer_restarted();
         }
     }
 

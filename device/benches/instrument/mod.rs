@@ -14,12 +14,14 @@ use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
+use device::pair::Pair;
 use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 use device::records::{EventStore, Record, RecordStore, StoreError};
 use device::sensor::Config;
 use flash::Progress;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
+use tilt::cross_check::CrossCheck;
 use tilt::filter::{Filtered, LowPass};
 use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
@@ -151,12 +153,17 @@ impl Source for Nothing {
     fn temperature(&self) -> Option<Temperature> {
         None
     }
+
+    fn fault(&self) -> Option<Invalid> {
+        None
+    }
 }
 
 /// The node and what it works with.
 pub struct Instrument {
     node: Node,
     values: Values,
+    pair: Pair,
     settings: Settings,
     work: Work,
     memory: Nothing,
@@ -200,6 +207,7 @@ impl Instrument {
         let mut instrument = Self {
             node: Node::new(),
             values: Values::new(),
+            pair: Pair::new(CrossCheck::product()),
             settings,
             work,
             memory: Nothing,
@@ -214,6 +222,7 @@ impl Instrument {
     fn with<T>(&mut self, act: impl FnOnce(&mut Node, &mut Panel<'_, Nothing, Nothing>) -> T) -> T {
         let mut panel = Panel {
             values: &mut self.values,
+            pair: &mut self.pair,
             settings: &mut self.settings,
             memory: &mut self.memory,
             source: &mut Nothing,

@@ -8,6 +8,7 @@
 
 use canopen::object::{Address, Value};
 
+use crate::pair::Policy;
 use crate::profile::Slope;
 
 /// The parameters.
@@ -85,6 +86,14 @@ impl Place<'_> {
 }
 
 impl Parameters {
+    /// How the pair is to be judged.
+    pub const fn policy(&self) -> Policy {
+        Policy {
+            latch_s: self.latch_s,
+            may_go_on_alone: self.degraded != 0,
+        }
+    }
+
     /// Nothing set: the rows' defaults are loaded over it at every start.
     pub const NONE: Self = Self {
         resolution: [10; 2],

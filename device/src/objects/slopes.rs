@@ -83,7 +83,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     fn angle(&self, slope: usize) -> Option<Angle> {
-        self.values.process.slopes.get(slope).copied().flatten()
+        self.shown().slope(slope)
     }
 
     pub(super) fn read_slope(&self, at: Address) -> Result<Value, Abort> {

@@ -387,7 +387,7 @@ impl Pair {
     }
 
     pub fn state(&self) -> u8 {
-        self.device.values().process.state
+        self.device.shown(self.now).state()
     }
 
     pub fn has(&self, fault: Fault) -> bool {
