@@ -16,7 +16,6 @@ pub mod exchange;
 pub mod fault;
 pub mod fault_log;
 pub mod memory;
-pub mod node;
 pub mod objects;
 pub mod pair;
 pub mod peer_clock;
