@@ -88,7 +88,7 @@ impl Thermometer {
 }
 
 /// One channel's state.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Channel<SPI> {
     part: Lis2dw12<SPI>,
     state: State,

@@ -91,7 +91,7 @@ const SDO_ANSWER: u16 = 0x580;
 ///
 /// The fields stand in this order in memory, too: an instruction reaches 4095 bytes from the start
 /// (ARMv7-M, LDR immediate), so what is large comes last. That alone saves 0.5 kB of code.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Device<SPI, M> {
     /// Until LSS stores another.
@@ -258,7 +258,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
         self.sensor_sound = now;
-        self.pair.leave();
+        self.pair.compare_anew();
         self.channel.start(&self.settings, delay, now)
     }
 
@@ -488,6 +488,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The channel, for looking at.
     pub const fn channel(&self) -> &Channel<SPI> {
         &self.channel
+    }
+
+    /// The pair, for looking at.
+    pub const fn pair(&self) -> &Pair {
+        &self.pair
     }
 
     /// What is shown on the bus at `now`.

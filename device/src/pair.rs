@@ -155,11 +155,17 @@ impl Pair {
         });
     }
 
-    /// The node leaves OPERATIONAL, or its sensor is set up anew: it has to be compared again.
+    /// The node leaves OPERATIONAL.
     pub fn leave(&mut self) {
+        self.compare_anew();
+        self.heard = false;
+    }
+
+    /// This channel has to be compared again before its angles may be used: its sensor is set up
+    /// anew.
+    pub fn compare_anew(&mut self) {
         self.check.own_away();
         self.newest = None;
-        self.heard = false;
     }
 
     /// The peer has been started anew: what was held against it belongs to its life before.
@@ -257,6 +263,11 @@ impl Pair {
             (true, false) => Err(Invalid::Alone),
             (true, true) => Ok(()),
         }
+    }
+
+    /// The cross-check with its memory, for looking at.
+    pub const fn check(&self) -> &CrossCheck {
+        &self.check
     }
 
     /// When the two last agreed, if nothing speaks against safety frames since.

@@ -315,7 +315,7 @@ impl CrossCheck {
     }
 
     /// The product's findings; other checks have none.
-    fn findings(&self) -> Option<&Findings> {
+    pub fn findings(&self) -> Option<&Findings> {
         match self {
             Self::Product(_, state) => Some(state.findings()),
             Self::Paper(..) | Self::Window(..) => None,

@@ -48,7 +48,7 @@ pub trait Memory: RecordStore + EventStore + ProgramMemory {}
 impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 
 /// What a calibration over the bus works with.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Work {
     /// What new tables come with.

@@ -46,7 +46,8 @@ pub const PROOF_US: u32 = 500_000;
 /// four times a second. Gravity and movement weigh the difference itself and explain it at any time.
 pub const ONE_CAUSE_US: u32 = 1_500_000;
 
-/// The most that one pair counts for, us: a pair after a pause shows no more than any other.
+/// The most that one pair counts for, us. It counts for the shorter one of the last two times
+/// between pairs, so that a pair after a pause shows no more than any other.
 const MOST_CREDIT_US: u32 = 250_000;
 
 /// How the two channels compare at one instant.
@@ -138,6 +139,8 @@ pub struct Findings {
     agreed_us: u32,
     /// The newest two that were compared differ, be it for the first time.
     contested: bool,
+    /// Time between the two pairs before, us.
+    before_us: u32,
 }
 
 const fn index(node: Node) -> usize {
@@ -150,8 +153,11 @@ const fn index(node: Node) -> usize {
 impl Findings {
     /// Takes in what one pair shows.
     pub fn take(&mut self, evidence: &Evidence, latch: Latch) {
-        let credit_us = evidence.elapsed_us.min(MOST_CREDIT_US);
+        let before_us = core::mem::replace(&mut self.before_us, evidence.elapsed_us);
+        let credit_us = evidence.elapsed_us.min(before_us).min(MOST_CREDIT_US);
         self.count(evidence, credit_us);
+        // What is over goes first, so that what this pair shows finds its place.
+        self.release(latch);
         for (node, against) in [Node::Own, Node::Peer].into_iter().zip(evidence.against) {
             if let Some(against) = against {
                 self.hold(node, against);
@@ -160,6 +166,9 @@ impl Findings {
         if evidence.comparison == Comparison::Differ {
             self.differ();
         }
+    }
+
+    fn release(&mut self, latch: Latch) {
         for place in &mut self.faulty {
             *place = place.filter(|faulty| !faulty.is_over(latch));
         }
@@ -171,23 +180,27 @@ impl Findings {
 
     /// Time goes by without evidence, or with evidence that the cause is gone.
     fn count(&mut self, evidence: &Evidence, credit_us: u32) {
-        let compared = evidence.comparison != Comparison::Absent;
+        let agrees = evidence.comparison == Comparison::Agree;
+        let differs = evidence.comparison == Comparison::Differ;
         let channels = evidence.against.iter().zip(evidence.measures);
         for (place, (against, measures)) in self.faulty.iter_mut().zip(channels) {
             let Some(faulty) = place else { continue };
             // A fault that the peer reports of itself is held by the peer; this node's own finding
-            // runs out meanwhile.
-            let reported = against.is_some_and(|against| against.told);
+            // runs out meanwhile. A silence is no report.
+            let reported = against
+                .is_some_and(|against| against.told && !against.reason.passes_with_its_cause());
             let sound = if faulty.was_compared() {
-                compared || reported
+                agrees || reported
             } else {
                 measures
             };
-            if sound {
+            let found = against.is_some_and(|against| !against.told);
+            if found || differs && faulty.explains() {
+                faulty.sound_us = 0;
+            } else if sound {
                 faulty.sound_us = faulty.sound_us.saturating_add(credit_us);
             }
         }
-        let agrees = evidence.comparison == Comparison::Agree;
         if let Some(held) = &mut self.disagreement {
             let counted = held.agreed_us.saturating_add(credit_us);
             held.agreed_us = if agrees { counted } else { 0 };
@@ -211,8 +224,7 @@ impl Findings {
         let place = self.faulty.get_mut(index(node));
         match place {
             // A channel that falls silent after it was found wrong is still the wrong one.
-            Some(Some(held)) if !held.passes() && against.told => {}
-            Some(Some(held)) if !held.passes() => held.sound_us = 0,
+            Some(Some(held)) if !held.passes() => {}
             Some(place) => *place = Some(new),
             None => {}
         }
@@ -225,14 +237,8 @@ impl Findings {
     }
 
     fn differ(&mut self) {
-        let mut explained = false;
-        for faulty in self.faulty.iter_mut().flatten() {
-            if faulty.explains() {
-                explained = true;
-                faulty.sound_us = 0;
-            }
-        }
-        if !explained {
+        let mut faulty = self.faulty.iter().flatten();
+        if !faulty.any(Faulty::explains) {
             let held = self.disagreement.get_or_insert(Disagreement {
                 agreed_us: 0,
                 age_us: 0,
@@ -276,6 +282,22 @@ impl Findings {
     pub fn is_latched(&self) -> bool {
         let latched = |faulty: &Faulty| !faulty.passes();
         self.disagree() || self.faulty.iter().flatten().any(latched)
+    }
+
+    /// The same with times in classes: what has counted for long enough, and what has not.
+    ///
+    /// For tests that go through all states.
+    pub fn coarse(mut self) -> Self {
+        for faulty in self.faulty.iter_mut().flatten() {
+            faulty.sound_us = faulty.sound_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
+        }
+        if let Some(held) = &mut self.disagreement {
+            held.agreed_us = held.agreed_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
+            held.age_us = held.age_us / ONE_CAUSE_US * ONE_CAUSE_US;
+        }
+        self.agreed_us = self.agreed_us / PROOF_US * PROOF_US;
+        self.before_us = 0;
+        self
     }
 
     /// What was found, as a judgement.

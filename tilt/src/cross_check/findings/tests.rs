@@ -80,6 +80,8 @@ struct Past {
     agreed_us: u32,
     /// The newest two that were compared did not agree, and nobody was named for it.
     contested: bool,
+    /// Time between the two pairs before, us.
+    before_us: u32,
     /// Since the two have disagreed, us.
     disagreed_us: u32,
     /// For each channel: pairs since something spoke against it, us: any at which it measured,
@@ -107,7 +109,8 @@ impl Past {
             Event::PeerRestarted => return self,
             Event::Pair(evidence) => evidence,
         };
-        let passed_us = evidence.elapsed_us;
+        let before_us = std::mem::replace(&mut self.before_us, evidence.elapsed_us);
+        let passed_us = evidence.elapsed_us.min(before_us);
         let comparison = evidence.comparison;
         let compared = comparison != Comparison::Absent;
         self.disagreed_us = match before.disagree() {
@@ -137,7 +140,9 @@ impl Past {
                 }
                 (None, false) => self.measured_us[n],
             };
-            let counts = compared || against.is_some_and(|against| against.told);
+            let reports =
+                |against: Against| against.told && !against.reason.passes_with_its_cause();
+            let counts = comparison == Comparison::Agree || against.is_some_and(reports);
             self.compared_us[n] = if by_this_node || comparison == Comparison::Differ {
                 0
             } else if counts {
@@ -220,6 +225,14 @@ fn rules(before: &Findings, event: &Event, after: &Findings, past: &Past, latch:
         && evidence.comparison == Comparison::Differ
     {
         assert!(explained || after.disagree(), "a difference was ignored");
+    }
+    if let Event::Pair(evidence) = event {
+        for (faulty, against) in after.faulty.iter().zip(evidence.against) {
+            assert!(
+                faulty.is_some() || against.is_none(),
+                "evidence was ignored"
+            );
+        }
     }
     if after.have_agreed() {
         let proven = past.agreed_us >= PROOF_US && !past.contested && !after.disagree();
