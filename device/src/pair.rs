@@ -26,7 +26,7 @@ use tilt::sample::Instant;
 use crate::exchange::reason_code;
 
 /// How long a pair counts once no new one comes, us: at least and at most so long.
-const COUNTS_FOR_US: (i64, i64) = (400_000, 10_500_000);
+const COUNTS_FOR_US: (u32, u32) = (400_000, 10_500_000);
 
 /// What the user has decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,10 +64,15 @@ pub struct Pair {
     /// When SYNC was last obeyed.
     last_sync: Instant,
     /// Time between the SYNCs before, the newest first, us.
-    periods_us: [i64; 2],
+    periods_us: [u32; 2],
     /// The peer has been heard since this node became OPERATIONAL.
     heard: bool,
     check: CrossCheck,
+}
+
+/// Time from one instant to another, us; stops at 71 minutes.
+fn between(from: Instant, to: Instant) -> u32 {
+    u32::try_from(to.micros_since(from).max(0)).unwrap_or(u32::MAX)
 }
 
 /// The peer has not been heard yet, so it may still be starting.
@@ -103,7 +108,7 @@ impl Pair {
     /// SYNC was obeyed at `now`.
     pub fn synchronised(&mut self, now: Instant) {
         let [newest, _] = self.periods_us;
-        self.periods_us = [now.micros_since(self.last_sync), newest];
+        self.periods_us = [between(self.last_sync, now), newest];
         self.last_sync = now;
     }
 
@@ -188,16 +193,20 @@ impl Pair {
 
     /// How long a pair counts: four SYNCs and a half, by the shorter of the last two times between
     /// SYNCs, so that one pause does not stretch it.
-    fn counts_for_us(&self) -> i64 {
+    fn counts_for_us(&self) -> u32 {
         let [a, b] = self.periods_us;
         let (least, most) = COUNTS_FOR_US;
-        (a.min(b).saturating_mul(9) / 2).clamp(least, most)
+        a.min(b)
+            .min(most)
+            .saturating_mul(9)
+            .div_euclid(2)
+            .clamp(least, most)
     }
 
     /// The newest pair, while it counts.
     fn current(&self, now: Instant) -> Option<&Newest> {
         let newest = self.newest.as_ref()?;
-        (now.micros_since(newest.at) <= self.counts_for_us()).then_some(newest)
+        (between(newest.at, now) <= self.counts_for_us()).then_some(newest)
     }
 
     /// The judgement; `None` when comparisons have not begun, or have stopped and nothing was
@@ -278,10 +287,9 @@ impl Pair {
     }
 
     /// What may be shown of the peer: nothing that cannot be trusted.
-    pub fn peer(&self, now: Instant) -> Reading {
-        let refused = || Observation::absent(Invalid::Refused).reading;
+    pub fn peer(&self, now: Instant) -> Option<Reading> {
         match self.judgement(now) {
-            _ if self.disagree() => refused(),
+            _ if self.disagree() => None,
             Some(
                 Judgement::Disagree
                 | Judgement::PhysicalFault
@@ -289,11 +297,8 @@ impl Pair {
                 | Judgement::OneChannel {
                     ill: Node::Peer, ..
                 },
-            ) => refused(),
-            _ => match self.current(now) {
-                Some(newest) => newest.verdict.peer(),
-                None => Observation::absent(Invalid::Unconfirmed).reading,
-            },
+            ) => None,
+            _ => Some(self.current(now)?.verdict.peer()),
         }
     }
 

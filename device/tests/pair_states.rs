@@ -13,6 +13,7 @@
 
 mod both;
 
+use std::cell::RefCell;
 use std::collections::{HashSet, VecDeque};
 use std::fmt::Write as _;
 
@@ -93,12 +94,20 @@ struct Past {
     last: Option<Instant>,
 }
 
+/// What was true so far.
+#[derive(Clone, Debug)]
+struct Watch {
+    past: [Past; 2],
+    last_sync: Instant,
+    /// Time between the SYNCs before, us.
+    periods_us: [i64; 2],
+}
+
 #[derive(Clone)]
 struct State {
     world: World,
     biased: bool,
-    past: [Past; 2],
-    last_sync: Instant,
+    watch: Watch,
 }
 
 impl State {
@@ -106,13 +115,16 @@ impl State {
         let mut world = World::new(policy);
         world.load();
         NODES.into_iter().for_each(|n| world.boot(n));
-        let last_sync = world.now;
+        let watch = Watch {
+            past: [Past::default(); 2],
+            last_sync: world.now,
+            periods_us: [0; 2],
+        };
         world.save();
         Self {
             world,
             biased: false,
-            past: [Past::default(); 2],
-            last_sync,
+            watch,
         }
     }
 
@@ -142,29 +154,39 @@ impl State {
         }
     }
 
+    /// What follows from an event and the time after it, and the rules that were broken.
     fn after(&self, event: Event, pause_us: i64, latch_s: u16) -> (Self, Vec<String>) {
         let mut next = self.clone();
         next.world.load();
-        let mut broken = Vec::new();
-        let State {
+        let broken = next.happen(event, pause_us, latch_s);
+        next.world.save();
+        (next, broken)
+    }
+
+    fn happen(&mut self, event: Event, pause_us: i64, latch_s: u16) -> Vec<String> {
+        let Self {
             world,
             biased,
-            past,
-            last_sync,
-        } = &mut next;
-        let truth = std::cell::RefCell::new((past, last_sync, &mut broken));
-        let is_biased = std::cell::Cell::new(*biased);
+            watch,
+        } = self;
+        if let Event::Bias(on) = event {
+            *biased = on;
+            world.part(BIASED).set_offset(if on { BIAS_MG } else { 0 });
+        }
+        let watch = RefCell::new(watch);
+        let (biased, broken) = (*biased, RefCell::new(Vec::new()));
         let mut heard = |world: &World, heard: Heard| {
-            let (past, last_sync, broken) = &mut *truth.borrow_mut();
-            hear(world, heard, is_biased.get(), past, last_sync, latch_s, broken);
+            let mut rules = Rules {
+                latch_s,
+                biased,
+                watch: &mut watch.borrow_mut(),
+                broken: &mut broken.borrow_mut(),
+            };
+            rules.hear(world, heard);
         };
         let to = |n: usize| n as u8 + 1;
         match event {
-            Event::Time => {}
-            Event::Bias(on) => {
-                is_biased.set(on);
-                world.part(BIASED).set_offset(if on { BIAS_MG } else { 0 });
-            }
+            Event::Time | Event::Bias(_) => {}
             Event::PreOperational(n) => world.command(0, &[128, to(n)], &mut heard),
             Event::Start(n) => world.command(0, &[1, to(n)], &mut heard),
             Event::Reset(n) => world.command(0, &[129, to(n)], &mut heard),
@@ -178,12 +200,9 @@ impl State {
             Event::BrownOut(n) => world.part(n).power_down(),
             Event::Sync(us) => world.set_sync(us),
         }
-        away(world, &mut truth.borrow_mut().0, event);
+        watch.borrow_mut().begin_anew(world, event);
         world.run(pause_us, &mut heard);
-        *biased = is_biased.get();
-        drop(truth);
-        next.world.save();
-        (next, broken)
+        broken.into_inner()
     }
 
     /// What a state is: everything that the next events may depend on, times in classes.
@@ -191,13 +210,18 @@ impl State {
         let mut key = format!("{:?} {}", self.world.sync_us, self.biased);
         let shown = |n: usize| {
             let node = &self.world.nodes[n];
-            (node.powered, node.wired, node.off, node.device.bus().state())
+            (
+                node.powered,
+                node.wired,
+                node.off,
+                node.device.bus().state(),
+            )
         };
         for n in NODES {
             let device = &self.world.nodes[n].device;
             let findings = device.pair().check().findings().map(|found| found.coarse());
             let told = device.shown(self.world.now);
-            let past = &self.past[n];
+            let past = &self.watch.past[n];
             // A string takes whatever is written to it.
             let _ = write!(
                 key,
@@ -216,96 +240,116 @@ impl State {
     }
 }
 
-/// A node that was reset, or left OPERATIONAL, begins anew.
-fn away(world: &World, past: &mut [Past; 2], event: Event) {
-    for n in NODES {
-        let reset = matches!(event, Event::Reset(m) | Event::Power(m, _) if m == n);
-        if reset {
-            past[n] = Past::default();
+impl Watch {
+    /// A node that was reset, or left OPERATIONAL, begins anew.
+    fn begin_anew(&mut self, world: &World, event: Event) {
+        for (n, past) in self.past.iter_mut().enumerate() {
+            if matches!(event, Event::Reset(m) | Event::Power(m, _) if m == n) {
+                *past = Past::default();
+            }
+            if !world.nodes[n].is_operational() {
+                (past.compared, past.compared_us) = (0, 0);
+            }
         }
-        if !world.nodes[n].is_operational() {
-            (past[n].compared, past[n].compared_us) = (0, 0);
+        if matches!(event, Event::Bias(false)) {
+            self.past[BIASED].exposed_us = 0;
         }
     }
-    if matches!(event, Event::Bias(false)) {
-        past[BIASED].exposed_us = 0;
+
+    fn sync(&mut self, world: &World, at: Instant, biased: bool) {
+        let period_us = at.micros_since(self.last_sync);
+        self.periods_us = [period_us, self.periods_us[0]];
+        let passed_us = period_us.min(MOST_CREDIT_US);
+        let promised_us = passed_us.min(PROMISED_SYNC_US);
+        self.last_sync = at;
+        if !State::can_compare(world) {
+            return;
+        }
+        for (n, past) in self.past.iter_mut().enumerate() {
+            past.exposed_us += if biased && n == BIASED {
+                promised_us
+            } else {
+                0
+            };
+            past.compared_us += passed_us;
+            past.compared += 1;
+            past.last = Some(at);
+        }
     }
 }
 
-/// One frame, held against the rules.
-fn hear(
-    world: &World,
-    heard: Heard,
-    biased: bool,
-    past: &mut [Past; 2],
-    last_sync: &mut Instant,
+/// The rules, and what was true so far.
+struct Rules<'a> {
     latch_s: u16,
-    broken: &mut Vec<String>,
-) {
-    let Some(id) = heard.frame.cob_id() else {
-        return;
-    };
-    if id == 0x80 {
-        // What is counted in SYNCs takes longer where they come more slowly than every 50 ms.
-        let passed_us = heard.at.micros_since(*last_sync).min(MOST_CREDIT_US);
-        let promised_us = passed_us.min(PROMISED_SYNC_US);
-        *last_sync = heard.at;
-        if State::can_compare(world) {
-            for (n, past) in past.iter_mut().enumerate() {
-                past.exposed_us += if biased && n == BIASED { promised_us } else { 0 };
-                past.compared_us += passed_us;
-                past.compared += 1;
-                past.last = Some(heard.at);
-            }
+    biased: bool,
+    watch: &'a mut Watch,
+    broken: &'a mut Vec<String>,
+}
+
+impl Rules<'_> {
+    /// One frame, held against the rules.
+    fn hear(&mut self, world: &World, heard: Heard) {
+        let Some(id) = heard.frame.cob_id() else {
+            return;
+        };
+        match heard.by {
+            _ if id == 0x80 => self.watch.sync(world, heard.at, self.biased),
+            Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(n, &heard),
+            Some(n) if id == 0x181 + n as u16 => self.slopes(world, n, &heard),
+            _ => {}
         }
-        return;
     }
-    let Some(n) = heard.by else { return };
-    let wrong = biased && n == BIASED && past[n].exposed_us > REACTION_US;
-    let mut rule = |holds: bool, what: &str| {
+
+    fn rule(&mut self, holds: bool, heard: &Heard, what: &str) {
         if !holds {
-            broken.push(format!("{what}: {:?} {:X?} of {id:X}h", heard.at, heard.frame.bytes()));
+            let (id, bytes) = (heard.frame.cob_id(), heard.frame.bytes());
+            self.broken
+                .push(format!("{what}: {:?} {id:X?} {bytes:X?}", heard.at));
         }
-    };
-    if id == 0x101 + 2 * n as u16 {
-        rule(!wrong, "a wrong safety frame");
-        let age_us = past[n].last.map(|last| heard.at.micros_since(last));
-        rule(
-            age_us.is_some_and(|us| us <= SCT_US + TICK_US),
-            "a safety frame without a comparison within its cycle",
-        );
-        rule(!past[n].disagreed, "a safety frame of a pair that disagrees");
     }
-    if id == 0x181 + n as u16 {
+
+    fn is_wrong(&self, n: usize) -> bool {
+        self.biased && n == BIASED && self.watch.past[n].exposed_us > REACTION_US
+    }
+
+    fn safety_frame(&mut self, n: usize, heard: &Heard) {
+        let past = self.watch.past[n];
+        self.rule(!self.is_wrong(n), heard, "a wrong safety frame");
+        let age_us = past.last.map(|last| heard.at.micros_since(last));
+        let checked = age_us.is_some_and(|us| us <= SCT_US + TICK_US);
+        self.rule(checked, heard, "a safety frame that was not checked");
+        self.rule(
+            !past.disagreed,
+            heard,
+            "a safety frame of two that disagree",
+        );
+    }
+
+    fn slopes(&mut self, world: &World, n: usize, heard: &Heard) {
         let [.., validity, state] = heard.frame.bytes() else {
             return;
         };
-        let valid = validity & 1 != 0;
-        if *state == 6 && latch_s == 0 {
-            past[n].disagreed = true;
-        }
+        let past = &mut self.watch.past[n];
+        past.disagreed |= *state == 6 && self.latch_s == 0;
         // The difference is attributed to the other channel: stuck, noise, spikes, thermometer,
         // bias, calibration.
         let (blamed, why) = world.nodes[n].device.shown(world.now).blame();
-        past[n].disagreed &= !(blamed == 2 && (9..=14).contains(&why));
-        if !valid {
+        past.disagreed &= !(blamed == 2 && (9..=14).contains(&why));
+        if validity & 1 == 0 {
             return;
         }
-        rule(!wrong, "a wrong angle");
-        rule(!past[n].disagreed, "a disagreement was forgotten");
+        let past = *past;
+        self.rule(!self.is_wrong(n), heard, "a wrong angle");
+        self.rule(!past.disagreed, heard, "a disagreement was forgotten");
         // The SYNC of this very frame has not been compared yet.
-        let before = past[n].compared > u32::from(State::can_compare(world));
-        rule(before, "valid without a comparison");
+        let before = past.compared > u32::from(State::can_compare(world));
+        self.rule(before, heard, "valid without a comparison");
         // The newest pair counts for a while (`device::pair`).
-        let period_us = world.sync_us.unwrap_or(0);
-        let counts_us = (period_us * 9 / 2).max(400_000) + period_us + TICK_US;
-        let alone = past[n]
-            .last
-            .is_none_or(|last| heard.at.micros_since(last) > counts_us);
-        rule(
-            !alone || past[n].compared_us >= 400_000,
-            "alone without having agreed",
-        );
+        let period_us = self.watch.periods_us.into_iter().min().unwrap_or(0);
+        let counts_us = (period_us * 9 / 2).max(400_000) + TICK_US;
+        let age_us = past.last.map(|last| heard.at.micros_since(last));
+        let proven = age_us.is_some_and(|us| us <= counts_us) || past.compared_us >= 400_000;
+        self.rule(proven, heard, "alone without having agreed");
     }
 }
 
@@ -325,6 +369,9 @@ fn explore(policy: Policy, most: usize) -> (usize, usize, bool) {
                 let (next, broken) = state.after(event, pause_us, policy.latch_s);
                 let first = broken.first();
                 assert_eq!(first, None, "{policy:?} {path:?}\n{}", next.key());
+                if known.len() % 2000 == 0 {
+                    eprintln!("{} {} {}", known.len(), open.len(), depth);
+                }
                 if known.len() < most && known.insert(next.key()) {
                     open.push_back((next, path));
                 }
@@ -334,12 +381,116 @@ fn explore(policy: Policy, most: usize) -> (usize, usize, bool) {
     (known.len(), depth, known.len() < most)
 }
 
+const AS_DELIVERED: Policy = Policy {
+    latch_s: 0,
+    degraded: 1,
+};
+
+/// Follows one sequence; no rule is broken on the way.
+fn follow(policy: Policy, path: &[(Event, i64)]) -> State {
+    let mut state = State::new(policy);
+    state.world.load();
+    for (step, &(event, pause_us)) in path.iter().enumerate() {
+        let broken = state.happen(event, pause_us, policy.latch_s);
+        assert_eq!(broken.first(), None, "{policy:?}, step {step} of {path:?}");
+    }
+    state
+}
+
+/// Both work and agree for two seconds, then one is biased, until they disagree.
+const DISAGREEING: [(Event, i64); 4] = [
+    (Event::Start(0), 30_000),
+    (Event::Start(1), 2_000_000),
+    (Event::Bias(true), 1_000_000),
+    (Event::Time, 1_000_000),
+];
+
+/// Ways in which a node goes and comes back, with 0.3 s between.
+fn absences(n: usize) -> [(Event, Event); 5] {
+    [
+        (Event::PreOperational(n), Event::Start(n)),
+        (Event::Wire(n, false), Event::Wire(n, true)),
+        (Event::BusOff(n), Event::Recover(n)),
+        (Event::Sync(None), Event::Sync(Some(20_000))),
+        (Event::Sync(Some(200_000)), Event::Sync(Some(20_000))),
+    ]
+}
+
+#[test]
+fn a_latched_disagreement_was_forgotten_when_the_healthy_node_came_back() {
+    for n in NODES {
+        for (goes, comes) in absences(n) {
+            for latch_s in [0, 5] {
+                for again_us in [500_000, 3_000_000] {
+                    let mut path = DISAGREEING.to_vec();
+                    path.extend([(goes, 300_000), (comes, again_us)]);
+                    path.extend([(goes, 3_000_000), (comes, 2_000_000)]);
+                    let policy = Policy {
+                        latch_s,
+                        ..AS_DELIVERED
+                    };
+                    let state = follow(policy, &path);
+                    let told = NODES.map(|n| state.world.nodes[n].device.shown(state.world.now));
+                    assert_eq!(told.map(|told| told.validity() & 3), [0; 2], "{path:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn differences_were_ignored_in_the_second_after_a_return() {
+    for (goes, comes) in absences(1) {
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(goes, 300_000), (Event::Bias(true), 300_000)]);
+        path.extend([(comes, 600_000), (Event::Time, 2_000_000)]);
+        let state = follow(AS_DELIVERED, &path);
+        let told = state.world.nodes[BIASED].device.shown(state.world.now);
+        assert_eq!(told.validity() & 3, 0, "{path:?}");
+    }
+}
+
+#[test]
+fn the_first_angle_after_a_start_was_valid_without_a_comparison() {
+    for n in NODES {
+        // While they disagree, and while the other one is away.
+        let mut path = DISAGREEING.to_vec();
+        path.extend([
+            (Event::PreOperational(n), 300_000),
+            (Event::Start(n), 20_000),
+        ]);
+        path.extend([(Event::PreOperational(n), 5_000), (Event::Start(n), 20_000)]);
+        follow(AS_DELIVERED, &path);
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(Event::PreOperational(1 - n), 300_000)]);
+        path.extend([
+            (Event::PreOperational(n), 300_000),
+            (Event::Start(n), 20_000),
+        ]);
+        path.extend([(Event::Time, 3_000_000)]);
+        follow(AS_DELIVERED, &path);
+    }
+}
+
+#[test]
+fn safety_frames_went_on_for_seconds_after_sync_had_stopped() {
+    for (before, us) in [(Some(20_000), 2_000_000), (Some(200_000), 3_000_000)] {
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(Event::Sync(before), us), (Event::Sync(None), 100_000)]);
+        path.extend([(Event::Bias(true), 1_000_000)]);
+        follow(AS_DELIVERED, &path);
+    }
+}
+
 #[test]
 fn no_sequence_of_events_makes_a_wrong_angle_valid() {
     for (latch_s, degraded) in [(0, 1), (0, 0), (1, 1)] {
         let policy = Policy { latch_s, degraded };
         let began = std::time::Instant::now();
-        let (states, depth, closed) = explore(policy, 20_000);
-        println!("{policy:?}: {states} states, depth {depth}, closed {closed}, {:?}", began.elapsed());
+        let (states, depth, closed) = explore(policy, 60_000);
+        println!(
+            "{policy:?}: {states} states, depth {depth}, closed {closed}, {:?}",
+            began.elapsed()
+        );
     }
 }

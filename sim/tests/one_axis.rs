@@ -95,7 +95,7 @@ impl Site {
                 shown.state(),
                 shown.blame().1,
                 shown.delta(),
-                shown.uncertainty()
+                shown.uncertainty(0)
             )
         };
         format!("{}; {}", of(0), of(1))

@@ -214,13 +214,11 @@ fn lasting(own: Reading, peer: Reading) -> Judgement {
     }
 }
 
-/// A check of any kind with its state: what an instrument holds one of.
+/// A check with its state: what an instrument holds one of. The window alone is for recordings.
 #[derive(Clone, Debug)]
 pub enum CrossCheck {
     /// The paper's rule.
     Paper(PaperCheck, PaperState),
-    /// The two angles alone, as a recording has them.
-    Window(WindowCheck, WindowState),
     /// The product's ladder.
     Product(ProductCheck, ProductState),
 }
@@ -246,7 +244,6 @@ impl CrossCheck {
         let (own, peer) = (own.into(), peer.into());
         match self {
             Self::Paper(check, state) => check.step(state, own.reading, peer.reading, now),
-            Self::Window(check, state) => check.step(state, own.reading, peer.reading, now),
             Self::Product(check, state) => Verdict {
                 own: own.reading,
                 peer: peer.reading,
@@ -259,7 +256,6 @@ impl CrossCheck {
     pub fn reset(&mut self) {
         match self {
             Self::Paper(_, state) => *state = PaperState::default(),
-            Self::Window(_, state) => *state = WindowState::default(),
             Self::Product(_, state) => *state = ProductState::default(),
         }
     }
@@ -276,9 +272,6 @@ impl CrossCheck {
     pub fn found(&self) -> Option<Judgement> {
         match self {
             Self::Paper(_, state) => state.is_faulted().then_some(Judgement::PhysicalFault),
-            Self::Window(check, state) => {
-                (check.latched && state.has_disagreed()).then_some(Judgement::Disagree)
-            }
             Self::Product(_, state) => state.findings().judgement(),
         }
     }
@@ -293,7 +286,7 @@ impl CrossCheck {
     pub fn disagree(&self) -> bool {
         match self {
             Self::Product(_, state) => state.findings().disagree(),
-            Self::Paper(..) | Self::Window(..) => self.found().is_some(),
+            Self::Paper(..) => self.found().is_some(),
         }
     }
 
@@ -301,7 +294,6 @@ impl CrossCheck {
     pub fn have_agreed(&self) -> bool {
         match self {
             Self::Paper(_, state) => state.has_agreed(),
-            Self::Window(_, state) => state.has_agreed(),
             Self::Product(_, state) => state.findings().have_agreed(),
         }
     }
@@ -310,7 +302,7 @@ impl CrossCheck {
     pub fn is_latched(&self) -> bool {
         match self {
             Self::Product(_, state) => state.findings().is_latched(),
-            Self::Paper(..) | Self::Window(..) => self.found().is_some(),
+            Self::Paper(..) => self.found().is_some(),
         }
     }
 
@@ -318,7 +310,7 @@ impl CrossCheck {
     pub fn findings(&self) -> Option<&Findings> {
         match self {
             Self::Product(_, state) => Some(state.findings()),
-            Self::Paper(..) | Self::Window(..) => None,
+            Self::Paper(..) => None,
         }
     }
 
@@ -327,7 +319,6 @@ impl CrossCheck {
     pub fn own_away(&mut self) {
         match self {
             Self::Paper(_, state) => state.forget_agreement(),
-            Self::Window(_, state) => state.forget_agreement(),
             Self::Product(_, state) => state.findings_mut().own_away(),
         }
     }
@@ -352,7 +343,7 @@ impl CrossCheck {
     pub fn residual(&self) -> [i32; 3] {
         match self {
             Self::Product(_, state) => state.residual(),
-            Self::Paper(..) | Self::Window(..) => [0; 3],
+            Self::Paper(..) => [0; 3],
         }
     }
 }

@@ -110,7 +110,7 @@ fn node(unit: &Unit, now_ns: u64) -> String {
     let device = &unit.device;
     let shown = unit.shown(now_ns);
     let [x, y] = [0, 1].map(|axis| shown.slope(axis));
-    let [no_x, no_y] = shown.reason();
+    let [no_x, no_y] = [0, 1].map(|axis| shown.reason(axis));
     let id = match device.bus().node_id() {
         255 => "no node-id".to_owned(),
         id => format!("node-id {id}"),

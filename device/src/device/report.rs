@@ -253,8 +253,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
     fn consents(&self, now: Instant) -> Option<BusInstant> {
-        let [x, _] = self.shown(now).own();
-        let sound = x.is_ok() && !self.faults.forbid_safety();
+        let sound = self.shown(now).own(0).is_ok() && !self.faults.forbid_safety();
         let signed = self.values.parameters.safety_valid == VALID;
         let checked_at = self.pair.agreed_at().filter(|_| sound && signed);
         checked_at.map(bus_time)

@@ -149,11 +149,6 @@ pub struct Shown<'a> {
     now: Instant,
 }
 
-/// X and Y of two.
-const fn axes<T: Copy>(both: Axes<T>) -> [T; 2] {
-    [both.x, both.y]
-}
-
 impl<'a> Shown<'a> {
     /// What is shown at `now` of a channel that has latched `fault`.
     pub const fn new(
@@ -187,37 +182,40 @@ impl<'a> Shown<'a> {
             .standing(self.now, self.values.parameters.policy())
     }
 
-    /// This channel's X and Y as far as they may be used.
-    pub fn own(&self) -> [Result<Measurement, Invalid>; 2] {
-        let standing = self.standing();
+    /// This channel's X or Y as far as it may be used.
+    pub fn own(&self, axis: usize) -> Result<&'a Measurement, Invalid> {
+        let Axes { x, y } = &self.values.process.measured;
         // A channel that measures nothing says why, whatever its standing.
-        axes(self.values.process.measured).map(|axis| axis.and_then(|m| standing.map(|()| m)))
+        let measured = if axis == 0 { x } else { y }.as_ref();
+        let measured = measured.map_err(|reason| *reason)?;
+        self.standing().map(|()| measured)
     }
 
     /// Slopes X and Y of this channel, then of the peer, without preset and offset.
     pub fn slope(&self, which: usize) -> Option<Angle> {
-        let [own_x, own_y] = self.own();
-        let [peer_x, peer_y] = axes(self.pair.peer(self.now));
-        let all = [own_x, own_y, peer_x, peer_y];
-        let measured = all.get(which)?.as_ref().ok()?;
-        Some(measured.angle)
+        if which < 2 {
+            return self.own(which).ok().map(|m| m.angle);
+        }
+        let Axes { x, y } = self.pair.peer(self.now)?;
+        if which == 2 { x } else { y }.ok().map(|m| m.angle)
     }
 
     /// The bits of 2020h.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn validity(&self) -> u8 {
-        let pair = |bit: u8, [x, y]: [bool; 2]| bit * u8::from(x) | (bit << 1) * u8::from(y);
-        let own = self.own().map(|axis| axis.is_ok());
-        let peer = axes(self.pair.peer(self.now)).map(|axis| axis.is_ok());
-        let compared = axes(self.pair.difference(self.now)).map(|axis| axis.is_some());
-        let mut bits = pair(validity::OWN, own) | pair(validity::PEER, peer);
-        bits |= pair(validity::COMPARED, compared);
-        if self.values.calibrated {
-            bits |= validity::CALIBRATED;
-        }
-        if self.is_latched() {
-            bits |= validity::LATCHED;
-        }
-        bits
+        let Axes { x, y } = self.pair.difference(self.now);
+        let flags = [
+            self.slope(0).is_some(),
+            self.slope(1).is_some(),
+            self.slope(2).is_some(),
+            self.slope(3).is_some(),
+            x.is_some(),
+            y.is_some(),
+            self.values.calibrated,
+            self.is_latched(),
+        ];
+        let bits = flags.iter().rev();
+        bits.fold(0, |bits, flag| bits << 1 | u8::from(*flag))
     }
 
     /// True when something stands that only a reset takes away.
@@ -240,37 +238,40 @@ impl<'a> Shown<'a> {
         self.pair.blame(self.now)
     }
 
-    /// Reason codes of X and Y, 0 when valid.
-    pub fn reason(&self) -> [u8; 2] {
-        self.own()
-            .map(|axis| axis.err().map_or(0, exchange::reason_code))
+    /// Reason code of X or Y, 0 when valid.
+    pub fn reason(&self, axis: usize) -> u8 {
+        self.own(axis).err().map_or(0, exchange::reason_code)
     }
 
-    /// Standard uncertainty of X and Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
-    pub fn uncertainty(&self) -> [u16; 2] {
-        let shown = |axis: Result<Measurement, _>| axis.map(|m| thousandths(m.uncertainty));
-        self.own()
-            .map(|axis| shown(axis).unwrap_or(UNKNOWN_UNCERTAINTY))
+    /// Standard uncertainty of X or Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
+    pub fn uncertainty(&self, axis: usize) -> u16 {
+        let measured = self.own(axis);
+        measured.map_or(UNKNOWN_UNCERTAINTY, |m| thousandths(m.uncertainty))
     }
 
     /// The larger uncertainty of the axes that have one.
     pub fn larger_uncertainty(&self) -> u16 {
-        let known = self.uncertainty().into_iter();
-        let known = known.filter(|u| *u != UNKNOWN_UNCERTAINTY);
-        known.max().unwrap_or(UNKNOWN_UNCERTAINTY)
+        match [self.uncertainty(0), self.uncertainty(1)] {
+            [x, UNKNOWN_UNCERTAINTY] => x,
+            [UNKNOWN_UNCERTAINTY, y] => y,
+            [x, y] => x.max(y),
+        }
     }
 
     /// This channel minus the peer, 0.001 deg, or [`NO_DIFFERENCE`].
     pub fn delta(&self) -> [i16; 2] {
-        let apart = axes(self.pair.difference(self.now));
-        apart.map(|apart| apart.map_or(NO_DIFFERENCE, small_thousandths))
+        let Axes { x, y } = self.pair.difference(self.now);
+        [x, y].map(|apart| apart.map_or(NO_DIFFERENCE, small_thousandths))
     }
 
     /// The difference of larger magnitude.
     pub fn larger_delta(&self) -> i16 {
-        let known = self.delta().into_iter().filter(|d| *d != NO_DIFFERENCE);
-        let largest = known.max_by_key(|d| d.unsigned_abs());
-        largest.unwrap_or(NO_DIFFERENCE)
+        match self.delta() {
+            [x, NO_DIFFERENCE] => x,
+            [NO_DIFFERENCE, y] => y,
+            [x, y] if x.unsigned_abs() > y.unsigned_abs() => x,
+            [_, y] => y,
+        }
     }
 
     /// This channel's acceleration minus the other's, low-passed, 0.1 mg.

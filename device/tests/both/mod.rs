@@ -1,8 +1,8 @@
 //! Two devices on a bus without delay, with a master: a world that can be copied at any instant.
 //!
 //! In: actions of a master, of a fitter and of what breaks. Out: every frame on the bus, and how
-//! both nodes stand. Registers of the parts are numbers without noise, so that one world behaves
-//! as its copy.
+//! both nodes stand. Registers of the parts have a noise that goes along with them, so that one
+//! world behaves as its copy.
 //!
 //! Left out: bit times and memory. A node that starts anew gets its parameters from the master.
 
@@ -53,12 +53,13 @@ pub struct Node {
 
 impl Node {
     fn new(number: usize) -> Self {
-        let part = Part::shared(number);
+        let registers = Registers::level(number);
+        let part = Part::new(registers);
         let check = CrossCheck::product();
         Self {
             device: Device::new(part.clone(), check, factory(number), Nothing),
             part,
-            registers: Registers::LEVEL,
+            registers,
             powered: false,
             wired: true,
             off: false,
@@ -259,8 +260,11 @@ impl World {
                 node.device.withdrawn(id, now);
             }
         }
-        while !node.off && node.mailboxes.len() < MAILBOXES {
-            let Some(frame) = node.device.transmit(now) else {
+        while !node.off {
+            let mailboxes = &node.mailboxes;
+            let twin = |id| mailboxes.iter().any(|frame| frame.cob_id() == Some(id));
+            let has_room = |id| mailboxes.len() < MAILBOXES && !twin(id);
+            let Some(frame) = node.device.transmit_if(now, has_room) else {
                 break;
             };
             node.mailboxes.push(frame);
@@ -282,24 +286,21 @@ impl World {
             let (place, frame) = frames.min_by_key(|(_, frame)| frame.cob_id())?;
             Some((frame.cob_id(), number, place))
         };
-        let (_, number, place) = NODES.into_iter().filter(connected).filter_map(first).min()?;
+        let (_, number, place) = NODES
+            .into_iter()
+            .filter(connected)
+            .filter_map(first)
+            .min()?;
         Some((number, self.nodes[number].mailboxes.remove(place)))
     }
 
-    fn deliver(
-        &mut self,
-        by: Option<usize>,
-        frame: Frame,
-        heard: &mut dyn FnMut(&Self, Heard),
-    ) {
+    fn deliver(&mut self, by: Option<usize>, frame: Frame, heard: &mut dyn FnMut(&Self, Heard)) {
         let at = self.now;
         if let Some(number) = by {
             self.nodes[number].device.sent(&frame, at);
         }
         let exchange = matches!(frame.cob_id(), Some(0x381 | 0x382));
-        let lost = by.is_some_and(|number| {
-            exchange && std::mem::take(&mut self.lose[number])
-        });
+        let lost = by.is_some_and(|number| exchange && std::mem::take(&mut self.lose[number]));
         for number in NODES {
             if Some(number) != by && self.nodes[number].is_connected() && !lost {
                 self.nodes[number].device.receive(&frame, at);

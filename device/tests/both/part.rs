@@ -17,24 +17,61 @@ use tilt::filter::LowPass;
 use tilt::sample::FullScale;
 use tilt::table::Rule;
 
-/// The registers of a part.
+/// The registers of a part, and what it feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Registers(pub [u8; 64]);
+pub struct Registers {
+    registers: [u8; 64],
+    /// X, Y and Z in steps of 14 bits.
+    counts: [i16; 3],
+    /// Where its noise has got to.
+    noise: u64,
+}
 
 impl Registers {
     /// Level, always ready, 25 degC.
-    pub const LEVEL: Self = {
+    pub const fn level(number: usize) -> Self {
         let mut registers = [0; 64];
         registers[0x0F] = 0x44;
         registers[0x27] = 0x01;
-        registers[0x2D] = 0x40;
-        Self(registers)
-    };
+        Self {
+            registers,
+            counts: [0, 0, 4096],
+            noise: 0x2545_F491_4F6C_DD1D + number as u64,
+        }
+    }
+
+    /// Noise of 4 steps, 1 mg: about what the part has.
+    fn noise(&mut self) -> i16 {
+        let mut sum = 0;
+        for _ in 0..12 {
+            self.noise ^= self.noise << 13;
+            self.noise ^= self.noise >> 7;
+            self.noise ^= self.noise << 17;
+            sum += (self.noise >> 59) as i16;
+        }
+        // Twelve numbers from 0 to 31: a mean of 186 and a standard deviation of 32.
+        (sum - 186) / 8
+    }
+
+    /// A new sample stands in the output registers.
+    fn sample(&mut self) {
+        for axis in 0..3 {
+            // 14 bits stand to the left of 16.
+            let code = (self.counts[axis] + self.noise()) * 4;
+            let [low, high] = code.to_le_bytes();
+            self.registers[OUT_X + 2 * axis] = low;
+            self.registers[OUT_X + 2 * axis + 1] = high;
+        }
+    }
 }
 
-/// CTRL1, and OUT_X_L.
+/// CTRL1, OUT_T, with which a sample is read, and OUT_X_L.
 const CONTROL_1: usize = 0x20;
+const OUT_T: usize = 0x26;
 const OUT_X: usize = 0x28;
+
+/// Standard deviation of the noise, 2^-26 g.
+const NOISE: u32 = 65_536;
 
 /// The wires to a part. Copies of a device share them, so the world puts its registers behind them
 /// before anything happens in it.
@@ -42,8 +79,8 @@ const OUT_X: usize = 0x28;
 pub struct Part(Rc<RefCell<Registers>>);
 
 impl Part {
-    pub fn shared(_number: usize) -> Self {
-        Self(Rc::new(RefCell::new(Registers::LEVEL)))
+    pub fn new(registers: Registers) -> Self {
+        Self(Rc::new(RefCell::new(registers)))
     }
 
     pub fn put(&self, registers: Registers) {
@@ -56,17 +93,13 @@ impl Part {
 
     /// The offset along X, mg.
     pub fn set_offset(&self, mg: i16) {
-        // 0.244 mg a step of 14 bits, which stand to the left of 16.
-        let counts = (f64::from(mg) / 0.244).round() as i16 * 4;
-        let [low, high] = counts.to_le_bytes();
-        let registers = &mut self.0.borrow_mut().0;
-        registers[OUT_X] = low;
-        registers[OUT_X + 1] = high;
+        // 0.244 mg a step.
+        self.0.borrow_mut().counts[0] = (f64::from(mg) / 0.244).round() as i16;
     }
 
     /// A brown-out: the part is in power-down.
     pub fn power_down(&self) {
-        self.0.borrow_mut().0[CONTROL_1] = 0;
+        self.0.borrow_mut().registers[CONTROL_1] = 0;
     }
 
     fn take(&self, bytes: &[u8], address: &mut usize) {
@@ -76,8 +109,12 @@ impl Part {
         *address = usize::from(first & 0x3F);
         for value in values {
             // CTRL2: boot and soft reset end at once.
-            let kept = if *address == 0x21 { value & !0xC0 } else { *value };
-            self.0.borrow_mut().0[*address] = kept;
+            let kept = if *address == 0x21 {
+                value & !0xC0
+            } else {
+                *value
+            };
+            self.0.borrow_mut().registers[*address] = kept;
             *address = (*address + 1) & 0x3F;
         }
     }
@@ -94,8 +131,11 @@ impl SpiDevice for Part {
             match operation {
                 Operation::Write(bytes) => self.take(bytes, &mut address),
                 Operation::Read(bytes) => {
+                    if address == OUT_T {
+                        self.0.borrow_mut().sample();
+                    }
                     for byte in bytes.iter_mut() {
-                        *byte = self.0.borrow().0[address];
+                        *byte = self.0.borrow().registers[address];
                         address = (address + 1) & 0x3F;
                     }
                 }
@@ -136,11 +176,10 @@ pub fn factory(number: usize) -> Factory {
             rule: Rule::Nearest,
             budget: chain.calibration.budget,
         },
-        // This part's codes stand still, as those of one without noise may.
         settings: Settings {
             part,
             chain,
-            noise: 1,
+            noise: NOISE,
         },
     }
 }

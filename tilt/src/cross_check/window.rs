@@ -30,21 +30,6 @@ impl WindowState {
         self.excess_since = None;
     }
 
-    /// True after a disagreement.
-    pub const fn has_disagreed(&self) -> bool {
-        self.disagreed
-    }
-
-    /// True when the two have agreed since this channel was last away.
-    pub const fn has_agreed(&self) -> bool {
-        self.agreed
-    }
-
-    /// This channel was away.
-    pub const fn forget_agreement(&mut self) {
-        self.agreed = false;
-    }
-
     /// True while the two angles are further apart than they may be, for however short a time.
     pub(super) const fn exceeds(&self) -> bool {
         self.excess_since.is_some()
@@ -66,8 +51,6 @@ impl WindowCheck {
 pub struct WindowState {
     excess_since: Option<Instant>,
     disagreed: bool,
-    /// The two have agreed, and this channel was not away since.
-    agreed: bool,
     silence: Silence,
 }
 
@@ -108,7 +91,6 @@ impl WindowCheck {
         }
         if !self.exceeds(own.x, peer.x) && !self.exceeds(own.y, peer.y) {
             state.excess_since = None;
-            state.agreed = true;
             return Judgement::Agree;
         }
         let since = *state.excess_since.get_or_insert(now);
