@@ -19,6 +19,7 @@ pub mod memory;
 pub mod objects;
 pub mod pair;
 pub mod peer_clock;
+pub mod presentation;
 pub mod profile;
 pub mod program;
 pub mod records;

@@ -24,6 +24,7 @@ use tilt::observation::Observation;
 use tilt::sample::Instant;
 
 use crate::exchange::reason_code;
+use crate::presentation::{PeerPresentation, Presentation};
 
 /// How long a pair counts once no new one comes, us: at least and at most so long.
 const COUNTS_FOR_US: (u32, u32) = (400_000, 10_500_000);
@@ -67,6 +68,8 @@ pub struct Pair {
     periods_us: [u32; 2],
     /// The peer has been heard since this node became OPERATIONAL.
     heard: bool,
+    /// How the peer shows its angles.
+    shown: PeerPresentation,
     check: CrossCheck,
 }
 
@@ -87,6 +90,7 @@ impl Pair {
             last_sync: Instant(0),
             periods_us: [0; 2],
             heard: false,
+            shown: PeerPresentation::NONE,
             check,
         }
     }
@@ -97,7 +101,12 @@ impl Pair {
         self.newest = None;
         self.last_sync = now;
         self.periods_us = [0; 2];
+        self.unhear();
+    }
+
+    const fn unhear(&mut self) {
         self.heard = false;
+        self.shown = PeerPresentation::NONE;
     }
 
     /// Judges by another check from now on.
@@ -136,6 +145,22 @@ impl Pair {
         })
     }
 
+    /// Compares how both nodes show their angles, by a byte of the peer's with its capture time.
+    pub fn compare_shown(
+        &mut self,
+        piece: (u8, u8),
+        own: Presentation,
+        readings: [&Reading; 2],
+        now: Instant,
+    ) {
+        self.shown.hear(piece, own, readings, now);
+    }
+
+    /// True when both nodes are set to show different angles.
+    pub fn is_shown_apart(&self, now: Instant) -> bool {
+        self.shown.is_apart(now)
+    }
+
     /// Judges at `now` what both channels observed at the SYNC of `at`.
     pub fn judge(
         &mut self,
@@ -163,7 +188,7 @@ impl Pair {
     /// The node leaves OPERATIONAL.
     pub fn leave(&mut self) {
         self.compare_anew();
-        self.heard = false;
+        self.unhear();
     }
 
     /// This channel has to be compared again before its angles may be used: its sensor is set up
@@ -176,7 +201,7 @@ impl Pair {
     /// The peer has been started anew: what was held against it belongs to its life before.
     pub fn peer_restarted(&mut self) {
         self.check.peer_restarted();
-        self.heard = false;
+        self.unhear();
     }
 
     /// This channel reports a fault of itself before the next SYNC.

@@ -99,8 +99,8 @@ struct Past {
 struct Watch {
     past: [Past; 2],
     last_sync: Instant,
-    /// Time between the SYNCs before, us.
-    periods_us: [i64; 2],
+    /// Time between the SYNCs before, us. A PDO is made before its own SYNC is counted.
+    periods_us: [i64; 3],
 }
 
 #[derive(Clone)]
@@ -118,7 +118,7 @@ impl State {
         let watch = Watch {
             past: [Past::default(); 2],
             last_sync: world.now,
-            periods_us: [0; 2],
+            periods_us: [0; 3],
         };
         world.save();
         Self {
@@ -258,7 +258,8 @@ impl Watch {
 
     fn sync(&mut self, world: &World, at: Instant, biased: bool) {
         let period_us = at.micros_since(self.last_sync);
-        self.periods_us = [period_us, self.periods_us[0]];
+        let [newest, before, _] = self.periods_us;
+        self.periods_us = [period_us, newest, before];
         let passed_us = period_us.min(MOST_CREDIT_US);
         let promised_us = passed_us.min(PROMISED_SYNC_US);
         self.last_sync = at;
@@ -292,6 +293,7 @@ impl Rules<'_> {
         let Some(id) = heard.frame.cob_id() else {
             return;
         };
+        self.attribute(world);
         match heard.by {
             _ if id == 0x80 => self.watch.sync(world, heard.at, self.biased),
             Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(n, &heard),
@@ -325,16 +327,21 @@ impl Rules<'_> {
         );
     }
 
+    /// The difference is attributed to the other channel: stuck, noise, spikes, thermometer, bias,
+    /// calibration.
+    fn attribute(&mut self, world: &World) {
+        for (n, past) in self.watch.past.iter_mut().enumerate() {
+            let (blamed, why) = world.nodes[n].device.shown(world.now).blame();
+            past.disagreed &= !(blamed == 2 && (9..=14).contains(&why));
+        }
+    }
+
     fn slopes(&mut self, world: &World, n: usize, heard: &Heard) {
         let [.., validity, state] = heard.frame.bytes() else {
             return;
         };
         let past = &mut self.watch.past[n];
         past.disagreed |= *state == 6 && self.latch_s == 0;
-        // The difference is attributed to the other channel: stuck, noise, spikes, thermometer,
-        // bias, calibration.
-        let (blamed, why) = world.nodes[n].device.shown(world.now).blame();
-        past.disagreed &= !(blamed == 2 && (9..=14).contains(&why));
         if validity & 1 == 0 {
             return;
         }
@@ -345,7 +352,8 @@ impl Rules<'_> {
         let before = past.compared > u32::from(State::can_compare(world));
         self.rule(before, heard, "valid without a comparison");
         // The newest pair counts for a while (`device::pair`).
-        let period_us = self.watch.periods_us.into_iter().min().unwrap_or(0);
+        let [newest, before, first] = self.watch.periods_us;
+        let period_us = newest.min(before).max(before.min(first));
         let counts_us = (period_us * 9 / 2).max(400_000) + TICK_US;
         let age_us = past.last.map(|last| heard.at.micros_since(last));
         let proven = age_us.is_some_and(|us| us <= counts_us) || past.compared_us >= 400_000;

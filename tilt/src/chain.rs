@@ -68,6 +68,8 @@ pub enum Invalid {
     Unconfirmed,
     /// The other channel is ill, and this one alone is not allowed to do.
     Alone,
+    /// Both channels measure alike and are set to show different angles.
+    Unlike,
 }
 
 impl Invalid {

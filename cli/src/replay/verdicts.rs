@@ -112,6 +112,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Refused => "the channels differ",
         Invalid::Unconfirmed => "the other channel has not been heard",
         Invalid::Alone => "the other channel is ill, and this one alone is not allowed to do",
+        Invalid::Unlike => "the channels are set to show different angles",
     }
 }
 

@@ -190,6 +190,7 @@ pub fn because(code: u8) -> String {
         Invalid::Refused => "channels disagree",
         Invalid::Unconfirmed => "other channel not heard yet",
         Invalid::Alone => "alone, which 2005h forbids",
+        Invalid::Unlike => "presets, offsets or inversion differ from the other channel's",
     };
     text.to_owned()
 }

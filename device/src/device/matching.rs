@@ -167,6 +167,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
+        if backed {
+            let own_shown = self.values.parameters.presentation();
+            let readings = [&own.observation.reading, &peer.reading];
+            let piece = (received.captured, received.piece());
+            self.pair.compare_shown(piece, own_shown, readings, now);
+        }
         self.judge_sync(own.observation, peer, (own.at, now));
     }
 

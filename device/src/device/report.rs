@@ -169,7 +169,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// Everything that is wrong now.
-    fn found(&self, judgement: Option<Judgement>) -> Faults {
+    fn found(&self, judgement: Option<Judgement>, now: Instant) -> Faults {
         let mut found = self.looked;
         if let Some(judgement) = judgement {
             found.of_judgement(judgement);
@@ -180,6 +180,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if self.values.news.fail_safe {
             found.insert(Fault::FailSafe);
         }
+        found.set(Fault::Unlike, self.shown(now).is_unlike());
         found
     }
 
@@ -191,7 +192,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             self.judged = judgement;
             self.values.process.since_ms = self.uptime_ms(now);
         }
-        let (before, found) = (self.faults, self.found(judgement));
+        let (before, found) = (self.faults, self.found(judgement, now));
         let news = before != found;
         if news {
             self.faults = found;
@@ -253,7 +254,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
     fn consents(&self, now: Instant) -> Option<BusInstant> {
-        let sound = self.shown(now).own(0).is_ok() && !self.faults.forbid_safety();
+        let sound = self.shown(now).measured(0).is_some() && !self.faults.forbid_safety();
         let signed = self.values.parameters.safety_valid == VALID;
         let checked_at = self.pair.agreed_at().filter(|_| sound && signed);
         checked_at.map(bus_time)

@@ -59,6 +59,8 @@ pub struct Bus {
 pub struct Process {
     /// What this channel has measured last, whether it may be used or not.
     pub measured: Reading,
+    /// Its angles a second time, with every bit inverted.
+    pub inverted: [i32; 2],
     /// What this node tells its peer, 2010h.
     pub sent: Exchange,
     /// What the peer has told, 2011h.
@@ -103,6 +105,7 @@ impl Process {
     /// Nothing measured, nothing heard.
     pub const NOTHING: Self = Self {
         measured: Observation::absent(Invalid::NoSample).reading,
+        inverted: [-1; 2],
         sent: Exchange::NOTHING,
         received: Exchange::NOTHING,
         since_ms: 0,
@@ -127,6 +130,7 @@ impl Process {
     /// Takes in this channel's reading.
     pub fn measure(&mut self, reading: &Reading) {
         self.measured = *reading;
+        self.inverted = [reading.x, reading.y].map(|axis| axis.map_or(-1, |m| !m.angle.0));
         if let Ok(m) = reading.x.or(reading.y) {
             self.latency_us = m.latency_us;
         }
@@ -175,11 +179,36 @@ impl<'a> Shown<'a> {
     /// Outside OPERATIONAL nobody works by them, and whoever sets the instrument up has to see
     /// them, so there they are shown as measured.
     pub fn standing(&self) -> Result<(), Invalid> {
+        self.measured_standing()?;
+        if self.is_unlike() {
+            return Err(Invalid::Unlike);
+        }
+        Ok(())
+    }
+
+    /// True while the two channels are set to show different angles, which 2006h forbids.
+    pub fn is_unlike(&self) -> bool {
+        let operational = self.values.state == State::Operational;
+        operational && self.values.parameters.alike != 0 && self.pair.is_shown_apart(self.now)
+    }
+
+    /// [`Shown::standing`] of the angles as measured, however they are shown.
+    fn measured_standing(&self) -> Result<(), Invalid> {
         if self.values.state != State::Operational {
             return Ok(());
         }
         self.pair
             .standing(self.now, self.values.parameters.policy())
+    }
+
+    /// This channel's X or Y for a safety frame, which has neither preset nor offset, and a second
+    /// time from the copy that was kept inverted.
+    pub fn measured(&self, axis: usize) -> Option<(Angle, Angle)> {
+        self.measured_standing().ok()?;
+        let Axes { x, y } = &self.values.process.measured;
+        let measured = if axis == 0 { x } else { y }.as_ref().ok()?;
+        let inverted = self.values.process.inverted.get(axis)?;
+        Some((measured.angle, Angle(!inverted)))
     }
 
     /// This channel's X or Y as far as it may be used.

@@ -140,7 +140,7 @@ impl Values {
             Some(reason) if observation.reading.x.is_ok() => observation.refused(reason),
             _ => *observation,
         };
-        self.process.sent = exchange::encode(&told, at);
+        self.process.sent = exchange::encode(&told, self.parameters.presentation(), at);
     }
 }
 

@@ -251,6 +251,7 @@ impl Findings {
     /// who was late or silent meanwhile is not known.
     pub fn own_away(&mut self) {
         self.agreed_us = 0;
+        self.before_us = 0;
         for place in &mut self.faulty {
             *place = place.filter(|faulty| !faulty.passes());
         }

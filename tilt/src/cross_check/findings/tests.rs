@@ -103,7 +103,7 @@ impl Past {
         let evidence = match event {
             Event::Reset => return Self::default(),
             Event::OwnAway => {
-                self.agreed_us = 0;
+                (self.agreed_us, self.before_us) = (0, 0);
                 return self;
             }
             Event::PeerRestarted => return self,
