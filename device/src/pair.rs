@@ -56,6 +56,9 @@ struct Newest {
     shows: Judgement,
     /// When it was judged.
     at: Instant,
+    /// How long it counts, us. What has stopped to count does not begin again, however SYNC
+    /// changes.
+    counts_us: u32,
 }
 
 /// State of the pair, as one of its nodes has it.
@@ -173,6 +176,13 @@ impl Pair {
             check.latch = policy.latch();
         }
         let verdict = self.check.step(own, peer, at);
+        let delta = verdict.delta();
+        let compared = delta.x.is_some() || delta.y.is_some();
+        // A miss that is not held against anybody yet proves nothing: the pair before it counts
+        // for as long as it would have without.
+        if !compared && verdict.judgement() == Judgement::Agree {
+            return;
+        }
         // What was found is told by the check for as long as it counts, and not by the pair.
         let shows = match self.check.found() {
             Some(_) => STARTING,
@@ -182,6 +192,7 @@ impl Pair {
             verdict,
             shows,
             at: now,
+            counts_us: self.counts_for_us(),
         });
     }
 
@@ -231,7 +242,7 @@ impl Pair {
     /// The newest pair, while it counts.
     fn current(&self, now: Instant) -> Option<&Newest> {
         let newest = self.newest.as_ref()?;
-        (between(newest.at, now) <= self.counts_for_us()).then_some(newest)
+        (between(newest.at, now) <= newest.counts_us).then_some(newest)
     }
 
     /// The judgement; `None` when comparisons have not begun, or have stopped and nothing was

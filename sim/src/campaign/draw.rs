@@ -1,9 +1,12 @@
 //! A trial from a seed: every option drawn, each from a stream of its own.
 //!
 //! In: a seed. Out: a [`Setup`]. One seed in [`BEYOND_ONE_IN`] goes beyond the promise: both
-//! channels are ill at once, and only a wrong angle marked valid counts.
+//! channels are faulty at once, and only a wrong angle marked valid counts. One product within it in
+//! [`MAINTAINED_ONE_IN`] is maintained meanwhile: [`service`].
 //!
 //! Left out: other node-ids than 1 and 2.
+
+mod service;
 
 use crate::bench::Mode;
 use crate::can_bus::Rates;
@@ -20,6 +23,8 @@ pub const UNITS: u32 = 4;
 pub const BEYOND_ONE_IN: u32 = 8;
 /// One seed within the promise in so many is of an instrument in paper mode.
 const PAPER_ONE_IN: u32 = 8;
+/// One product within the promise in so many is maintained while its fault stands.
+pub const MAINTAINED_ONE_IN: u32 = 3;
 /// One seed in so many has no fault at all.
 const HEALTHY_ONE_IN: u32 = 6;
 
@@ -57,8 +62,13 @@ pub fn draw(seed: u64) -> Setup {
     let beyond = one_in(&mut stream(seed, "promise"), BEYOND_ONE_IN);
     let mut instrument = stream(seed, "instrument");
     let paper = !beyond && one_in(&mut instrument, PAPER_ONE_IN);
+    let maintained = !beyond && !paper && one_in(&mut stream(seed, "service"), MAINTAINED_ONE_IN);
     let (latch_s, degraded) = policy(seed, beyond);
-    let faults = faults(seed, beyond, f64::from(latch_s));
+    let (faults, maintenance) = if maintained {
+        service::draw(seed)
+    } else {
+        (faults(seed, beyond, f64::from(latch_s)), Vec::new())
+    };
     let (start_c, ramp_c_per_min) = temperature(seed);
     let (kbit_s, sync_us, host_clock_ppm) = bus(seed);
     Setup {
@@ -78,6 +88,7 @@ pub fn draw(seed: u64) -> Setup {
         rates: rates(seed),
         safety_s: stream(seed, "length").range(10.0, 30.0),
         faults,
+        maintenance,
         within_promise: !beyond,
         sabotage: Sabotage::None,
     }
@@ -291,7 +302,8 @@ mod tests {
 
     #[test]
     fn faults_follow_each_other_within_the_promise() {
-        for setup in (1..500).map(draw).filter(|setup| setup.within_promise) {
+        let alone = |setup: &Setup| setup.within_promise && setup.maintenance.is_empty();
+        for setup in (1..500).map(draw).filter(alone) {
             for pair in setup.faults.windows(2) {
                 assert!(pair[1].from_s > pair[0].until_s + LOOK_AFTER_S + 5.0);
             }
@@ -319,6 +331,26 @@ mod tests {
         let step = What::Sensor(SensorFault::Bias { axis: 0, mg: -20.0 });
         assert!(same_kind(&drift(-10.0), &step));
         assert!(!same_kind(&drift(-10.0), &What::Sensor(SensorFault::Sag)));
+    }
+
+    #[test]
+    fn every_kind_of_maintenance_comes_up_before_in_and_after_every_kind_of_fault() {
+        let mut kinds = std::collections::BTreeSet::new();
+        let mut moments = [0; 3];
+        for setup in (1..3000).map(draw) {
+            for work in &setup.maintenance {
+                let kind = work.work.to_string();
+                kinds.insert(kind.split(" every").next().map(str::to_owned));
+                for fault in &setup.faults {
+                    moments[0] += u32::from(work.from_s < fault.from_s);
+                    let stands = fault.from_s..fault.until_s;
+                    moments[1] += u32::from(stands.contains(&work.from_s));
+                    moments[2] += u32::from(work.until_s > fault.until_s);
+                }
+            }
+        }
+        assert_eq!(kinds.len(), 16, "{kinds:?}");
+        assert!(moments.iter().all(|count| *count > 100), "{moments:?}");
     }
 
     #[test]

@@ -13,6 +13,7 @@
 
 pub mod checks;
 pub mod inject;
+pub mod maintenance;
 pub mod master;
 pub mod message;
 pub mod pool;
@@ -32,6 +33,7 @@ use crate::rng::Rng;
 use checks::detection::Detection;
 use checks::{Affected, Checks, RECOVERY_S, Violation};
 use inject::What;
+use maintenance::Site;
 use master::Master;
 use message::Message;
 use pool::Pool;
@@ -117,6 +119,8 @@ pub fn run(
 enum Deed {
     Begin(usize),
     Heal(usize),
+    Maintain(usize),
+    Finish(usize),
     Look,
     End,
 }
@@ -137,6 +141,13 @@ fn agenda(setup: &Setup) -> Vec<(u64, Deed)> {
         deeds.push((nanoseconds(look_s), Deed::Look));
         end_s = end_s.max(look_s + latch_s + RECOVERY_S + AFTERWARDS_S);
     }
+    for (index, work) in setup.maintenance.iter().enumerate() {
+        deeds.push((nanoseconds(work.from_s), Deed::Maintain(index)));
+        deeds.push((nanoseconds(work.until_s), Deed::Finish(index)));
+        let look_s = work.until_s + LOOK_AFTER_S;
+        deeds.push((nanoseconds(look_s), Deed::Look));
+        end_s = end_s.max(look_s + latch_s + RECOVERY_S + AFTERWARDS_S);
+    }
     deeds.push((nanoseconds(end_s), Deed::End));
     // Stable: what begins at one instant begins in the order of the setup.
     deeds.sort_by_key(|(at, _)| *at);
@@ -153,7 +164,7 @@ struct Run<'a> {
     checks: Checks,
     agenda: Vec<(u64, Deed)>,
     temperature_ns: u64,
-    /// Faults that have begun and not ended.
+    /// Faults and maintenance that have begun and not ended.
     active: usize,
     events: Vec<Event>,
     over: bool,
@@ -169,8 +180,7 @@ impl<'a> Run<'a> {
             memory: setup.memory(),
         });
         let nodes = delivered.clone().join(&mut network, fittings);
-        let period_ns = f64::from(setup.sync_us) * 1e3 * (1.0 + setup.host_clock_ppm * 1e-6);
-        let master = Master::new(&mut network, period_ns.round() as u64);
+        let master = Master::new(&mut network, setup.period_ns());
         // The machine's own controller listens and acknowledges. Where all who are on a bus send
         // the very same SYNC at once, nobody is left to do so, and they repeat it for ever.
         let _listener = network.attach_host();
@@ -276,9 +286,29 @@ impl<'a> Run<'a> {
                 self.checks.healed(now_s);
                 injection.heal(&mut self.network, self.nodes[injection.channel]);
             }
+            Deed::Maintain(index) => self.maintain(index, true),
+            Deed::Finish(index) => self.maintain(index, false),
             Deed::Look if self.active > 0 => {}
             Deed::Look => self.look(now_s),
             Deed::End => self.over = true,
+        }
+    }
+
+    fn maintain(&mut self, index: usize, begins: bool) {
+        let setup = self.setup;
+        let maintenance = &setup.maintenance[index];
+        let mut site = Site {
+            network: &mut self.network,
+            nodes: self.nodes,
+            master: &mut self.master,
+        };
+        if begins {
+            self.active += 1;
+            self.checks.maintain();
+            maintenance.begin(&mut site, setup);
+        } else {
+            self.active -= 1;
+            maintenance.end(&mut site, setup);
         }
     }
 
@@ -287,7 +317,8 @@ impl<'a> Run<'a> {
         let setup = self.setup;
         // What the paper's rule calls a physical fault stays until a reset.
         let product = setup.mode == Mode::Product;
-        let by_itself = product && setup.latch_s != 0 && !setup.has(What::needs_reset);
+        let lone = setup.maintenance.is_empty();
+        let by_itself = product && lone && setup.latch_s != 0 && !setup.has(What::needs_reset);
         if by_itself {
             return self.checks.well(now_s + f64::from(setup.latch_s));
         }

@@ -14,6 +14,7 @@ use crate::excavator::ExcavatorSetup;
 use crate::memory::{self, Memory};
 use crate::trial::checks::{LIMIT_DEG, Terms};
 use crate::trial::inject::{Injection, What};
+use crate::trial::maintenance::Maintenance;
 use crate::trial::sabotage::Sabotage;
 
 /// Paper mode takes up to 10 min 45 s (erratum E16), s.
@@ -54,6 +55,8 @@ pub struct Setup {
     pub rates: Rates,
     /// What goes wrong, in the order of time.
     pub faults: Vec<Injection>,
+    /// What is done to one node alone, or to SYNC, meanwhile.
+    pub maintenance: Vec<Maintenance>,
     /// The trial lasts at least so long, s.
     pub safety_s: f64,
     /// Whether everything stays within what is promised.
@@ -81,6 +84,7 @@ impl Setup {
             safety_frames: false,
             rates: Rates::default(),
             faults: Vec::new(),
+            maintenance: Vec::new(),
             safety_s: 10.0,
             within_promise: true,
             sabotage: Sabotage::None,
@@ -90,6 +94,12 @@ impl Setup {
     /// Temperature of the dies at a time, degC.
     pub fn temperature_c(&self, time_s: f64) -> f64 {
         self.start_c + self.ramp_c_per_min * time_s / 60.0
+    }
+
+    /// SYNC period by the world's clock, ns.
+    pub fn period_ns(&self) -> u64 {
+        let period_ns = f64::from(self.sync_us) * 1e3 * (1.0 + self.host_clock_ppm * 1e-6);
+        period_ns.round() as u64
     }
 
     /// What both nodes find in their memory: the parameters that differ from the delivered ones.
@@ -122,6 +132,7 @@ impl Setup {
                 Terms::PRODUCT.reaction_s
             },
             angles_only: !self.within_promise,
+            maintained: !self.maintenance.is_empty(),
             sound_bus: faultless && self.faults.iter().all(sound),
             safety: self.safety_frames,
             order_up_to: if paper { PAPER_ORDER_UP_TO } else { 1 },
@@ -208,6 +219,9 @@ impl fmt::Display for Setup {
         writeln!(f, "faults         {}, {promise}", self.faults.len())?;
         for injection in &self.faults {
             writeln!(f, "               {injection}")?;
+        }
+        for maintenance in &self.maintenance {
+            writeln!(f, "maintenance    {maintenance}")?;
         }
         if self.sabotage != Sabotage::None {
             writeln!(f, "sabotage       {:?}", self.sabotage)?;

@@ -21,6 +21,15 @@ struct Wrong {
     told: bool,
 }
 
+/// When a frame was heard.
+#[derive(Clone, Copy, Debug)]
+pub struct At {
+    /// By the world's clock, s.
+    pub at_s: f64,
+    /// By the clock that the reaction time is counted with, s.
+    pub compared_s: f64,
+}
+
 /// What the rule remembers.
 #[derive(Clone, Debug)]
 pub struct Angles {
@@ -49,7 +58,7 @@ impl Angles {
     /// before, the newest first.
     pub fn see(
         &mut self,
-        at_s: f64,
+        At { at_s, compared_s }: At,
         channel: usize,
         deg: [Option<f64>; 2],
         newest: Option<[f64; 2]>,
@@ -73,7 +82,7 @@ impl Angles {
                 .iter()
                 .any(|truth| (deg - truth[axis]).abs() < FITS_DEG);
             self.old += u32::from(old);
-            if let Some(rule) = self.lasts(at_s, channel, axis, old) {
+            if let Some(rule) = self.lasts(compared_s, channel, axis, old) {
                 let name = ["X", "Y"][axis];
                 let what = format!("slope {name} reads {deg:.2} deg, the truth is {newest:.2} deg");
                 found.push(Violation {

@@ -11,6 +11,8 @@
 //!   order.
 //! - [`alarm`]: without a fault nobody is accused.
 //! - [`emergency`]: what is told by EMCY is taken back once, when it has gone.
+//! - [`exposure`]: while one node is maintained, the time of [`angle`] is that in which both could
+//!   be compared.
 //! - [`order`]: when everything is well again, the instrument is in order within
 //!   [`RECOVERY_S`].
 //!
@@ -20,6 +22,7 @@ pub mod alarm;
 pub mod angle;
 pub mod detection;
 pub mod emergency;
+pub mod exposure;
 pub mod order;
 pub mod safety;
 pub mod stale;
@@ -110,6 +113,10 @@ pub struct Terms {
     /// Whether only [`Rule::WrongAngle`], [`Rule::OldAngle`] and [`Rule::StaleAngle`] count: beyond
     /// the promise.
     pub angles_only: bool,
+    /// Whether one node alone is maintained meanwhile: a wrong angle may be marked valid for
+    /// `reaction_s` in which both channels could be compared ([`exposure`]), and whoever is named
+    /// or alarmed of what was done on purpose does not count.
+    pub maintained: bool,
     /// Whether the bus itself is healthy, so that every EMCY gets through.
     pub sound_bus: bool,
     /// Whether safety frames have been commissioned.
@@ -125,6 +132,7 @@ impl Terms {
     pub const PRODUCT: Self = Self {
         reaction_s: REACTION_S,
         angles_only: false,
+        maintained: false,
         sound_bus: true,
         safety: false,
         order_up_to: 1,
@@ -149,6 +157,7 @@ pub struct Checks {
     terms: Terms,
     syncs: VecDeque<f64>,
     angles: angle::Angles,
+    exposure: exposure::Exposure,
     stale: stale::Stale,
     /// How soon each fault was told, in the order of the faults.
     pub detections: detection::Detections,
@@ -167,6 +176,7 @@ impl Checks {
             terms,
             syncs: VecDeque::new(),
             angles: angle::Angles::new(terms.reaction_s),
+            exposure: exposure::Exposure::default(),
             stale: stale::Stale::new(terms.reaction_s),
             detections: detection::Detections::default(),
             safety: safety::Safety::new(terms.reaction_s),
@@ -183,6 +193,13 @@ impl Checks {
             self.stale.excuse(affected.channel);
         }
         self.detections.begin(affected);
+        self.alarms.expect();
+        self.order.excuse();
+    }
+
+    /// Something is done to one node alone, or to SYNC.
+    pub fn maintain(&mut self) {
+        (0..super::CHANNELS).for_each(|channel| self.stale.excuse(channel));
         self.alarms.expect();
         self.order.excuse();
     }
@@ -228,7 +245,14 @@ impl Checks {
                 let truth = |sync: &f64| ideal(sync - super::LATENCY_S);
                 let newest = self.syncs.front().and_then(truth);
                 let older = || self.syncs.iter().skip(1).map_while(truth).collect();
-                let found = (self.angles).see(at_s, channel, slopes.deg, newest, older);
+                self.exposure.slopes(at_s, channel);
+                let compared_s = if self.terms.maintained {
+                    self.exposure.compared_s()
+                } else {
+                    at_s
+                };
+                let at = angle::At { at_s, compared_s };
+                let found = (self.angles).see(at, channel, slopes.deg, newest, older);
                 self.violations.extend(found);
                 let found = self
                     .stale
@@ -264,6 +288,7 @@ impl Checks {
     }
 
     fn sync(&mut self, at_s: f64) {
+        self.exposure.sync(at_s);
         self.syncs.push_front(at_s);
         self.syncs.truncate(SYNCS_KEPT);
     }
@@ -298,17 +323,22 @@ impl Checks {
     }
 
     fn keep_what_counts(&mut self, from: usize) {
-        if self.terms.angles_only {
-            let counts = |v: &Violation| {
-                use Rule::{OldAngle, StaleAngle, WrongAngle};
-                matches!(v.rule, WrongAngle | OldAngle | StaleAngle)
-            };
-            let mut index = 0;
-            self.violations.retain(|v| {
-                index += 1;
-                index <= from || counts(v)
-            });
-        }
+        use Rule::{NotInOrder, OldAngle, SafetyFrame, StaleAngle, WrongAngle};
+        let Terms {
+            angles_only,
+            maintained,
+            ..
+        } = self.terms;
+        let counts = |rule| match rule {
+            WrongAngle | OldAngle | StaleAngle => true,
+            NotInOrder | SafetyFrame => !angles_only,
+            _ => !angles_only && !maintained,
+        };
+        let mut index = 0;
+        self.violations.retain(|v| {
+            index += 1;
+            index <= from || counts(v.rule)
+        });
     }
 }
 

@@ -8,7 +8,7 @@
 //!
 //! Left out: the inverted twins and the cycle time, which are the receiver's to check.
 
-use super::angle::Angles;
+use super::angle::{Angles, At};
 use super::{Rule, Violation};
 use crate::trial::CHANNELS;
 
@@ -65,7 +65,11 @@ impl Safety {
     ) -> Vec<Violation> {
         let nearest = nearest(at_s, deg, ideal);
         let valid = deg.map(Some);
-        let mut found = (self.angles).see(at_s, channel, valid, nearest, Vec::new);
+        let at = At {
+            at_s,
+            compared_s: at_s,
+        };
+        let mut found = (self.angles).see(at, channel, valid, nearest, Vec::new);
         let late = self.accuses[channel].is_some_and(|since| at_s - since > UNDER_WAY_S);
         if late && !std::mem::replace(&mut self.told[channel], true) {
             found.push(Violation {
