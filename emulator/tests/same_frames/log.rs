@@ -228,20 +228,22 @@ impl Log {
 
     /// The handler of TIM2: an overflow, an edge, or both.
     fn edge(&mut self) {
-        let (mut flags, mut captured) = (0, None);
+        let (mut flags, mut captured, mut count) = (None, None, 0);
         while let Some(deed) = self.of(EDGES) {
-            match deed {
-                Deed::Load(SR, value) => flags = value,
-                Deed::Load(CCR1, value) => captured = Some(value as u16),
-                Deed::Store(SR, _) => break,
+            match (deed, captured) {
+                (Deed::Load(SR, value), Some(edge)) => {
+                    let now = ticks::join(self.overflows, value & 1 != 0, count);
+                    self.inbox.edge(ticks::captured(edge, now));
+                }
+                (Deed::Load(SR, value), None) => flags = Some(value),
+                (Deed::Load(CCR1, value), _) => captured = Some(value as u16),
+                (Deed::Load(CNT, value), _) => count = value as u16,
+                (Deed::Store(SR, _), _) => break,
                 _ => {}
             }
         }
-        let late = flags & 1 != 0;
-        if let Some(count) = captured {
-            self.inbox.edge(ticks::join(self.overflows, late, count));
-        }
-        self.overflows = self.overflows.wrapping_add(u32::from(late));
+        let late = flags.unwrap_or(0) & 1;
+        self.overflows = self.overflows.wrapping_add(late);
     }
 
     /// A handler of CAN, which ends with a look at the error state.
