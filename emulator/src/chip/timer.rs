@@ -377,7 +377,12 @@ mod tests {
         // The core was held from 60 ms to 90 ms, and looks when the world is still at 60 ms.
         timer.write(0x34 + 4, 1_000, 72 * 60_000, 1);
         timer.advance(72 * 90_000, 1);
-        for (us, count) in [(65_000, 65_000), (65_535, 65_535), (65_536, 0), (70_000, 4464)] {
+        for (us, count) in [
+            (65_000, 65_000),
+            (65_535, 65_535),
+            (65_536, 0),
+            (70_000, 4464),
+        ] {
             timer.edge(0, true, 72 * us, 1);
             assert_eq!(timer.read(0x34, 72 * 90_000, 1), count, "{us}");
         }

@@ -167,7 +167,11 @@ impl Figures {
             Row::new("an SDO request of 4 bytes, with its answer", self.sdo, None),
             Row::new("a SYNC with its PDOs, both nodes'", self.sync, None),
             Row::new("the check of a new program", self.check, None),
-            Row::new("the longest interrupt meanwhile", self.longest, Some(180_000.0)),
+            Row::new(
+                "the longest interrupt meanwhile",
+                self.longest,
+                Some(180_000.0),
+            ),
             Row::new("samples a second", self.rate, None),
             Row::per_cent("load, % of 72 MHz", self.load, Some(10.0)),
             Row::per_cent("load with the wait and the background, %", self.whole, None),

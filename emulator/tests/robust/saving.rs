@@ -55,7 +55,10 @@ fn three_saves_of_forty_made_an_emergency_of_a_silent_sensor() {
         .collect();
     let gaps = beats.windows(2).map(|two| two[1] - two[0]);
     let longest = gaps.max().expect("heartbeats");
-    eprintln!("{erased} erases, heartbeats {} ms apart at most", longest / 1_000_000);
+    eprintln!(
+        "{erased} erases, heartbeats {} ms apart at most",
+        longest / 1_000_000
+    );
     assert!(longest < CONSUMER_NS, "{longest}");
 }
 
