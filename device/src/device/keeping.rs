@@ -2,8 +2,8 @@
 //!
 //! In: the fault log and the black box. Out: the same in the memory, from where a start takes them
 //! back, since a reset empties the chip's RAM. Writing goes on beside measuring, a millisecond at
-//! a time, and never erases in OPERATIONAL: room is made ahead, outside of it, a page at a time with
-//! a pause behind each. What finds no room waits in the RAM.
+//! a time, and never erases in OPERATIONAL: room is made ahead, outside of it, a page at a time
+//! with a pause behind each. What finds no room waits in the RAM.
 //!
 //! A contact that is loose for weeks must not wear the flash out: after [`ALLOWANCE`] events at
 //! once there is one more each [`PAUSE_US`]; others stay in the RAM, where the newest are. At that

@@ -264,7 +264,7 @@ impl Unit {
         erase_ns != 0
     }
 
-    /// The pages are erased: what was under way is ended, then what has come meanwhile is looked at.
+    /// The pages are erased: what was under way is ended, then comes what has waited.
     fn go_on(&mut self, bus: &mut Bus, now_ns: u64) {
         let lost = self.standstill.end();
         self.pump(bus, now_ns);
