@@ -4,8 +4,8 @@
 //! counted yet. Out: an [`Instant`]. The timer counts at 1 MHz, so it overflows every 65.536 ms.
 //!
 //! While a page is erased nobody counts overflows: 40 ms at most (data sheet of the
-//! STM32F103xC/D/E, 5.3.9). An overflow may be counted up to [`LATEST_US`] late; whoever comes later is a round
-//! behind.
+//! STM32F103xC/D/E, 5.3.9). An overflow may be counted up to [`LATEST_US`] late; whoever comes
+//! later is a round behind.
 
 use tilt::sample::Instant;
 
