@@ -177,11 +177,17 @@ def test_what_cannot_run_here_is_refused_with_its_reason(master: Master, build: 
 
 
 def test_a_wrong_signature_is_found_at_the_start(cleared: Master, build: Build) -> None:
-    forged = bytearray(free(cleared, build(BODY[:100])))
+    forged = bytearray(free(cleared, build(BODY)))
     forged[40] ^= 1
     program(cleared, bytes(forged))
-    assert cleared.refusal(1, 0x1F51, 1, bytes([START_PROGRAM])) == LOCAL
+    cleared.write(1, 0x1F51, 1, START_PROGRAM)
+    # The node is busy with it, and answers.
+    assert cleared.read(1, 0x1F57, 1) == 1
+    assert cleared.refusal(1, 0x1F51, 1, bytes([START_PROGRAM])) == WRONG_STATE
+    assert cleared.read(1, 0x1F56, 1) == identity(bytes(forged))
+    until(lambda: cleared.read(1, 0x1F57, 1) != 1, "an end of the check", 5)
     assert cleared.read(1, 0x1F57, 1) == 7 << 1 | 5 << 16
+    assert cleared.read(1, 0x1F51, 1) == 0
 
 
 def begin_block_download(master: Master, size: int) -> None:

@@ -139,10 +139,26 @@ impl ErrorControl {
             return None;
         }
         self.asked = true;
-        let life_ms = u32::from(self.guard_ms) * u32::from(self.life_factor);
-        self.guarded_until = (life_ms != 0).then(|| now.after_ms(life_ms));
+        self.guarded_until = self.life_ends(now);
         let back = core::mem::take(&mut self.guarding_lost);
         back.then_some(Event::LifeGuarding { alive: true })
+    }
+
+    fn life_ends(&self, now: Instant) -> Option<Instant> {
+        let life_ms = u32::from(self.guard_ms) * u32::from(self.life_factor);
+        (life_ms != 0).then(|| now.after_ms(life_ms))
+    }
+
+    /// Up to `now` frames may have been lost that were sent: whoever is supervised has all of its
+    /// time again.
+    pub fn excuse(&mut self, now: Instant) {
+        for consumer in &mut self.consumers {
+            let whole = now.after_ms(consumer.time_ms());
+            consumer.deadline = consumer.deadline.and(Some(whole));
+        }
+        if self.guarded_until.is_some() {
+            self.guarded_until = self.life_ends(now);
+        }
     }
 
     /// Supervision of a node starts at its first heartbeat (CiA 301, 7.2.8.2.2.3).
@@ -342,6 +358,42 @@ mod tests {
             control.transmit(5, State::Operational, ms(207)),
             Some(heartbeat(5, 5))
         );
+    }
+
+    #[test]
+    fn heartbeats_that_were_lost_in_an_erase_were_held_against_their_node() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 300)).unwrap();
+        write(&mut control, 0x1016, 2, Value::u32(3 << 16 | 300)).unwrap();
+        control.receive(&heartbeat(2, 127), 1, ms(0));
+        control.excuse(ms(290));
+        assert_eq!(control.expired(ms(589)), None);
+        // Who was never heard stays so.
+        let lost = Event::Heartbeat {
+            slot: 0,
+            node: 2,
+            alive: false,
+        };
+        assert_eq!(control.expired(ms(590)), Some(lost));
+        assert_eq!(control.expired(ms(10_000)), None);
+        // One that is lost already does not come back by it.
+        control.excuse(ms(600));
+        assert_eq!((control.lost(), control.poll()), (1, None));
+    }
+
+    #[test]
+    fn a_request_to_guard_that_was_lost_in_an_erase_was_held_against_the_master() {
+        let mut control = ErrorControl::new();
+        write(&mut control, 0x100C, 0, Value::u16(100)).unwrap();
+        write(&mut control, 0x100D, 0, Value::u8(3)).unwrap();
+        let guard = ErrorControl::request(1).unwrap();
+        control.receive(&guard, 1, ms(0));
+        control.excuse(ms(290));
+        assert_eq!(control.expired(ms(589)), None);
+        let lost = Event::LifeGuarding { alive: false };
+        assert_eq!(control.expired(ms(590)), Some(lost));
+        control.excuse(ms(600));
+        assert_eq!(control.poll(), None);
     }
 
     #[test]

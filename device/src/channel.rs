@@ -100,7 +100,7 @@ pub struct Channel<SPI> {
     fault: Option<Invalid>,
     /// When the next sample will be missed.
     overdue_at: Instant,
-    /// Nobody could read samples up to this instant.
+    /// Nobody could read samples up to this instant; 0 once one was read.
     excused_until: Instant,
     next_check: Instant,
     /// A sample that is overdue is not asked after again before this.
@@ -168,6 +168,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
             Ok(Some(sample)) => {
                 self.samples = self.samples.wrapping_add(1);
                 self.lost = false;
+                self.excused_until = Instant(0);
                 if captured >= self.overdue_at {
                     self.health.restart(&mut self.watch);
                 }
@@ -197,7 +198,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     /// Two such excuses in a row do not count without a sample between them, so that a part that
     /// really is silent is found while a memory is erased page by page.
     pub fn excuse(&mut self, settings: &Settings, now: Instant) {
-        if self.overdue_at > self.excused_until {
+        if now >= self.overdue_at && self.excused_until == Instant(0) {
             self.excused_until = now.offset(i64::from(settings.chain.period_us));
         }
     }

@@ -21,6 +21,7 @@ mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
+use canopen::nmt::State;
 use canopen::node::{BusState, Node, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
@@ -386,10 +387,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The processor stood still until `now`, as it does while a page is erased: what happened
     /// meanwhile is told later, with its own time.
     ///
-    /// The sensor is not blamed for that time, and the next page waits until what has come up is
-    /// done.
+    /// The sensor is not blamed for that time, nor are nodes whose heartbeats may have been lost,
+    /// and the next page waits until what has come up is done.
     pub fn stood_still(&mut self, now: Instant) {
         self.channel.excuse(&self.settings, now);
+        // No page is erased in OPERATIONAL: whatever else takes long there, frames are kept.
+        if self.bus.state() != State::Operational {
+            self.bus.excuse(bus_time(now));
+        }
         self.next_erase = now.offset(PAUSE_US);
     }
 

@@ -10,8 +10,10 @@
 //! when it is over. A download that was broken off goes on behind what has come when the client
 //! asks for that ([`Program::resume`]).
 //!
-//! An image is never started before all of it has come and the memory has found it whole. Started,
-//! it is on trial until [`ProgramMemory::confirm`]; the device decides that (`device::trial`).
+//! A start is answered at once too. The image is then checked, whole and by its signature, while
+//! everything else goes on, and bit 0 of 1F57h stands as long as that lasts. A good one ends in
+//! the reset that starts it, any other in the error that 1F57h shows. Started, an image is on
+//! trial until [`ProgramMemory::confirm`]; the device decides that (`device::trial`).
 //!
 //! Left out: the memory, what an image looks like, and the NMT state. The caller admits commands
 //! in PRE-OPERATIONAL only and answers [`Abort::WrongState`] otherwise.
@@ -137,10 +139,12 @@ pub trait ProgramMemory {
     /// What has come of an image, as soon as its header and signature have.
     fn held(&self) -> Option<Held>;
 
-    /// Checks the committed image's signature, and marks it as the one to run after the next reset.
+    /// The next step of checking the committed image and its signature; with the last one it is
+    /// marked as the one to run after the next reset. None takes long.
     ///
-    /// Errors: [`ProgramError::Signature`], [`ProgramError::Write`].
-    fn activate(&mut self) -> Result<(), ProgramError>;
+    /// Errors, after which the next call begins anew: [`ProgramError::Signature`],
+    /// [`ProgramError::Damaged`], [`ProgramError::Write`], [`ProgramError::NoProgram`].
+    fn activate(&mut self) -> Result<Progress, ProgramError>;
 
     /// The program that runs.
     fn running(&mut self) -> Running;
@@ -177,6 +181,8 @@ enum State {
     Broken,
     /// An image is here, whole.
     Loaded,
+    /// It is to be started, and is being checked.
+    Checking,
 }
 
 /// State of the program objects.
@@ -205,7 +211,7 @@ impl Program {
     pub const fn control(&self) -> u8 {
         match self.state {
             State::Started => 1,
-            State::Stopped | State::Loaded => 0,
+            State::Stopped | State::Loaded | State::Checking => 0,
             State::Clearing | State::Cleared | State::Loading { .. } | State::Broken => 3,
         }
     }
@@ -214,14 +220,14 @@ impl Program {
     ///
     /// Errors: [`Abort::InvalidValue`] for other numbers, [`Abort::WrongState`] for what cannot be
     /// done now (a clear while started, a start of an image that is not whole, anything while a
-    /// clear or a download runs), and what the memory refuses. A refused command changes nothing
-    /// but 1F57h.
+    /// clear, a download or a check runs), and what the memory refuses. A refused command changes
+    /// nothing but 1F57h.
     pub fn set_control<M: ProgramMemory + ?Sized>(
         &mut self,
         command: u8,
         memory: &mut M,
     ) -> Result<Effect, Abort> {
-        if matches!(self.state, State::Clearing | State::Loading { .. }) {
+        if self.is_busy() {
             return Err(Abort::WrongState);
         }
         match command {
@@ -231,7 +237,7 @@ impl Program {
                 }
                 Ok(Effect::None)
             }
-            1 => self.start(memory),
+            1 => self.start(),
             // A reset forgets an image that was not started; the program runs on as it was.
             2 => Ok(Effect::Reset),
             3 => self.clear(memory),
@@ -239,7 +245,7 @@ impl Program {
         }
     }
 
-    fn start<M: ProgramMemory + ?Sized>(&mut self, memory: &mut M) -> Result<Effect, Abort> {
+    fn start(&mut self) -> Result<Effect, Abort> {
         match self.state {
             State::Started => Ok(Effect::None),
             State::Stopped => {
@@ -247,12 +253,14 @@ impl Program {
                 Ok(Effect::None)
             }
             State::Loaded => {
-                memory.activate().map_err(|error| self.note(error))?;
-                Ok(Effect::Reset)
+                self.state = State::Checking;
+                self.error = None;
+                Ok(Effect::None)
             }
             // The error that broke the download says more than its consequence.
             State::Broken => Err(Abort::WrongState),
-            State::Clearing | State::Cleared | State::Loading { .. } => {
+            // Busy, these are not asked.
+            State::Clearing | State::Loading { .. } | State::Checking | State::Cleared => {
                 Err(self.note(ProgramError::NoProgram))
             }
         }
@@ -270,18 +278,37 @@ impl Program {
         Ok(Effect::None)
     }
 
-    /// The next page of a clear, if one runs; for the caller to call while nobody is in a hurry.
-    pub fn step<M: ProgramMemory + ?Sized>(&mut self, memory: &mut M) {
-        if self.state != State::Clearing {
-            return;
+    /// The next page of a clear, or the next step of a check, if one runs; for the caller to call
+    /// while nobody is in a hurry.
+    pub fn step<M: ProgramMemory + ?Sized>(&mut self, memory: &mut M) -> Effect {
+        match self.state {
+            State::Clearing => match memory.erase() {
+                Ok(Progress::More) => {}
+                Ok(Progress::Done) => self.state = State::Cleared,
+                Err(error) => {
+                    self.fail(error, memory);
+                }
+            },
+            State::Checking => match memory.activate() {
+                Ok(Progress::More) => {}
+                // It stays busy until the reset.
+                Ok(Progress::Done) => return Effect::Reset,
+                Err(error) => {
+                    self.state = State::Loaded;
+                    self.note(error);
+                }
+            },
+            _ => {}
         }
-        match memory.erase() {
-            Ok(Progress::More) => {}
-            Ok(Progress::Done) => self.state = State::Cleared,
-            Err(error) => {
-                self.fail(error, memory);
-            }
-        }
+        Effect::None
+    }
+
+    /// Whether a clear, a download or a check runs.
+    const fn is_busy(&self) -> bool {
+        matches!(
+            self.state,
+            State::Clearing | State::Loading { .. } | State::Checking
+        )
     }
 
     /// The next download goes on behind the `bytes` of an image that are here.
@@ -304,15 +331,16 @@ impl Program {
 
     /// 1F56h: the check sum of the image that waits for its start, else of the running program.
     pub fn identification<M: ProgramMemory + ?Sized>(&self, memory: &mut M) -> u32 {
-        let loaded = memory.held().filter(|_| self.state == State::Loaded);
+        let is_whole = matches!(self.state, State::Loaded | State::Checking);
+        let loaded = memory.held().filter(|_| is_whole);
         loaded.map_or_else(|| memory.running().crc, |held| held.crc)
     }
 
-    /// 1F57h: bit 0 while a clear or a download runs, else bits 1 to 7 the last error and bits 16
-    /// to 23 what it is about.
+    /// 1F57h: bit 0 while a clear, a download or a check runs, else bits 1 to 7 the last error and
+    /// bits 16 to 23 what it is about.
     pub const fn status(&self) -> u32 {
         match (self.state, self.error) {
-            (State::Clearing | State::Loading { .. }, _) => 1,
+            _ if self.is_busy() => 1,
             (_, Some(error)) => error.status(),
             (State::Cleared, None) => ProgramError::NoProgram.status(),
             (_, None) => 0,
@@ -330,7 +358,7 @@ impl Program {
         match self.state {
             State::Cleared => {}
             // A client that can't wait changes nothing.
-            State::Clearing => return Err(Abort::WrongState),
+            State::Clearing | State::Checking => return Err(Abort::WrongState),
             _ => return Err(self.note(ProgramError::NotCleared)),
         }
         memory.begin(size).map_err(|error| self.note(error))?;

@@ -148,7 +148,8 @@ pub trait EventStore {
     /// Whether [`EventStore::make_room`] has something to do.
     fn needs_room(&self) -> bool;
 
-    /// Makes room ahead for events and for a box, which erases: not in OPERATIONAL.
+    /// The next step of making room ahead for events and for a box, which erases a page at most:
+    /// not in OPERATIONAL.
     ///
     /// The last 16 events stay. Errors: [`StoreError::Hardware`], [`StoreError::Full`].
     fn make_room(&mut self) -> Result<(), StoreError>;

@@ -87,7 +87,11 @@ fn update(site: &mut Site, file: &[u8]) {
     site.pass(1200);
     let _ = site.download(DATA, file);
     let _ = site.write(CONTROL, Value::u8(1));
+    site.pass(CHECK_MS);
 }
+
+/// How long the check of a small image takes, ms: six steps, and one until the first.
+const CHECK_MS: u32 = 140;
 
 #[test]
 fn a_new_program_runs_on_trial_and_is_confirmed_once_it_measures() {
@@ -102,6 +106,7 @@ fn a_new_program_runs_on_trial_and_is_confirmed_once_it_measures() {
     // Whole, but not started: a reset forgets it.
     assert_eq!(running(&mut site), (OLD.0.into(), 0, 0));
     assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
+    site.pass(CHECK_MS);
     assert_eq!(running(&mut site), (NEW.0.into(), 1, 1));
     assert_eq!(number(&mut site, at(0x1F56, 1)), sum);
     site.measure(400);
@@ -211,6 +216,7 @@ fn a_download_that_was_broken_off_goes_on_where_it_was() {
     assert_eq!(on, Some(Ok(())));
     assert_eq!(site.download(DATA, &file[sent..]), Some(Ok(())));
     assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
+    site.pass(CHECK_MS);
     assert_eq!(running(&mut site), (NEW.0.into(), 1, 1));
 }
 
@@ -254,6 +260,8 @@ fn an_image_with_another_signature_of_the_same_body_passed_for_the_one_under_way
 #[test]
 fn the_next_page_of_a_clear_did_not_wait_until_what_had_come_up_was_done() {
     let mut site = powered(delivered());
+    // The start makes room for events.
+    site.pass(200);
     for command in [0, 3] {
         assert_eq!(site.write(CONTROL, Value::u8(command)), Some(Ok(())));
     }
@@ -275,6 +283,79 @@ fn the_next_page_of_a_clear_did_not_wait_until_what_had_come_up_was_done() {
     }
     let pages = last - before;
     assert!((30..=50).contains(&pages), "{pages}");
+}
+
+#[test]
+fn a_start_is_answered_at_once_and_a_check_waits_while_others_work() {
+    let mut site = powered(delivered());
+    clear(&mut site);
+    let file = image(Slot::B, NEW, HARDWARE);
+    assert_eq!(site.download(DATA, &file), Some(Ok(())));
+    let operations = site.device.memory().flash().operations();
+    assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
+    // A client that does not wait is told so, and changes nothing.
+    for command in 0..4 {
+        let refused = site.write(CONTROL, Value::u8(command));
+        assert_eq!(refused, Some(Err(0x0800_0022)), "{command}");
+    }
+    assert_eq!(site.download(DATA, &file), Some(Err(0x0800_0022)));
+    site.pass(50);
+    assert_eq!(number(&mut site, STATUS), 1);
+    site.nmt(1);
+    site.pass(2 * CHECK_MS);
+    assert_eq!(number(&mut site, STATUS), 1);
+    assert_eq!(running(&mut site), (OLD.0.into(), 0, 0));
+    assert_eq!(site.device.memory().flash().operations(), operations);
+    site.nmt(128);
+    site.pass(CHECK_MS);
+    assert_eq!(running(&mut site), (NEW.0.into(), 1, 1));
+}
+
+#[test]
+fn an_image_that_went_bad_after_its_download_is_not_started() {
+    let mut site = powered(delivered());
+    clear(&mut site);
+    let file = image(Slot::B, NEW, HARDWARE);
+    assert_eq!(site.download(DATA, &file), Some(Ok(())));
+    let body = RC.b.unwrap().start + HEADER;
+    site.device.memory().flash_mut().flip(body + 60, 4);
+    assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
+    site.pass(CHECK_MS);
+    assert_eq!(number(&mut site, STATUS), 3 << 1);
+    assert_eq!(running(&mut site), (OLD.0.into(), 0, 0));
+}
+
+#[test]
+fn a_reset_during_a_check_forgets_the_image() {
+    let mut site = powered(delivered());
+    clear(&mut site);
+    let file = image(Slot::B, NEW, HARDWARE);
+    assert_eq!(site.download(DATA, &file), Some(Ok(())));
+    assert_eq!(site.write(CONTROL, Value::u8(1)), Some(Ok(())));
+    site.pass(50);
+    site.power_cycle();
+    site.pass(2 * CHECK_MS);
+    assert_eq!(running(&mut site), (OLD.0.into(), 0, 0));
+    assert_eq!(number(&mut site, STATUS), 0);
+}
+
+#[test]
+fn room_was_made_by_several_erases_in_a_row() {
+    let mut site = powered(delivered());
+    let erases = |site: &mut Site| -> u32 {
+        let pages = site.device.memory().flash().pages();
+        pages.iter().map(flash::nor::Page::erases).sum()
+    };
+    let (first, mut last, mut pause) = (erases(&mut site), erases(&mut site), 10);
+    for _ in 0..50 {
+        site.pass(0);
+        let now = erases(&mut site);
+        let least = if now == last { 0 } else { 20 };
+        assert!(now - last <= 1 && pause >= least, "{pause} ms");
+        pause = if now == last { pause + 10 } else { 10 };
+        last = now;
+    }
+    assert!(last - first >= 2, "{first} to {last}");
 }
 
 #[test]

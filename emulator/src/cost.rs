@@ -37,10 +37,10 @@ const SYNCS: u32 = 1000;
 const SPAN_S: f64 = 10.0;
 /// What the runtime paints the stack with (`cortex_m_rt::STACK_PAINT_VALUE`).
 const PAINT: u32 = 0xCCCC_CCCC;
-/// Bytes of the program whose signature is checked.
-pub const JUDGED: u32 = 16 * 1024;
-/// The abort code that answers a wrong signature (CiA 301 7.2.4.3.17: local control).
-const REFUSED: u32 = 0x0800_0021;
+/// What 1F57h says of a wrong signature.
+const REFUSED: u32 = 7 << 1 | 5 << 16;
+/// Polls of 1F57h before a check counts as one without end, ten a second.
+const POLLS: u32 = 50;
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
 
@@ -61,7 +61,7 @@ pub enum CostError {
     NoSymbol(&'static str),
     /// A program that nobody has signed was started.
     Forged,
-    /// The chains alone did not come to their end.
+    /// The chains alone, or the check of a program, did not come to their end.
     Unfinished,
 }
 
@@ -75,7 +75,7 @@ impl fmt::Display for CostError {
             Self::Sdo(error) => write!(f, "an SDO was not answered as it should be: {error:?}"),
             Self::NoSymbol(name) => write!(f, "nothing in the image is called {name}"),
             Self::Forged => f.write_str("a program that nobody has signed was started"),
-            Self::Unfinished => f.write_str("the chains alone did not come to their end"),
+            Self::Unfinished => f.write_str("the chains alone or a check came to no end"),
         }
     }
 }
@@ -99,9 +99,11 @@ pub struct Figures {
     pub sdo: f64,
     /// Instructions of a SYNC with what it brings: the PDOs of both nodes.
     pub sync: f64,
-    /// Instructions from the order to start a downloaded image of [`JUDGED`] bytes, which nobody
-    /// has signed who may, to its refusal.
-    pub signature: f64,
+    /// Instructions of the check of a new program as long as the application, which nobody has
+    /// signed who may: all that the background does of it, from its order to its refusal.
+    pub check: f64,
+    /// Instructions of the longest interrupt while that program came and was checked.
+    pub longest: f64,
     /// Samples per second of its sensor, Hz.
     pub rate: f64,
     /// Load with 100 SYNCs a second, without the wait for SPI and the background, %.
@@ -201,6 +203,10 @@ struct Span {
     waiting: u64,
     /// All, of the background's check sum too.
     all: u64,
+    /// Those in no handler.
+    background: f64,
+    /// How long it was, s.
+    seconds: f64,
     /// Samples of its sensor.
     samples: u64,
     interrupts: Vec<Interrupt>,
@@ -210,6 +216,18 @@ impl Span {
     /// Instructions in handlers, without the wait for SPI.
     fn own(&self) -> f64 {
         self.handlers.saturating_sub(self.waiting) as f64
+    }
+
+    /// Instructions of the longest interrupt.
+    fn longest(&self) -> u64 {
+        let most = self.interrupts.iter().map(|interrupt| interrupt.most);
+        most.max().unwrap_or_default()
+    }
+
+    /// How much of the time is left beside the instructions, s: for the check sum of the running
+    /// program, which goes by the clock.
+    fn idle_s(&self, hclk_hz: f64) -> f64 {
+        self.seconds - self.all as f64 / hclk_hz
     }
 
     /// What one of `times` took, when each sample took `sample` beside.
@@ -250,7 +268,8 @@ impl Figures {
         let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
         let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
-        let judged = judged(&mut pair, product)?;
+        let (came, judged) = judged(&mut pair, product)?;
+        let longest = came.longest().max(judged.longest());
         let sample = still.own() / still.samples as f64;
         let hclk_hz = f64::from(pair.board(0).machine().chip().hclk_hz());
         let per_cent = |instructions: f64| instructions / SPAN_S / hclk_hz * 100.0;
@@ -259,7 +278,8 @@ impl Figures {
             wait: still.waiting as f64 / still.samples as f64,
             sdo: asked.each(sample, REQUESTS),
             sync: synced.each(sample, SYNCS),
-            signature: judged.each(sample, 1),
+            check: judged.background - still.background / SPAN_S * judged.idle_s(hclk_hz),
+            longest: longest as f64,
             rate: still.samples as f64 / SPAN_S,
             load: per_cent(synced.own()),
             whole: per_cent(synced.all as f64),
@@ -296,10 +316,12 @@ fn store(pair: &mut Pair) -> Result<(), CostError> {
     Ok(())
 }
 
-/// Node A gets a program that somebody else has signed and is told to start it: its signature is
-/// checked as a good one is, and no reset wipes out how deep in the stack that was.
-fn judged(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
-    let mut file = memory::image(Slot::B, Version::new(99, 0, 0), &[0x5A; JUDGED as usize]);
+/// Node A gets a program as long as its own that somebody else has signed and is told to start it:
+/// its signature is checked as a good one is, and no reset wipes out how deep in the stack that
+/// was. What was counted while it came, and while it was checked.
+fn judged(pair: &mut Pair, product: &Product) -> Result<(Span, Span), CostError> {
+    let body = vec![0x5A; product.app.flash() as usize];
+    let mut file = memory::image(Slot::B, Version::new(99, 0, 0), &body);
     memory::sign(&mut file, b"nobody whom the node would know.");
     for control in [0, 3] {
         pair.write(1, (0x1F51, 1), 1, control)?;
@@ -307,18 +329,22 @@ fn judged(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
     while pair.read(1, 0x1F57, 1)? & 1 == 1 {
         pair.run(0.1);
     }
-    pair.download(1, (0x1F50, 1), &file)?;
-    span(pair, product, |pair| {
-        match pair.write(1, (0x1F51, 1), 1, 1) {
-            Err(SdoError::Abort(REFUSED)) => {
-                // A handler counts when it ends, which may be after its answer.
-                pair.run(0.01);
-                Ok(())
+    let came = span(pair, product, |pair| {
+        Ok(pair.download(1, (0x1F50, 1), &file)?)
+    })?;
+    let judged = span(pair, product, |pair| {
+        pair.write(1, (0x1F51, 1), 1, 1)?;
+        for _ in 0..POLLS {
+            pair.run(0.1);
+            match pair.read(1, 0x1F57, 1)? {
+                1 => {}
+                REFUSED => return Ok(()),
+                _ => return Err(CostError::Forged),
             }
-            Err(other) => Err(other.into()),
-            Ok(()) => Err(CostError::Forged),
         }
-    })
+        Err(CostError::Unfinished)
+    })?;
+    Ok((came, judged))
 }
 
 /// Lets `act` run and counts what node A executes meanwhile.
@@ -332,7 +358,9 @@ fn span(
     machine.chip_mut().code.start_profile();
     let before = machine.chip().instructions();
     let samples = pair.board(0).samples();
+    let begun_ns = pair.network.now_ns();
     act(pair)?;
+    let seconds = (pair.network.now_ns() - begun_ns) as f64 * 1e-9;
     let samples = pair.board(0).samples() - samples;
     let machine = pair.board(0).machine();
     let by_symbol = product.app.by_symbol(machine.chip().code.profile());
@@ -344,10 +372,14 @@ fn span(
         return Err(CostError::NoSymbol("spi::wait"));
     }
     let costs = machine.costs();
+    let handlers = costs.values().map(|cost| cost.instructions).sum();
+    let all = machine.chip().instructions() - before;
     Ok(Span {
-        handlers: costs.values().map(|cost| cost.instructions).sum(),
+        handlers,
         waiting,
-        all: machine.chip().instructions() - before,
+        all,
+        background: all.saturating_sub(handlers) as f64,
+        seconds,
         samples,
         interrupts: (costs.iter())
             .map(|(number, cost)| Interrupt {

@@ -7,7 +7,6 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
-use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
 use tilt::cross_check::CrossCheck;
@@ -20,12 +19,12 @@ use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::factory::factory;
 use crate::inbox::Inbox;
-use crate::part::{LAYOUT, SIGNATURES};
-use crate::self_check;
+use crate::part::LAYOUT;
+use crate::self_check::{self, Background};
 use crate::unit::{At, Order, Unit};
 
 /// Records and programs, in the chip's own flash.
-type Memory = FlashMemory<Nor, Ed25519>;
+type Memory = FlashMemory<Nor, Background>;
 
 /// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
@@ -58,7 +57,7 @@ impl Node {
             running: self_check::running_slot(),
             hardware: LAYOUT.hardware,
         };
-        let memory = FlashMemory::new(board.nor, build, SIGNATURES);
+        let memory = FlashMemory::new(board.nor, build, Background);
         Self {
             unit: Unit::new(),
             device: Device::new(board.sensor, check, factory, memory),

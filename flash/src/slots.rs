@@ -35,7 +35,7 @@
 //! |---|---|---|---|---|
 //! | any | bad | [`install`](crate::install), its start | first page erased | bad, or as before |
 //! | bad | idle | [`install`](crate::install) | header, then body | bad |
-//! | idle | trial | [`activate`] | generation, then its CRC | idle; the place is used up |
+//! | idle | trial | [`put_on_trial`] | generation, then its CRC | idle; the place is used up |
 //! | trial | trial, spent | [`boot`] | one attempt | one attempt less, or as before |
 //! | trial | confirmed | [`confirm`] after the self-check | four half-words | trial, or confirmed |
 //! | any | bad | a bit of header or body goes bad | - | - |
@@ -55,7 +55,7 @@
 //!
 //! A part with one slot gets its image and its marks ([`factory_marks`]) over the debug port.
 //!
-//! Left out: the check of the signature, which belongs between installing and [`activate`].
+//! Left out: the check of the signature, which belongs between installing and [`put_on_trial`].
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
@@ -313,11 +313,9 @@ fn take_attempt<F: NorFlash>(flash: &mut F, slot: Region) -> Result<(), SlotErro
     Err(SlotError::Spent)
 }
 
-/// Puts the image in `slot` on trial: from the next start on it runs before the other.
+/// [`put_on_trial`] of an image that is checked first, which takes its time.
 ///
-/// Checks the image first. Once is enough; a second time changes nothing. Returns the generation.
-/// Errors: any of [`SlotError`] but [`SlotError::Idle`]; [`SlotError::Spent`] after four
-/// activations that were cut.
+/// Errors: any of [`SlotError`] but [`SlotError::Idle`].
 pub fn activate<F: NorFlash>(
     flash: &mut F,
     layout: &Layout,
@@ -326,6 +324,21 @@ pub fn activate<F: NorFlash>(
 ) -> Result<u32, SlotError> {
     let region = layout.slot(slot).ok_or(SlotError::Absent)?;
     verify(flash, region, hardware).map_err(SlotError::Image)?;
+    put_on_trial(flash, layout, slot)
+}
+
+/// Puts the image in `slot`, which was found whole, on trial: from the next start on it runs
+/// before the other.
+///
+/// Once is enough; a second time changes nothing. Returns the generation. Errors:
+/// [`SlotError::Absent`], [`SlotError::Access`], and [`SlotError::Spent`] after four activations
+/// that were cut.
+pub fn put_on_trial<F: NorFlash>(
+    flash: &mut F,
+    layout: &Layout,
+    slot: Slot,
+) -> Result<u32, SlotError> {
+    let region = layout.slot(slot).ok_or(SlotError::Absent)?;
     if let Some(generation) = marks(flash, region)?.generation {
         return Ok(generation);
     }

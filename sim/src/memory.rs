@@ -3,12 +3,14 @@
 //! In: the device's own calls. Out: a [`Memory`] over [`Nor`], the model of a flash that refuses
 //! what the chip refuses and can be cut in the middle of any operation. It comes from the factory
 //! with a confirmed image in slot A, of which the simulation runs no code: every node runs this
-//! host's. The image says which version it shows.
+//! host's. The image says which version it shows. How long each erase takes is drawn, and kept for
+//! whoever lets the node stand still for it.
 //!
-//! Left out: the time that erases and programs take.
+//! Left out: the time that programs take.
 
 use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
+use device::records::{EventStore, RecordStore};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -45,7 +47,8 @@ pub fn public_key(seed: &[u8; 32]) -> [u8; 32] {
 /// A node's memory.
 pub type Memory = FlashMemory<Chip, Ed25519>;
 
-/// What a new node finds: the factory's program, and no records.
+/// What a new node finds: the factory's program, room for events, which its first start in the
+/// factory has made, and no records.
 pub fn blank() -> Memory {
     let mut chip = Chip::default();
     let image = image(Slot::A, FACTORY, SOUND);
@@ -60,7 +63,12 @@ pub fn blank() -> Memory {
         key: *pair(DEVELOPMENT).pk,
         unsigned: false,
     };
-    FlashMemory::new(chip, build, signatures)
+    let mut memory = FlashMemory::new(chip, build, signatures);
+    // Neither refuses anything in a new flash.
+    let _ = RecordStore::start(&mut memory);
+    while memory.needs_room() && memory.make_room().is_ok() {}
+    memory.flash_mut().take_erase_ns();
+    memory
 }
 
 /// The file of an image for `slot` with this body, a multiple of 4 bytes long, signed with
@@ -151,7 +159,15 @@ pub fn boot(memory: &mut Memory) -> Option<Program> {
 pub struct Chip {
     nor: Nor<Vec<Page>, Bits>,
     broken: bool,
+    /// What says how long erases take.
+    pace: Rng,
+    /// Time of the erases that nobody has asked for yet, ns.
+    erase_ns: u64,
 }
+
+/// How long the erase of a page takes, at least and at most, ns (data sheet of the STM32F103xC,
+/// 5.3.9).
+pub const ERASE_NS: [f64; 2] = [20e6, 40e6];
 
 /// The random bits that a cut leaves.
 #[derive(Clone, Debug)]
@@ -169,11 +185,23 @@ impl Default for Chip {
         Self {
             nor: Nor::new(pages, Bits(Rng::stream(0, "flash"))),
             broken: false,
+            pace: Rng::stream(0, "erases"),
+            erase_ns: 0,
         }
     }
 }
 
 impl Chip {
+    /// How long erases take is drawn from here from now on.
+    pub fn set_pace(&mut self, pace: Rng) {
+        self.pace = pace;
+    }
+
+    /// How long the erases since the last call have taken, ns.
+    pub const fn take_erase_ns(&mut self) -> u64 {
+        std::mem::replace(&mut self.erase_ns, 0)
+    }
+
     /// From now on every write fails, as a worn-out flash would.
     pub const fn set_broken(&mut self, broken: bool) {
         self.broken = broken;
@@ -244,6 +272,10 @@ impl NorFlash for Chip {
     fn erase(&mut self, from: u32, to: u32) -> Result<(), ChipError> {
         if self.broken {
             return Err(ChipError::Broken);
+        }
+        for _ in from / PAGE..to / PAGE {
+            let [least, most] = ERASE_NS;
+            self.erase_ns += self.pace.range(least, most) as u64;
         }
         self.nor.erase(from, to).map_err(ChipError::Nor)
     }

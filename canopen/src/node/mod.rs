@@ -536,6 +536,12 @@ impl Node {
         self.emergency(0x8110, [lost as u8, (lost >> 8) as u8, 0, 0, 0]);
     }
 
+    /// The processor stood still until `now`, so frames may have been lost that were sent: nobody
+    /// is held to be silent for that time.
+    pub fn excuse(&mut self, now: Instant) {
+        self.communication.error_control.excuse(now);
+    }
+
     /// Frames lost on the way in, and samples that were replaced before they could be sent.
     pub fn overruns(&self) -> u16 {
         self.overruns

@@ -6,8 +6,9 @@
 //! measures, since one channel works while the other is updated.
 //!
 //! A node's update: PRE-OPERATIONAL, clear, download of what is missing, start, and then to wait
-//! for the node's own judgement of its new program (docs/canopen.md). A node that was OPERATIONAL
-//! gets there again, also when the update fails or is interrupted.
+//! for the check of its signature and the node's own judgement of its new program
+//! (docs/canopen.md). A node that was OPERATIONAL gets there again, also when the update fails or
+//! is interrupted.
 //!
 //! Left out: building images (`image`).
 
@@ -43,7 +44,8 @@ const ROLLED_BACK: u32 = 2;
 /// How long a clear may take: 54 pages of 80 ms at most, a tenth of a second each.
 const CLEARING: Duration = Duration::from_secs(15);
 
-/// How long a node may take to come back, from its start to its boot-up message.
+/// How long a node may take to come back, from its start to its boot-up message: a second for the
+/// check of the image, and a restart.
 const RESTART: Duration = Duration::from_secs(10);
 
 /// How long the trial may take: three starts of ten seconds, and what is between them.
@@ -303,8 +305,7 @@ impl<'a> Node<'a> {
     fn start(&mut self) -> Result<(), UpdateError> {
         let started = self.client().download(0x1F51, 1, &[1]);
         match self.judged(started.map_err(UpdateError::from)) {
-            Ok(()) => self.wait_for_boot(),
-            Err(UpdateError::Silent(_)) => Ok(()),
+            Ok(()) | Err(UpdateError::Silent(_)) => self.wait_for_boot(),
             Err(error) => Err(error),
         }
     }
@@ -391,11 +392,20 @@ impl<'a> Node<'a> {
         Ok(None)
     }
 
+    /// Waits until the image is checked, for which the node goes on, and the node has restarted.
     fn wait_for_boot(&mut self) -> Result<(), UpdateError> {
         let until = Instant::now() + RESTART;
         while Instant::now() < until {
             if self.heartbeat(HEARTBEAT)? == Some(0) {
                 return Ok(());
+            }
+            match self.read(0x1F57, 1) {
+                Ok(status) if status & 1 != 0 => {}
+                // It says nothing of the image any more: it has restarted meanwhile, and its
+                // boot-up message came with the answer.
+                Ok(0) | Err(UpdateError::Silent(_)) => return Ok(()),
+                Ok(status) => return Err(UpdateError::Found(self.node, status)),
+                Err(error) => return Err(error),
             }
         }
         Err(UpdateError::Gone(self.node))

@@ -2,8 +2,8 @@
 //!
 //! In: the fault log and the black box. Out: the same in the memory, from where a start takes them
 //! back, since a reset empties the chip's RAM. Writing goes on beside measuring, a millisecond at
-//! a time, and never erases in OPERATIONAL: room is made ahead, outside of it. What finds no room
-//! waits in the RAM.
+//! a time, and never erases in OPERATIONAL: room is made ahead, outside of it, a page at a time
+//! with a pause behind each. What finds no room waits in the RAM.
 //!
 //! A contact that is loose for weeks must not wear the flash out: after [`ALLOWANCE`] events at
 //! once there is one more each [`PAUSE_US`]; others stay in the RAM, where the newest are. At that
@@ -15,6 +15,7 @@ use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
+use super::trial::PAUSE_US as PAGE_PAUSE_US;
 use super::{Device, Memory};
 use crate::black_box::BOXES;
 use crate::fault_log::Entry;
@@ -107,7 +108,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return false;
         }
         let may_erase = self.values.state != State::Operational && !self.keeping.cramped;
-        if may_erase && self.keeping.copying.is_none() && self.memory.needs_room() {
+        let may_erase = may_erase && now >= self.next_erase && self.keeping.copying.is_none();
+        if may_erase && self.memory.needs_room() {
+            self.next_erase = now.offset(PAGE_PAUSE_US);
             // Nobody stages anything now: a box was left when another event took its place.
             RecordStore::discard(&mut self.memory);
             let made = self.memory.make_room();
@@ -121,6 +124,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Writes all of it, because the RAM is about to be emptied.
     pub(super) fn keep_all(&mut self, now: Instant) {
         for _ in 0..MOST_STEPS {
+            // Nobody is to be heard between two pages any more.
+            self.next_erase = now;
             if !self.keep(now) {
                 return;
             }
@@ -180,7 +185,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let (number, event) = self.black_box.next_unsaved(now)?;
         let allowance = self.keeping.allowance.checked_sub(BOX_COST)?;
         let length = record(number).longest();
-        if self.values.state == State::Operational && self.memory.needs_erase(length) {
+        // Room is made page by page, or later, unless there is none to be had.
+        let may_erase = self.values.state != State::Operational && self.keeping.cramped;
+        if !may_erase && self.memory.needs_erase(length) {
             return None;
         }
         self.keeping.allowance = allowance;

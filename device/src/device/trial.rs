@@ -1,4 +1,5 @@
-//! The program's update from inside: a clear goes on, and a program on trial shows what it can.
+//! The program's update from inside: a clear or a check goes on, and a program on trial shows what
+//! it can.
 //!
 //! In: the time, this channel's angle, and frames that others have acknowledged. Out: a
 //! confirmation, or after [`PATIENCE_US`] without one a reset. The bootloader then starts the
@@ -16,13 +17,14 @@ use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
 use super::{Device, Memory};
-use crate::program::{ProgramMemory, Standing};
+use crate::program::{Effect, ProgramMemory, Standing};
 
 /// After so long without having shown what it can, a program on trial gives up, us.
 pub const PATIENCE_US: i64 = 10_000_000;
 
 /// Time between two pages of a clear in which requests are answered, us: a page makes the
-/// processor stand still for 40 ms at most, and of the frames meanwhile three stay.
+/// processor stand still for 40 ms at most, and of the frames meanwhile three stay. The steps of a
+/// check have the same time between them.
 pub(super) const PAUSE_US: i64 = 20_000;
 
 /// What a program has shown.
@@ -58,7 +60,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     pub(super) fn update(&mut self, now: Instant) {
         if self.values.state != State::Operational && now >= self.next_erase {
             self.next_erase = now.offset(PAUSE_US);
-            self.values.program.step(&mut self.memory);
+            let effect = self.values.program.step(&mut self.memory);
+            self.values.news.reset |= effect == Effect::Reset;
         }
         if !self.trial.running {
             return;

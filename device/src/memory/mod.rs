@@ -6,8 +6,8 @@
 //!
 //! Room for a record is made when its storing begins: each page that has to be erased for it makes
 //! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
-//! together for 14 pages' time. Most stores need none. Who must not stand still asks
-//! [`RecordStore::needs_erase`] first.
+//! together for 14 pages' time. Most stores need none, since [`EventStore::make_room`] makes room
+//! ahead, a page at a time. Who must not stand still asks [`RecordStore::needs_erase`] first.
 //!
 //! Left out: the flash controller.
 
@@ -40,15 +40,15 @@ pub struct Build {
     pub hardware: u32,
 }
 
-/// Records and programs in the flash `F`; `S` judges the programs' signatures.
+/// Records and programs in the flash `F`; `V` checks new programs.
 #[derive(Clone, Debug)]
-pub struct FlashMemory<F, S = Anybody> {
+pub struct FlashMemory<F, V = Anybody> {
     flash: F,
     build: Build,
     records: Records<KINDS>,
     /// The events; `None` until they are looked for, and where they cannot be read.
     events: Option<Log<ENTRY>>,
-    signatures: S,
+    verification: V,
     place: Option<Place>,
 }
 
@@ -73,15 +73,15 @@ impl From<AccessError> for StoreError {
     }
 }
 
-impl<F: NorFlash, S> FlashMemory<F, S> {
+impl<F: NorFlash, V> FlashMemory<F, V> {
     /// A memory in which nothing was looked for ([`RecordStore::start`]).
-    pub fn new(flash: F, build: Build, signatures: S) -> Self {
+    pub fn new(flash: F, build: Build, verification: V) -> Self {
         Self {
             flash,
             build,
             records: Records::unmounted(build.layout.records),
             events: None,
-            signatures,
+            verification,
             place: None,
         }
     }
@@ -108,13 +108,16 @@ impl<F: NorFlash, S> FlashMemory<F, S> {
 
     /// Makes room for a record of `length` bytes.
     fn prepare(&mut self, length: u32) -> Result<(), StoreError> {
-        loop {
-            match self.records.prepare(&mut self.flash, length) {
-                Ok(Progress::Done) => return Ok(()),
-                // A record that has lost a bit says so once; what is left of it counts then.
-                Ok(Progress::More) | Err(RecordError::Damaged(_)) => {}
-                Err(error) => return Err(error.into()),
-            }
+        while self.prepare_step(length)? == Progress::More {}
+        Ok(())
+    }
+
+    /// A step of making that room: one page at most is erased.
+    fn prepare_step(&mut self, length: u32) -> Result<Progress, StoreError> {
+        match self.records.prepare(&mut self.flash, length) {
+            // A record that has lost a bit says so once; what is left of it counts then.
+            Err(RecordError::Damaged(_)) => Ok(Progress::More),
+            prepared => Ok(prepared?),
         }
     }
 }
@@ -128,7 +131,7 @@ impl From<LogError> for StoreError {
     }
 }
 
-impl<F: NorFlash, S> EventStore for FlashMemory<F, S> {
+impl<F: NorFlash, V> EventStore for FlashMemory<F, V> {
     fn recall_events(&mut self, each: &mut dyn FnMut(&[u8; ENTRY])) {
         let Some(log) = &self.events else {
             return;
@@ -156,14 +159,16 @@ impl<F: NorFlash, S> EventStore for FlashMemory<F, S> {
     }
 
     fn make_room(&mut self) -> Result<(), StoreError> {
-        if let Some(log) = &mut self.events {
-            log.prepare(&mut self.flash, ENTRIES as u32)?;
+        let keep = ENTRIES as u32;
+        match &mut self.events {
+            Some(log) if log.needs_erase(keep) => log.prepare(&mut self.flash, keep).map(drop)?,
+            _ => self.prepare_step(BOX_LENGTH).map(drop)?,
         }
-        self.prepare(BOX_LENGTH)
+        Ok(())
     }
 }
 
-impl<F: NorFlash, S> RecordStore for FlashMemory<F, S> {
+impl<F: NorFlash, V> RecordStore for FlashMemory<F, V> {
     fn start(&mut self) -> Result<(), StoreError> {
         let region = self.build.layout.records;
         self.place = None;

@@ -1,22 +1,107 @@
 //! Programs: the one that runs, and the one that comes into the other slot.
 //!
 //! In: the calls of [`ProgramMemory`]. Out: an image in the free slot, judged by its header as soon
-//! as that has come, checked whole, signed by whom [`Signatures`] knows, and activated when asked.
+//! as that has come, checked whole, signed as [`Verification`] wants it, and activated when asked.
+//!
+//! The check of a whole image and its signature takes some 20 million instructions for 106 kB
+//! (`docs/cost.md` counts them), so it must not be done between two samples. On the chip it runs
+//! where everything else interrupts it; elsewhere it takes no time. For the same frames in both,
+//! its outcome is asked for after a time that depends on the image's length alone.
 //!
 //! Left out: which image starts, which is the bootloader's decision ([`flash::slots`]).
 
-use embedded_storage::nor_flash::NorFlash;
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use flash::Progress;
 use flash::access::{AccessError, for_each, read};
-use flash::image::{Header, ImageError, SIGNATURE, SIGNATURE_AT, Signature, Version, header};
+use flash::image::{
+    Header, ImageError, SIGNATURE, SIGNATURE_AT, Signature, Version, header, verify,
+};
 use flash::install::{Install, InstallError, Rules};
 use flash::layout::Region;
-use flash::slots::{SlotError, activate, confirm, marks};
+use flash::slots::{SlotError, confirm, marks, put_on_trial};
 
 use super::FlashMemory;
 use crate::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 
-/// Who judges signatures.
+/// How the image in the slot that does not run is checked before it is started.
+///
+/// Whoever has [`Signatures`] does it at once.
+pub trait Verification {
+    /// Whether an image without a signature is let in.
+    fn unsigned(&self) -> bool;
+
+    /// A check begins; the one before has ended.
+    fn begin(&mut self);
+
+    /// Whether the image in `slot` is whole, made for `hardware` and signed as it has to be;
+    /// `None` while that is being found out.
+    fn outcome<F: ReadNorFlash>(
+        &mut self,
+        flash: &mut F,
+        slot: Region,
+        hardware: u32,
+    ) -> Option<bool>;
+}
+
+impl<S: Signatures> Verification for S {
+    fn unsigned(&self) -> bool {
+        Signatures::unsigned(self)
+    }
+
+    fn begin(&mut self) {}
+
+    fn outcome<F: ReadNorFlash>(
+        &mut self,
+        flash: &mut F,
+        slot: Region,
+        hardware: u32,
+    ) -> Option<bool> {
+        Some(is_sound(flash, slot, hardware, self))
+    }
+}
+
+/// Whether the image in `slot` is whole, made for `hardware` and signed as `signatures` wants it.
+/// Reads all of it twice; what cannot be read is not sound.
+///
+/// Out of line: the state of the check is large, and its callers do other work.
+#[inline(never)]
+pub fn is_sound<F: ReadNorFlash, S: Signatures>(
+    flash: &mut F,
+    slot: Region,
+    hardware: u32,
+    signatures: &S,
+) -> bool {
+    let Ok(header) = verify(flash, slot, hardware) else {
+        return false;
+    };
+    match header.signature {
+        Signature::None => signatures.unsigned(),
+        Signature::Ed25519 => is_signed(flash, slot, &header, signatures).unwrap_or(false),
+    }
+}
+
+fn is_signed<F: ReadNorFlash, S: Signatures>(
+    flash: &mut F,
+    slot: Region,
+    header: &Header,
+    signatures: &S,
+) -> Result<bool, AccessError> {
+    let mut signature = [0; SIGNATURE];
+    let at = slot.start.saturating_add(SIGNATURE_AT);
+    read(flash, at, &mut signature)?;
+    // Looked at where it is: to take the check out would copy it.
+    let mut begun = signatures.begin(&signature);
+    let Ok(check) = &mut begun else {
+        return Ok(false);
+    };
+    for (offset, length) in header.signed() {
+        let at = slot.start.saturating_add(offset);
+        for_each(flash, at, length, &mut |bytes| signatures.add(check, bytes))?;
+    }
+    Ok(signatures.is_good(check))
+}
+
+/// The arithmetic of signatures.
 pub trait Signatures {
     /// The check of one signature under way.
     type Check;
@@ -103,44 +188,29 @@ impl From<SlotError> for ProgramError {
     }
 }
 
+/// Bytes of an image that a step of its check is the time for; the steps are 20 ms apart.
+///
+/// The chip takes some 200 instructions for each byte, beside everything else, so 2 kB are less
+/// than a third of that time.
+const STEP: u32 = 2048;
+
+/// Steps for the signature's curve, which is the same for any image: 1.8 million instructions.
+const CURVE: u32 = 5;
+
 /// What the place of a new image is at.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     install: Install,
-    /// All of it was there and found whole.
+    /// All of it was there.
     whole: bool,
+    /// Steps of its check to come; 0: none is under way.
+    steps: u32,
 }
 
-impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
+impl<F: NorFlash, V> FlashMemory<F, V> {
     fn running_header(&mut self) -> Option<Header> {
         let slot = self.build.layout.slot(self.build.running)?;
         header(&mut self.flash, slot, self.build.hardware).ok()
-    }
-
-    /// Whether the image in `slot` is signed as it has to be. Reads all of it.
-    ///
-    /// Out of line: the state of the check is large, and other writes need no stack for it.
-    #[inline(never)]
-    fn is_signed(&mut self, slot: Region, header: &Header) -> Result<bool, AccessError> {
-        if header.signature == Signature::None {
-            return Ok(self.signatures.unsigned());
-        }
-        let mut signature = [0; SIGNATURE];
-        let at = slot.start.saturating_add(SIGNATURE_AT);
-        read(&mut self.flash, at, &mut signature)?;
-        let signatures = &self.signatures;
-        // Looked at where it is: to take the check out would copy it.
-        let mut begun = signatures.begin(&signature);
-        let Ok(check) = &mut begun else {
-            return Ok(false);
-        };
-        for (offset, length) in header.signed() {
-            let at = slot.start.saturating_add(offset);
-            for_each(&mut self.flash, at, length, &mut |bytes| {
-                signatures.add(check, bytes);
-            })?;
-        }
-        Ok(signatures.is_good(check))
     }
 
     /// How the program in the running slot came to run.
@@ -163,7 +233,7 @@ impl<F: NorFlash, S: Signatures> FlashMemory<F, S> {
     }
 }
 
-impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
+impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
     fn clear(&mut self) -> Result<(), ProgramError> {
         self.place = None;
         let running = self.running_header();
@@ -171,13 +241,14 @@ impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
             hardware: self.build.hardware,
             running: running.map_or(Version(0), |header| header.version),
             downgrade: false,
-            unsigned: self.signatures.unsigned(),
+            unsigned: self.verification.unsigned(),
         };
         let build = self.build;
         let install = Install::new(&mut self.flash, build.layout, build.running, rules)?;
         self.place = Some(Place {
             install,
             whole: false,
+            steps: 0,
         });
         Ok(())
     }
@@ -204,7 +275,7 @@ impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
 
     fn commit(&mut self) -> Result<(), ProgramError> {
         let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
-        place.install.finish(&mut self.flash)?;
+        place.install.finish()?;
         place.whole = true;
         Ok(())
     }
@@ -222,18 +293,38 @@ impl<F: NorFlash, S: Signatures> ProgramMemory for FlashMemory<F, S> {
         })
     }
 
-    fn activate(&mut self) -> Result<(), ProgramError> {
-        let place = self.place.as_ref().filter(|place| place.whole);
+    fn activate(&mut self) -> Result<Progress, ProgramError> {
+        let place = self.place.as_mut().filter(|place| place.whole);
         let place = place.ok_or(ProgramError::NoProgram)?;
-        let slot = place.install.slot();
-        let header = *place.install.header().ok_or(ProgramError::NoProgram)?;
-        if !self.is_signed(slot, &header)? {
-            return Err(ProgramError::Signature);
+        let header = place.install.header().ok_or(ProgramError::NoProgram)?;
+        match place.steps {
+            0 => {
+                place.steps = header.length.div_ceil(STEP).saturating_add(CURVE);
+                self.verification.begin();
+                return Ok(Progress::More);
+            }
+            1 => {}
+            more => {
+                place.steps = more - 1;
+                return Ok(Progress::More);
+            }
         }
-        let build = self.build;
-        let free = build.running.other();
-        activate(&mut self.flash, build.layout, free, build.hardware)?;
-        Ok(())
+        let (build, slot) = (self.build, place.install.slot());
+        let found = self
+            .verification
+            .outcome(&mut self.flash, slot, build.hardware);
+        let Some(sound) = found else {
+            return Ok(Progress::More);
+        };
+        place.steps = 0;
+        if !sound {
+            return Err(match header.signature {
+                Signature::None => ProgramError::Damaged,
+                Signature::Ed25519 => ProgramError::Signature,
+            });
+        }
+        put_on_trial(&mut self.flash, build.layout, build.running.other())?;
+        Ok(Progress::Done)
     }
 
     fn running(&mut self) -> Running {

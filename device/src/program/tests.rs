@@ -11,12 +11,14 @@ use flash::Progress;
 
 use super::{Effect, Held, Program, ProgramError, ProgramMemory, Running, Standing};
 
-/// A memory that takes images ending in 0xA5, of eight bytes at most.
+/// A memory that takes images ending in 0xA5, of eight bytes at most, and starts those that don't
+/// begin with 0xEE.
 #[derive(Debug, Default)]
 struct Memory {
     image: Vec<u8>,
     pages: u8,
     erased: bool,
+    checks: u8,
     active: bool,
     worn: bool,
 }
@@ -69,10 +71,18 @@ impl ProgramMemory for Memory {
         self.image.clear();
     }
 
-    fn activate(&mut self) -> Result<(), ProgramError> {
+    fn activate(&mut self) -> Result<Progress, ProgramError> {
         assert_eq!(self.image.last(), Some(&0xA5), "an image that is not whole");
+        self.checks += 1;
+        if self.checks < 3 {
+            return Ok(Progress::More);
+        }
+        self.checks = 0;
+        if self.image[0] == 0xEE {
+            return Err(ProgramError::Signature);
+        }
         self.active = true;
-        Ok(())
+        Ok(Progress::Done)
     }
 
     fn held(&self) -> Option<Held> {
@@ -127,8 +137,44 @@ fn stop_clear_download_start() {
     program.append(&[0xA5], &mut memory).unwrap();
     program.commit(&mut memory).unwrap();
     assert_eq!((program.control(), program.status()), (0, 0));
-    assert_eq!(program.set_control(1, &mut memory), Ok(Effect::Reset));
+    assert_eq!(program.set_control(1, &mut memory), Ok(Effect::None));
+    check(&mut program, &mut memory);
+    assert_eq!(program.step(&mut memory), Effect::Reset);
     assert!(memory.active);
+    // Busy until the reset comes.
+    assert_eq!(program.status(), 1);
+}
+
+/// All steps of a check but the last: the node is busy, and shows which image it is about.
+fn check(program: &mut Program, memory: &mut Memory) {
+    for _ in 0..2 {
+        assert_eq!((program.control(), program.status()), (0, 1));
+        assert_eq!(program.identification(memory), 7);
+        for command in 0..4 {
+            let refused = program.set_control(command, memory);
+            assert_eq!(refused, Err(Abort::WrongState), "{command}");
+        }
+        assert_eq!(program.create(None, memory), Err(Abort::WrongState));
+        assert_eq!(program.resume(4, memory), Err(Abort::WrongState));
+        program.discard();
+        assert_eq!(program.step(memory), Effect::None);
+    }
+    assert!(!memory.active);
+}
+
+#[test]
+fn a_wrong_signature_is_told_by_the_status_and_the_image_stays() {
+    let (mut program, mut memory) = ready();
+    program.create(Some(2), &mut memory).unwrap();
+    program.append(&[0xEE, 0xA5], &mut memory).unwrap();
+    program.commit(&mut memory).unwrap();
+    for _ in 0..2 {
+        assert_eq!(program.set_control(1, &mut memory), Ok(Effect::None));
+        check(&mut program, &mut memory);
+        assert_eq!(program.step(&mut memory), Effect::None);
+        assert_eq!(program.status(), 7 << 1 | 5 << 16);
+        assert_eq!((program.control(), memory.active), (0, false));
+    }
 }
 
 #[test]
@@ -256,7 +302,9 @@ proptest! {
                     Ok(())
                 }
                 _ => {
-                    program.step(&mut memory);
+                    let started = program.step(&mut memory) == Effect::Reset;
+                    prop_assert_eq!(started, memory.active);
+                    memory.active = false;
                     Ok(())
                 }
             };

@@ -88,7 +88,7 @@ impl ProgramMemory for Nothing {
 
     fn discard(&mut self) {}
 
-    fn activate(&mut self) -> Result<(), ProgramError> {
+    fn activate(&mut self) -> Result<Progress, ProgramError> {
         Err(ProgramError::NoProgram)
     }
 

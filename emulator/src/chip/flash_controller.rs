@@ -5,8 +5,10 @@
 //! the chip, where the supply can fail in the middle of an operation.
 //!
 //! Sources: PM0075 2.3 and 3; times from the data sheet of the STM32F103xC (5.3.9: a half-word
-//! 52.5 us, a page 20 to 40 ms, taken as 20). Code in flash stands still as long as an
-//! operation lasts (PM0075 2.3); code in RAM would not, and does here.
+//! 52.5 us, a page 20 to 40 ms, drawn for each erase). Code in flash stands still as long as an
+//! operation lasts (PM0075 2.3); code in RAM would not, and does here. BSY and EOP are as before
+//! at the first access after STRT (ST's errata, "BSY bit delay versus STRT bit setting"): on the
+//! chip a cycle is enough, here it has to be an access.
 //! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase,
 //! read protection.
 //!
@@ -26,8 +28,8 @@ use flash::nor::{Draw, Nor, NorError, Page};
 
 /// Programming a half-word, ns.
 pub const PROGRAM_NS: u64 = 52_500;
-/// Erasing a page, ns.
-pub const ERASE_NS: u64 = 20_000_000;
+/// Erasing a page, ns: the shortest and the longest time.
+pub const ERASE_NS: [u64; 2] = [20_000_000, 40_000_000];
 
 /// CR's bits (PM0075 3.5).
 mod cr {
@@ -129,6 +131,11 @@ pub struct FlashController {
     cr: u32,
     ar: u32,
     lock: Lock,
+    /// An erase has begun since the last access.
+    starting: bool,
+    /// What says how long erases take, and for how long if that was set.
+    pace: Dice,
+    erase_ns: Option<u64>,
     /// Offsets of what the core's copy has to be put right at.
     changed: Vec<(u32, u32)>,
 }
@@ -145,6 +152,9 @@ impl FlashController {
             cr: cr::LOCK,
             ar: 0,
             lock: Lock::Locked,
+            starting: false,
+            pace: Dice::new(seed ^ 0x6572_6173_6573),
+            erase_ns: None,
             changed: Vec::new(),
         }
     }
@@ -153,7 +163,7 @@ impl FlashController {
     /// cut may read differently each time.
     pub fn reset(&mut self) {
         (self.acr, self.sr, self.cr, self.ar) = (0x30, 0, cr::LOCK, 0);
-        self.lock = Lock::Locked;
+        (self.lock, self.starting) = (Lock::Locked, false);
         self.changed = vec![(0, self.size())];
     }
 
@@ -171,6 +181,11 @@ impl FlashController {
     /// The cells, for cuts and for looking at.
     pub fn cells(&mut self) -> &mut Cells {
         &mut self.cells
+    }
+
+    /// Each erase takes so long from now on, ns; `None`: as drawn.
+    pub fn set_erase_ns(&mut self, erase_ns: Option<u64>) {
+        self.erase_ns = erase_ns;
     }
 
     /// From now on every operation is written down, also across resets.
@@ -244,10 +259,12 @@ impl FlashController {
     }
 
     /// A load; `offset` from 4002 2000h. BSY is never seen: the core has stood still meanwhile.
-    pub fn read(&self, offset: u32) -> u32 {
+    pub fn read(&mut self, offset: u32) -> u32 {
+        let starting = std::mem::take(&mut self.starting);
         match offset {
             // 3.1: PRFTBS follows PRFTBE.
             0x00 => self.acr & !0x20 | (self.acr & 0x10) << 1,
+            0x0C if starting => self.sr & !sr::EOP,
             0x0C => self.sr,
             0x10 => self.cr,
             // 3.7 and 3.8: nothing protected.
@@ -259,6 +276,7 @@ impl FlashController {
 
     /// A store; what an erase that it starts comes to.
     pub fn write(&mut self, offset: u32, value: u32) -> Option<Outcome> {
+        self.starting = false;
         match offset {
             0x00 => self.acr = value & 0x1F | self.acr & 0x20,
             0x04 => self.key(value),
@@ -302,11 +320,17 @@ impl FlashController {
         match self.perform(Operation::Erase(first)) {
             Ok(()) => {
                 self.sr |= sr::EOP;
-                Outcome::Held(ERASE_NS)
+                self.starting = true;
+                Outcome::Held(self.erase_ns.unwrap_or_else(|| self.drawn_ns()))
             }
             Err(NorError::NoPower) => Outcome::Cut,
             Err(_) => Outcome::Refused,
         }
+    }
+
+    fn drawn_ns(&mut self) -> u64 {
+        let [least, most] = ERASE_NS;
+        least + u64::from(self.pace.draw()) * (most - least) / u64::from(u32::MAX)
     }
 
     /// A store into the flash at `offset`; `None` for one that no program is: the bus answers
@@ -375,11 +399,47 @@ mod tests {
         assert_eq!(flash.program(PAGE, 2, 0x1200), Some(Outcome::Refused));
         assert_eq!(flash.read(0x0C), sr::EOP | sr::PGERR);
         assert_eq!(flash.program(PAGE + 4, 4, 0), None);
-        assert_eq!(erase(&mut flash, 1), Some(Outcome::Held(ERASE_NS)));
+        assert!(matches!(erase(&mut flash, 1), Some(Outcome::Held(_))));
         assert_eq!(
             flash.take_changed(),
             Some((PAGE, vec![0xFF; PAGE as usize]))
         );
+    }
+
+    #[test]
+    fn the_first_look_after_the_start_of_an_erase_finds_nothing_done() {
+        let mut flash = open();
+        for _ in 0..2 {
+            erase(&mut flash, 1);
+            assert_eq!(flash.read(0x0C), 0);
+            assert_eq!(flash.read(0x0C), sr::EOP);
+            flash.write(0x0C, sr::EOP);
+        }
+        // Any access in between is enough.
+        erase(&mut flash, 1);
+        flash.read(0x10);
+        assert_eq!(flash.read(0x0C), sr::EOP);
+    }
+
+    #[test]
+    fn erases_take_from_20_to_40_ms_as_drawn_from_the_seed() {
+        let times = |seed| {
+            let mut flash = FlashController::new(4 * PAGE, seed);
+            flash.write(0x04, 0x4567_0123);
+            flash.write(0x04, 0xCDEF_89AB);
+            let erases = (0..200).map(|_| match erase(&mut flash, 1) {
+                Some(Outcome::Held(ns)) => ns,
+                other => panic!("{other:?}"),
+            });
+            erases.collect::<Vec<_>>()
+        };
+        let drawn = times(1);
+        assert_eq!(drawn, times(1));
+        assert_ne!(drawn, times(2));
+        let [least, most] = ERASE_NS;
+        assert!(drawn.iter().all(|ns| (least..=most).contains(ns)));
+        let near = |end: u64| drawn.iter().any(|ns| ns.abs_diff(end) < 1_000_000);
+        assert!(near(least) && near(most));
     }
 
     #[test]

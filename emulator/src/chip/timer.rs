@@ -90,6 +90,17 @@ impl Timer {
             .saturating_add(u32::try_from(steps).unwrap_or(u32::MAX))
     }
 
+    /// The count at a cycle that may be before the base, by less than a round.
+    fn count_back(&self, cycle: u64, per_clock: u32) -> u32 {
+        let before = self.base_cycle.saturating_sub(cycle);
+        if before == 0 || !self.runs() {
+            return self.count(cycle, per_clock);
+        }
+        let round = u64::from(self.arr_now) + 1;
+        let steps = before.div_ceil(self.step(per_clock)) % round;
+        ((u64::from(self.base) + round - steps) % round) as u32
+    }
+
     /// When the counter comes to `count` from its base, cycles.
     fn when(&self, count: u32, per_clock: u32) -> u64 {
         let steps = u64::from(count.saturating_sub(self.base));
@@ -174,7 +185,8 @@ impl Timer {
         self.ccmr[channel / 2] >> (8 * (channel % 2)) & 3
     }
 
-    /// The input of a channel has changed to `level` at `cycle` (15.3.5).
+    /// The input of a channel has changed to `level` at `cycle` (15.3.5), which the timer may have
+    /// passed: while the core is held it is ahead of the world.
     pub fn edge(&mut self, channel: usize, level: bool, cycle: u64, per_clock: u32) {
         self.advance(cycle, per_clock);
         let enabled = self.ccer >> (4 * channel) & 1 != 0;
@@ -186,7 +198,7 @@ impl Timer {
         if self.sr >> (1 + channel) & 1 != 0 {
             self.sr |= 0x200 << channel;
         }
-        self.ccr[channel] = self.count(cycle, per_clock);
+        self.ccr[channel] = self.count_back(cycle, per_clock);
         self.sr |= 2 << channel;
     }
 
@@ -355,6 +367,26 @@ mod tests {
         assert_eq!(timer.read(0x10, 0, 1) & 0x202, 0x202);
         assert_eq!(timer.read(0x34, 0, 1), 200);
         assert!(!timer.line());
+    }
+
+    #[test]
+    fn an_edge_that_was_told_of_behind_a_wrap_was_captured_at_the_wrap() {
+        let mut timer = running();
+        timer.write(0x18, 1, 0, 1);
+        timer.write(0x20, 1, 0, 1);
+        // The core was held from 60 ms to 90 ms, and looks when the world is still at 60 ms.
+        timer.write(0x34 + 4, 1_000, 72 * 60_000, 1);
+        timer.advance(72 * 90_000, 1);
+        for (us, count) in [
+            (65_000, 65_000),
+            (65_535, 65_535),
+            (65_536, 0),
+            (70_000, 4464),
+        ] {
+            timer.edge(0, true, 72 * us, 1);
+            assert_eq!(timer.read(0x34, 72 * 90_000, 1), count, "{us}");
+        }
+        assert_eq!(timer.read(0x24, 72 * 90_000, 1), 90_000 - 65_536);
     }
 
     #[test]

@@ -8,6 +8,8 @@ mod brown_out;
 mod clearing;
 mod failed_trial;
 mod first_angle;
+mod saving;
 mod store_cuts;
 mod update;
 mod update_cuts;
+mod whole_update;

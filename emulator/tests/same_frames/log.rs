@@ -73,6 +73,12 @@ pub struct Log {
     difference: Option<Difference>,
     ended: bool,
     frames: usize,
+    /// Times of the edges, as the chip's code has found them.
+    edges: Vec<Instant>,
+    /// The latest time that the chip's code has read, in whatever handler, and the earlier one that
+    /// it has read behind it, if it ever did.
+    latest: Instant,
+    back: Option<(Instant, Instant)>,
 }
 
 impl Log {
@@ -87,7 +93,30 @@ impl Log {
             difference: None,
             ended: false,
             frames: 0,
+            edges: Vec::new(),
+            latest: Instant(0),
+            back: None,
         }
+    }
+
+    /// Times of the edges, as the chip's code has found them.
+    pub fn edges(&self) -> &[Instant] {
+        &self.edges
+    }
+
+    /// The first time that went back, behind which one, if any did.
+    pub fn back(&self) -> Option<(Instant, Instant)> {
+        self.back
+    }
+
+    /// The time by a count and the flags that were read behind it.
+    fn time(&mut self, count: u16, flags: u32) -> Instant {
+        let at = ticks::join(self.overflows, flags & 1 != 0, count);
+        if at < self.latest {
+            self.back.get_or_insert((self.latest, at));
+        }
+        self.latest = at;
+        at
     }
 
     /// True when there is nothing more to follow.
@@ -193,7 +222,7 @@ impl Log {
         let (count, flags) = (self.load(CNT), self.load(SR));
         self.now = match self.ended {
             true => self.now.offset(1_000_000),
-            false => ticks::join(self.overflows, flags & 1 != 0, count as u16),
+            false => self.time(count as u16, flags),
         };
         self.now
     }
@@ -228,20 +257,23 @@ impl Log {
 
     /// The handler of TIM2: an overflow, an edge, or both.
     fn edge(&mut self) {
-        let (mut flags, mut captured) = (0, None);
+        let (mut flags, mut captured, mut count) = (None, None, 0);
         while let Some(deed) = self.of(EDGES) {
-            match deed {
-                Deed::Load(SR, value) => flags = value,
-                Deed::Load(CCR1, value) => captured = Some(value as u16),
-                Deed::Store(SR, _) => break,
+            match (deed, captured) {
+                (Deed::Load(SR, value), Some(edge)) => {
+                    let edge = ticks::captured(edge, self.time(count, value));
+                    self.edges.push(edge);
+                    self.inbox.edge(edge);
+                }
+                (Deed::Load(SR, value), None) => flags = Some(value),
+                (Deed::Load(CCR1, value), _) => captured = Some(value as u16),
+                (Deed::Load(CNT, value), _) => count = value as u16,
+                (Deed::Store(SR, _), _) => break,
                 _ => {}
             }
         }
-        let late = flags & 1 != 0;
-        if let Some(count) = captured {
-            self.inbox.edge(ticks::join(self.overflows, late, count));
-        }
-        self.overflows = self.overflows.wrapping_add(u32::from(late));
+        let late = flags.unwrap_or(0) & 1;
+        self.overflows = self.overflows.wrapping_add(late);
     }
 
     /// A handler of CAN, which ends with a look at the error state.
@@ -250,7 +282,7 @@ impl Log {
         while let Some(deed) = self.of(exception) {
             match deed {
                 Deed::Load(CNT, value) => count = value as u16,
-                Deed::Load(SR, flags) => at = ticks::join(self.overflows, flags & 1 != 0, count),
+                Deed::Load(SR, flags) => at = self.time(count, flags),
                 Deed::Load(TSR, flags) => self.completed(flags, at),
                 Deed::Load(RF0R | RF1R, flags) if flags & 1 << 4 != 0 => self.inbox.lost(),
                 Deed::Load(RI0R | RI1R, value) => words[0] = value,

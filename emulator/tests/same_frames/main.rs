@@ -1,10 +1,11 @@
 //! The chip's image and the host's build of the same code come to the same frames, bit for bit.
 //!
 //! Two emulated nodes run on a bus, calibrated, on a board that tilts, in changing warmth, with a
-//! fault. All that the code of each sees is written down: the sensor's bytes, the time of each
-//! edge, what the CAN controller had to tell, and each look at the clock. The host's build then
-//! gets the same, and has to do the same at each step: send the same bytes to the sensor and put
-//! the same frames into the same mailboxes, in the same order.
+//! fault; then parameters are stored, and a new program comes and is found to be signed by nobody
+//! whom they know. All that the code of each sees is written down: the sensor's bytes, the time of
+//! each edge, what the CAN controller had to tell, and each look at the clock. The host's build
+//! then gets the same, and has to do the same at each step: send the same bytes to the sensor and
+//! put the same frames into the same mailboxes, in the same order.
 
 mod log;
 mod node;
@@ -19,15 +20,19 @@ use emulator::chip::tap::{Deed, Entry};
 use emulator::pair::{Heard, Pair};
 use emulator_golden::calibration;
 use flash::check_sum::Crc32;
+use flash::image::Version;
+use flash::layout::Slot;
 use sim::error_model::ErrorModel;
+use sim::memory;
 use sim::network::guest::Switch;
 use sim::network::hand::Pose;
 use tilt::chain::{Calibration, Correction};
+use tilt::sample::Instant;
 use tilt::temperature::TemperatureModel;
 use tilt::vector::Vector;
 
 use log::Log;
-use node::{Cells, follow, memory};
+use node::{Cells, follow};
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
@@ -101,12 +106,37 @@ fn calibrated(seed: u64) -> (Pair, [Cells; 2]) {
     let cells = [0, 1].map(|number| {
         pair.network.switch_guest(number, Switch::Off);
         let held = pair.board(number).machine_mut().chip_mut().flash.cells();
-        let mut memory = memory(held.clone());
+        let mut memory = node::memory(held.clone());
         deliver(&mut memory, &mild()).expect("there is room in the records");
         *held = memory.flash().clone();
         held.clone()
     });
     (pair, cells)
+}
+
+/// A node gets a program that it has to refuse, and is asked for it until it has.
+fn refused(pair: &mut Pair, node: u8) {
+    let body = [0x5A; 4096];
+    let mut image = memory::image(Slot::B, Version::new(99, 0, 0), &body);
+    memory::sign(&mut image, b"nobody whom the node would know.");
+    let wait = |pair: &mut Pair| {
+        let busy = (0..200).find_map(|_| {
+            pair.run(0.037);
+            let status = pair.read(node, 0x1F57, 1).expect("the node answers");
+            (status & 1 == 0).then_some(status)
+        });
+        busy.expect("it comes to an end")
+    };
+    for command in [0, 3] {
+        let done = pair.write(node, (0x1F51, 1), 1, command);
+        done.expect("a clear");
+    }
+    assert_eq!(wait(pair), 1 << 1);
+    let sent = pair.download(node, (0x1F50, 1), &image);
+    sent.expect("a whole image");
+    let started = pair.write(node, (0x1F51, 1), 1, 1);
+    started.expect("a check");
+    assert_eq!(wait(pair), 7 << 1 | 5 << 16);
 }
 
 /// So many seconds of it, in the middle of which a sensor loses its supply for a moment.
@@ -144,6 +174,11 @@ fn run(seconds: u32) -> Run {
         stored.expect("the node stores");
     }
     pair.run(1.0);
+    for (node, erase_ns) in [(1, Some(40_000_000)), (2, None)] {
+        let chip = pair.board(node - 1).machine_mut().chip_mut();
+        chip.flash.set_erase_ns(erase_ns);
+        refused(&mut pair, node as u8);
+    }
     let mut entries = [0, 1].map(|n| pair.board(n).machine_mut().chip_mut().tap().take());
     entries
         .iter_mut()
@@ -160,6 +195,22 @@ fn run(seconds: u32) -> Run {
     }
 }
 
+/// Edges that are not some periods of the part behind the one before them, or more than an erase.
+fn misdated(edges: &[Instant]) -> Vec<[Instant; 2]> {
+    let gap = |two: &[Instant]| two[1].0.wrapping_sub(two[0].0) as f64;
+    let mut gaps: Vec<_> = edges.windows(2).map(gap).collect();
+    gaps.sort_by(f64::total_cmp);
+    let period = gaps[gaps.len() / 2];
+    let is_whole = |two: &&[Instant]| {
+        let periods = gap(two) / period;
+        periods > 0.5 && periods < 30.0 && (periods - periods.round()).abs() < 0.05
+    };
+    // Before the first second the part is being set up.
+    let steady = edges.windows(2).skip(400);
+    let off = steady.filter(|two| !is_whole(two));
+    off.map(|two| [two[0], two[1]]).collect()
+}
+
 #[test]
 fn the_chip_and_the_host_send_the_same_frames_bit_for_bit() {
     let mut run = run(30);
@@ -174,6 +225,9 @@ fn the_chip_and_the_host_send_the_same_frames_bit_for_bit() {
     for number in [0, 1] {
         let log = run.follow(number);
         assert_eq!(log.difference(), None, "node {number}");
+        assert_eq!(log.back(), None, "node {number}");
+        let misdated = misdated(log.edges());
+        assert!(misdated.is_empty(), "node {number}: {misdated:?}");
         assert!(log.reached().0 > 31_000_000, "{:?}", log.reached());
         eprintln!("node {number}: {} frames, each bit the same", log.frames());
         assert!(log.frames() > 3 * 2_900, "{}", log.frames());

@@ -113,8 +113,8 @@ impl ProgramMemory for Memory {
         let _ = (self.program)(None, &[]);
     }
 
-    fn activate(&mut self) -> Result<(), ProgramError> {
-        (self.program)(None, &[])
+    fn activate(&mut self) -> Result<Progress, ProgramError> {
+        (self.program)(None, &[]).map(|()| Progress::Done)
     }
 
     fn held(&self) -> Option<Held> {

@@ -5,8 +5,8 @@
 //! RM0008 15.3.5 (capture), 15.3.8 (compare) and 15.4 (registers).
 //!
 //! The capture is the timer's own, so an edge has its time to the microsecond however late the
-//! code gets there. Late by more than half a round of 65 ms it would be off by a round; nothing
-//! here takes longer than the 40 ms of a page's erase.
+//! code gets there. Nothing here takes longer than the 40 ms of a page's erase, and `ticks` bears
+//! half as much again.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -85,13 +85,17 @@ pub fn interrupt() -> Option<Instant> {
     let flags = timer.sr().read().bits();
     let overflows = OVERFLOWS.load(Ordering::Relaxed);
     let late = flags & UPDATE != 0;
-    // Reading the capture clears its flag (RM0008 15.4.5).
-    let captured = (flags & CAPTURE != 0).then(|| timer.ccr1().read().bits() as u16);
+    // Reading the capture clears its flag (RM0008 15.4.5). The time comes after it, and before
+    // the overflow is counted: so the edge is not later than the time.
+    let captured = (flags & CAPTURE != 0).then(|| {
+        let count = timer.ccr1().read().bits() as u16;
+        ticks::captured(count, now())
+    });
     // A flag is cleared by a zero; ones leave the others as they are.
     let seen = flags & (UPDATE | COMPARE | OVERCAPTURE);
     write(timer.sr(), !seen & 0x1E5F);
     OVERFLOWS.store(overflows.wrapping_add(u32::from(late)), Ordering::Relaxed);
-    captured.map(|count| ticks::join(overflows, late, count))
+    captured
 }
 
 /// The right to say when to be woken.

@@ -115,6 +115,10 @@ fn erase_page(offset: u32) -> Result<(), NorError> {
     write(flash.cr(), PER);
     write(flash.ar(), BASE + offset);
     write(flash.cr(), PER | STRT);
+    // BSY rises a cycle after STRT, so a look at once would find the erase over. ST's errata for
+    // the medium-density line (ES096 2.2.8), and those for the low-density and the connectivity
+    // line, want an access in between; the high-density line is treated alike.
+    let _ = flash.cr().read().bits();
     let done = finish();
     watchdog::feed();
     done

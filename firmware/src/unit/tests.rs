@@ -380,3 +380,29 @@ fn the_sensor_was_blamed_for_the_time_that_the_processor_stood_still() {
     }
     assert!(silent(&bench));
 }
+
+/// A save programs for some tens of ms, and behind it a page is erased: two standstills with one
+/// sample between them, and a frame that has come just before the last edge.
+#[test]
+fn the_second_standstill_of_a_save_made_a_silent_sensor() {
+    for edge_us in (0..2_500).step_by(50) {
+        for erase_us in [20_000, 40_000] {
+            let mut bench = Bench::measuring();
+            bench.hear(0, &[0x80, 1]);
+            bench.pass(100_000);
+            let mut inbox = Inbox::new();
+            let saved = Instant(bench.now.0 + 39_000);
+            inbox.edge(Instant(saved.0 - edge_us));
+            bench.serve(&mut inbox, saved);
+            let erased = Instant(saved.0 + erase_us);
+            let sync = Event::Received(Frame::data_frame(0x80, &[]));
+            inbox.put(sync, erased);
+            inbox.edge(Instant(erased.0 + 500));
+            bench.serve(&mut inbox, Instant(erased.0 + 800));
+            bench.pass(30_000);
+            let told = bench.said();
+            let emergency = told.iter().any(|told| matches!(told, Told::Post(_, 0x81)));
+            assert!(!emergency, "{edge_us}, {erase_us}: {told:?}");
+        }
+    }
+}

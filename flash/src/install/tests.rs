@@ -32,7 +32,7 @@ fn install(nor: &mut Bench, file: &[u8], rules: Rules) -> Result<Header, Install
     for piece in file.chunks(7) {
         install.append(nor, piece)?;
     }
-    install.finish(nor)
+    install.finish()
 }
 
 fn update(nor: &mut Bench, file: &[u8]) -> bool {
@@ -127,7 +127,7 @@ fn what_may_not_run_here_is_refused_with_its_header() {
         assert_eq!(install.append(&mut nor, &file[..31]), Ok(()));
         let error = install.append(&mut nor, &file[31..32]).unwrap_err();
         assert!(std::format!("{error:?}").starts_with(expected), "{error:?}");
-        assert_eq!(install.finish(&mut nor), Err(InstallError::Incomplete));
+        assert_eq!(install.finish(), Err(InstallError::Incomplete));
     }
     let older = file(Slot::B, Version::new(0, 9, 9), 64);
     let permitted = Rules {

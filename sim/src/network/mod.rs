@@ -12,6 +12,7 @@ mod fault;
 pub mod guest;
 pub mod hand;
 pub mod instrument;
+mod standstill;
 mod unit;
 
 #[cfg(test)]
@@ -27,6 +28,7 @@ use crate::can_bus::{Bus, Event, Order, Port, Ports, Statistics};
 use crate::electronics::{Electronics, whole};
 use crate::memory::Memory;
 use crate::motion::Mover;
+use crate::rng::Rng;
 
 use guest::Guest;
 
@@ -60,10 +62,11 @@ pub struct Network {
     tick_ns: u64,
     counted: Statistics,
     load_percent: u8,
+    seed: u64,
 }
 
 impl Network {
-    /// An empty bus at time 0; `seed` is for the bus's own faults.
+    /// An empty bus at time 0; `seed` is for the bus's own faults and for how long erases take.
     pub fn new(bit_rate: u32, seed: u64) -> Self {
         let bus = Bus::new(bit_rate, seed);
         Self {
@@ -76,6 +79,7 @@ impl Network {
             edges: Vec::new(),
             tick_ns: 0,
             load_percent: 0,
+            seed,
         }
     }
 
@@ -94,7 +98,10 @@ impl Network {
         self.bus
             .set_bit_rate(port, u32::from(factory.kbit_s) * 1000);
         self.bus.connect(port, false);
-        let unit = Unit::new(electronics, check, factory, memory, port);
+        let mut unit = Unit::new(electronics, check, factory, memory, port);
+        let label = format!("node {} erases", self.units.len());
+        let pace = Rng::stream(self.seed, &label);
+        unit.device.memory().flash_mut().set_pace(pace);
         self.units.push(unit);
         self.due_ns.push(NEVER);
         self.units.len() - 1

@@ -1,5 +1,6 @@
 //! Two nodes on one bus, as a master and the world see them.
 
+mod erases;
 mod faulty;
 mod stale;
 

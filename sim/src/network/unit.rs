@@ -3,7 +3,8 @@
 //! In: the world's events for this node (power, data-ready edges, frames, error states), each at
 //! its time. Out: frames offered to the bus. This is the part that `firmware` plays on the chip:
 //! it moves frames between the controller's mailboxes and the device, and does what the device
-//! wishes (reset, another bit rate, return from bus-off).
+//! wishes (reset, another bit rate, return from bus-off). While a page of its flash is erased its
+//! code stands still ([`Standstill`]).
 //!
 //! Left out: the time that code takes to run.
 
@@ -16,6 +17,7 @@ use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
 use super::fault::Faulty;
+use super::standstill::{Held, Standstill};
 use crate::can_bus::{Bus, MAILBOXES, Mailbox, Port, State};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
@@ -50,6 +52,7 @@ pub struct Unit {
     pub(super) faulty: Faulty,
     /// What the image in the chosen slot does.
     program: Program,
+    standstill: Standstill,
 }
 
 /// A frame in a mailbox.
@@ -105,6 +108,7 @@ impl Unit {
             search: None,
             faulty: Faulty::default(),
             program: Program::Sound,
+            standstill: Standstill::default(),
         }
     }
 
@@ -140,6 +144,8 @@ impl Unit {
         self.recover_at = None;
         self.switch_at = None;
         self.search = None;
+        self.standstill = Standstill::default();
+        self.device.memory().flash_mut().take_erase_ns();
         self.faulty.forget();
         bus.listen_only(self.port, false);
     }
@@ -179,6 +185,9 @@ impl Unit {
         if !self.running {
             return Some(self.ready_ns);
         }
+        if let Some(until_ns) = self.standstill.until_ns() {
+            return Some(until_ns);
+        }
         let mut first = self.device.next_deadline();
         if let Some(at) = self.recover_at {
             first = first.min(at);
@@ -206,7 +215,10 @@ impl Unit {
     /// A data-ready edge of `captured_ns` gets here: a sample is taken, and nothing else.
     pub fn data_ready(&mut self, captured_ns: u64) {
         // A program that is sick on purpose never gets to its samples.
-        if self.running && self.program != Program::Sick {
+        if self.running
+            && self.program != Program::Sick
+            && !self.standstill.takes(Held::Edge(captured_ns))
+        {
             self.device.data_ready(self.now(captured_ns));
         }
     }
@@ -223,6 +235,11 @@ impl Unit {
         if !self.running {
             return;
         }
+        match self.standstill.until_ns() {
+            Some(until_ns) if now_ns < until_ns => return,
+            Some(_) => return self.go_on(bus, now_ns),
+            None => {}
+        }
         if self.recover_at.is_some_and(|at| at <= now) {
             self.recover_at = None;
             bus.recover(self.port);
@@ -237,8 +254,41 @@ impl Unit {
         if self.device.next_deadline() <= now {
             self.electronics.settle(seconds(now_ns));
             self.device.poll(now);
+            if self.stands_still(now_ns) {
+                return;
+            }
         }
         self.pump(bus, now_ns);
+    }
+
+    /// Whether the device has erased pages just now: then the processor stands still for them.
+    fn stands_still(&mut self, now_ns: u64) -> bool {
+        let erase_ns = self.device.memory().flash_mut().take_erase_ns();
+        if erase_ns != 0 {
+            self.standstill.begin(now_ns + erase_ns);
+        }
+        erase_ns != 0
+    }
+
+    /// The pages are erased: what was under way is ended, then comes what has waited.
+    fn go_on(&mut self, bus: &mut Bus, now_ns: u64) {
+        let lost = self.standstill.end();
+        self.pump(bus, now_ns);
+        let now = self.now(now_ns);
+        if lost != 0 {
+            self.device.frames_lost(lost, now);
+        }
+        self.device.stood_still(now);
+        while self.running
+            && let Some(held) = self.standstill.next()
+        {
+            match held {
+                Held::Edge(captured_ns) => self.data_ready(captured_ns),
+                Held::Sent(mailbox, frame) => self.sent(bus, mailbox, &frame, now_ns),
+                Held::Received(frame) => self.receive(bus, &frame, now_ns),
+                Held::Changed(state) => self.bus_changed(bus, state, now_ns),
+            }
+        }
     }
 
     /// Goes to a bit rate, or starts to look for it by listening.
@@ -269,13 +319,16 @@ impl Unit {
         if self.faulty.is_deaf_to_sync() && sync.recognises(frame) {
             return;
         }
-        if self.running {
+        if self.running && !self.standstill.takes(Held::Received(*frame)) {
             let now = self.now(at_ns);
             let found = self.search;
             if let Some(found) = found {
                 self.set_rate(bus, Some(found.kbit_s()), now);
             }
             self.device.receive(frame, now);
+            if self.stands_still(at_ns) {
+                return;
+            }
             // What the device wants to do about it is done at once.
             if found.is_some() || self.device.next_deadline() <= now {
                 self.poll(bus, at_ns);
@@ -285,6 +338,9 @@ impl Unit {
 
     /// One of this node's frames has gone out.
     pub fn sent(&mut self, bus: &mut Bus, mailbox: usize, frame: &Frame, at_ns: u64) {
+        if self.running && self.standstill.takes(Held::Sent(mailbox, *frame)) {
+            return;
+        }
         if let Some(place) = self.mailboxes.get_mut(mailbox) {
             *place = None;
         }
@@ -301,7 +357,7 @@ impl Unit {
 
     /// The controller's error state is another one.
     pub fn bus_changed(&mut self, bus: &mut Bus, state: State, at_ns: u64) {
-        if !self.running {
+        if !self.running || self.standstill.takes(Held::Changed(state)) {
             return;
         }
         let now = self.now(at_ns);
@@ -393,7 +449,8 @@ impl Unit {
     /// An attempt to send has failed; one that was aborted meanwhile is not repeated.
     pub fn failed(&mut self, bus: &mut Bus, at_ns: u64) {
         let aborted = |place: &Option<Posted>| place.is_some_and(|posted| posted.aborted);
-        if self.running && self.mailboxes.iter().any(aborted) {
+        let works = self.running && self.standstill.until_ns().is_none();
+        if works && self.mailboxes.iter().any(aborted) {
             self.pump(bus, at_ns);
         }
     }

@@ -23,8 +23,8 @@ use canopen::Frame;
 use super::Bus;
 pub use error::{SdoError, meaning};
 
-/// How long an answer may take: a program's signature is checked in half a second, and an erase
-/// of flash stops a node for some tenths.
+/// How long an answer may take: erases of flash stop a node for some tenths of a second, and one
+/// with an older program checks the signature of a new one before it answers.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// How long an answer may take that needs no work.
