@@ -1,8 +1,9 @@
 //! Emergency: messages, the error register and the list of past errors (CiA 301, 7.2.7; objects
 //! 1001h, 1003h, 1014h, 1015h).
 //!
-//! In: errors that appear or go, with the register as it then is. Out: messages in their order,
-//! no closer than the inhibit time, and the list. When more wait than there is room for, the
+//! In: errors that appear or go, with the register as it then is; what has gone out. Out: messages
+//! in their order, no closer than the inhibit time, and the list. A message waits until it has gone
+//! out: one that the controller has lost is sent again. When more wait than there is room for, the
 //! oldest unsent stays (the cause) and the newest is taken (the state); what lies between them
 //! still stands in the list.
 //!
@@ -23,6 +24,12 @@ const WAITING: usize = 8;
 
 /// Error code of a message that something has gone: 00xxh.
 const RESET: u16 = 0;
+
+/// Error passive (CiA 301, table 26).
+pub const PASSIVE: u16 = 0x8120;
+
+/// Recovered from bus-off (CiA 301, table 26).
+pub const RECOVERED: u16 = 0x8140;
 
 /// Bit 0 of the error register stands whenever any other does.
 const GENERIC: u8 = 1;
@@ -45,6 +52,8 @@ pub struct Emergency {
     inhibit_100us: u16,
     register: u8,
     waiting: Deque<Message, WAITING>,
+    /// The first of them is with the controller.
+    handed_over: bool,
     history: [u32; HISTORY],
     count: u8,
     free_at: Instant,
@@ -58,6 +67,7 @@ impl Emergency {
             inhibit_100us: 0,
             register: 0,
             waiting: Deque::new(),
+            handed_over: false,
             history: [0; HISTORY],
             count: 0,
             free_at: Instant(0),
@@ -109,7 +119,8 @@ impl Emergency {
     }
 
     fn waits(&self, state: State) -> bool {
-        self.cob_id & OFF == 0 && state.allows_emergency() && !self.waiting.is_empty()
+        let ready = !self.handed_over && !self.waiting.is_empty();
+        self.cob_id & OFF == 0 && state.allows_emergency() && ready
     }
 
     /// When a message that waits may go.
@@ -123,14 +134,43 @@ impl Emergency {
         due.then_some((self.cob_id & 0x7FF) as u16)
     }
 
-    /// The message that may go now.
+    /// The message that may go now; the next one follows when it has gone out.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        let message = self.waiting.pop_front()?;
+        let message = self.waiting.front().filter(|_| !self.handed_over)?;
+        self.handed_over = true;
         self.free_at = now.after(u64::from(self.inhibit_100us) * 100);
         let [low, high] = message.code.to_le_bytes();
         let [a, b, c, d, e] = message.detail;
         let bytes = [low, high, message.register, a, b, c, d, e];
         Some(Frame::data_frame((self.cob_id & 0x7FF) as u16, &bytes))
+    }
+
+    /// The message with the controller is done with.
+    fn finish(&mut self) {
+        if core::mem::take(&mut self.handed_over) {
+            self.waiting.pop_front();
+        }
+    }
+
+    /// A frame of this identifier has gone out.
+    pub fn sent(&mut self, cob_id: u16) {
+        if u32::from(cob_id) == self.cob_id & 0x7FF {
+            self.finish();
+        }
+    }
+
+    /// The controller has gone bus-off and has lost what it had: that is sent again. What was to
+    /// be told of the bus itself is over, and the end of bus-off will be told anew.
+    pub fn bus_off(&mut self) {
+        self.handed_over = false;
+        for _ in 0..self.waiting.len() {
+            // Round once, so the order stays.
+            if let Some(message) = self.waiting.pop_front()
+                && !matches!(message.code, PASSIVE | RECOVERED)
+            {
+                let _ = self.waiting.push_back(message);
+            }
+        }
     }
 
     /// 1001h, 1003h, 1014h, 1015h.
@@ -183,7 +223,11 @@ impl Emergency {
     pub fn load(&mut self, at: Address, value: Value) -> bool {
         let number = value.unsigned() as u32;
         match at.index {
-            0x1014 => self.cob_id = number,
+            0x1014 => {
+                // Under its old identifier it may still go out, and is not sent twice.
+                self.finish();
+                self.cob_id = number;
+            }
             0x1015 => self.inhibit_100us = number as u16,
             _ => {}
         }
@@ -210,6 +254,13 @@ mod tests {
         emergency
     }
 
+    /// The next message, which goes out at once.
+    fn said(emergency: &mut Emergency, now: Instant) -> Option<Frame> {
+        let frame = emergency.transmit(now)?;
+        emergency.sent(frame.cob_id()?);
+        Some(frame)
+    }
+
     fn number(emergency: &Emergency, index: u16, sub: u8) -> Result<u64, Abort> {
         let value = emergency.read(at(index, sub)).unwrap();
         value.map(|v| v.unsigned())
@@ -220,13 +271,13 @@ mod tests {
         let mut e = emergency();
         e.raise(0x5010, 0x20, [1, 2, 3, 4, 5]);
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x85));
-        let told = e.transmit(Instant(0)).unwrap();
+        let told = said(&mut e, Instant(0)).unwrap();
         assert_eq!(
             told,
             Frame::data_frame(0x85, &[0x10, 0x50, 0x21, 1, 2, 3, 4, 5])
         );
         e.clear(0, [0; 5]);
-        let gone = e.transmit(Instant(0)).unwrap();
+        let gone = said(&mut e, Instant(0)).unwrap();
         assert_eq!(gone, Frame::data_frame(0x85, &[0; 8]));
         assert_eq!(number(&e, 0x1001, 0), Ok(0));
         assert_eq!(number(&e, 0x1003, 1), Ok(0x0201_5010));
@@ -239,7 +290,7 @@ mod tests {
         e.load(at(0x1015, 0), Value::u16(50));
         e.raise(0x1000, 0x80, [0; 5]);
         e.raise(0x1001, 0x80, [0; 5]);
-        assert!(e.transmit(Instant(100)).is_some());
+        assert!(said(&mut e, Instant(100)).is_some());
         assert_eq!(e.next_cob_id(OP, Instant(5_099)), None);
         assert_eq!(e.poll(OP), Some(Instant(5_100)));
         assert_eq!(e.next_cob_id(OP, Instant(5_100)), Some(0x85));
@@ -251,12 +302,63 @@ mod tests {
         for code in 0..20_u16 {
             e.raise(0xFF00 + code, 0x80, [0; 5]);
         }
-        let first = e.transmit(Instant(0)).unwrap();
+        let first = said(&mut e, Instant(0)).unwrap();
         assert_eq!(first.bytes()[..2], [0x00, 0xFF]);
-        let rest = core::iter::from_fn(|| e.transmit(Instant(0)));
+        let rest = core::iter::from_fn(|| said(&mut e, Instant(0)));
         assert_eq!(rest.last().unwrap().bytes()[..2], [19, 0xFF]);
         assert_eq!(number(&e, 0x1003, 0), Ok(HISTORY as u64));
         assert_eq!(number(&e, 0x1003, 1), Ok(0xFF13));
+    }
+
+    #[test]
+    fn a_message_waits_until_the_one_before_it_has_gone_out() {
+        let mut e = emergency();
+        e.raise(0x1000, 0x80, [0; 5]);
+        e.raise(0x1001, 0x80, [0; 5]);
+        let first = e.transmit(Instant(0));
+        assert!(first.is_some());
+        assert_eq!((e.next_cob_id(OP, Instant(0)), e.poll(OP)), (None, None));
+        assert_eq!(e.transmit(Instant(0)), None);
+        // What another service sends is no answer to that.
+        e.sent(0x181);
+        assert_eq!(e.next_cob_id(OP, Instant(0)), None);
+        e.sent(0x85);
+        assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x85));
+    }
+
+    #[test]
+    fn a_message_that_bus_off_took_was_never_sent_again() {
+        let mut e = emergency();
+        e.raise(PASSIVE, 0x10, [0; 5]);
+        e.raise(0x1000, 0x80, [1; 5]);
+        e.raise(0x1001, 0x80, [2; 5]);
+        assert!(said(&mut e, Instant(0)).is_some());
+        let taken = e.transmit(Instant(0)).unwrap();
+        e.raise(PASSIVE, 0x10, [0; 5]);
+        e.bus_off();
+        e.raise(RECOVERED, 0, [0; 5]);
+        // Once more, and what was to be told of the bus is told once.
+        e.bus_off();
+        e.raise(RECOVERED, 0, [0; 5]);
+        let codes: [_; 3] = core::array::from_fn(|n| {
+            let frame = said(&mut e, Instant(0)).unwrap();
+            assert!(n > 0 || frame == taken);
+            u16::from_le_bytes([frame.bytes()[0], frame.bytes()[1]])
+        });
+        assert_eq!(codes, [0x1000, 0x1001, RECOVERED]);
+        assert_eq!(said(&mut e, Instant(0)), None);
+    }
+
+    #[test]
+    fn a_message_under_its_old_identifier_is_not_sent_under_the_new_one_too() {
+        let mut e = emergency();
+        e.raise(0x1000, 0x80, [0; 5]);
+        assert!(e.transmit(Instant(0)).is_some());
+        e.write(at(0x1014, 0), Value::u32(OFF | 0x85));
+        e.write(at(0x1014, 0), Value::u32(0x90));
+        assert_eq!(e.next_cob_id(OP, Instant(0)), None);
+        e.raise(0x1001, 0x80, [0; 5]);
+        assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
     }
 
     #[test]

@@ -206,7 +206,6 @@ impl ErrorControl {
         let id = ERROR_CONTROL + u16::from(node_id);
         if core::mem::take(&mut self.asked) {
             let toggle = u8::from(self.toggle) << 7;
-            self.toggle = !self.toggle;
             return Some(Frame::data_frame(id, &[toggle | state as u8]));
         }
         let due = self.heartbeat_at.filter(|at| *at <= now)?;
@@ -217,6 +216,14 @@ impl ErrorControl {
             self.next_heartbeat(now)
         };
         Some(Frame::data_frame(id, &[state as u8]))
+    }
+
+    /// A frame of [`ErrorControl::transmit`] has gone out. The toggle bit alternates from one answer
+    /// on the bus to the next: after one that the controller has lost it stays.
+    pub fn sent(&mut self, frame: &Frame) {
+        if let (0, &[state]) = (self.producer_ms, frame.bytes()) {
+            self.toggle = state >> 7 == 0;
+        }
     }
 
     /// The request that a master guards this node with.
@@ -392,11 +399,33 @@ mod tests {
             assert!(control.is_due(ms(1)));
             let answer = control.transmit(5, PRE, ms(1));
             assert_eq!(answer, Some(heartbeat(5, toggle | 127)));
+            control.sent(&answer.unwrap());
         }
         assert!(!control.is_due(ms(1)));
         control.start(ms(2));
         control.receive(&request, 5, ms(3));
         assert_eq!(control.transmit(5, PRE, ms(3)), Some(heartbeat(5, 127)));
+    }
+
+    #[test]
+    fn a_guarding_answer_that_bus_off_took_turned_the_toggle_bit_all_the_same() {
+        let mut control = ErrorControl::new();
+        control.start(ms(0));
+        let request = ErrorControl::request(5).unwrap();
+        for (toggle, lost) in [
+            (0, true),
+            (0, false),
+            (0x80, true),
+            (0x80, false),
+            (0, false),
+        ] {
+            control.receive(&request, 5, ms(1));
+            let answer = control.transmit(5, PRE, ms(1)).unwrap();
+            assert_eq!(answer, heartbeat(5, toggle | 127));
+            if !lost {
+                control.sent(&answer);
+            }
+        }
     }
 
     #[test]

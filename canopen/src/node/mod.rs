@@ -17,7 +17,8 @@ mod tests;
 
 use self::view::{Mapped, View};
 use crate::communication::Communication;
-use crate::error_control::Event as Control;
+use crate::emcy;
+use crate::error_control::{ERROR_CONTROL, Event as Control, boot_up};
 use crate::frame::Frame;
 use crate::lss::{Lss, Request};
 use crate::nmt::{self, Command, State};
@@ -123,6 +124,8 @@ pub struct Node {
     communication: Communication,
     node_id: u8,
     bus: BusState,
+    /// The boot-up message is with the controller.
+    announced: bool,
     /// Error register bits that the device has set.
     device_bits: u8,
     /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
@@ -181,6 +184,7 @@ impl Node {
             communication: Communication::new(),
             node_id: UNCONFIGURED,
             bus: BusState::Active,
+            announced: false,
             device_bits: 0,
             present: 0,
             overruns: 0,
@@ -255,6 +259,7 @@ impl Node {
         self.end_transfer(app, now);
         self.node_id = self.lss.take_node_id();
         self.communication.clear();
+        self.announced = false;
         // What the controller says of the bus holds until it says otherwise.
         self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);
@@ -301,7 +306,7 @@ impl Node {
             self.sync_frame(app, frame, now);
         } else {
             // Error control may have taken it without anything to tell.
-            return self.process_data(app, frame, now) || id >= crate::error_control::ERROR_CONTROL;
+            return self.process_data(app, frame, now) || id >= ERROR_CONTROL;
         }
         true
     }
@@ -503,7 +508,8 @@ impl Node {
         self.communication.emergency.clear(register, detail);
     }
 
-    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for.
+    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for; the
+    /// frames that the controller had then are to be thrown away.
     pub fn bus_state<A: Application>(&mut self, app: &mut A, state: BusState, now: Instant) {
         let before = core::mem::replace(&mut self.bus, state);
         if before == state {
@@ -513,21 +519,32 @@ impl Node {
             // Nobody hears that it is no longer passive, and it is no better for that.
             self.present = self.present & !PASSIVE | OFF;
             self.set_register();
+            self.lose_frames();
             return self.communication_failed(app, now);
         }
         if before == BusState::Off {
             self.present &= !OFF;
-            self.emergency(0x8140, [0; 5]);
+            self.emergency(emcy::RECOVERED, [0; 5]);
         }
         let passive = state == BusState::Passive;
         if passive {
             // A warning: CiA 301 names bus-off and lost nodes as what 1029h acts on, not this.
             self.present |= PASSIVE;
-            self.emergency(0x8120, [0; 5]);
+            self.emergency(emcy::PASSIVE, [0; 5]);
         } else if self.present & PASSIVE != 0 {
             self.present &= !PASSIVE;
             self.cleared(self.device_bits, [0; 5]);
         }
+    }
+
+    /// What was in the controller is gone. What is told once is told again: boot-up, EMCY, and what
+    /// is sent on events. A client of SDO or LSS waits for its answer no longer than its own
+    /// time-out and would take a late one for that to its next request; heartbeat, SYNC and process
+    /// data come anew by themselves.
+    fn lose_frames(&mut self) {
+        self.announced = false;
+        self.communication.emergency.bus_off();
+        self.communication.pdo.bus_off();
     }
 
     /// Frames were lost because nobody took them out of the controller in time.
@@ -655,7 +672,10 @@ impl Node {
                 let answer = self.lss.transmit()?;
                 Some(Frame::data_frame(waiting.cob_id, &answer))
             }
-            Service::BootUp => Some(self.boot_up(app, now)),
+            Service::BootUp => {
+                self.announced = true;
+                Some(boot_up(self.node_id))
+            }
             Service::Sync => self.communication.sync.transmit(now),
             Service::Emergency => self.communication.emergency.transmit(now),
             Service::Safety => self.communication.safety.transmit(now),
@@ -707,8 +727,9 @@ impl Node {
         }
         match self.communication.state {
             _ if self.node_id == UNCONFIGURED => None,
+            State::Initialising if self.announced => None,
             State::Initialising => Some(Waiting {
-                cob_id: 0x700 + u16::from(self.node_id),
+                cob_id: ERROR_CONTROL + u16::from(self.node_id),
                 service: Service::BootUp,
             }),
             _ => self.first(now),
@@ -744,8 +765,8 @@ impl Node {
         first
     }
 
-    /// The boot-up message, after which the node is pre-operational, or starts itself (1F80h).
-    fn boot_up<A: Application>(&mut self, app: &mut A, now: Instant) -> Frame {
+    /// The boot-up message has gone out: the node is pre-operational, or starts itself (1F80h).
+    fn booted<A: Application>(&mut self, app: &mut A, now: Instant) {
         let services = &mut self.communication;
         services.state = State::PreOperational;
         services.error_control.start(now);
@@ -755,14 +776,25 @@ impl Node {
         if starts {
             self.enter(app, State::Operational, now);
         }
-        crate::error_control::boot_up(self.node_id)
     }
 
     /// A frame from [`Node::transmit`] has ended on the bus at `now`.
     ///
-    /// Only then has this node's own SYNC happened, at the same instant as for everybody else;
-    /// true when that was it.
+    /// Only then has it been told: a boot-up message ends the initialisation, an EMCY makes room
+    /// for the next one. And only then has this node's own SYNC happened, at the same instant as
+    /// for everybody else; true when that was it.
     pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+        if let Some(cob_id) = frame.cob_id() {
+            self.communication.emergency.sent(cob_id);
+            if cob_id == ERROR_CONTROL + u16::from(self.node_id) {
+                self.communication.error_control.sent(frame);
+            }
+        }
+        // A heartbeat of before a reset may still go out in front of it.
+        let initialising = self.communication.state == State::Initialising;
+        if initialising && *frame == boot_up(self.node_id) {
+            self.booted(app, now);
+        }
         let sync = self.communication.sync.is_own(frame);
         if sync {
             self.sync_frame(app, frame, now);
