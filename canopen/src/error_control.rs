@@ -268,13 +268,14 @@ impl ErrorControl {
         Some(Ok(()))
     }
 
-    /// No node twice, and no node-id that does not exist.
+    /// No node twice, and nothing in the reserved bits. An entry without a time, or with a node-id
+    /// that no node has, is one that is not used (CiA 301, 7.5.2.19).
     fn refuse_entry(&self, sub: u8, entry: u32) -> Option<Abort> {
         let new = Consumer {
             entry,
             ..Consumer::OFF
         };
-        if entry >> 24 != 0 || (new.time_ms() != 0 && new.node() > 127) {
+        if entry >> 24 != 0 {
             return Some(Abort::InvalidValue);
         }
         let others = (1..).zip(&self.consumers).filter(|(n, _)| *n != sub);
@@ -385,8 +386,24 @@ mod tests {
             write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 400)),
             Ok(())
         );
-        let no_node = write(&mut control, 0x1016, 3, Value::u32(200 << 16 | 100));
-        assert_eq!(no_node, Err(Abort::InvalidValue));
+        let reserved = write(&mut control, 0x1016, 3, Value::u32(1 << 24 | 3 << 16 | 100));
+        assert_eq!(reserved, Err(Abort::InvalidValue));
+    }
+
+    #[test]
+    fn a_node_id_that_no_node_has_was_refused_instead_of_an_unused_entry() {
+        let mut control = ErrorControl::new();
+        for (sub, node) in (1..).zip([0, 128, 255, 255]) {
+            let entry = Value::u32(node << 16 | 300);
+            assert_eq!(write(&mut control, 0x1016, sub, entry), Ok(()), "{node}");
+            let read = control.read(at(0x1016, sub));
+            assert_eq!(read, Some(Ok(entry)));
+        }
+        // Nobody is supervised by it, not even what looks like a heartbeat of node 0.
+        for id in [0, 127] {
+            assert_eq!(control.receive(&heartbeat(id, 5), 1, ms(0)), None);
+        }
+        assert_eq!((control.poll(), control.expired(ms(10_000))), (None, None));
     }
 
     #[test]

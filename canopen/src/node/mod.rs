@@ -646,17 +646,7 @@ impl Node {
     /// Hand it to the controller, and call [`Node::sent`] when it has gone out, or
     /// [`Node::withdrawn`] when it was taken back because it [`expires`](Node::expires).
     pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        self.transmit_if(app, now, |_| true)
-    }
-
-    /// [`Node::transmit`], if there is room for a frame of its identifier.
-    pub fn transmit_if<A: Application>(
-        &mut self,
-        app: &mut A,
-        now: Instant,
-        room: impl FnOnce(u16) -> bool,
-    ) -> Option<Frame> {
-        let waiting = self.waiting(now).filter(|waiting| room(waiting.cob_id))?;
+        let waiting = self.waiting(now)?;
         self.hand_out(app, waiting, now)
     }
 

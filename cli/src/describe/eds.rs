@@ -6,7 +6,7 @@
 //!
 //! Left out: compact storage, modules, units (the format has no key for them).
 
-use canopen::object::Access;
+use canopen::object::{Access, DataType};
 use device::objects::row::{Row, Shape};
 use device::objects::table::Channel;
 
@@ -236,6 +236,16 @@ fn write_object(file: &mut File, object: &Object<'_>, channel: Channel, extra: &
     }
 }
 
+/// Whether a value without a default has an empty key, which the format allows beside none at all.
+///
+/// Masters take the size of a number from there, and one of them fails at the first access where
+/// the key is missing. It also refuses a whole file for the value of a type that it has not heard
+/// of, as numbers of 24 bit; and of a DOMAIN an empty value would be a content.
+fn is_empty(data_type: DataType) -> bool {
+    use DataType::{Domain, Integer24, Unsigned24};
+    !matches!(data_type, Domain | Integer24 | Unsigned24)
+}
+
 fn write_entry(file: &mut File, entry: &Entry<'_>, channel: Channel) {
     let row = entry.row;
     let mappable = row.access.has(Access::TPDO) || row.access.has(Access::RPDO);
@@ -243,8 +253,10 @@ fn write_entry(file: &mut File, entry: &Entry<'_>, channel: Channel) {
     file.key("ObjectType", "0x7");
     file.key("DataType", format!("0x{:04X}", row.data_type as u8));
     file.key("AccessType", dictionary::access_name(row.access));
-    if let Some(text) = dictionary::default_text(row, channel) {
-        file.key("DefaultValue", text);
+    match dictionary::default_text(row, channel) {
+        Some(text) => file.key("DefaultValue", text),
+        None if is_empty(row.data_type) => file.key("DefaultValue", ""),
+        None => {}
     }
     file.key("PDOMapping", u8::from(mappable));
     if row.access.has(Access::SRDO) {

@@ -27,6 +27,7 @@ pub(crate) mod status;
 mod stop;
 mod tcp;
 mod trouble;
+mod turns;
 mod typed;
 mod words;
 

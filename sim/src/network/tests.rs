@@ -1,6 +1,8 @@
 //! Two nodes on one bus, as a master and the world see them.
 
 mod faulty;
+mod preempted;
+mod safety;
 mod stale;
 
 use super::*;
