@@ -6,6 +6,8 @@ Node 1 produces SYNC, so that the time between two of them doesn't depend on thi
 from __future__ import annotations
 
 import itertools
+import statistics
+import time
 from typing import Iterator
 
 import can
@@ -147,6 +149,25 @@ def test_a_client_that_floods_loses_none_of_its_frames_nor_the_nodes_theirs(
     seen = cycles(master, mark, 100)
     assert incomplete(seen) == {}
     assert overruns(master) == before
+
+
+def test_beside_a_client_that_floods_another_is_served_in_turn(
+    plumb: Plumb, master: Master
+) -> None:
+    """It waited two seconds, for all that the other had sent before."""
+    with can.Bus(
+        interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
+    ) as flood:
+        frame = can.Message(arbitration_id=LOWEST, data=bytes(8), is_extended_id=False)
+        for _ in range(3000):
+            flood.send(frame)
+        waited = []
+        for _ in range(20):
+            asked = time.monotonic()
+            master.read(1, 0x1018, 4)
+            waited.append(time.monotonic() - asked)
+        assert master.read(1, 0x2052, 4) > 90, "the flood goes on"
+    assert statistics.median(waited) < 0.05, waited
 
 
 def test_a_flood_above_the_pdos_delays_them_and_counts_what_was_replaced(

@@ -326,7 +326,8 @@ impl Hub {
         let moved = &self.shared.moved;
         let none = |incoming: &mut Turns| !incoming.any(&mut wanted);
         let waited = moved.wait_timeout_while(self.shared.incoming(), timeout, none);
-        let (_, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        let (incoming, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        drop(incoming);
         !waited.timed_out()
     }
 
