@@ -9,8 +9,6 @@
 //!
 //! Left out: what an error means; consuming the messages of others.
 
-use heapless::Deque;
-
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Value};
@@ -37,21 +35,19 @@ const GENERIC: u8 = 1;
 /// Bit 31 of 1014h: no messages.
 const OFF: u32 = 1 << 31;
 
-#[derive(Clone, Copy, Debug)]
-#[repr(align(4))]
-struct Message {
-    code: u16,
-    register: u8,
-    detail: [u8; 5],
-}
+/// A message as it goes out: code, register, detail.
+type Message = [u8; 8];
 
 /// EMCY: parameters and state.
 #[derive(Clone, Debug)]
 pub struct Emergency {
-    cob_id: u32,
+    /// 1014h with bit 31 turned over, so that all bytes of one that has nothing are 0.
+    turned: u32,
     inhibit_100us: u16,
     register: u8,
-    waiting: Deque<Message, WAITING>,
+    /// The oldest first; code 0 behind the last.
+    waiting: [Message; WAITING],
+    count_waiting: u8,
     /// The first of them is with the controller.
     handed_over: bool,
     history: [u32; HISTORY],
@@ -60,18 +56,33 @@ pub struct Emergency {
 }
 
 impl Emergency {
+    /// As [`Emergency::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
+    pub(crate) const NONE: Self = Self {
+        turned: 0,
+        inhibit_100us: 0,
+        register: 0,
+        waiting: [[0; 8]; WAITING],
+        count_waiting: 0,
+        handed_over: false,
+        history: [0; HISTORY],
+        count: 0,
+        free_at: Instant(0),
+    };
+
     /// No error; the COB-ID is loaded later.
+    // Within a whole node it would be cleared by a second and third form of the library's memclr.
+    #[inline(never)]
     pub const fn new() -> Self {
-        Self {
-            cob_id: OFF,
-            inhibit_100us: 0,
-            register: 0,
-            waiting: Deque::new(),
-            handed_over: false,
-            history: [0; HISTORY],
-            count: 0,
-            free_at: Instant(0),
-        }
+        Self::NONE
+    }
+
+    /// 1014h.
+    const fn cob_id(&self) -> u32 {
+        self.turned ^ OFF
+    }
+
+    const fn id(&self) -> u16 {
+        (self.turned & 0x7FF) as u16
     }
 
     /// 1001h.
@@ -85,10 +96,17 @@ impl Emergency {
     }
 
     /// An error has appeared; `bits` is the whole register as it now is.
+    ///
+    /// What is to be told of the bus itself and waits is not told twice: a node that tries to come
+    /// back to a bus that takes nothing would have nothing else to tell in the end.
     pub fn raise(&mut self, code: u16, bits: u8, detail: [u8; 5]) {
         self.set_register(bits);
-        let [first, second, ..] = detail;
         let [low, high] = code.to_le_bytes();
+        let waits = |[a, b, ..]: &Message| (*a, *b) == (low, high);
+        if matches!(code, PASSIVE | RECOVERED) && self.waiting.iter().any(waits) {
+            return;
+        }
+        let [first, second, ..] = detail;
         let mut newer = u32::from_le_bytes([low, high, first, second]);
         // One place further each; `rotate_right` would bring the library's memmove along.
         for kept in &mut self.history {
@@ -106,21 +124,18 @@ impl Emergency {
     }
 
     fn queue(&mut self, code: u16, register: u8, detail: [u8; 5]) {
-        let message = Message {
-            code,
-            register,
-            detail,
-        };
-        if self.waiting.is_full() {
-            self.waiting.pop_back();
+        let [low, high] = code.to_le_bytes();
+        let [a, b, c, d, e] = detail;
+        let place = self.count_waiting.min(WAITING as u8 - 1);
+        if let Some(message) = self.waiting.get_mut(usize::from(place)) {
+            *message = [low, high, register, a, b, c, d, e];
         }
-        // There is room now.
-        let _ = self.waiting.push_back(message);
+        self.count_waiting = place + 1;
     }
 
     fn waits(&self, state: State) -> bool {
-        let ready = !self.handed_over && !self.waiting.is_empty();
-        self.cob_id & OFF == 0 && state.allows_emergency() && ready
+        let ready = !self.handed_over && self.count_waiting != 0;
+        self.turned & OFF != 0 && state.allows_emergency() && ready
     }
 
     /// When a message that waits may go.
@@ -131,46 +146,33 @@ impl Emergency {
     /// The identifier of a message that may go now.
     pub fn next_cob_id(&self, state: State, now: Instant) -> Option<u16> {
         let due = self.poll(state).is_some_and(|at| at <= now);
-        due.then_some((self.cob_id & 0x7FF) as u16)
+        due.then_some(self.id())
     }
 
     /// The message that may go now; the next one follows when it has gone out.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        let message = self.waiting.front().filter(|_| !self.handed_over)?;
+        let ready = !self.handed_over && self.count_waiting != 0;
+        let message = self.waiting.first().filter(|_| ready)?;
         self.handed_over = true;
         self.free_at = now.after(u64::from(self.inhibit_100us) * 100);
-        let [low, high] = message.code.to_le_bytes();
-        let [a, b, c, d, e] = message.detail;
-        let bytes = [low, high, message.register, a, b, c, d, e];
-        Some(Frame::data_frame((self.cob_id & 0x7FF) as u16, &bytes))
-    }
-
-    /// The message with the controller is done with.
-    fn finish(&mut self) {
-        if core::mem::take(&mut self.handed_over) {
-            self.waiting.pop_front();
-        }
+        Some(Frame::data_frame(self.id(), message))
     }
 
     /// A frame of this identifier has gone out.
     pub fn sent(&mut self, cob_id: u16) {
-        if u32::from(cob_id) == self.cob_id & 0x7FF {
-            self.finish();
+        if cob_id == self.id() && core::mem::take(&mut self.handed_over) {
+            let mut next = [0; 8];
+            // One place further each; `rotate_left` would bring the library's memmove along.
+            for kept in self.waiting.iter_mut().rev() {
+                next = core::mem::replace(kept, next);
+            }
+            self.count_waiting = self.count_waiting.saturating_sub(1);
         }
     }
 
-    /// The controller has gone bus-off and has lost what it had: that is sent again. What was to
-    /// be told of the bus itself is over, and the end of bus-off will be told anew.
-    pub fn bus_off(&mut self) {
+    /// The controller has lost what it had: that is sent again.
+    pub const fn lost(&mut self) {
         self.handed_over = false;
-        for _ in 0..self.waiting.len() {
-            // Round once, so the order stays.
-            if let Some(message) = self.waiting.pop_front()
-                && !matches!(message.code, PASSIVE | RECOVERED)
-            {
-                let _ = self.waiting.push_back(message);
-            }
-        }
     }
 
     /// 1001h, 1003h, 1014h, 1015h.
@@ -183,7 +185,7 @@ impl Emergency {
                 error.map(|e| Value::u32(*e)).ok_or(Abort::NoSuchSubIndex)
             }
             (0x1003, _) => Err(Abort::NoData),
-            (0x1014, _) => Ok(Value::u32(self.cob_id)),
+            (0x1014, _) => Ok(Value::u32(self.cob_id())),
             _ => Ok(Value::u16(self.inhibit_100us)),
         })
     }
@@ -215,8 +217,8 @@ impl Emergency {
         if number & !(OFF | 0x7FF) != 0 || (number & OFF == 0 && is_restricted(id)) {
             return false;
         }
-        let stays_on = (self.cob_id | number) & OFF == 0;
-        !stays_on || id == self.cob_id & 0x7FF
+        let stays_on = (self.cob_id() | number) & OFF == 0;
+        !stays_on || id == u32::from(self.id())
     }
 
     /// A default or stored value.
@@ -224,9 +226,9 @@ impl Emergency {
         let number = value.unsigned() as u32;
         match at.index {
             0x1014 => {
-                // Under its old identifier it may still go out, and is not sent twice.
-                self.finish();
-                self.cob_id = number;
+                self.turned = number ^ OFF;
+                // Who listens to another identifier has not heard what goes out under the old one.
+                self.lost();
             }
             0x1015 => self.inhibit_100us = number as u16,
             _ => {}
@@ -334,12 +336,10 @@ mod tests {
         e.raise(0x1001, 0x80, [2; 5]);
         assert!(said(&mut e, Instant(0)).is_some());
         let taken = e.transmit(Instant(0)).unwrap();
-        e.raise(PASSIVE, 0x10, [0; 5]);
-        e.bus_off();
-        e.raise(RECOVERED, 0, [0; 5]);
-        // Once more, and what was to be told of the bus is told once.
-        e.bus_off();
-        e.raise(RECOVERED, 0, [0; 5]);
+        for _ in 0..9 {
+            e.lost();
+            e.raise(RECOVERED, 0, [0; 5]);
+        }
         let codes: [_; 3] = core::array::from_fn(|n| {
             let frame = said(&mut e, Instant(0)).unwrap();
             assert!(n > 0 || frame == taken);
@@ -350,14 +350,15 @@ mod tests {
     }
 
     #[test]
-    fn a_message_under_its_old_identifier_is_not_sent_under_the_new_one_too() {
+    fn another_identifier_does_not_end_the_messages() {
         let mut e = emergency();
         e.raise(0x1000, 0x80, [0; 5]);
         assert!(e.transmit(Instant(0)).is_some());
         e.write(at(0x1014, 0), Value::u32(OFF | 0x85));
         e.write(at(0x1014, 0), Value::u32(0x90));
-        assert_eq!(e.next_cob_id(OP, Instant(0)), None);
-        e.raise(0x1001, 0x80, [0; 5]);
+        // The old one goes out late, and is not taken for the one under the new identifier.
+        assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
+        e.sent(0x85);
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
     }
 

@@ -406,7 +406,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.next.min(channel).min(self.pair.sending.next)
     }
 
-    /// What the CAN controller says of itself.
+    /// What the CAN controller says of itself. At bus-off its mailboxes are to be emptied.
     pub fn bus_state(&mut self, state: BusState, transmit: u8, receive: u8, now: Instant) {
         let shown = &mut self.values.process.bus;
         let code = match state {

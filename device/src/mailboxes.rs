@@ -6,15 +6,14 @@
 //! The controller sends by identifier and, for equal ones, by the number of the mailbox, so two
 //! frames with one identifier never wait side by side: their order would be lost. The last free
 //! mailbox is for what outranks the others. When none is free, the frame of the lowest priority is
-//! taken out for one that outranks them all, and goes in again when there is room: or an EMCY
-//! would wait behind three heartbeats for as long as somebody floods the bus with identifiers
-//! between the two (the inner priority inversion of ISO 11898-1 controllers).
+//! taken out for one that outranks them all, and goes in again when there is room. Or an EMCY would
+//! wait behind answers and heartbeats for as long as somebody floods the bus with identifiers in
+//! between (the inner priority inversion of CAN controllers).
 //!
 //! Left out: registers, bit rates, and what a device does when it is told.
 
 use canopen::Frame;
 use embedded_hal::spi::SpiDevice;
-use heapless::Vec;
 use tilt::sample::Instant;
 
 use crate::device::Device;
@@ -23,9 +22,9 @@ use crate::objects::panel::Memory;
 /// Mailboxes of the controller (RM0008 24.3.3).
 pub const MAILBOXES: usize = 3;
 
-/// Identifiers of a node that may be out of the mailboxes at once: SYNC, EMCY, four TPDOs, two
-/// frames of two SRDOs each, SDO, error control and LSS, without the three in the mailboxes.
-const PREEMPTED: usize = 10;
+/// Frames here: those in the mailboxes, and one each of what does not grow old of a node: SYNC,
+/// EMCY, SDO, error control, LSS. Process data that were taken out leave their places within 30 ms.
+const PLACES: usize = MAILBOXES + 5;
 
 /// What became of a frame that was to be taken back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,32 +37,34 @@ pub enum Abort {
 
 /// What has the mailboxes. Its frames go out by identifier.
 pub trait Transmitter {
-    /// Puts a frame into mailbox `place`, which is empty.
-    fn post(&mut self, place: u8, frame: &Frame);
-    /// Takes the frame in mailbox `place` back, unless it is on the wire.
-    fn abort(&mut self, place: u8) -> Abort;
+    /// Puts a frame into a mailbox, which is empty.
+    fn post(&mut self, mailbox: u8, frame: &Frame);
+    /// Takes the frame in a mailbox back, unless it is on the wire.
+    fn abort(&mut self, mailbox: u8) -> Abort;
     /// Empties the mailboxes; nothing tells of what was in them.
     fn clear(&mut self);
 }
 
-/// What is to become of a frame in a mailbox.
+/// What is to become of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
-    /// It goes out.
+    /// It goes out when its turn comes.
     Stays,
-    /// It was on the wire when the device took it back: it goes out now or not at all.
+    /// Another one needs its mailbox: it goes out now, if it is on the wire, or later.
+    MakesRoom,
+    /// The device took it back: it goes out now, if it is on the wire, or not at all.
     Withdrawn,
-    /// It was on the wire when another one needed its mailbox: it goes out now or later.
-    Preempted,
 }
 
-/// A frame in a mailbox.
+/// A frame that the device has handed over.
 #[derive(Clone, Copy, Debug)]
-struct Posted {
+struct Held {
     /// Its identifier; what a device sends has 11 bits.
     id: u16,
-    frame: Frame,
+    /// The mailbox that it is in; `None` when it was taken out to make room.
+    mailbox: Option<u8>,
     fate: Fate,
+    frame: Frame,
 }
 
 /// Whether there is a mailbox for a frame.
@@ -71,18 +72,19 @@ struct Posted {
 enum Room {
     /// This one is empty.
     Free(u8),
-    /// In this one is what has to make room.
-    Behind(u8),
+    /// The frame of this identifier has to make room.
+    Behind(u16),
     /// Not now.
     None,
 }
 
-/// What is in the mailboxes, and what was taken out to make room.
+/// An identifier that no frame has.
+const NOTHING: u16 = u16::MAX;
+
+/// What is in the mailboxes, and what was taken out of them: of an identifier one frame only.
 #[derive(Clone, Debug)]
 pub struct Mailboxes {
-    posted: [Option<Posted>; MAILBOXES],
-    /// No two of one identifier: such a frame goes before a new one of the device.
-    preempted: Vec<Frame, PREEMPTED>,
+    held: [Option<Held>; PLACES],
     full: bool,
 }
 
@@ -96,8 +98,7 @@ impl Mailboxes {
     /// Empty.
     pub const fn new() -> Self {
         Self {
-            posted: [None; MAILBOXES],
-            preempted: Vec::new(),
+            held: [None; PLACES],
             full: false,
         }
     }
@@ -116,191 +117,197 @@ impl Mailboxes {
         silent: bool,
         now: Instant,
     ) {
-        self.withdraw(device, can, now);
+        while let Some(id) = device.withdraw() {
+            self.take_back(id, Fate::Withdrawn, device, can, now);
+        }
         self.full = silent;
         while !self.full && self.fill_one(device, can, now) {}
     }
 
-    /// Makes room for the frame of the highest priority and posts it; false when there is none.
+    /// Posts the frame of the highest priority, or makes room for it; false when there is none.
     fn fill_one<SPI: SpiDevice, M: Memory>(
         &mut self,
         device: &mut Device<SPI, M>,
         can: &mut impl Transmitter,
         now: Instant,
     ) -> bool {
-        let preempted = self.first_preempted();
         let waiting = device.waiting(now);
-        let waiting = waiting.filter(|new| preempted.is_none_or(|(_, id)| new.cob_id < id));
-        let Some(id) = waiting
-            .map(|new| new.cob_id)
-            .or(preempted.map(|(_, id)| id))
-        else {
+        let new = waiting.map_or(NOTHING, |waiting| waiting.cob_id);
+        let out = self.first_out();
+        if new == NOTHING && out == NOTHING {
             return false;
-        };
-        match self.room(id) {
-            Room::Free(place) => {
-                let frame = match (waiting, preempted) {
-                    (Some(waiting), _) => device.hand_over(waiting, now),
-                    (None, Some((n, _))) => Some(self.preempted.swap_remove(n)),
-                    (None, None) => None,
-                };
-                frame.is_some_and(|frame| self.post(place, &frame, can))
+        }
+        match self.room(new.min(out)) {
+            Room::None => self.full = true,
+            Room::Behind(id) => self.take_back(id, Fate::MakesRoom, device, can, now),
+            Room::Free(mailbox) => {
+                // One that was taken out goes before a new one of its identifier.
+                if let Some(waiting) = waiting.filter(|_| new < out) {
+                    let frame = device.hand_over(waiting, now);
+                    return frame.is_some_and(|frame| self.post(mailbox, frame, can));
+                }
+                self.put(out, mailbox, can);
             }
-            Room::Behind(place) => {
-                self.full = !self.take_back(place, Fate::Preempted, device, can, now);
-                true
-            }
-            Room::None => {
-                self.full = true;
-                true
-            }
+        }
+        true
+    }
+
+    /// Puts a frame that is held into a mailbox that is free.
+    fn put(&mut self, id: u16, mailbox: u8, can: &mut impl Transmitter) {
+        if let Some(held) = self.of(id) {
+            held.mailbox = Some(mailbox);
+            can.post(mailbox, &held.frame);
         }
     }
 
-    /// The one of the highest priority among those that were taken out, with its place there.
-    fn first_preempted(&self) -> Option<(usize, u16)> {
-        let ids = self.preempted.iter().filter_map(Frame::cob_id);
-        ids.enumerate().min_by_key(|(_, id)| *id)
+    /// The lowest identifier among the frames that were taken out.
+    fn first_out(&self) -> u16 {
+        let out = self
+            .held
+            .iter()
+            .flatten()
+            .filter(|held| held.mailbox.is_none());
+        out.fold(NOTHING, |first, held| first.min(held.id))
+    }
+
+    fn of(&mut self, id: u16) -> Option<&mut Held> {
+        self.held.iter_mut().flatten().find(|held| held.id == id)
     }
 
     /// Whether a frame of this identifier may go into a mailbox.
     fn room(&self, id: u16) -> Room {
-        let (mut free, mut count) = (None, 0);
-        let (mut first, mut last) = (u16::MAX, None);
+        let (mut used, mut count, mut spare) = (0u8, 0, false);
+        let (mut first, mut last) = (NOTHING, 0);
         let (mut twin, mut leaving) = (false, false);
-        for (place, posted) in (0..).zip(&self.posted) {
-            let Some(posted) = posted else {
-                free = free.or(Some(place));
-                count += 1;
+        for held in &self.held {
+            let Some(held) = held else {
+                spare = true;
                 continue;
             };
-            first = first.min(posted.id);
-            last = last.max(Some((posted.id, place)));
-            twin |= posted.id == id;
-            leaving |= posted.fate != Fate::Stays;
+            let Some(mailbox) = held.mailbox else {
+                continue;
+            };
+            used |= 1 << mailbox;
+            count += 1;
+            first = first.min(held.id);
+            last = last.max(held.id);
+            twin |= held.id == id;
+            leaving |= held.fate != Fate::Stays;
         }
         let outranks = id < first;
-        match (free, last) {
-            (Some(place), _) if outranks || count > 1 && !twin => Room::Free(place),
+        let free = (0..MAILBOXES as u8).find(|mailbox| used >> mailbox & 1 == 0);
+        match free {
+            Some(mailbox) if outranks || count + 1 < MAILBOXES && !twin => Room::Free(mailbox),
             // One that is about to leave makes room without being asked.
-            (None, Some((_, place))) if outranks && !leaving && !self.preempted.is_full() => {
-                Room::Behind(place)
-            }
+            None if outranks && spare && !leaving => Room::Behind(last),
             _ => Room::None,
         }
     }
 
-    fn place(&mut self, place: u8) -> Option<&mut Option<Posted>> {
-        self.posted.get_mut(usize::from(place))
-    }
-
     /// Into a mailbox that is free; true when that could be done.
-    fn post(&mut self, place: u8, frame: &Frame, can: &mut impl Transmitter) -> bool {
-        let (Some(id), Some(mailbox)) = (frame.cob_id(), self.place(place)) else {
+    fn post(&mut self, mailbox: u8, frame: Frame, can: &mut impl Transmitter) -> bool {
+        let place = self.held.iter_mut().find(|place| place.is_none());
+        let (Some(id), Some(place)) = (frame.cob_id(), place) else {
             return false;
         };
-        *mailbox = Some(Posted {
+        *place = Some(Held {
             id,
-            frame: *frame,
+            mailbox: None,
             fate: Fate::Stays,
+            frame,
         });
-        can.post(place, frame);
+        self.put(id, mailbox, can);
         true
     }
 
     /// Posts a frame if there is a mailbox for it; what is there stays.
     pub fn offer(&mut self, frame: &Frame, can: &mut impl Transmitter) -> bool {
         match frame.cob_id().map(|id| self.room(id)) {
-            Some(Room::Free(place)) => self.post(place, frame, can),
+            Some(Room::Free(mailbox)) => self.post(mailbox, *frame, can),
             _ => false,
         }
     }
 
-    /// A frame that was taken out to make room, no longer kept here.
-    pub fn take_preempted(&mut self) -> Option<Frame> {
-        let (n, _) = self.first_preempted()?;
-        Some(self.preempted.swap_remove(n))
+    /// A frame that was taken out to make room, no longer kept here; the lowest identifier first.
+    pub fn take_out(&mut self) -> Option<Frame> {
+        let first = self.first_out();
+        let is_first = |place: &&mut Option<Held>| place.is_some_and(|held| held.id == first);
+        let held = self.held.iter_mut().find(is_first)?.take()?;
+        Some(held.frame)
     }
 
-    /// Takes a frame out of its mailbox; false while it is on the wire.
+    /// Takes a frame out of its mailbox, unless it is on the wire.
     fn take_back<SPI: SpiDevice, M: Memory>(
         &mut self,
-        place: u8,
+        id: u16,
         fate: Fate,
         device: &mut Device<SPI, M>,
         can: &mut impl Transmitter,
         now: Instant,
-    ) -> bool {
-        if let Some(Some(posted)) = self.place(place) {
-            posted.fate = fate;
+    ) {
+        let Some(held) = self.of(id) else {
+            return;
+        };
+        let before = core::mem::replace(&mut held.fate, fate);
+        let is_out = match held.mailbox {
+            None => true,
+            // It is asked for once; then it is for the controller to tell.
+            Some(mailbox) => before == Fate::Stays && can.abort(mailbox) == Abort::Done,
+        };
+        if is_out {
+            self.leave(id, device, now);
         }
-        let done = can.abort(place) == Abort::Done;
-        if done {
-            self.given_up(place, device, now);
-        }
-        done
     }
 
-    /// Takes back what may not go out any more.
-    pub fn withdraw<SPI: SpiDevice, M: Memory>(
+    /// A frame is out of its mailbox and has not gone out.
+    fn leave<SPI: SpiDevice, M: Memory>(
         &mut self,
+        id: u16,
         device: &mut Device<SPI, M>,
-        can: &mut impl Transmitter,
         now: Instant,
     ) {
-        while let Some(id) = device.withdraw() {
-            let mut posted = (0..).zip(&mut self.posted);
-            let posted = posted.find_map(|(place, posted)| {
-                let posted = posted.as_mut().filter(|posted| posted.id == id)?;
-                Some((place, posted))
-            });
-            match posted {
-                Some((_, posted)) if posted.fate != Fate::Stays => posted.fate = Fate::Withdrawn,
-                Some((place, _)) => {
-                    self.take_back(place, Fate::Withdrawn, device, can, now);
-                }
-                None => {
-                    let before = self.preempted.len();
-                    self.preempted.retain(|frame| frame.cob_id() != Some(id));
-                    if self.preempted.len() < before {
-                        device.withdrawn(id, now);
-                    }
+        for place in &mut self.held {
+            let Some(held) = place.as_mut().filter(|held| held.id == id) else {
+                continue;
+            };
+            match held.fate {
+                Fate::MakesRoom => (held.mailbox, held.fate) = (None, Fate::Stays),
+                Fate::Stays => *place = None,
+                Fate::Withdrawn => {
+                    *place = None;
+                    device.withdrawn(id, now);
                 }
             }
+            return;
         }
     }
 
     /// The frame in a mailbox has gone out: it, to be told to the device.
-    pub fn sent(&mut self, place: u8) -> Option<Frame> {
-        let posted = self.place(place)?.take()?;
-        Some(posted.frame)
+    // Within its caller it is more code.
+    #[inline(never)]
+    pub fn sent(&mut self, mailbox: u8) -> Option<Frame> {
+        let is_in = |place: &&mut Option<Held>| place.is_some_and(|h| h.mailbox == Some(mailbox));
+        let held = self.held.iter_mut().find(is_in)?.take()?;
+        Some(held.frame)
     }
 
     /// The frame in a mailbox is out of it and has not gone out.
     pub fn given_up<SPI: SpiDevice, M: Memory>(
         &mut self,
-        place: u8,
+        mailbox: u8,
         device: &mut Device<SPI, M>,
         now: Instant,
     ) {
-        let Some(posted) = self.place(place).and_then(Option::take) else {
-            return;
-        };
-        match posted.fate {
-            Fate::Stays => {}
-            Fate::Withdrawn => device.withdrawn(posted.id, now),
-            Fate::Preempted => {
-                // There is room: that was looked at before it was taken out.
-                let _ = self.preempted.push(posted.frame);
-            }
+        let mut held = self.held.iter().flatten();
+        if let Some(held) = held.find(|held| held.mailbox == Some(mailbox)) {
+            self.leave(held.id, device, now);
         }
     }
 
     /// True while a mailbox has a frame that was to be taken back and was on the wire.
-    pub fn is_leaving(&self, place: u8) -> bool {
-        let posted = self.posted.get(usize::from(place));
-        let posted = posted.and_then(Option::as_ref);
-        posted.is_some_and(|posted| posted.fate != Fate::Stays)
+    pub fn is_leaving(&self, mailbox: u8) -> bool {
+        let mut held = self.held.iter().flatten();
+        held.any(|held| held.mailbox == Some(mailbox) && held.fate != Fate::Stays)
     }
 
     /// Bus-off: throws everything away. The device is told by [`Device::bus_state`].
@@ -328,9 +335,9 @@ mod tests {
 
     fn holding(ids: [Option<u16>; MAILBOXES]) -> Mailboxes {
         let mut mailboxes = Mailboxes::new();
-        for (place, id) in (0..).zip(ids) {
-            let posted = id.map(|id| Frame::data_frame(id, &[]));
-            posted.map(|frame| mailboxes.post(place, &frame, &mut Nothing));
+        for (mailbox, id) in (0..).zip(ids) {
+            let frame = id.map(|id| Frame::data_frame(id, &[]));
+            frame.map(|frame| mailboxes.post(mailbox, frame, &mut Nothing));
         }
         mailboxes
     }
@@ -354,17 +361,26 @@ mod tests {
         for id in [0x701, 0x582, 0x182, 0x181] {
             assert_eq!(three.room(id), Room::None, "{id:X}");
         }
-        assert_eq!(three.room(0x80), Room::Behind(1));
-        if let Some(Some(posted)) = three.place(2) {
-            posted.fate = Fate::Withdrawn;
+        assert_eq!(three.room(0x80), Room::Behind(0x701));
+        if let Some(held) = three.of(0x581) {
+            held.fate = Fate::Withdrawn;
         }
+        assert!(three.is_leaving(2) && !three.is_leaving(1));
         assert_eq!(three.room(0x80), Room::None);
     }
 
     #[test]
     fn no_frame_is_taken_out_that_there_is_no_place_for() {
         let mut three = holding([Some(0x181), Some(0x701), Some(0x581)]);
-        while three.preempted.push(Frame::data_frame(0x7E4, &[])).is_ok() {}
+        for id in 0x7E0..0x7E5 {
+            assert_eq!(three.room(0x80), Room::Behind(0x701));
+            assert!(three.post(0, Frame::data_frame(id, &[]), &mut Nothing));
+            if let Some(held) = three.of(id) {
+                held.mailbox = None;
+            }
+        }
         assert_eq!(three.room(0x80), Room::None);
+        assert_eq!(three.take_out(), Some(Frame::data_frame(0x7E0, &[])));
+        assert_eq!(three.room(0x80), Room::Behind(0x701));
     }
 }

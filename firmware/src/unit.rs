@@ -314,6 +314,8 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
     }
 
     /// Moves frames into mailboxes, and does what the device wishes.
+    // Its callers would each hold a copy of it.
+    #[inline(never)]
     fn pump(&mut self, now: Instant) {
         let unit = &mut *self.unit;
         let silent = unit.switch_at.is_some() || unit.search.is_some();

@@ -124,8 +124,7 @@ pub struct Node {
     communication: Communication,
     node_id: u8,
     bus: BusState,
-    /// The boot-up message is with the controller.
-    announced: bool,
+    boot_up: BootUp,
     /// Error register bits that the device has set.
     device_bits: u8,
     /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
@@ -150,6 +149,17 @@ enum Service {
     Safety,
     Sdo,
     ErrorControl,
+}
+
+/// Where the boot-up message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BootUp {
+    /// It is to be sent.
+    Due,
+    /// The controller has it.
+    HandedOver,
+    /// It has gone out.
+    Sent,
 }
 
 /// A service that has something to say.
@@ -184,7 +194,7 @@ impl Node {
             communication: Communication::new(),
             node_id: UNCONFIGURED,
             bus: BusState::Active,
-            announced: false,
+            boot_up: BootUp::Due,
             device_bits: 0,
             present: 0,
             overruns: 0,
@@ -259,7 +269,7 @@ impl Node {
         self.end_transfer(app, now);
         self.node_id = self.lss.take_node_id();
         self.communication.clear();
-        self.announced = false;
+        self.boot_up = BootUp::Due;
         // What the controller says of the bus holds until it says otherwise.
         self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);
@@ -542,8 +552,10 @@ impl Node {
     /// time-out and would take a late one for that to its next request; heartbeat, SYNC and process
     /// data come anew by themselves.
     fn lose_frames(&mut self) {
-        self.announced = false;
-        self.communication.emergency.bus_off();
+        if self.boot_up == BootUp::HandedOver {
+            self.boot_up = BootUp::Due;
+        }
+        self.communication.emergency.lost();
         self.communication.pdo.bus_off();
     }
 
@@ -663,7 +675,10 @@ impl Node {
                 Some(Frame::data_frame(waiting.cob_id, &answer))
             }
             Service::BootUp => {
-                self.announced = true;
+                self.boot_up = BootUp::HandedOver;
+                if self.communication.state == State::Initialising {
+                    self.booted(app, now);
+                }
                 Some(boot_up(self.node_id))
             }
             Service::Sync => self.communication.sync.transmit(now),
@@ -717,7 +732,6 @@ impl Node {
         }
         match self.communication.state {
             _ if self.node_id == UNCONFIGURED => None,
-            State::Initialising if self.announced => None,
             State::Initialising => Some(Waiting {
                 cob_id: ERROR_CONTROL + u16::from(self.node_id),
                 service: Service::BootUp,
@@ -751,11 +765,16 @@ impl Node {
         waits(services.safety.next_cob_id(now), Service::Safety);
         waits(services.pdo.next_cob_id(now), Service::Pdo);
         waits(sdo.then_some(0x580 + id), Service::Sdo);
-        waits(error_control.then_some(0x700 + id), Service::ErrorControl);
+        let boot_up = self.boot_up == BootUp::Due;
+        waits(boot_up.then_some(ERROR_CONTROL + id), Service::BootUp);
+        waits(
+            error_control.then_some(ERROR_CONTROL + id),
+            Service::ErrorControl,
+        );
         first
     }
 
-    /// The boot-up message has gone out: the node is pre-operational, or starts itself (1F80h).
+    /// The boot-up message is handed over: the node is pre-operational, or starts itself (1F80h).
     fn booted<A: Application>(&mut self, app: &mut A, now: Instant) {
         let services = &mut self.communication;
         services.state = State::PreOperational;
@@ -770,26 +789,31 @@ impl Node {
 
     /// A frame from [`Node::transmit`] has ended on the bus at `now`.
     ///
-    /// Only then has it been told: a boot-up message ends the initialisation, an EMCY makes room
-    /// for the next one. And only then has this node's own SYNC happened, at the same instant as
-    /// for everybody else; true when that was it.
+    /// Only then has it been told, and is not told again after bus-off. And only then has this
+    /// node's own SYNC happened, at the same instant as for everybody else; true when that was it.
     pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
         if let Some(cob_id) = frame.cob_id() {
             self.communication.emergency.sent(cob_id);
             if cob_id == ERROR_CONTROL + u16::from(self.node_id) {
-                self.communication.error_control.sent(frame);
+                self.error_control_sent(frame);
             }
-        }
-        // A heartbeat of before a reset may still go out in front of it.
-        let initialising = self.communication.state == State::Initialising;
-        if initialising && *frame == boot_up(self.node_id) {
-            self.booted(app, now);
         }
         let sync = self.communication.sync.is_own(frame);
         if sync {
             self.sync_frame(app, frame, now);
         }
         sync
+    }
+}
+
+impl Node {
+    /// A boot-up message, a heartbeat or an answer to guarding has gone out.
+    fn error_control_sent(&mut self, frame: &Frame) {
+        if frame.bytes() != [0] {
+            self.communication.error_control.sent(frame);
+        } else if self.boot_up == BootUp::HandedOver {
+            self.boot_up = BootUp::Sent;
+        }
     }
 }
 

@@ -238,10 +238,10 @@ fn write_object(file: &mut File, object: &Object<'_>, channel: Channel, extra: &
 
 /// Whether a value without a default has an empty key, which the format allows beside none at all.
 ///
-/// Masters take the size of a number from there, and one of them fails at the first access where
-/// the key is missing. It also refuses a whole file for the value of a type that it has not heard
-/// of, as numbers of 24 bit; and of a DOMAIN an empty value would be a content.
-fn is_empty(data_type: DataType) -> bool {
+/// Some masters take the size of a number from there, and fail at the first access where the key is
+/// missing. They also refuse a whole file for the value of a type that they do not have, such as
+/// numbers of 24 bit; and of a DOMAIN others take an empty value for its content.
+fn has_empty_key(data_type: DataType) -> bool {
     use DataType::{Domain, Integer24, Unsigned24};
     !matches!(data_type, Domain | Integer24 | Unsigned24)
 }
@@ -255,7 +255,7 @@ fn write_entry(file: &mut File, entry: &Entry<'_>, channel: Channel) {
     file.key("AccessType", dictionary::access_name(row.access));
     match dictionary::default_text(row, channel) {
         Some(text) => file.key("DefaultValue", text),
-        None if is_empty(row.data_type) => file.key("DefaultValue", ""),
+        None if has_empty_key(row.data_type) => file.key("DefaultValue", ""),
         None => {}
     }
     file.key("PDOMapping", u8::from(mappable));

@@ -5,7 +5,7 @@
 //! is what socketcand, SLCAN adapters and the kernel do alike. Every client has threads of its
 //! own; the one who runs the bus never waits for any of them. What waits in either direction is
 //! bounded: a client that sends too fast is slowed down by its own connection, and no other one
-//! waits for it ([`Turns`]); one that doesn't read is dropped with a notice.
+//! waits for it ([`RoundRobin`]); one that doesn't read is dropped with a notice.
 //!
 //! Left out: the bus itself (arbitration, timing), and clients' names and passwords.
 
@@ -21,7 +21,7 @@ use canopen::Frame;
 
 use super::error::ServeError;
 use super::outlet::{FRAMES_LIMIT, Full, Outlet, Tap};
-use super::turns::Turns;
+use super::round_robin::RoundRobin;
 use super::{pty, socketcan, tcp};
 
 /// Frames of one client that may wait for the bus.
@@ -29,7 +29,7 @@ const INCOMING_LIMIT: usize = 1024;
 
 /// How long a client may stay without opening the bus. A program does so at once; a person who
 /// types the commands has the time to look them up.
-const PATIENCE: Duration = Duration::from_secs(30);
+const OPEN_WITHIN: Duration = Duration::from_secs(30);
 
 /// Clients at the same time.
 pub const CLIENTS_LIMIT: usize = 32;
@@ -74,7 +74,7 @@ pub trait Dialogue: Send {
     fn is_open(&self) -> bool;
 
     /// The bytes that tell the client why it has to go; nothing where the format has no words.
-    fn farewell(&self, _why: &str) -> Vec<u8> {
+    fn refusal(&self, _why: &str) -> Vec<u8> {
         Vec::new()
     }
 }
@@ -140,11 +140,11 @@ struct Notices {
 pub struct Shared {
     clients: Mutex<Vec<Arc<Client>>>,
     notices: Mutex<Notices>,
-    incoming: Mutex<Turns>,
+    incoming: Mutex<RoundRobin>,
     /// Something has come into `incoming`, or has gone out.
     moved: Condvar,
     /// How long a client may stay without opening the bus.
-    pub patience: Duration,
+    pub open_within: Duration,
     last_id: AtomicU32,
     stopped: AtomicBool,
 }
@@ -194,7 +194,7 @@ impl Shared {
         self.notice(format!("{} {what}", client.label));
     }
 
-    fn incoming(&self) -> MutexGuard<'_, Turns> {
+    fn incoming(&self) -> MutexGuard<'_, RoundRobin> {
         self.incoming.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -255,18 +255,18 @@ pub struct Hub {
 impl Hub {
     /// Nobody yet, and no way in.
     pub fn new() -> Self {
-        Self::with_patience(PATIENCE)
+        Self::with_time_limit(OPEN_WITHIN)
     }
 
     /// The same, where a client may stay for so long without opening the bus.
-    pub fn with_patience(patience: Duration) -> Self {
+    pub fn with_time_limit(open_within: Duration) -> Self {
         Self {
             shared: Arc::new(Shared {
                 clients: Mutex::default(),
                 notices: Mutex::default(),
                 incoming: Mutex::default(),
                 moved: Condvar::new(),
-                patience,
+                open_within,
                 last_id: AtomicU32::new(0),
                 stopped: AtomicBool::new(false),
             }),
@@ -324,7 +324,7 @@ impl Hub {
     /// `timeout`.
     pub fn wait(&mut self, timeout: Duration, mut wanted: impl FnMut(ClientId) -> bool) -> bool {
         let moved = &self.shared.moved;
-        let none = |incoming: &mut Turns| !incoming.any(&mut wanted);
+        let none = |incoming: &mut RoundRobin| !incoming.any(&mut wanted);
         let waited = moved.wait_timeout_while(self.shared.incoming(), timeout, none);
         let (incoming, waited) = waited.unwrap_or_else(PoisonError::into_inner);
         drop(incoming);
@@ -400,6 +400,8 @@ impl Hub {
 impl Drop for Hub {
     fn drop(&mut self) {
         self.shared.stopped.store(true, Ordering::Relaxed);
+        // Whoever has just seen that it goes on is waiting by now, and hears this.
+        drop(self.shared.incoming());
         self.shared.moved.notify_all();
         self.shared
             .clients()

@@ -17,6 +17,7 @@ mod outlet;
 mod pace;
 mod pty;
 mod ready;
+mod round_robin;
 mod script;
 mod server;
 pub(crate) mod slcan;
@@ -27,7 +28,6 @@ pub(crate) mod status;
 mod stop;
 mod tcp;
 mod trouble;
-mod turns;
 mod typed;
 mod words;
 

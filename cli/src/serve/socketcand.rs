@@ -205,7 +205,7 @@ impl Dialogue for Session {
         self.open
     }
 
-    fn farewell(&self, why: &str) -> Vec<u8> {
+    fn refusal(&self, why: &str) -> Vec<u8> {
         let mut bytes = Vec::new();
         put_error(&mut bytes, why);
         bytes

@@ -20,8 +20,8 @@ use sim::rng::Rng;
 use sim::supply::Supply;
 
 use super::hub::{ClientId, Incoming};
+use super::round_robin::RoundRobin;
 use super::trouble::Trouble;
-use super::turns::Turns;
 use super::words::{BusTrouble, Word, help};
 
 /// Frames of one client that may wait here; the rest wait with the client.
@@ -45,7 +45,7 @@ pub struct Passed {
 #[derive(Debug)]
 struct Adapter {
     port: Port,
-    outgoing: Turns,
+    outgoing: RoundRobin,
     mailboxes: [Option<ClientId>; MAILBOXES],
     off: bool,
 }
@@ -89,7 +89,7 @@ impl Stage {
             chamber_ns: 0,
             adapter: Adapter {
                 port,
-                outgoing: Turns::default(),
+                outgoing: RoundRobin::default(),
                 mailboxes: [None; MAILBOXES],
                 off: false,
             },

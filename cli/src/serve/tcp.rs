@@ -151,12 +151,12 @@ fn write(shared: &Shared, client: &Client, mut stream: TcpStream) {
 }
 
 /// How long a client may still stay with the bus closed; `None` while it has it open.
-struct Doorstep {
-    patience: Duration,
+struct TimeLimit {
+    open_within: Duration,
     until: Option<Instant>,
 }
 
-impl Doorstep {
+impl TimeLimit {
     /// Sets how long the next read may take; false when the time is over.
     fn look(&mut self, is_open: bool, stream: &TcpStream) -> bool {
         if is_open {
@@ -167,7 +167,7 @@ impl Doorstep {
             return true;
         }
         let now = Instant::now();
-        let until = *self.until.get_or_insert(now + self.patience);
+        let until = *self.until.get_or_insert(now + self.open_within);
         let left = until.saturating_duration_since(now);
         // No time at all would mean no end.
         !left.is_zero() && stream.set_read_timeout(Some(left)).is_ok()
@@ -183,14 +183,14 @@ const fn is_passing(kind: ErrorKind) -> bool {
 fn read(shared: &Shared, client: &Client, mut stream: TcpStream, mut dialogue: Box<dyn Dialogue>) {
     let mut bytes = [0; 4096];
     let mut heard = Heard::default();
-    let mut doorstep = Doorstep {
-        patience: shared.patience,
+    let mut limit = TimeLimit {
+        open_within: shared.open_within,
         until: None,
     };
     loop {
-        if !doorstep.look(dialogue.is_open(), &stream) {
-            let why = format!("the bus was not opened within {:?}", shared.patience);
-            heard.answer.extend(dialogue.farewell(&why));
+        if !limit.look(dialogue.is_open(), &stream) {
+            let why = format!("the bus was not opened within {:?}", shared.open_within);
+            heard.answer.extend(dialogue.refusal(&why));
             heard.close = Some(why);
         } else {
             match stream.read(&mut bytes) {

@@ -226,7 +226,7 @@ fn one_more_client_than_there_is_room_for_is_refused() {
 
 #[test]
 fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
-    let mut hub = Hub::with_patience(Duration::from_millis(300));
+    let mut hub = Hub::with_time_limit(Duration::from_millis(300));
     let at = hub.listen_socketcand(here(), "plumb").unwrap();
     let slcan_at = hub.listen_slcan(here()).unwrap();
     // Some say nothing, some the wrong things all the time.
@@ -257,7 +257,7 @@ fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
 
 #[test]
 fn an_adapter_that_is_closed_again_may_stay_as_long_as_a_new_one() {
-    let mut hub = Hub::with_patience(Duration::from_millis(200));
+    let mut hub = Hub::with_time_limit(Duration::from_millis(200));
     let at = hub.listen_slcan(here()).unwrap();
     let mut peer = Peer::new(at);
     peer.says("O\r");

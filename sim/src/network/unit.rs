@@ -359,7 +359,7 @@ impl Unit {
 
     /// [`Unit::pump`] of a node whose frames get to the controller late.
     fn pump_late(&mut self, can: &mut Controller<'_>, now: Instant, now_ns: u64) {
-        while let Some(frame) = self.mailboxes.take_preempted() {
+        while let Some(frame) = self.mailboxes.take_out() {
             self.faulty.delay(frame, now_ns);
         }
         while let Some(frame) = self.device.transmit(now) {

@@ -40,53 +40,64 @@ fn fault(bench: &mut Bench) -> Spoken {
 #[test]
 fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
     let mut bench = Bench::booting();
-    for _ in 0..3 {
-        assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
+    for told in [&[][..], &[recovered()], &[recovered()]] {
+        let mut both = Vec::from(told);
+        both.push(spoken(0x705, &[0]));
+        assert_eq!(bench.hands_over(), both);
         bench.goes_off();
-        assert_eq!(bench.node.state(), State::Initialising);
     }
-    assert_eq!(bench.says(), [spoken(0x705, &[0]), recovered()]);
+    assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0])]);
     assert_eq!(bench.node.state(), State::PreOperational);
     bench.goes_off();
     assert_eq!(bench.says(), [recovered()]);
 }
 
 #[test]
-fn a_node_is_initialising_until_its_boot_up_message_has_gone_out() {
-    let mut bench = Bench::booting();
-    assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
-    // Whoever hears the boot-up message takes the node for pre-operational, so that is what it is.
-    assert_eq!(bench.nmt(1), State::Initialising);
-    let told = fault(&mut bench);
-    assert_eq!(bench.hands_over(), []);
-    let boot_up = Frame::data_frame(0x705, &[0]);
-    bench.node.sent(&mut bench.plant, &boot_up, bench.now);
-    assert_eq!(bench.node.state(), State::PreOperational);
-    assert_eq!(bench.says(), [told]);
+fn a_boot_up_message_that_bus_off_took_goes_before_the_heartbeat_in_any_state() {
+    for (command, state) in [(1, 5), (2, 4), (128, 127)] {
+        let mut bench = Bench::booting();
+        assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
+        bench.write(0x1017, 0, Value::u16(10)).unwrap();
+        bench.write(0x1029, 1, Value::u8(1)).unwrap();
+        bench.nmt(command);
+        bench.goes_off();
+        bench.now = bench.now.after_ms(10);
+        let mut said = bench.says();
+        said.retain(|(id, _)| *id == 0x705);
+        assert_eq!(said, [spoken(0x705, &[0]), spoken(0x705, &[state])]);
+    }
 }
 
 #[test]
-fn a_heartbeat_of_before_a_reset_is_no_boot_up_message() {
-    let mut bench = Bench::operational();
-    bench.write(0x1017, 0, Value::u16(10)).unwrap();
-    bench.now = bench.now.after_ms(10);
-    assert_eq!(bench.hands_over(), [spoken(0x705, &[5])]);
-    assert_eq!(bench.nmt(130), State::Initialising);
-    let heartbeat = Frame::data_frame(0x705, &[5]);
-    bench.node.sent(&mut bench.plant, &heartbeat, bench.now);
-    assert_eq!(bench.node.state(), State::Initialising);
-    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
-    assert_eq!(bench.node.state(), State::PreOperational);
+fn a_boot_up_message_of_before_a_reset_is_not_that_of_the_reset() {
+    let mut bench = Bench::booting();
+    let boot_up = Frame::data_frame(0x705, &[0]);
+    assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
+    bench.nmt(130);
+    bench.node.sent(&mut bench.plant, &boot_up, bench.now);
+    assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
+    bench.goes_off();
+    assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0])]);
+}
+
+#[test]
+fn the_toggle_bit_of_guarding_begins_at_0_when_the_boot_up_message_has_gone_out_late() {
+    let mut bench = Bench::booting();
+    assert_eq!(bench.hands_over(), [spoken(0x705, &[0])]);
+    bench.asked(0x705, 1);
+    let boot_up = Frame::data_frame(0x705, &[0]);
+    bench.node.sent(&mut bench.plant, &boot_up, bench.now);
+    assert_eq!(bench.says(), [spoken(0x705, &[0x7F])]);
 }
 
 #[test]
 fn an_emcy_that_bus_off_took_is_sent_again_and_in_its_order() {
     let mut bench = Bench::new();
     let told = fault(&mut bench);
-    assert_eq!(bench.hands_over(), [told.clone()]);
+    assert_eq!(bench.hands_over(), std::slice::from_ref(&told));
     bench.node.cleared(0, [0; 5]);
     bench.goes_off();
-    assert_eq!(bench.hands_over(), [told.clone()]);
+    assert_eq!(bench.hands_over(), std::slice::from_ref(&told));
     bench.goes_off();
     assert_eq!(bench.says(), [told, spoken(0x85, &[0; 8]), recovered()]);
     assert_eq!(bench.says(), []);
@@ -105,7 +116,8 @@ fn a_fault_of_a_long_bus_off_is_told_however_often_the_node_tries_to_come_back()
     for _ in 0..20 {
         bench.goes_off();
     }
-    assert_eq!(bench.says(), [told, recovered_with(0x81)]);
+    let passive = spoken(0x85, &[0x20, 0x81, 0x11, 0, 0, 0, 0, 0]);
+    assert_eq!(bench.says(), [passive, recovered(), told]);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! In: frames, each with the client that sent it. Out: the clients' frames one by one: each
 //! client's in its own order, and one of every client that has some before the second of any. So
-//! whoever floods has to wait for himself, and for nobody else longer than one frame.
+//! a client that floods delays itself, and every other client by one frame at most.
 //!
 //! Left out: how many may wait, which is the caller's to say.
 
@@ -14,9 +14,9 @@ use super::hub::{ClientId, Incoming};
 
 /// What waits of each client. Those who have nothing have no place here.
 #[derive(Debug, Default)]
-pub struct Turns(VecDeque<(ClientId, VecDeque<Frame>)>);
+pub struct RoundRobin(VecDeque<(ClientId, VecDeque<Frame>)>);
 
-impl Turns {
+impl RoundRobin {
     /// How many frames of this client wait.
     pub fn waiting(&self, client: ClientId) -> usize {
         let place = self.0.iter().find(|(other, _)| *other == client);
@@ -59,14 +59,14 @@ mod tests {
     use super::super::hub::Hub;
     use super::*;
 
-    fn frames(turns: &mut Turns) -> Vec<u16> {
+    fn frames(turns: &mut RoundRobin) -> Vec<u16> {
         let popped = std::iter::from_fn(|| turns.pop(|_| true));
         popped.filter_map(|one| one.frame.cob_id()).collect()
     }
 
-    fn filled(ids: &[(usize, u16)]) -> Turns {
+    fn filled(ids: &[(usize, u16)]) -> RoundRobin {
         let clients = Hub::made_up_clients();
-        let mut turns = Turns::default();
+        let mut turns = RoundRobin::default();
         for (client, id) in ids {
             let frame = Frame::data_frame(*id, &[]);
             let client = clients[*client];
