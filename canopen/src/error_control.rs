@@ -218,8 +218,8 @@ impl ErrorControl {
         Some(Frame::data_frame(id, &[state as u8]))
     }
 
-    /// A frame of [`ErrorControl::transmit`] has gone out. The toggle bit alternates from one answer
-    /// on the bus to the next: after one that the controller has lost it stays.
+    /// A frame of [`ErrorControl::transmit`] has gone out. The toggle bit alternates from one
+    /// answer on the bus to the next: after one that the controller has lost it stays.
     pub fn sent(&mut self, frame: &Frame) {
         if let (0, &[state]) = (self.producer_ms, frame.bytes()) {
             self.toggle = state >> 7 == 0;

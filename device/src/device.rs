@@ -418,8 +418,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             shown.bus_offs = shown.bus_offs.saturating_add(1);
         }
         if code == 2 {
-            // Whatever waited in the controller is gone, and so is what the peer has said. A restart
-            // waits no longer for its answer to go out.
+            // Whatever waited in the controller is gone, and so is what the peer has said. A
+            // restart waits no longer for its answer to go out.
             let news = &mut self.values.news;
             news.reset |= core::mem::take(&mut news.restart);
             self.pair.sending = Sending::new();

@@ -235,8 +235,8 @@ const SIGNATURE: &str = "CRC-16-CCITT (start 0) over the SRDO's parameters. Only
 const SLOPE_X: &str = "Slope X for SRDOs: as measured, without preset and offsets.";
 const SLOPE_Y: &str = "Slope Y for SRDOs: as measured, without preset and offsets.";
 const DIRECTION: &str = "0: off. 1: this node sends it. 2: this node receives it.";
-const REFRESH: &str = "Sending: time between two pairs. Receiving: longest time between two pairs, and from \
-     entering OPERATIONAL to the first one.";
+const REFRESH: &str = "Sending: time between two pairs. Receiving: longest time between two \
+     pairs, and from entering OPERATIONAL to the first one.";
 const VALIDATION: &str = "Receiving: longest time between the two halves of a pair.";
 const COUNT: &str = "Number of mapped objects, plain ones and inverted ones together: 0 to 16, \
      even. Write 0 before changing them.";
