@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pathlib
 import re
-from typing import Iterator, NamedTuple
+from typing import Callable, Iterator, NamedTuple
 
 import canopen
 import pytest
@@ -149,6 +149,77 @@ def test_every_default_is_what_a_fresh_node_holds(
             continue
         held = variable.decode_raw(fresh.nodes[node].sdo.upload(*at))
         assert held == variable.default, f"{at[0]:X}h sub {at[1]}"
+
+
+def part(at: tuple[int, int]) -> str:
+    """What an object is to a tool that goes by CiA 301 when it maps."""
+    index, sub = at
+    if 0x1400 <= index < 0x1600 or 0x1800 <= index < 0x1A00:
+        return "cob-id" if sub == 1 else "other"
+    maps = 0x1381 <= index < 0x13FE or 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
+    if maps and sub == 0:
+        return "count"
+    return "signature" if index in (0x13FE, 0x13FF, 0x63FE, 0x63FF) else "other"
+
+
+def ascending(delivered: list[tuple[tuple[int, int], bytes]]) -> list[tuple[tuple[int, int], bytes]]:
+    """As a tool writes that goes through the sheet."""
+    return delivered
+
+
+def by_the_book(
+    delivered: list[tuple[tuple[int, int], bytes]],
+) -> list[tuple[tuple[int, int], bytes]]:
+    """PDOs off, nothing mapped, the entries, how many, PDOs on; signatures come last."""
+    of = {kind: [d for d in delivered if part(d[0]) == kind] for kind in
+          ("cob-id", "count", "other", "signature")}
+    off = [(at, bytes([*data[:3], data[3] | 0x80])) for at, data in of["cob-id"]]
+    none = [(at, b"\0") for at, _ in of["count"]]
+    return off + none + of["other"] + of["count"] + of["cob-id"] + of["signature"]
+
+
+@pytest.mark.parametrize("order", [ascending, by_the_book])
+def test_every_default_can_be_written_back(order: Callable) -> None:
+    """A tool that downloads the whole sheet must not be stopped by what was delivered."""
+    with Plumb() as plumb, Master(plumb) as master:
+        for node in CHANNELS:
+            objects = variables(master.nodes[node].object_dictionary)
+            writable = {at: v for at, v in sorted(objects.items()) if v.writable}
+            delivered = [
+                (at, v.encode_raw(v.default)) for at, v in writable.items() if v.default is not None
+            ]
+            assert len(delivered) > 200
+            for at, data in order(delivered):
+                code = master.refusal(node, *at, data)
+                assert code == 0, f"{at[0]:X}h sub {at[1]} of node {node}: {code:08X}"
+            for at, data in delivered:
+                assert master.nodes[node].sdo.upload(*at) == data, f"{at[0]:X}h sub {at[1]}"
+
+
+def test_what_acts_when_it_is_written_has_no_default(
+    sheet: dict[tuple[int, int], ODVariable],
+) -> None:
+    """Written back it would store, set a slope to zero, or be refused."""
+    acting = {(index, sub) for index in (0x1010, 0x1011) for sub in range(1, 5)}
+    acting |= {(index, 0) for index in (0x6012, 0x6022, 0x6112, 0x6122, 0x6812, 0x6922, 0x2072)}
+    for at in acting | {(0x2060, 1), (0x1F51, 1)}:
+        assert sheet[at].writable and sheet[at].default is None, at
+
+
+def test_a_number_without_a_default_has_an_empty_key(node: int) -> None:
+    """Where it is missing a widespread master has no size for the number, and fails. Of numbers of
+    24 bit it refuses any value, and of a DOMAIN an empty value is a content."""
+    for ending in ("eds", "dcf"):
+        text = (ROOT / "eds" / f"plumb-{CHANNELS[node]}.{ending}").read_text()
+        empty = 0
+        for section in re.split(r"^\[", text, flags=re.M):
+            keys = dict(re.findall(r"^(\w+)=(.*)$", section, re.M))
+            if "DataType" not in keys:
+                continue
+            without = int(keys["DataType"], 16) in (0x0F, 0x10, 0x16)
+            assert ("DefaultValue" not in keys) == without, section
+            empty += keys.get("DefaultValue") == ""
+        assert empty > 50
 
 
 def test_everything_read_only_refuses_a_write(

@@ -249,6 +249,22 @@ def test_bus_off_ends_by_itself_and_is_8140h(plumb: Plumb, master: Master) -> No
         assert master.read(node, 0x2052, 1) == 0, "error active"
 
 
+@pytest.mark.virtual("the wires of an emulated board break, and none of its frames alone")
+def test_a_boot_up_message_that_bus_off_took_is_sent_again(plumb: Plumb, master: Master) -> None:
+    plumb.type("fault b bus-off", "reset b")
+    time.sleep(1.5)
+    mark = master.mark()
+    plumb.type("heal b")
+    master.next(0x702, mark)
+    time.sleep(0.5)
+    told = [bytes(frame.data) for frame in master.since(mark, 0x702)]
+    assert told[0] == b"\0" and told.count(b"\0") == 1
+    # The master starts who has booted, and the pair is one again.
+    until(lambda: master.read(2, 0x2020) & 3, "angles of node 2", 10)
+    master.nmt(START)
+    until(lambda: master.read(1, 0x2021) == 1, "agreement again", 10)
+
+
 def test_error_passive_is_8120h(plumb: Plumb, master: Master) -> None:
     mark = master.mark()
     plumb.type("bus short 0.1")

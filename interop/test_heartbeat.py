@@ -140,6 +140,20 @@ def test_the_same_node_twice_is_refused(alone: Master) -> None:
     assert alone.read(1, 0x1016, 3) == 0
 
 
+@pytest.mark.parametrize("entry", [128 << 16 | 100, 255 << 16 | 100, 100, OTHER << 16])
+def test_an_entry_without_a_node_or_a_time_is_not_used(alone: Master, entry: int) -> None:
+    data = entry.to_bytes(4, "little")
+    for sub in (2, 3):
+        assert alone.refusal(1, 0x1016, sub, data) == 0
+        assert alone.read(1, 0x1016, sub) == entry
+    mark = alone.mark()
+    alone.send(0x700 + OTHER, bytes([OPERATIONAL]))
+    time.sleep(0.4)
+    assert not alone.since(mark, 0x81)
+    for reserved in (1 << 24 | OTHER << 16 | 100, 0xFF << 24):
+        assert alone.refusal(1, 0x1016, 2, reserved.to_bytes(4, "little")) == 0x0609_0030
+
+
 # Guarding.
 
 

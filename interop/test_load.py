@@ -6,6 +6,8 @@ Node 1 produces SYNC, so that the time between two of them doesn't depend on thi
 from __future__ import annotations
 
 import itertools
+import statistics
+import time
 from typing import Iterator
 
 import can
@@ -149,16 +151,32 @@ def test_a_client_that_floods_loses_none_of_its_frames_nor_the_nodes_theirs(
     assert overruns(master) == before
 
 
+def test_beside_a_client_that_floods_another_is_served_in_turn(
+    plumb: Plumb, master: Master
+) -> None:
+    """It waited two seconds, for all that the other had sent before."""
+    count, mark = 3000, master.mark()
+    with can.Bus(
+        interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
+    ) as flood:
+        frame = can.Message(arbitration_id=LOWEST, data=bytes(8), is_extended_id=False)
+        for _ in range(count):
+            flood.send(frame)
+        waited = []
+        for _ in range(20):
+            asked = time.monotonic()
+            master.read(1, 0x1018, 4)
+            waited.append(time.monotonic() - asked)
+        assert len(master.since(mark, LOWEST)) < count, "the flood goes on"
+    assert statistics.median(waited) < 0.05, waited
+
+
 def test_a_flood_above_the_pdos_delays_them_and_counts_what_was_replaced(
     plumb: Plumb, master: Master
 ) -> None:
     for node in NODES:
         # Without TPDO 2 there are three TPDOs for each SYNC, to be found again one by one.
         master.write(node, 0x1801, 1, OFF | 0x280 + node)
-        # Neither are there heartbeats: one that waits too would take the controller's last
-        # mailbox from SYNC.
-        master.write(node, 0x1016, 1, 0)
-        master.write(node, 0x1017, 0, 0)
     before, mark = overruns(master), last_sync(master)
     plumb.type(f"babble {ABOVE_PDOS:X}")
     until(lambda: len(master.since(mark, ABOVE_PDOS)) > 400, "a fifth of a second of flood", 10)

@@ -229,6 +229,15 @@ def test_nothing_of_it_may_be_written_in_operational(running: Master) -> None:
     assert running.refusal(1, 0x1301, 2, u(50, 2)) == WRONG_STATE
     assert running.refusal(1, 0x13FE, 0, b"\x00") == WRONG_STATE
     assert running.refusal(1, 0x6200, 0, u(100, 2)) == WRONG_STATE
+    for index, sub, data in (
+        (0x1300, 0, b"\x01"),
+        (0x1302, 1, b"\x02"),
+        (0x1381, 0, b"\x00"),
+        (0x13FF, 1, u(running.read(1, 0x13FF, 1), 2)),
+        (0x63FE, 0, b"\x00"),
+        (0x63FF, 1, u(running.read(1, 0x63FF, 1), 2)),
+    ):
+        assert running.refusal(1, index, sub, data) == WRONG_STATE, f"{index:X}"
     mark = running.mark()
     running.next(PLAIN[1], mark)
 
@@ -308,7 +317,8 @@ def test_a_node_takes_the_other_channels_srdo_and_reports_its_end(
     for sub in (1, 2, 3, 4):
         master.write(1, 0x1382, sub, 0x2012_0010 | sub << 8)
     master.write(1, 0x1382, 0, 4)
-    master.write(1, 0x1302, 2, 50)
+    # It counts from the start on, and SYNC comes 50 ms after that.
+    master.write(1, 0x1302, 2, 300)
     for node in (1, 2):
         commission(master, node)
     run(master)
@@ -325,6 +335,33 @@ def test_a_node_takes_the_other_channels_srdo_and_reports_its_end(
     mark = master.mark()
     time.sleep(0.1)
     assert not master.since(mark, PLAIN[1]), "a failed SRDO is a reason for silence"
+
+
+def test_a_safety_frame_that_never_comes_is_told_and_ends_the_own_ones(master: Master) -> None:
+    """Node 2 is not commissioned, so 103h and 104h never come."""
+    master.write(1, 0x1302, 1, 2)
+    for sub in (1, 2, 3, 4):
+        master.write(1, 0x1382, sub, 0x2012_0010 | sub << 8)
+    master.write(1, 0x1382, 0, 4)
+    master.write(1, 0x1302, 2, 200)
+    commission(master, 1)
+    mark = master.mark()
+    run(master)
+    master.next(0x081, mark, data=lambda d: d[:2] == b"\x17\xff")
+    time.sleep(0.05)
+    mark = master.mark()
+    time.sleep(0.2)
+    assert not master.since(mark, PLAIN[1]) and not master.since(mark, INVERTED[1])
+
+
+def test_safety_frames_do_not_begin_in_operational(master: Master) -> None:
+    commission(master, 1)
+    master.write(1, 0x63FE, 0, 0)
+    run(master)
+    mark = master.mark()
+    assert master.refusal(1, 0x63FE, 0, bytes([VALID])) == WRONG_STATE
+    time.sleep(0.2)
+    assert master.read(1, 0x63FE) == 0 and not master.since(mark, PLAIN[1])
 
 
 def test_a_commissioned_node_sends_after_save_and_reset(master: Master) -> None:

@@ -76,7 +76,7 @@ impl Communication {
         *safety = Safety::NONE;
         *error_control = ErrorControl::NONE;
         *sync = Sync::new();
-        *emergency = Emergency::new();
+        *emergency = Emergency::NONE;
         *behaviour = ErrorBehaviour::new();
         *configuration = [0; 2];
         *startup = 0;

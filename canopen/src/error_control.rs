@@ -222,7 +222,6 @@ impl ErrorControl {
         let id = ERROR_CONTROL + u16::from(node_id);
         if core::mem::take(&mut self.asked) {
             let toggle = u8::from(self.toggle) << 7;
-            self.toggle = !self.toggle;
             return Some(Frame::data_frame(id, &[toggle | state as u8]));
         }
         let due = self.heartbeat_at.filter(|at| *at <= now)?;
@@ -233,6 +232,14 @@ impl ErrorControl {
             self.next_heartbeat(now)
         };
         Some(Frame::data_frame(id, &[state as u8]))
+    }
+
+    /// A frame of [`ErrorControl::transmit`] has gone out. The toggle bit alternates from one
+    /// answer on the bus to the next: after one that the controller has lost it stays.
+    pub fn sent(&mut self, frame: &Frame) {
+        if let (0, &[state]) = (self.producer_ms, frame.bytes()) {
+            self.toggle = state >> 7 == 0;
+        }
     }
 
     /// The request that a master guards this node with.
@@ -277,13 +284,14 @@ impl ErrorControl {
         Some(Ok(()))
     }
 
-    /// No node twice, and no node-id that does not exist.
+    /// No node twice, and nothing in the reserved bits. An entry without a time, or with a node-id
+    /// that no node has, is one that is not used (CiA 301, 7.5.2.19).
     fn refuse_entry(&self, sub: u8, entry: u32) -> Option<Abort> {
         let new = Consumer {
             entry,
             ..Consumer::OFF
         };
-        if entry >> 24 != 0 || (new.time_ms() != 0 && new.node() > 127) {
+        if entry >> 24 != 0 {
             return Some(Abort::InvalidValue);
         }
         let others = (1..).zip(&self.consumers).filter(|(n, _)| *n != sub);
@@ -430,8 +438,24 @@ mod tests {
             write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 400)),
             Ok(())
         );
-        let no_node = write(&mut control, 0x1016, 3, Value::u32(200 << 16 | 100));
-        assert_eq!(no_node, Err(Abort::InvalidValue));
+        let reserved = write(&mut control, 0x1016, 3, Value::u32(1 << 24 | 3 << 16 | 100));
+        assert_eq!(reserved, Err(Abort::InvalidValue));
+    }
+
+    #[test]
+    fn a_node_id_that_no_node_has_was_refused_instead_of_an_unused_entry() {
+        let mut control = ErrorControl::new();
+        for (sub, node) in (1..).zip([0, 128, 255, 255]) {
+            let entry = Value::u32(node << 16 | 300);
+            assert_eq!(write(&mut control, 0x1016, sub, entry), Ok(()), "{node}");
+            let read = control.read(at(0x1016, sub));
+            assert_eq!(read, Some(Ok(entry)));
+        }
+        // Nobody is supervised by it, not even what looks like a heartbeat of node 0.
+        for id in [0, 127] {
+            assert_eq!(control.receive(&heartbeat(id, 5), 1, ms(0)), None);
+        }
+        assert_eq!((control.poll(), control.expired(ms(10_000))), (None, None));
     }
 
     #[test]
@@ -444,11 +468,33 @@ mod tests {
             assert!(control.is_due(ms(1)));
             let answer = control.transmit(5, PRE, ms(1));
             assert_eq!(answer, Some(heartbeat(5, toggle | 127)));
+            control.sent(&answer.unwrap());
         }
         assert!(!control.is_due(ms(1)));
         control.start(ms(2));
         control.receive(&request, 5, ms(3));
         assert_eq!(control.transmit(5, PRE, ms(3)), Some(heartbeat(5, 127)));
+    }
+
+    #[test]
+    fn a_guarding_answer_that_bus_off_took_turned_the_toggle_bit_all_the_same() {
+        let mut control = ErrorControl::new();
+        control.start(ms(0));
+        let request = ErrorControl::request(5).unwrap();
+        for (toggle, lost) in [
+            (0, true),
+            (0, false),
+            (0x80, true),
+            (0x80, false),
+            (0, false),
+        ] {
+            control.receive(&request, 5, ms(1));
+            let answer = control.transmit(5, PRE, ms(1)).unwrap();
+            assert_eq!(answer, heartbeat(5, toggle | 127));
+            if !lost {
+                control.sent(&answer);
+            }
+        }
     }
 
     #[test]

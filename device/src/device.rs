@@ -346,18 +346,18 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The next frame to hand to the controller; call it when there is room for one.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        self.transmit_if(now, |_| true)
+        self.hand_over(self.waiting(now)?, now)
     }
 
-    /// [`Device::transmit`], if there is room for a frame of its identifier.
-    pub fn transmit_if(&mut self, now: Instant, room: impl FnOnce(u16) -> bool) -> Option<Frame> {
-        let waiting = self.bus.waiting(bus_time(now));
-        self.hand_over(waiting.filter(|waiting| room(waiting.cob_id))?, now)
+    /// What [`Device::transmit`] would give.
+    pub fn waiting(&self, now: Instant) -> Option<Waiting> {
+        self.bus.waiting(bus_time(now))
     }
 
+    /// The frame that [`Device::waiting`] has named at the same instant.
     // Apart, because mostly there is nothing to hand over.
     #[inline(never)]
-    fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
+    pub fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
         let frame = bus.hand_out(&mut panel, waiting, bus_time(now));
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
@@ -398,11 +398,6 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.next_erase = now.offset(PAUSE_US);
     }
 
-    /// The identifier of what [`Device::transmit`] would give.
-    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        self.bus.next_cob_id(bus_time(now))
-    }
-
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
         self.channel.poll(&self.settings, now);
@@ -427,7 +422,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.next.min(channel).min(self.matching.sending.next)
     }
 
-    /// What the CAN controller says of itself.
+    /// What the CAN controller says of itself. At bus-off its mailboxes are to be emptied.
     pub fn bus_state(&mut self, state: BusState, transmit: u8, receive: u8, now: Instant) {
         let shown = &mut self.values.process.bus;
         let code = match state {
@@ -439,7 +434,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             shown.bus_offs = shown.bus_offs.saturating_add(1);
         }
         if code == 2 {
-            // Whatever waited in the controller is gone, and so is what the peer has said.
+            // Whatever waited in the controller is gone, and so is what the peer has said. A
+            // restart waits no longer for its answer to go out.
+            let news = &mut self.values.news;
+            news.reset |= core::mem::take(&mut news.restart);
             self.matching.sending = Sending::new();
             self.matching.misses = 0;
             self.values.news.own = None;

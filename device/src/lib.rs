@@ -15,6 +15,7 @@ pub mod device;
 pub mod exchange;
 pub mod fault;
 pub mod fault_log;
+pub mod mailboxes;
 pub mod memory;
 pub mod objects;
 pub mod pair;

@@ -56,8 +56,8 @@ struct Newest {
     shows: Judgement,
     /// When it was judged.
     at: Instant,
-    /// How long it counts, us. What has stopped to count does not begin again, however SYNC
-    /// changes.
+    /// How long it counts, us. It only becomes shorter: what has stopped to count does not begin
+    /// again, however SYNC changes.
     counts_us: u32,
 }
 
@@ -122,6 +122,10 @@ impl Pair {
         let [newest, _] = self.periods_us;
         self.periods_us = [between(self.last_sync, now), newest];
         self.last_sync = now;
+        let counts_us = self.counts_for_us();
+        if let Some(newest) = &mut self.newest {
+            newest.counts_us = newest.counts_us.min(counts_us);
+        }
     }
 
     /// When SYNC was last obeyed.

@@ -387,7 +387,9 @@ fn explore(policy: Policy, kind: [usize; 2], most: usize) -> (usize, usize, bool
         for &event in events.iter().filter(|event| state.applies(**event)) {
             for pause_us in PAUSES_US {
                 count += 1;
-                if count % 10000 == 0 { eprintln!("{count} {} {} {depth}", known.len(), open.len()); }
+                if count % 10000 == 0 {
+                    eprintln!("{count} {} {} {depth}", known.len(), open.len());
+                }
                 let mut path = path.clone();
                 path.push((event, pause_us));
                 let (next, broken) = state.after(event, pause_us, policy.latch_s);

@@ -12,6 +12,7 @@ use emulator::pair::{Pair, SdoError};
 use emulator::stopwatch::Stopwatch;
 use flash::layout::{BASE, RC};
 use flash::nor::{Nor, Page};
+use sim::can_bus::Port;
 use sim::network::guest::Switch;
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
@@ -55,6 +56,69 @@ fn two_product_nodes_run_much_faster_than_time() {
     eprintln!("two emulated nodes: {times:.1} times real time, {run} instructions in 10 s");
     // Beside everything else that a test run does a core is half as fast as alone.
     assert!(times > 3.0);
+}
+
+/// Has a stranger send this identifier without a pause; `None` ends that.
+fn flood(pair: &mut Pair, stranger: Port, id: Option<u16>) {
+    let frame = id.map(|id| Frame::data_frame(id, &[0xAA; 8]));
+    pair.network.bus.babble(stranger, frame);
+}
+
+#[test]
+fn an_emcy_waited_behind_three_frames_for_as_long_as_a_flood_lasted() {
+    let mut pair = pair();
+    pair.run(1.0);
+    let stranger = pair.network.attach_host();
+    // LSS answer and heartbeat wait behind 650h, and then the SDO answer behind 100h.
+    for request in [[4, 1, 0, 0, 0, 0, 0, 0], [0x5E, 0, 0, 0, 0, 0, 0, 0]] {
+        pair.send(Frame::data_frame(0x7E5, &request)).unwrap();
+    }
+    pair.run(0.000_9);
+    flood(&mut pair, stranger, Some(0x650));
+    pair.run(0.21);
+    let request = Frame::data_frame(0x602, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
+    pair.send(request).unwrap();
+    while pair.of_id(0x602).is_empty() {
+        pair.run(0.000_01);
+        if pair.network.bus.on_wire(pair.host).is_some() {
+            flood(&mut pair, stranger, Some(0x100));
+        }
+    }
+    let low = [0x582, 0x702, 0x7E4];
+    let before = low.map(|id| pair.of_id(id).len());
+    pair.run(0.1);
+    assert_eq!(low.map(|id| pair.of_id(id).len()), before);
+    let told = pair.of_id(0x082).len();
+    // A SYNC with a counter, which nobody has announced, is worth an EMCY.
+    for count in 1..=3 {
+        pair.send(Frame::data_frame(0x080, &[1])).unwrap();
+        pair.run(0.005);
+        assert_eq!(pair.of_id(0x082).len(), told + count);
+    }
+    flood(&mut pair, stranger, None);
+    pair.run(0.05);
+    // Nothing is lost and nothing comes twice; the other node has an LSS answer, too.
+    let after = low.map(|id| pair.of_id(id).len());
+    assert_eq!((after[0] - before[0], after[2] - before[2]), (1, 2));
+    assert!(after[1] > before[1]);
+}
+
+#[test]
+fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
+    let mut pair = pair();
+    pair.run(1.0);
+    let port = pair.board(1).port();
+    pair.network.bus.faults().spoil(port, true);
+    pair.network.switch_guest(1, Switch::Reset);
+    let before = pair.of_id(0x702).len();
+    pair.run(4.0);
+    assert_eq!(pair.of_id(0x702).len(), before);
+    pair.network.bus.faults().spoil(port, false);
+    pair.run(2.0);
+    let said = pair.of_id(0x702);
+    let said: Vec<_> = said[before..].iter().map(|h| h.frame.bytes()).collect();
+    let boots = said.iter().filter(|bytes| **bytes == [0]).count();
+    assert_eq!((said[0], boots), (&[0][..], 1));
 }
 
 /// Sends a node's code astray: to a loop, or to where no code is.

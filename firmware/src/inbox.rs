@@ -6,10 +6,11 @@
 //! The room kept free for what frames must not push out is never used up: each mailbox has one
 //! event at a time, and a new error state is taken only when there is room.
 
+use device::mailboxes::MAILBOXES;
 use heapless::Deque;
 use tilt::sample::Instant;
 
-use crate::unit::{Event, MAILBOXES, State};
+use crate::unit::{Event, State};
 
 /// Frames that are kept while the task is busy; the longest it ever is are the 20 ms of setting the
 /// sensor up anew, and the erases of a store.

@@ -14,14 +14,12 @@ use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
 use device::device::{Device, Wish};
+use device::mailboxes::{Mailboxes, Transmitter};
 use device::objects::panel::Memory;
 use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
 use crate::inbox::Input;
-
-/// Mailboxes of the controller (RM0008 24.3.3).
-pub const MAILBOXES: usize = 3;
 
 /// What the CAN controller has seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,27 +47,12 @@ pub enum State {
     Off,
 }
 
-/// What became of a frame that was to be taken back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Abort {
-    /// It is out of its mailbox and has not gone out.
-    Done,
-    /// It is on the wire, or has gone out: an [`Event`] tells.
-    Later,
-}
-
-/// The CAN controller as a unit uses it. Its frames go out by identifier.
-pub trait Controller {
-    /// Puts a frame into mailbox `place`, which is empty.
-    fn post(&mut self, place: u8, frame: &Frame);
-    /// Takes the frame in mailbox `place` back, unless it is on the wire.
-    fn abort(&mut self, place: u8) -> Abort;
-    /// Empties the mailboxes; no event tells of what was in them.
-    fn clear(&mut self);
+/// The CAN controller as a unit uses it. What is in its mailboxes stays there but for
+/// [`Transmitter`]'s methods.
+pub trait Controller: Transmitter {
     /// Asks back from bus-off: after 128 times 11 recessive bits it takes part again.
     fn recover(&mut self);
     /// Goes to a bit rate; a controller that only listens sends nothing, not even an acknowledge.
-    /// What is in the mailboxes stays there.
     fn set_rate(&mut self, kbit_s: u16, listen_only: bool);
 }
 
@@ -82,22 +65,10 @@ pub enum Order {
     Sensor,
 }
 
-/// A frame in a mailbox.
-#[derive(Clone, Copy, Debug)]
-struct Posted {
-    /// Its identifier; what a device sends has 11 bits.
-    id: u16,
-    frame: Frame,
-    /// It was on the wire when it was to be taken back: it goes out now or not at all.
-    aborted: bool,
-}
-
 /// State of the driver around a device.
 #[derive(Debug)]
 pub struct Unit {
-    mailboxes: [Option<Posted>; MAILBOXES],
-    /// A frame waits for a mailbox.
-    waiting: bool,
+    mailboxes: Mailboxes,
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
     /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
@@ -149,8 +120,7 @@ impl Unit {
     /// Before the bus is started.
     pub const fn new() -> Self {
         Self {
-            mailboxes: [None; MAILBOXES],
-            waiting: false,
+            mailboxes: Mailboxes::new(),
             recover_at: None,
             switch_at: None,
             delay_ms: 0,
@@ -190,28 +160,6 @@ impl Unit {
         let search = self.search.as_ref().map(Search::until);
         let ours = [self.recover_at, switch, search].into_iter().flatten();
         ours.fold(device, Instant::min)
-    }
-
-    /// True when a frame of this identifier may go into a mailbox.
-    ///
-    /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
-    /// two frames with one identifier never wait side by side: the order would be lost. The last
-    /// free mailbox is for what outranks the others, or a SYNC would wait behind a heartbeat for
-    /// as long as somebody floods the bus with identifiers between the two.
-    fn has_room(&self, id: u16) -> bool {
-        let posted = self.mailboxes.iter().flatten();
-        let (mut used, mut highest, mut twin) = (0, u16::MAX, false);
-        for other in posted {
-            used += 1;
-            highest = highest.min(other.id);
-            twin |= other.id == id;
-        }
-        let free = MAILBOXES - used;
-        (free > 1 || (free == 1 && id < highest)) && !twin
-    }
-
-    fn place(&mut self, place: u8) -> Option<&mut Option<Posted>> {
-        self.mailboxes.get_mut(usize::from(place))
     }
 
     /// An instant that the device can be told: never before the one that it knows.
@@ -298,7 +246,7 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
             Event::Received(frame) => self.received(&frame, at),
             Event::Sent(place) => self.sent(place, at),
             Event::GivenUp(place) => {
-                self.give_up(place, at);
+                self.unit.mailboxes.given_up(place, self.device, at);
                 self.pump(at);
             }
             Event::Changed(state, transmit, receive) => self.changed(state, transmit, receive, at),
@@ -318,13 +266,13 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
     }
 
     fn sent(&mut self, place: u8, at: Instant) {
-        let Some(posted) = self.unit.place(place).and_then(Option::take) else {
+        let Some(frame) = self.unit.mailboxes.sent(place) else {
             return;
         };
-        self.device.sent(&posted.frame, at);
+        self.device.sent(&frame, at);
         if self.device.next_deadline() <= at {
             self.poll(at);
-        } else if self.unit.waiting {
+        } else if self.unit.mailboxes.is_full() {
             self.pump(at);
         }
     }
@@ -336,8 +284,7 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
             State::Off => BusState::Off,
         };
         if state == BusState::Off {
-            self.unit.mailboxes = [None; MAILBOXES];
-            self.can.clear();
+            self.unit.mailboxes.clear(self.can);
             self.unit.recover_at = self.device.recovery(at);
         }
         self.device.bus_state(state, transmit, receive, at);
@@ -366,60 +313,14 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
         }
     }
 
-    /// Moves frames into free mailboxes, and does what the device wishes.
+    /// Moves frames into mailboxes, and does what the device wishes.
+    // Its callers would each hold a copy of it.
+    #[inline(never)]
     fn pump(&mut self, now: Instant) {
-        self.withdraw(now);
-        self.unit.waiting = self.unit.switch_at.is_some() || self.unit.search.is_some();
-        while !self.unit.waiting {
-            let unit = &mut *self.unit;
-            let frame = self.device.transmit_if(now, |id| {
-                unit.waiting = !unit.has_room(id);
-                !unit.waiting
-            });
-            let Some(frame) = frame else {
-                break;
-            };
-            self.post(frame);
-        }
+        let unit = &mut *self.unit;
+        let silent = unit.switch_at.is_some() || unit.search.is_some();
+        unit.mailboxes.fill(self.device, self.can, silent, now);
         self.wish(now);
-    }
-
-    /// Takes back what may not go out any more.
-    fn withdraw(&mut self, now: Instant) {
-        while let Some(id) = self.device.withdraw() {
-            let places = (0u8..).zip(&mut self.unit.mailboxes);
-            let mut posted = places.filter_map(|(place, posted)| Some((place, posted.as_mut()?)));
-            let Some((place, posted)) = posted.find(|(_, posted)| posted.id == id) else {
-                continue;
-            };
-            posted.aborted = true;
-            if self.can.abort(place) == Abort::Done {
-                self.give_up(place, now);
-            }
-        }
-    }
-
-    /// The frame in a mailbox has not gone out and will not.
-    fn give_up(&mut self, place: u8, now: Instant) {
-        if let Some(posted) = self.unit.place(place).and_then(Option::take)
-            && posted.aborted
-        {
-            self.device.withdrawn(posted.id, now);
-        }
-    }
-
-    fn post(&mut self, frame: Frame) {
-        let free = (0u8..).zip(&mut self.unit.mailboxes);
-        let mut free = free.filter(|(_, posted)| posted.is_none());
-        // The device was asked for a frame because there is room for it.
-        if let (Some((place, posted)), Some(id)) = (free.next(), frame.cob_id()) {
-            *posted = Some(Posted {
-                id,
-                frame,
-                aborted: false,
-            });
-            self.can.post(place, &frame);
-        }
     }
 
     fn wish(&mut self, now: Instant) {

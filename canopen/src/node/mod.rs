@@ -10,6 +10,7 @@
 //!
 //! Left out: the dictionary above 1FFFh and everything it means.
 
+mod transmit;
 mod view;
 
 #[cfg(test)]
@@ -17,7 +18,8 @@ mod tests;
 
 use self::view::{Mapped, View};
 use crate::communication::Communication;
-use crate::error_control::Event as Control;
+use crate::emcy;
+use crate::error_control::{ERROR_CONTROL, Event as Control};
 use crate::frame::Frame;
 use crate::lss::{Lss, Request};
 use crate::nmt::{self, Command, State};
@@ -123,6 +125,7 @@ pub struct Node {
     communication: Communication,
     node_id: u8,
     bus: BusState,
+    boot_up: BootUp,
     /// Error register bits that the device has set.
     device_bits: u8,
     /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
@@ -147,6 +150,17 @@ enum Service {
     Safety,
     Sdo,
     ErrorControl,
+}
+
+/// Where the boot-up message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BootUp {
+    /// It is to be sent.
+    Due,
+    /// The controller has it.
+    HandedOver,
+    /// It has gone out.
+    Sent,
 }
 
 /// A service that has something to say.
@@ -181,6 +195,7 @@ impl Node {
             communication: Communication::new(),
             node_id: UNCONFIGURED,
             bus: BusState::Active,
+            boot_up: BootUp::Due,
             device_bits: 0,
             present: 0,
             overruns: 0,
@@ -255,6 +270,7 @@ impl Node {
         self.end_transfer(app, now);
         self.node_id = self.lss.take_node_id();
         self.communication.clear();
+        self.boot_up = BootUp::Due;
         // What the controller says of the bus holds until it says otherwise.
         self.present &= PASSIVE | OFF;
         self.bring_back(app, &[Group::Communication]);
@@ -301,7 +317,7 @@ impl Node {
             self.sync_frame(app, frame, now);
         } else {
             // Error control may have taken it without anything to tell.
-            return self.process_data(app, frame, now) || id >= crate::error_control::ERROR_CONTROL;
+            return self.process_data(app, frame, now) || id >= ERROR_CONTROL;
         }
         true
     }
@@ -503,7 +519,8 @@ impl Node {
         self.communication.emergency.clear(register, detail);
     }
 
-    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for.
+    /// What the CAN controller says of itself. Bus-off recovery is the device's to ask for; the
+    /// frames that the controller had then are to be thrown away.
     pub fn bus_state<A: Application>(&mut self, app: &mut A, state: BusState, now: Instant) {
         let before = core::mem::replace(&mut self.bus, state);
         if before == state {
@@ -513,21 +530,34 @@ impl Node {
             // Nobody hears that it is no longer passive, and it is no better for that.
             self.present = self.present & !PASSIVE | OFF;
             self.set_register();
+            self.lose_frames();
             return self.communication_failed(app, now);
         }
         if before == BusState::Off {
             self.present &= !OFF;
-            self.emergency(0x8140, [0; 5]);
+            self.emergency(emcy::RECOVERED, [0; 5]);
         }
         let passive = state == BusState::Passive;
         if passive {
             // A warning: CiA 301 names bus-off and lost nodes as what 1029h acts on, not this.
             self.present |= PASSIVE;
-            self.emergency(0x8120, [0; 5]);
+            self.emergency(emcy::PASSIVE, [0; 5]);
         } else if self.present & PASSIVE != 0 {
             self.present &= !PASSIVE;
             self.cleared(self.device_bits, [0; 5]);
         }
+    }
+
+    /// What was in the controller is gone. What is told once is told again: boot-up, EMCY, and what
+    /// is sent on events. A client of SDO or LSS waits for its answer no longer than its own
+    /// time-out and would take a late one for that to its next request; heartbeat, SYNC and process
+    /// data come anew by themselves.
+    fn lose_frames(&mut self) {
+        if self.boot_up == BootUp::HandedOver {
+            self.boot_up = BootUp::Due;
+        }
+        self.communication.emergency.lost();
+        self.communication.pdo.bus_off();
     }
 
     /// Frames were lost because nobody took them out of the controller in time.
@@ -628,152 +658,6 @@ impl Node {
             }
         }
         next.first.get()
-    }
-
-    /// The frame to send now: of all that wait, the one with the lowest identifier.
-    ///
-    /// Hand it to the controller, and call [`Node::sent`] when it has gone out, or
-    /// [`Node::withdrawn`] when it was taken back because it [`expires`](Node::expires).
-    pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        self.transmit_if(app, now, |_| true)
-    }
-
-    /// [`Node::transmit`], if there is room for a frame of its identifier.
-    pub fn transmit_if<A: Application>(
-        &mut self,
-        app: &mut A,
-        now: Instant,
-        room: impl FnOnce(u16) -> bool,
-    ) -> Option<Frame> {
-        let waiting = self.waiting(now).filter(|waiting| room(waiting.cob_id))?;
-        self.hand_out(app, waiting, now)
-    }
-
-    /// The frame of a service that [`Node::waiting`] has named at the same instant.
-    pub fn hand_out<A: Application>(
-        &mut self,
-        app: &mut A,
-        waiting: Waiting,
-        now: Instant,
-    ) -> Option<Frame> {
-        match waiting.service {
-            Service::Lss => {
-                let answer = self.lss.transmit()?;
-                Some(Frame::data_frame(waiting.cob_id, &answer))
-            }
-            Service::BootUp => Some(self.boot_up(app, now)),
-            Service::Sync => self.communication.sync.transmit(now),
-            Service::Emergency => self.communication.emergency.transmit(now),
-            Service::Safety => self.communication.safety.transmit(now),
-            Service::Pdo => self.communication.pdo.transmit(now),
-            Service::Sdo => self.response(app, now),
-            Service::ErrorControl => {
-                let state = self.communication.state;
-                self.communication
-                    .error_control
-                    .transmit(self.node_id, state, now)
-            }
-        }
-    }
-
-    fn response<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        let (server, mut view) = self.serving(app, now);
-        let data = server.transmit(&mut view, now)?;
-        Some(Frame::data_frame(0x580 + u16::from(self.node_id), &data))
-    }
-
-    /// The identifier of what [`Node::transmit`] would give now.
-    ///
-    /// For a driver with few mailboxes: it keeps one free for what outranks all that wait there.
-    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        self.waiting(now).map(|waiting| waiting.cob_id)
-    }
-
-    /// From when on the frame of this identifier that was handed over last may not go out any
-    /// more; `None` when it may at any time. Process data and safety frames grow old, the others do
-    /// not.
-    pub fn expires(&self, cob_id: u16) -> Option<Instant> {
-        let services = &self.communication;
-        let safety = services.safety.expires(cob_id);
-        safety.or_else(|| services.pdo.expires(cob_id))
-    }
-
-    /// A frame from [`Node::transmit`] was taken back from the controller.
-    pub fn withdrawn(&mut self, cob_id: u16) {
-        self.communication.pdo.withdrawn(cob_id);
-    }
-
-    /// What [`Node::transmit`] would give: its identifier and whose it is.
-    pub fn waiting(&self, now: Instant) -> Option<Waiting> {
-        if self.lss.is_pending() {
-            return Some(Waiting {
-                cob_id: crate::lss::RESPONSE,
-                service: Service::Lss,
-            });
-        }
-        match self.communication.state {
-            _ if self.node_id == UNCONFIGURED => None,
-            State::Initialising => Some(Waiting {
-                cob_id: 0x700 + u16::from(self.node_id),
-                service: Service::BootUp,
-            }),
-            _ => self.first(now),
-        }
-    }
-
-    /// Which service holds the lowest identifier.
-    fn first(&self, now: Instant) -> Option<Waiting> {
-        let services = &self.communication;
-        let id = u16::from(self.node_id);
-        let sdo = self.server.is_pending() && services.state.allows_sdo();
-        let error_control = services.error_control.is_due(now);
-        let mut lowest = u16::MAX;
-        let mut first = None;
-        let mut waits = |cob_id: Option<u16>, service| {
-            if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < lowest) {
-                lowest = cob_id;
-                first = Some(Waiting { cob_id, service });
-            }
-        };
-        waits(
-            services.sync.next_cob_id(services.state, now),
-            Service::Sync,
-        );
-        waits(
-            services.emergency.next_cob_id(services.state, now),
-            Service::Emergency,
-        );
-        waits(services.safety.next_cob_id(now), Service::Safety);
-        waits(services.pdo.next_cob_id(now), Service::Pdo);
-        waits(sdo.then_some(0x580 + id), Service::Sdo);
-        waits(error_control.then_some(0x700 + id), Service::ErrorControl);
-        first
-    }
-
-    /// The boot-up message, after which the node is pre-operational, or starts itself (1F80h).
-    fn boot_up<A: Application>(&mut self, app: &mut A, now: Instant) -> Frame {
-        let services = &mut self.communication;
-        services.state = State::PreOperational;
-        services.error_control.start(now);
-        services.sync.start(now);
-        let starts = nmt::self_starting(services.startup);
-        app.event(Event::State(State::PreOperational), now);
-        if starts {
-            self.enter(app, State::Operational, now);
-        }
-        crate::error_control::boot_up(self.node_id)
-    }
-
-    /// A frame from [`Node::transmit`] has ended on the bus at `now`.
-    ///
-    /// Only then has this node's own SYNC happened, at the same instant as for everybody else;
-    /// true when that was it.
-    pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
-        let sync = self.communication.sync.is_own(frame);
-        if sync {
-            self.sync_frame(app, frame, now);
-        }
-        sync
     }
 }
 

@@ -2,6 +2,7 @@
 
 extern crate std;
 
+mod bus_off;
 mod errors;
 mod fuzz;
 mod memory;

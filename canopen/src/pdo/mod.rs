@@ -271,6 +271,12 @@ impl Pdos {
         }
     }
 
+    /// The controller has gone bus-off and has lost what it had: what is sent on events is owed
+    /// still, as it is then.
+    pub fn bus_off(&mut self) {
+        self.tx.iter_mut().for_each(Tpdo::withdrawn);
+    }
+
     /// An RPDO whose event timer has run out, counted from 0 and told once: EMCY 8250h.
     pub fn take_missed(&mut self) -> Option<u8> {
         let mut rx = (0..).zip(&mut self.rx);

@@ -156,6 +156,11 @@ impl Setup {
         sub: u8,
         value: Value,
     ) -> Result<(), Abort> {
+        // A tool may write a whole configuration back, in any order.
+        let is_fixed = sub == 0 && matches!(part, Part::Communication(_));
+        if !is_fixed && self.read(part, sub)? == value {
+            return Ok(());
+        }
         let number = value.unsigned() as u32;
         match part {
             Part::Mapping(access) => self.may_map(dictionary, access, sub, number)?,

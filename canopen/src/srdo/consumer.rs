@@ -18,7 +18,7 @@ pub struct Consumer {
     pub state: SrdoState,
     /// The plain half that waits for its twin, and when it came.
     half: Option<(u64, Instant)>,
-    /// When the next pair is overdue; `None` before the first one.
+    /// When the next pair is overdue; `None` after a loss.
     deadline: Option<Instant>,
     /// The pair was lost by time and nobody has been told.
     lost: bool,
@@ -37,12 +37,12 @@ fn apply<O: Objects>(
 }
 
 impl Consumer {
-    /// Nothing has come yet.
-    pub const fn new() -> Self {
+    /// Nothing has come yet: the first pair is due within a safeguard cycle, as any other is.
+    pub const fn new(setup: &Setup, now: Instant) -> Self {
         Self {
             state: SrdoState::Waiting,
             half: None,
-            deadline: None,
+            deadline: Some(now.after_ms(setup.sct_ms as u32)),
             lost: false,
         }
     }

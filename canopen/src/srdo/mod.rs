@@ -45,7 +45,7 @@ pub enum SafetyReceived {
 pub enum SrdoState {
     /// Not configured, configuration not valid, or node not OPERATIONAL.
     Off,
-    /// Consumer: no pair has come yet.
+    /// Consumer: no pair has come yet, within the safeguard cycle time after the start.
     Waiting,
     /// Pairs come or go.
     Running,
@@ -86,7 +86,7 @@ impl Srdo {
         let armed = valid && self.setup.signature == self.setup.computed();
         self.role = match self.setup.direction {
             PRODUCE if armed => Role::Produce(Producer::new(now)),
-            CONSUME if armed => Role::Consume(Consumer::new()),
+            CONSUME if armed => Role::Consume(Consumer::new(&self.setup, now)),
             _ => Role::Off,
         };
     }

@@ -142,9 +142,10 @@ pub fn number(row: &Row, number: i64) -> String {
     }
 }
 
-/// The default as an EDS says it; `None` where the row has none.
+/// The default as an EDS says it; `None` where the row has none, or must not be written back.
 pub fn default_text(row: &Row, channel: Channel) -> Option<String> {
     match row.default {
+        _ if row.acts => None,
         Default::None => None,
         Default::Text(text) => Some(text.to_owned()),
         Default::NodeId(base) => Some(format!("$NODEID+0x{base:X}")),

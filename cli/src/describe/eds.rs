@@ -6,18 +6,18 @@
 //!
 //! Left out: compact storage, modules, units (the format has no key for them).
 
-use canopen::object::Access;
+use canopen::object::{Access, DataType};
 use device::objects::row::{Row, Shape};
 use device::objects::table::Channel;
 
 use super::dictionary::{self, Entry, Object};
 
 /// Day that the files carry; moved by hand when the dictionary changes on purpose.
-pub const DATE: &str = "11-21-2026";
+pub const DATE: &str = "11-22-2026";
 /// Time of that day, in the format's own twelve hours.
 pub const TIME: &str = "12:00AM";
 /// Version of the files, counted up by hand together with [`DATE`].
-pub const FILE_VERSION: u8 = 1;
+pub const FILE_VERSION: u8 = 2;
 
 /// Bit rates of CiA 301 in kbit/s, all of which LSS can set.
 const BIT_RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
@@ -236,6 +236,16 @@ fn write_object(file: &mut File, object: &Object<'_>, channel: Channel, extra: &
     }
 }
 
+/// Whether a value without a default has an empty key, which the format allows beside none at all.
+///
+/// Some masters take the size of a number from there, and fail at the first access where the key is
+/// missing. They also refuse a whole file for the value of a type that they do not have, such as
+/// numbers of 24 bit; and of a DOMAIN others take an empty value for its content.
+fn has_empty_key(data_type: DataType) -> bool {
+    use DataType::{Domain, Integer24, Unsigned24};
+    !matches!(data_type, Domain | Integer24 | Unsigned24)
+}
+
 fn write_entry(file: &mut File, entry: &Entry<'_>, channel: Channel) {
     let row = entry.row;
     let mappable = row.access.has(Access::TPDO) || row.access.has(Access::RPDO);
@@ -243,8 +253,10 @@ fn write_entry(file: &mut File, entry: &Entry<'_>, channel: Channel) {
     file.key("ObjectType", "0x7");
     file.key("DataType", format!("0x{:04X}", row.data_type as u8));
     file.key("AccessType", dictionary::access_name(row.access));
-    if let Some(text) = dictionary::default_text(row, channel) {
-        file.key("DefaultValue", text);
+    match dictionary::default_text(row, channel) {
+        Some(text) => file.key("DefaultValue", text),
+        None if has_empty_key(row.data_type) => file.key("DefaultValue", ""),
+        None => {}
     }
     file.key("PDOMapping", u8::from(mappable));
     if row.access.has(Access::SRDO) {

@@ -33,7 +33,8 @@ objects below. Where they are delivered with different values, both values stand
 - **kept**: yes if 1010h stores it, so that it outlasts a power cut.
 - **unit**: what 1 stands for. `6000h x 0.001 deg` is 0.01 deg as delivered, where 6000h is 10.
 - **range**: what may be written; empty for all that the type can hold.
-- **A, B**: the value as delivered; empty for what is measured or counted. `id` is the node-id.
+- **A, B**: the value as delivered; empty for what is measured or counted, and for what acts when it
+  is written. `id` is the node-id.
 ";
 
 /// An area of the dictionary.

@@ -47,6 +47,7 @@ fn member(sub: u8, last: u8, access: Access) -> Row {
         access,
         unit: "0.001 deg",
         limits: Some((-5, 5)),
+        acts: false,
         default: Default::Value(-1),
         doc: "A value.",
     }

@@ -4,16 +4,16 @@
 //! Out: the former to the one who runs the bus, the latter to every client but its sender, which
 //! is what socketcand, SLCAN adapters and the kernel do alike. Every client has threads of its
 //! own; the one who runs the bus never waits for any of them. What waits in either direction is
-//! bounded: a client that sends too fast is slowed down by its own connection, and one that
-//! doesn't read is dropped with a notice.
+//! bounded: a client that sends too fast is slowed down by its own connection, and no other one
+//! waits for it ([`RoundRobin`]); one that doesn't read is dropped with a notice.
 //!
 //! Left out: the bus itself (arbitration, timing), and clients' names and passwords.
 
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -21,10 +21,15 @@ use canopen::Frame;
 
 use super::error::ServeError;
 use super::outlet::{FRAMES_LIMIT, Full, Outlet, Tap};
+use super::round_robin::RoundRobin;
 use super::{pty, socketcan, tcp};
 
-/// Frames of clients that may wait for the bus.
-const INCOMING_LIMIT: usize = 4096;
+/// Frames of one client that may wait for the bus.
+const INCOMING_LIMIT: usize = 1024;
+
+/// How long a client may stay without opening the bus. A program does so at once; a person who
+/// types the commands has the time to look them up.
+const OPEN_WITHIN: Duration = Duration::from_secs(30);
 
 /// Clients at the same time.
 pub const CLIENTS_LIMIT: usize = 32;
@@ -64,6 +69,14 @@ pub struct Heard {
 pub trait Dialogue: Send {
     /// Takes the next bytes of the client; adds to `heard` what they came to.
     fn hear(&mut self, bytes: &[u8], heard: &mut Heard);
+
+    /// True while the client has the bus open.
+    fn is_open(&self) -> bool;
+
+    /// The bytes that tell the client why it has to go; nothing where the format has no words.
+    fn refusal(&self, _why: &str) -> Vec<u8> {
+        Vec::new()
+    }
 }
 
 /// Where the frames for a client go.
@@ -127,7 +140,11 @@ struct Notices {
 pub struct Shared {
     clients: Mutex<Vec<Arc<Client>>>,
     notices: Mutex<Notices>,
-    incoming: SyncSender<Incoming>,
+    incoming: Mutex<RoundRobin>,
+    /// Something has come into `incoming`, or has gone out.
+    moved: Condvar,
+    /// How long a client may stay without opening the bus.
+    pub open_within: Duration,
     last_id: AtomicU32,
     stopped: AtomicBool,
 }
@@ -177,10 +194,21 @@ impl Shared {
         self.notice(format!("{} {what}", client.label));
     }
 
-    /// Hands a client's frame to the bus, waiting while the bus has too many; false at the end.
+    fn incoming(&self) -> MutexGuard<'_, RoundRobin> {
+        self.incoming.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Hands a client's frame to the bus, waiting while it has too many there; false at the end.
     pub fn submit(&self, client: &Client, frame: Frame) -> bool {
         let client = client.id;
-        self.incoming.send(Incoming { client, frame }).is_ok()
+        let mut incoming = self.incoming();
+        while incoming.waiting(client) >= INCOMING_LIMIT && !self.is_stopped() {
+            let moved = self.moved.wait(incoming);
+            incoming = moved.unwrap_or_else(PoisonError::into_inner);
+        }
+        incoming.push(Incoming { client, frame });
+        self.moved.notify_all();
+        !self.is_stopped()
     }
 
     /// Carries out what a client said; false when the conversation is over.
@@ -221,25 +249,27 @@ pub fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Ser
 #[derive(Debug)]
 pub struct Hub {
     shared: Arc<Shared>,
-    incoming: Receiver<Incoming>,
-    next: Option<Incoming>,
     listeners: Vec<SocketAddr>,
 }
 
 impl Hub {
     /// Nobody yet, and no way in.
     pub fn new() -> Self {
-        let (sender, incoming) = sync_channel(INCOMING_LIMIT);
+        Self::with_time_limit(OPEN_WITHIN)
+    }
+
+    /// The same, where a client may stay for so long without opening the bus.
+    pub fn with_time_limit(open_within: Duration) -> Self {
         Self {
             shared: Arc::new(Shared {
                 clients: Mutex::default(),
                 notices: Mutex::default(),
-                incoming: sender,
+                incoming: Mutex::default(),
+                moved: Condvar::new(),
+                open_within,
                 last_id: AtomicU32::new(0),
                 stopped: AtomicBool::new(false),
             }),
-            incoming,
-            next: None,
             listeners: Vec::new(),
         }
     }
@@ -282,17 +312,23 @@ impl Hub {
         socketcan::open(&self.shared, name)
     }
 
-    /// The next frame a client wants on the bus, if there is one now.
-    pub fn receive(&mut self) -> Option<Incoming> {
-        self.next.take().or_else(|| self.incoming.try_recv().ok())
+    /// The frame whose turn it is to go onto the bus, of those clients that are `wanted`; `None`
+    /// when none of them has one now.
+    pub fn receive(&mut self, wanted: impl FnMut(ClientId) -> bool) -> Option<Incoming> {
+        let received = self.shared.incoming().pop(wanted)?;
+        self.shared.moved.notify_all();
+        Some(received)
     }
 
-    /// Waits until a client wants a frame on the bus; false when none did for `timeout`.
-    pub fn wait(&mut self, timeout: Duration) -> bool {
-        if self.next.is_none() {
-            self.next = self.incoming.recv_timeout(timeout).ok();
-        }
-        self.next.is_some()
+    /// Waits until a client that is `wanted` wants a frame on the bus; false when none did for
+    /// `timeout`.
+    pub fn wait(&mut self, timeout: Duration, mut wanted: impl FnMut(ClientId) -> bool) -> bool {
+        let moved = &self.shared.moved;
+        let none = |incoming: &mut RoundRobin| !incoming.any(&mut wanted);
+        let waited = moved.wait_timeout_while(self.shared.incoming(), timeout, none);
+        let (incoming, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        drop(incoming);
+        !waited.timed_out()
     }
 
     /// Distributes a frame that was on the bus to all clients but its sender. The time in
@@ -364,6 +400,9 @@ impl Hub {
 impl Drop for Hub {
     fn drop(&mut self) {
         self.shared.stopped.store(true, Ordering::Relaxed);
+        // Whoever has just seen that it goes on is waiting by now, and hears this.
+        drop(self.shared.incoming());
+        self.shared.moved.notify_all();
         self.shared
             .clients()
             .drain(..)
@@ -381,6 +420,7 @@ impl Drop for Hub {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::mpsc::sync_channel;
 
     #[test]
     fn an_interface_that_is_behind_loses_frames_and_stays() {

@@ -17,6 +17,7 @@ mod outlet;
 mod pace;
 mod pty;
 mod ready;
+mod round_robin;
 mod script;
 mod server;
 pub(crate) mod slcan;

@@ -267,11 +267,9 @@ impl Server {
 
     /// Puts what clients have sent onto the bus.
     fn take_in(&mut self) {
-        while self.stage.has_room() {
-            let Some(incoming) = self.hub.receive() else {
-                return;
-            };
-            self.stage.offer(incoming);
+        let Self { hub, stage, .. } = self;
+        while let Some(incoming) = hub.receive(|client| stage.has_room(client)) {
+            stage.offer(incoming);
         }
     }
 
@@ -290,10 +288,7 @@ impl Server {
         if rest < SHORTEST_REST {
             return;
         }
-        if self.stage.has_room() {
-            self.hub.wait(rest);
-        } else {
-            thread::sleep(rest);
-        }
+        let Self { hub, stage, .. } = self;
+        hub.wait(rest, |client| stage.has_room(client));
     }
 }

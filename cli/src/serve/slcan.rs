@@ -229,6 +229,10 @@ impl Dialogue for Session {
             }
         }
     }
+
+    fn is_open(&self) -> bool {
+        self.channel != Channel::Closed
+    }
 }
 
 /// The frame after its letter: identifier, one digit of length, and as many bytes exactly.

@@ -200,6 +200,16 @@ impl Dialogue for Session {
             self.byte(*byte, heard);
         }
     }
+
+    fn is_open(&self) -> bool {
+        self.open
+    }
+
+    fn refusal(&self, why: &str) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        put_error(&mut bytes, why);
+        bytes
+    }
 }
 
 fn put_error(out: &mut Vec<u8>, why: &str) {

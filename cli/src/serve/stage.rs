@@ -2,12 +2,10 @@
 //!
 //! In: [`Word`]s, frames of clients, and the time up to which to go. Out: the frames that were on
 //! the bus, each once and with its time, and what there is to tell. Clients share one CAN
-//! controller, as programs behind one adapter do; their frames go out in the order in which they
-//! came, and as soon as the bus lets them.
+//! controller, as programs behind one adapter do; the frames of each go out in the order in which
+//! they came, those of several in turn, and as soon as the bus lets them.
 //!
 //! Left out: the machine's own time (`pace`), and who the clients are (`hub`).
-
-use std::collections::VecDeque;
 
 use canopen::Frame;
 use sim::can_bus::{Event, MAILBOXES, Order, Port, Rates, State};
@@ -22,10 +20,11 @@ use sim::rng::Rng;
 use sim::supply::Supply;
 
 use super::hub::{ClientId, Incoming};
+use super::round_robin::RoundRobin;
 use super::trouble::Trouble;
 use super::words::{BusTrouble, Word, help};
 
-/// Frames of clients that may wait here; the rest wait with the clients.
+/// Frames of one client that may wait here; the rest wait with the client.
 const OUTGOING_LIMIT: usize = 64;
 
 /// How often the dies follow the chamber.
@@ -46,7 +45,7 @@ pub struct Passed {
 #[derive(Debug)]
 struct Adapter {
     port: Port,
-    outgoing: VecDeque<Incoming>,
+    outgoing: RoundRobin,
     mailboxes: [Option<ClientId>; MAILBOXES],
     off: bool,
 }
@@ -90,7 +89,7 @@ impl Stage {
             chamber_ns: 0,
             adapter: Adapter {
                 port,
-                outgoing: VecDeque::new(),
+                outgoing: RoundRobin::default(),
                 mailboxes: [None; MAILBOXES],
                 off: false,
             },
@@ -130,14 +129,14 @@ impl Stage {
         )
     }
 
-    /// True when one more frame of a client can be taken.
-    pub fn has_room(&self) -> bool {
-        self.adapter.outgoing.len() < OUTGOING_LIMIT
+    /// True when one more frame of this client can be taken.
+    pub fn has_room(&self, client: ClientId) -> bool {
+        self.adapter.outgoing.waiting(client) < OUTGOING_LIMIT
     }
 
     /// Takes a client's frame, now.
     pub fn offer(&mut self, incoming: Incoming) {
-        self.adapter.outgoing.push_back(incoming);
+        self.adapter.outgoing.push(incoming);
         self.pump();
     }
 
@@ -146,12 +145,11 @@ impl Stage {
         let Self {
             network, adapter, ..
         } = self;
-        while let Some(Incoming { client, frame }) = adapter.outgoing.front() {
-            let Ok(mailbox) = network.bus.offer(adapter.port, *frame) else {
-                return;
-            };
-            adapter.mailboxes[mailbox.number()] = Some(*client);
-            adapter.outgoing.pop_front();
+        while adapter.mailboxes.contains(&None)
+            && let Some(Incoming { client, frame }) = adapter.outgoing.pop(|_| true)
+            && let Ok(mailbox) = network.bus.offer(adapter.port, frame)
+        {
+            adapter.mailboxes[mailbox.number()] = Some(client);
         }
     }
 

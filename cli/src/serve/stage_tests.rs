@@ -104,15 +104,53 @@ fn frames_of_clients_follow_each_other_without_a_gap_and_in_their_order() {
         client: if n % 3 == 0 { a } else { b },
         frame: Frame::data_frame(0x7F0 - n, &[n as u8; 2]),
     });
-    let wanted: Vec<_> = frames.clone().map(|i| (i.frame, Some(i.client))).collect();
+    let all: Vec<Incoming> = frames.clone().collect();
     frames.for_each(|incoming| stage.offer(incoming));
     let passed = go(&mut stage, 40);
     let own: Vec<_> = passed.iter().filter(|p| p.from.is_some()).collect();
-    let seen: Vec<_> = own.iter().map(|p| (p.frame, p.from)).collect();
-    assert_eq!(seen, wanted);
+    assert_eq!(own.len(), all.len());
+    for client in [a, b] {
+        let wanted = all.iter().filter(|one| one.client == client);
+        let wanted: Vec<_> = wanted.map(|one| one.frame).collect();
+        let seen = own.iter().filter(|p| p.from == Some(client));
+        let seen: Vec<_> = seen.map(|p| p.frame).collect();
+        assert_eq!(seen, wanted);
+    }
+    // Past the mailboxes of the first, in turn, until one has no more.
+    let turns = own.iter().skip(3).take(20).map(|p| p.from);
+    let turns: Vec<_> = turns.collect();
+    assert!(turns.windows(2).all(|two| two[0] != two[1]), "{turns:?}");
     let longest = own.windows(2).map(|w| w[1].at_ns - w[0].at_ns).max();
     // At most 80 bits with stuffing and intermission, of 4 us each.
     assert!(longest.unwrap() <= 320_000, "{longest:?}");
+}
+
+#[test]
+fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
+    let mut stage = pair();
+    go(&mut stage, 300);
+    let [flooder, guest, _] = clients();
+    let flood = Frame::data_frame(0x7FF, &[0; 8]);
+    while stage.has_room(flooder) {
+        stage.offer(Incoming {
+            client: flooder,
+            frame: flood,
+        });
+    }
+    go(&mut stage, 5);
+    let asked_ns = stage.network.now_ns();
+    stage.offer(Incoming {
+        client: guest,
+        frame: Frame::data_frame(0x601, &[0x40, 0x18, 0x10, 4, 0, 0, 0, 0]),
+    });
+    let passed = go(&mut stage, 30);
+    let answer = passed.iter().find(|p| p.frame.cob_id() == Some(0x581));
+    let waited_us = (answer.unwrap().at_ns - asked_ns) / 1000;
+    // The frame on the wire and two in mailboxes, the request, one more of the flood, the answer:
+    // six frames of at most 135 bits each, 4 us a bit.
+    assert!(waited_us < 6 * 135 * 4, "{waited_us} us");
+    let floods = passed.iter().filter(|p| p.from == Some(flooder));
+    assert!(floods.count() > 40);
 }
 
 #[test]
@@ -121,13 +159,13 @@ fn a_full_queue_says_so_before_it_is_full() {
     let [client, ..] = clients();
     let frame = Frame::data_frame(0x7FF, &[0; 8]);
     let mut taken = 0;
-    while stage.has_room() {
+    while stage.has_room(client) {
         stage.offer(Incoming { client, frame });
         taken += 1;
         assert!(taken < 1000);
     }
     go(&mut stage, 100);
-    assert!(stage.has_room());
+    assert!(stage.has_room(client));
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Clients over TCP, socketcand and SLCAN alike.
 //!
 //! In: an address to listen on. Out: a reader and a writer thread for each client. The reader
-//! stands still while the bus has too many frames, so the client is slowed down by TCP; the
-//! writer sends all that waits in one piece, without delay.
+//! stands still while the bus has too many frames of its client, which is slowed down by TCP; the
+//! writer sends all that waits in one piece, without delay. There is room for a limited number of
+//! clients, so one that does not open the bus has to go after a while.
 //!
 //! Left out: encryption. The default address is that of this machine alone.
 
@@ -10,7 +11,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, SocketAddrV4, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::error::ServeError;
 use super::hub::{Client, Dialogue, Heard, Port, Shared, spawn};
@@ -149,15 +150,55 @@ fn write(shared: &Shared, client: &Client, mut stream: TcpStream) {
     let _ = stream.shutdown(Shutdown::Write);
 }
 
+/// How long a client may still stay with the bus closed; `None` while it has it open.
+struct TimeLimit {
+    open_within: Duration,
+    until: Option<Instant>,
+}
+
+impl TimeLimit {
+    /// Sets how long the next read may take; false when the time is over.
+    fn look(&mut self, is_open: bool, stream: &TcpStream) -> bool {
+        if is_open {
+            if self.until.take().is_some() {
+                // A read that never ends is what a socket has from the beginning.
+                let _ = stream.set_read_timeout(None);
+            }
+            return true;
+        }
+        let now = Instant::now();
+        let until = *self.until.get_or_insert(now + self.open_within);
+        let left = until.saturating_duration_since(now);
+        // No time at all would mean no end.
+        !left.is_zero() && stream.set_read_timeout(Some(left)).is_ok()
+    }
+}
+
+/// A read that was interrupted, or has taken all the time that it had.
+const fn is_passing(kind: ErrorKind) -> bool {
+    use ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(kind, Interrupted | TimedOut | WouldBlock)
+}
+
 fn read(shared: &Shared, client: &Client, mut stream: TcpStream, mut dialogue: Box<dyn Dialogue>) {
     let mut bytes = [0; 4096];
     let mut heard = Heard::default();
+    let mut limit = TimeLimit {
+        open_within: shared.open_within,
+        until: None,
+    };
     loop {
-        match stream.read(&mut bytes) {
-            Ok(0) => break shared.leave(client, "left"),
-            Ok(length) => dialogue.hear(&bytes[..length], &mut heard),
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => break shared.leave(client, &format!("left ({error})")),
+        if !limit.look(dialogue.is_open(), &stream) {
+            let why = format!("the bus was not opened within {:?}", shared.open_within);
+            heard.answer.extend(dialogue.refusal(&why));
+            heard.close = Some(why);
+        } else {
+            match stream.read(&mut bytes) {
+                Ok(0) => break shared.leave(client, "left"),
+                Ok(length) => dialogue.hear(&bytes[..length], &mut heard),
+                Err(error) if is_passing(error.kind()) => {}
+                Err(error) => break shared.leave(client, &format!("left ({error})")),
+            }
         }
         if !shared.act(client, &mut heard) {
             let why = heard.close.take().unwrap_or_default();

@@ -8,9 +8,14 @@ use canopen::Frame;
 use canopen::frame::standard;
 
 use super::error::ServeError;
-use super::hub::{CLIENTS_LIMIT, Hub};
+use super::hub::{CLIENTS_LIMIT, ClientId, Hub};
 
 const SOON: Duration = Duration::from_secs(5);
+
+/// Every client's frames are wanted.
+fn any(_: ClientId) -> bool {
+    true
+}
 
 fn here() -> SocketAddr {
     ([127, 0, 0, 1], 0).into()
@@ -92,7 +97,7 @@ fn a_frame_sent_right_after_rawmode_is_held_back_20_ms() {
     let asked = Instant::now();
     peer.says("< rawmode >");
     while hub.clients() == 0 {
-        hub.wait(Duration::from_micros(100));
+        hub.wait(Duration::from_micros(100), any);
     }
     hub.send(&Frame::data_frame(0x701, &[5]), 1_500_000, None);
     // One receive call, as python-can has it: the answer must come alone.
@@ -110,13 +115,13 @@ fn frames_reach_the_bus_and_all_clients_but_the_sender() {
     let mut other = Peer::raw(at);
     assert_eq!(hub.clients(), 2);
     one.says("< send 080 0  >");
-    assert!(hub.wait(SOON));
-    let incoming = hub.receive().unwrap();
+    assert!(hub.wait(SOON, any));
+    let incoming = hub.receive(any).unwrap();
     assert_eq!(incoming.frame, Frame::data_frame(0x80, &[]));
     hub.send(&incoming.frame, 2_000_001, Some(incoming.client));
     other.hears("< frame 080 2.000001  >");
     one.hears_nothing_for(Duration::from_millis(50));
-    assert_eq!(hub.receive(), None);
+    assert_eq!(hub.receive(any), None);
 }
 
 #[test]
@@ -180,8 +185,8 @@ fn a_client_that_sends_too_fast_is_slowed_down() {
         peer
     });
     let mut received = 0;
-    while hub.wait(SOON) {
-        assert!(hub.receive().is_some());
+    while hub.wait(SOON, any) {
+        assert!(hub.receive(any).is_some());
         received += 1;
         if received == 100_000 {
             break;
@@ -217,6 +222,79 @@ fn one_more_client_than_there_is_room_for_is_refused() {
     assert_eq!(Peer::new(at).hears_the_end(), "");
     notice(&mut hub, "refused: 32 clients are here already");
     assert_eq!(hub.clients(), peers.len());
+}
+
+#[test]
+fn clients_that_never_opened_the_bus_shut_everybody_out_for_good() {
+    let mut hub = Hub::with_time_limit(Duration::from_millis(300));
+    let at = hub.listen_socketcand(here(), "plumb").unwrap();
+    let slcan_at = hub.listen_slcan(here()).unwrap();
+    // Some say nothing, some the wrong things all the time.
+    let mut silent: Vec<Peer> = (0..CLIENTS_LIMIT / 2).map(|_| Peer::new(at)).collect();
+    let mut talking: Vec<Peer> = (silent.len()..CLIENTS_LIMIT)
+        .map(|_| Peer::new(slcan_at))
+        .collect();
+    notice(&mut hub, "SLCAN");
+    let until = Instant::now() + Duration::from_millis(250);
+    while Instant::now() < until {
+        talking.iter_mut().for_each(|peer| peer.says("V\r"));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let said = silent.remove(0).hears_the_end();
+    assert_eq!(said, "< hi >< error the bus was not opened within 300ms >");
+    let last = talking.pop().unwrap().hears_the_end();
+    assert!(last.ends_with("V0100\r"), "{last}");
+    notice(&mut hub, "dropped: the bus was not opened within 300ms");
+    for mut peer in silent.into_iter().chain(talking) {
+        peer.hears_the_end();
+    }
+    let guests: Vec<Peer> = (0..CLIENTS_LIMIT).map(|_| Peer::raw(at)).collect();
+    assert_eq!(hub.clients(), guests.len());
+    // Who has it open may be silent for ever.
+    std::thread::sleep(Duration::from_millis(400));
+    assert_eq!(hub.clients(), guests.len());
+}
+
+#[test]
+fn an_adapter_that_is_closed_again_may_stay_as_long_as_a_new_one() {
+    let mut hub = Hub::with_time_limit(Duration::from_millis(200));
+    let at = hub.listen_slcan(here()).unwrap();
+    let mut peer = Peer::new(at);
+    peer.says("O\r");
+    peer.hears("\r");
+    std::thread::sleep(Duration::from_millis(300));
+    peer.says("C\rV\r");
+    peer.hears("\rV0100\r");
+    let closed = Instant::now();
+    assert_eq!(peer.hears_the_end(), "");
+    assert!(closed.elapsed() > Duration::from_millis(150));
+}
+
+#[test]
+fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
+    let (mut hub, at) = socketcand();
+    let mut flooder = Peer::raw(at);
+    let mut guest = Peer::raw(at);
+    let flood = std::thread::spawn(move || {
+        for _ in 0..20 {
+            flooder.says(&"< send 7ff 8 1 2 3 4 5 6 7 8 >".repeat(500));
+        }
+        flooder
+    });
+    assert!(hub.wait(SOON, any));
+    let flooding = hub.receive(any).unwrap().client;
+    // The flood has filled its own queue and stands.
+    std::thread::sleep(Duration::from_millis(200));
+    guest.says("< send 601 0  >");
+    assert!(hub.wait(SOON, |client| client != flooding));
+    let next = [(); 2].map(|()| hub.receive(any).unwrap().frame.cob_id());
+    assert!(next.contains(&Some(0x601)), "{next:X?}");
+    let mut rest = 0;
+    while hub.wait(SOON, any) && rest < 9_998 {
+        rest += usize::from(hub.receive(any).is_some());
+    }
+    assert_eq!(rest, 9_998);
+    drop(flood.join().unwrap());
 }
 
 #[test]
@@ -275,8 +353,8 @@ fn slcan_over_tcp_asks_for_a_node_guard() {
     peer.hears("\x07\r\r");
     peer.says("r7011\r");
     peer.hears("z\r");
-    assert!(hub.wait(SOON));
-    let incoming = hub.receive().unwrap();
+    assert!(hub.wait(SOON, any));
+    let incoming = hub.receive(any).unwrap();
     assert_eq!(incoming.frame, Frame::remote(standard(0x701), 1).unwrap());
     hub.send(&incoming.frame, 0, Some(incoming.client));
     hub.send(&Frame::data_frame(0x701, &[5]), 0, None);
@@ -298,8 +376,8 @@ fn socketcand_and_slcan_share_a_bus() {
     line.hears("\r");
     line.says("T00000181 0\rT000001811FF\r");
     line.hears("\x07Z\r");
-    assert!(hub.wait(SOON));
-    let incoming = hub.receive().unwrap();
+    assert!(hub.wait(SOON, any));
+    let incoming = hub.receive(any).unwrap();
     hub.send(&incoming.frame, 7, Some(incoming.client));
     text.hears("< frame 00000181 0.000007 FF >");
 }
@@ -350,8 +428,11 @@ mod terminal {
             let mut file = opened(&path);
             file.write_all(b"S8\rO\rt0800\r").unwrap();
             hears(&mut file, "\r\rz\r");
-            assert!(hub.wait(SOON));
-            assert_eq!(hub.receive().unwrap().frame, Frame::data_frame(0x80, &[]));
+            assert!(hub.wait(SOON, any));
+            assert_eq!(
+                hub.receive(any).unwrap().frame,
+                Frame::data_frame(0x80, &[])
+            );
             hub.send(&Frame::data_frame(0x181, &[round]), 0, None);
             hears(&mut file, &format!("t1811{round:02X}\r"));
             // What stays unread must not meet the next client.

@@ -52,7 +52,7 @@ impl Site {
     fn send(&mut self, id: u16, bytes: &[u8]) {
         let frame = Frame::data_frame(id, bytes);
         let client = self.master;
-        if self.stage.has_room() {
+        if self.stage.has_room(client) {
             self.stage.offer(Incoming { client, frame });
         }
     }

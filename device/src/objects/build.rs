@@ -21,6 +21,7 @@ pub const fn var(index: u16, name: &'static str, data_type: DataType, doc: &'sta
         unit: "",
         limits: None,
         default: Default::None,
+        acts: false,
         doc,
     }
 }
@@ -107,6 +108,12 @@ impl Row {
     /// Readable, writable, kept by 1010h, and a write makes the safety configuration invalid.
     pub const fn safety(self) -> Self {
         self.rw().stored().with(Access::SAFETY)
+    }
+
+    /// A write acts at once.
+    pub const fn acts(mut self) -> Self {
+        self.acts = true;
+        self
     }
 
     /// Its unit.

@@ -28,8 +28,7 @@ pub const CALIBRATION: &[Row] = &[
          the last command, 0 for none.",
     )
     .rw()
-    .limits(0, 4)
-    .value(0),
+    .limits(0, 4),
     member(
         0x2060,
         2,

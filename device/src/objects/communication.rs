@@ -409,11 +409,12 @@ pub const COMMUNICATION: &[Row] = &[
     .value(0),
 ];
 
-const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; 0 supervises nobody. \
-     Supervision begins with the first heartbeat. As delivered, each channel watches the other.";
+const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; a time of 0, and a \
+     node-id of 0 or above 127, supervises nobody. Supervision begins with the first heartbeat. As \
+     delivered, each channel watches the other.";
 const SAVE: &str = "Write \"save\" (65766173h) to store. Reads 1: stores on command only.";
 const LOAD: &str = "Write \"load\" (64616F6Ch) to restore. Reads 1: restores on command only.";
 
 const fn memory(index: u16, sub: u8, name: &'static str, doc: &'static str) -> Row {
-    member(index, sub, name, Unsigned32, doc).rw().value(1)
+    member(index, sub, name, Unsigned32, doc).rw()
 }

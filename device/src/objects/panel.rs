@@ -194,14 +194,14 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     fn write_safety(&mut self, at: Address, value: Value) -> Result<(), Abort> {
+        // While the node works, SRDOs neither begin nor change what they carry.
+        if self.values.state == nmt::State::Operational {
+            return Err(Abort::WrongState);
+        }
         let signature = self.safety_signature();
         let parameters = &mut self.values.parameters;
         match at.index {
             0x6200 => {
-                // While SRDOs run, what they carry does not change its unit.
-                if self.values.state == nmt::State::Operational {
-                    return Err(Abort::WrongState);
-                }
                 crate::profile::Resolution::new(value.unsigned() as u16).map_err(|r| r.abort())?;
                 parameters.safety_valid = 0;
             }

@@ -112,7 +112,7 @@ const fn slope(index: u16, width: DataType, names: Names, which: &'static str) -
             .rw()
             .limits(0, 3)
             .value(OPERATING as i64),
-        var(index + 2, preset, width, PRESET).rw().value(0),
+        var(index + 2, preset, width, PRESET).rw().acts().value(0),
         var(index + 3, offset, width, OFFSET).value(0),
         var(index + 4, differential, width, DIFFERENTIAL)
             .rw()

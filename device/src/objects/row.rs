@@ -59,6 +59,9 @@ pub struct Row {
     pub limits: Option<(i64, i64)>,
     /// Value from the factory.
     pub default: Default,
+    /// A write acts at once, whatever was there before: data sheets name no default, or a tool that
+    /// writes defaults back would act.
+    pub acts: bool,
     /// What it means, in a sentence or two, with its source.
     pub doc: &'static str,
 }

@@ -19,8 +19,8 @@ pub const VALID: u8 = 0xA5;
 pub const SCT_MS: u16 = 25;
 /// Default of the safety-related validation time, sub 3 of 1301h and 1302h, in ms.
 pub const SRVT_MS: u8 = 20;
-/// Signature of SRDO 1 as delivered, for channel A and channel B.
-pub const SIGNATURES: [u16; 2] = [0x93A3, 0xEFD7];
+/// Signatures of SRDO 1 and of SRDO 2 as delivered, each for channel A and channel B.
+pub const SIGNATURES: [[u16; 2]; 2] = [[0x93A3, 0xEFD7], [0x830B, 0x88E9]];
 /// Signature over 6200h as delivered.
 pub const APPLICATION_SIGNATURE: u16 = 0xEFCB;
 
@@ -56,11 +56,11 @@ pub const SAFETY: &[Row] = &[
     member(0x13FF, 1, "SRDO 1 signature", Unsigned16, SIGNATURE)
         .rw()
         .stored()
-        .channel(SIGNATURES[0] as i64, SIGNATURES[1] as i64),
+        .channel(SIGNATURES[0][0] as i64, SIGNATURES[0][1] as i64),
     member(0x13FF, 2, "SRDO 2 signature", Unsigned16, SIGNATURE)
         .rw()
         .stored()
-        .value(0),
+        .channel(SIGNATURES[1][0] as i64, SIGNATURES[1][1] as i64),
     // The index follows the numbering of 6000h; the type is inferred.
     var(
         0x6200,
@@ -235,7 +235,8 @@ const SIGNATURE: &str = "CRC-16-CCITT (start 0) over the SRDO's parameters. Only
 const SLOPE_X: &str = "Slope X for SRDOs: as measured, without preset and offsets.";
 const SLOPE_Y: &str = "Slope Y for SRDOs: as measured, without preset and offsets.";
 const DIRECTION: &str = "0: off. 1: this node sends it. 2: this node receives it.";
-const REFRESH: &str = "Sending: time between two pairs. Receiving: longest time between two pairs.";
+const REFRESH: &str = "Sending: time between two pairs. Receiving: longest time between two \
+     pairs, and from entering OPERATIONAL to the first one.";
 const VALIDATION: &str = "Receiving: longest time between the two halves of a pair.";
 const COUNT: &str = "Number of mapped objects, plain ones and inverted ones together: 0 to 16, \
      even. Write 0 before changing them.";

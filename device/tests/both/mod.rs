@@ -13,6 +13,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use canopen::node::BusState;
 use device::device::{Device, Wish};
+use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
@@ -26,7 +27,23 @@ pub const NODES: [usize; 2] = [0, 1];
 pub const TICK_US: i64 = 2_500;
 
 /// Mailboxes of a CAN controller.
-const MAILBOXES: usize = 3;
+#[derive(Clone, Default)]
+struct Controller([Option<Frame>; 3]);
+
+impl Transmitter for Controller {
+    fn post(&mut self, mailbox: u8, frame: &Frame) {
+        self.0[usize::from(mailbox)] = Some(*frame);
+    }
+
+    fn abort(&mut self, mailbox: u8) -> Abort {
+        self.0[usize::from(mailbox)] = None;
+        Abort::Done
+    }
+
+    fn clear(&mut self) {
+        self.0 = [None; 3];
+    }
+}
 
 /// The policy under test, which a master writes to both nodes.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +65,8 @@ pub struct Node {
     pub wired: bool,
     /// The controller is off the bus.
     pub off: bool,
-    mailboxes: Vec<Frame>,
+    mailboxes: Mailboxes,
+    controller: Controller,
 }
 
 impl Node {
@@ -63,7 +81,8 @@ impl Node {
             powered: false,
             wired: true,
             off: false,
-            mailboxes: Vec::new(),
+            mailboxes: Mailboxes::new(),
+            controller: Controller::default(),
         }
     }
 
@@ -137,7 +156,7 @@ impl World {
         let node = &mut self.nodes[number];
         node.powered = true;
         node.off = false;
-        node.mailboxes.clear();
+        node.mailboxes.clear(&mut node.controller);
         // The part answers at once, and so the set-up cannot fail.
         let _ = node.device.start_sensor(&mut Hurry, now);
         node.device.start_bus(now);
@@ -147,14 +166,14 @@ impl World {
     pub fn power_off(&mut self, number: usize) {
         let node = &mut self.nodes[number];
         node.powered = false;
-        node.mailboxes.clear();
+        node.mailboxes.clear(&mut node.controller);
     }
 
     pub fn bus_off(&mut self, number: usize) {
         let now = self.now;
         let node = &mut self.nodes[number];
         node.off = true;
-        node.mailboxes.clear();
+        node.mailboxes.clear(&mut node.controller);
         node.device.bus_state(BusState::Off, 255, 0, now);
     }
 
@@ -253,22 +272,14 @@ impl World {
         if node.device.next_deadline() <= now {
             node.device.poll(now);
         }
-        while let Some(id) = node.device.withdraw() {
-            let held = |frame: &Frame| frame.cob_id() == Some(id);
-            if let Some(place) = node.mailboxes.iter().position(held) {
-                node.mailboxes.remove(place);
-                node.device.withdrawn(id, now);
-            }
-        }
-        while !node.off {
-            let mailboxes = &node.mailboxes;
-            let twin = |id| mailboxes.iter().any(|frame| frame.cob_id() == Some(id));
-            let has_room = |id| mailboxes.len() < MAILBOXES && !twin(id);
-            let Some(frame) = node.device.transmit_if(now, has_room) else {
-                break;
-            };
-            node.mailboxes.push(frame);
-        }
+        let Node {
+            device,
+            mailboxes,
+            controller,
+            off,
+            ..
+        } = node;
+        mailboxes.fill(device, controller, *off, now);
         match node.device.take_wish() {
             Some(Wish::Reset) => self.boot(number),
             Some(Wish::Sensor) => {
@@ -282,16 +293,20 @@ impl World {
     fn arbitrate(&mut self) -> Option<(usize, Frame)> {
         let connected = |number: &usize| self.nodes[*number].is_connected();
         let first = |number: usize| {
-            let frames = self.nodes[number].mailboxes.iter().enumerate();
-            let (place, frame) = frames.min_by_key(|(_, frame)| frame.cob_id())?;
-            Some((frame.cob_id(), number, place))
+            let frames = self.nodes[number].controller.0.iter().enumerate();
+            let frames =
+                frames.filter_map(|(place, frame)| Some((frame.as_ref()?.cob_id(), place)));
+            let (id, place) = frames.min()?;
+            Some((id, number, place))
         };
         let (_, number, place) = NODES
             .into_iter()
             .filter(connected)
             .filter_map(first)
             .min()?;
-        Some((number, self.nodes[number].mailboxes.remove(place)))
+        let node = &mut self.nodes[number];
+        node.mailboxes.sent(place as u8);
+        Some((number, node.controller.0[place].take()?))
     }
 
     fn deliver(&mut self, by: Option<usize>, frame: Frame, heard: &mut dyn FnMut(&Self, Heard)) {

@@ -9,6 +9,7 @@ use std::rc::Rc;
 use canopen::Frame;
 use canopen::frame::Id;
 use device::device::Device;
+use device::mailboxes::{Abort, Transmitter};
 use device::memory::ed25519::Ed25519;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
@@ -19,7 +20,7 @@ use emulator::chip::tap::Entry;
 use firmware::bit_timing;
 use firmware::factory::factory;
 use firmware::part::{LAYOUT, SIGNATURES};
-use firmware::unit::{Abort, Controller, Order, Unit};
+use firmware::unit::{Controller, Order, Unit};
 use flash::layout::Slot;
 use flash::nor::{Nor, Page};
 use tilt::cross_check::CrossCheck;
@@ -108,7 +109,7 @@ impl SpiDevice for Wire {
     }
 }
 
-impl Controller for Wire {
+impl Transmitter for Wire {
     fn post(&mut self, place: u8, frame: &Frame) {
         let mailbox = 0x10 * u32::from(place);
         let bytes = u64::from_le_bytes(frame.padded());
@@ -151,7 +152,9 @@ impl Controller for Wire {
         }
         self.store(TSR, 0x01_0101);
     }
+}
 
+impl Controller for Wire {
     fn recover(&mut self) {
         self.initialise();
         self.store(MCR, 1 << 3);

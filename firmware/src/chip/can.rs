@@ -14,6 +14,7 @@
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
+use device::mailboxes::{Abort, MAILBOXES, Transmitter};
 use stm32f1xx_hal::pac::CAN;
 use stm32f1xx_hal::pac::can::RegisterBlock;
 use tilt::sample::Instant;
@@ -22,7 +23,7 @@ use super::clock;
 use super::register::write;
 use crate::bit_timing;
 use crate::inbox::Inbox;
-use crate::unit::{Abort, Controller, Event, MAILBOXES, State};
+use crate::unit::{Controller, Event, State};
 
 /// MCR: initialisation request; every other bit is zero, so: no sleep, frames go out by
 /// identifier, are repeated until they are acknowledged, and bus-off lasts until it is ended. A
@@ -122,7 +123,7 @@ impl Can {
     }
 }
 
-impl Controller for Can {
+impl Transmitter for Can {
     fn post(&mut self, place: u8, frame: &Frame) {
         let place = usize::from(place);
         if place >= MAILBOXES {
@@ -172,7 +173,9 @@ impl Controller for Can {
             write(tsr, RQCP | RQCP << 8 | RQCP << 16);
         });
     }
+}
 
+impl Controller for Can {
     fn recover(&mut self) {
         // Entering and leaving initialisation starts the count of 128 times 11 recessive bits
         // (RM0008 24.7.6).

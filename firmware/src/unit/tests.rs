@@ -5,6 +5,7 @@ use std::vec;
 use std::vec::Vec;
 
 use device::fault::Fault;
+use device::mailboxes::{Abort, MAILBOXES};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
@@ -97,11 +98,13 @@ enum Told {
 #[derive(Default)]
 struct Notes {
     told: Vec<Told>,
+    posted: [bool; MAILBOXES],
     on_wire: Option<u8>,
 }
 
-impl Controller for Notes {
+impl Transmitter for Notes {
     fn post(&mut self, place: u8, frame: &Frame) {
+        self.posted[usize::from(place)] = true;
         self.told.push(Told::Post(place, frame.cob_id().unwrap()));
     }
 
@@ -109,14 +112,20 @@ impl Controller for Notes {
         self.told.push(Told::Abort(place));
         match self.on_wire == Some(place) {
             true => Abort::Later,
-            false => Abort::Done,
+            false => {
+                self.posted[usize::from(place)] = false;
+                Abort::Done
+            }
         }
     }
 
     fn clear(&mut self) {
+        self.posted = [false; MAILBOXES];
         self.told.push(Told::Clear);
     }
+}
 
+impl Controller for Notes {
     fn recover(&mut self) {
         self.told.push(Told::Recover);
     }
@@ -134,8 +143,8 @@ struct Bench {
 }
 
 impl Bench {
-    /// Node 1, started; its boot-up message has gone out.
-    fn started() -> Self {
+    /// Node 1, just started.
+    fn booting() -> Self {
         let mut registers = [0; 64];
         (registers[0x0F], registers[0x27], registers[0x2D]) = (0x44, 0x01, 0x40);
         let factory = factory(Channel::A, 7);
@@ -156,6 +165,12 @@ impl Bench {
             Told::Post(1, 0x81),
         ];
         assert_eq!(bench.said(), told);
+        bench
+    }
+
+    /// The same; its boot-up message has gone out.
+    fn started() -> Self {
+        let mut bench = Self::booting();
         bench.empty();
         bench
     }
@@ -178,6 +193,9 @@ impl Bench {
     }
 
     fn event(&mut self, event: Event) {
+        if let Event::Sent(place) | Event::GivenUp(place) = event {
+            self.can.posted[usize::from(place)] = false;
+        }
         let now = self.now;
         self.at().event(event, now);
     }
@@ -188,7 +206,7 @@ impl Bench {
 
     /// Lets everything out that waits.
     fn empty(&mut self) {
-        while let Some(place) = self.unit.mailboxes.iter().position(Option::is_some) {
+        while let Some(place) = self.can.posted.iter().position(|posted| *posted) {
             self.event(Event::Sent(place as u8));
         }
         self.said();
@@ -215,25 +233,6 @@ impl Bench {
             self.at().data_ready(edge);
         }
     }
-}
-
-#[test]
-fn the_last_mailbox_is_for_what_outranks_the_others_and_twins_wait() {
-    let mut unit = Unit::new();
-    let posted = |id| {
-        Some(Posted {
-            id,
-            frame: Frame::data_frame(id, &[]),
-            aborted: false,
-        })
-    };
-    assert!(unit.has_room(0x701));
-    unit.mailboxes = [posted(0x181), None, None];
-    assert!(!unit.has_room(0x181) && unit.has_room(0x701));
-    unit.mailboxes = [posted(0x181), None, posted(0x581)];
-    assert!(!unit.has_room(0x581) && !unit.has_room(0x182) && unit.has_room(0x80));
-    unit.mailboxes = [posted(0x181), posted(0x80), posted(0x581)];
-    assert!(!unit.has_room(0x01));
 }
 
 #[test]
@@ -269,6 +268,39 @@ fn a_frame_on_the_wire_keeps_its_mailbox_until_the_controller_tells() {
         let next = told.iter().any(|told| matches!(told, Told::Post(_, 0x181)));
         assert!(next, "{outcome:?}: {told:?}");
     }
+}
+
+#[test]
+fn an_emcy_waited_behind_three_frames_that_it_outranks() {
+    let mut bench = Bench::started();
+    bench.hear(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
+    bench.hear(0x7E5, &[0x5E, 0, 0, 0, 0, 0, 0, 0]);
+    bench.pass(200_000);
+    bench.hear(0x601, &[0x40, 0, 0x10, 0, 0, 0, 0, 0]);
+    let low = [
+        Told::Post(0, 0x7E4),
+        Told::Post(1, 0x701),
+        Told::Post(2, 0x581),
+    ];
+    assert_eq!(bench.said(), low);
+    // A SYNC with a counter, which nobody has announced.
+    bench.hear(0x80, &[1]);
+    assert_eq!(bench.said(), [Told::Abort(0), Told::Post(0, 0x81)]);
+    bench.event(Event::Sent(0));
+    assert_eq!(bench.said(), []);
+    bench.event(Event::Sent(2));
+    assert_eq!(bench.said(), [Told::Post(0, 0x7E4)]);
+}
+
+#[test]
+fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
+    let mut bench = Bench::booting();
+    bench.event(Event::Changed(State::Off, 255, 0));
+    let again = [Told::Clear, Told::Post(0, 0x81), Told::Post(1, 0x701)];
+    assert_eq!(bench.said(), again);
+    bench.empty();
+    bench.event(Event::Changed(State::Off, 255, 0));
+    assert_eq!(bench.said(), [Told::Clear]);
 }
 
 #[test]

@@ -27,6 +27,9 @@ pub enum Order {
 pub struct Mailbox(pub(super) u8);
 
 impl Mailbox {
+    /// All there are.
+    pub const ALL: [Self; MAILBOXES] = [Self(0), Self(1), Self(2)];
+
     /// Its number, 0 to 2.
     pub const fn number(self) -> usize {
         self.0 as usize

@@ -2,6 +2,8 @@
 
 mod erases;
 mod faulty;
+mod preempted;
+mod safety;
 mod stale;
 
 use super::*;

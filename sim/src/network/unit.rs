@@ -12,13 +12,14 @@ use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
 use device::device::{Device, Factory, Wish};
+use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::process::Shown;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
 use super::fault::Faulty;
 use super::standstill::{Held, Standstill};
-use crate::can_bus::{Bus, MAILBOXES, Mailbox, Port, State};
+use crate::can_bus::{Bus, Mailbox, Port, State};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
 use crate::memory::{self, Memory, Program};
@@ -34,13 +35,11 @@ pub struct Unit {
     pub port: Port,
     /// When the device's set-up is over, ns; frames before it are not heard.
     ready_ns: u64,
-    /// A frame waits for a mailbox.
-    waiting: bool,
     /// Powered and past its set-up.
     running: bool,
     powered: bool,
     /// What is in the controller's mailboxes.
-    mailboxes: [Option<Posted>; MAILBOXES],
+    mailboxes: Mailboxes,
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
     /// When the bit rate that LSS has activated counts, with the rate; then, when silence ends.
@@ -55,28 +54,29 @@ pub struct Unit {
     standstill: Standstill,
 }
 
-/// A frame in a mailbox.
-#[derive(Clone, Copy, Debug)]
-struct Posted {
-    frame: Frame,
-    mailbox: Mailbox,
-    /// It was on the wire when it was to be taken back: it goes out now or not at all.
-    aborted: bool,
+/// The controller at a port, as the driver uses it.
+struct Controller<'a> {
+    bus: &'a mut Bus,
+    port: Port,
 }
 
-/// True when a frame of this identifier may go into a mailbox.
-fn has_room(mailboxes: &[Option<Posted>], id: u16) -> bool {
-    let (mut free, mut highest, mut twin) = (0, u16::MAX, false);
-    for mailbox in mailboxes {
-        match mailbox.as_ref().map(|posted| posted.frame.cob_id()) {
-            None => free += 1,
-            Some(other) => {
-                highest = other.map_or(highest, |other| highest.min(other));
-                twin |= other == Some(id);
-            }
+impl Transmitter for Controller<'_> {
+    fn post(&mut self, place: u8, frame: &Frame) {
+        let mailbox = self.bus.offer(self.port, *frame);
+        debug_assert_eq!(mailbox.ok().map(Mailbox::number), Some(place.into()));
+    }
+
+    fn abort(&mut self, place: u8) -> Abort {
+        let mailbox = Mailbox::ALL[usize::from(place)];
+        match self.bus.abort(self.port, mailbox) {
+            true => Abort::Done,
+            false => Abort::Later,
         }
     }
-    (free > 1 || (free == 1 && id < highest)) && !twin
+
+    fn clear(&mut self) {
+        self.bus.clear(self.port);
+    }
 }
 
 fn seconds(time_ns: u64) -> f64 {
@@ -98,10 +98,9 @@ impl Unit {
             device,
             port,
             ready_ns: 0,
-            waiting: false,
             running: false,
             powered: false,
-            mailboxes: [None; MAILBOXES],
+            mailboxes: Mailboxes::new(),
             recover_at: None,
             switch_at: None,
             delay_ms: 0,
@@ -140,7 +139,7 @@ impl Unit {
 
     fn forget(&mut self, bus: &mut Bus) {
         bus.reset(self.port);
-        self.mailboxes = [None; MAILBOXES];
+        self.mailboxes = Mailboxes::new();
         self.recover_at = None;
         self.switch_at = None;
         self.search = None;
@@ -341,15 +340,13 @@ impl Unit {
         if self.running && self.standstill.takes(Held::Sent(mailbox, *frame)) {
             return;
         }
-        if let Some(place) = self.mailboxes.get_mut(mailbox) {
-            *place = None;
-        }
+        self.mailboxes.sent(mailbox as u8);
         if self.running {
             let now = self.now(at_ns);
             self.device.sent(frame, now);
             if self.device.next_deadline() <= now {
                 self.poll(bus, at_ns);
-            } else if self.waiting {
+            } else if self.mailboxes.is_full() {
                 self.pump(bus, at_ns);
             }
         }
@@ -368,8 +365,8 @@ impl Unit {
             State::BusOff => BusState::Off,
         };
         if state == BusState::Off {
-            self.mailboxes = [None; MAILBOXES];
-            bus.clear(self.port);
+            let port = self.port;
+            self.mailboxes.clear(&mut Controller { bus, port });
             self.recover_at = self.device.recovery(now);
         }
         let [sending, receiving] =
@@ -383,101 +380,56 @@ impl Unit {
         self.device.set_bus_load(percent);
     }
 
-    /// Moves frames into free mailboxes, and does what the device wishes.
-    ///
-    /// The controller sends by identifier and, for equal ones, by the number of the mailbox, so
-    /// two frames with one identifier never wait side by side: the order would be lost. The last
-    /// free mailbox is for what outranks the others, or a SYNC would wait behind a heartbeat for
-    /// as long as somebody floods the bus with identifiers between the two.
+    /// Moves frames into mailboxes, and does what the device wishes.
     fn pump(&mut self, bus: &mut Bus, now_ns: u64) {
         let now = self.now(now_ns);
-        self.withdraw(bus, now);
+        self.give_up(bus, now);
         let silent = self.switch_at.is_some() || self.search.is_some();
-        if self.faulty.is_late() && !silent {
-            self.pump_late(bus, now, now_ns);
-        } else {
-            self.waiting = silent;
-            while !self.waiting {
-                let (mailboxes, waiting) = (&self.mailboxes, &mut self.waiting);
-                let frame = self.device.transmit_if(now, |id| {
-                    *waiting = !has_room(mailboxes, id);
-                    !*waiting
-                });
-                let Some(frame) = frame else {
-                    break;
-                };
-                self.post(bus, frame);
-            }
+        let late = self.faulty.is_late() && !silent;
+        let port = self.port;
+        let mut can = Controller { bus, port };
+        let Self {
+            mailboxes, device, ..
+        } = self;
+        mailboxes.fill(device, &mut can, silent || late, now);
+        if late {
+            self.pump_late(&mut can, now, now_ns);
         }
         self.wish(bus, now, now_ns);
     }
 
-    /// Takes back what may not go out any more.
-    fn withdraw(&mut self, bus: &mut Bus, now: Instant) {
-        self.give_up(bus, now);
-        while let Some(id) = self.device.withdraw() {
-            let mut mailboxes = self.mailboxes.iter_mut();
-            let place = mailboxes.find(|place| {
-                let posted = place.as_ref().and_then(|posted| posted.frame.cob_id());
-                posted == Some(id)
-            });
-            // What the driver holds itself, as one that is ill does, is beyond its reach.
-            let Some(Some(posted)) = place else {
-                continue;
-            };
-            posted.aborted = true;
-            bus.abort(self.port, posted.mailbox);
-            self.give_up(bus, now);
-        }
-    }
-
-    /// An aborted frame that is no longer in its mailbox and was not sent has not gone out.
+    /// A frame that was to be taken back when it was on the wire, and was not sent, is no longer
+    /// in its mailbox.
     fn give_up(&mut self, bus: &Bus, now: Instant) {
-        for place in &mut self.mailboxes {
-            if let Some(posted) = place
-                && posted.aborted
-                && bus.waiting(self.port, posted.mailbox).is_none()
-            {
-                if let Some(id) = posted.frame.cob_id() {
-                    self.device.withdrawn(id, now);
-                }
-                *place = None;
+        for (place, mailbox) in (0..).zip(Mailbox::ALL) {
+            if self.mailboxes.is_leaving(place) && bus.waiting(self.port, mailbox).is_none() {
+                self.mailboxes.given_up(place, &mut self.device, now);
             }
         }
     }
 
-    /// An attempt to send has failed; one that was aborted meanwhile is not repeated.
+    /// An attempt to send has failed; one that was taken back meanwhile is not repeated.
     pub fn failed(&mut self, bus: &mut Bus, at_ns: u64) {
-        let aborted = |place: &Option<Posted>| place.is_some_and(|posted| posted.aborted);
-        let works = self.running && self.standstill.until_ns().is_none();
-        if works && self.mailboxes.iter().any(aborted) {
+        let leaving = (0..)
+            .zip(Mailbox::ALL)
+            .any(|(n, _)| self.mailboxes.is_leaving(n));
+        if self.running && self.standstill.until_ns().is_none() && leaving {
             self.pump(bus, at_ns);
         }
     }
 
-    fn post(&mut self, bus: &mut Bus, frame: Frame) {
-        if let Ok(mailbox) = bus.offer(self.port, frame) {
-            self.mailboxes[mailbox.number()] = Some(Posted {
-                frame,
-                mailbox,
-                aborted: false,
-            });
-        }
-    }
-
     /// [`Unit::pump`] of a node whose frames get to the controller late.
-    fn pump_late(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
-        self.waiting = true;
+    fn pump_late(&mut self, can: &mut Controller<'_>, now: Instant, now_ns: u64) {
+        while let Some(frame) = self.mailboxes.take_out() {
+            self.faulty.delay(frame, now_ns);
+        }
         while let Some(frame) = self.device.transmit(now) {
             self.faulty.delay(frame, now_ns);
         }
         while let Some(frame) = self.faulty.arriving(now_ns)
-            && frame
-                .cob_id()
-                .is_some_and(|id| has_room(&self.mailboxes, id))
+            && self.mailboxes.offer(&frame, can)
         {
             self.faulty.arrived();
-            self.post(bus, frame);
         }
     }
 

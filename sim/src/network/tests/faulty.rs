@@ -194,6 +194,31 @@ fn a_spoiled_sender_goes_bus_off_alone_and_recovers() {
     assert_eq!(site.process(1).bus.state, BusState::Active as u8);
 }
 
+/// Its boot-up message was lost by bus-off and never sent again: a master waited for ever, and the
+/// other channel went on blaming the node for what had been before.
+#[test]
+fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
+    let mut site = working();
+    let spikes = SensorFault::Spikes { g: 0.2, per_s: 5.0 };
+    site.network.unit(1).electronics.inject(spikes, rng());
+    site.sync(150);
+    let shown = site.network.shown(0);
+    assert_eq!((shown.state(), shown.blame().0), (8, 2));
+    site.network.unit(1).electronics.heal();
+    site.inject(NodeFault::BusOff);
+    site.network.reset(1);
+    site.run(&mut level(), 3000 * MS);
+    assert_eq!(site.times_of(0x702), []);
+    assert!(site.process(1).bus.bus_offs > 1);
+    site.heal();
+    site.run(&mut level(), 1500 * MS);
+    let said = site.trace.iter().map(|(_, frame)| frame);
+    let said: Vec<_> = said.filter(|f| f.cob_id() == Some(0x702)).collect();
+    let boots = said.iter().filter(|frame| frame.bytes() == [0]).count();
+    assert_eq!((said[0].bytes(), boots), (&[0][..], 1));
+    site.works_again();
+}
+
 #[test]
 fn without_sync_a_node_hears_everything_else() {
     let mut site = working();
