@@ -21,6 +21,7 @@
 //! reporting.
 
 pub mod activity;
+pub mod movement;
 pub mod paper;
 pub mod product;
 pub mod residual;

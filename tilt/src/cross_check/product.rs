@@ -21,6 +21,7 @@ use crate::sample::Instant;
 use crate::vector::Corrected;
 
 use super::activity::{self, Loudness};
+use super::movement::{self, Finding, Movement};
 use super::residual::{self, Residual};
 use super::standstill::{self, Standstill};
 use super::window::{WindowCheck, WindowState};
@@ -44,7 +45,9 @@ pub struct ProductCheck {
     pub residual: Residual,
     /// Difference of the angles.
     pub window: WindowCheck,
-    /// Who is wrong.
+    /// Who has moved alone.
+    pub movement: Movement,
+    /// Whose gravity is wrong.
     pub standstill: Standstill,
     /// How long a finding stays.
     pub latch: Latch,
@@ -59,6 +62,7 @@ impl ProductCheck {
             latched: false,
             ..WindowCheck::PRODUCT
         },
+        movement: Movement::PRODUCT,
         standstill: Standstill::PRODUCT,
         latch: Latch::UntilReset,
     };
@@ -90,6 +94,7 @@ pub struct ProductState {
     activity: activity::State,
     residual: residual::State,
     window: WindowState,
+    movement: movement::State,
     standstill: standstill::State,
     /// Own channel, then the peer.
     silence: [Silence; 2],
@@ -120,6 +125,7 @@ impl ProductState {
         self.activity.skip();
         self.residual.restart();
         self.standstill.interrupt();
+        self.movement.restart();
         if lasting {
             self.activity.restart();
             self.window.interrupt();
@@ -278,29 +284,46 @@ impl ProductCheck {
             let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
             differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
-            culprit = self.weigh(state, (own, a), (peer, b), (now, uncertainty, differ));
+            culprit = self.weigh(
+                state,
+                (own, a),
+                (peer, b),
+                (now, elapsed_us),
+                (uncertainty, differ),
+            );
         }
         self.differ(state, differ, culprit, now);
     }
 
-    /// A second of standstill has its say: while the pair agrees it is learned from.
+    /// The channel that moved alone is named, or the one whose gravity is wrong at a standstill,
+    /// which is learned from while the pair agrees.
     fn weigh(
         &self,
         state: &mut ProductState,
         own: (&Observation, Corrected),
         peer: (&Observation, Corrected),
-        (now, uncertainty, differ): (Instant, u32, bool),
+        (now, elapsed_us): (Instant, u32),
+        (uncertainty, differ): (u32, bool),
     ) -> Option<Node> {
-        let own = (own.0.reading, own.1);
-        let peer = (peer.0.reading, peer.1);
-        let lengths = self
-            .standstill
-            .step(&mut state.standstill, own, peer, now)?;
+        let pair = [own.1, peer.1];
+        let moved = self
+            .movement
+            .step(&mut state.movement, pair, differ, elapsed_us);
+        let (own, peer) = ((own.0.reading, own.1), (peer.0.reading, peer.1));
+        let strict = self.standstill.step(&mut state.standstill, own, peer, now);
+        let beyond = match moved {
+            Some(Finding::Moved(node)) => return Some(node),
+            Some(Finding::Stood(beyond)) => beyond,
+            None => strict?,
+        };
         if differ || state.disagreement.is_some() {
-            return self.standstill.blame(lengths, uncertainty);
+            let usual = standstill::along(state.residual.usual(), own.1);
+            return self
+                .standstill
+                .blame(&state.standstill, beyond, usual, uncertainty);
         }
         if !state.accused() {
-            state.standstill.learn(lengths);
+            state.standstill.learn(beyond);
         }
         None
     }

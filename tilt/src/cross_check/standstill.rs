@@ -32,8 +32,12 @@ pub struct Standstill {
     pub angle: u32,
     /// Largest peak-to-peak of each length meanwhile, 2^-26 g.
     pub norm: u32,
-    /// The two lengths must differ by at least this much before either is blamed, 2^-26 g.
+    /// The two lengths must differ by at least this much more than usual before either is blamed,
+    /// 2^-26 g.
     pub least: u32,
+    /// As long as local gravity has not been learned nobody is blamed beside a channel whose
+    /// length is farther from 1 g, 2^-26 g.
+    pub unlearned: u32,
 }
 
 /// A thousandth of g in 2^-26 g.
@@ -43,20 +47,21 @@ const MG: u32 = 67_109;
 /// calibration's own error.
 pub const HABIT_LIMIT: i32 = 4 * MG as i32;
 
+/// A habit that was learned so often follows each standstill by one part of as many.
+const LEARNED: u8 = 8;
+
 /// A window has at least this many pairs: two that are seconds apart may lie both at the ends of a
 /// move.
 const LEAST_PAIRS: u32 = 10;
 
-/// The wrong channel's length must be off by this many times the other's, in quarters.
-const CLEARLY_QUARTERS: u64 = 10;
-
 impl Standstill {
-    /// One second, 0.5 deg, 6 mg; lengths that differ by 3 mg or more tell.
+    /// One second, 0.5 deg, 6 mg; lengths that differ by 2 mg more than usual tell, and 1 mg.
     pub const PRODUCT: Self = Self {
         window_us: 1_000_000,
         angle: Angle::from_degrees(0.5).magnitude(),
         norm: 6 * MG,
-        least: 3 * MG,
+        least: 2 * MG,
+        unlearned: MG,
     };
 }
 
@@ -103,13 +108,8 @@ pub struct State {
     window: Option<Window>,
     /// What each channel's length usually is beyond standard gravity, 2^-26 g.
     habit: [i32; 2],
-}
-
-/// How far each channel's length was from its habit in a second of standstill, 2^-26 g.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lengths {
-    /// Own channel, then the peer.
-    pub off: [i32; 2],
+    /// How often that was learned.
+    learned: u8,
 }
 
 impl State {
@@ -118,24 +118,36 @@ impl State {
         self.window = None;
     }
 
-    /// The pair agrees: lengths as they are now are what they should be.
-    pub fn learn(&mut self, lengths: Lengths) {
-        for (habit, off) in self.habit.iter_mut().zip(lengths.off) {
-            let learned = habit.saturating_add(off / 8);
+    /// The pair agrees: lengths `beyond` 1 g as they are now are what they should be. The first
+    /// standstills count by their number, later ones by an eighth.
+    pub fn learn(&mut self, beyond: [i32; 2]) {
+        self.learned = (self.learned + 1).min(LEARNED);
+        let off = self.off(beyond);
+        for (habit, off) in self.habit.iter_mut().zip(off) {
+            let learned = habit.saturating_add(off / i32::from(self.learned));
             *habit = learned.clamp(-HABIT_LIMIT, HABIT_LIMIT);
         }
+    }
+
+    /// How far each length is from its habit, 2^-26 g.
+    fn off(&self, mut beyond: [i32; 2]) -> [i32; 2] {
+        for (off, habit) in beyond.iter_mut().zip(self.habit) {
+            *off = off.saturating_sub(habit);
+        }
+        beyond
     }
 }
 
 impl Standstill {
-    /// Takes in a pair; at the end of a whole second of standstill, the lengths of that second.
+    /// Takes in a pair; at the end of a whole second of standstill, the mean lengths of that
+    /// second beyond 1 g.
     pub fn step(
         &self,
         state: &mut State,
         own: (Reading, Corrected),
         peer: (Reading, Corrected),
         now: Instant,
-    ) -> Option<Lengths> {
+    ) -> Option<[i32; 2]> {
         let Some(angles) = angles(own.0, peer.0) else {
             state.interrupt();
             return None;
@@ -154,11 +166,7 @@ impl Standstill {
         }
         let means = window.means();
         state.interrupt();
-        let mut off = means;
-        for (off, habit) in off.iter_mut().zip(state.habit) {
-            *off = off.saturating_sub(habit);
-        }
-        Some(Lengths { off })
+        Some(means)
     }
 
     fn stands(&self, window: &Window) -> bool {
@@ -166,24 +174,35 @@ impl Standstill {
             && window.norms.iter().all(|span| span.width() < self.norm)
     }
 
-    /// Which channel the lengths speak against; `None` where they do not tell.
+    /// Which channel the lengths `beyond` 1 g speak against; `None` where they do not tell.
     ///
-    /// `uncertainty` is the combined standard uncertainty of the pair, 2^-26 g.
-    pub fn blame(&self, lengths: Lengths, uncertainty: u32) -> Option<Node> {
-        let [own, peer] = lengths.off;
-        let apart = own.abs_diff(peer);
-        if apart < self.least.max(uncertainty.saturating_mul(4)) {
+    /// `usual` is by how much more the own one is longer than the peer's in this pose while they
+    /// agree, and `uncertainty` the combined standard uncertainty of the pair; all 2^-26 g.
+    pub fn blame(
+        &self,
+        state: &State,
+        beyond: [i32; 2],
+        usual: i32,
+        uncertainty: u32,
+    ) -> Option<Node> {
+        let [own, peer] = beyond.map(i64::from);
+        let apart = own - peer - i64::from(usual);
+        if apart.unsigned_abs() < u64::from(self.least.max(uncertainty.saturating_mul(2))) {
             return None;
         }
-        let [own, peer] = [own, peer].map(|off| u64::from(off.unsigned_abs()));
-        let clearly = |larger: u64, smaller: u64| 4 * larger > CLEARLY_QUARTERS * smaller;
-        if clearly(own, peer) {
-            Some(Node::Own)
-        } else if clearly(peer, own) {
-            Some(Node::Peer)
-        } else {
-            None
+        let [own, peer] = state.off(beyond).map(i64::from);
+        // One channel off alone has all of the difference, and the sum is as large.
+        let sum = (own + peer) * apart.signum();
+        if 2 * sum.abs() < apart.abs() {
+            return None;
         }
+        let (node, sound) = if sum > 0 {
+            (Node::Own, peer)
+        } else {
+            (Node::Peer, own)
+        };
+        let right = u64::from(self.unlearned.max(uncertainty));
+        (state.learned > 0 || sound.unsigned_abs() <= right).then_some(node)
     }
 }
 
@@ -233,4 +252,11 @@ fn angles(own: Reading, peer: Reading) -> Option<[Angle; 4]> {
         Err(_) => None,
     };
     Some([axis(own.x)?, axis(own.y)?, axis(peer.x)?, axis(peer.y)?])
+}
+
+/// The part of `difference` that lies along `vector`, which is about 1 g long, 2^-26 g.
+pub fn along(difference: [i32; 3], vector: Corrected) -> i32 {
+    let products = difference.iter().zip(vector.accel);
+    let sum = products.fold(0, |sum: i64, (d, v)| sum + i64::from(*d) * i64::from(v));
+    (sum >> 26) as i32
 }
