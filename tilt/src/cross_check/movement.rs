@@ -1,25 +1,25 @@
-//! Movement: of two channels on one housing, the one that moved while the other stood.
+//! Movement: when the machine stands, and of two channels the one that moved meanwhile.
 //!
 //! In: both channels' vectors pair by pair (2^-26 g per step), the time since the pair before,
-//! and whether the pair differs. Out: at the end of a block of some tenths of a second, either the
-//! channel that alone has left its place, or how long the two vectors were while both stood.
+//! and whether the pair differs. Out: at the end of a block of a quarter of a second, the channel
+//! that has left its place while the other one stood; or, at the end of a second in which the
+//! machine stood, how long both vectors were, for `standstill` to weigh.
 //!
-//! A machine moves both channels, so a channel that leaves its place while the other one stays
-//! and goes on to feel the same vibration has moved by itself: a step or drift of its zero-g
-//! offset, a gain, swapped axes. Each channel's mean over a block is held against a reference,
-//! its mean while the pair agreed. Rumble averages out in a block, so that the test works beside a
-//! running engine, where single samples are too restless for `standstill`. The reference follows
-//! slowly as long as the pair agrees and is held while it differs, so that a drift is found that
-//! took long to be told.
+//! A machine moves both channels. One that leaves its place while the other one stays, and goes on
+//! to feel the same vibration, has moved by itself: a step or drift of its zero-g offset, a gain,
+//! swapped axes. Each channel's mean of a block is held against its place, which is its mean while
+//! the pair agreed. Rumble averages out in a block, so that a machine stands beside its running
+//! engine too. Places follow slowly as long as the pair agrees and are held while it differs, so
+//! that a slow drift is found that took long to be told.
 //!
-//! Where the channel that stood could be a frozen one nobody is named: each of its axes has to
-//! show a third at least of the other channel's change from pair to pair. Where both have left
-//! their places the machine has moved, and references are taken anew; so is everything after a
-//! pair that is missing. Vectors are rounded to the step in which the nodes exchange them, so that
-//! both nodes come to the same answer.
+//! A channel that stands because it is frozen speaks for nobody: each of its axes has to show
+//! noise, and a third at least of the other channel's change from pair to pair. Where both have
+//! left their places the machine has moved, and both have new ones; so they have after a pair that
+//! was missing. Vectors are rounded to the step in which the nodes exchange them, so that both
+//! nodes come to the same answer.
 //!
-//! Left out: faults that begin while the machine moves, of which a movement tells nothing;
-//! a frozen channel that still shows noise on a machine without vibration.
+//! Left out: faults that begin while the machine moves, of which a movement tells nothing; a
+//! channel that no longer feels anything and still shows noise, on a machine without vibration.
 
 use crate::ONE_G;
 use crate::angle::hypot;
@@ -27,79 +27,104 @@ use crate::vector::Corrected;
 
 use super::Node;
 
-/// Configuration.
+/// Configuration; accelerations in 2^-26 g, of any one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Movement {
-    /// Length of a block at least, us.
+    /// A block lasts at least so long, us.
     pub block_us: u32,
-    /// Pairs in a block at least.
+    /// A block has at least so many pairs.
     pub pairs: u16,
-    /// A channel stands as long as no axis of its mean is farther from its reference, 2^-26 g.
+    /// A channel stands as long as its mean is no farther from its place.
     pub still: u32,
-    /// A channel has moved when an axis of its mean is so far from its reference, 2^-26 g.
+    /// A channel has moved when its mean is at least so far from its place.
     pub moved: u32,
+    /// A machine that shakes more than this from pair to pair, in the mean, does not stand.
+    pub calm: u32,
+    /// Lengths are those of a standstill of at least so long, us.
+    pub rest_us: u32,
 }
 
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
 
-/// Means are in 2^-19 g.
-const SHIFT: u32 = 7;
+/// From the step of the exchange, 2^-13 g, to that of means and places, 2^-19 g, and from there to
+/// 2^-26 g.
+const FINER: u32 = 6;
+/// See [`FINER`].
+const FINEST: u32 = 7;
 
-/// From the step of the exchange, 2^-13 g, to that of the means.
-const FRACTION: u32 = 6;
-
-/// A block has no more pairs than this, so that a sum in steps of a mean has room in 32 bits.
+/// A block has no more pairs than this, so that the sum of its vectors has room in 2^-19 g.
 const MOST_PAIRS: u16 = 1000;
+
+/// A standstill has no more blocks than this, where they take no time.
+const MOST_BLOCKS: u8 = 8;
 
 /// Beside a channel that has moved far the other one stands within this share of the way.
 const SHARE: u32 = 8;
 
-/// The references go this share of the way to each block's mean.
-const FOLLOW: i32 = 8;
+/// While the pair agrees a place goes this share of the way to the mean of each block, as a shift.
+const FOLLOWS: u32 = 3;
 
-/// How many blocks it is held against a channel that it has left its place, while the pair agrees.
+/// How many blocks it is held against a channel that it left its place, while the pair agrees.
 const MEMORY: u8 = 8;
 
 /// Blocks in a row in which the same channel has to have moved.
 const CONFIRMED: u8 = 2;
 
-/// Blocks in a row of standstill whose lengths are averaged: about a second.
-const RESTED: u8 = 4;
-
-/// A channel that stands shows at least this part of the other one's change from pair to pair.
-const ALIVE: u32 = 3;
+/// A channel that feels what the other one feels changes by this part of it at least ...
+const PART: u32 = 3;
+/// ... or by so little less in a block, 2^-13 g, that it may be rounding.
+const ROUNDING: u32 = 12;
 
 /// Pairs farther apart have nothing to do with each other, us.
 const LONGEST_US: u32 = 2_000_000;
 
 impl Movement {
-    /// A block is no whole number of usual SYNC periods long, so that two clocks count alike.
+    /// Blocks of 12 pairs, at SYNCs of 20 ms. The least time lies between whole numbers of usual
+    /// SYNC periods, so that two clocks count alike.
     pub const PRODUCT: Self = Self {
         block_us: 236_000,
         pairs: 12,
         still: 17 * MG / 10,
         moved: 3 * MG,
+        calm: 6 * MG,
+        rest_us: 940_000,
     };
 }
 
-/// One channel's block under way, and its place.
+/// One axis of a channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Axis {
+    /// Sum of the block under way, 2^-13 g; at its end the mean, 2^-19 g.
+    sum: i32,
+    /// Where the axis was while the pair agreed, 2^-19 g.
+    place: i32,
+    /// The pair before, 2^-13 g.
+    before: i16,
+    /// Sum of the changes from pair to pair, 2^-13 g.
+    change: u16,
+}
+
+/// One channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Channel {
-    /// The vector of the pair before, 2^-13 g.
-    before: [i16; 3],
-    /// Sum of the vectors, 2^-13 g.
-    sum: [i32; 3],
-    /// Sum of the changes from pair to pair, 2^-13 g.
-    change: [u16; 3],
-    /// Where the channel was while the pair agreed, 2^-19 g.
-    reference: [i32; 3],
-    /// For how many more blocks it counts as having left that place.
+    axes: [Axis; 3],
+    /// Sum of the lengths beyond 1 g of the blocks of a standstill, 2^-26 g.
+    length: i32,
+    /// For how many more blocks it counts as having left its place.
     strayed: u8,
     /// In how many blocks in a row it has moved while the other one stood.
     moved: u8,
-    /// Sum of the lengths beyond 1 g of the blocks of a rest, 2^-26 g.
-    length: i32,
+}
+
+/// What one channel's block has come to.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    /// How far the axis is from its place that is farthest, 2^-26 g.
+    way: u32,
+    /// The least and the most that an axis has changed from pair to pair in all, 2^-13 g.
+    least: u16,
+    most: u16,
 }
 
 /// What the detector remembers.
@@ -107,12 +132,14 @@ struct Channel {
 pub struct State {
     /// Own channel, then the peer.
     channels: [Channel; 2],
-    elapsed_us: u32,
+    /// Of the block under way.
+    block_us: u32,
     pairs: u16,
-    /// There are references.
+    /// The channels have places.
     placed: bool,
-    /// Blocks in a row in which both stood.
+    /// Blocks of the standstill under way, and its length.
     rested: u8,
+    rest_us: u32,
 }
 
 /// What a block has shown.
@@ -120,7 +147,7 @@ pub struct State {
 pub enum Finding {
     /// This channel has moved while the other one stood.
     Moved(Node),
-    /// Both have stood: how much longer than 1 g the own vector and the peer's were, 2^-26 g.
+    /// The machine stood: how much longer than 1 g the own vector and the peer's were, 2^-26 g.
     Stood([i32; 2]),
 }
 
@@ -130,68 +157,83 @@ impl State {
         *self = Self::default();
     }
 
-    /// The machine has moved: both channels are where they are now.
-    fn place(&mut self, means: [[i32; 3]; 2]) {
-        for (channel, mean) in self.channels.iter_mut().zip(means) {
-            channel.reference = mean;
-            (channel.strayed, channel.moved, channel.length) = (0, 0, 0);
+    /// The machine has moved: both channels have new places.
+    fn place(&mut self) {
+        for channel in &mut self.channels {
+            (channel.strayed, channel.moved) = (0, 0);
+            channel.end(Some(0));
         }
         self.placed = true;
-        self.rested = 0;
+        self.rise();
     }
 
-    /// Takes in whether both stood in a block; at the end of a rest, the mean lengths of it.
-    fn rest(&mut self, means: [[i32; 3]; 2], stood: bool) -> Option<[i32; 2]> {
-        self.rested = if stood { self.rested + 1 } else { 0 };
-        for (channel, mean) in self.channels.iter_mut().zip(means) {
-            let so_far = if self.rested > 1 { channel.length } else { 0 };
-            channel.length = so_far.saturating_add(beyond_one_g(mean));
+    /// A standstill is over.
+    fn rise(&mut self) {
+        (self.rested, self.rest_us) = (0, 0);
+        for channel in &mut self.channels {
+            channel.length = 0;
         }
-        if self.rested < RESTED {
-            return None;
-        }
-        self.rested = 0;
-        Some(
-            self.channels
-                .map(|channel| channel.length / i32::from(RESTED)),
-        )
     }
 }
 
 impl Channel {
-    fn take_in(&mut self, vector: Corrected) {
-        let axes = self.before.iter_mut().zip(&mut self.sum);
-        for (((before, sum), change), accel) in axes.zip(&mut self.change).zip(vector.accel) {
+    fn take_in(&mut self, vector: &Corrected) {
+        for (axis, accel) in self.axes.iter_mut().zip(&vector.accel) {
             let steps = accel.saturating_add(1 << 12) >> 13;
             let value = steps.clamp(-i32::from(i16::MAX), i32::from(i16::MAX)) as i16;
-            *sum = sum.saturating_add(i32::from(value));
-            *change = change.saturating_add(value.abs_diff(*before));
-            *before = value;
+            axis.sum = axis.sum.saturating_add(i32::from(value));
+            axis.change = axis.change.saturating_add(value.abs_diff(axis.before));
+            axis.before = value;
         }
     }
 
-    /// The mean of the block of so many pairs, which ends, 2^-19 g.
-    fn mean(&mut self, pairs: i32) -> [i32; 3] {
-        core::mem::take(&mut self.sum).map(|sum| (sum << FRACTION) / pairs)
-    }
-
-    /// How far the axis is from its reference that has moved farthest, 2^-26 g.
-    fn way(&self, mean: &[i32; 3]) -> u32 {
-        let ways = self.reference.iter().zip(mean).map(|(a, b)| a.abs_diff(*b));
-        ways.fold(0, u32::max) << SHIFT
-    }
-
-    fn follow(&mut self, mean: &[i32; 3]) {
-        for (reference, mean) in self.reference.iter_mut().zip(mean) {
-            *reference += (mean - *reference) / FOLLOW;
+    /// Turns sums into means.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn average(&mut self, pairs: i32) -> Block {
+        let mut block = Block {
+            way: 0,
+            least: u16::MAX,
+            most: 0,
+        };
+        for axis in &mut self.axes {
+            axis.sum = (axis.sum << FINER) / pairs.max(1);
+            block.way = block.way.max(axis.sum.abs_diff(axis.place) << FINEST);
+            block.least = block.least.min(axis.change);
+            block.most = block.most.max(axis.change);
         }
+        block
+    }
+
+    /// The block is over, and the place follows its mean by so much.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn end(&mut self, follows: Option<u32>) {
+        for axis in &mut self.axes {
+            if let Some(shift) = follows {
+                axis.place += (axis.sum - axis.place) >> shift;
+            }
+            (axis.sum, axis.change) = (0, 0);
+        }
+    }
+
+    /// Whether each axis has felt in this block what that of the `other` has.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn feels(&self, other: &Self) -> bool {
+        let mut axes = self.axes.iter().zip(&other.axes);
+        axes.all(|(one, other)| u32::from(one.change) * PART + ROUNDING >= u32::from(other.change))
+    }
+
+    /// How much longer than 1 g the mean is, 2^-26 g.
+    fn beyond_one_g(&self) -> i32 {
+        let [x, y, z] = &self.axes;
+        let plane = hypot(x.sum << FINEST, y.sum << FINEST);
+        hypot(plane, z.sum << FINEST).saturating_sub(ONE_G)
     }
 }
 
 impl Movement {
     /// Takes in a pair `elapsed_us` after the one before; `differ` says that the pair differs.
     ///
-    /// A channel is named while the pair differs only.
+    /// A channel is named only while the pair differs.
     pub fn step(
         &self,
         state: &mut State,
@@ -202,52 +244,48 @@ impl Movement {
         if elapsed_us > LONGEST_US {
             state.restart();
         }
-        for (channel, vector) in state.channels.iter_mut().zip(pair) {
+        for (channel, vector) in state.channels.iter_mut().zip(&pair) {
             channel.take_in(vector);
         }
-        state.pairs = state.pairs.saturating_add(1);
-        state.elapsed_us = state.elapsed_us.saturating_add(elapsed_us);
-        let long = state.elapsed_us >= self.block_us || state.pairs >= MOST_PAIRS;
-        if state.pairs < self.pairs || !long {
+        state.pairs += 1;
+        state.block_us = state.block_us.saturating_add(elapsed_us);
+        let whole = state.pairs >= self.pairs && state.block_us >= self.block_us;
+        if !whole && state.pairs < MOST_PAIRS {
             return None;
         }
-        state.elapsed_us = 0;
-        let pairs = i32::from(core::mem::take(&mut state.pairs));
-        let means = state.channels.each_mut().map(|channel| channel.mean(pairs));
-        self.end_block(state, means, differ)
+        let finding = self.end_block(state, differ);
+        (state.pairs, state.block_us) = (0, 0);
+        finding
     }
 
-    fn end_block(&self, state: &mut State, means: [[i32; 3]; 2], differ: bool) -> Option<Finding> {
+    fn end_block(&self, state: &mut State, differ: bool) -> Option<Finding> {
+        let pairs = i32::from(state.pairs);
         let [own, peer] = &mut state.channels;
-        let [of_own, of_peer] = &means;
-        let (own_way, peer_way) = (own.way(of_own), peer.way(of_peer));
-        self.watch(own, own_way, peer_way, differ);
-        self.watch(peer, peer_way, own_way, differ);
-        let changes = [
-            core::mem::take(&mut own.change),
-            core::mem::take(&mut peer.change),
-        ];
+        let (of_own, of_peer) = (own.average(pairs), peer.average(pairs));
+        self.watch(own, of_own.way, of_peer.way, differ);
+        self.watch(peer, of_peer.way, of_own.way, differ);
         if !state.placed || own.strayed > 0 && peer.strayed > 0 {
-            state.place(means);
+            state.place();
             return None;
         }
-        let [own_lives, peer_lives] = alive(changes);
-        let own_moved = self.has_moved(own, own_way, peer_lives && peer.strayed == 0);
-        let peer_moved = self.has_moved(peer, peer_way, own_lives && own.strayed == 0);
-        if !differ {
-            own.follow(of_own);
-            peer.follow(of_peer);
+        let own_stands = own.strayed == 0 && own.feels(peer);
+        let peer_stands = peer.strayed == 0 && peer.feels(own);
+        let own_moved = self.has_moved(own, of_own.way, peer_stands && of_peer.least > 0);
+        let peer_moved = self.has_moved(peer, of_peer.way, own_stands && of_own.least > 0);
+        let most = u32::from(of_own.most.max(of_peer.most));
+        let calm = most < (self.calm >> 13) * u32::from(state.pairs);
+        let lengths = self.rest(state, calm && (own_stands || peer_stands));
+        for channel in &mut state.channels {
+            channel.end((!differ).then_some(FOLLOWS));
         }
-        let stood = own_way.max(peer_way) <= self.still && own_lives && peer_lives;
-        let lengths = state.rest(means, stood);
-        match (differ && own_moved, differ && peer_moved) {
+        match (own_moved && differ, peer_moved && differ) {
             (true, _) => Some(Finding::Moved(Node::Own)),
             (_, true) => Some(Finding::Moved(Node::Peer)),
             _ => lengths.map(Finding::Stood),
         }
     }
 
-    /// Whether the channel has left its place. While the pair differs that isn't forgotten.
+    /// Whether the channel has left its place. While the pair differs that is not forgotten.
     fn watch(&self, one: &mut Channel, way: u32, others: u32, differ: bool) {
         if way > self.still.max(others / SHARE) {
             one.strayed = MEMORY;
@@ -259,29 +297,34 @@ impl Movement {
     fn has_moved(&self, one: &mut Channel, way: u32, other_stood: bool) -> bool {
         let moved = way >= self.moved && other_stood;
         one.moved = if moved {
-            one.moved.saturating_add(1)
+            (one.moved + 1).min(CONFIRMED)
         } else {
             0
         };
-        one.moved >= CONFIRMED
+        one.moved == CONFIRMED
     }
-}
 
-/// Whether each of two channels with these changes from pair to pair feels what the other one
-/// feels.
-fn alive([own, peer]: [[u16; 3]; 2]) -> [bool; 2] {
-    let mut alive = [true; 2];
-    for (own, peer) in own.into_iter().zip(peer) {
-        let enough = |one: u16, other: u16| one > 0 && u32::from(one) * ALIVE >= u32::from(other);
-        let [own_lives, peer_lives] = &mut alive;
-        *own_lives &= enough(own, peer);
-        *peer_lives &= enough(peer, own);
+    /// Takes in whether the machine stood in a block; at the end of a standstill the mean lengths
+    /// of its blocks.
+    fn rest(&self, state: &mut State, stood: bool) -> Option<[i32; 2]> {
+        if !stood {
+            state.rise();
+            return None;
+        }
+        state.rested += 1;
+        state.rest_us = state.rest_us.saturating_add(state.block_us);
+        for channel in &mut state.channels {
+            channel.length = channel.length.saturating_add(channel.beyond_one_g());
+        }
+        if state.rest_us < self.rest_us && state.rested < MOST_BLOCKS {
+            return None;
+        }
+        let blocks = i32::from(state.rested).max(1);
+        let lengths = state
+            .channels
+            .each_ref()
+            .map(|channel| channel.length / blocks);
+        state.rise();
+        Some(lengths)
     }
-    alive
-}
-
-/// How much longer than 1 g a mean is, 2^-26 g.
-fn beyond_one_g(mean: [i32; 3]) -> i32 {
-    let [x, y, z] = mean.map(|c| c << SHIFT);
-    hypot(hypot(x, y), z).saturating_sub(ONE_G)
 }

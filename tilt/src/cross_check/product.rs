@@ -124,7 +124,6 @@ impl ProductState {
     fn interrupt(&mut self, lasting: bool) {
         self.activity.skip();
         self.residual.restart();
-        self.standstill.interrupt();
         self.movement.restart();
         if lasting {
             self.activity.restart();
@@ -284,13 +283,7 @@ impl ProductCheck {
             let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
             differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
-            culprit = self.weigh(
-                state,
-                (own, a),
-                (peer, b),
-                (now, elapsed_us),
-                (uncertainty, differ),
-            );
+            culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
         }
         self.differ(state, differ, culprit, now);
     }
@@ -300,24 +293,17 @@ impl ProductCheck {
     fn weigh(
         &self,
         state: &mut ProductState,
-        own: (&Observation, Corrected),
-        peer: (&Observation, Corrected),
-        (now, elapsed_us): (Instant, u32),
+        pair: [Corrected; 2],
+        elapsed_us: u32,
         (uncertainty, differ): (u32, bool),
     ) -> Option<Node> {
-        let pair = [own.1, peer.1];
-        let moved = self
-            .movement
-            .step(&mut state.movement, pair, differ, elapsed_us);
-        let (own, peer) = ((own.0.reading, own.1), (peer.0.reading, peer.1));
-        let strict = self.standstill.step(&mut state.standstill, own, peer, now);
-        let beyond = match moved {
-            Some(Finding::Moved(node)) => return Some(node),
-            Some(Finding::Stood(beyond)) => beyond,
-            None => strict?,
+        let movement = &mut state.movement;
+        let beyond = match self.movement.step(movement, pair, differ, elapsed_us)? {
+            Finding::Moved(node) => return Some(node),
+            Finding::Stood(beyond) => beyond,
         };
         if differ || state.disagreement.is_some() {
-            let usual = standstill::along(state.residual.usual(), own.1);
+            let usual = standstill::along(state.residual.usual(), pair);
             return self
                 .standstill
                 .blame(&state.standstill, beyond, usual, uncertainty);
