@@ -288,6 +288,8 @@ impl CrossCheck {
 }
 
 #[cfg(test)]
+mod movement_tests;
+#[cfg(test)]
 mod product_tests;
 #[cfg(test)]
 mod random_tests;

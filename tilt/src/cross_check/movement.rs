@@ -18,6 +18,10 @@
 //! was missing. Vectors are rounded to the step in which the nodes exchange them, so that both
 //! nodes come to the same answer.
 //!
+//! A slow movement of the machine that undoes a small step takes the faulty channel past its place
+//! within a second, while the sound one leaves its own. So a channel is named after six blocks in a
+//! row, and after two if it is farther away than such a movement takes it.
+//!
 //! Left out: faults that begin while the machine moves, of which a movement tells nothing; a
 //! channel that no longer feels anything and still shows noise, on a machine without vibration.
 
@@ -59,7 +63,8 @@ const MOST_PAIRS: u16 = 1000;
 /// A standstill has no more blocks than this, where they take no time.
 const MOST_BLOCKS: u8 = 8;
 
-/// Beside a channel that has moved far the other one stands within this share of the way.
+/// Beside a channel that has moved far the other one stands within this share of the way, up to
+/// twice what counts as moved.
 const SHARE: u32 = 8;
 
 /// While the pair agrees a place goes this share of the way to the mean of each block, as a shift.
@@ -68,8 +73,15 @@ const FOLLOWS: u32 = 3;
 /// How many blocks it is held against a channel that it left its place, while the pair agrees.
 const MEMORY: u8 = 8;
 
-/// Blocks in a row in which the same channel has to have moved.
-const CONFIRMED: u8 = 2;
+/// Blocks in a row in which the same channel has to have moved beside the other one that stood. A
+/// slow movement of the machine that undoes a small step as it goes takes the faulty channel past
+/// its place, and does so within fewer blocks.
+const CONFIRMED: u8 = 6;
+/// The same for a channel that is at least [`FAR`] from its place: no movement that takes it so far
+/// leaves the other one where it was.
+const CONFIRMED_FAR: u8 = 2;
+/// 2^-26 g.
+const FAR: u32 = 20 * MG;
 
 /// A channel that feels what the other one feels changes by this part of it at least ...
 const PART: u32 = 3;
@@ -230,6 +242,12 @@ impl Channel {
     }
 }
 
+impl Block {
+    const fn is_calm(&self, most: u32) -> bool {
+        (self.most as u32) < most
+    }
+}
+
 impl Movement {
     /// Takes in a pair `elapsed_us` after the one before; `differ` says that the pair differs.
     ///
@@ -268,13 +286,13 @@ impl Movement {
             state.place();
             return None;
         }
-        let own_stands = own.strayed == 0 && own.feels(peer);
-        let peer_stands = peer.strayed == 0 && peer.feels(own);
+        let calm = (self.calm >> 13) * u32::from(state.pairs);
+        let own_stands = own.strayed == 0 && of_own.is_calm(calm) && own.feels(peer);
+        let peer_stands = peer.strayed == 0 && of_peer.is_calm(calm) && peer.feels(own);
         let own_moved = self.has_moved(own, of_own.way, peer_stands && of_peer.least > 0);
         let peer_moved = self.has_moved(peer, of_peer.way, own_stands && of_own.least > 0);
-        let most = u32::from(of_own.most.max(of_peer.most));
-        let calm = most < (self.calm >> 13) * u32::from(state.pairs);
-        let lengths = self.rest(state, calm && (own_stands || peer_stands));
+        let both_calm = of_own.is_calm(calm) && of_peer.is_calm(calm);
+        let lengths = self.rest(state, both_calm && (own_stands || peer_stands));
         for channel in &mut state.channels {
             channel.end((!differ).then_some(FOLLOWS));
         }
@@ -287,7 +305,7 @@ impl Movement {
 
     /// Whether the channel has left its place. While the pair differs that is not forgotten.
     fn watch(&self, one: &mut Channel, way: u32, others: u32, differ: bool) {
-        if way > self.still.max(others / SHARE) {
+        if way > self.still.max((others / SHARE).min(2 * self.moved)) {
             one.strayed = MEMORY;
         } else if !differ {
             one.strayed = one.strayed.saturating_sub(1);
@@ -297,11 +315,12 @@ impl Movement {
     fn has_moved(&self, one: &mut Channel, way: u32, other_stood: bool) -> bool {
         let moved = way >= self.moved && other_stood;
         one.moved = if moved {
-            (one.moved + 1).min(CONFIRMED)
+            one.moved.saturating_add(1)
         } else {
             0
         };
-        one.moved == CONFIRMED
+        let enough = if way < FAR { CONFIRMED } else { CONFIRMED_FAR };
+        one.moved >= enough
     }
 
     /// Takes in whether the machine stood in a block; at the end of a standstill the mean lengths

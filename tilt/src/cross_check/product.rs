@@ -7,7 +7,8 @@
 //! 2. a channel too loud above 150 Hz, against itself and the other (`activity`);
 //! 3. the difference of the two vectors (`residual`), which names nobody;
 //! 4. the difference of the two angles (`window`), which names nobody either;
-//! 5. at the next standstill, gravity (`standstill`) names the culprit of 3 and 4, if it can.
+//! 5. of a pair that differs, the channel that moved while the other one stood (`movement`);
+//! 6. at the next standstill, gravity (`standstill`) names the culprit of 3 and 4, if it can.
 //!
 //! What was found stays according to a [`Latch`]: until a reset, or until the channel has been
 //! sound for a while. A channel that was merely late or silent is taken back after one second in
@@ -140,6 +141,7 @@ impl ProductState {
     pub fn peer_restarted(&mut self) {
         let [_, peer] = &mut self.ill;
         *peer = None;
+        self.movement.restart();
     }
 
     fn accuse(&mut self, node: Node, reason: Invalid, now: Instant) {
