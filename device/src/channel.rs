@@ -88,7 +88,7 @@ impl Thermometer {
 }
 
 /// One channel's state.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Channel<SPI> {
     part: Lis2dw12<SPI>,
     state: State,
@@ -338,7 +338,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// The latched fault.
-    pub fn fault(&self) -> Option<Invalid> {
+    pub const fn fault(&self) -> Option<Invalid> {
         self.fault
     }
 

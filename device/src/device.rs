@@ -14,18 +14,18 @@
 
 mod board;
 mod keeping;
-mod pair;
+mod matching;
 mod report;
 mod sending;
 mod trial;
 
 use canopen::Frame;
 use canopen::Instant as BusInstant;
-use canopen::node::{BusState, Node as BusNode, Waiting};
+use canopen::node::{BusState, Node, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::{Invalid, Reading};
-use tilt::cross_check::CrossCheck;
+use tilt::cross_check::{CrossCheck, Judgement};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
@@ -37,15 +37,15 @@ use crate::calibration::recall;
 use crate::channel::{Channel, Settings};
 use crate::fault::Faults;
 use crate::fault_log::FaultLog;
-use crate::node::Node;
 use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
-use crate::objects::process::SyncSource;
+use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
+use crate::pair::Pair;
 use crate::records::Record;
 use crate::sensor::InitError;
 
 use keeping::Keeping;
-use pair::Pair;
+use matching::Matching;
 use sending::{PDOS, Sending};
 use trial::{PAUSE_US, Trial};
 
@@ -91,7 +91,7 @@ const SDO_ANSWER: u16 = 0x580;
 ///
 /// The fields stand in this order in memory, too: an instruction reaches 4095 bytes from the start
 /// (ARMv7-M, LDR immediate), so what is large comes last. That alone saves 0.5 kB of code.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Device<SPI, M> {
     /// Until LSS stores another.
@@ -103,29 +103,32 @@ pub struct Device<SPI, M> {
     /// What a program on trial has not shown yet.
     trial: Trial,
     identity: Identity,
+    /// What the bus was told of.
     faults: Faults,
-    /// What was found wrong at the last look, reported or not.
-    pending: Faults,
+    /// The judgement that the bus was shown last.
+    judged: Option<Judgement>,
+    /// What was found wrong with this channel and its memory at the last look.
+    looked: Faults,
     /// When the code was started: the log's time begins here.
     started: Instant,
     /// When the sensor was last seen sound, for setting it up anew.
     sensor_sound: Instant,
     /// When the calibration in force is next compared with what came into force.
     next_sum: Instant,
-    last_sync: Instant,
     next_refresh: Instant,
     /// No page is erased for an update before this.
     next_erase: Instant,
     /// When the next call is due, the channel's own deadline apart.
     next: Instant,
     keeping: Keeping,
-    pair: Pair,
+    matching: Matching,
     values: Values,
-    bus: BusNode,
-    node: Node<SPI>,
+    bus: Node,
+    channel: Channel<SPI>,
     memory: M,
     settings: Settings,
     work: Work,
+    pair: Pair,
     log: FaultLog,
     black_box: BlackBox,
 }
@@ -145,6 +148,10 @@ impl<SPI: SpiDevice> Source for Channel<SPI> {
 
     fn temperature(&self) -> Option<Temperature> {
         self.temperature()
+    }
+
+    fn fault(&self) -> Option<Invalid> {
+        self.fault()
     }
 }
 
@@ -176,22 +183,23 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             trial: Trial::OVER,
             identity,
             faults: Faults::default(),
-            pending: Faults::default(),
+            judged: None,
+            looked: Faults::default(),
             started: Instant(0),
             sensor_sound: Instant(0),
             next_sum: Instant(0),
-            last_sync: Instant(0),
             next_refresh: Instant(0),
             next_erase: Instant(0),
             next: Instant(0),
             keeping: Keeping::new(),
-            pair: Pair::new(),
+            matching: Matching::new(),
             values: Values::new(),
-            bus: BusNode::new(),
-            node: Node::new(spi, check),
+            bus: Node::new(),
+            channel: Channel::new(spi),
             memory,
             settings,
             work: Work::new(terms),
+            pair: Pair::new(check),
             log: FaultLog::new(),
             black_box: BlackBox::new(),
         }
@@ -199,12 +207,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The bus's node and what the device lends it.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn split(&mut self, now: Instant) -> (&mut BusNode, Panel<'_, M, Channel<SPI>>) {
+    fn split(&mut self, now: Instant) -> (&mut Node, Panel<'_, M, Channel<SPI>>) {
         let panel = Panel {
             values: &mut self.values,
+            pair: &mut self.pair,
             settings: &mut self.settings,
             memory: &mut self.memory,
-            source: &mut self.node.channel,
+            source: &mut self.channel,
             work: &mut self.work,
             log: &mut self.log,
             black_box: &mut self.black_box,
@@ -225,8 +234,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     ) -> Result<(), InitError<SPI::Error>> {
         self.values = Values::new();
         self.faults = Faults::default();
-        self.pending = Faults::default();
-        self.pair = Pair::new();
+        self.judged = None;
+        self.looked = Faults::default();
+        self.matching = Matching::new();
+        self.pair.start(now);
         self.standing_in = false;
         self.work.motor = Motor::new();
         self.values.storage_failed = self.memory.start().is_err();
@@ -234,7 +245,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.recall_calibration();
         self.remember_calibration();
         self.sensor_sound = now;
-        self.node.start(&self.settings, delay, now)
+        self.channel.start(&self.settings, delay, now)
     }
 
     /// Sets the sensor up anew while the bus goes on: what [`Wish::Sensor`] asks for.
@@ -247,8 +258,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
         self.sensor_sound = now;
-        self.pair.alone = Err(Invalid::Unconfirmed);
-        self.node.channel.start(&self.settings, delay, now)
+        self.pair.compare_anew();
+        self.channel.start(&self.settings, delay, now)
     }
 
     /// The calibration in memory, or the one delivered where there is none or it is damaged.
@@ -273,7 +284,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.values.bit_rate = rate.unwrap_or(self.kbit_s);
         let node_id = node_id.unwrap_or(self.node_id);
         self.trial = Trial::begin(&mut self.memory);
-        self.last_sync = now;
+        self.pair.excuse_sync(now);
         self.started = now;
         self.next_sum = now;
         self.next_refresh = now;
@@ -287,8 +298,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     // Apart: within the caller's loop it would have that set up what nobody needs between samples.
     #[inline(never)]
     pub fn data_ready(&mut self, captured: Instant) {
-        self.node.channel.data_ready(&self.settings, captured);
-        if self.values.own_ill.is_none() && self.node.channel.reason().is_some() {
+        self.channel.data_ready(&self.settings, captured);
+        if self.pair.own_fault().is_none() && self.channel.reason().is_some() {
             // A channel that knows itself to be ill doesn't wait to say so.
             self.next = self.next.min(captured);
         }
@@ -318,7 +329,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         self.trial.heard();
         if let Some(id) = frame.cob_id() {
-            self.pair.sending.gone(id);
+            self.matching.sending.gone(id);
         }
         let (bus, mut panel) = self.split(now);
         let obeyed = bus.sent(&mut panel, frame, bus_time(now));
@@ -350,7 +361,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let frame = bus.hand_out(&mut panel, waiting, bus_time(now));
         if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
             let until = self.bus.expires(id).map(|until| Instant(until.0));
-            self.pair.sending.hand_over(id, until);
+            self.matching.sending.hand_over(id, until);
         }
         frame
     }
@@ -361,12 +372,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// One that is on the wire ends with its transmission; where that fails it is not repeated. Ask
     /// before each [`Device::transmit`].
     pub fn withdraw(&mut self) -> Option<u16> {
-        self.pair.sending.recalled()
+        self.matching.sending.recalled()
     }
 
     /// A frame that [`Device::withdraw`] has named was taken back and has not gone out.
     pub fn withdrawn(&mut self, cob_id: u16, now: Instant) {
-        self.pair.sending.withdrawn(cob_id);
+        self.matching.sending.withdrawn(cob_id);
         self.bus.withdrawn(cob_id);
         // What is sent on events is told as it is now.
         self.next = self.next.min(now);
@@ -378,7 +389,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The sensor is not blamed for that time, and the next page waits until what has come up is
     /// done.
     pub fn stood_still(&mut self, now: Instant) {
-        self.node.channel.excuse(&self.settings, now);
+        self.channel.excuse(&self.settings, now);
         self.next_erase = now.offset(PAUSE_US);
     }
 
@@ -389,9 +400,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
-        self.node.channel.poll(&self.settings, now);
+        self.channel.poll(&self.settings, now);
         self.watch_own(now);
-        self.pair.sending.expire(now);
+        self.matching.sending.expire(now);
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
@@ -407,8 +418,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        let channel = self.node.channel.deadline();
-        self.next.min(channel).min(self.pair.sending.next)
+        let channel = self.channel.deadline();
+        self.next.min(channel).min(self.matching.sending.next)
     }
 
     /// What the CAN controller says of itself.
@@ -424,10 +435,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         if code == 2 {
             // Whatever waited in the controller is gone, and so is what the peer has said.
-            self.pair.sending = Sending::new();
-            self.pair.misses = 0;
+            self.matching.sending = Sending::new();
+            self.matching.misses = 0;
             self.values.news.own = None;
-            self.node.pair_lost();
+            self.pair.lost();
         }
         shown.state = code;
         shown.transmit_errors = transmit;
@@ -476,7 +487,17 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The channel, for looking at.
     pub const fn channel(&self) -> &Channel<SPI> {
-        &self.node.channel
+        &self.channel
+    }
+
+    /// The pair, for looking at.
+    pub const fn pair(&self) -> &Pair {
+        &self.pair
+    }
+
+    /// What is shown on the bus at `now`.
+    pub const fn shown(&self, now: Instant) -> Shown<'_> {
+        Shown::new(&self.values, &self.pair, self.channel.fault(), now)
     }
 
     /// The values shown on the bus.
@@ -485,7 +506,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The node on the bus.
-    pub const fn bus(&self) -> &BusNode {
+    pub const fn bus(&self) -> &Node {
         &self.bus
     }
 

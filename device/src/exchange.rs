@@ -3,7 +3,8 @@
 //! In: an [`Observation`]. Out: an [`Exchange`], and from it the peer's observation again.
 //!
 //! The first PDO carries two angles of 24 bits and two quality bytes. An angle step is 2^-24 of a
-//! circle, 2.15e-5 deg, which no channel resolves.
+//! circle, 2.15e-5 deg. The angle itself has 20 bits, 3.4e-4 deg, which no channel resolves; in
+//! the four bits below it there is a part of how this node shows its angles ([`presentation`]).
 //!
 //! | quality | meaning |
 //! |---|---|
@@ -22,6 +23,8 @@
 //! low byte), and the energy above 150 Hz ([`Activity`]).
 //!
 //! Left out: the PDOs themselves, and what the instant says about their age (`peer_clock`).
+//!
+//! [`presentation`]: crate::presentation
 
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
@@ -32,11 +35,13 @@ use tilt::uncertainty::Uncertainty;
 use tilt::vector::Corrected;
 
 use crate::peer_clock::low_steps;
+use crate::presentation::Presentation;
 
 /// What travels from node to node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exchange {
-    /// Angle X and Y in 2^-24 of a circle, -2^23 to 2^23 - 1; 0 where there is none.
+    /// Angle X and Y in 2^-24 of a circle, -2^23 to 2^23 - 1; 0 where there is none. The lowest
+    /// four bits are no part of it ([`Exchange::piece`]).
     pub angle: [i32; 2],
     /// What each is worth; see the table above. The default, 0, is "nothing said yet".
     pub quality: [u8; 2],
@@ -47,6 +52,9 @@ pub struct Exchange {
     /// Energy above 150 Hz, as [`Activity`] counts it.
     pub activity: u8,
 }
+
+/// The bits below an angle.
+const BELOW: i32 = 0xF;
 
 /// In place of an acceleration that there is not.
 pub const NO_VECTOR: [i16; 3] = [i16::MIN; 3];
@@ -60,6 +68,12 @@ impl Exchange {
         captured: 0,
         activity: 0,
     };
+
+    /// The byte that travels below the angles: four bits below each, those of Y higher.
+    pub const fn piece(&self) -> u8 {
+        let [x, y] = self.angle;
+        (x & BELOW | (y & BELOW) << 4) as u8
+    }
 
     /// Both PDOs as they are on the bus, the first one first.
     pub const fn bytes(&self) -> [u8; 16] {
@@ -118,6 +132,7 @@ pub const fn reason_code(reason: Invalid) -> u8 {
         Invalid::Refused => 17,
         Invalid::Unconfirmed => 18,
         Invalid::Alone => 19,
+        Invalid::Unlike => 20,
     }
 }
 
@@ -143,6 +158,7 @@ pub const fn reason(code: u8) -> Option<Invalid> {
         17 => Invalid::Refused,
         18 => Invalid::Unconfirmed,
         19 => Invalid::Alone,
+        20 => Invalid::Unlike,
         _ => return None,
     })
 }
@@ -192,13 +208,14 @@ fn quality(uncertainty: Uncertainty) -> u8 {
     u8::MAX
 }
 
-/// One axis: angle and quality.
-fn encode_axis(axis: Result<Measurement, Invalid>) -> (i32, u8) {
-    match axis {
+/// One axis: angle, with what goes below it, and quality.
+fn encode_axis(axis: Result<Measurement, Invalid>, below: u8) -> (i32, u8) {
+    let (angle, quality) = match axis {
         // Half a step is added before the cut; half a turn wraps, as angles do.
-        Ok(m) => (m.angle.0.wrapping_add(128) >> 8, quality(m.unshared)),
+        Ok(m) => (m.angle.0.wrapping_add(1 << 11) >> 8, quality(m.unshared)),
         Err(reason) => (0, reason_code(reason)),
-    }
+    };
+    (angle & !BELOW | i32::from(below) & BELOW, quality)
 }
 
 /// An acceleration of 2^-26 g per step in steps of 2^-13 g, rounded, stopping at +-4 g.
@@ -207,10 +224,12 @@ fn coarse(accel: i32) -> i16 {
     steps.clamp(-i32::from(i16::MAX), i32::from(i16::MAX)) as i16
 }
 
-/// What to tell the peer about `observation`, made for the SYNC of `at`.
-pub fn encode(observation: &Observation, at: Instant) -> Exchange {
-    let (x, quality_x) = encode_axis(observation.reading.x);
-    let (y, quality_y) = encode_axis(observation.reading.y);
+/// What to tell the peer about `observation`, made for the SYNC of `at`, and about how angles are
+/// shown.
+pub fn encode(observation: &Observation, shown: Presentation, at: Instant) -> Exchange {
+    let piece = shown.piece(low_steps(at));
+    let (x, quality_x) = encode_axis(observation.reading.x, piece);
+    let (y, quality_y) = encode_axis(observation.reading.y, piece >> 4);
     Exchange {
         angle: [x, y],
         quality: [quality_x, quality_y],
@@ -232,7 +251,7 @@ pub fn decode_reading(exchange: &Exchange, at: Instant, latency_us: u32) -> Read
         0 => Err(Invalid::NoSample),
         1..FIRST_ANGLE => Err(reason(quality).unwrap_or(Invalid::Stale)),
         FIRST_ANGLE.. => Ok(Measurement {
-            angle: Angle(angle << 8),
+            angle: Angle((angle & !BELOW) << 8),
             uncertainty: uncertainty(quality),
             unshared: uncertainty(quality),
             at,
@@ -266,6 +285,7 @@ mod tests {
     use proptest::prelude::*;
 
     const AT: Instant = Instant(7_000_000);
+    const ALIKE: Presentation = Presentation::AS_MEASURED;
 
     fn measured(angle: i32, unshared: u32) -> Result<Measurement, Invalid> {
         Ok(Measurement {
@@ -282,7 +302,7 @@ mod tests {
             x: Err(Invalid::Bus),
             y: axis,
         };
-        let decoded = decode_reading(&encode(&reading.into(), AT), AT, 30_000);
+        let decoded = decode_reading(&encode(&reading.into(), ALIKE, AT), AT, 30_000);
         assert_eq!(decoded.x, Err(Invalid::Bus));
         decoded.y
     }
@@ -297,7 +317,7 @@ mod tests {
             assert_eq!(told(Err(why)), Err(why));
             count += 1;
         }
-        assert_eq!(count, 19);
+        assert_eq!(count, 20);
     }
 
     #[test]
@@ -347,7 +367,7 @@ mod tests {
             activity: Activity(77),
             ..Observation::absent(Invalid::Noise)
         };
-        let told = encode(&observation, Instant(1_234_999));
+        let told = encode(&observation, ALIKE, Instant(1_234_999));
         assert_eq!(told.captured, (617 % 256) as u8);
         let back = decode(&told, AT, 0, true);
         assert_eq!(
@@ -360,7 +380,7 @@ mod tests {
         assert_eq!(vector[2], 32_767 << 13, "the end of what can be told");
         let bare = decode(&told, AT, 0, false);
         assert_eq!((bare.vector, bare.activity), (None, Activity::NONE));
-        let none = encode(&Observation::absent(Invalid::Bus), AT);
+        let none = encode(&Observation::absent(Invalid::Bus), ALIKE, AT);
         assert_eq!(decode(&none, AT, 0, true).vector, None);
     }
 
@@ -389,7 +409,7 @@ mod tests {
         #[test]
         fn an_angle_survives_to_half_a_step(angle: i32, unshared in 0..1_239_850_262_u32) {
             let back = told(measured(angle, unshared)).unwrap();
-            prop_assert!(back.angle.minus(Angle(angle)).magnitude() <= 128);
+            prop_assert!(back.angle.minus(Angle(angle)).magnitude() <= 1 << 11);
             prop_assert_eq!((back.at, back.latency_us), (AT, 30_000));
         }
 

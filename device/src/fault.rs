@@ -60,11 +60,13 @@ pub enum Fault {
     Biased = 21,
     /// The running program is not what was linked.
     Program = 22,
+    /// Both channels measure alike and are set to show different angles.
+    Unlike = 23,
 }
 
 impl Fault {
     /// Every fault, in the order of their numbers.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::RangeX,
         Self::RangeY,
         Self::SensorSupply,
@@ -88,6 +90,7 @@ impl Fault {
         Self::Thermometer,
         Self::Biased,
         Self::Program,
+        Self::Unlike,
     ];
 
     /// EMCY error code, and bit of the error register.
@@ -118,6 +121,7 @@ impl Fault {
             Self::Thermometer => (0xFF07, MANUFACTURER),
             Self::Biased => (0xFF08, MANUFACTURER),
             Self::Program => (0x6110, MANUFACTURER),
+            Self::Unlike => (0xFF18, MANUFACTURER),
         }
     }
 
@@ -147,12 +151,13 @@ impl Fault {
             Self::Thermometer => "the sensor's temperature jumps",
             Self::Biased => "this channel's gravity is of the wrong length",
             Self::Program => "the program in flash is damaged",
+            Self::Unlike => "the channels are set to show different angles",
         }
     }
 
     /// True for what must keep a safety frame from being sent.
     pub const fn forbids_safety(self) -> bool {
-        !matches!(self, Self::NotCalibrated | Self::Storage)
+        !matches!(self, Self::NotCalibrated | Self::Storage | Self::Unlike)
     }
 }
 
@@ -168,6 +173,7 @@ impl Fault {
                 | Self::NotCalibrated
                 | Self::Storage
                 | Self::Program
+                | Self::Unlike
         )
     }
 }
@@ -272,7 +278,8 @@ impl Faults {
             | Invalid::Late
             | Invalid::Refused
             | Invalid::Unconfirmed
-            | Invalid::Alone => {}
+            | Invalid::Alone
+            | Invalid::Unlike => {}
         }
     }
 

@@ -369,7 +369,7 @@ fn a_channel_whose_frames_go_out_late_takes_its_angles_back() {
         pair.listen();
     }
     assert_eq!(pair.state(), 7, "{:?}", pair.device.values().process);
-    assert_eq!(pair.device.values().process.why, 16);
+    assert_eq!(pair.device.shown(pair.now).blame().1, 16);
     assert!(!pair.told().is_valid());
     pair.seconds(2.0);
     assert!(
@@ -389,12 +389,8 @@ fn who_is_off_the_bus_blames_nobody_else() {
         assert_ne!(pair.state(), 8, "{n}");
         assert!(!pair.has(Fault::PeerChannel), "{n}");
     }
-    let process = &pair.device.values().process;
-    assert_eq!(
-        process.validity & 3,
-        0,
-        "nobody has compared it: {process:?}"
-    );
+    let shown = pair.device.shown(pair.now);
+    assert_eq!(shown.validity() & 3, 0, "nobody has compared it: {shown:?}");
     pair.device.bus_state(BusState::Active, 0, 0, pair.now);
     pair.off = false;
     pair.hears(0, &[1, 0]);
@@ -418,8 +414,7 @@ fn a_silence_while_off_the_bus_is_the_own_one() {
         pair.sync();
         assert_ne!(pair.state(), 8, "{n}");
     }
-    let process = &pair.device.values().process;
-    assert_eq!((process.blamed, process.why), (1, 15));
+    assert_eq!(pair.device.shown(pair.now).blame(), (1, 15));
 }
 
 #[test]

@@ -180,7 +180,7 @@ fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measu
     store(&mut site);
     site.power_cycle();
     site.measure(400);
-    assert_eq!(site.device.values().process.validity & 3, 3);
+    assert_eq!(site.device.shown(site.now).validity() & 3, 3);
     assert_eq!(angle(&mut site), 84);
 }
 

@@ -12,8 +12,8 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
+use crate::node::Node;
 use device::channel::Settings;
-use device::node::Node;
 use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
 use tilt::chain::Reading;

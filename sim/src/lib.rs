@@ -25,6 +25,7 @@ pub mod memory;
 pub mod motion;
 pub mod motor;
 pub mod network;
+pub mod node;
 pub mod rig;
 pub mod rng;
 pub mod supply;

@@ -9,13 +9,13 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use device::channel::{CHECK_INTERVAL_US, Settings};
-use device::node::Node;
 use sim::TICK_S;
 use sim::bench::{Mode, run};
 use sim::error_model::{ErrorModel, Term};
 use sim::instrument::{Instrument, Pair};
 use sim::lis2dw12::{BOOT_NS, Chip, Fault, SpiPort, Traits};
 use sim::motion::{Motion, Mover};
+use sim::node::Node;
 use sim::rig::{Fixture, Mount, Rig, RigSetup};
 use sim::rng::Rng;
 use tilt::angle::Angle;

@@ -88,20 +88,24 @@ impl Site {
     /// State, differences and slope X of both.
     fn says(&self) -> String {
         let of = |number: usize| {
-            let process = &self.network.units()[number].device.values().process;
-            let slope = process.slopes[0].map(tilt::angle::Angle::degrees);
+            let shown = self.network.shown(number);
+            let slope = shown.slope(0).map(tilt::angle::Angle::degrees);
             format!(
                 "{number}: state {}, why {}, delta {:?}, {slope:?}, uncertainty {:?}",
-                process.state, process.why, process.delta, process.uncertainty
+                shown.state(),
+                shown.blame().1,
+                shown.delta(),
+                shown.uncertainty(0)
             )
         };
         format!("{}; {}", of(0), of(1))
     }
 
     fn agrees(&self) -> bool {
-        self.network.units().iter().all(|unit| {
-            let process = &unit.device.values().process;
-            process.state == 1 && process.validity & 1 == 1 && unit.device.faults().is_empty()
+        [0, 1].into_iter().all(|number| {
+            let shown = self.network.shown(number);
+            let sound = self.network.units()[number].device.faults().is_empty();
+            shown.state() == 1 && shown.validity() & 1 == 1 && sound
         })
     }
 }
@@ -136,9 +140,9 @@ fn what_is_left_to_one_axis_finds_an_offset_and_names_nobody() {
     let electronics = &mut site.network.unit(1).electronics;
     electronics.inject(bias, Rng::stream(1, "bias"));
     site.syncs(50);
-    for unit in site.network.units() {
-        let process = &unit.device.values().process;
-        assert_eq!((process.state, process.blamed), (6, 0), "{}", site.says());
+    for number in [0, 1] {
+        let shown = site.network.shown(number);
+        assert_eq!((shown.state(), shown.blame().0), (6, 0), "{}", site.says());
     }
 }
 
@@ -152,8 +156,7 @@ fn a_full_turn_is_within_the_range_and_agreed_upon() {
             site.syncs(1);
             assert!(site.agrees(), "{roll} deg: {}", site.says());
         }
-        let process = &site.network.units()[0].device.values().process;
-        let slope = process.slopes[0].expect("an angle");
+        let slope = site.network.shown(0).slope(0).expect("an angle");
         let off = slope
             .minus(tilt::angle::Angle::from_degrees(roll))
             .degrees();

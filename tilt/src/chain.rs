@@ -28,7 +28,7 @@ use crate::uncertainty::{Budget, Uncertainty};
 use crate::vector::{Corrected, Vector};
 
 /// Why there is no angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Invalid {
     /// No sample has come since the start.
     NoSample,
@@ -69,6 +69,8 @@ pub enum Invalid {
     Unconfirmed,
     /// The other channel is ill, and this one alone is not allowed to do.
     Alone,
+    /// Both channels measure alike and are set to show different angles.
+    Unlike,
 }
 
 impl Invalid {
@@ -89,6 +91,25 @@ impl Invalid {
     /// that was measured was wrong.
     pub const fn passes_with_its_cause(self) -> bool {
         self.is_transient() || matches!(self, Self::Stale | Self::Silent | Self::Late)
+    }
+
+    /// True where nothing was heard in time of a channel that may well have measured.
+    pub const fn is_unheard(self) -> bool {
+        matches!(self, Self::Silent | Self::Late)
+    }
+
+    /// True for a channel that gives wrong angles, which makes it differ from the other one. A
+    /// channel that gives none, or is not heard, explains nothing of what was before.
+    pub const fn measures_wrongly(self) -> bool {
+        matches!(
+            self,
+            Self::Biased
+                | Self::Corrupt
+                | Self::Noise
+                | Self::Spikes
+                | Self::Stuck
+                | Self::Thermometer
+        )
     }
 }
 

@@ -21,6 +21,7 @@
 //! reporting.
 
 pub mod activity;
+pub mod findings;
 pub mod movement;
 pub mod paper;
 pub mod product;
@@ -28,8 +29,9 @@ pub mod residual;
 pub mod standstill;
 pub mod window;
 
+pub use findings::{Findings, Latch};
 pub use paper::{MOST_WARNINGS, PaperCheck, PaperState};
-pub use product::{Latch, ProductCheck, ProductState};
+pub use product::{ProductCheck, ProductState};
 pub use window::{WindowCheck, WindowState};
 
 use crate::angle::{Angle, Axes};
@@ -213,13 +215,11 @@ fn lasting(own: Reading, peer: Reading) -> Judgement {
     }
 }
 
-/// A check of any kind with its state: what an instrument holds one of.
+/// A check with its state: what an instrument holds one of. The window alone is for recordings.
 #[derive(Clone, Debug)]
 pub enum CrossCheck {
     /// The paper's rule.
     Paper(PaperCheck, PaperState),
-    /// The two angles alone, as a recording has them.
-    Window(WindowCheck, WindowState),
     /// The product's ladder.
     Product(ProductCheck, ProductState),
 }
@@ -245,7 +245,6 @@ impl CrossCheck {
         let (own, peer) = (own.into(), peer.into());
         match self {
             Self::Paper(check, state) => check.step(state, own.reading, peer.reading, now),
-            Self::Window(check, state) => check.step(state, own.reading, peer.reading, now),
             Self::Product(check, state) => Verdict {
                 own: own.reading,
                 peer: peer.reading,
@@ -258,7 +257,6 @@ impl CrossCheck {
     pub fn reset(&mut self) {
         match self {
             Self::Paper(_, state) => *state = PaperState::default(),
-            Self::Window(_, state) => *state = WindowState::default(),
             Self::Product(_, state) => *state = ProductState::default(),
         }
     }
@@ -268,6 +266,70 @@ impl CrossCheck {
     pub fn pair_lost(&mut self) {
         if let Self::Product(_, state) = self {
             state.pair_lost();
+        }
+    }
+
+    /// What was found and still counts, whatever the newest pair shows.
+    pub fn found(&self) -> Option<Judgement> {
+        match self {
+            Self::Paper(_, state) => state.is_faulted().then_some(Judgement::PhysicalFault),
+            Self::Product(_, state) => state.findings().judgement(),
+        }
+    }
+
+    /// Why this channel is held faulty.
+    pub fn own_fault(&self) -> Option<Invalid> {
+        self.findings()?.faulty(Node::Own)
+    }
+
+    /// True while the channels differ and nobody is known to be the wrong one, even where one of
+    /// them is held faulty for another reason.
+    pub fn disagree(&self) -> bool {
+        match self {
+            Self::Product(_, state) => state.findings().disagree(),
+            Self::Paper(..) => self.found().is_some(),
+        }
+    }
+
+    /// True when the channels have agreed so that one may go on without the other.
+    pub fn have_agreed(&self) -> bool {
+        match self {
+            Self::Paper(_, state) => state.has_agreed(),
+            Self::Product(_, state) => state.findings().have_agreed(),
+        }
+    }
+
+    /// True for what lasts until a reset, or as long as the [`Latch`] says.
+    pub fn is_latched(&self) -> bool {
+        match self {
+            Self::Product(_, state) => state.findings().is_latched(),
+            Self::Paper(..) => self.found().is_some(),
+        }
+    }
+
+    /// The product's findings; other checks have none.
+    pub fn findings(&self) -> Option<&Findings> {
+        match self {
+            Self::Product(_, state) => Some(state.findings()),
+            Self::Paper(..) => None,
+        }
+    }
+
+    /// This channel was away, or its part has been set up anew: it has to agree with the peer
+    /// again.
+    pub fn own_away(&mut self) {
+        match self {
+            Self::Paper(_, state) => state.forget_agreement(),
+            Self::Product(_, state) => state.own_away(),
+        }
+    }
+
+    /// This channel reports a fault of itself before the next pair.
+    pub fn own_faulty(&mut self, reason: Invalid) {
+        if let Self::Product(_, state) = self {
+            let told = false;
+            let against = findings::Against { reason, told };
+            state.findings_mut().hold(Node::Own, against);
         }
     }
 
@@ -282,7 +344,7 @@ impl CrossCheck {
     pub fn residual(&self) -> [i32; 3] {
         match self {
             Self::Product(_, state) => state.residual(),
-            Self::Paper(..) | Self::Window(..) => [0; 3],
+            Self::Paper(..) => [0; 3],
         }
     }
 }

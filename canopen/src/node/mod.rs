@@ -559,10 +559,10 @@ impl Node {
         self.communication.sync.produce_for_absence(period_us, now);
     }
 
-    /// Whether the device consents to SRDOs. Without consent the producer stops: the safe state.
-    /// True when it did not say so before.
-    pub fn consent_to_safety(&mut self, consent: bool) -> bool {
-        self.communication.safety.release(consent)
+    /// Whether the device consents to SRDOs, and when it has checked last what they carry. Without
+    /// consent the producer stops: the safe state. True when consent begins or ends.
+    pub fn consent_to_safety(&mut self, checked: Option<Instant>) -> bool {
+        self.communication.safety.release(checked)
     }
 
     fn lss_frame<A: Application>(&mut self, app: &A, frame: &Frame) -> Option<Request> {

@@ -113,8 +113,8 @@ pub struct Safety {
     valid: bool,
     /// The node is OPERATIONAL.
     running: bool,
-    /// The application lets producers send.
-    consent: bool,
+    /// The application lets producers send, and has checked then what they carry.
+    checked: Option<Instant>,
 }
 
 /// Where a parameter is kept.
@@ -146,7 +146,7 @@ impl Safety {
         gfc: 0,
         valid: false,
         running: false,
-        consent: false,
+        checked: None,
     };
 
     /// Nothing configured, not valid, and no consent; defaults come in through [`Safety::load`].
@@ -309,14 +309,16 @@ impl Safety {
         }
     }
 
-    /// The application lets producers send, or withdraws that. Without consent nothing is sent, not
-    /// even the other half of a pair that has begun. True when that is new.
-    pub fn release(&mut self, allowed: bool) -> bool {
-        if core::mem::replace(&mut self.consent, allowed) == allowed {
+    /// The application lets producers send what it has checked at that instant, or withdraws that.
+    /// Without consent nothing is sent, not even the other half of a pair that has begun; nor is
+    /// anything whose check is older than its SRDO's cycle time. True when consent begins or ends.
+    pub fn release(&mut self, checked: Option<Instant>) -> bool {
+        let before = core::mem::replace(&mut self.checked, checked);
+        if before.is_some() == checked.is_some() {
             return false;
         }
         for srdo in &mut self.srdos {
-            if let (Role::Produce(producer), false) = (&mut srdo.role, allowed) {
+            if let (Role::Produce(producer), None) = (&mut srdo.role, checked) {
                 producer.withhold();
             }
         }
@@ -327,10 +329,12 @@ impl Safety {
     pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
         let mut next = Earliest::NONE;
         for Srdo { setup, role } in &mut self.srdos {
-            let deadline = match role {
-                Role::Produce(producer) if self.consent => Some(producer.poll(setup, objects, now)),
-                Role::Consume(consumer) => consumer.poll(setup, now),
-                Role::Produce(_) | Role::Off => None,
+            let deadline = match (role, self.checked) {
+                (Role::Produce(producer), Some(checked)) => {
+                    Some(producer.poll(setup, objects, checked, now))
+                }
+                (Role::Consume(consumer), _) => consumer.poll(setup, now),
+                (Role::Produce(_) | Role::Off, _) => None,
             };
             next.add(deadline);
         }
@@ -402,7 +406,7 @@ impl Safety {
     /// What is known of SRDO `srdo`, from 0.
     pub fn state(&self, srdo: usize) -> SrdoState {
         match self.srdos.get(srdo).map(|s| &s.role) {
-            Some(Role::Produce(_)) if !self.consent => SrdoState::Withheld,
+            Some(Role::Produce(_)) if self.checked.is_none() => SrdoState::Withheld,
             Some(Role::Produce(producer)) if producer.consistent => SrdoState::Running,
             Some(Role::Produce(_)) => SrdoState::Inconsistent,
             Some(Role::Consume(consumer)) => consumer.state,

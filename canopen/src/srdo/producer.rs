@@ -49,8 +49,15 @@ impl Producer {
         self.pair = None;
     }
 
-    /// Samples when it is time; when the next sample is due.
-    pub fn poll<O: Objects>(&mut self, setup: &Setup, objects: &mut O, now: Instant) -> Instant {
+    /// Samples when it is time, unless what the application has `checked` is older than a cycle;
+    /// when the next sample is due.
+    pub fn poll<O: Objects>(
+        &mut self,
+        setup: &Setup,
+        objects: &mut O,
+        checked: Instant,
+        now: Instant,
+    ) -> Instant {
         if now < self.next {
             return self.next;
         }
@@ -59,9 +66,16 @@ impl Producer {
             late if late <= now => now.after_ms(period),
             next => next,
         };
-        self.pair = sampled(setup, objects);
         self.half_sent = false;
-        self.stale = now.after((u64::from(period) * 500).min(LIFE_US));
+        self.pair = None;
+        let unchecked = checked.after_ms(period);
+        if unchecked < now {
+            return self.next;
+        }
+        self.pair = sampled(setup, objects);
+        let life_us = (u64::from(period) * 500).min(LIFE_US);
+        // A sample that waits grows older, and so does the check behind it.
+        self.stale = now.after(life_us).min(unchecked.after(1));
         self.consistent = self.pair.is_some();
         self.next
     }

@@ -77,6 +77,7 @@ pub fn reason(code: u8) -> Option<String> {
         Invalid::Refused => "the channels differ, nobody knows which is right",
         Invalid::Unconfirmed => "the other channel has not been heard, or not been compared",
         Invalid::Alone => "degraded operation is forbidden (2005h)",
+        Invalid::Unlike => "presets, offsets or inversion differ from the other channel's (2006h)",
     };
     Some(text.to_owned())
 }

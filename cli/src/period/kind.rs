@@ -64,7 +64,9 @@ impl Kind {
 
     const fn of_fault(fault: Fault) -> Self {
         match fault {
-            Fault::StopMotion | Fault::PhysicalFault | Fault::Disagree => Self::Disagreement,
+            Fault::StopMotion | Fault::PhysicalFault | Fault::Disagree | Fault::Unlike => {
+                Self::Disagreement
+            }
             Fault::OwnChannel | Fault::PeerChannel | Fault::NoChannel => Self::Channel,
             Fault::RangeX | Fault::RangeY | Fault::SensorOverRange | Fault::Temperature => {
                 Self::Range

@@ -6,7 +6,10 @@
 
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement, Reading};
-use tilt::cross_check::{self, Judgement, Node, WindowCheck, WindowState};
+use tilt::cross_check::{
+    Judgement, Node, PaperCheck, PaperState, THRESHOLD, Verdict, WindowCheck, WindowState,
+};
+use tilt::sample::Instant;
 
 use super::arguments::Mode;
 use super::figures::{Sums, seconds};
@@ -17,6 +20,23 @@ use crate::report::series::{Binner, MAX_BINS};
 
 /// More stretches than this are counted, but not kept.
 const MOST_STRETCHES: usize = 2000;
+
+/// What judges two recordings.
+#[derive(Clone, Debug)]
+enum Check {
+    Paper(PaperCheck, PaperState),
+    /// The two angles are all that a recording has.
+    Window(WindowCheck, WindowState),
+}
+
+impl Check {
+    fn step(&mut self, own: Reading, peer: Reading, now: Instant) -> Verdict {
+        match self {
+            Self::Paper(check, state) => check.step(state, own, peer, now),
+            Self::Window(check, state) => check.step(state, own, peer, now),
+        }
+    }
+}
 
 /// What holds at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +112,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Refused => "the channels differ",
         Invalid::Unconfirmed => "the other channel has not been heard",
         Invalid::Alone => "the other channel is ill, and this one alone is not allowed to do",
+        Invalid::Unlike => "the channels are set to show different angles",
     }
 }
 
@@ -112,7 +133,7 @@ struct Delta {
 
 /// The comparison and the verdicts, as they grow.
 pub struct Judge {
-    check: cross_check::CrossCheck,
+    check: Check,
     mode: Mode,
     origin_us: u64,
     slopes: [Delta; 2],
@@ -138,8 +159,8 @@ impl Judge {
         };
         Self {
             check: match mode {
-                Mode::Paper => cross_check::CrossCheck::paper(),
-                Mode::Product => cross_check::CrossCheck::Window(UNLATCHED, WindowState::default()),
+                Mode::Paper => Check::Paper(PaperCheck::PAPER, PaperState::default()),
+                Mode::Product => Check::Window(UNLATCHED, WindowState::default()),
             },
             mode,
             origin_us,
@@ -243,7 +264,7 @@ impl Judge {
             bins: delta.bins.finish(),
         };
         CrossCheck {
-            threshold_deg: Angle(cross_check::THRESHOLD.cast_signed()).degrees(),
+            threshold_deg: Angle(THRESHOLD.cast_signed()).degrees(),
             compared: self.compared,
             stops: self.stops,
             faults: self.faults,
@@ -255,11 +276,11 @@ impl Judge {
 /// The threshold of one pair; in product mode it follows the uncertainty.
 fn threshold(mode: Mode, own: Measurement, peer: Measurement) -> u32 {
     match mode {
-        Mode::Paper => cross_check::THRESHOLD,
+        Mode::Paper => THRESHOLD,
         Mode::Product => {
             let combined = own.unshared.combined_with(peer.unshared);
             let WindowCheck { coverage, .. } = WindowCheck::PRODUCT;
-            cross_check::THRESHOLD.max(combined.0.saturating_mul(coverage))
+            THRESHOLD.max(combined.0.saturating_mul(coverage))
         }
     }
 }

@@ -180,8 +180,8 @@ fn a_loose_board_reads_another_slope() {
     let rolls = |stage: &mut Stage| {
         go(stage, 1000);
         [0, 1].map(|node| {
-            let process = &stage.network.units()[node].device.values().process;
-            process.slopes[0].expect("valid").degrees()
+            let slope = stage.network.shown(node).slope(0);
+            slope.expect("valid").degrees()
         })
     };
     let before = rolls(&mut stage);

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 use canopen::nmt;
 use device::exchange::reason;
-use device::objects::process::Process;
+use device::objects::process::Shown;
 use sim::fault::{NodeFault, SensorFault};
 use sim::lis2dw12::Fault;
 use sim::network::{Network, Unit};
@@ -37,7 +37,7 @@ pub fn text(stage: &Stage) -> String {
         let node = if halted {
             "halted".to_owned()
         } else {
-            node(unit)
+            node(unit, network.now_ns())
         };
         let _ = writeln!(text, "  {name:<4}{node}");
         let broken = broken(network, number);
@@ -100,7 +100,7 @@ fn part_name(fault: Fault) -> &'static str {
     }
 }
 
-fn node(unit: &Unit) -> String {
+fn node(unit: &Unit, now_ns: u64) -> String {
     if !unit.is_powered() {
         return "without power".to_owned();
     }
@@ -108,8 +108,9 @@ fn node(unit: &Unit) -> String {
         return "starting".to_owned();
     }
     let device = &unit.device;
-    let process = &device.values().process;
-    let [x, y, ..] = process.slopes;
+    let shown = unit.shown(now_ns);
+    let [x, y] = [0, 1].map(|axis| shown.slope(axis));
+    let [no_x, no_y] = [0, 1].map(|axis| shown.reason(axis));
     let id = match device.bus().node_id() {
         255 => "no node-id".to_owned(),
         id => format!("node-id {id}"),
@@ -122,9 +123,9 @@ fn node(unit: &Unit) -> String {
     format!(
         "{id}, {}, pitch {}, roll {}, {}, {faults}",
         state(device.bus().state()),
-        degrees(y, process.reason[1]),
-        degrees(x, process.reason[0]),
-        verdict(process)
+        degrees(y, no_y),
+        degrees(x, no_x),
+        verdict(&shown)
     )
 }
 
@@ -145,8 +146,8 @@ fn degrees(angle: Option<Angle>, reason: u8) -> String {
 }
 
 /// Objects 2021h and 2027h in words: the state of the pair, which channel is blamed, and why.
-fn verdict(process: &Process) -> String {
-    let state = match process.state {
+fn verdict(shown: &Shown<'_>) -> String {
+    let state = match shown.state() {
         0 => "not compared",
         1 => "both agree",
         2 => "they differ, not for long",
@@ -158,7 +159,7 @@ fn verdict(process: &Process) -> String {
         8 => "the other channel is ill",
         _ => "neither measures",
     };
-    match process.why {
+    match shown.blame().1 {
         0 => state.to_owned(),
         why => format!("{state} ({})", because(why)),
     }
@@ -189,6 +190,7 @@ pub fn because(code: u8) -> String {
         Invalid::Refused => "channels disagree",
         Invalid::Unconfirmed => "other channel not heard yet",
         Invalid::Alone => "alone, which 2005h forbids",
+        Invalid::Unlike => "presets, offsets or inversion differ from the other channel's",
     };
     text.to_owned()
 }

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use canopen::Frame;
 use device::exchange::reason_code;
-use device::objects::process::Process;
+use device::objects::process::Shown;
 use sim::bench::{Mode, World};
 use sim::memory;
 use sim::network::Network;
@@ -84,13 +84,13 @@ impl Site {
         }
     }
 
-    fn shown(&self, number: usize) -> &Process {
-        &self.stage.network.units()[number].device.values().process
+    fn shown(&self, number: usize) -> Shown<'_> {
+        self.stage.network.shown(number)
     }
 
     /// 2021h of both nodes.
     fn states(&self) -> [u8; 2] {
-        [0, 1].map(|number| self.shown(number).state)
+        [0, 1].map(|number| self.shown(number).state())
     }
 }
 
@@ -183,8 +183,9 @@ fn each_fault_is_found_in_its_time_told_on_the_bus_and_gone_once_healed_and_rese
             let passed = site.go(20);
             told |= emcies(&passed, 2).any(|code| Some(code) == emcy);
             let shown = site.shown(0);
-            let reason = why.is_empty() || why.iter().any(|why| reason_code(*why) == shown.why);
-            judged |= shown.state == state && reason;
+            let reason =
+                why.is_empty() || why.iter().any(|why| reason_code(*why) == shown.blame().1);
+            judged |= shown.state() == state && reason;
         }
         assert!(judged && told, "{word}: {}", site.status());
         // A supply that was gone for a moment is back.
@@ -209,7 +210,7 @@ fn swapped_axes_are_found_where_they_differ() {
     assert_eq!(site.states(), [1, 1], "{}", site.status());
     site.says("fault b swapped");
     site.go(500);
-    assert!([6, 8].contains(&site.shown(0).state), "{}", site.status());
+    assert!([6, 8].contains(&site.shown(0).state()), "{}", site.status());
 }
 
 #[test]

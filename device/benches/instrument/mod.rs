@@ -4,22 +4,24 @@
 //!
 //! Left out: the passing of time.
 
+#[path = "../../tests/both/nothing.rs"]
+mod nothing;
+
 use canopen::node::Node;
 use canopen::{Frame, Instant as BusInstant};
 use device::black_box::BlackBox;
 use device::calibration::motor::{Motor, Terms};
 use device::channel::Settings;
-use device::fault_log::ENTRY;
 use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
-use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
-use device::records::{EventStore, Record, RecordStore, StoreError};
+use device::pair::Pair;
 use device::sensor::Config;
-use flash::Progress;
+use nothing::Nothing;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
+use tilt::cross_check::CrossCheck;
 use tilt::filter::{Filtered, LowPass};
 use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
@@ -29,111 +31,6 @@ use tilt::uncertainty::Budget;
 use tilt::vector::Vector;
 
 const NODE_ID: u8 = 1;
-
-/// A memory with nothing in it, which refuses everything.
-struct Nothing;
-
-impl RecordStore for Nothing {
-    fn start(&mut self) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn needs_erase(&self, _length: u32) -> bool {
-        false
-    }
-
-    fn read(&mut self, _: Record, _: u32, _: &mut [u8]) -> usize {
-        0
-    }
-
-    fn begin(&mut self, _: Record, _: u32) -> Result<(), StoreError> {
-        Err(StoreError::Hardware)
-    }
-
-    fn append(&mut self, _: &[u8]) -> Result<(), StoreError> {
-        Err(StoreError::NotBegun)
-    }
-
-    fn staged(&mut self, _: u32, _: &mut [u8]) -> usize {
-        0
-    }
-
-    fn commit(&mut self) -> Result<(), StoreError> {
-        Err(StoreError::NotBegun)
-    }
-
-    fn discard(&mut self) {}
-
-    fn erase(&mut self, _: Record) -> Result<(), StoreError> {
-        Err(StoreError::Hardware)
-    }
-}
-
-impl EventStore for Nothing {
-    fn recall_events(&mut self, _: &mut dyn FnMut(&[u8; ENTRY])) {}
-
-    fn keep_event(&mut self, _: &[u8; ENTRY]) -> Result<(), StoreError> {
-        Err(StoreError::Hardware)
-    }
-
-    fn clear_events(&mut self) -> Result<(), StoreError> {
-        Err(StoreError::Hardware)
-    }
-
-    fn needs_room(&self) -> bool {
-        false
-    }
-
-    fn make_room(&mut self) -> Result<(), StoreError> {
-        Ok(())
-    }
-}
-
-impl ProgramMemory for Nothing {
-    fn clear(&mut self) -> Result<(), ProgramError> {
-        Err(ProgramError::Write)
-    }
-
-    fn erase(&mut self) -> Result<Progress, ProgramError> {
-        Err(ProgramError::Write)
-    }
-
-    fn begin(&mut self, _: Option<u32>) -> Result<(), ProgramError> {
-        Err(ProgramError::Write)
-    }
-
-    fn append(&mut self, _: &[u8]) -> Result<(), ProgramError> {
-        Err(ProgramError::Write)
-    }
-
-    fn commit(&mut self) -> Result<(), ProgramError> {
-        Err(ProgramError::Write)
-    }
-
-    fn discard(&mut self) {}
-
-    fn activate(&mut self) -> Result<(), ProgramError> {
-        Err(ProgramError::NoProgram)
-    }
-
-    fn held(&self) -> Option<Held> {
-        None
-    }
-
-    fn running(&mut self) -> Running {
-        Running {
-            hardware: 0,
-            version: 0,
-            crc: 0,
-            slot: 0,
-            standing: Standing::Confirmed,
-        }
-    }
-
-    fn confirm(&mut self) -> Result<(), ProgramError> {
-        Ok(())
-    }
-}
 
 impl Source for Nothing {
     fn reading(&self, _: &Settings, _: Instant) -> Reading {
@@ -151,12 +48,17 @@ impl Source for Nothing {
     fn temperature(&self) -> Option<Temperature> {
         None
     }
+
+    fn fault(&self) -> Option<Invalid> {
+        None
+    }
 }
 
 /// The node and what it works with.
 pub struct Instrument {
     node: Node,
     values: Values,
+    pair: Pair,
     settings: Settings,
     work: Work,
     memory: Nothing,
@@ -200,6 +102,7 @@ impl Instrument {
         let mut instrument = Self {
             node: Node::new(),
             values: Values::new(),
+            pair: Pair::new(CrossCheck::product()),
             settings,
             work,
             memory: Nothing,
@@ -214,6 +117,7 @@ impl Instrument {
     fn with<T>(&mut self, act: impl FnOnce(&mut Node, &mut Panel<'_, Nothing, Nothing>) -> T) -> T {
         let mut panel = Panel {
             values: &mut self.values,
+            pair: &mut self.pair,
             settings: &mut self.settings,
             memory: &mut self.memory,
             source: &mut Nothing,

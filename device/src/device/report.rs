@@ -7,6 +7,7 @@
 //!
 //! Left out: how a judgement comes about (`pair`).
 
+use canopen::Instant as BusInstant;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::angle::Angle;
@@ -19,7 +20,7 @@ use super::{Device, Memory, bus_time};
 use crate::calibration::encoding::identity;
 use crate::fault::{Fault, Faults};
 use crate::fault_log::Entry;
-use crate::objects::process::{SyncSource, validity};
+use crate::objects::process::SyncSource;
 use crate::objects::safety::VALID;
 use crate::profile::Resolution;
 
@@ -66,14 +67,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
     pub(super) fn refresh(&mut self, now: Instant) {
         self.check_calibration(now);
-        self.age_judgement(now);
-        let reading = self.node.reading(&self.settings, now);
-        self.values.show(&reading);
+        let reading = self.channel.reading(&self.settings, now);
+        self.values.process.measure(&reading);
         if self.values.process.source == SyncSource::None {
             // Nobody says when to tell the peer, so it is told what is so now.
-            self.values.tell(&Observation::from(reading), now);
+            let own_fault = self.pair.own_fault();
+            let observation = Observation::from(reading);
+            self.values.tell(&observation, own_fault, now);
         }
-        let channel = &self.node.channel;
+        let channel = &self.channel;
         let process = &mut self.values.process;
         process.samples = channel.samples();
         process.period_q8 = channel.period_q8();
@@ -84,10 +86,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             process.temperature_c = (t.0.saturating_add(128) >> 8).clamp(-128, 127) as i8;
         }
         process.bus.overruns = self.bus.overruns();
-        process.flag(validity::CALIBRATED, self.values.calibrated);
         self.look_for_sync(now);
         self.mend_sensor(now);
-        self.find_faults(&reading);
+        self.look_for_faults(&reading, now);
         self.keep(now);
         let (bus, mut panel) = self.split(now);
         bus.data_changed(&mut panel, bus_time(now));
@@ -100,14 +101,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
         self.next_sum = now.offset(SUM_INTERVAL_US);
         if identity(&self.settings.chain.calibration) != self.values.calibration_sum {
-            self.node.channel.condemn(Invalid::Corrupt);
+            self.channel.condemn(Invalid::Corrupt);
         }
     }
 
     /// A sensor that has lost its set-up gets it again once the latch allows (2004h).
     fn mend_sensor(&mut self, now: Instant) {
         let curable = matches!(
-            self.node.channel.fault(),
+            self.channel.fault(),
             Some(Invalid::PartReset | Invalid::Bus | Invalid::Thermometer)
         );
         let wait_us = i64::from(self.values.parameters.latch_s) * 1_000_000;
@@ -124,12 +125,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let parameters = &self.values.parameters;
         if self.values.state != State::Operational {
             // A node that is stopped or being set up makes no SYNC of its own accord.
-            self.last_sync = now;
+            self.pair.excuse_sync(now);
             return self.end_standing_in(now);
         }
         let first = self.bus.node_id() < parameters.peer;
         let patience_ms = i64::from(parameters.fallback_ms) * if first { 1 } else { 2 };
-        let silent_us = now.micros_since(self.last_sync);
+        let silent_us = now.micros_since(self.pair.last_sync());
         if patience_ms == 0 || silent_us <= patience_ms * 1000 {
             return;
         }
@@ -141,13 +142,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
     }
 
-    fn find_faults(&mut self, reading: &Reading) {
+    /// What is wrong with this channel and its memory. What is wrong with the pair is derived
+    /// whenever it is reported.
+    fn look_for_faults(&mut self, reading: &Reading, now: Instant) {
         let mut found = Faults::default();
         found.of_reading(reading);
-        if let Some(judgement) = self.pair.judgement {
-            found.of_judgement(judgement);
-        }
-        let [x, y, ..] = self.values.process.slopes;
+        let shown = self.shown(now);
+        let [x, y] = [0, 1].map(|axis| shown.slope(axis));
         let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
         for (fault, slope, low, high) in [
             (Fault::RangeX, x, low_x, high_x),
@@ -156,43 +157,42 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let stood = self.faults.has(fault);
             found.set(fault, slope.is_some_and(|a| outside(a, low, high, stood)));
         }
-        let temperature = self.node.channel.temperature();
+        let temperature = self.channel.temperature();
         let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
         found.set(Fault::Temperature, beyond);
         found.set(Fault::NotCalibrated, !self.values.calibrated);
-        let corrupt = self.node.channel.fault() == Some(Invalid::Corrupt);
+        let corrupt = self.channel.fault() == Some(Invalid::Corrupt);
         found.set(Fault::CalibrationRecord, self.record_damaged || corrupt);
         found.set(Fault::Storage, self.values.storage_failed);
         found.set(Fault::Program, self.values.program_damaged);
-        let fail_safe = self.values.news.fail_safe;
-        found.set(Fault::FailSafe, fail_safe);
-        self.values
-            .process
-            .flag(validity::LATCHED, self.is_latched());
-        self.pending = found;
+        self.looked = found;
     }
 
-    /// True when something stands that only a reset takes away.
-    fn is_latched(&self) -> bool {
-        let until_reset = self.values.parameters.latch_s == 0;
-        let channel = self.node.channel.fault();
-        let by_latch = match self.pair.judgement {
-            Some(Judgement::PhysicalFault) => return true,
-            Some(Judgement::Disagree) => true,
-            Some(Judgement::OneChannel { reason, .. } | Judgement::NoChannel(reason)) => {
-                !reason.passes_with_its_cause()
-            }
-            _ => false,
-        };
-        self.values.news.fail_safe
-            || channel == Some(Invalid::Corrupt)
-            || (until_reset && (channel.is_some() || by_latch))
+    /// Everything that is wrong now.
+    fn found(&self, judgement: Option<Judgement>, now: Instant) -> Faults {
+        let mut found = self.looked;
+        if let Some(judgement) = judgement {
+            found.of_judgement(judgement);
+        }
+        if self.pair.disagree() && judgement != Some(Judgement::PhysicalFault) {
+            found.insert(Fault::Disagree);
+        }
+        if self.values.news.fail_safe {
+            found.insert(Fault::FailSafe);
+        }
+        found.set(Fault::Unlike, self.shown(now).is_unlike());
+        found
     }
 
     /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs; true
     /// when that is something new.
     fn report(&mut self, now: Instant) -> bool {
-        let (before, found) = (self.faults, self.pending);
+        let judgement = self.pair.judgement(now);
+        if self.judged != judgement {
+            self.judged = judgement;
+            self.values.process.since_ms = self.uptime_ms(now);
+        }
+        let (before, found) = (self.faults, self.found(judgement, now));
         let news = before != found;
         if news {
             self.faults = found;
@@ -205,10 +205,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
                 self.write_down(None, now);
             }
         }
-        let consent = self.consents();
+        let consent = self.consents(now);
         let changed = self.bus.consent_to_safety(consent);
-        if changed && !consent {
-            self.pair.sending.withhold_safety();
+        if changed && consent.is_none() {
+            self.matching.sending.withhold_safety();
         }
         changed || news
     }
@@ -216,10 +216,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the
     /// state of the pair in byte 7.
     fn tell(&mut self, code: Option<u16>, found: Faults, now: Instant) {
-        let process = &self.values.process;
+        let shown = self.shown(now);
         let [a, b, c, _] = found.bits().to_le_bytes();
-        let blame = process.blamed << 6 | process.why & 0x3F;
-        let detail = [a, b, c, blame, process.state];
+        let (blamed, why) = shown.blame();
+        let detail = [a, b, c, blamed << 6 | why & 0x3F, shown.state()];
         let bits = found.register();
         let (bus, mut panel) = self.split(now);
         match code {
@@ -232,15 +232,16 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     fn write_down(&mut self, fault: Option<Fault>, now: Instant) {
         let keeps_samples = fault.is_some_and(Fault::keeps_samples);
         let code = fault.map_or(0, |fault| fault.report().0);
-        let process = &self.values.process;
+        let shown = self.shown(now);
+        let (blamed, reason) = shown.blame();
         let mut entry = Entry {
             at_ms: self.uptime_ms(now),
-            sync: process.syncs,
+            sync: self.values.process.syncs,
             code,
             faults: self.faults.bits(),
-            state: process.state,
-            blamed: process.blamed,
-            reason: process.why,
+            state: shown.state(),
+            blamed,
+            reason,
             ..Entry::default()
         };
         if !self.log.add(entry) || !keeps_samples {
@@ -250,16 +251,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.log.in_box(entry.box_number);
     }
 
-    /// A safety frame is sent only of an angle that is valid, checked and configured as signed.
-    fn consents(&self) -> bool {
-        let process = &self.values.process;
-        let valid = process.validity & validity::OWN != 0;
-        let judged = matches!(
-            self.pair.judgement,
-            Some(Judgement::Agree | Judgement::DataDelay)
-        );
-        let sound = !self.faults.forbid_safety();
-        valid && judged && sound && self.values.parameters.safety_valid == VALID
+    /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
+    /// when it was checked.
+    fn consents(&self, now: Instant) -> Option<BusInstant> {
+        let sound = self.shown(now).measured(0).is_some() && !self.faults.forbid_safety();
+        let signed = self.values.parameters.safety_valid == VALID;
+        let checked_at = self.pair.agreed_at().filter(|_| sound && signed);
+        checked_at.map(bus_time)
     }
 }
 

@@ -63,7 +63,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if !self.trial.running {
             return;
         }
-        let measures = self.node.reading(&self.settings, now).x.is_ok();
+        let measures = self.channel.reading(&self.settings, now).x.is_ok();
         let sound = measures && !self.values.program_damaged;
         // One that can't be confirmed ends as one that can do nothing.
         if sound && self.trial.heard && self.memory.confirm().is_ok() {

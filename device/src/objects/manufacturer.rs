@@ -85,6 +85,17 @@ pub const MANUFACTURER: &[Row] = &[
     .stored()
     .limits(0, 1)
     .value(1),
+    var(
+        0x2006,
+        "Presentation check",
+        Unsigned8,
+        "1: where presets, offsets or inversion make the two channels show different angles, \
+         neither is valid. 0: that is meant so.",
+    )
+    .rw()
+    .stored()
+    .limits(0, 1)
+    .value(1),
     record(
         0x2010,
         9,
@@ -235,7 +246,7 @@ pub const MANUFACTURER: &[Row] = &[
          lost its set-up, 8 the part does not answer, 9 codes stand still, 10 noise, 11 spikes, 12 \
          the temperature jumps, 13 gravity is of the wrong length, 14 the calibration is damaged, \
          15 silent, 16 late, 17 the channels differ, 18 the other channel has not been heard, 19 \
-         degraded operation is forbidden.",
+         degraded operation is forbidden, 20 presets, offsets or inversion differ.",
     ),
     member(0x2025, 1, "Reason X", Unsigned8, "See sub-index 0.").tpdo(),
     member(0x2025, 2, "Reason Y", Unsigned8, "See sub-index 0.").tpdo(),

@@ -10,12 +10,13 @@ use canopen::node::{Application, Event};
 use canopen::object::{Abort, Address, Dictionary, Objects, Value, at};
 use canopen::storage::Group;
 use canopen::{Instant as BusInstant, nmt};
-use tilt::chain::Reading;
+use tilt::chain::{Invalid, Reading};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
+use super::process::Shown;
 use super::safety::VALID;
 use super::table::{self, Channel};
 use super::values::Values;
@@ -23,6 +24,7 @@ use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, Terms};
 use crate::channel::Settings;
 use crate::fault_log::FaultLog;
+use crate::pair::Pair;
 use crate::program::ProgramMemory;
 use crate::records::{EventStore, Record, RecordStore, StoreError, parameters};
 
@@ -36,6 +38,8 @@ pub trait Source {
     fn filtered(&self) -> Option<Filtered>;
     /// The part's temperature.
     fn temperature(&self) -> Option<Temperature>;
+    /// The fault that is latched.
+    fn fault(&self) -> Option<Invalid>;
 }
 
 /// Records, events and a place for programs.
@@ -44,7 +48,7 @@ pub trait Memory: RecordStore + EventStore + ProgramMemory {}
 impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 
 /// What a calibration over the bus works with.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Work {
     /// What new tables come with.
@@ -77,6 +81,8 @@ pub struct Identity {
 pub struct Panel<'a, M, S> {
     /// The values.
     pub values: &'a mut Values,
+    /// The pair.
+    pub pair: &'a mut Pair,
     /// Settings with the calibration in force.
     pub settings: &'a mut Settings,
     /// The memory.
@@ -143,28 +149,34 @@ pub const fn store_abort(error: StoreError) -> Abort {
 }
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
+    /// What is shown of both channels now.
+    pub(super) fn shown(&self) -> Shown<'_> {
+        Shown::new(self.values, self.pair, self.source.fault(), self.now)
+    }
+
     fn measured(&mut self, at: Address) -> Option<Value> {
         let process = &self.values.process;
+        let shown = self.shown();
         let axis = usize::from(at.sub).wrapping_sub(1);
         Some(match (at.index, at.sub) {
             (0x2010, _) => exchange_value(&process.sent, at.sub)?,
             (0x2011, _) => exchange_value(&process.received, at.sub)?,
-            (0x2020, _) => Value::u8(process.validity),
-            (0x2021, _) => Value::u8(process.state),
-            (0x2022, 3) => Value::u16(process.larger_uncertainty()),
-            (0x2022, _) => Value::u16(*process.uncertainty.get(axis)?),
+            (0x2020, _) => Value::u8(shown.validity()),
+            (0x2021, _) => Value::u8(shown.state()),
+            (0x2022, 3) => Value::u16(shown.larger_uncertainty()),
+            (0x2022, _) => Value::u16(shown.uncertainty(axis)),
             (0x2023, 1) => Value::u32(process.latency_us),
             (0x2023, _) => Value::u8(process.latency_ms()),
-            (0x2024, 3) => Value::i16(process.larger_delta()),
-            (0x2024, _) => Value::i16(*process.delta.get(axis)?),
-            (0x2025, _) => Value::u8(*process.reason.get(axis)?),
+            (0x2024, 3) => Value::i16(shown.larger_delta()),
+            (0x2024, _) => Value::i16(*shown.delta().get(axis)?),
+            (0x2025, _) => Value::u8(shown.reason(axis)),
             (0x2026, 1) => Value::u32(process.syncs),
             (0x2026, 2) => Value::u16(process.missed),
             (0x2026, _) => Value::u8(process.source as u8),
-            (0x2027, 1) => Value::u8(process.blamed),
-            (0x2027, 2) => Value::u8(process.why),
+            (0x2027, 1) => Value::u8(shown.blame().0),
+            (0x2027, 2) => Value::u8(shown.blame().1),
             (0x2027, _) => Value::u32(process.since_ms),
-            (0x2028, _) => Value::i16(*process.residual.get(axis)?),
+            (0x2028, _) => Value::i16(*shown.residual().get(axis)?),
             (0x2031, _) => Value::i32(*process.filtered.get(axis)?),
             (0x2032, _) => Value::u32(process.samples),
             (0x2033, _) => Value::u32(process.period_q8),
@@ -340,7 +352,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     fn event(&mut self, event: Event, _now: BusInstant) {
         let news = &mut self.values.news;
         match event {
-            Event::State(state) => self.values.state = state,
+            Event::State(state) => self.enter(state),
             Event::ResetNode => {
                 news.reset = true;
                 news.restart = false;
@@ -348,12 +360,13 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
             Event::ResetCommunication => {
                 // No answer will come any more that a restart could wait for.
                 news.reset |= core::mem::take(&mut news.restart);
-                self.values.state = nmt::State::Initialising;
+                self.enter(nmt::State::Initialising);
                 self.mend_slopes();
             }
             Event::Sync => {
                 let observation = self.source.observe(self.settings, self.now);
-                self.values.latch(observation, self.now);
+                let own_fault = self.pair.own_fault();
+                self.values.latch(observation, own_fault, self.now);
             }
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
@@ -418,6 +431,14 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
 }
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
+    /// The NMT state is another one. Outside OPERATIONAL this node is away from the pair.
+    fn enter(&mut self, state: nmt::State) {
+        self.values.state = state;
+        if state != nmt::State::Operational {
+            self.pair.leave();
+        }
+    }
+
     /// While others work by the angles the processor does not stand still for an erase.
     fn may_store(&self, length: u32) -> Result<(), Abort> {
         if self.values.state == nmt::State::Operational && self.memory.needs_erase(length) {

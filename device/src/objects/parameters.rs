@@ -8,7 +8,9 @@
 
 use canopen::object::{Address, Value};
 
-use crate::profile::Slope;
+use crate::pair::Policy;
+use crate::presentation::Presentation;
+use crate::profile::{Resolution, Slope};
 
 /// The parameters.
 #[derive(Clone, Debug)]
@@ -25,6 +27,8 @@ pub struct Parameters {
     pub latch_s: u16,
     /// 2005h: 1 when this channel may work while the other is ill.
     pub degraded: u8,
+    /// 2006h: 1 when both channels have to show the same angle as the same number.
+    pub alike: u8,
     /// 2040h: lowest and highest X, lowest and highest Y, 0.001 deg.
     pub range: [i32; 4],
     /// 2050h sub 1.
@@ -85,6 +89,22 @@ impl Place<'_> {
 }
 
 impl Parameters {
+    /// How the pair is to be judged.
+    pub const fn policy(&self) -> Policy {
+        Policy {
+            latch_s: self.latch_s,
+            may_go_on_alone: self.degraded != 0,
+        }
+    }
+
+    /// How this channel's angles are shown.
+    pub fn presentation(&self) -> Presentation {
+        let [x, y, ..] = &self.slopes;
+        let [own, _] = self.resolution;
+        let resolution = Resolution::new(own).unwrap_or(Resolution::Hundredth);
+        Presentation::of([x, y], resolution)
+    }
+
     /// Nothing set: the rows' defaults are loaded over it at every start.
     pub const NONE: Self = Self {
         resolution: [10; 2],
@@ -93,6 +113,7 @@ impl Parameters {
         check: 0,
         latch_s: 0,
         degraded: 0,
+        alike: 0,
         range: [0; 4],
         fallback_ms: 0,
         fallback_period_us: 0,
@@ -112,6 +133,7 @@ impl Parameters {
             (0x2003, 0) => Place::U8(&mut self.check),
             (0x2004, 0) => Place::U16(&mut self.latch_s),
             (0x2005, 0) => Place::U8(&mut self.degraded),
+            (0x2006, 0) => Place::U8(&mut self.alike),
             (0x2012, _) => Place::I16(self.safe_received.get_mut(member)?),
             (0x2040, _) => Place::I32(self.range.get_mut(member)?),
             (0x2050, 1) => Place::U16(&mut self.fallback_ms),

@@ -1,18 +1,24 @@
 //! What the instrument shows: the values behind the read-only rows, at one instant.
 //!
-//! In: readings, judgements and counters, as they arise. Out: the numbers that the dictionary's
+//! In: readings, the pair, and counters, as they arise. Out: the numbers that the dictionary's
 //! rows promise, with their units. A reading that is not there leaves its reason and no number.
+//! Whether an angle may be used is derived when a row is read ([`Shown`]).
 //!
 //! Left out: parameters (`parameters`), and turning an angle into the configured resolution
 //! (`profile`).
 
+use canopen::nmt::State;
 use tilt::angle::{Angle, Axes};
-use tilt::chain::{Invalid, Measurement};
-use tilt::cross_check::{Judgement, Node, Verdict};
+use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::cross_check::Judgement;
+use tilt::observation::Observation;
+use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
 
+use super::values::Values;
 use crate::exchange::{self, Exchange};
 use crate::objects::manufacturer::{NO_DIFFERENCE, UNKNOWN_UNCERTAINTY};
+use crate::pair::Pair;
 use crate::profile::state::state_code;
 
 /// 2021h before the first comparison, and when comparisons have stopped.
@@ -48,35 +54,21 @@ pub struct Bus {
     pub bus_offs: u16,
 }
 
-/// Everything that is shown.
+/// What was measured, exchanged and counted; what is derived of it at an instant is [`Shown`].
 #[derive(Clone, Copy, Debug)]
 pub struct Process {
-    /// Slopes X and Y of this channel, then of the peer, without preset and offset.
-    pub slopes: [Option<Angle>; 4],
+    /// What this channel has measured last, whether it may be used or not.
+    pub measured: Reading,
+    /// Its angles a second time, with every bit inverted.
+    pub inverted: [i32; 2],
     /// What this node tells its peer, 2010h.
     pub sent: Exchange,
     /// What the peer has told, 2011h.
     pub received: Exchange,
-    /// The bits of 2020h.
-    pub validity: u8,
-    /// The code of 2021h.
-    pub state: u8,
-    /// The channel that is blamed, 2027h sub 1: 0 none, 1 this one, 2 the other.
-    pub blamed: u8,
-    /// Why, 2027h sub 2: a reason code, 0 for none.
-    pub why: u8,
-    /// When the state of the pair became what it is, 2027h sub 3: ms since the start.
+    /// When the judgement became what it is, 2027h sub 3: ms since the start.
     pub since_ms: u32,
-    /// This channel's acceleration minus the other's, low-passed, 0.1 mg.
-    pub residual: [i16; 3],
-    /// Standard uncertainty of X and Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
-    pub uncertainty: [u16; 2],
     /// Age of the reading at its SYNC, us.
     pub latency_us: u32,
-    /// This channel minus the peer, 0.001 deg, or [`NO_DIFFERENCE`].
-    pub delta: [i16; 2],
-    /// Reason codes of X and Y, 0 when valid.
-    pub reason: [u8; 2],
     /// SYNCs obeyed.
     pub syncs: u32,
     /// SYNCs for which the peer said nothing in time.
@@ -112,19 +104,12 @@ pub mod validity {
 impl Process {
     /// Nothing measured, nothing heard.
     pub const NOTHING: Self = Self {
-        slopes: [None; 4],
+        measured: Observation::absent(Invalid::NoSample).reading,
+        inverted: [-1; 2],
         sent: Exchange::NOTHING,
         received: Exchange::NOTHING,
-        validity: 0,
-        state: NOT_JUDGED,
-        blamed: 0,
-        why: 0,
         since_ms: 0,
-        residual: [0; 3],
-        uncertainty: [UNKNOWN_UNCERTAINTY; 2],
         latency_us: 0,
-        delta: [NO_DIFFERENCE; 2],
-        reason: [1; 2],
         syncs: 0,
         missed: 0,
         source: SyncSource::None,
@@ -142,92 +127,13 @@ impl Process {
         },
     };
 
-    /// Shows this channel's reading, X and Y.
-    pub fn show(&mut self, axes: [Result<&Measurement, Invalid>; 2]) {
-        self.mark(validity::OWN, axes.map(|a| a.is_ok()));
-        let codes = self.reason.iter_mut().zip(&mut self.uncertainty);
-        for ((axis, slope), (reason, uncertainty)) in axes.iter().zip(&mut self.slopes).zip(codes) {
-            *slope = axis.ok().map(|m| m.angle);
-            (*reason, *uncertainty) = match axis {
-                Ok(m) => (0, thousandths(m.uncertainty)),
-                Err(reason) => (exchange::reason_code(*reason), UNKNOWN_UNCERTAINTY),
-            };
-        }
-        if let [Ok(m), _] | [_, Ok(m)] = axes {
+    /// Takes in this channel's reading.
+    pub fn measure(&mut self, reading: &Reading) {
+        self.measured = *reading;
+        self.inverted = [reading.x, reading.y].map(|axis| axis.map_or(-1, |m| !m.angle.0));
+        if let Ok(m) = reading.x.or(reading.y) {
             self.latency_us = m.latency_us;
         }
-    }
-
-    /// Shows the comparison of both channels; `residual` is own minus peer, 2^-26 g.
-    pub fn judge(&mut self, verdict: &Verdict, residual: [i32; 3]) {
-        let judgement = verdict.judgement();
-        self.state = state_code(judgement);
-        (self.blamed, self.why) = blame(judgement);
-        self.residual = residual.map(tenths_of_mg);
-        let Axes { x, y } = match judgement {
-            // What cannot be trusted isn't shown as a number.
-            Judgement::Disagree
-            | Judgement::PhysicalFault
-            | Judgement::NoChannel(_)
-            | Judgement::OneChannel {
-                ill: Node::Peer, ..
-            } => Axes {
-                x: Err(Invalid::Refused),
-                y: Err(Invalid::Refused),
-            },
-            _ => verdict.peer(),
-        };
-        let peer: [Result<Measurement, _>; 2] = [x, y];
-        self.mark(validity::PEER, peer.map(|a| a.is_ok()));
-        for (i, axis) in peer.iter().enumerate() {
-            self.set_slope(2 + i, axis.ok().map(|m| m.angle));
-        }
-        let delta = verdict.delta();
-        self.mark(validity::COMPARED, [delta.x.is_some(), delta.y.is_some()]);
-        self.delta = [delta.x, delta.y].map(|d| d.map_or(NO_DIFFERENCE, small_thousandths));
-    }
-
-    /// Comparisons have stopped: what they showed is not shown any longer.
-    pub fn not_judged(&mut self) {
-        self.state = NOT_JUDGED;
-        (self.blamed, self.why) = (0, 0);
-        self.mark(validity::PEER, [false; 2]);
-        self.mark(validity::COMPARED, [false; 2]);
-        self.delta = [NO_DIFFERENCE; 2];
-        self.set_slope(2, None);
-        self.set_slope(3, None);
-    }
-
-    /// Sets or clears a bit of 2020h and the one above it.
-    fn mark(&mut self, bit: u8, set: [bool; 2]) {
-        let [first, second] = set;
-        self.flag(bit, first);
-        self.flag(bit << 1, second);
-    }
-
-    /// Sets or clears a bit of 2020h.
-    pub fn flag(&mut self, bit: u8, set: bool) {
-        self.validity = (self.validity & !bit) | if set { bit } else { 0 };
-    }
-
-    fn set_slope(&mut self, which: usize, slope: Option<Angle>) {
-        put(&mut self.slopes, which, slope);
-    }
-
-    /// The larger uncertainty of the axes that have one.
-    pub fn larger_uncertainty(&self) -> u16 {
-        let known = self
-            .uncertainty
-            .iter()
-            .filter(|u| **u != UNKNOWN_UNCERTAINTY);
-        known.max().copied().unwrap_or(UNKNOWN_UNCERTAINTY)
-    }
-
-    /// The difference of larger magnitude.
-    pub fn larger_delta(&self) -> i16 {
-        let known = self.delta.iter().filter(|d| **d != NO_DIFFERENCE);
-        let largest = known.max_by_key(|d| d.unsigned_abs());
-        largest.copied().unwrap_or(NO_DIFFERENCE)
     }
 
     /// The latency in whole milliseconds, rounded, stopping at 255.
@@ -237,20 +143,169 @@ impl Process {
     }
 }
 
-/// The channel that a judgement blames, and the code of why.
-pub const fn blame(judgement: Judgement) -> (u8, u8) {
-    match judgement {
-        Judgement::OneChannel {
-            ill: Node::Own,
-            reason,
-        } => (1, exchange::reason_code(reason)),
-        Judgement::OneChannel {
-            ill: Node::Peer,
-            reason,
-        } => (2, exchange::reason_code(reason)),
-        // Both are; the reason is this channel's.
-        Judgement::NoChannel(reason) => (3, exchange::reason_code(reason)),
-        _ => (0, 0),
+/// What the dictionary shows of both channels at an instant. Nothing of it is stored.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    values: &'a Values,
+    pair: &'a Pair,
+    /// The fault that this channel has latched.
+    fault: Option<Invalid>,
+    now: Instant,
+}
+
+impl<'a> Shown<'a> {
+    /// What is shown at `now` of a channel that has latched `fault`.
+    pub const fn new(
+        values: &'a Values,
+        pair: &'a Pair,
+        fault: Option<Invalid>,
+        now: Instant,
+    ) -> Self {
+        Self {
+            values,
+            pair,
+            fault,
+            now,
+        }
+    }
+
+    /// The judgement; `None` while nothing is compared.
+    pub fn judgement(&self) -> Option<Judgement> {
+        self.pair.judgement(self.now)
+    }
+
+    /// Whether this channel's angles may be used, and why not.
+    ///
+    /// Outside OPERATIONAL nobody works by them, and whoever sets the instrument up has to see
+    /// them, so there they are shown as measured.
+    pub fn standing(&self) -> Result<(), Invalid> {
+        self.measured_standing()?;
+        if self.is_unlike() {
+            return Err(Invalid::Unlike);
+        }
+        Ok(())
+    }
+
+    /// True while the two channels are set to show different angles, which 2006h forbids.
+    pub fn is_unlike(&self) -> bool {
+        let operational = self.values.state == State::Operational;
+        operational && self.values.parameters.alike != 0 && self.pair.is_shown_apart(self.now)
+    }
+
+    /// [`Shown::standing`] of the angles as measured, however they are shown.
+    fn measured_standing(&self) -> Result<(), Invalid> {
+        if self.values.state != State::Operational {
+            return Ok(());
+        }
+        self.pair
+            .standing(self.now, self.values.parameters.policy())
+    }
+
+    /// This channel's X or Y for a safety frame, which has neither preset nor offset, and a second
+    /// time from the copy that was kept inverted.
+    pub fn measured(&self, axis: usize) -> Option<(Angle, Angle)> {
+        self.measured_standing().ok()?;
+        let Axes { x, y } = &self.values.process.measured;
+        let measured = if axis == 0 { x } else { y }.as_ref().ok()?;
+        let inverted = self.values.process.inverted.get(axis)?;
+        Some((measured.angle, Angle(!inverted)))
+    }
+
+    /// This channel's X or Y as far as it may be used.
+    pub fn own(&self, axis: usize) -> Result<&'a Measurement, Invalid> {
+        let Axes { x, y } = &self.values.process.measured;
+        // A channel that measures nothing says why, whatever its standing.
+        let measured = if axis == 0 { x } else { y }.as_ref();
+        let measured = measured.map_err(|reason| *reason)?;
+        self.standing().map(|()| measured)
+    }
+
+    /// Slopes X and Y of this channel, then of the peer, without preset and offset.
+    pub fn slope(&self, which: usize) -> Option<Angle> {
+        if which < 2 {
+            return self.own(which).ok().map(|m| m.angle);
+        }
+        let Axes { x, y } = self.pair.peer(self.now)?;
+        if which == 2 { x } else { y }.ok().map(|m| m.angle)
+    }
+
+    /// The bits of 2020h.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn validity(&self) -> u8 {
+        let Axes { x, y } = self.pair.difference(self.now);
+        let flags = [
+            self.slope(0).is_some(),
+            self.slope(1).is_some(),
+            self.slope(2).is_some(),
+            self.slope(3).is_some(),
+            x.is_some(),
+            y.is_some(),
+            self.values.calibrated,
+            self.is_latched(),
+        ];
+        let bits = flags.iter().rev();
+        bits.fold(0, |bits, flag| bits << 1 | u8::from(*flag))
+    }
+
+    /// True when something stands that only a reset takes away.
+    fn is_latched(&self) -> bool {
+        let until_reset = self.values.parameters.latch_s == 0;
+        let held = self.fault.is_some() || self.pair.is_latched();
+        self.values.news.fail_safe
+            || self.pair.needs_reset()
+            || self.fault == Some(Invalid::Corrupt)
+            || until_reset && held
+    }
+
+    /// The code of 2021h.
+    pub fn state(&self) -> u8 {
+        self.judgement().map_or(NOT_JUDGED, state_code)
+    }
+
+    /// The channel that is held faulty, 2027h sub 1, and the code of why, sub 2.
+    pub fn blame(&self) -> (u8, u8) {
+        self.pair.blame(self.now)
+    }
+
+    /// Reason code of X or Y, 0 when valid.
+    pub fn reason(&self, axis: usize) -> u8 {
+        self.own(axis).err().map_or(0, exchange::reason_code)
+    }
+
+    /// Standard uncertainty of X or Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
+    pub fn uncertainty(&self, axis: usize) -> u16 {
+        let measured = self.own(axis);
+        measured.map_or(UNKNOWN_UNCERTAINTY, |m| thousandths(m.uncertainty))
+    }
+
+    /// The larger uncertainty of the axes that have one.
+    pub fn larger_uncertainty(&self) -> u16 {
+        match [self.uncertainty(0), self.uncertainty(1)] {
+            [x, UNKNOWN_UNCERTAINTY] => x,
+            [UNKNOWN_UNCERTAINTY, y] => y,
+            [x, y] => x.max(y),
+        }
+    }
+
+    /// This channel minus the peer, 0.001 deg, or [`NO_DIFFERENCE`].
+    pub fn delta(&self) -> [i16; 2] {
+        let Axes { x, y } = self.pair.difference(self.now);
+        [x, y].map(|apart| apart.map_or(NO_DIFFERENCE, small_thousandths))
+    }
+
+    /// The difference of larger magnitude.
+    pub fn larger_delta(&self) -> i16 {
+        match self.delta() {
+            [x, NO_DIFFERENCE] => x,
+            [NO_DIFFERENCE, y] => y,
+            [x, y] if x.unsigned_abs() > y.unsigned_abs() => x,
+            [_, y] => y,
+        }
+    }
+
+    /// This channel's acceleration minus the other's, low-passed, 0.1 mg.
+    pub fn residual(&self) -> [i16; 3] {
+        self.pair.residual().map(tenths_of_mg)
     }
 }
 
@@ -258,12 +313,6 @@ pub const fn blame(judgement: Judgement) -> (u8, u8) {
 fn tenths_of_mg(accel: i32) -> i16 {
     let tenths = (i64::from(accel) * 10_000 + (1 << 25)) >> 26;
     tenths.clamp(-i64::from(i16::MAX), i64::from(i16::MAX)) as i16
-}
-
-fn put<T: Copy>(places: &mut [T], which: usize, value: T) {
-    if let Some(place) = places.get_mut(which) {
-        *place = value;
-    }
 }
 
 /// 360 000 thousandths of a degree are the full circle, 2^32.
@@ -296,16 +345,5 @@ mod tests {
         assert_eq!(small_thousandths(Angle::from_degrees(-40.0)), -i16::MAX);
         assert_eq!(thousandths(Uncertainty::from_degrees(0.0001)), 1);
         assert_eq!(thousandths(Uncertainty(u32::MAX)), UNKNOWN_UNCERTAINTY - 1);
-    }
-
-    #[test]
-    fn bits_of_one_pair_leave_the_others_alone() {
-        let mut process = Process::NOTHING;
-        process.mark(validity::PEER, [true, false]);
-        process.flag(validity::LATCHED, true);
-        process.mark(validity::OWN, [true, true]);
-        assert_eq!(process.validity, 0x87);
-        process.mark(validity::PEER, [false, true]);
-        assert_eq!(process.validity, 0x8B);
     }
 }

@@ -83,7 +83,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     fn angle(&self, slope: usize) -> Option<Angle> {
-        self.values.process.slopes.get(slope).copied().flatten()
+        self.shown().slope(slope)
     }
 
     pub(super) fn read_slope(&self, at: Address) -> Result<Value, Abort> {
@@ -232,11 +232,16 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// of it.
     pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
         let axis = usize::from(at.index >= 0x6220);
-        let angle = self.angle(axis).ok_or(Abort::NoData)?;
+        let (angle, again) = self.shown().measured(axis).ok_or(Abort::NoData)?;
         let unit = Resolution::new(self.values.parameters.safety_resolution);
         let unit = unit.map_err(|refused| refused.abort())?;
-        let number = i16::try_from(unit.units(angle)).map_err(|_| Abort::NoData)?;
-        Ok(Value::i16(if at.index & 1 == 0 { number } else { !number }))
+        let number = if at.index & 1 == 0 {
+            unit.units(angle)
+        } else {
+            !unit.units_by_sums(again)
+        };
+        let number = i16::try_from(number).map_err(|_| Abort::NoData)?;
+        Ok(Value::i16(number))
     }
 }
 

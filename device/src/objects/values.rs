@@ -6,7 +6,7 @@
 //! Left out: the rules of each row (`panel`), calibration and settings, which the device owns.
 
 use canopen::nmt::State;
-use tilt::chain::{Invalid, Reading};
+use tilt::chain::Invalid;
 use tilt::health::Activity;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
@@ -81,10 +81,6 @@ pub struct Values {
     pub calibrated: bool,
     /// Check sum of the calibration in force, as it was when it came into force.
     pub calibration_sum: u32,
-    /// Whether this channel's angles may be used; the reason when they may not.
-    pub standing: Result<(), Invalid>,
-    /// What this channel is held ill for, which the peer is told instead of angles.
-    pub own_ill: Option<Invalid>,
 }
 
 impl Values {
@@ -116,8 +112,6 @@ impl Values {
             program_damaged: false,
             calibrated: false,
             calibration_sum: 0,
-            standing: Ok(()),
-            own_ill: None,
         }
     }
 
@@ -125,36 +119,28 @@ impl Values {
     ///
     /// Where the SYNC before has no answer the peer may never have been told what this channel
     /// heard until then (a SYNC that comes twice within a millisecond): its activity is not known.
-    pub fn latch(&mut self, mut observation: Observation, at: Instant) {
+    ///
+    /// `own_fault` is what this channel is held faulty for.
+    pub fn latch(&mut self, mut observation: Observation, own_fault: Option<Invalid>, at: Instant) {
         if self.news.own.is_some() {
             observation.activity = Activity::GAP;
         }
-        self.show(&observation.reading);
-        self.tell(&observation, at);
+        self.process.measure(&observation.reading);
+        self.tell(&observation, own_fault, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
         let latched = Latched { observation, at };
         self.news.unanswered = self.news.own.replace(latched);
         self.news.sync = true;
     }
 
-    /// Shows a reading as far as this channel's standing allows.
-    pub fn show(&mut self, reading: &Reading) {
-        let standing = self.standing;
-        let allowed = |axis| match (axis, standing) {
-            (&Err(reason), _) | (Ok(_), Err(reason)) => Err(reason),
-            (Ok(found), Ok(())) => Ok(found),
-        };
-        self.process
-            .show([allowed(&reading.x), allowed(&reading.y)]);
-    }
-
-    /// Puts into the exchange what the peer is to know.
-    pub fn tell(&mut self, observation: &Observation, at: Instant) {
-        let told = match self.own_ill {
+    /// Puts into the exchange what the peer is to know: a channel that is held faulty says so
+    /// instead of an angle.
+    pub fn tell(&mut self, observation: &Observation, own_fault: Option<Invalid>, at: Instant) {
+        let told = match own_fault {
             Some(reason) if observation.reading.x.is_ok() => observation.refused(reason),
             _ => *observation,
         };
-        self.process.sent = exchange::encode(&told, at);
+        self.process.sent = exchange::encode(&told, self.parameters.presentation(), at);
     }
 }
 
@@ -175,13 +161,13 @@ mod tests {
             activity: Activity(121),
             ..Observation::absent(Invalid::Settling)
         };
-        values.latch(heard, Instant(0));
+        values.latch(heard, None, Instant(0));
         assert_eq!(values.process.sent.activity, 121);
         let nothing = Observation::absent(Invalid::Settling);
-        values.latch(nothing, Instant(200));
+        values.latch(nothing, None, Instant(200));
         assert_eq!(values.process.sent.activity, Activity::GAP.0);
         values.news.own = None;
-        values.latch(nothing, Instant(20_000));
+        values.latch(nothing, None, Instant(20_000));
         assert_eq!(values.process.sent.activity, Activity::NONE.0);
     }
 }

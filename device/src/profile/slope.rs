@@ -153,8 +153,13 @@ impl Slope {
         self.operating & bit != 0
     }
 
+    /// True where the angle as measured is inverted.
+    pub const fn is_inverted(&self) -> bool {
+        self.is(INVERTED)
+    }
+
     /// What is added to the angle: 0 while bit 1 is not set.
-    const fn shift(&self) -> i32 {
+    pub const fn shift(&self) -> i32 {
         if self.is(SCALED) {
             self.offset.saturating_add(self.differential)
         } else {

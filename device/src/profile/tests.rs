@@ -240,6 +240,19 @@ fn scales() -> impl Strategy<Value = Scale> {
         .prop_filter("fits", |scale| scale.check().is_ok())
 }
 
+#[test]
+fn both_ways_to_a_unit_lead_to_the_same_number() {
+    for resolution in [1, 10, 100, 1000].map(|n| Resolution::new(n).unwrap()) {
+        for bits in (0..=u32::MAX).step_by(9_999_991) {
+            let angle = Angle(bits.cast_signed());
+            assert_eq!(resolution.units_by_sums(angle), resolution.units(angle));
+        }
+        for angle in [i32::MIN, -1, 0, 1, i32::MAX].map(Angle) {
+            assert_eq!(resolution.units_by_sums(angle), resolution.units(angle));
+        }
+    }
+}
+
 proptest! {
     #[test]
     fn units_are_the_nearest(steps: i32, number in numbers()) {

@@ -88,7 +88,7 @@ pub struct Health {
 ///
 /// Until `init` has been called, that configuration is [`Config::PRODUCT`], which a part fresh
 /// from reset does not have: `verify` then fails, as it should.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Lis2dw12<SPI> {
     spi: SPI,
     config: Config,

@@ -16,6 +16,7 @@ use device::exchange;
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
+use device::presentation::Presentation;
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
@@ -183,6 +184,7 @@ pub fn level() -> Observation {
 #[derive(Clone, Copy, Debug)]
 pub struct Peer {
     pub says: Observation,
+    pub shows: Presentation,
     pub silent: bool,
     /// Whether the second frame of the exchange comes.
     pub backed: bool,
@@ -230,6 +232,7 @@ impl Pair {
             part,
             peer: Peer {
                 says: level(),
+                shows: Presentation::AS_MEASURED,
                 silent: false,
                 backed: true,
             },
@@ -334,7 +337,7 @@ impl Pair {
     }
 
     pub fn exchange(&self, at: Instant) -> [[u8; 8]; 2] {
-        let bytes = exchange::encode(&self.peer.says, at).bytes();
+        let bytes = exchange::encode(&self.peer.says, self.peer.shows, at).bytes();
         let (first, second) = bytes.split_at(8);
         [first.try_into().unwrap(), second.try_into().unwrap()]
     }
@@ -387,7 +390,7 @@ impl Pair {
     }
 
     pub fn state(&self) -> u8 {
-        self.device.values().process.state
+        self.device.shown(self.now).state()
     }
 
     pub fn has(&self, fault: Fault) -> bool {

@@ -176,7 +176,7 @@ pub struct Site {
     /// SDO downloads that were accepted, and aborted.
     pub taken: u32,
     pub refused: u32,
-    now: Instant,
+    pub now: Instant,
     answer: Option<[u8; 8]>,
 }
 

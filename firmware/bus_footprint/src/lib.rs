@@ -50,7 +50,7 @@ pub struct Entries<A> {
     /// SYNC by this node.
     pub stand_in_for_sync: fn(&mut Node, Option<u32>, Instant),
     /// SRDOs may be sent.
-    pub consent_to_safety: fn(&mut Node, bool) -> bool,
+    pub consent_to_safety: fn(&mut Node, Option<Instant>) -> bool,
 }
 
 impl<A: Application> Entries<A> {

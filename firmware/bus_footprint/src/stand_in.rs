@@ -136,6 +136,7 @@ pub struct Measuring {
     observe: fn(&Settings, Instant) -> Observation,
     filtered: fn() -> Option<Filtered>,
     temperature: fn() -> Option<Temperature>,
+    fault: fn() -> Option<Invalid>,
 }
 
 impl Source for Measuring {
@@ -153,6 +154,10 @@ impl Source for Measuring {
 
     fn temperature(&self) -> Option<Temperature> {
         (self.temperature)()
+    }
+
+    fn fault(&self) -> Option<Invalid> {
+        (self.fault)()
     }
 }
 

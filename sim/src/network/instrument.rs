@@ -216,8 +216,8 @@ mod tests {
             roll_deg: -10.0
         }));
         network.run_until(&mut hand, 3_000_000_000, |_| {});
-        let slopes = |n: &usize| network.units()[*n].device.values().process.slopes;
-        let read = nodes.iter().flat_map(|n| [slopes(n)[0], slopes(n)[1]]);
+        let slopes = |n: &usize| [0, 1].map(|axis| network.shown(*n).slope(axis));
+        let read = nodes.iter().flat_map(slopes);
         read.zip([-10.0, 30.0, -10.0, 30.0])
             .map(|(read, truth)| read.expect("an angle").degrees() - truth)
             .collect()

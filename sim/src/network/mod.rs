@@ -19,6 +19,7 @@ mod tests;
 
 use canopen::Frame;
 use device::device::Factory;
+use device::objects::process::Shown;
 use tilt::cross_check::CrossCheck;
 
 use crate::TICK_S;
@@ -110,6 +111,14 @@ impl Network {
     /// The nodes, in the order of their adding.
     pub fn units(&self) -> &[Unit] {
         &self.units
+    }
+
+    /// What a node shows on the bus now.
+    ///
+    /// # Panics
+    /// When there is no such node.
+    pub fn shown(&self, number: usize) -> Shown<'_> {
+        self.units[number].shown(self.now_ns())
     }
 
     /// A node, for faults.

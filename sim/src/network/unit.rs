@@ -11,6 +11,7 @@ use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
 use device::device::{Device, Factory, Wish};
+use device::objects::process::Shown;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
@@ -195,6 +196,11 @@ impl Unit {
 
     fn now(&self, now_ns: u64) -> Instant {
         self.electronics.clock(seconds(now_ns))
+    }
+
+    /// What the device shows on the bus at `now_ns`.
+    pub fn shown(&self, now_ns: u64) -> Shown<'_> {
+        self.device.shown(self.now(now_ns))
     }
 
     /// A data-ready edge of `captured_ns` gets here: a sample is taken, and nothing else.

@@ -7,12 +7,31 @@ use device::calibration::motor::Terms;
 use device::device::{Device, Factory};
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
-use tilt::cross_check::{CrossCheck, WindowCheck, WindowState};
+use tilt::cross_check::residual::{Residual, STAGES, Stage};
+use tilt::cross_check::{CrossCheck, ProductCheck, ProductState, WindowCheck};
 use tilt::table::Rule;
 
 use crate::bench::Mode;
 use crate::network::Network;
 use crate::trial::Setup;
+
+/// No difference is large enough.
+const BLIND: ProductCheck = ProductCheck {
+    window: WindowCheck {
+        threshold: u32::MAX,
+        ..ProductCheck::PRODUCT.window
+    },
+    residual: Residual {
+        stages: [Stage {
+            tau_us: 0,
+            calm: u32::MAX,
+            shaken: u32::MAX,
+        }; STAGES],
+        whole: u32::MAX,
+        ..Residual::PRODUCT
+    },
+    ..ProductCheck::PRODUCT
+};
 
 /// What is broken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,11 +49,7 @@ impl Sabotage {
         match self {
             Self::None => {}
             Self::Blind => {
-                let check = WindowCheck {
-                    threshold: u32::MAX,
-                    ..WindowCheck::PRODUCT
-                };
-                let check = CrossCheck::Window(check, WindowState::default());
+                let check = CrossCheck::Product(BLIND, ProductState::default());
                 replace(setup, network, node, check);
             }
         }

@@ -63,6 +63,8 @@ pub struct PaperState {
     age_us: u64,
     phase: Phase,
     silence: Silence,
+    /// The two have agreed, and this channel was not away since.
+    agreed: bool,
 }
 
 impl Default for PaperState {
@@ -73,11 +75,27 @@ impl Default for PaperState {
             age_us: 0,
             phase: Phase::Working,
             silence: Silence::default(),
+            agreed: false,
         }
     }
 }
 
 impl PaperState {
+    /// True after a physical fault, until a reset.
+    pub fn is_faulted(&self) -> bool {
+        self.phase == Phase::Faulted
+    }
+
+    /// True when the two have agreed since this channel was last away.
+    pub const fn has_agreed(&self) -> bool {
+        self.agreed
+    }
+
+    /// This channel was away.
+    pub const fn forget_agreement(&mut self) {
+        self.agreed = false;
+    }
+
     /// Notes a warning; true when the window now holds more than [`MOST_WARNINGS`].
     ///
     /// There is room for 111, so it is over the limit exactly when the room is full and the
@@ -143,14 +161,20 @@ impl PaperCheck {
             Phase::Faulted => Judgement::PhysicalFault,
             Phase::Stopped { until } if now < until => Judgement::StopMotion,
             Phase::Stopped { .. } if largest < self.threshold => {
-                *state = PaperState::default();
+                *state = PaperState {
+                    agreed: true,
+                    ..PaperState::default()
+                };
                 Judgement::DataDelay
             }
             Phase::Stopped { .. } => {
                 state.phase = Phase::Faulted;
                 Judgement::PhysicalFault
             }
-            Phase::Working if largest <= self.threshold => Judgement::Agree,
+            Phase::Working if largest <= self.threshold => {
+                state.agreed = true;
+                Judgement::Agree
+            }
             Phase::Working => self.warn(state, now),
         }
     }

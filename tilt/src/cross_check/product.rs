@@ -10,11 +10,8 @@
 //! 5. of a pair that differs, the channel that moved while the other one stood (`movement`);
 //! 6. at the next standstill, gravity (`standstill`) names the culprit of 3 and 4, if it can.
 //!
-//! What was found stays according to a [`Latch`]: until a reset, or until the channel has been
-//! sound for a while. A channel that was merely late or silent is taken back after one second in
-//! either case, because nothing it measured was wrong.
-//!
-//! Left out: what the instrument does about it, which is the device's.
+//! Left out: how long what was found counts ([`Findings`]), and what the instrument does about it,
+//! which is the device's.
 
 use crate::chain::Invalid;
 use crate::observation::Observation;
@@ -22,20 +19,12 @@ use crate::sample::Instant;
 use crate::vector::Corrected;
 
 use super::activity::{self, Loudness};
+use super::findings::{Against, Comparison, Evidence, Findings, Latch};
 use super::movement::{self, Finding, Movement};
 use super::residual::{self, Residual};
 use super::standstill::{self, Standstill};
 use super::window::{WindowCheck, WindowState};
 use super::{HEARD_US, Judgement, Node, PATIENCE_US, Silence, difference, reason};
-
-/// How long something found stays.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Latch {
-    /// Until the instrument is reset: somebody has to look.
-    UntilReset,
-    /// Until nothing of it has been seen for this many microseconds.
-    Healthy(u32),
-}
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,9 +58,6 @@ impl ProductCheck {
     };
 }
 
-/// How long a channel that was late or silent has to be in time before it counts again.
-pub const RECOVERY_US: i64 = 1_000_000;
-
 /// The longest time between two pairs that averages are fed with, us; beyond, they start anew. A
 /// master may send SYNC as seldom as every ten seconds.
 const LONGEST_PAUSE_US: u32 = 11_000_000;
@@ -79,15 +65,6 @@ const LONGEST_PAUSE_US: u32 = 11_000_000;
 /// How long both channels together may go without an angle while shocks drive both over their
 /// range, us: that is the machine's doing and accuses neither, but somebody has to be told at last.
 const SHAKEN_PATIENCE_US: i64 = 10_000_000;
-
-/// A finding, and when it was last seen.
-#[derive(Clone, Copy, Debug)]
-struct Held<T> {
-    what: T,
-    seen: Instant,
-    /// The peer says it of itself, and holds it by its own latch.
-    told: bool,
-}
 
 /// What the check remembers. A reset is a new state.
 #[derive(Clone, Copy, Debug, Default)]
@@ -102,16 +79,7 @@ pub struct ProductState {
     /// When both were last over their range at once.
     both_over: Option<Instant>,
     before: Option<Instant>,
-    /// Own channel, then the peer.
-    ill: [Option<Held<Invalid>>; 2],
-    disagreement: Option<Held<()>>,
-}
-
-impl Held<Invalid> {
-    /// True for what is over soon after it is no longer seen.
-    const fn passes_with_its_cause(&self) -> bool {
-        self.told || self.what.passes_with_its_cause()
-    }
+    findings: Findings,
 }
 
 impl ProductState {
@@ -120,53 +88,46 @@ impl ProductState {
         self.residual.difference()
     }
 
-    /// There is no pair, so whatever is averaged begins anew; what is usual does so after a
-    /// `lasting` pause.
-    fn interrupt(&mut self, lasting: bool) {
-        self.activity.skip();
-        self.residual.restart();
+    /// What was found so far.
+    pub const fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// What was found so far, for what is not shown by a pair.
+    pub const fn findings_mut(&mut self) -> &mut Findings {
+        &mut self.findings
+    }
+
+    /// This channel was away, or has been set up anew.
+    pub fn own_away(&mut self) {
+        self.findings.own_away();
         self.movement.restart();
-        if lasting {
-            self.activity.restart();
-            self.window.interrupt();
-        }
+    }
+
+    /// The peer has been started anew.
+    pub fn peer_restarted(&mut self) {
+        self.findings.peer_restarted();
+        self.movement.restart();
+    }
+
+    /// There is no pair: nobody knows what happened to a channel meanwhile, so where it stood counts
+    /// no more.
+    fn interrupt(&mut self) {
+        self.activity.skip();
+        self.movement.restart();
+    }
+
+    /// One of the two did not measure for a while, so what is averaged begins anew.
+    fn restart(&mut self) {
+        self.interrupt();
+        self.activity.restart();
+        self.residual.restart();
+        self.window.interrupt();
     }
 
     /// A pair was lost on the way: what was heard at its instant stands alone.
     pub fn pair_lost(&mut self) {
         self.activity.skip();
-    }
-
-    /// The peer has been started anew: what it is held ill for belongs to its life before.
-    pub fn peer_restarted(&mut self) {
-        let [_, peer] = &mut self.ill;
-        *peer = None;
-        self.movement.restart();
-    }
-
-    fn accuse(&mut self, node: Node, reason: Invalid, now: Instant) {
-        self.hold(node, reason, now, false);
-    }
-
-    fn hold(&mut self, node: Node, reason: Invalid, now: Instant, told: bool) {
-        let [own, peer] = &mut self.ill;
-        let place = match node {
-            Node::Own => own,
-            Node::Peer => peer,
-        };
-        self.disagreement = None;
-        // A channel that falls silent after it was found wrong is still the wrong one.
-        match place {
-            Some(held) if !held.passes_with_its_cause() && told => {}
-            Some(held) if !held.passes_with_its_cause() => held.seen = now,
-            _ => {
-                *place = Some(Held {
-                    what: reason,
-                    seen: now,
-                    told,
-                });
-            }
-        }
     }
 
     /// How long a channel may go without an angle for a reason that passes.
@@ -181,19 +142,53 @@ impl ProductState {
             PATIENCE_US
         }
     }
+}
 
-    fn accused(&self) -> bool {
-        self.ill.iter().any(Option::is_some)
+impl ProductState {
+    /// What a missing angle says against either channel, and the reason that is waited for.
+    fn miss(
+        &mut self,
+        absent: [Option<Invalid>; 2],
+        now: Instant,
+    ) -> ([Option<Against>; 2], Option<Invalid>) {
+        let patience_us = self.patience_us(absent, now);
+        let mut against = [None; 2];
+        let mut waiting = None;
+        let channels = self.silence.iter_mut().zip(absent).zip(&mut against);
+        for (node, ((silence, why), against)) in [Node::Own, Node::Peer].into_iter().zip(channels) {
+            match why {
+                None => silence.hear(now),
+                Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
+                    waiting = Some(why);
+                }
+                Some(reason) => {
+                    if !reason.is_transient() {
+                        *silence = Silence::default();
+                    }
+                    let told = node == Node::Peer;
+                    *against = Some(Against { reason, told });
+                }
+            }
+        }
+        (against, waiting)
     }
 
-    /// What is held, as a judgement.
-    fn held(&self) -> Option<Judgement> {
-        let one = |ill, reason| Some(Judgement::OneChannel { ill, reason });
-        match self.ill.map(|held| held.map(|h| h.what)) {
-            [Some(reason), Some(_)] => Some(Judgement::NoChannel(reason)),
-            [Some(reason), None] => one(Node::Own, reason),
-            [None, Some(reason)] => one(Node::Peer, reason),
-            [None, None] => self.disagreement.map(|_| Judgement::Disagree),
+    /// There is nothing to compare. What is not heard has changed nothing: the difference of the
+    /// two is averaged on where it was. A channel that stopped measuring may come back with
+    /// another offset, and a shock takes its angle away for a moment only.
+    fn lapse(&mut self, absent: [Option<Invalid>; 2]) {
+        let mut reasons = absent.iter().flatten();
+        if reasons.all(|why| why.is_unheard()) {
+            self.interrupt();
+            self.activity.restart();
+            return self.window.interrupt();
+        }
+        let lasting = absent.iter().flatten().any(|why| !why.is_transient());
+        if lasting {
+            self.restart();
+        } else {
+            self.interrupt();
+            self.residual.restart();
         }
     }
 }
@@ -207,55 +202,26 @@ impl ProductCheck {
         peer: &Observation,
         now: Instant,
     ) -> Judgement {
-        self.release(state, now);
         let elapsed_us = pause(state.before.replace(now), now);
+        let paused = elapsed_us == LONGEST_PAUSE_US;
         let absent = [reason(own.reading), reason(peer.reading)];
-        let patience_us = state.patience_us(absent, now);
-        let mut waiting = None;
-        for (node, why) in [Node::Own, Node::Peer].into_iter().zip(absent) {
-            let [own, peer] = &mut state.silence;
-            let silence = match node {
-                Node::Own => own,
-                Node::Peer => peer,
-            };
-            match why {
-                None => silence.hear(now),
-                Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
-                    waiting = Some(why);
-                }
-                Some(why) => {
-                    if !why.is_transient() {
-                        *silence = Silence::default();
-                    }
-                    state.hold(node, why, now, node == Node::Peer);
-                }
-            }
-        }
-        if absent == [None, None] {
-            self.compare(state, own, peer, (now, elapsed_us));
+        let (mut against, waiting) = state.miss(absent, now);
+        let comparison = if absent == [None, None] {
+            self.compare(state, own, peer, &mut against, (now, elapsed_us))
         } else {
-            // A shock takes the angle away for a moment only.
-            let lasting = absent.iter().flatten().any(|why| !why.is_transient());
-            state.interrupt(lasting);
-        }
-        let waiting = waiting.map(Judgement::Waiting);
-        state.held().or(waiting).unwrap_or(Judgement::Agree)
-    }
-
-    /// Forgets what has been over for long enough.
-    fn release(&self, state: &mut ProductState, now: Instant) {
-        let latched = |seen: Instant| match self.latch {
-            Latch::UntilReset => true,
-            Latch::Healthy(us) => now.micros_since(seen) < i64::from(us),
+            state.lapse(absent);
+            Comparison::Absent
         };
-        for place in &mut state.ill {
-            *place = place.filter(|held| {
-                let recent = now.micros_since(held.seen) < RECOVERY_US;
-                recent || !held.passes_with_its_cause() && latched(held.seen)
-            });
-        }
-        let held = state.disagreement;
-        state.disagreement = held.filter(|held| latched(held.seen));
+        let evidence = Evidence {
+            against,
+            measures: absent.map(|why| why.is_none()),
+            comparison,
+            elapsed_us: if paused { 0 } else { elapsed_us },
+        };
+        state.findings.take(&evidence, self.latch);
+        let found = state.findings.judgement();
+        let waiting = waiting.map(Judgement::Waiting);
+        found.or(waiting).unwrap_or(Judgement::Agree)
     }
 
     /// Both channels measure.
@@ -264,30 +230,36 @@ impl ProductCheck {
         state: &mut ProductState,
         own: &Observation,
         peer: &Observation,
+        against: &mut [Option<Against>; 2],
         (now, elapsed_us): (Instant, u32),
-    ) {
+    ) -> Comparison {
         if elapsed_us == LONGEST_PAUSE_US {
-            state.interrupt(true);
+            state.restart();
         }
         let loud = self
             .loudness
             .step(&mut state.activity, own.activity, peer.activity, elapsed_us);
-        if let Some((node, reason)) = loud {
-            state.accuse(node, reason, now);
-        }
+        accuse(against, loud);
+        let (own_reading, peer_reading) = (own.reading, peer.reading);
         let angles = self
             .window
-            .compare(&mut state.window, own.reading, peer.reading, now);
+            .compare(&mut state.window, own_reading, peer_reading, now);
         let mut differ = angles == Judgement::Disagree;
-        let mut culprit = None;
         if let (Some(a), Some(b)) = (own.vector, peer.vector) {
             let uncertainty = uncertainty(own, peer);
             let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
             differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
-            culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
+            let culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
+            accuse(against, culprit.map(|node| (node, Invalid::Biased)));
         }
-        self.differ(state, differ, culprit, now);
+        if differ {
+            Comparison::Differ
+        } else if state.window.exceeds() {
+            Comparison::Excess
+        } else {
+            Comparison::Agree
+        }
     }
 
     /// The channel that moved alone is named, or the one whose gravity is wrong at a standstill,
@@ -304,41 +276,31 @@ impl ProductCheck {
             Finding::Moved(node) => return Some(node),
             Finding::Stood(beyond) => beyond,
         };
-        if differ || state.disagreement.is_some() {
+        if differ || state.findings.disagree() {
             let usual = standstill::along(state.residual.usual(), pair);
             return self
                 .standstill
                 .blame(&state.standstill, beyond, usual, uncertainty);
         }
-        if !state.accused() {
+        if state.findings.judgement().is_none() {
             state.standstill.learn(beyond);
         }
         None
     }
+}
 
-    fn differ(&self, state: &mut ProductState, differ: bool, culprit: Option<Node>, now: Instant) {
-        if let Some(node) = culprit {
-            return state.accuse(node, Invalid::Biased, now);
-        }
-        if !differ {
-            return;
-        }
-        // A channel already known as ill explains the difference.
-        let mut accused = false;
-        for held in state.ill.iter_mut().flatten() {
-            accused = true;
-            if !held.passes_with_its_cause() {
-                held.seen = now;
-            }
-        }
-        if !accused {
-            state.disagreement = Some(Held {
-                what: (),
-                seen: now,
-                told: false,
-            });
-        }
-    }
+/// Notes what was found against a channel; gravity, which comes last, counts before noise.
+fn accuse(against: &mut [Option<Against>; 2], found: Option<(Node, Invalid)>) {
+    let Some((node, reason)) = found else { return };
+    let [own, peer] = against;
+    let place = match node {
+        Node::Own => own,
+        Node::Peer => peer,
+    };
+    *place = Some(Against {
+        reason,
+        told: false,
+    });
 }
 
 /// Time since the pair before, stopping at [`LONGEST_PAUSE_US`].

@@ -84,6 +84,7 @@ fn any_reason() -> impl Strategy<Value = Invalid> {
         Invalid::Refused,
         Invalid::Unconfirmed,
         Invalid::Alone,
+        Invalid::Unlike,
     ])
 }
 

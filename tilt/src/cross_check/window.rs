@@ -29,6 +29,11 @@ impl WindowState {
     pub(super) fn interrupt(&mut self) {
         self.excess_since = None;
     }
+
+    /// True while the two angles are further apart than they may be, for however short a time.
+    pub(super) const fn exceeds(&self) -> bool {
+        self.excess_since.is_some()
+    }
 }
 
 impl WindowCheck {

@@ -52,14 +52,14 @@ impl Site {
                 self.process(node)
             );
         }
-        assert_eq!(self.process(0).state, 1, "{:?}", self.process(0));
+        assert_eq!(self.state(0), 1, "{:?}", self.process(0));
     }
 }
 
 fn working() -> Site {
     let mut site = Site::working(250);
     site.sync(30);
-    assert_eq!(site.process(0).state, 1);
+    assert_eq!(site.state(0), 1);
     site
 }
 

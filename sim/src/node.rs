@@ -1,19 +1,16 @@
-//! One node of the instrument: its own channel, and the check against its peer's reading.
+//! A channel with a check of its own, joined without a bus: what the bench and the recordings need.
 //!
-//! The paper's instrument has two of these, each on its own microcontroller (R11). Where the
-//! peer's reading comes from is the caller's business: the bus (`device`, between
-//! [`Node::observe`], which goes out, and [`Node::judge`], which takes the peer's), or the
-//! simulation directly.
+//! In: the part's samples, and what the peer says of the same instant. Out: readings and verdicts.
+//! Left out: the bus, which has [`Device`](device::device::Device).
 
+use device::channel::{Channel, Settings};
+use device::sensor::InitError;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::Reading;
-use tilt::cross_check::{CrossCheck, Latch, Verdict};
+use tilt::cross_check::{CrossCheck, Verdict};
 use tilt::observation::Observation;
 use tilt::sample::Instant;
-
-use crate::channel::{Channel, Settings};
-use crate::sensor::InitError;
 
 /// A node's state.
 #[derive(Debug)]
@@ -25,7 +22,6 @@ pub struct Node<SPI> {
 
 impl<SPI: SpiDevice> Node<SPI> {
     /// A node that has not been started, judging by `check`.
-    #[inline(never)]
     pub fn new(spi: SPI, check: CrossCheck) -> Self {
         Self {
             channel: Channel::new(spi),
@@ -69,27 +65,5 @@ impl<SPI: SpiDevice> Node<SPI> {
         now: Instant,
     ) -> Verdict {
         self.check.step(own, peer, now)
-    }
-
-    /// How long the product's check holds what it finds, from now on.
-    pub const fn set_latch(&mut self, latch: Latch) {
-        if let CrossCheck::Product(check, _) = &mut self.check {
-            check.latch = latch;
-        }
-    }
-
-    /// A pair could not be compared.
-    pub fn pair_lost(&mut self) {
-        self.check.pair_lost();
-    }
-
-    /// The peer has been started anew.
-    pub fn peer_restarted(&mut self) {
-        self.check.peer_restarted();
-    }
-
-    /// Own minus peer, low-passed, 2^-26 g per step.
-    pub fn residual(&self) -> [i32; 3] {
-        self.check.residual()
     }
 }

@@ -1,0 +1,224 @@
+//! Matching: which observation of the peer belongs to which of this channel's.
+//!
+//! In: SYNCs, the two PDOs of the peer's exchange, the time. Out: pairs of observations of one SYNC
+//! for the pair's state machine ([`crate::pair`]) and the black box.
+//!
+//! A peer that misses a few SYNCs is waited for; then it is silent, or late when what it sends is
+//! of the past. While this node's own controller is off the bus nobody else is blamed for the
+//! silence, and a node whose own frames go out after later SYNCs takes its angles back: who pairs
+//! them with the wrong SYNC would read an old angle as a new one.
+//!
+//! Left out: what a pair is worth (`pair`) and what the bus is told of it (`report`).
+
+use canopen::Frame;
+use canopen::nmt::State;
+use embedded_hal::spi::SpiDevice;
+use tilt::chain::Invalid;
+use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductCheck, ProductState};
+use tilt::observation::Observation;
+use tilt::sample::Instant;
+
+use super::sending::Sending;
+use super::{Device, Memory, bus_time};
+use crate::black_box::{self, blamed_reason};
+use crate::exchange;
+use crate::objects::process::SyncSource;
+use crate::objects::values::Latched;
+use crate::peer_clock::{Heard, PeerClock};
+
+/// SYNCs in a row that may pass without the peer's exchange before it counts as silent.
+const MISSES_ALLOWED: u8 = 2;
+
+/// Boot-up and heartbeats have this identifier plus the node-id (CiA 301, 7.2.8.3.2).
+const ERROR_CONTROL: u16 = 0x700;
+
+/// The controller is off the bus: 2052h sub 1.
+const BUS_OFF: u8 = 2;
+
+/// What has come of the peer's exchange, and what has gone of this node's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Matching {
+    clock: PeerClock,
+    /// The first PDO of this SYNC's exchange has come; the second one has.
+    came: [bool; 2],
+    pub(super) misses: u8,
+    /// What the peer said last.
+    peer: Observation,
+    /// PDOs of this node on their way to the bus.
+    pub(super) sending: Sending,
+}
+
+impl Matching {
+    /// Nothing heard.
+    pub(super) const fn new() -> Self {
+        Self {
+            clock: PeerClock::new(),
+            came: [false; 2],
+            misses: 0,
+            peer: Observation::absent(Invalid::Unconfirmed),
+            sending: Sending::new(),
+        }
+    }
+}
+
+impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+    /// Takes the check that 2003h asks for, with a fresh memory.
+    pub(super) fn choose_check(&mut self) {
+        match self.values.parameters.check {
+            1 => self
+                .pair
+                .set_check(CrossCheck::Paper(PaperCheck::PAPER, PaperState::default())),
+            2 => self.pair.set_check(CrossCheck::Product(
+                ProductCheck::PRODUCT,
+                ProductState::default(),
+            )),
+            _ => {}
+        }
+    }
+
+    /// The peer's boot-up tells that what was held against it belongs to its life before.
+    pub(super) fn watch_peer(&mut self, frame: &Frame) {
+        let boot_up = ERROR_CONTROL + u16::from(self.values.parameters.peer);
+        if frame.cob_id() == Some(boot_up) && frame.bytes() == [0] {
+            self.pair.peer_restarted();
+            self.matching.clock = PeerClock::new();
+            self.matching.misses = 0;
+        }
+    }
+
+    /// A SYNC was obeyed, from `source`.
+    pub(super) fn synchronised(&mut self, source: SyncSource, now: Instant) {
+        self.values.news.sync = false;
+        self.values.process.source = source;
+        self.pair.synchronised(now);
+        self.matching.sending.sync();
+        if source == SyncSource::Bus {
+            self.end_standing_in(now);
+        }
+        if self.values.state != State::Operational {
+            // No PDOs here, so nobody is silent who says nothing.
+            self.values.news.unanswered = None;
+            self.matching.came = [false; 2];
+            self.matching.misses = 0;
+            return;
+        }
+        let [first, second] = core::mem::take(&mut self.matching.came);
+        let Some(before) = self.values.news.unanswered.take() else {
+            return;
+        };
+        // What this channel has heard since the SYNC before has nothing to be held against.
+        self.pair.lost();
+        if first && !second {
+            // The angles have come and what is behind them has not: they are compared alone.
+            return self.answered(before, false, now);
+        }
+        let process = &mut self.values.process;
+        process.missed = process.missed.saturating_add(1);
+        self.matching.misses = self.matching.misses.saturating_add(1);
+        if self.matching.misses > MISSES_ALLOWED {
+            let silence = self.pair.silence();
+            self.judge_sync(before.observation, silence, (before.at, now));
+        }
+    }
+
+    pub(super) fn end_standing_in(&mut self, now: Instant) {
+        if core::mem::take(&mut self.standing_in) {
+            self.bus.stand_in_for_sync(None, bus_time(now));
+        }
+    }
+
+    /// Looks whether the peer's exchange is whole.
+    pub(super) fn pair_up(&mut self, now: Instant) {
+        let news = &mut self.values.news;
+        let [first, second] = &mut self.matching.came;
+        *first |= core::mem::take(&mut news.exchange);
+        *second |= core::mem::take(&mut news.backing);
+        if !(*first && *second) {
+            return;
+        }
+        self.matching.came = [false; 2];
+        match news.own.take() {
+            Some(own) => self.answered(own, true, now),
+            // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
+            None if self.values.process.source == SyncSource::None => {
+                let observation = self.channel.observe(&self.settings, now);
+                let at = now;
+                self.answered(Latched { observation, at }, true, now);
+            }
+            // The peer has heard a SYNC that this node has missed: there is nothing to compare.
+            None => self.pair.lost(),
+        }
+    }
+
+    /// The peer's exchange for the SYNC of `own` has come; `backed` with its second PDO.
+    fn answered(&mut self, own: Latched, backed: bool, now: Instant) {
+        self.matching.misses = 0;
+        self.pair.hear();
+        let process = &self.values.process;
+        let (received, latency_us) = (process.received, process.latency_us);
+        let at = own.at.offset(-i64::from(latency_us));
+        let mut peer = exchange::decode(&received, at, latency_us, backed);
+        if backed {
+            let sound = peer.reading.x.is_ok() || peer.reading.y.is_ok();
+            match self.matching.clock.hear(received.captured, own.at, sound) {
+                Heard::InTime => {}
+                // It belongs to another SYNC, so there is nothing to compare it with.
+                Heard::Other => return self.pair.lost(),
+                Heard::Late => peer = peer.refused(Invalid::Late),
+            }
+        }
+        if backed {
+            let own_shown = self.values.parameters.presentation();
+            let readings = [&own.observation.reading, &peer.reading];
+            let piece = (received.captured, received.piece());
+            self.pair.compare_shown(piece, own_shown, readings, now);
+        }
+        self.judge_sync(own.observation, peer, (own.at, now));
+    }
+
+    /// A channel that reports a fault itself doesn't wait for a SYNC to say so. The black box does:
+    /// its frames are those of SYNCs.
+    pub(super) fn watch_own(&mut self, now: Instant) {
+        let fault = self
+            .channel
+            .reason()
+            .filter(|reason| !reason.is_transient());
+        if let (Some(reason), None) = (fault, self.pair.own_fault()) {
+            self.pair.own_faulty(reason);
+            self.next_refresh = now;
+        }
+    }
+
+    fn judge(&mut self, own: Observation, peer: Observation, times: (Instant, Instant)) {
+        let off = self.values.process.bus.state == BUS_OFF;
+        let own = match (off, self.matching.sending.is_late()) {
+            (true, _) => own.refused(Invalid::Silent),
+            (false, true) => own.refused(Invalid::Late),
+            (false, false) => own,
+        };
+        let peer = if off { self.matching.peer } else { peer };
+        self.matching.peer = peer;
+        let policy = self.values.parameters.policy();
+        self.pair.judge(own, peer, times, policy);
+    }
+
+    /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
+    fn judge_sync(&mut self, own: Observation, peer: Observation, (at, now): (Instant, Instant)) {
+        self.judge(own, peer, (at, now));
+        let shown = self.shown(now);
+        let (blamed, why) = shown.blame();
+        let process = &self.values.process;
+        let frame = black_box::Frame {
+            own: process.sent.bytes(),
+            peer: process.received.bytes(),
+            state: shown.state(),
+            blamed_reason: blamed_reason(blamed, why),
+        };
+        self.black_box.record(&frame, at);
+    }
+
+    /// Time since the code was started, ms.
+    pub(super) fn uptime_ms(&self, now: Instant) -> u32 {
+        (now.micros_since(self.started).max(0) / 1000) as u32
+    }
+}

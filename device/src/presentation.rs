@@ -1,0 +1,253 @@
+//! Presentation: whether both nodes show the same angle as the same number.
+//!
+//! In: inversion, preset and offsets of both slopes of each node. Out: whether the two nodes show
+//! angles that are further apart than what they have measured. Zeroing one node only makes them
+//! so, and each of them would call its angle valid.
+//!
+//! What a node shows travels in the four lowest bits of the two angles of its exchange, which no
+//! channel resolves (0.0003 deg): one byte of four at each SYNC, [`Presentation::piece`]. Which one
+//! follows from the capture time in the same exchange. A byte counts when it has come twice alike,
+//! so that a node which sends the bits of an angle there is not compared.
+//!
+//! Left out: the resolution (6000h). It is the unit of a number, which whoever reads it has to
+//! have in any case.
+
+use tilt::angle::{Angle, Axes};
+use tilt::chain::{Measurement, Reading};
+use tilt::sample::Instant;
+
+use crate::profile::{Resolution, Slope};
+
+/// How much the shifts of both nodes may differ beside the uncertainties of their angles: a pair
+/// that is zeroed in one place differs by what the channels measured there, 0.5 deg.
+const LIMIT: u32 = Angle::from_degrees(0.5).magnitude();
+
+/// Both have to be set alike within this time, us: a tool sets one after the other.
+const PATIENCE_US: i64 = 2_000_000;
+
+/// 0.001 deg in one step of a code.
+const STEP: i32 = 20;
+
+/// Half a circle in steps of a code.
+const HALF_TURN: i32 = 180_000 / STEP;
+
+/// What is added to a slope, and whether it is inverted, of X and Y: the shift in steps of 0.02 deg
+/// from -180 deg on, times two, plus one where it is inverted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Presentation([u16; 2]);
+
+impl Presentation {
+    /// As measured: not inverted, nothing added.
+    pub const AS_MEASURED: Self = Self([2 * HALF_TURN as u16; 2]);
+
+    /// Of a node's own slopes X and Y, whose parameters are in units of `resolution`.
+    pub fn of(slopes: [&Slope; 2], resolution: Resolution) -> Self {
+        Self(slopes.map(|slope| {
+            let shift = i32::from(resolution.number()).saturating_mul(slope.shift());
+            let steps = (shift / STEP + HALF_TURN).rem_euclid(2 * HALF_TURN);
+            (steps * 2 + i32::from(slope.is_inverted())) as u16
+        }))
+    }
+
+    /// The bytes in which it travels.
+    const fn bytes(self) -> [u8; 4] {
+        let [x, y] = self.0;
+        let ([a, b], [c, d]) = (x.to_le_bytes(), y.to_le_bytes());
+        [a, b, c, d]
+    }
+
+    const fn from_bytes([a, b, c, d]: [u8; 4]) -> Self {
+        Self([u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])])
+    }
+
+    /// The byte that goes with an exchange of this capture time.
+    pub fn piece(self, captured: u8) -> u8 {
+        let bytes = self.bytes();
+        bytes.get(place(captured)).copied().unwrap_or(0)
+    }
+
+    /// Shift and inversion of an axis.
+    const fn axis(code: u16) -> (i32, bool) {
+        ((code >> 1) as i32, code & 1 != 0)
+    }
+
+    /// True where the two would show the same angle as different numbers.
+    fn differs(self, other: Self, uncertainty: Axes<u32>) -> bool {
+        let ([x, y], [other_x, other_y]) = (self.0, other.0);
+        let one = |own: u16, other: u16, uncertainty: u32| {
+            let ((own, own_sign), (other, other_sign)) = (Self::axis(own), Self::axis(other));
+            // A turn is 18 000 steps: 2^32 / 18 000.
+            let apart = Angle((own - other).wrapping_mul(238_609));
+            own_sign != other_sign || apart.magnitude() > LIMIT.saturating_add(uncertainty)
+        };
+        one(x, other_x, uncertainty.x) || one(y, other_y, uncertainty.y)
+    }
+}
+
+/// Which byte goes with a capture time: with any period of SYNC but 256 ms all have their turn.
+const fn place(captured: u8) -> usize {
+    ((captured ^ captured >> 2 ^ captured >> 4 ^ captured >> 6) & 3) as usize
+}
+
+/// What is known of the peer's presentation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PeerPresentation {
+    bytes: [u8; 4],
+    /// Bytes that have come twice alike, a bit each.
+    known: u8,
+    /// Since when the two show different angles.
+    apart_since: Option<Instant>,
+}
+
+impl PeerPresentation {
+    /// Nothing heard.
+    pub const NONE: Self = Self {
+        bytes: [0; 4],
+        known: 0,
+        apart_since: None,
+    };
+
+    /// A byte that came with an exchange of this capture time, at `now`.
+    ///
+    /// `readings` are this node's and the peer's, for their uncertainties.
+    pub fn hear(
+        &mut self,
+        (captured, piece): (u8, u8),
+        own: Presentation,
+        readings: [&Reading; 2],
+        now: Instant,
+    ) {
+        let place = place(captured);
+        let Some(byte) = self.bytes.get_mut(place) else {
+            return;
+        };
+        let alike = core::mem::replace(byte, piece) == piece;
+        self.known = self.known & !(1 << place) | u8::from(alike) << place;
+        let peer = Presentation::from_bytes(self.bytes);
+        if self.known != 0xF || !own.differs(peer, vagueness(readings)) {
+            self.apart_since = None;
+        } else {
+            self.apart_since.get_or_insert(now);
+        }
+    }
+
+    /// True when the two have shown different angles for too long.
+    pub fn is_apart(&self, now: Instant) -> bool {
+        self.apart_since
+            .is_some_and(|since| now.micros_since(since) > PATIENCE_US)
+    }
+}
+
+/// Four standard uncertainties of each angle: by so much two that were zeroed in one place may be
+/// apart in their shifts.
+fn vagueness([own, peer]: [&Reading; 2]) -> Axes<u32> {
+    let of = |axis: &Result<Measurement, _>| match axis {
+        Ok(measured) => measured.unshared.0.saturating_mul(4),
+        Err(_) => 0,
+    };
+    Axes {
+        x: of(&own.x).saturating_add(of(&peer.x)),
+        y: of(&own.y).saturating_add(of(&peer.y)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::Parameter;
+    use tilt::chain::Invalid;
+    use tilt::observation::Observation;
+
+    const ABSENT: Reading = Observation::absent(Invalid::NoSample).reading;
+
+    fn shifted(units: i32, resolution: Resolution, operating: i32) -> Presentation {
+        let mut slope = Slope::new();
+        slope.load(Parameter::Operating, operating);
+        slope.load(Parameter::Differential, units);
+        Presentation::of([&slope, &Slope::new()], resolution)
+    }
+
+    /// Tells a presentation every `steps` of the capture time until it is found to differ, for
+    /// twenty seconds; after how many exchanges.
+    fn found(own: Presentation, peer: Presentation, steps: u8) -> Option<u32> {
+        let mut heard = PeerPresentation::NONE;
+        let us = u64::from(steps) * 2000;
+        (0..20_000_000 / us as u32).find(|n| {
+            let captured = (*n as u8).wrapping_mul(steps);
+            let now = Instant(u64::from(*n) * us);
+            let piece = (captured, peer.piece(captured));
+            heard.hear(piece, own, [&ABSENT; 2], now);
+            heard.is_apart(now)
+        })
+    }
+
+    #[test]
+    fn a_preset_on_one_node_only_is_found_at_every_period() {
+        let hundredth = Resolution::Hundredth;
+        let (own, peer) = (shifted(0, hundredth, 3), shifted(1000, hundredth, 3));
+        for steps in 1..=100 {
+            let after = found(own, peer, steps).expect("10 deg");
+            let patience = 1000 / u32::from(steps) + 1;
+            assert!(after <= patience + 60, "{steps}: {after}");
+            assert_eq!(found(own, own, steps), None);
+            assert_eq!(found(peer, peer, steps), None);
+        }
+    }
+
+    #[test]
+    fn what_is_shown_alike_is_alike_whatever_its_unit() {
+        let own = shifted(-1234, Resolution::Hundredth, 2);
+        assert_eq!(
+            found(own, shifted(-12_340, Resolution::Thousandth, 2), 10),
+            None
+        );
+        // 0.4 deg is what two channels may differ by where both were zeroed.
+        assert_eq!(
+            found(own, shifted(-1274, Resolution::Hundredth, 2), 10),
+            None
+        );
+        assert!(found(own, shifted(-1294, Resolution::Hundredth, 2), 10).is_some());
+        assert!(found(own, shifted(-1234, Resolution::Hundredth, 3), 10).is_some());
+        // Offsets that are not added count for nothing.
+        let off = shifted(500, Resolution::Hundredth, 0);
+        assert_eq!(found(off, shifted(0, Resolution::Hundredth, 2), 10), None);
+        // Half a turn to either side is the same.
+        let [half, other] = [180, -180].map(|deg| shifted(deg, Resolution::Degree, 2));
+        assert_eq!(found(half, other, 10), None);
+    }
+
+    #[test]
+    fn a_vague_pair_may_be_further_apart() {
+        let tenth = |units| shifted(units, Resolution::Tenth, 2);
+        let measured = |deg| {
+            let unshared = tilt::uncertainty::Uncertainty::from_degrees(deg);
+            Ok(Measurement {
+                angle: Angle(0),
+                uncertainty: unshared,
+                unshared,
+                at: Instant(0),
+                latency_us: 0,
+            })
+        };
+        let vague = Axes {
+            x: measured(1.0),
+            y: measured(1.0),
+        };
+        let room = vagueness([&vague, &vague]);
+        assert!(!tenth(0).differs(tenth(80), room));
+        assert!(tenth(0).differs(tenth(90), room));
+    }
+
+    #[test]
+    fn bits_that_change_all_the_time_are_no_presentation() {
+        let mut heard = PeerPresentation::NONE;
+        let mut noise = 1_u32;
+        for n in 0..10_000_u64 {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let piece = ((n * 10) as u8, (noise >> 24) as u8);
+            let now = Instant(n * 20_000);
+            heard.hear(piece, Presentation::default(), [&ABSENT; 2], now);
+            assert!(!heard.is_apart(now), "{n}");
+        }
+    }
+}

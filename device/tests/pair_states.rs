@@ -1,0 +1,504 @@
+//! The pair in every state that it can be brought into, and in each of them every event.
+//!
+//! In: two devices on a bus, one of which may be biased, and a list of what a master, a fitter, the
+//! bus and a supply can do to either. Out: the search goes on until no event leads to a state that
+//! was not there before, and every frame on the way is held against the rules of docs/safety.md:
+//! - an angle marked valid is right, or wrong for half a second in which both could be compared;
+//! - it was compared since its node was last away;
+//! - one channel alone has agreed with the other one before, and did not differ from it since;
+//! - a disagreement ends with a reset of its node, or as 2004h says;
+//! - a safety frame has a comparison behind it that is no older than its cycle.
+//!
+//! What is stored of the low-passes is not part of a state: they hold what the last second was.
+
+mod both;
+
+use std::cell::RefCell;
+use std::collections::{HashSet, VecDeque};
+use std::fmt::Write as _;
+
+use both::{Heard, NODES, Policy, TICK_US, World};
+use tilt::sample::Instant;
+
+/// How long a wrong angle may be marked valid while both can be compared, us.
+const REACTION_US: i64 = 500_000;
+
+/// Cycle of the safety frames as delivered, and what a comparison takes after its SYNC, us.
+const SCT_US: i64 = 25_000;
+
+/// The slowest SYNC for which the reaction time is promised, us.
+const PROMISED_SYNC_US: i64 = 50_000;
+
+/// The most that one pair counts for towards going on alone, us.
+const MOST_CREDIT_US: i64 = 250_000;
+
+/// What can happen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    Time,
+    Bias(bool),
+    PreOperational(usize),
+    Start(usize),
+    Reset(usize),
+    ResetCommunication(usize),
+    Wire(usize, bool),
+    BusOff(usize),
+    Recover(usize),
+    Power(usize, bool),
+    LoseExchange(usize),
+    BrownOut(usize),
+    Sync(Option<i64>),
+}
+
+fn events() -> Vec<Event> {
+    let mut all = vec![Event::Time, Event::Bias(true), Event::Bias(false)];
+    for n in NODES {
+        all.extend([
+            Event::PreOperational(n),
+            Event::Start(n),
+            Event::Reset(n),
+            Event::ResetCommunication(n),
+            Event::Wire(n, false),
+            Event::Wire(n, true),
+            Event::BusOff(n),
+            Event::Recover(n),
+            Event::Power(n, false),
+            Event::Power(n, true),
+            Event::LoseExchange(n),
+            Event::BrownOut(n),
+        ]);
+    }
+    all.extend([None, Some(20_000), Some(200_000)].map(Event::Sync));
+    all
+}
+
+/// The biased node, and by how much: 2.9 deg.
+const BIASED: usize = 0;
+const BIAS_MG: i16 = 50;
+
+/// How long an event is followed by nothing else, us: less than what makes a peer silent, less and
+/// more than what a difference has to last, and more than what a silence is held against it.
+const PAUSES_US: [i64; 3] = [30_000, 350_000, 1_400_000];
+
+/// What was true of one node so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Past {
+    /// For how long it has been biased while both could be compared, us.
+    exposed_us: i64,
+    /// For how long both could be compared since it was last away, us, and in how many SYNCs.
+    compared_us: i64,
+    compared: u32,
+    /// It has shown a disagreement that only a reset ends.
+    disagreed: bool,
+    /// When the last SYNC was at which both could be compared.
+    last: Option<Instant>,
+}
+
+/// What was true so far.
+#[derive(Clone, Debug)]
+struct Watch {
+    past: [Past; 2],
+    last_sync: Instant,
+    /// Time between the SYNCs before, us. A PDO is made before its own SYNC is counted.
+    periods_us: [i64; 3],
+}
+
+#[derive(Clone)]
+struct State {
+    world: World,
+    biased: bool,
+    watch: Watch,
+}
+
+impl State {
+    fn new(policy: Policy) -> Self {
+        let mut world = World::new(policy);
+        world.load();
+        NODES.into_iter().for_each(|n| world.boot(n));
+        let watch = Watch {
+            past: [Past::default(); 2],
+            last_sync: world.now,
+            periods_us: [0; 3],
+        };
+        world.save();
+        Self {
+            world,
+            biased: false,
+            watch,
+        }
+    }
+
+    fn can_compare(world: &World) -> bool {
+        world.nodes.iter().all(|node| {
+            let channel = node.device.channel().reason();
+            let sound = channel.or(node.device.pair().own_fault()).is_none();
+            node.is_connected() && node.is_operational() && sound
+        })
+    }
+
+    /// The event makes a difference now.
+    fn applies(&self, event: Event) -> bool {
+        let node = |n: usize| &self.world.nodes[n];
+        match event {
+            Event::Time | Event::LoseExchange(_) => true,
+            Event::Bias(on) => self.biased != on,
+            Event::PreOperational(n) => node(n).is_connected() && node(n).is_operational(),
+            Event::Start(n) => node(n).is_connected() && !node(n).is_operational(),
+            Event::Reset(n) | Event::ResetCommunication(n) => node(n).is_connected(),
+            Event::Wire(n, on) => node(n).powered && node(n).wired != on,
+            Event::BusOff(n) => node(n).is_connected(),
+            Event::Recover(n) => node(n).powered && node(n).off,
+            Event::Power(n, on) => node(n).powered != on,
+            Event::BrownOut(n) => node(n).powered,
+            Event::Sync(us) => self.world.sync_us != us,
+        }
+    }
+
+    /// What follows from an event and the time after it, and the rules that were broken.
+    fn after(&self, event: Event, pause_us: i64, latch_s: u16) -> (Self, Vec<String>) {
+        let mut next = self.clone();
+        next.world.load();
+        let broken = next.happen(event, pause_us, latch_s);
+        next.world.save();
+        (next, broken)
+    }
+
+    fn happen(&mut self, event: Event, pause_us: i64, latch_s: u16) -> Vec<String> {
+        let Self {
+            world,
+            biased,
+            watch,
+        } = self;
+        if let Event::Bias(on) = event {
+            *biased = on;
+            world.part(BIASED).set_offset(if on { BIAS_MG } else { 0 });
+        }
+        let watch = RefCell::new(watch);
+        let (biased, broken) = (*biased, RefCell::new(Vec::new()));
+        let mut heard = |world: &World, heard: Heard| {
+            let mut rules = Rules {
+                latch_s,
+                biased,
+                watch: &mut watch.borrow_mut(),
+                broken: &mut broken.borrow_mut(),
+            };
+            rules.hear(world, heard);
+        };
+        let to = |n: usize| n as u8 + 1;
+        match event {
+            Event::Time | Event::Bias(_) => {}
+            Event::PreOperational(n) => world.command(0, &[128, to(n)], &mut heard),
+            Event::Start(n) => world.command(0, &[1, to(n)], &mut heard),
+            Event::Reset(n) => world.command(0, &[129, to(n)], &mut heard),
+            Event::ResetCommunication(n) => world.command(0, &[130, to(n)], &mut heard),
+            Event::Wire(n, on) => world.nodes[n].wired = on,
+            Event::BusOff(n) => world.bus_off(n),
+            Event::Recover(n) => world.recover(n),
+            Event::Power(n, false) => world.power_off(n),
+            Event::Power(n, true) => world.boot(n),
+            Event::LoseExchange(n) => world.lose_exchange(n),
+            Event::BrownOut(n) => world.part(n).power_down(),
+            Event::Sync(us) => world.set_sync(us),
+        }
+        watch.borrow_mut().begin_anew(world, event);
+        world.run(pause_us, &mut heard);
+        broken.into_inner()
+    }
+
+    /// What a state is: everything that the next events may depend on, times in classes.
+    fn key(&self) -> String {
+        let mut key = format!("{:?} {}", self.world.sync_us, self.biased);
+        let shown = |n: usize| {
+            let node = &self.world.nodes[n];
+            (
+                node.powered,
+                node.wired,
+                node.off,
+                node.device.bus().state(),
+            )
+        };
+        for n in NODES {
+            let device = &self.world.nodes[n].device;
+            let findings = device.pair().check().findings().map(|found| found.coarse());
+            let told = device.shown(self.world.now);
+            let past = &self.watch.past[n];
+            // A string takes whatever is written to it.
+            let _ = write!(
+                key,
+                " | {:?} {findings:?} {} {:?} {:?} {} {} {} {}",
+                shown(n),
+                told.state(),
+                told.standing(),
+                device.channel().reason(),
+                past.exposed_us > REACTION_US,
+                past.compared_us >= REACTION_US,
+                past.compared.min(1),
+                past.disagreed,
+            );
+        }
+        key
+    }
+}
+
+impl Watch {
+    /// A node that was reset, or left OPERATIONAL, begins anew.
+    fn begin_anew(&mut self, world: &World, event: Event) {
+        for (n, past) in self.past.iter_mut().enumerate() {
+            if matches!(event, Event::Reset(m) | Event::Power(m, _) if m == n) {
+                *past = Past::default();
+            }
+            if !world.nodes[n].is_operational() {
+                (past.compared, past.compared_us) = (0, 0);
+            }
+        }
+        if matches!(event, Event::Bias(false)) {
+            self.past[BIASED].exposed_us = 0;
+        }
+    }
+
+    fn sync(&mut self, world: &World, at: Instant, biased: bool) {
+        let period_us = at.micros_since(self.last_sync);
+        let [newest, before, _] = self.periods_us;
+        self.periods_us = [period_us, newest, before];
+        let passed_us = period_us.min(MOST_CREDIT_US);
+        let promised_us = passed_us.min(PROMISED_SYNC_US);
+        self.last_sync = at;
+        if !State::can_compare(world) {
+            return;
+        }
+        for (n, past) in self.past.iter_mut().enumerate() {
+            past.exposed_us += if biased && n == BIASED {
+                promised_us
+            } else {
+                0
+            };
+            past.compared_us += passed_us;
+            past.compared += 1;
+            past.last = Some(at);
+        }
+    }
+}
+
+/// The rules, and what was true so far.
+struct Rules<'a> {
+    latch_s: u16,
+    biased: bool,
+    watch: &'a mut Watch,
+    broken: &'a mut Vec<String>,
+}
+
+impl Rules<'_> {
+    /// One frame, held against the rules.
+    fn hear(&mut self, world: &World, heard: Heard) {
+        let Some(id) = heard.frame.cob_id() else {
+            return;
+        };
+        self.attribute(world);
+        match heard.by {
+            _ if id == 0x80 => self.watch.sync(world, heard.at, self.biased),
+            Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(n, &heard),
+            Some(n) if id == 0x181 + n as u16 => self.slopes(world, n, &heard),
+            _ => {}
+        }
+    }
+
+    fn rule(&mut self, holds: bool, heard: &Heard, what: &str) {
+        if !holds {
+            let (id, bytes) = (heard.frame.cob_id(), heard.frame.bytes());
+            self.broken
+                .push(format!("{what}: {:?} {id:X?} {bytes:X?}", heard.at));
+        }
+    }
+
+    fn is_wrong(&self, n: usize) -> bool {
+        self.biased && n == BIASED && self.watch.past[n].exposed_us > REACTION_US
+    }
+
+    fn safety_frame(&mut self, n: usize, heard: &Heard) {
+        let past = self.watch.past[n];
+        self.rule(!self.is_wrong(n), heard, "a wrong safety frame");
+        let age_us = past.last.map(|last| heard.at.micros_since(last));
+        let checked = age_us.is_some_and(|us| us <= SCT_US + TICK_US);
+        self.rule(checked, heard, "a safety frame that was not checked");
+        self.rule(
+            !past.disagreed,
+            heard,
+            "a safety frame of two that disagree",
+        );
+    }
+
+    /// The difference is attributed to the other channel: stuck, noise, spikes, thermometer, bias,
+    /// calibration.
+    fn attribute(&mut self, world: &World) {
+        for (n, past) in self.watch.past.iter_mut().enumerate() {
+            let (blamed, why) = world.nodes[n].device.shown(world.now).blame();
+            past.disagreed &= !(blamed == 2 && (9..=14).contains(&why));
+        }
+    }
+
+    fn slopes(&mut self, world: &World, n: usize, heard: &Heard) {
+        let [.., validity, state] = heard.frame.bytes() else {
+            return;
+        };
+        let past = &mut self.watch.past[n];
+        past.disagreed |= *state == 6 && self.latch_s == 0;
+        if validity & 1 == 0 {
+            return;
+        }
+        let past = *past;
+        self.rule(!self.is_wrong(n), heard, "a wrong angle");
+        self.rule(!past.disagreed, heard, "a disagreement was forgotten");
+        // The SYNC of this very frame has not been compared yet.
+        let before = past.compared > u32::from(State::can_compare(world));
+        self.rule(before, heard, "valid without a comparison");
+        // The newest pair counts for a while (`device::pair`).
+        let [newest, before, first] = self.watch.periods_us;
+        let period_us = newest.min(before).max(before.min(first));
+        let counts_us = (period_us * 9 / 2).max(400_000) + TICK_US;
+        let age_us = past.last.map(|last| heard.at.micros_since(last));
+        let proven = age_us.is_some_and(|us| us <= counts_us) || past.compared_us >= 400_000;
+        self.rule(proven, heard, "alone without having agreed");
+    }
+}
+
+/// Searches all states; how many there are, and how many events lead to the last of them.
+fn explore(policy: Policy, most: usize) -> (usize, usize, bool) {
+    let events = events();
+    let start = State::new(policy);
+    let mut known = HashSet::from([start.key()]);
+    let mut open = VecDeque::from([(start, Vec::new())]);
+    let mut depth = 0;
+    while let Some((state, path)) = open.pop_front() {
+        depth = path.len();
+        for &event in events.iter().filter(|event| state.applies(**event)) {
+            for pause_us in PAUSES_US {
+                let mut path = path.clone();
+                path.push((event, pause_us));
+                let (next, broken) = state.after(event, pause_us, policy.latch_s);
+                let first = broken.first();
+                assert_eq!(first, None, "{policy:?} {path:?}\n{}", next.key());
+                if known.len() % 2000 == 0 {
+                    eprintln!("{} {} {}", known.len(), open.len(), depth);
+                }
+                if known.len() < most && known.insert(next.key()) {
+                    open.push_back((next, path));
+                }
+            }
+        }
+    }
+    (known.len(), depth, known.len() < most)
+}
+
+const AS_DELIVERED: Policy = Policy {
+    latch_s: 0,
+    degraded: 1,
+};
+
+/// Follows one sequence; no rule is broken on the way.
+fn follow(policy: Policy, path: &[(Event, i64)]) -> State {
+    let mut state = State::new(policy);
+    state.world.load();
+    for (step, &(event, pause_us)) in path.iter().enumerate() {
+        let broken = state.happen(event, pause_us, policy.latch_s);
+        assert_eq!(broken.first(), None, "{policy:?}, step {step} of {path:?}");
+    }
+    state
+}
+
+/// Both work and agree for two seconds, then one is biased, until they disagree.
+const DISAGREEING: [(Event, i64); 4] = [
+    (Event::Start(0), 30_000),
+    (Event::Start(1), 2_000_000),
+    (Event::Bias(true), 1_000_000),
+    (Event::Time, 1_000_000),
+];
+
+/// Ways in which a node goes and comes back, with 0.3 s between.
+fn absences(n: usize) -> [(Event, Event); 5] {
+    [
+        (Event::PreOperational(n), Event::Start(n)),
+        (Event::Wire(n, false), Event::Wire(n, true)),
+        (Event::BusOff(n), Event::Recover(n)),
+        (Event::Sync(None), Event::Sync(Some(20_000))),
+        (Event::Sync(Some(200_000)), Event::Sync(Some(20_000))),
+    ]
+}
+
+#[test]
+fn a_latched_disagreement_was_forgotten_when_the_healthy_node_came_back() {
+    for n in NODES {
+        for (goes, comes) in absences(n) {
+            for latch_s in [0, 5] {
+                for again_us in [500_000, 3_000_000] {
+                    let mut path = DISAGREEING.to_vec();
+                    path.extend([(goes, 300_000), (comes, again_us)]);
+                    path.extend([(goes, 3_000_000), (comes, 2_000_000)]);
+                    let policy = Policy {
+                        latch_s,
+                        ..AS_DELIVERED
+                    };
+                    let state = follow(policy, &path);
+                    let told = NODES.map(|n| state.world.nodes[n].device.shown(state.world.now));
+                    assert_eq!(told.map(|told| told.validity() & 3), [0; 2], "{path:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn differences_were_ignored_in_the_second_after_a_return() {
+    for (goes, comes) in absences(1) {
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(goes, 300_000), (Event::Bias(true), 300_000)]);
+        path.extend([(comes, 600_000), (Event::Time, 2_000_000)]);
+        let state = follow(AS_DELIVERED, &path);
+        let told = state.world.nodes[BIASED].device.shown(state.world.now);
+        assert_eq!(told.validity() & 3, 0, "{path:?}");
+    }
+}
+
+#[test]
+fn the_first_angle_after_a_start_was_valid_without_a_comparison() {
+    for n in NODES {
+        // While they disagree, and while the other one is away.
+        let mut path = DISAGREEING.to_vec();
+        path.extend([
+            (Event::PreOperational(n), 300_000),
+            (Event::Start(n), 20_000),
+        ]);
+        path.extend([(Event::PreOperational(n), 5_000), (Event::Start(n), 20_000)]);
+        follow(AS_DELIVERED, &path);
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(Event::PreOperational(1 - n), 300_000)]);
+        path.extend([
+            (Event::PreOperational(n), 300_000),
+            (Event::Start(n), 20_000),
+        ]);
+        path.extend([(Event::Time, 3_000_000)]);
+        follow(AS_DELIVERED, &path);
+    }
+}
+
+#[test]
+fn safety_frames_went_on_for_seconds_after_sync_had_stopped() {
+    for (before, us) in [(Some(20_000), 2_000_000), (Some(200_000), 3_000_000)] {
+        let mut path = DISAGREEING[..2].to_vec();
+        path.extend([(Event::Sync(before), us), (Event::Sync(None), 100_000)]);
+        path.extend([(Event::Bias(true), 1_000_000)]);
+        follow(AS_DELIVERED, &path);
+    }
+}
+
+#[test]
+fn no_sequence_of_events_makes_a_wrong_angle_valid() {
+    for (latch_s, degraded) in [(0, 1), (0, 0), (1, 1)] {
+        let policy = Policy { latch_s, degraded };
+        let began = std::time::Instant::now();
+        let (states, depth, closed) = explore(policy, 60_000);
+        println!(
+            "{policy:?}: {states} states, depth {depth}, closed {closed}, {:?}",
+            began.elapsed()
+        );
+    }
+}

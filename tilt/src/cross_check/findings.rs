@@ -1,0 +1,317 @@
+//! Findings: what was found wrong with either channel of a pair, and how long it counts.
+//!
+//! In: for each pair, what speaks against either channel, how the two compare, and the time since
+//! the pair before ([`Evidence`]). Out, whenever it is asked for: which channel is faulty and why,
+//! whether the two disagree, and whether one of them may go on without the other.
+//!
+//! | stored | begins with | ends |
+//! |---|---|---|
+//! | a faulty channel | evidence against it | by the [`Latch`]; with a reset of that channel |
+//! | ... that was late, silent or starting, or that reported a fault itself | the same | after [`RECOVERY_US`] without |
+//! | a disagreement | a difference that no faulty channel explains | by the [`Latch`]; when the difference is attributed to a channel |
+//! | agreement | pairs that agree for [`PROOF_US`] | when this channel is away; counts for nothing while the newest two that were compared differ |
+//!
+//! A disagreement and a faulty channel are stored apart, since neither ends the other: a channel
+//! that falls silent is not thereby the wrong one of two that differ. What is late or silent
+//! explains no difference either. A channel that is found to measure wrongly does, if it is found
+//! soon enough for both to have one cause.
+//!
+//! Time counts towards an end only while pairs show that the cause is gone. So nothing ends during
+//! a silence, and the state needs no clock.
+//!
+//! Left out: how a pair is judged (`product`).
+
+use crate::chain::Invalid;
+
+use super::{Judgement, Node};
+
+/// How long something found stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Latch {
+    /// Until the instrument is reset: somebody has to look.
+    UntilReset,
+    /// Until nothing of it has been seen for this many microseconds.
+    Healthy(u32),
+}
+
+/// How long a channel that was late or silent has to be in time before it counts again.
+pub const RECOVERY_US: u32 = 1_000_000;
+
+/// How long the two have to agree before one may go on without the other, us: a difference of
+/// 0.6 deg is found within half of that.
+pub const PROOF_US: u32 = 500_000;
+
+/// A disagreement is explained by a fault that is found within this time after it, us. The slowest
+/// of those that show in the difference first is a damaged calibration: its check sum is compared
+/// four times a second. Gravity and movement weigh the difference itself and explain it at any time.
+pub const ONE_CAUSE_US: u32 = 1_500_000;
+
+/// The most that one pair counts for, us. It counts for the shorter one of the last two times
+/// between pairs, so that a pair after a pause shows no more than any other.
+const MOST_CREDIT_US: u32 = 250_000;
+
+/// How the two channels compare at one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparison {
+    /// At least one of them gives no angle.
+    Absent,
+    /// They agree.
+    Agree,
+    /// They differ by more than they may, not yet for long.
+    Excess,
+    /// They differ.
+    Differ,
+}
+
+/// What speaks against a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Against {
+    /// Why it is held faulty.
+    pub reason: Invalid,
+    /// The peer reports it of itself, and holds it by its own latch.
+    pub told: bool,
+}
+
+/// What one pair shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Evidence {
+    /// Against this channel, against the peer.
+    pub against: [Option<Against>; 2],
+    /// This channel gives an angle; the peer does.
+    pub measures: [bool; 2],
+    /// How they compare.
+    pub comparison: Comparison,
+    /// Time since the pair before.
+    pub elapsed_us: u32,
+}
+
+/// A channel that is held faulty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Faulty {
+    reason: Invalid,
+    told: bool,
+    /// For how long nothing has spoken against it, us.
+    sound_us: u32,
+}
+
+impl Faulty {
+    /// True for what is over soon after it is no longer seen.
+    const fn passes(&self) -> bool {
+        self.told || self.reason.passes_with_its_cause()
+    }
+
+    /// True for what makes the two differ.
+    const fn explains(&self) -> bool {
+        !self.told && self.reason.measures_wrongly()
+    }
+
+    /// True for what only a comparison shows: that it is gone has to show in one as well.
+    const fn was_compared(&self) -> bool {
+        use Invalid::{Biased, Noise, Spikes};
+        matches!(self.reason, Noise | Spikes | Biased) && !self.told
+    }
+
+    const fn is_over(&self, latch: Latch) -> bool {
+        match latch {
+            _ if self.passes() => self.sound_us >= RECOVERY_US,
+            Latch::UntilReset => false,
+            Latch::Healthy(us) => self.sound_us >= us,
+        }
+    }
+}
+
+/// Two that differ, and nobody is known to be the wrong one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Disagreement {
+    /// For how long they have agreed since, us.
+    agreed_us: u32,
+    /// How long ago it was found, us; stops at [`ONE_CAUSE_US`].
+    age_us: u32,
+}
+
+/// Everything that was found and still counts. A reset is a new value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Findings {
+    /// This channel, then the peer.
+    faulty: [Option<Faulty>; 2],
+    disagreement: Option<Disagreement>,
+    /// For how long the two have agreed, us; stops at [`PROOF_US`].
+    agreed_us: u32,
+    /// The newest two that were compared differ, be it for the first time.
+    contested: bool,
+    /// Time between the two pairs before, us.
+    before_us: u32,
+}
+
+const fn index(node: Node) -> usize {
+    match node {
+        Node::Own => 0,
+        Node::Peer => 1,
+    }
+}
+
+impl Findings {
+    /// Takes in what one pair shows.
+    pub fn take(&mut self, evidence: &Evidence, latch: Latch) {
+        let before_us = core::mem::replace(&mut self.before_us, evidence.elapsed_us);
+        let credit_us = evidence.elapsed_us.min(before_us).min(MOST_CREDIT_US);
+        self.count(evidence, credit_us);
+        // What is over goes first, so that what this pair shows finds its place.
+        self.release(latch);
+        for (node, against) in [Node::Own, Node::Peer].into_iter().zip(evidence.against) {
+            if let Some(against) = against {
+                self.hold(node, against);
+            }
+        }
+        if evidence.comparison == Comparison::Differ {
+            self.differ();
+        }
+    }
+
+    fn release(&mut self, latch: Latch) {
+        for place in &mut self.faulty {
+            *place = place.filter(|faulty| !faulty.is_over(latch));
+        }
+        self.disagreement = self.disagreement.filter(|held| match latch {
+            Latch::UntilReset => true,
+            Latch::Healthy(us) => held.agreed_us < us,
+        });
+    }
+
+    /// Time goes by without evidence, or with evidence that the cause is gone.
+    fn count(&mut self, evidence: &Evidence, credit_us: u32) {
+        let agrees = evidence.comparison == Comparison::Agree;
+        let differs = evidence.comparison == Comparison::Differ;
+        let channels = evidence.against.iter().zip(evidence.measures);
+        for (place, (against, measures)) in self.faulty.iter_mut().zip(channels) {
+            let Some(faulty) = place else { continue };
+            // A fault that the peer reports of itself is held by the peer; this node's own finding
+            // runs out meanwhile. A silence is no report.
+            let reported = against
+                .is_some_and(|against| against.told && !against.reason.passes_with_its_cause());
+            let sound = if faulty.was_compared() {
+                agrees || reported
+            } else {
+                measures
+            };
+            let found = against.is_some_and(|against| !against.told);
+            if found || differs && faulty.explains() {
+                faulty.sound_us = 0;
+            } else if sound {
+                faulty.sound_us = faulty.sound_us.saturating_add(credit_us);
+            }
+        }
+        if let Some(held) = &mut self.disagreement {
+            let counted = held.agreed_us.saturating_add(credit_us);
+            held.agreed_us = if agrees { counted } else { 0 };
+            held.age_us = held.age_us.saturating_add(credit_us).min(ONE_CAUSE_US);
+        }
+        if agrees {
+            self.agreed_us = self.agreed_us.saturating_add(credit_us).min(PROOF_US);
+        }
+        if evidence.comparison != Comparison::Absent {
+            self.contested = !agrees;
+        }
+    }
+
+    /// A channel is faulty.
+    pub fn hold(&mut self, node: Node, against: Against) {
+        let new = Faulty {
+            reason: against.reason,
+            told: against.told,
+            sound_us: 0,
+        };
+        let place = self.faulty.get_mut(index(node));
+        match place {
+            // A channel that falls silent after it was found wrong is still the wrong one.
+            Some(Some(held)) if !held.passes() => {}
+            Some(place) => *place = Some(new),
+            None => {}
+        }
+        let weighed = against.reason == Invalid::Biased;
+        let age_us = self.disagreement.map_or(0, |held| held.age_us);
+        if against.reason.measures_wrongly() && (weighed || age_us < ONE_CAUSE_US) {
+            self.disagreement = None;
+            self.contested = false;
+        }
+    }
+
+    fn differ(&mut self) {
+        let mut faulty = self.faulty.iter().flatten();
+        if !faulty.any(Faulty::explains) {
+            let held = self.disagreement.get_or_insert(Disagreement {
+                agreed_us: 0,
+                age_us: 0,
+            });
+            held.agreed_us = 0;
+        }
+    }
+
+    /// This channel was away, or has been set up anew: it has to agree with the peer again, and
+    /// who was late or silent meanwhile is not known.
+    pub fn own_away(&mut self) {
+        self.agreed_us = 0;
+        self.before_us = 0;
+        for place in &mut self.faulty {
+            *place = place.filter(|faulty| !faulty.passes());
+        }
+    }
+
+    /// The peer has been started anew: what was found against it belongs to its life before.
+    pub fn peer_restarted(&mut self) {
+        let [_, peer] = &mut self.faulty;
+        *peer = None;
+    }
+
+    /// Why a channel is held faulty.
+    pub fn faulty(&self, node: Node) -> Option<Invalid> {
+        let place = self.faulty.get(index(node)).copied().flatten();
+        place.map(|faulty| faulty.reason)
+    }
+
+    /// True while the two differ and nobody is known to be the wrong one.
+    pub const fn disagree(&self) -> bool {
+        self.disagreement.is_some()
+    }
+
+    /// True when the two have agreed for long enough that one may go on without the other.
+    pub const fn have_agreed(&self) -> bool {
+        self.agreed_us >= PROOF_US && !self.contested && self.disagreement.is_none()
+    }
+
+    /// True for what lasts as long as the latch says.
+    pub fn is_latched(&self) -> bool {
+        let latched = |faulty: &Faulty| !faulty.passes();
+        self.disagree() || self.faulty.iter().flatten().any(latched)
+    }
+
+    /// The same with times in classes: what has counted for long enough, and what has not.
+    ///
+    /// For tests that go through all states.
+    pub fn coarse(mut self) -> Self {
+        for faulty in self.faulty.iter_mut().flatten() {
+            faulty.sound_us = faulty.sound_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
+        }
+        if let Some(held) = &mut self.disagreement {
+            held.agreed_us = held.agreed_us / (RECOVERY_US / 2) * (RECOVERY_US / 2);
+            held.age_us = held.age_us / ONE_CAUSE_US * ONE_CAUSE_US;
+        }
+        self.agreed_us = self.agreed_us / PROOF_US * PROOF_US;
+        self.before_us = 0;
+        self
+    }
+
+    /// What was found, as a judgement.
+    pub fn judgement(&self) -> Option<Judgement> {
+        let one = |ill, reason| Some(Judgement::OneChannel { ill, reason });
+        match [self.faulty(Node::Own), self.faulty(Node::Peer)] {
+            [Some(reason), Some(_)] => Some(Judgement::NoChannel(reason)),
+            [Some(reason), None] => one(Node::Own, reason),
+            [None, Some(reason)] => one(Node::Peer, reason),
+            [None, None] => self.disagree().then_some(Judgement::Disagree),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
