@@ -110,8 +110,8 @@ impl ProductState {
         self.movement.restart();
     }
 
-    /// There is no pair: nobody knows what happened to a channel meanwhile, so where it stood counts
-    /// no more.
+    /// There is no pair: nobody knows what happened to a channel meanwhile, so where it stood no
+    /// longer counts.
     fn interrupt(&mut self) {
         self.activity.skip();
         self.movement.restart();
