@@ -420,11 +420,14 @@ fn follow(policy: Policy, path: &[(Event, i64)]) -> State {
     state
 }
 
-/// Both work and agree for two seconds, then one is biased, until they disagree.
-const DISAGREEING: [(Event, i64); 4] = [
+/// Both work and agree for two seconds, then one comes back biased, until they disagree: a bias
+/// that begins while they are compared would name its channel.
+const DISAGREEING: [(Event, i64); 6] = [
     (Event::Start(0), 30_000),
     (Event::Start(1), 2_000_000),
-    (Event::Bias(true), 1_000_000),
+    (Event::PreOperational(BIASED), 300_000),
+    (Event::Bias(true), 300_000),
+    (Event::Start(BIASED), 1_000_000),
     (Event::Time, 1_000_000),
 ];
 
@@ -459,6 +462,16 @@ fn a_latched_disagreement_was_forgotten_when_the_healthy_node_came_back() {
             }
         }
     }
+}
+
+#[test]
+fn a_bias_that_begins_while_they_are_compared_names_its_channel_on_both_nodes() {
+    let mut path = DISAGREEING[..2].to_vec();
+    path.extend([(Event::Bias(true), 1_000_000), (Event::Time, 1_000_000)]);
+    let state = follow(AS_DELIVERED, &path);
+    let told = NODES.map(|n| state.world.nodes[n].device.shown(state.world.now));
+    let valid = NODES.map(|n| if n == BIASED { 0 } else { 3 });
+    assert_eq!(told.map(|told| told.validity() & 3), valid);
 }
 
 #[test]

@@ -54,7 +54,8 @@ pub enum Invalid {
     Spikes,
     /// The part's temperature jumps as no die's can.
     Thermometer,
-    /// At standstill this channel's gravity is of the wrong length.
+    /// This channel moved while the other one stood, or at standstill its gravity is of the wrong
+    /// length.
     Biased,
     /// The calibration in memory is not the one that was loaded.
     Corrupt,

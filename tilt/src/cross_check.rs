@@ -22,6 +22,7 @@
 
 pub mod activity;
 pub mod findings;
+pub mod movement;
 pub mod paper;
 pub mod product;
 pub mod residual;
@@ -319,7 +320,7 @@ impl CrossCheck {
     pub fn own_away(&mut self) {
         match self {
             Self::Paper(_, state) => state.forget_agreement(),
-            Self::Product(_, state) => state.findings_mut().own_away(),
+            Self::Product(_, state) => state.own_away(),
         }
     }
 
@@ -335,7 +336,7 @@ impl CrossCheck {
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
         if let Self::Product(_, state) = self {
-            state.findings_mut().peer_restarted();
+            state.peer_restarted();
         }
     }
 
@@ -348,6 +349,8 @@ impl CrossCheck {
     }
 }
 
+#[cfg(test)]
+mod movement_tests;
 #[cfg(test)]
 mod product_tests;
 #[cfg(test)]

@@ -7,7 +7,8 @@
 //! 2. a channel too loud above 150 Hz, against itself and the other (`activity`);
 //! 3. the difference of the two vectors (`residual`), which names nobody;
 //! 4. the difference of the two angles (`window`), which names nobody either;
-//! 5. at the next standstill, gravity (`standstill`) names the culprit of 3 and 4, if it can.
+//! 5. of a pair that differs, the channel that moved while the other one stood (`movement`);
+//! 6. at the next standstill, gravity (`standstill`) names the culprit of 3 and 4, if it can.
 //!
 //! Left out: how long what was found counts ([`Findings`]), and what the instrument does about it,
 //! which is the device's.
@@ -19,6 +20,7 @@ use crate::vector::Corrected;
 
 use super::activity::{self, Loudness};
 use super::findings::{Against, Comparison, Evidence, Findings, Latch};
+use super::movement::{self, Finding, Movement};
 use super::residual::{self, Residual};
 use super::standstill::{self, Standstill};
 use super::window::{WindowCheck, WindowState};
@@ -33,7 +35,9 @@ pub struct ProductCheck {
     pub residual: Residual,
     /// Difference of the angles.
     pub window: WindowCheck,
-    /// Who is wrong.
+    /// Who has moved alone.
+    pub movement: Movement,
+    /// Whose gravity is wrong.
     pub standstill: Standstill,
     /// How long a finding stays.
     pub latch: Latch,
@@ -48,6 +52,7 @@ impl ProductCheck {
             latched: false,
             ..WindowCheck::PRODUCT
         },
+        movement: Movement::PRODUCT,
         standstill: Standstill::PRODUCT,
         latch: Latch::UntilReset,
     };
@@ -67,6 +72,7 @@ pub struct ProductState {
     activity: activity::State,
     residual: residual::State,
     window: WindowState,
+    movement: movement::State,
     standstill: standstill::State,
     /// Own channel, then the peer.
     silence: [Silence; 2],
@@ -92,10 +98,23 @@ impl ProductState {
         &mut self.findings
     }
 
-    /// There is no pair, so a second of standstill begins anew.
+    /// This channel was away, or has been set up anew.
+    pub fn own_away(&mut self) {
+        self.findings.own_away();
+        self.movement.restart();
+    }
+
+    /// The peer has been started anew.
+    pub fn peer_restarted(&mut self) {
+        self.findings.peer_restarted();
+        self.movement.restart();
+    }
+
+    /// There is no pair: nobody knows what happened to a channel meanwhile, so where it stood no
+    /// longer counts.
     fn interrupt(&mut self) {
         self.activity.skip();
-        self.standstill.interrupt();
+        self.movement.restart();
     }
 
     /// One of the two did not measure for a while, so what is averaged begins anew.
@@ -231,7 +250,7 @@ impl ProductCheck {
             let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
             differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
-            let culprit = self.weigh(state, (own, a), (peer, b), (now, uncertainty, differ));
+            let culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
             accuse(against, culprit.map(|node| (node, Invalid::Biased)));
         }
         if differ {
@@ -243,24 +262,28 @@ impl ProductCheck {
         }
     }
 
-    /// A second of standstill has its say: while the pair agrees it is learned from.
+    /// The channel that moved alone is named, or the one whose gravity is wrong at a standstill,
+    /// which is learned from while the pair agrees.
     fn weigh(
         &self,
         state: &mut ProductState,
-        own: (&Observation, Corrected),
-        peer: (&Observation, Corrected),
-        (now, uncertainty, differ): (Instant, u32, bool),
+        pair: [Corrected; 2],
+        elapsed_us: u32,
+        (uncertainty, differ): (u32, bool),
     ) -> Option<Node> {
-        let own = (own.0.reading, own.1);
-        let peer = (peer.0.reading, peer.1);
-        let lengths = self
-            .standstill
-            .step(&mut state.standstill, own, peer, now)?;
+        let movement = &mut state.movement;
+        let beyond = match self.movement.step(movement, pair, differ, elapsed_us)? {
+            Finding::Moved(node) => return Some(node),
+            Finding::Stood(beyond) => beyond,
+        };
         if differ || state.findings.disagree() {
-            return self.standstill.blame(lengths, uncertainty);
+            let usual = standstill::along(state.residual.usual(), pair);
+            return self
+                .standstill
+                .blame(&state.standstill, beyond, usual, uncertainty);
         }
         if state.findings.judgement().is_none() {
-            state.standstill.learn(lengths);
+            state.standstill.learn(beyond);
         }
         None
     }

@@ -73,6 +73,8 @@ pub(super) const fn ill(node: Node, reason: Invalid) -> Judgement {
 pub(super) struct Bench {
     pub(super) check: CrossCheck,
     pub(super) last: Judgement,
+    /// Time between two pairs, us.
+    pub(super) period_us: u64,
     now: Instant,
 }
 
@@ -81,6 +83,7 @@ impl Bench {
         Self {
             check: CrossCheck::product(),
             last: Judgement::Agree,
+            period_us: PERIOD_US,
             now: Instant(5_000_000),
         }
     }
@@ -99,7 +102,7 @@ impl Bench {
 
     /// The next pair.
     pub(super) fn step(&mut self, own: Observation, peer: Observation) -> Judgement {
-        self.now = self.now.offset(PERIOD_US as i64);
+        self.now = self.now.offset(self.period_us as i64);
         let verdict = self.check.step(own, peer, self.now);
         assert_eq!((verdict.own(), verdict.peer()), (own.reading, peer.reading));
         self.last = verdict.judgement();

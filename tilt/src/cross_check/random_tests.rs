@@ -9,10 +9,10 @@ use crate::uncertainty::Uncertainty;
 use crate::vector::Corrected;
 
 /// Numbers as random as a test needs them, the same every time.
-struct Dice(u64);
+pub(super) struct Dice(pub(super) u64);
 
 impl Dice {
-    fn uniform(&mut self) -> f64 {
+    pub(super) fn uniform(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -32,7 +32,7 @@ impl Dice {
     }
 
     /// A healthy channel with its noise behind the filter and an offset of its own, mg.
-    fn feels(&mut self, gravity: [f64; 3], offset: [f64; 3]) -> Observation {
+    pub(super) fn feels(&mut self, gravity: [f64; 3], offset: [f64; 3]) -> Observation {
         let mut felt = [0.0; 3];
         for (felt, (gravity, offset)) in felt.iter_mut().zip(gravity.iter().zip(&offset)) {
             *felt = gravity + offset + 0.35 * self.normal();

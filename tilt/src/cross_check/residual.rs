@@ -107,6 +107,11 @@ impl State {
         })
     }
 
+    /// The habit: what own minus peer usually is, 2^-26 g per step.
+    pub fn usual(&self) -> [i32; 3] {
+        self.habit.map(|habit| (habit >> FRACTION) as i32)
+    }
+
     /// There was a gap: the low-passes start from zero. The habit stays.
     pub fn restart(&mut self) {
         self.low = [[0; 3]; STAGES];

@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 
-use super::product_tests::{Bench, G, along, ill, level, pose, turned};
-use super::standstill::{Standstill, State};
+use super::movement::{Finding, Movement, State};
+use super::product_tests::{Bench, G, along, ill, pose, turned};
 use super::*;
 use crate::vector::Corrected;
 
@@ -251,17 +251,14 @@ proptest! {
 
 #[test]
 fn two_pairs_a_second_apart_are_no_standstill() {
-    let check = Standstill::PRODUCT;
     let mut state = State::default();
-    let reading = level().reading;
-    let vector = Corrected {
+    let level = Corrected {
         accel: [0, 0, crate::ONE_G],
     };
-    let mut weighed = |n: i64| {
-        let now = crate::sample::Instant(0).offset(n * 1_000_000);
-        check
-            .step(&mut state, (reading, vector), (reading, vector), now)
-            .is_some()
+    let mut weighed = || {
+        let found = Movement::PRODUCT.step(&mut state, [level; 2], false, 1_000_000);
+        matches!(found, Some(Finding::Stood(_)))
     };
-    assert_eq!((0..30).filter(|n| weighed(*n)).count(), 3, "ten pairs each");
+    let count = (0..48).filter(|_| weighed()).count();
+    assert_eq!(count, 3, "twelve pairs each, after as many for the places");
 }

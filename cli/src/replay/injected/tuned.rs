@@ -5,11 +5,8 @@
 //! [`TIMES_RMS`] times the root mean square of what it judges, and never lowered.
 
 use tilt::ONE_G;
-use tilt::angle::{Angle, hypot};
 use tilt::chain::Measurement;
 use tilt::cross_check::{Latch, ProductCheck, residual};
-use tilt::observation::Observation;
-use tilt::vector::Corrected;
 
 use super::board::{PAIR_US, Pair};
 
@@ -105,23 +102,25 @@ impl Tuned {
     }
 
     fn scale_standstill(&mut self, pairs: &[Pair]) {
-        let window = (u64::from(self.check.standstill.window_us) / PAIR_US) as usize;
-        let seconds: Vec<&[Pair]> = pairs
-            .chunks(window.max(1))
-            .filter(|second| second.iter().all(|pair| pair.lies))
+        let gate = &mut self.check.movement;
+        let blocks: Vec<&[Pair]> = pairs
+            .chunks(gate.pairs.into())
+            .filter(|block| block.iter().all(|pair| pair.lies))
             .collect();
-        let gate = &mut self.check.standstill;
-        let product_mg = mg(f64::from(gate.norm));
-        let norm_mg = median(seconds.iter().map(|s| norm_width_mg(s)).collect());
-        let here_mg = product_mg.max(TIMES_MEDIAN * norm_mg);
-        gate.norm = steps(here_mg);
-        let product_deg = Angle(gate.angle.cast_signed()).degrees();
-        let angle_deg = median(seconds.iter().map(|s| angle_width_deg(s)).collect());
-        let here_deg = product_deg.max(TIMES_MEDIAN * angle_deg);
-        gate.angle = Angle::from_degrees(here_deg).magnitude();
-        let what = |of| format!("standstill: {of} within 1 s, peak to peak");
-        self.note(what("length"), "mg", [product_mg, norm_mg, here_mg]);
-        self.note(what("angle"), "deg", [product_deg, angle_deg, here_deg]);
+        let still_mg = mg(f64::from(gate.still));
+        let step_mg = step_rms_mg(&blocks);
+        let here_mg = still_mg.max(TIMES_RMS * step_mg);
+        // What counts as moved is as many times what counts as still as in the product.
+        gate.moved = steps(mg(f64::from(gate.moved)) * here_mg / still_mg);
+        gate.still = steps(here_mg);
+        let calm_mg = mg(f64::from(gate.calm));
+        let change_mg = median(blocks.iter().map(|block| change_mg(block)).collect());
+        let calm_here_mg = calm_mg.max(TIMES_MEDIAN * change_mg);
+        gate.calm = steps(calm_here_mg);
+        let what = "standstill: mean of a block against its place";
+        self.note(what.to_owned(), "mg", [still_mg, step_mg, here_mg]);
+        let what = "standstill: change from pair to pair";
+        self.note(what.to_owned(), "mg", [calm_mg, change_mg, calm_here_mg]);
     }
 }
 
@@ -196,29 +195,41 @@ fn low_passed_mg(pairs: &[Pair], tau_s: f64, habit: [f64; 3]) -> f64 {
     (squares / f64::from(count.max(1))).sqrt()
 }
 
-fn width(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+fn vectors_mg(pair: &Pair) -> [[f64; 3]; 2] {
+    [pair.own.vector, pair.peer.vector]
+        .map(|vector| vector.map_or([0.0; 3], |v| v.accel.map(|c| mg(f64::from(c)))))
 }
 
-/// The wider of the two channels'.
-fn norm_width_mg(second: &[Pair]) -> f64 {
-    let length = |vector: Option<Corrected>| {
-        let [x, y, z] = vector.map_or([0; 3], |v| v.accel);
-        mg(f64::from(hypot(hypot(x, y), z)))
+/// How far the mean of a block is from that of the block before, root mean square over the axes of
+/// both channels; a place moves less than a block.
+fn step_rms_mg(blocks: &[&[Pair]]) -> f64 {
+    let mean = |block: &&[Pair]| -> [f64; 6] {
+        let vectors = block.iter().map(vectors_mg);
+        let sum = vectors.fold([0.0; 6], |sum, vectors| {
+            let all = vectors.as_flattened();
+            std::array::from_fn(|i| sum[i] + all[i])
+        });
+        sum.map(|sum| sum / block.len() as f64)
     };
-    let own = width(second.iter().map(|pair| length(pair.own.vector)));
-    own.max(width(second.iter().map(|pair| length(pair.peer.vector))))
+    let means: Vec<[f64; 6]> = blocks.iter().map(mean).collect();
+    // From one rest to the next the board was turned.
+    let steps = means
+        .windows(2)
+        .flat_map(|w| (0..6).map(|i| w[1][i] - w[0][i]));
+    let steps: Vec<f64> = steps.filter(|step| step.abs() < 10.0).collect();
+    (steps.iter().map(|step| step * step).sum::<f64>() / steps.len().max(1) as f64).sqrt()
 }
 
-/// The widest of both channels' angles; a pose in which an angle wraps gives too wide a one.
-fn angle_width_deg(second: &[Pair]) -> f64 {
-    let of = |pick: fn(&Pair) -> &Observation| {
-        let angles = second.iter().filter_map(|pair| pick(pair).reading.x.ok());
-        let others = second.iter().filter_map(|pair| pick(pair).reading.y.ok());
-        let x = width(angles.map(|m| m.angle.degrees()));
-        x.max(width(others.map(|m| m.angle.degrees())))
+/// The mean change from pair to pair of the axis that changes most.
+fn change_mg(block: &[Pair]) -> f64 {
+    let vectors: Vec<[[f64; 3]; 2]> = block.iter().map(vectors_mg).collect();
+    let of = |channel: usize, axis: usize| {
+        let changes = vectors.windows(2);
+        let all = changes.map(|w| (w[1][channel][axis] - w[0][channel][axis]).abs());
+        all.sum::<f64>() / block.len() as f64
     };
-    of(|pair| &pair.own).max(of(|pair| &pair.peer))
+    let axes = (0..6).map(|i| of(i / 3, i % 3));
+    axes.fold(0.0, f64::max)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
