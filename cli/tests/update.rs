@@ -165,7 +165,7 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     refused(
         &other,
         2,
-        "no image is for node 1: its hardware is 504C012Ch",
+        "no image is for node 1: its hardware is 504C022Ch",
     );
     let bare = bench.image("3.0.1", &["--unsigned"]);
     refused(&bare, 1, "node 1 refuses the image: it is not signed");
