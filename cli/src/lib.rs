@@ -25,6 +25,7 @@ mod playback;
 mod progress;
 mod replay;
 mod report;
+mod scpi;
 pub mod serve;
 mod shell;
 mod stdout;

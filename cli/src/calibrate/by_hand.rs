@@ -175,7 +175,9 @@ impl Bench<'_> {
     }
 
     /// Asks for a pose until the housing stands in it; `None` when nobody answers any more.
-    fn pose(
+    ///
+    /// Errors: those of the nodes, a lost bus, and [`CalibrateError::Interrupted`].
+    pub fn pose(
         &mut self,
         place: usize,
         what: &str,

@@ -10,13 +10,13 @@ use device::calibration::encoding::identity;
 use tilt::chain::Correction;
 use tilt::temperature::Compensated;
 
-use super::Arguments;
 use super::by_hand::Handled;
 use super::by_motor::{Swept, mean_uncertainty_deg};
 use super::data::{
     Channel, Contribution, Decision, Difference, Environment, FORMAT, Method, Point, Pose,
     Reference, Report, VERSION, utc,
 };
+use super::finish::Common;
 use super::fit::Stand;
 use super::hand::{self, POSES};
 use super::motor::Axis;
@@ -38,7 +38,7 @@ pub fn now() -> u64 {
 /// What is the same in every report.
 pub struct Frame<'a> {
     /// What was asked for.
-    pub arguments: &'a Arguments,
+    pub common: &'a Common,
     /// The nodes, as they were found.
     pub session: &'a Session,
     /// Seconds since 1970 at the begin.
@@ -51,12 +51,12 @@ pub struct Frame<'a> {
 
 impl Frame<'_> {
     fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
-        let Arguments {
+        let Common {
             laboratory,
             operator,
             customer,
             ..
-        } = self.arguments;
+        } = self.common;
         let tolerance = self.tolerance_deg;
         let extreme = |pick: fn(f64, f64) -> f64| temperatures.iter().copied().reduce(pick);
         let serial = self.session.nodes.first().map_or(0, |node| node.serial);

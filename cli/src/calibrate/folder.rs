@@ -63,6 +63,11 @@ impl Folder {
         kept::save(&self.found(), kept)
     }
 
+    /// What --out says.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
     /// Where it stands what the nodes had.
     pub fn found(&self) -> PathBuf {
         self.own.join(AS_FOUND)
