@@ -15,7 +15,7 @@ use tilt::chain::{Calibration, Correction};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::temperature::{Compensated, TemperatureModel};
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 
 use super::motor::Axis;
 use super::session::{Reading, wrap};
@@ -109,6 +109,8 @@ pub fn budget(before: &Budget, rate_hz: f64, reference_deg: f64, residual_deg: f
         hysteresis: steps(HYSTERESIS_MG),
         reference: Uncertainty::from_degrees(reference_deg),
         residual: Uncertainty::from_degrees(residual_deg),
+        tco: TCO,
+        span: Span::REFERENCE,
     }
 }
 
