@@ -146,12 +146,7 @@ impl Bench<'_> {
                         vector: vector.unwrap_or(Vector::IDENTITY),
                         harmonics: Axes::default(),
                     },
-                    budget: budget(
-                        &before.budget,
-                        rate_hz,
-                        faces.zero_uncertainty_deg(),
-                        residual_deg,
-                    ),
+                    budget: budget(before, rate_hz, faces.zero_uncertainty_deg(), residual_deg),
                 }
             })
             .collect()

@@ -50,7 +50,8 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
+    /// A report without channels, not yet accepted.
+    pub fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
         let Common {
             laboratory,
             operator,
@@ -100,7 +101,8 @@ impl Frame<'_> {
         }
     }
 
-    fn channel(&self, place: usize, node: &Node) -> Channel {
+    /// A channel without figures.
+    pub fn channel(&self, place: usize, node: &Node) -> Channel {
         let left = self.made.get(place).and_then(|bytes| decode(bytes));
         let left = left.map_or(0, |calibration| identity(&calibration));
         Channel {
@@ -120,6 +122,7 @@ impl Frame<'_> {
             residuals: Vec::new(),
             as_left: Vec::new(),
             poses: Vec::new(),
+            thermal: None,
             uncertainty: Vec::new(),
             combined_uncertainty_deg: 0.0,
             expanded_uncertainty_deg: 0.0,
@@ -247,7 +250,8 @@ impl Frame<'_> {
     }
 }
 
-fn combine(channel: &mut Channel) {
+/// Adds the contributions up.
+pub fn combine(channel: &mut Channel) {
     let combined = Contribution::combined_deg(&channel.uncertainty);
     channel.combined_uncertainty_deg = combined;
     channel.expanded_uncertainty_deg = 2.0 * combined;

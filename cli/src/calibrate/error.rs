@@ -103,6 +103,11 @@ impl From<HandError> for CalibrateError {
 }
 
 impl CalibrateError {
+    /// Whether something has happened to a node that may be over: it was disturbed, or is silent.
+    pub fn is_upset(&self) -> bool {
+        matches!(self, Self::Upset(..)) || self.is_silence()
+    }
+
     /// Whether a node did not answer: it may do so later.
     pub fn is_silence(&self) -> bool {
         matches!(self, Self::Sdo(error) if error.is_silence())

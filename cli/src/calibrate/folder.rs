@@ -18,8 +18,11 @@ use crate::report::write;
 /// What the nodes had before.
 const AS_FOUND: &str = "as-found.json";
 
+/// What `plumb characterise` has measured.
+pub const MEASURED: &str = "measured.json";
+
 /// Each of them makes a folder one of a calibration.
-const NAMES: [&str; 4] = [AS_FOUND, "dcc.xml", "report.json", "report.html"];
+const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
 
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,6 +52,23 @@ impl Folder {
         write::try_folder(out).map_err(CalibrateError::Write)?;
         let out = out.to_owned();
         Ok(Self { out, own })
+    }
+
+    /// Takes the folder of a run that was interrupted, to go on with it.
+    ///
+    /// Errors: [`CalibrateError::Earlier`] where a report is: that run has come to its end.
+    pub fn resume(out: &Path) -> Result<Self, CalibrateError> {
+        let report = out.join("report.json");
+        if report.symlink_metadata().is_ok() {
+            return Err(CalibrateError::Earlier(report, "folder with --out"));
+        }
+        let (out, own) = (out.to_owned(), out.to_owned());
+        Ok(Self { out, own })
+    }
+
+    /// Where the files go until the calibration is accepted.
+    pub fn own(&self) -> &Path {
+        &self.own
     }
 
     /// Writes down what the nodes had.

@@ -5,25 +5,27 @@
 //! the nodes. Whatever goes wrong before, Ctrl-C included, the nodes get back the calibration that
 //! they had, and the NMT state.
 //!
-//! Left out: the climatic chamber: each node keeps the temperature compensation that it has.
+//! Left out: the climatic chamber (`crate::characterise`): each node keeps the temperature
+//! compensation that it has.
 
-mod by_hand;
-mod by_motor;
-mod compose;
-mod console;
+pub mod by_hand;
+pub mod by_motor;
+pub mod compose;
+pub mod console;
 pub mod data;
 mod dcc;
 mod error;
-mod finish;
-mod fit;
-mod folder;
-mod hand;
-mod kept;
+pub mod finish;
+pub mod fit;
+pub mod folder;
+pub mod hand;
+pub mod kept;
 pub mod motor;
+mod over_temperature;
 mod page;
 #[cfg(test)]
-mod sample;
-mod session;
+pub mod sample;
+pub mod session;
 mod xml;
 
 #[cfg(test)]
@@ -91,7 +93,8 @@ pub struct Arguments {
 /// Largest error as left when nothing is said, deg (R15).
 const TOLERANCE_DEG: f64 = 0.2;
 
-fn tolerance(text: &str) -> Result<f64, String> {
+/// Degrees of a tolerance.
+pub fn tolerance(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();
     let number = number.filter(|deg: &f64| (1e-3..=90.0).contains(deg));
     number.ok_or_else(|| "write degrees from 0.001 to 90".to_owned())

@@ -33,6 +33,7 @@ fn channel(letter: &str, node: u8) -> Channel {
         residuals: points(0.01),
         as_left: points(0.02),
         poses: Vec::new(),
+        thermal: None,
         uncertainty: vec![Contribution::new("Reference", "B", 0.0134, "stated by it")],
         combined_uncertainty_deg: 0.0134,
         expanded_uncertainty_deg: 0.0268,
@@ -80,4 +81,59 @@ pub fn report() -> Report {
         faces: None,
         dcc_sha256: Some("5a".repeat(32)),
     }
+}
+
+/// What a chamber run has told of a channel.
+fn thermal() -> Thermal {
+    let dwell = |run: u32, branch: &str, set_degc: f64, left: f64| ThermalDwell {
+        run,
+        branch: branch.to_owned(),
+        set_degc,
+        air_degc: Some(set_degc),
+        sensor_degc: set_degc + 3.0,
+        residuals_mg: [left, -left, 0.0],
+        largest_mg: left.abs(),
+        repeated: 0,
+    };
+    Thermal {
+        model: "quadratic".to_owned(),
+        sensor_min_degc: -7.0,
+        sensor_max_degc: 73.0,
+        unchanged_at_degc: Some(28.0),
+        coefficients: vec![Coefficient {
+            name: "Offset".to_owned(),
+            axis: "x".to_owned(),
+            value: 0.2,
+            unit: "mg/degC".to_owned(),
+        }],
+        without_model_mg: 5.2,
+        hysteresis_mg: Some([0.4, 0.3, 0.1]),
+        between_runs_mg: Some(0.12),
+        dwells: vec![
+            dwell(1, "start", 25.0, 0.1),
+            dwell(1, "up", 70.0, 0.3),
+            dwell(2, "down", 25.0, -0.2),
+        ],
+    }
+}
+
+/// A report of two channels by a chamber.
+pub fn chamber() -> Report {
+    let mut report = report();
+    report.method = Method::ChamberQuadratic;
+    report.difference_as_found.clear();
+    report.difference_as_left.clear();
+    for channel in &mut report.channels {
+        channel.residual_deg = None;
+        channel.residual_mg = Some(0.31);
+        for points in [
+            &mut channel.as_found,
+            &mut channel.residuals,
+            &mut channel.as_left,
+        ] {
+            points.clear();
+        }
+        channel.thermal = Some(thermal());
+    }
+    report
 }
