@@ -185,7 +185,10 @@ fn a_person_calibrates_in_thirteen_poses() {
     let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
     assert_eq!(status, Some(0), "{out}");
     // And the instrument agrees with the motor within what is promised.
-    let check = by_motor(&bench, &["--step", "30", "--nodes", "1", "--force", "--json"]);
+    let check = by_motor(
+        &bench,
+        &["--step", "30", "--nodes", "1", "--force", "--json"],
+    );
     let check = { check }.output().unwrap();
     let report: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
     let errors = report["channels"][0]["as_found"].as_array().unwrap().iter();
@@ -234,8 +237,7 @@ fn what_is_not_within_its_tolerance_is_taken_back() {
     let bench = bench(&["--mode", "paper"]);
     let before = bench.kept();
     // Tables with points 30 deg apart read the nearest one: up to 15 deg off.
-    let run = by_motor(&bench, &["--step", "30", "--tolerance", "0.2"])
-        .output();
+    let run = by_motor(&bench, &["--step", "30", "--tolerance", "0.2"]).output();
     let (status, out, err) = said(&run.unwrap());
     assert_eq!(status, Some(1), "{err}");
     assert!(out.contains("NOT accepted"), "{out}");

@@ -163,6 +163,9 @@ mod tests {
         }
     }
 
+    /// Files of a calibration; a chamber run has one more.
+    const WRITTEN: usize = NAMES.len() - 1;
+
     fn run(scratch: &Scratch, force: bool, what: &str, accepted: bool) -> PathBuf {
         let folder = Folder::claim(&scratch.0, force).unwrap();
         folder.keep(&kept(what)).unwrap();
@@ -190,7 +193,7 @@ mod tests {
         run(&scratch, true, "second", true);
         assert_eq!(scratch.read("dcc.xml"), "second");
         assert!(scratch.read(AS_FOUND).contains("second"));
-        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+        assert_eq!(scratch.names().len(), WRITTEN, "{:?}", scratch.names());
     }
 
     #[test]
@@ -198,7 +201,7 @@ mod tests {
         let scratch = Scratch::new("rejected");
         run(&scratch, false, "first", true);
         let beside = run(&scratch, true, "second", false);
-        for name in NAMES {
+        for name in NAMES.into_iter().filter(|name| *name != MEASURED) {
             assert!(scratch.read(name).contains("first"), "{name}");
             let text = fs::read_to_string(beside.join(name)).unwrap();
             assert!(text.contains("second"), "{name}");
@@ -218,7 +221,7 @@ mod tests {
         let folder = Folder::claim(&scratch.0, true).unwrap();
         folder.keep(&kept("second")).unwrap();
         folder.forget();
-        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+        assert_eq!(scratch.names().len(), WRITTEN, "{:?}", scratch.names());
         assert!(scratch.read(AS_FOUND).contains("first"));
     }
 }

@@ -97,6 +97,8 @@ pub struct Node {
     pub changed: bool,
     /// What has happened to it that was none of this session's doing.
     pub upset: Option<Upset>,
+    /// Its counter of samples when it was last read.
+    pub counted: Option<u32>,
 }
 
 /// What spoils the work with a node.
@@ -217,6 +219,7 @@ impl Session {
             period_s: f64::from(period) / 256e6,
             changed: false,
             upset: None,
+            counted: None,
         })
     }
 
@@ -244,7 +247,7 @@ impl Session {
         self.nmt(PRE_OPERATIONAL.1, id)?;
         // Answered in PRE-OPERATIONAL and not in STOPPED.
         self.client(id).read_u32(0x1000, 0)?;
-        self.nodes[place].upset = None;
+        (self.nodes[place].upset, self.nodes[place].counted) = (None, None);
         Ok(())
     }
 
@@ -283,10 +286,17 @@ impl Session {
 
     /// Samples that a node has taken since its reset (2032h).
     ///
-    /// Errors: a node that does not answer.
+    /// Errors: a node that does not answer, and [`CalibrateError::Upset`] when there are fewer than
+    /// before.
     pub fn samples(&mut self, place: usize) -> Result<u32, CalibrateError> {
         let id = self.nodes[place].id;
-        Ok(self.client(id).read_u32(0x2032, 0)?)
+        let now = self.client(id).read_u32(0x2032, 0)?;
+        let before = self.nodes[place].counted.replace(now);
+        if before.is_some_and(|before| now.wrapping_sub(before) > u32::MAX / 2) {
+            self.nodes[place].upset = Some(Upset::Restarted);
+            self.undisturbed()?;
+        }
+        Ok(now)
     }
 
     fn await_samples(
@@ -299,10 +309,6 @@ impl Session {
         let (mut last, mut until) = (from, begun + PATIENCE);
         loop {
             let now = self.samples(place)?;
-            if now.wrapping_sub(last) > u32::MAX / 2 {
-                self.nodes[place].upset = Some(Upset::Restarted);
-                return self.undisturbed();
-            }
             if now.wrapping_sub(from) >= wanted {
                 return Ok(());
             }

@@ -19,6 +19,9 @@ use super::profile::Step;
 /// Air that is said to be stable stands no further from its set point, degC.
 const NEAR_C: f64 = 2.0;
 
+/// How long it may say so with air further off, s: it may not have taken the new set point up yet.
+const ELSEWHERE_S: f64 = 300.0;
+
 /// Air that goes further past its set point, or away from it, has overshot, degC.
 const BEYOND_C: f64 = 5.0;
 
@@ -132,6 +135,8 @@ pub struct Hold {
     /// How long the ramp may take, min.
     ramp_min: f64,
     stable_s: Option<f64>,
+    /// Since when it is said to be stable elsewhere.
+    elsewhere_s: Option<f64>,
     restarts: u32,
     /// Times and temperatures of the sensors over the last part of the dwell.
     window: VecDeque<(f64, Vec<f64>)>,
@@ -147,6 +152,7 @@ impl Hold {
             from_c,
             ramp_min: way / SLOWEST_C_MIN + PATIENCE_MIN,
             stable_s: None,
+            elsewhere_s: None,
             restarts: 0,
             window: VecDeque::new(),
         }
@@ -156,10 +162,10 @@ impl Hold {
     ///
     /// Errors: see [`HoldError`].
     pub fn look(&mut self, now_s: f64, air: Air, parts_c: &[f64]) -> Result<Phase, HoldError> {
-        self.judge_air(air)?;
+        let stable = self.is_stable(now_s, air)?;
         self.note(now_s, parts_c);
         let minutes = (now_s - self.begun_s) / 60.0;
-        match (air.stable, self.stable_s) {
+        match (stable, self.stable_s) {
             (true, None) => self.stable_s = Some(now_s),
             (false, Some(_)) => {
                 self.stable_s = None;
@@ -192,19 +198,25 @@ impl Hold {
         self.step.dwell_min * (1.0 + LONGER) + LONGER_MIN
     }
 
-    fn judge_air(&self, air: Air) -> Result<(), HoldError> {
+    /// Whether the air is stable where it should be.
+    fn is_stable(&mut self, now_s: f64, air: Air) -> Result<bool, HoldError> {
         let (set, Some(now)) = (self.step.temperature_degc, air.degc) else {
-            return Ok(());
+            return Ok(air.stable);
         };
         let from = self.from_c.unwrap_or(now);
         let (low, high) = (from.min(set) - BEYOND_C, from.max(set) + BEYOND_C);
         if !(low..=high).contains(&now) {
             return Err(HoldError::Overshoot(set, now));
         }
-        if air.stable && (now - set).abs() > NEAR_C {
-            return Err(HoldError::Elsewhere(set, now));
+        if !air.stable || (now - set).abs() <= NEAR_C {
+            self.elsewhere_s = None;
+            return Ok(air.stable);
         }
-        Ok(())
+        let since_s = *self.elsewhere_s.get_or_insert(now_s);
+        match now_s - since_s > ELSEWHERE_S {
+            true => Err(HoldError::Elsewhere(set, now)),
+            false => Ok(false),
+        }
     }
 
     fn note(&mut self, now_s: f64, parts_c: &[f64]) {
@@ -291,10 +303,10 @@ mod tests {
         let ramp = |minute: f64| (40.0 + 2.0 * minute).min(50.0);
         let ready = run(100, |m| (air(ramp(m)), vec![51.0, 48.0]));
         assert_eq!(ready, Ok((45, Phase::Ready)));
-        // A sensor that creeps by a degree in eight minutes is not settled; one on an edge is.
-        let creeps = |m: f64| (40.0 + m / 8.0).min(50.0).round();
+        // A sensor that creeps by a degree in four minutes is not settled; one on an edge is.
+        let creeps = |m: f64| (30.0 + m / 4.0).min(50.0).round();
         let ready = run(200, |m| (air(ramp(m)), vec![creeps(m), 50.0]));
-        assert!(matches!(ready, Ok((80..=92, Phase::Ready))), "{ready:?}");
+        assert!(matches!(ready, Ok((84..=92, Phase::Ready))), "{ready:?}");
         let edge = |m: f64| 50.0 + m % 2.0;
         let ready = run(100, |m| (air(ramp(m)), vec![edge(m)]));
         assert_eq!(ready, Ok((45, Phase::Ready)));
@@ -336,6 +348,13 @@ mod tests {
         };
         let told = run(10, |_| (lies, vec![45.0])).unwrap_err();
         assert_eq!(told, HoldError::Elsewhere(50.0, 45.0));
+        // One that has not taken its new set point up yet says so for a while.
+        let slow = |m: f64| Air {
+            degc: Some(if m < 3.0 { 40.0 } else { 50.0 }),
+            stable: true,
+        };
+        let ready = run(100, |m| (slow(m), vec![50.0]));
+        assert_eq!(ready, Ok((43, Phase::Ready)));
     }
 
     #[test]

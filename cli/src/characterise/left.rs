@@ -145,6 +145,9 @@ mod tests {
         assert!((left.minutes() - want + 11.0).abs() < 1.0);
         left.ramped(Some(25.0), Some(25.0));
         assert!(left.minutes() > want + 100.0);
+        let product = Profile::paper(Model::Quadratic);
+        let product = Left::new(&product, &task, 0).words();
+        assert_eq!(product, "about 31 h 00 min left");
         let at_the_end = Left::new(&profile, &task, 24);
         assert_eq!(at_the_end.words(), "about 1 h 53 min left");
     }

@@ -31,14 +31,22 @@ impl Bench {
         let folder = std::env::temp_dir().join(name);
         fs::create_dir_all(&folder).unwrap();
         let free = "127.0.0.1:0";
-        let mut server = plumb(&["serve", "--listen", free, "--motor", free, "--chamber", free])
-            .args(["--speed", speed, "--bit-rate", "1000"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut server = plumb(&[
+            "serve",
+            "--listen",
+            free,
+            "--motor",
+            free,
+            "--chamber",
+            free,
+        ])
+        .args(["--speed", speed, "--bit-rate", "1000"])
+        .args(more)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
         let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
         let mut next = || lines.next().unwrap().unwrap();
         let ready = next();
