@@ -250,18 +250,8 @@ pub fn turn(
     axis: Axis,
     deg: f64,
 ) -> Result<(), CalibrateError> {
-    let mut ended = None;
-    let turned = motor.turn(axis, deg, &mut || match session.rest(Duration::ZERO) {
-        Ok(()) => true,
-        Err(error) => {
-            ended = Some(error);
-            false
-        }
-    });
-    match ended {
-        Some(error) => Err(error),
-        None => Ok(turned?),
-    }
+    let turned = session.meanwhile(Duration::ZERO, |wait| motor.turn(axis, deg, wait))?;
+    Ok(turned?)
 }
 
 /// Means of `count` readings of a housing that stands still, `settle_s` behind a movement. `at`

@@ -58,18 +58,8 @@ impl Console {
     ///
     /// Errors: a lost bus, and [`CalibrateError::Interrupted`].
     pub fn wait(&self, session: &mut Session) -> Result<Answer, CalibrateError> {
-        let mut ended = None;
-        let answer = self.wait_while(&mut || match session.rest(GLANCE) {
-            Ok(()) => true,
-            Err(error) => {
-                ended = Some(error);
-                false
-            }
-        });
-        match ended {
-            Some(error) => Err(error),
-            None => Ok(answer.unwrap_or(Answer::Ended)),
-        }
+        let answer = session.meanwhile(GLANCE, |wait| self.wait_while(wait))?;
+        Ok(answer.unwrap_or(Answer::Ended))
     }
 
     /// The same for as long as `wait`, which is called again and again, is true; `None` when it is

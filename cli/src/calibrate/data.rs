@@ -330,23 +330,8 @@ fn date(days: u64) -> (u64, u64, u64) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
-
-    /// Every key of a value, however deep.
-    fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
-        match value {
-            serde_json::Value::Object(map) => {
-                for (key, value) in map {
-                    found.insert(key.clone());
-                    keys(value, found);
-                }
-            }
-            serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
-            _ => {}
-        }
-    }
+    use crate::calibrate::sample::assert_documented;
 
     #[test]
     fn every_key_of_the_report_is_documented() {
@@ -366,15 +351,8 @@ mod tests {
         report.channels[0].thermal = crate::calibrate::sample::chamber().channels[0]
             .thermal
             .clone();
-        let mut found = BTreeSet::new();
-        keys(&serde_json::to_value(&report).unwrap(), &mut found);
         let page = include_str!("../../../docs/calibration-report.md");
-        let (_, page) = page.split_once("## report.json").unwrap();
-        let missing: Vec<_> = found
-            .iter()
-            .filter(|k| !page.contains(&format!("`{k}`")))
-            .collect();
-        assert!(missing.is_empty(), "{missing:?}");
+        assert_documented(&report, page, "## report.json");
     }
 
     #[test]

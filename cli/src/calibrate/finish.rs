@@ -96,6 +96,27 @@ impl Common {
         }
     }
 
+    /// Prints what has come of it: `figures` and the verdict, or the report with --json. Exit status
+    /// 1: the instrument was not accepted.
+    ///
+    /// Errors: [`CalibrateError::Print`].
+    pub fn end(
+        &self,
+        figures: String,
+        report: &Report,
+        place: &Path,
+    ) -> Result<ExitCode, CalibrateError> {
+        let printed = match self.json {
+            true => stdout::print_json(report),
+            false => stdout::print(figures + &verdict(report, place)),
+        };
+        printed.map_err(CalibrateError::Print)?;
+        Ok(match report.decision.accepted {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::from(1),
+        })
+    }
+
     fn keep(&self, ids: &[u8], path: &Path) -> Result<ExitCode, CalibrateError> {
         if path.symlink_metadata().is_ok() && !self.force {
             return Err(CalibrateError::Earlier(path.to_owned(), "file with --keep"));
@@ -136,6 +157,24 @@ impl Common {
         printed.map_err(CalibrateError::Print)?;
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Whether it was accepted, and where the report is.
+fn verdict(report: &Report, place: &Path) -> String {
+    let tolerance = report.decision.tolerance_deg;
+    let mut text = match report.decision.accepted {
+        true => format!("accepted: within {tolerance} deg; stored, read back, the same\n"),
+        false => format!(
+            "NOT accepted: not within {tolerance} deg; the nodes have the calibration that they \
+             had\n"
+        ),
+    };
+    let folder = place.display();
+    text += &format!("report: {folder}/report.html, report.json, dcc.xml\n");
+    if let Some(hash) = &report.dcc_sha256 {
+        text += &format!("the nodes keep the SHA-256 of dcc.xml: {hash}\n");
+    }
+    text
 }
 
 /// Gives back what the nodes had unless all went well.

@@ -37,7 +37,7 @@ pub fn sample_dcc() -> String {
     dcc::document(&sample_report(), "IT")
 }
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
@@ -54,7 +54,6 @@ pub use kept::hex;
 use motor::{Motor, ScpiMotor};
 pub use session::Session;
 
-use crate::stdout;
 use data::Report;
 
 /// What to calibrate, how, and where the report goes.
@@ -127,11 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     let done = finish::settle(&folder, &mut session, done);
     session.leave();
     let (report, place) = done?;
-    say(arguments, &report, &place)?;
-    Ok(match report.decision.accepted {
-        true => ExitCode::SUCCESS,
-        false => ExitCode::from(1),
-    })
+    common.end(figures(&report), &report, &place)
 }
 
 fn tell(line: &str) {
@@ -224,20 +219,13 @@ fn with_hands(
     Ok(frame.by_hand(&handled))
 }
 
-fn say(arguments: &Arguments, report: &Report, place: &Path) -> Result<(), CalibrateError> {
-    let printed = match arguments.common.json {
-        true => stdout::print_json(report),
-        false => stdout::print(summary(report, place)),
-    };
-    printed.map_err(CalibrateError::Print)
-}
-
 fn largest(errors: impl Iterator<Item = Option<f64>>) -> String {
     let largest = errors.flatten().map(f64::abs).reduce(f64::max);
     largest.map_or("none".to_owned(), |deg| format!("{deg:.3} deg"))
 }
 
-fn summary(report: &Report, place: &Path) -> String {
+/// What was found and left, a line a channel.
+fn figures(report: &Report) -> String {
     let mut text = String::new();
     for channel in &report.channels {
         let found = largest(channel.as_found.iter().map(|p| p.error_deg));
@@ -251,19 +239,6 @@ fn summary(report: &Report, place: &Path) -> String {
     let between = largest(report.difference_as_left.iter().map(|d| d.difference_deg));
     if report.channels.len() == 2 {
         text += &format!("channel A less channel B as left: {between} at most\n");
-    }
-    let tolerance = report.decision.tolerance_deg;
-    text += &match report.decision.accepted {
-        true => format!("accepted: within {tolerance} deg; stored, read back, the same\n"),
-        false => format!(
-            "NOT accepted: not within {tolerance} deg; the nodes have the calibration that they \
-             had\n"
-        ),
-    };
-    let folder = place.display();
-    text += &format!("report: {folder}/report.html, report.json, dcc.xml\n");
-    if let Some(hash) = &report.dcc_sha256 {
-        text += &format!("the nodes keep the SHA-256 of dcc.xml: {hash}\n");
     }
     text
 }

@@ -1,4 +1,10 @@
-//! A report made up, for tests of its forms.
+//! What tests share: reports made up, a folder of their own, and whether a page has every key.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+use serde::Serialize;
 
 use super::data::*;
 
@@ -136,4 +142,64 @@ pub fn chamber() -> Report {
         channel.thermal = Some(thermal());
     }
     report
+}
+
+/// A folder of a test alone, gone with it.
+pub struct Scratch(pub PathBuf);
+
+impl Scratch {
+    /// An empty one.
+    pub fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    /// What a file in it says.
+    pub fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.0.join(name)).unwrap()
+    }
+
+    /// The files in it.
+    pub fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.0).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Every key of a value, however deep.
+fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(map) => {
+            for (key, value) in map {
+                found.insert(key.clone());
+                keys(value, found);
+            }
+        }
+        serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+/// Whether the part of a page behind a heading names every key of what a program writes.
+pub fn assert_documented(value: &impl Serialize, page: &str, heading: &str) {
+    let mut found = BTreeSet::new();
+    keys(&serde_json::to_value(value).unwrap(), &mut found);
+    let (_, page) = page.split_once(heading).unwrap();
+    let missing: Vec<_> = found
+        .iter()
+        .filter(|key| !page.contains(&format!("`{key}`")))
+        .collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }

@@ -343,6 +343,26 @@ impl Session {
         Ok(())
     }
 
+    /// Does something that takes its time beside the bus. `work` gets what it has to call again and
+    /// again meanwhile: that hears the bus for `pause`, and is false when nobody waits any longer.
+    ///
+    /// Errors: a lost bus, and [`CalibrateError::Interrupted`].
+    pub fn meanwhile<T>(
+        &mut self,
+        pause: Duration,
+        work: impl FnOnce(&mut dyn FnMut() -> bool) -> T,
+    ) -> Result<T, CalibrateError> {
+        let mut ended = None;
+        let done = work(&mut || match self.rest(pause) {
+            Ok(()) => true,
+            Err(error) => {
+                ended = Some(error);
+                false
+            }
+        });
+        ended.map_or(Ok(done), Err)
+    }
+
     fn undisturbed(&self) -> Result<(), CalibrateError> {
         let upset = |node: &Node| Some(CalibrateError::Upset(node.id, node.upset?));
         self.nodes.iter().find_map(upset).map_or(Ok(()), Err)

@@ -244,22 +244,7 @@ impl Measured {
 mod tests {
     use super::super::profile::Step;
     use super::*;
-
-    struct Scratch(PathBuf);
-
-    impl Scratch {
-        fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
-            fs::create_dir_all(&path).unwrap();
-            Self(path)
-        }
-    }
-
-    impl Drop for Scratch {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
+    use crate::calibrate::sample::{Scratch, assert_documented};
 
     fn begun() -> Begun {
         let step = |temperature_degc| Step {
@@ -338,6 +323,14 @@ mod tests {
         let mut moved = begun();
         moved.channels[0].node = 9;
         assert!(Measured::resume(&scratch.0, &moved).is_ok());
+    }
+
+    #[test]
+    fn every_key_of_the_file_is_documented() {
+        let mut run = Measured::new(begun(), 5);
+        run.dwells.push(dwelt(1, 0));
+        let page = include_str!("../../../docs/chamber.md");
+        assert_documented(&run, page, "## measured.json");
     }
 
     #[test]

@@ -18,7 +18,7 @@ mod report;
 mod run;
 mod thermal;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
@@ -40,7 +40,6 @@ use crate::calibrate::motor::{Axis, Motor, ScpiMotor};
 use crate::calibrate::session::{Session, encode};
 use crate::calibrate::{CalibrateError, Common, finish, kept};
 use crate::progress::Progress;
-use crate::stdout;
 
 /// What keeps the temperature, what turns the housing, and through which temperatures.
 #[derive(Clone, Debug, Args)]
@@ -116,11 +115,8 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Chara
     let done = characterise(arguments, progress, &folder, &mut session);
     session.leave();
     let (report, place) = done?;
-    say(arguments, &report, &place)?;
-    Ok(match report.decision.accepted {
-        true => ExitCode::SUCCESS,
-        false => ExitCode::from(1),
-    })
+    let figures = report.channels.iter().map(figures).collect();
+    Ok(common.end(figures, &report, &place)?)
 }
 
 /// The whole of it with the chamber that was named.
@@ -130,7 +126,7 @@ fn characterise(
     folder: &Folder,
     session: &mut Session,
 ) -> Done {
-    let (kind, model) = model(arguments, session)?;
+    let model = model(arguments, session)?;
     let profile = sequence(arguments, model)?;
     let mut motor = arguments.motor.as_deref().map(ScpiMotor::connect);
     let motor = match (motor.take().transpose()?, model) {
@@ -153,7 +149,6 @@ fn characterise(
         }),
         (None, None) => return Err(CharacteriseError::Method),
     };
-    let _ = kind;
     Work {
         arguments,
         progress,
@@ -165,11 +160,12 @@ fn characterise(
 }
 
 /// The model that goes with the nodes, unless another is asked for.
-fn model(arguments: &Arguments, session: &Session) -> Result<(Kind, Model), CharacteriseError> {
-    let kind = Kind::of(session)?;
+fn model(arguments: &Arguments, session: &Session) -> Result<Model, CharacteriseError> {
+    // Nodes of one kind have corrections of one kind.
+    Kind::of(session)?;
     let first = session.nodes.first().ok_or(CalibrateError::Nodes)?;
     let usual = Model::of(&first.calibration.correction);
-    Ok((kind, arguments.model.unwrap_or(usual)))
+    Ok(arguments.model.unwrap_or(usual))
 }
 
 /// The sequence of temperatures that was asked for.
@@ -330,34 +326,8 @@ impl Work<'_> {
     }
 }
 
-fn say(arguments: &Arguments, report: &Report, place: &Path) -> Result<(), CharacteriseError> {
-    let printed = match arguments.common.json {
-        true => stdout::print_json(report),
-        false => stdout::print(summary(report, place)),
-    };
-    Ok(printed.map_err(CalibrateError::Print)?)
-}
-
-fn summary(report: &Report, place: &Path) -> String {
-    let mut text: String = report.channels.iter().map(line).collect();
-    let tolerance = report.decision.tolerance_deg;
-    text += &match report.decision.accepted {
-        true => format!("accepted: within {tolerance} deg; stored, read back, the same\n"),
-        false => format!(
-            "NOT accepted: not within {tolerance} deg; the nodes have the calibration that they \
-             had\n"
-        ),
-    };
-    let folder = place.display();
-    text += &format!("report: {folder}/report.html, report.json, dcc.xml\n");
-    if let Some(hash) = &report.dcc_sha256 {
-        text += &format!("the nodes keep the SHA-256 of dcc.xml: {hash}\n");
-    }
-    text
-}
-
 /// A line about a channel.
-fn line(channel: &Channel) -> String {
+fn figures(channel: &Channel) -> String {
     let Some(thermal) = &channel.thermal else {
         return String::new();
     };

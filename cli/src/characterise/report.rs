@@ -194,7 +194,8 @@ fn dwell(dwelt: &Dwelt, measured: &Measured, made: &Made) -> ThermalDwell {
         |(sight, _): &(&Sight, &[f64; 3])| (sight.run, sight.step) == (dwelt.run, dwelt.step);
     let here: Vec<_> = readings.filter(here).collect();
     let count = here.len().max(1) as f64;
-    let mean = |of: &dyn Fn(&(&Sight, &[f64; 3])) -> f64| here.iter().map(of).sum::<f64>() / count;
+    let sensors: f64 = here.iter().map(|(sight, _)| sight.temperature_c).sum();
+    let sum = |axis: usize| here.iter().map(|(_, mg)| mg[axis]).sum::<f64>();
     let all = here.iter().flat_map(|(_, mg)| mg.iter());
     let branch = match profile.branch(dwelt.run, dwelt.step) {
         Branch::Start => "start",
@@ -206,8 +207,8 @@ fn dwell(dwelt: &Dwelt, measured: &Measured, made: &Made) -> ThermalDwell {
         branch: branch.to_owned(),
         set_degc: profile.steps[dwelt.step].temperature_degc,
         air_degc: dwelt.air_degc,
-        sensor_degc: mean(&|(sight, _)| sight.temperature_c),
-        residuals_mg: std::array::from_fn(|axis| mean(&|(_, mg)| mg[axis])),
+        sensor_degc: sensors / count,
+        residuals_mg: std::array::from_fn(|axis| sum(axis) / count),
         largest_mg: all.map(|mg| mg.abs()).fold(0.0, f64::max),
         repeated: dwelt.repeated,
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use tilt::ONE_G;
 
-use super::chamber::{Chamber, ChamberError};
+use super::chamber::Chamber;
 use super::error::CharacteriseError;
 use super::hold::{Hold, Phase, follows};
 use super::left::Left;
@@ -266,19 +266,8 @@ impl Bench<'_> {
         let Self {
             session, chamber, ..
         } = self;
-        let mut ended = None;
-        let set = chamber.set(degc, &mut || match session.rest(GLANCE) {
-            Ok(()) => true,
-            Err(error) => {
-                ended = Some(error);
-                false
-            }
-        });
-        match (ended, set) {
-            (Some(error), _) => Err(error.into()),
-            (None, Err(ChamberError::Ended)) => Err(ChamberError::Ended.into()),
-            (None, set) => Ok(set?),
-        }
+        let set = session.meanwhile(GLANCE, |wait| chamber.set(degc, wait))?;
+        Ok(set?)
     }
 
     /// The readings of a dwell, by orientation.

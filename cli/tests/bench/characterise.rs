@@ -1,14 +1,12 @@
 //! `plumb characterise` from the outside, against the nodes and the chamber of `plumb serve`.
 
-mod bench;
-
 use std::fs;
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::Duration;
 
-use bench::{Bench, interrupt, number, said};
+use super::stand::{Bench, interrupt, number, said};
 
 /// A bench with a chamber and a housing three hundred times as fast as real ones: a dwell of 40 min
 /// is one of 8 s here.

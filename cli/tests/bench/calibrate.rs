@@ -1,14 +1,12 @@
 //! `plumb calibrate` and `plumb verify` from the outside, against the nodes of `plumb serve`.
 
-mod bench;
-
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{ChildStderr, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use bench::{Bench, interrupt, number, said};
+use super::stand::{Bench, interrupt, number, said};
 
 /// A bench at which a calibration is watched.
 fn bench(more: &[&str]) -> Bench {
