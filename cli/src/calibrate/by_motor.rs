@@ -143,6 +143,7 @@ impl Bench<'_> {
     ///
     /// Errors: whatever goes wrong; the nodes may then hold something new.
     pub fn calibrate(&mut self, kind: Kind, step: u32) -> Result<Swept, CalibrateError> {
+        level(self.session, self.motor, kind.axes())?;
         let (found, fits) = match kind {
             Kind::Tables => (self.make_tables(step)?, Vec::new()),
             Kind::TwoAxis | Kind::OneAxis => self.fit_and_write(kind, step)?,
@@ -252,6 +253,18 @@ pub fn turn(
 ) -> Result<(), CalibrateError> {
     let turned = session.meanwhile(Duration::ZERO, |wait| motor.turn(axis, deg, wait))?;
     Ok(turned?)
+}
+
+/// Takes these axes to their stop: a run that was cut may have left one of them turned.
+///
+/// Errors: see [`turn`].
+pub fn level(
+    session: &mut Session,
+    motor: &mut dyn Motor,
+    axes: &[Axis],
+) -> Result<(), CalibrateError> {
+    let mut axes = axes.iter();
+    axes.try_for_each(|axis| turn(session, motor, *axis, 0.0))
 }
 
 /// Means of `count` readings of a housing that stands still, `settle_s` behind a movement. `at`

@@ -20,7 +20,7 @@ use super::profile::{Profile, Step};
 use super::thermal::{Model, alike};
 use crate::calibrate::CalibrateError;
 use crate::calibrate::by_hand;
-use crate::calibrate::by_motor::{Kind, still, turn};
+use crate::calibrate::by_motor::{Kind, level, still, turn};
 use crate::calibrate::console::{Console, GLANCE};
 use crate::calibrate::hand::{NEAR_DEG, POSES, angle_deg};
 use crate::calibrate::motor::{Axis, Motor};
@@ -330,6 +330,7 @@ fn by_motor(
     motor: &mut dyn Motor,
     settle_s: f64,
 ) -> Result<Vec<Vec<Reading>>, CharacteriseError> {
+    level(session, motor, &[Axis::X, Axis::Y])?;
     let mut all = Vec::new();
     for (axis, deg) in BY_MOTOR {
         turn(session, motor, axis, deg)?;

@@ -219,11 +219,59 @@ fn a_node_that_vanishes_stops_the_run_and_what_was_measured_is_kept() {
     assert!(last.contains("--resume"), "{last}");
     assert!(fs::metadata(bench.path("report/measured.json")).is_ok());
     // The chamber was sent to room temperature.
-    let mut chamber = TcpStream::connect(bench.chamber.trim_start_matches("tcp://")).unwrap();
-    writeln!(chamber, "TEMP:SETP?").unwrap();
+    assert_eq!(ask(&bench.chamber, "TEMP:SETP?"), "25.00\n");
+}
+
+/// What the motor or the chamber at this URL answers.
+fn ask(url: &str, line: &str) -> String {
+    let mut device = TcpStream::connect(url.trim_start_matches("tcp://")).unwrap();
+    writeln!(device, "{line}").unwrap();
     let mut said = String::new();
-    BufReader::new(chamber).read_line(&mut said).unwrap();
-    assert_eq!(said, "25.00\n");
+    BufReader::new(device).read_line(&mut said).unwrap();
+    said
+}
+
+#[test]
+fn a_run_cut_at_each_dwell_with_its_motor_left_turned_comes_to_its_end() {
+    let mut bench = bench(&["--uncalibrated"]);
+    let before = bench.kept();
+    // Killed behind each dwell that is in the file, and at last in the conditioning.
+    let marks = [
+        "dwell 2 of",
+        "dwell 3 of",
+        "dwell 4 of",
+        "dwell 5 of",
+        "conditioning",
+    ];
+    for (place, mark) in marks.into_iter().enumerate() {
+        let resume: &[&str] = if place == 0 { &[] } else { &["--resume"] };
+        let (mut run, mut lines) = begin(by_motor(&bench, resume));
+        let mut told = String::new();
+        while !told.contains(mark) {
+            let line = lines.next().and_then(Result::ok);
+            told += &line.unwrap_or_else(|| panic!("no {mark}: {told}"));
+        }
+        run.kill().unwrap();
+        run.wait().unwrap();
+        // A run that is cut in its readings leaves the motor so.
+        assert_eq!(ask(&bench.motor, "POS:PITCH 54.7\n*OPC?"), "1\n");
+        if place == 2 {
+            bench.say("power all off");
+            bench.say("power all on");
+            std::thread::sleep(Duration::from_millis(400));
+        }
+    }
+    assert_eq!(bench.kept(), before);
+    let last = by_motor(&bench, &["--resume", "--json"]).output();
+    let (status, out, err) = said(&last.unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    assert!(err.contains("5 of 5 dwells were measured before"), "{err}");
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    for channel in 0..2 {
+        let of = |key: &str| number(&report, &format!("/channels/{channel}/{key}"));
+        assert!(of("residual_mg") < 1.5 && of("residual_mg") > 0.0);
+    }
+    assert_eq!(models(&bench.kept()), [3, 3]);
 }
 
 /// A chamber that answers by what `air` makes of its set point, once it is told one; its URL.

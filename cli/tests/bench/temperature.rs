@@ -9,7 +9,9 @@
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use super::stand::{Bench, said};
@@ -20,9 +22,11 @@ const PATH_C: [f64; 9] = [0.0, -10.0, 10.0, 30.0, 50.0, 70.0, 50.0, 30.0, 10.0];
 /// Angles of each slope at each temperature.
 const ANGLES: usize = 4;
 
-/// Units of the page, and the first of their seeds.
-const UNITS: u64 = 20;
-const FIRST: u64 = 1;
+/// Units of the page; their seeds are 1, 2, 3 and so on.
+const UNITS: usize = 6;
+
+/// Units that are on a bus at the same time.
+const AT_ONCE: usize = 3;
 
 /// The lines between which the page carries the figures.
 const BEGIN: &str = "<!-- figures of units from the bus: begin -->";
@@ -255,26 +259,55 @@ fn section(units: &[Vec<Reading>]) -> String {
     text + "\n"
 }
 
-#[test]
-#[ignore = "takes more than half an hour; renews docs/temperature.md"]
-fn the_figures_of_units_from_the_bus_are_written() {
-    let mut units = Vec::new();
-    for seed in FIRST..FIRST + UNITS {
-        let mut bench = unit(seed);
-        characterise(&bench, "10", "2");
-        through(&bench, &["calibrate"]);
-        let readings = errors(&mut bench, seed);
-        eprintln!(
-            "seed {seed}: {:.4} {:.3}",
-            rmse(&readings),
-            largest(&readings)
-        );
-        units.push(readings);
-    }
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/temperature.md");
-    let text = fs::read_to_string(&page).unwrap();
+/// The page, and where its section begins and ends.
+fn page() -> (PathBuf, String, String, String) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/temperature.md");
+    let text = fs::read_to_string(&path).unwrap();
     let (before, rest) = text.split_once(BEGIN).unwrap();
-    let (_, behind) = rest.split_once(END).unwrap();
-    let section = section(&units);
-    fs::write(&page, format!("{before}{BEGIN}\n{section}{END}{behind}")).unwrap();
+    let (section, behind) = rest.split_once(END).unwrap();
+    let [before, section, behind] = [before, section, behind].map(str::to_owned);
+    (path, before, section, behind)
+}
+
+/// One unit of the page, from bare to its errors.
+fn of_page(seed: u64) -> Vec<Reading> {
+    let mut bench = unit(seed);
+    characterise(&bench, "10", "2");
+    through(&bench, &["calibrate"]);
+    let readings = errors(&mut bench, seed);
+    let (all, most) = (rmse(&readings), largest(&readings));
+    eprintln!("seed {seed}: {all:.4} {most:.3}");
+    readings
+}
+
+fn write_page(units: &[Vec<Reading>]) {
+    if units.is_empty() {
+        return;
+    }
+    let (path, before, _, behind) = page();
+    let section = section(units);
+    fs::write(&path, format!("{before}{BEGIN}\n{section}{END}{behind}")).unwrap();
+}
+
+#[test]
+#[ignore = "takes half an hour; renews docs/temperature.md"]
+fn the_figures_of_units_from_the_bus_are_written() {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(vec![None; UNITS]);
+    let work = || {
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            if place >= UNITS {
+                break;
+            }
+            let readings = of_page(place as u64 + 1);
+            let mut done = done.lock().unwrap();
+            done[place] = Some(readings);
+            // The first ones without a gap; what takes so long is not lost when it is stopped.
+            write_page(&done.iter().map_while(Clone::clone).collect::<Vec<_>>());
+        }
+    };
+    std::thread::scope(|scope| {
+        (0..AT_ONCE).for_each(|_| drop(scope.spawn(work)));
+    });
 }
