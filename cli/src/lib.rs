@@ -2,9 +2,9 @@
 //!
 //! One verb per file or folder. On a bus: `commission/` finds nodes, reads and writes objects,
 //! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/`, `characterise/` and
-//! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program. Behind it:
-//! `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/` puts
-//! virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
+//! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program.
+//! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
+//! puts virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
 //! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
 //! `watch/` knows what frames say, `report/` draws.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the

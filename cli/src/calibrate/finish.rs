@@ -96,8 +96,8 @@ impl Common {
         }
     }
 
-    /// Prints what has come of it: `figures` and the verdict, or the report with --json. Exit status
-    /// 1: the instrument was not accepted.
+    /// Prints what has come of it: `figures` and the verdict, or the report with --json. Exit
+    /// status 1: the instrument was not accepted.
     ///
     /// Errors: [`CalibrateError::Print`].
     pub fn end(

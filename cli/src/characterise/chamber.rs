@@ -87,7 +87,7 @@ impl fmt::Display for ChamberError {
             ),
             Self::Range(peer, said) => write!(
                 f,
-                "{peer} answers \"CONF:RANG?\" by {said:?}: two temperatures belong there, as -40,85"
+                "{peer} answers \"CONF:RANG?\" by {said:?}: two temperatures belong there: -40,85"
             ),
             Self::Ended => write!(f, "the input ended before the chamber was set"),
         }

@@ -99,8 +99,7 @@ impl fmt::Display for CharacteriseError {
             ),
             Self::Both => write!(
                 f,
-                "either a program sets the chamber or a person does: give --chamber URL or \
-                 --by-hand, not both"
+                "a program or a person sets the chamber: give --chamber URL or --by-hand, not both"
             ),
             Self::OneAxis => write!(
                 f,

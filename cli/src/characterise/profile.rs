@@ -172,7 +172,8 @@ impl Profile {
         runs: u32,
         model: Model,
     ) -> Result<Self, ProfileError> {
-        let count = ((to - from) / step).round();
+        // The last stair is a lower one where the step does not fit.
+        let count = ((to - from) / step - 1e-9).ceil();
         if !(from < to && step > 0.0 && (1.0..=LONGEST as f64).contains(&count)) {
             return Err(ProfileError::Stairs);
         }
@@ -397,6 +398,8 @@ mod tests {
             temperatures(&both),
             [0.0, 20.0, 40.0, 50.0, 40.0, 20.0, 0.0]
         );
+        let lower = Profile::stairs([0.0, 50.0, 22.0, 5.0], 1, Model::Piecewise).unwrap();
+        assert_eq!(temperatures(&lower), [0.0, 22.0, 44.0, 50.0]);
         for ends in [
             [0.0, 0.0, 1.0, 1.0],
             [0.0, 9.0, 0.0, 1.0],
