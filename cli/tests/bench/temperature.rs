@@ -313,7 +313,7 @@ fn write_page(units: &[Vec<Reading>]) {
 }
 
 #[test]
-#[ignore = "takes half an hour; renews docs/temperature.md"]
+#[ignore = "takes five minutes; renews docs/temperature.md"]
 fn the_figures_of_units_from_the_bus_are_written() {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(vec![None; UNITS]);
