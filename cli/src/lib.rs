@@ -1,10 +1,10 @@
 //! `plumb`: the person's side of the instrument.
 //!
 //! One verb per file or folder. On a bus: `commission/` finds nodes, reads and writes objects,
-//! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/` and `verify/` are
-//! the bench; `blackbox/` reads what nodes remember; `update/` brings a new program. Behind it:
-//! `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/` puts
-//! virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
+//! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/`, `characterise/` and
+//! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program.
+//! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
+//! puts virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
 //! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
 //! `watch/` knows what frames say, `report/` draws.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
@@ -13,6 +13,7 @@
 mod blackbox;
 mod bus;
 mod calibrate;
+mod characterise;
 mod commission;
 mod demo;
 mod describe;
@@ -25,6 +26,7 @@ mod playback;
 mod progress;
 mod replay;
 mod report;
+mod scpi;
 pub mod serve;
 mod shell;
 mod stdout;
@@ -78,6 +80,8 @@ enum Verb {
     Faults(blackbox::Arguments),
     /// Calibrate both channels over the bus, by a motor or by hand, with a report
     Calibrate(Box<calibrate::Arguments>),
+    /// Take both channels through temperatures in a chamber, for their temperature model
+    Characterise(Box<characterise::Arguments>),
     /// Compare a calibration report with the nodes that it is of
     Verify(verify::Arguments),
     /// Bring a new program to the nodes on a bus, one after the other
@@ -128,6 +132,7 @@ fn carry_out(verb: &Verb, progress: &Progress) -> Result<ExitCode, String> {
         Verb::Monitor(arguments) => monitor::run(arguments).map_err(said),
         Verb::Faults(arguments) => blackbox::run(arguments).map_err(said),
         Verb::Calibrate(arguments) => calibrate::run(arguments).map_err(said),
+        Verb::Characterise(arguments) => characterise::run(arguments, progress).map_err(said),
         Verb::Verify(arguments) => verify::run(arguments).map_err(said),
         Verb::Update(arguments) => update::run(arguments, progress).map_err(said),
         Verb::Image(arguments) => image::run(arguments).map_err(said),

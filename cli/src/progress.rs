@@ -48,6 +48,14 @@ impl Progress {
         }
     }
 
+    /// A line on stderr, above the bars where there are any.
+    pub fn say(&self, line: &str) {
+        match &self.bars {
+            Some(bars) => bars.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
     /// Starts a task of `steps` steps. The bar goes away when the task is dropped.
     pub fn task(&self, name: &str, steps: u64) -> Task {
         let bars = self.bars.clone();

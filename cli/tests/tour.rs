@@ -41,6 +41,7 @@ struct Tour {
     background: Vec<(Child, BufReader<ChildStdout>)>,
     bus: String,
     motor: String,
+    chamber: String,
 }
 
 /// An address of this machine that nobody has.
@@ -63,11 +64,13 @@ impl Tour {
             background: Vec::new(),
             bus: format!("{}/plumb", free()),
             motor: free(),
+            chamber: free(),
         }
     }
 
     fn shell(&self, line: &str) -> Command {
         let line = line.replace("127.0.0.1:5025", &self.motor);
+        let line = line.replace("127.0.0.1:5026", &self.chamber);
         let path = std::env::var("PATH").unwrap_or_default();
         let bin = self.folder.join("bin").display().to_string();
         let mut shell = Command::new("sh");
@@ -131,6 +134,7 @@ fn every_command_of_the_tour_does_what_it_says() {
     // What the text says of them.
     for sentence in [
         "Plumb inclinometer, channel A",
+        "quadratic model for",
         "accepted: within",
         "the calibration in force and the report are those of the file",
         "both agree",
@@ -141,6 +145,7 @@ fn every_command_of_the_tour_does_what_it_says() {
         assert!(said.contains(sentence), "{sentence:?} is not in\n{said}");
     }
     for made in [
+        "characterisation-report/report.html",
         "calibration-report/report.html",
         "calibration-report/dcc.xml",
         "shift.log",

@@ -37,6 +37,11 @@ impl Chamber {
         self.set_point_c = temperature_c;
     }
 
+    /// The temperature of the air that was asked for last, degC.
+    pub fn asked_c(&self) -> f64 {
+        self.set_point_c
+    }
+
     /// Whether the air has arrived at its set point.
     pub fn arrived(&self) -> bool {
         self.air_c == self.set_point_c
@@ -104,6 +109,18 @@ impl Profile {
             })
             .collect();
         Profile { steps }
+    }
+
+    /// The way back that the product's run adds: 60 to -10 degC in steps of 10, as long at each
+    /// as on the way up, so that the fit comes out between the branches of the hysteresis.
+    pub fn down_the_stairs() -> Profile {
+        let stairs = (-1..=6).rev().map(|tens| Dwell {
+            set_point_c: f64::from(tens) * 10.0,
+            dwell_min: 40.0,
+        });
+        Profile {
+            steps: stairs.collect(),
+        }
     }
 }
 

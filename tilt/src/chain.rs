@@ -24,7 +24,7 @@ use crate::root::root;
 use crate::sample::{Counts, FullScale, Instant, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
-use crate::uncertainty::{Budget, Uncertainty};
+use crate::uncertainty::{Budget, Span, TCO, Uncertainty};
 use crate::vector::{Corrected, Vector};
 
 /// Why there is no angle.
@@ -201,6 +201,8 @@ impl Calibration {
             hysteresis: 0,
             reference: Uncertainty(0),
             residual: Uncertainty(0),
+            tco: TCO,
+            span: Span::REFERENCE,
         },
     };
 
@@ -214,7 +216,7 @@ impl Calibration {
             vector: Vector::IDENTITY,
             harmonics: Axes::default(),
         };
-        self.budget = Budget::default();
+        self.budget = Self::NOMINAL.budget;
     }
 }
 

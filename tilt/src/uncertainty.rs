@@ -5,6 +5,11 @@
 //! noise behind the filter, repeatability (turn-on and 1/f floor), thermal hysteresis away from
 //! the calibration temperature, the reference's own uncertainty and the residual of the fit.
 //!
+//! A calibration holds at the temperatures at which it was made, its [`Span`]: those of the run
+//! without a temperature model, those of the chamber with one. Outside the span the zero-g offset
+//! and the sensitivity go on by coefficients that nobody measured, so the uncertainty of each axis
+//! grows by `tco` for every degree beyond the nearer end.
+//!
 //! In product mode the sensitivity is 1/g rad per unit of acceleration at every tilt (E6 explains
 //! why all three axes are used); only within a few standard deviations of the vertical does the
 //! fold of the square root add. In paper mode the table itself propagates the noise: it is read
@@ -19,6 +24,7 @@ use crate::angle::{Angle, Axes, hypot};
 use crate::filter::LowPass;
 use crate::sample::Temperature;
 use crate::table::{Rule, Table};
+use crate::temperature::TemperatureModel;
 use crate::vector::Corrected;
 
 /// A standard uncertainty in steps of [`Angle`] (2^-32 of a circle).
@@ -46,6 +52,81 @@ impl Uncertainty {
     }
 }
 
+/// Temperatures at which a calibration holds, as the part's own thermometer tells them.
+///
+/// With `low` above `high` it is what two spans that do not meet have in common: each end counts
+/// as far as it is away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The lowest.
+    pub low: Temperature,
+    /// The highest.
+    pub high: Temperature,
+}
+
+impl Span {
+    /// 25 degC, where the data sheet states offset and sensitivity.
+    pub const REFERENCE: Self = Self::at(Temperature::REFERENCE);
+
+    /// -10 to 70 degC, the chamber run of R4.
+    pub const CHAMBER: Self = Self {
+        low: Temperature::from_celsius(-10),
+        high: Temperature::from_celsius(70),
+    };
+
+    /// One temperature.
+    pub const fn at(temperature: Temperature) -> Self {
+        Self {
+            low: temperature,
+            high: temperature,
+        }
+    }
+
+    /// From the lowest to the highest of `temperatures`; `None` of none.
+    pub fn of(temperatures: impl IntoIterator<Item = Temperature>) -> Option<Self> {
+        let each = temperatures.into_iter().map(Self::at);
+        each.reduce(|span, at| span.widened(at.low))
+    }
+
+    /// The span that a calibration was made with before its format told one.
+    ///
+    /// The coefficients of a model come from a chamber run, and there was that of R4 alone.
+    pub const fn implied_by(model: &TemperatureModel) -> Self {
+        match model {
+            TemperatureModel::None => Self::REFERENCE,
+            _ => Self::CHAMBER,
+        }
+    }
+
+    /// This span and `temperature`.
+    #[must_use]
+    pub fn widened(self, temperature: Temperature) -> Self {
+        Self {
+            low: self.low.min(temperature),
+            high: self.high.max(temperature),
+        }
+    }
+
+    /// How far `temperature` is outside, 1/256 degC; 0 within.
+    pub fn beyond(&self, temperature: Temperature) -> u32 {
+        let below = self.low.0.saturating_sub(temperature.0);
+        let above = temperature.0.saturating_sub(self.high.0);
+        below.max(above).max(0).unsigned_abs()
+    }
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self::REFERENCE
+    }
+}
+
+/// Change of one axis per degC of a part that was never in a chamber, 2^-26 g (k = 1).
+///
+/// TCO +-0.2 mg/degC and TCS 0.01 %/degC, which is 0.1 mg/degC at 1 g \[DS\]: together
+/// 0.224 mg/degC.
+pub const TCO: u32 = 15_006;
+
 /// What is known of the spread of one channel; all k = 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Budget {
@@ -59,6 +140,10 @@ pub struct Budget {
     pub reference: Uncertainty,
     /// What the fit left.
     pub residual: Uncertainty,
+    /// Zero-g offset of one axis per degC beyond the span, 2^-26 g per step.
+    pub tco: u32,
+    /// Where the calibration holds.
+    pub span: Span,
 }
 
 /// Angle steps per acceleration step, in 1/65536: (2^32 / 2 pi) / 2^26.
@@ -87,8 +172,15 @@ impl Budget {
         };
         let sum = noise
             .saturating_add(square(self.repeatability))
-            .saturating_add(hysteresis.saturating_mul(hysteresis));
+            .saturating_add(hysteresis.saturating_mul(hysteresis))
+            .saturating_add(square(self.drift(t)));
         root(sum).0
+    }
+
+    /// What the offset of one axis may have drifted by at `t`, 2^-26 g per step.
+    fn drift(&self, t: Temperature) -> u32 {
+        let drift = (u64::from(self.tco) * u64::from(self.span.beyond(t))) >> 8;
+        u32::try_from(drift).unwrap_or(u32::MAX)
     }
 
     /// Noise alone behind `filter`: what scatters from reading to reading at a standstill.
@@ -290,6 +382,53 @@ mod tests {
         };
         assert_eq!(Budget::default().of_motion(shaken, 0), nothing);
         assert_eq!(nothing.combined_with(nothing), nothing);
+    }
+
+    #[test]
+    fn outside_its_span_an_axis_drifts_by_tco_for_each_degree() {
+        let budget = Budget {
+            tco: TCO,
+            span: Span {
+                low: Temperature::from_celsius(20),
+                high: Temperature::from_celsius(30),
+            },
+            ..Budget::default()
+        };
+        let mg = |t: i16| {
+            let accel = budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
+            f64::from(accel) / MG
+        };
+        assert_eq!([mg(20), mg(25), mg(30)], [0.0; 3]);
+        // sqrt(0.2^2 + 0.1^2) mg/degC.
+        assert!((mg(31) - 0.2236).abs() < 1e-3, "{}", mg(31));
+        for t in [-10, 60] {
+            assert!((mg(t) - 6.708).abs() < 1e-3, "{t}: {}", mg(t));
+        }
+    }
+
+    #[test]
+    fn two_spans_that_do_not_meet_count_by_the_farther_one() {
+        let at = Temperature::from_celsius;
+        let apart = Span {
+            low: at(30),
+            high: at(20),
+        };
+        assert_eq!(
+            [15, 20, 25, 35].map(|t| apart.beyond(at(t)) / 256),
+            [15, 10, 5, 15]
+        );
+        let ends = [i32::MIN, i32::MAX].map(Temperature);
+        for (low, high) in [(ends[0], ends[1]), (ends[1], ends[0])] {
+            let span = Span { low, high };
+            for tco in [0, TCO, u32::MAX] {
+                let budget = Budget {
+                    tco,
+                    span,
+                    ..Budget::default()
+                };
+                assert!(ends.map(|t| budget.accel(&LowPass::PAPER, t)) <= [KNOWS_NOTHING; 2]);
+            }
+        }
     }
 
     #[test]

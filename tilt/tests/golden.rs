@@ -11,7 +11,7 @@ use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Instant, Temperature};
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Quadratic, TemperatureModel};
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 /// A swing of slope X over +-60 deg with a little of Y and noise of some counts.
@@ -69,6 +69,8 @@ fn product() -> Chain {
                 hysteresis: 24_000,
                 reference: Uncertainty(160_000),
                 residual: Uncertainty(100_000),
+                tco: TCO,
+                span: Span::CHAMBER,
             },
         },
     }

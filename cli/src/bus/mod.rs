@@ -9,7 +9,7 @@
 pub mod address;
 pub mod diagnosis;
 mod error;
-mod intake;
+pub mod intake;
 #[cfg(target_os = "linux")]
 mod kernel;
 pub mod lss;

@@ -146,12 +146,7 @@ impl Bench<'_> {
                         vector: vector.unwrap_or(Vector::IDENTITY),
                         harmonics: Axes::default(),
                     },
-                    budget: budget(
-                        &before.budget,
-                        rate_hz,
-                        faces.zero_uncertainty_deg(),
-                        residual_deg,
-                    ),
+                    budget: budget(before, rate_hz, faces.zero_uncertainty_deg(), residual_deg),
                 }
             })
             .collect()
@@ -175,7 +170,9 @@ impl Bench<'_> {
     }
 
     /// Asks for a pose until the housing stands in it; `None` when nobody answers any more.
-    fn pose(
+    ///
+    /// Errors: those of the nodes, a lost bus, and [`CalibrateError::Interrupted`].
+    pub fn pose(
         &mut self,
         place: usize,
         what: &str,

@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::error::CalibrateError;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
-use super::session::{Session, encode};
+use super::session::{Reading, Session, encode};
 
 /// Settling after the motor has stopped, s: that of the filter, and of what rings.
 const SETTLE_S: f64 = 0.4;
@@ -87,7 +87,8 @@ impl Kind {
         }
     }
 
-    const fn settle_s(self) -> f64 {
+    /// Settling behind a movement, s.
+    pub const fn settle_s(self) -> f64 {
         match self {
             Self::Tables => SETTLE_PAPER_S,
             Self::TwoAxis | Self::OneAxis => SETTLE_S,
@@ -142,6 +143,7 @@ impl Bench<'_> {
     ///
     /// Errors: whatever goes wrong; the nodes may then hold something new.
     pub fn calibrate(&mut self, kind: Kind, step: u32) -> Result<Swept, CalibrateError> {
+        level(self.session, self.motor, kind.axes())?;
         let (found, fits) = match kind {
             Kind::Tables => (self.make_tables(step)?, Vec::new()),
             Kind::TwoAxis | Kind::OneAxis => self.fit_and_write(kind, step)?,
@@ -220,51 +222,75 @@ impl Bench<'_> {
         made.map(|()| found)
     }
 
-    /// Turns the motor; what passes on the bus meanwhile is heard, Ctrl-C included.
     fn turn(&mut self, axis: Axis, deg: f64) -> Result<(), CalibrateError> {
-        let Self { session, motor, .. } = self;
-        let mut ended = None;
-        let turned = motor.turn(axis, deg, &mut || match session.rest(Duration::ZERO) {
-            Ok(()) => true,
-            Err(error) => {
-                ended = Some(error);
-                false
-            }
-        });
-        match ended {
-            Some(error) => Err(error),
-            None => Ok(turned?),
-        }
+        turn(self.session, self.motor, axis, deg)
     }
 
     /// Turns, waits for a standstill, reads.
     fn stand(&mut self, kind: Kind, axis: Axis, deg: f64) -> Result<Stand, CalibrateError> {
         self.turn(axis, deg)?;
         let reference_deg = self.motor.position_deg(axis)?;
-        let mut restless = None;
-        for _ in 0..TRIES {
-            self.session.settle(kind.settle_s())?;
-            let readings = self.session.read(READINGS, APART_S)?;
-            let worst = readings.iter().map(|r| r.scatter_mg).enumerate();
-            let worst = worst.reduce(|a, b| if b.1 > a.1 { b } else { a });
-            match worst {
-                Some((place, mg)) if mg > STILL_MG => restless = Some((place, mg)),
-                _ => {
-                    let stand = Stand {
-                        axis,
-                        reference_deg,
-                        readings,
-                    };
-                    (self.tell)(&live(&stand, self.session));
-                    return Ok(stand);
-                }
-            }
-        }
-        let (place, mg) = restless.unwrap_or_default();
-        let place = self.session.nodes[place].id;
         let at = format!("at slope {} of {deg} deg", axis.letter());
-        Err(CalibrateError::Restless(place, at, mg))
+        let readings = still(self.session, kind.settle_s(), READINGS, &at)?;
+        let stand = Stand {
+            axis,
+            reference_deg,
+            readings,
+        };
+        (self.tell)(&live(&stand, self.session));
+        Ok(stand)
     }
+}
+
+/// Turns a motor; what passes on the bus meanwhile is heard, Ctrl-C included.
+///
+/// Errors: those of the motor, a lost bus, and [`CalibrateError::Interrupted`].
+pub fn turn(
+    session: &mut Session,
+    motor: &mut dyn Motor,
+    axis: Axis,
+    deg: f64,
+) -> Result<(), CalibrateError> {
+    let turned = session.meanwhile(Duration::ZERO, |wait| motor.turn(axis, deg, wait))?;
+    Ok(turned?)
+}
+
+/// Takes these axes to their stop: a run that was cut may have left one of them turned.
+///
+/// Errors: see [`turn`].
+pub fn level(
+    session: &mut Session,
+    motor: &mut dyn Motor,
+    axes: &[Axis],
+) -> Result<(), CalibrateError> {
+    let mut axes = axes.iter();
+    axes.try_for_each(|axis| turn(session, motor, *axis, 0.0))
+}
+
+/// Means of `count` readings of a housing that stands still, `settle_s` behind a movement. `at`
+/// says where it stands.
+///
+/// Errors: [`CalibrateError::Restless`] when it goes on shaking, and those of the nodes.
+pub fn still(
+    session: &mut Session,
+    settle_s: f64,
+    count: u32,
+    at: &str,
+) -> Result<Vec<Reading>, CalibrateError> {
+    let mut restless = None;
+    for _ in 0..TRIES {
+        session.settle(settle_s)?;
+        let readings = session.read(count, APART_S)?;
+        let worst = readings.iter().map(|r| r.scatter_mg).enumerate();
+        let worst = worst.reduce(|a, b| if b.1 > a.1 { b } else { a });
+        match worst {
+            Some((place, mg)) if mg > STILL_MG => restless = Some((place, mg)),
+            _ => return Ok(readings),
+        }
+    }
+    let (place, mg) = restless.unwrap_or_default();
+    let node = session.nodes[place].id;
+    Err(CalibrateError::Restless(node, at.to_owned(), mg))
 }
 
 /// A line about a stand: what each channel reads less the reference.

@@ -10,13 +10,13 @@ use device::calibration::encoding::identity;
 use tilt::chain::Correction;
 use tilt::temperature::Compensated;
 
-use super::Arguments;
 use super::by_hand::Handled;
 use super::by_motor::{Swept, mean_uncertainty_deg};
 use super::data::{
     Channel, Contribution, Decision, Difference, Environment, FORMAT, Method, Point, Pose,
     Reference, Report, VERSION, utc,
 };
+use super::finish::Common;
 use super::fit::Stand;
 use super::hand::{self, POSES};
 use super::motor::Axis;
@@ -38,7 +38,7 @@ pub fn now() -> u64 {
 /// What is the same in every report.
 pub struct Frame<'a> {
     /// What was asked for.
-    pub arguments: &'a Arguments,
+    pub common: &'a Common,
     /// The nodes, as they were found.
     pub session: &'a Session,
     /// Seconds since 1970 at the begin.
@@ -50,13 +50,14 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
-        let Arguments {
+    /// A report without channels, not yet accepted.
+    pub fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
+        let Common {
             laboratory,
             operator,
             customer,
             ..
-        } = self.arguments;
+        } = self.common;
         let tolerance = self.tolerance_deg;
         let extreme = |pick: fn(f64, f64) -> f64| temperatures.iter().copied().reduce(pick);
         let serial = self.session.nodes.first().map_or(0, |node| node.serial);
@@ -100,7 +101,8 @@ impl Frame<'_> {
         }
     }
 
-    fn channel(&self, place: usize, node: &Node) -> Channel {
+    /// A channel without figures.
+    pub fn channel(&self, place: usize, node: &Node) -> Channel {
         let left = self.made.get(place).and_then(|bytes| decode(bytes));
         let left = left.map_or(0, |calibration| identity(&calibration));
         Channel {
@@ -120,6 +122,7 @@ impl Frame<'_> {
             residuals: Vec::new(),
             as_left: Vec::new(),
             poses: Vec::new(),
+            thermal: None,
             uncertainty: Vec::new(),
             combined_uncertainty_deg: 0.0,
             expanded_uncertainty_deg: 0.0,
@@ -247,7 +250,8 @@ impl Frame<'_> {
     }
 }
 
-fn combine(channel: &mut Channel) {
+/// Adds the contributions up.
+pub fn combine(channel: &mut Channel) {
     let combined = Contribution::combined_deg(&channel.uncertainty);
     channel.combined_uncertainty_deg = combined;
     channel.expanded_uncertainty_deg = 2.0 * combined;

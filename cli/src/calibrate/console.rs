@@ -14,7 +14,7 @@ use super::error::CalibrateError;
 use super::session::Session;
 
 /// How long the bus is heard between two looks for a line.
-const GLANCE: Duration = Duration::from_millis(30);
+pub const GLANCE: Duration = Duration::from_millis(30);
 
 /// A person, or a script in the person's place.
 #[derive(Debug)]
@@ -58,14 +58,22 @@ impl Console {
     ///
     /// Errors: a lost bus, and [`CalibrateError::Interrupted`].
     pub fn wait(&self, session: &mut Session) -> Result<Answer, CalibrateError> {
+        let answer = session.meanwhile(GLANCE, |wait| self.wait_while(wait))?;
+        Ok(answer.unwrap_or(Answer::Ended))
+    }
+
+    /// The same for as long as `wait`, which is called again and again, is true; `None` when it is
+    /// no more.
+    pub fn wait_while(&self, wait: &mut dyn FnMut() -> bool) -> Option<Answer> {
         let Some(lines) = &self.lines else {
-            return Ok(Answer::Done);
+            return Some(Answer::Done);
         };
         loop {
             match lines.try_recv() {
-                Ok(_) => return Ok(Answer::Done),
-                Err(TryRecvError::Disconnected) => return Ok(Answer::Ended),
-                Err(TryRecvError::Empty) => session.rest(GLANCE)?,
+                Ok(_) => return Some(Answer::Done),
+                Err(TryRecvError::Disconnected) => return Some(Answer::Ended),
+                Err(TryRecvError::Empty) if wait() => {}
+                Err(TryRecvError::Empty) => return None,
             }
         }
     }

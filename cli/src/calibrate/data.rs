@@ -23,6 +23,10 @@ pub enum Method {
     MotorTables,
     /// A person put the housing down in poses.
     ByHand,
+    /// A chamber took the instrument through temperatures: offset and gain as quadratics.
+    ChamberQuadratic,
+    /// The same level, by the paper's eq 6.
+    ChamberPiecewise,
 }
 
 /// The reference and what is known of it.
@@ -101,6 +105,63 @@ pub struct Contribution {
     pub source: String,
 }
 
+/// One coefficient of a temperature model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coefficient {
+    /// What it is.
+    pub name: String,
+    /// x, y or z of the sensor.
+    pub axis: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// One dwell of a chamber run, of one channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThermalDwell {
+    /// Run, from 1.
+    pub run: u32,
+    /// Branch of the hysteresis: start, up or down.
+    pub branch: String,
+    /// What the chamber was asked for.
+    pub set_degc: f64,
+    /// What it stated of its air.
+    pub air_degc: Option<f64>,
+    /// What the sensor told, mean of the orientations.
+    pub sensor_degc: f64,
+    /// What the model leaves on x, y and z, mean of the orientations.
+    pub residuals_mg: [f64; 3],
+    /// The largest of them without sign, of any orientation.
+    pub largest_mg: f64,
+    /// How often the dwell was begun anew because a node had restarted or was commanded.
+    pub repeated: u32,
+}
+
+/// What a chamber run has told of one channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Thermal {
+    /// quadratic or piecewise.
+    pub model: String,
+    /// The lowest temperature that the sensor told: the model holds from here on.
+    pub sensor_min_degc: f64,
+    /// The highest: it holds up to here.
+    pub sensor_max_degc: f64,
+    /// Where the angles are those of before; none where there was a model before.
+    pub unchanged_at_degc: Option<f64>,
+    /// The model.
+    pub coefficients: Vec<Coefficient>,
+    /// Root mean square of what the readings would differ by without it.
+    pub without_model_mg: f64,
+    /// What both branches of the hysteresis are apart, at most, half of it, on x, y and z.
+    pub hysteresis_mg: Option<[f64; 3]>,
+    /// Root mean square of the difference between runs.
+    pub between_runs_mg: Option<f64>,
+    /// The dwells.
+    pub dwells: Vec<ThermalDwell>,
+}
+
 /// One channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
@@ -126,7 +187,7 @@ pub struct Channel {
     pub condition: Option<f64>,
     /// Root mean square of what the fit leaves.
     pub residual_deg: Option<f64>,
-    /// The same of gravity's length, by hand.
+    /// The same of gravity's length, by hand, or of the temperature model, by a chamber.
     pub residual_mg: Option<f64>,
     /// Readings before anything was changed.
     pub as_found: Vec<Point>,
@@ -136,6 +197,8 @@ pub struct Channel {
     pub as_left: Vec<Point>,
     /// Poses, by hand.
     pub poses: Vec<Pose>,
+    /// By a chamber: the temperature model.
+    pub thermal: Option<Thermal>,
     /// Uncertainty of the errors as left.
     pub uncertainty: Vec<Contribution>,
     /// All of it together, k = 1.
@@ -267,23 +330,8 @@ fn date(days: u64) -> (u64, u64, u64) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
-
-    /// Every key of a value, however deep.
-    fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
-        match value {
-            serde_json::Value::Object(map) => {
-                for (key, value) in map {
-                    found.insert(key.clone());
-                    keys(value, found);
-                }
-            }
-            serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
-            _ => {}
-        }
-    }
+    use crate::calibrate::sample::assert_documented;
 
     #[test]
     fn every_key_of_the_report_is_documented() {
@@ -300,15 +348,11 @@ mod tests {
             as_found_deg: [None; 2],
             as_left_deg: [0.0; 2],
         });
-        let mut found = BTreeSet::new();
-        keys(&serde_json::to_value(&report).unwrap(), &mut found);
+        report.channels[0].thermal = crate::calibrate::sample::chamber().channels[0]
+            .thermal
+            .clone();
         let page = include_str!("../../../docs/calibration-report.md");
-        let (_, page) = page.split_once("## report.json").unwrap();
-        let missing: Vec<_> = found
-            .iter()
-            .filter(|k| !page.contains(&format!("`{k}`")))
-            .collect();
-        assert!(missing.is_empty(), "{missing:?}");
+        assert_documented(&report, page, "## report.json");
     }
 
     #[test]

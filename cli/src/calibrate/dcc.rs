@@ -7,6 +7,7 @@
 //! Left out: the schema, which is PTB's and stays outside, signatures, and translations.
 
 use super::data::{Channel, Contribution, Difference, Method, Point, Report};
+use super::over_temperature;
 use super::xml::Xml;
 
 /// What the report is and is not.
@@ -55,7 +56,8 @@ fn item_id(channel: &Channel) -> String {
     format!("channel{}", channel.channel)
 }
 
-fn name(xml: &mut Xml, text: &str) {
+/// A name in English.
+pub fn name(xml: &mut Xml, text: &str) {
     xml.of("dcc:name", |xml| content(xml, text));
 }
 
@@ -194,6 +196,17 @@ fn method(report: &Report) -> (&'static str, &'static str) {
             "The housing was put down in poses. Nine parameters of each channel follow from \
              gravity's length, the zero from two poses on the base turned by 180 deg between.",
         ),
+        Method::ChamberQuadratic => (
+            "Climatic chamber, four orientations",
+            "The instrument was taken through temperatures, up and down, in four orientations at \
+             each. Offset and gain of each axis were fitted as quadratics of the sensor's own \
+             temperature by least squares.",
+        ),
+        Method::ChamberPiecewise => (
+            "Climatic chamber, level",
+            "The instrument was taken through rising temperatures, level. The slopes of each axis \
+             between them are those of the sensor's own temperature.",
+        ),
     }
 }
 
@@ -261,13 +274,15 @@ fn results(xml: &mut Xml, channel: &Channel) {
         xml.of("dcc:result", |xml| {
             name(xml, "Length of gravity less 1 g, by pose");
             xml.of("dcc:data", |xml| {
-                // In m/s^2, as the format knows no g.
-                let si: Vec<f64> = mg.iter().map(|mg| mg * 9.806_65e-3).collect();
+                let si: Vec<f64> = mg.iter().map(|mg| mg * SI_PER_MG).collect();
                 xml.of("dcc:list", |xml| {
                     list(xml, "Length", &si, METRE_PER_SECOND2, None)
                 });
             });
         });
+    }
+    if let Some(thermal) = &channel.thermal {
+        over_temperature::results(xml, thermal);
     }
     xml.of("dcc:result", |xml| {
         name(xml, "Uncertainty of an angle as left, k = 1");
@@ -287,7 +302,10 @@ fn results(xml: &mut Xml, channel: &Channel) {
 
 /// The units, as the format writes them (SIunitx).
 const DEGREE: &str = "\\degree";
-const METRE_PER_SECOND2: &str = "\\metre\\second\\tothe{-2}";
+pub const METRE_PER_SECOND2: &str = "\\metre\\second\\tothe{-2}";
+
+/// m/s^2 of a mg: the format knows no g.
+pub const SI_PER_MG: f64 = 9.806_65e-3;
 
 fn points_of(xml: &mut Xml, what: &str, axis: &str, points: &[Point], u_deg: f64) {
     let there: Vec<_> = points
@@ -347,7 +365,8 @@ fn difference(xml: &mut Xml, what: &str, axis: &str, all: &[Difference]) {
     });
 }
 
-fn real(xml: &mut Xml, what: &str, value: f64, unit: &str) {
+/// A number with its unit.
+pub fn real(xml: &mut Xml, what: &str, value: f64, unit: &str) {
     xml.of("dcc:quantity", |xml| {
         name(xml, what);
         xml.of("si:real", |xml| {
@@ -357,7 +376,8 @@ fn real(xml: &mut Xml, what: &str, value: f64, unit: &str) {
     });
 }
 
-fn list(xml: &mut Xml, what: &str, values: &[f64], unit: &str, expanded: Option<f64>) {
+/// Numbers with their unit, and with their expanded uncertainty (k = 2) where it is known.
+pub fn list(xml: &mut Xml, what: &str, values: &[f64], unit: &str, expanded: Option<f64>) {
     xml.of("dcc:quantity", |xml| {
         name(xml, what);
         xml.of("si:realListXMLList", |xml| {
@@ -405,6 +425,20 @@ mod tests {
             }
         }
         assert!(open.is_empty());
+    }
+
+    #[test]
+    fn a_chamber_s_run_is_told_by_temperature_with_its_range() {
+        let text = document(&sample::chamber(), "IT");
+        for part in [
+            "Climatic chamber, four orientations",
+            "Left by the model, axis x",
+            "-7.000000",
+            "Lowest temperature at which the model holds",
+        ] {
+            assert!(text.contains(part), "{part}");
+        }
+        assert!(!text.contains("As left, slope"), "{text}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use tilt::calibration::FitError;
 
 use super::hand::HandError;
 use super::motor::MotorError;
+use super::session::Upset;
 use crate::bus::JoinError;
 use crate::bus::sdo::SdoError;
 use crate::report::write::WriteError;
@@ -51,6 +52,10 @@ pub enum CalibrateError {
     Fit(u8, FitError),
     /// Poses make no calibration.
     Hand(HandError),
+    /// Something has happened to a node in the middle of the work.
+    Upset(u8, Upset),
+    /// A node has come back as another one.
+    Exchanged(u8),
     /// What a node reads back is not what was written to it.
     Differs(u8),
     /// The poses have ended before all were taken.
@@ -98,6 +103,16 @@ impl From<HandError> for CalibrateError {
 }
 
 impl CalibrateError {
+    /// Whether something has happened to a node that may be over: it was disturbed, or is silent.
+    pub fn is_upset(&self) -> bool {
+        matches!(self, Self::Upset(..)) || self.is_silence()
+    }
+
+    /// Whether a node did not answer: it may do so later.
+    pub fn is_silence(&self) -> bool {
+        matches!(self, Self::Sdo(error) if error.is_silence())
+    }
+
     /// What it means that the bus could not be read or written.
     pub fn lost(error: io::Error) -> Self {
         SdoError::lost(error).into()
@@ -190,6 +205,19 @@ impl CalibrateError {
                 "node {node} does not take the point at {deg:.3} deg (2060h sub 8 is {result})"
             ),
             Self::Fit(node, error) => write!(f, "node {node}: {error}"),
+            Self::Upset(node, Upset::Restarted) => write!(
+                f,
+                "node {node} has restarted in the middle: look at its supply"
+            ),
+            Self::Upset(node, Upset::Commanded) => write!(
+                f,
+                "node {node} was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master \
+                 may command it meanwhile"
+            ),
+            Self::Exchanged(node) => write!(
+                f,
+                "node {node} has come back with another serial number or calibration"
+            ),
             Self::Differs(node) => write!(
                 f,
                 "node {node} reads back another calibration than was written to it"

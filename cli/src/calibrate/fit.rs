@@ -15,7 +15,7 @@ use tilt::chain::{Calibration, Correction};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::temperature::{Compensated, TemperatureModel};
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 
 use super::motor::Axis;
 use super::session::{Reading, wrap};
@@ -96,19 +96,30 @@ pub fn temperature(celsius: f64) -> Temperature {
 
 /// The budget of a calibration that was made within one power-on: turn-on repeatability counts for
 /// it and for the use. `rate_hz` is the node's; noise that the node knew already is kept.
-pub fn budget(before: &Budget, rate_hz: f64, reference_deg: f64, residual_deg: f64) -> Budget {
+///
+/// With a temperature model what it leaves, and where it holds, were told by the chamber run and
+/// stay.
+pub fn budget(before: &Calibration, rate_hz: f64, reference_deg: f64, residual_deg: f64) -> Budget {
+    let bare = before.temperature == TemperatureModel::None;
+    let before = &before.budget;
     let steps = |mg: f64| (mg / 1000.0 * f64::from(ONE_G)).round() as u32;
     let noise = match before.noise {
         0 => steps(NOISE_MG * (rate_hz / 2.0).sqrt()),
         known => known,
     };
     let repeatability = (2.0 * TURN_ON_MG.powi(2) + FLOOR_MG.powi(2)).sqrt();
+    let (hysteresis, span) = match bare {
+        true => (steps(HYSTERESIS_MG), Span::REFERENCE),
+        false => (before.hysteresis, before.span),
+    };
     Budget {
         noise,
         repeatability: steps(repeatability),
-        hysteresis: steps(HYSTERESIS_MG),
+        hysteresis,
         reference: Uncertainty::from_degrees(reference_deg),
         residual: Uncertainty::from_degrees(residual_deg),
+        tco: TCO,
+        span,
     }
 }
 
@@ -174,7 +185,7 @@ pub fn by_motor(
     // What the reference itself scatters is in its own term already.
     let unexpected = fitted.residual_deg().powi(2) - reference_deg.powi(2);
     let residual_deg = unexpected.max(0.0).sqrt();
-    fitted.calibration.budget = budget(&before.budget, rate_hz, reference_deg, residual_deg);
+    fitted.calibration.budget = budget(before, rate_hz, reference_deg, residual_deg);
     Ok(fitted)
 }
 

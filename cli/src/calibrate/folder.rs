@@ -18,8 +18,11 @@ use crate::report::write;
 /// What the nodes had before.
 const AS_FOUND: &str = "as-found.json";
 
+/// What `plumb characterise` has measured.
+pub const MEASURED: &str = "measured.json";
+
 /// Each of them makes a folder one of a calibration.
-const NAMES: [&str; 4] = [AS_FOUND, "dcc.xml", "report.json", "report.html"];
+const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
 
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,6 +54,23 @@ impl Folder {
         Ok(Self { out, own })
     }
 
+    /// Takes the folder of a run that was interrupted, to go on with it.
+    ///
+    /// Errors: [`CalibrateError::Earlier`] where a report is: that run has come to its end.
+    pub fn resume(out: &Path) -> Result<Self, CalibrateError> {
+        let report = out.join("report.json");
+        if report.symlink_metadata().is_ok() {
+            return Err(CalibrateError::Earlier(report, "folder with --out"));
+        }
+        let (out, own) = (out.to_owned(), out.to_owned());
+        Ok(Self { out, own })
+    }
+
+    /// Where the files go until the calibration is accepted.
+    pub fn own(&self) -> &Path {
+        &self.own
+    }
+
     /// Writes down what the nodes had.
     ///
     /// Errors: [`CalibrateError::File`].
@@ -61,6 +81,11 @@ impl Folder {
             fs::create_dir(&self.own).map_err(failed)?;
         }
         kept::save(&self.found(), kept)
+    }
+
+    /// What --out says.
+    pub fn out(&self) -> &Path {
+        &self.out
     }
 
     /// Where it stands what the nodes had.
@@ -99,36 +124,8 @@ impl Folder {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sample::Scratch;
     use super::*;
-
-    struct Scratch(PathBuf);
-
-    impl Scratch {
-        fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
-            let _ = fs::remove_dir_all(&path);
-            Self(path)
-        }
-
-        fn read(&self, name: &str) -> String {
-            fs::read_to_string(self.0.join(name)).unwrap()
-        }
-
-        fn names(&self) -> Vec<String> {
-            let entries = fs::read_dir(&self.0).unwrap();
-            let mut names: Vec<_> = entries
-                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-                .collect();
-            names.sort();
-            names
-        }
-    }
-
-    impl Drop for Scratch {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
 
     fn kept(format: &str) -> Kept {
         Kept {
@@ -137,6 +134,9 @@ mod tests {
             nodes: Vec::new(),
         }
     }
+
+    /// Files of a calibration; a chamber run has one more.
+    const WRITTEN: usize = NAMES.len() - 1;
 
     fn run(scratch: &Scratch, force: bool, what: &str, accepted: bool) -> PathBuf {
         let folder = Folder::claim(&scratch.0, force).unwrap();
@@ -165,7 +165,7 @@ mod tests {
         run(&scratch, true, "second", true);
         assert_eq!(scratch.read("dcc.xml"), "second");
         assert!(scratch.read(AS_FOUND).contains("second"));
-        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+        assert_eq!(scratch.names().len(), WRITTEN, "{:?}", scratch.names());
     }
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
         let scratch = Scratch::new("rejected");
         run(&scratch, false, "first", true);
         let beside = run(&scratch, true, "second", false);
-        for name in NAMES {
+        for name in NAMES.into_iter().filter(|name| *name != MEASURED) {
             assert!(scratch.read(name).contains("first"), "{name}");
             let text = fs::read_to_string(beside.join(name)).unwrap();
             assert!(text.contains("second"), "{name}");
@@ -193,7 +193,7 @@ mod tests {
         let folder = Folder::claim(&scratch.0, true).unwrap();
         folder.keep(&kept("second")).unwrap();
         folder.forget();
-        assert_eq!(scratch.names().len(), NAMES.len(), "{:?}", scratch.names());
+        assert_eq!(scratch.names().len(), WRITTEN, "{:?}", scratch.names());
         assert!(scratch.read(AS_FOUND).contains("first"));
     }
 }

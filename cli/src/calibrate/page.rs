@@ -6,6 +6,7 @@
 //! Left out: a signature, and the word certificate as its title.
 
 use super::data::{Channel, Difference, Method, Point, Report};
+use super::over_temperature;
 use crate::report::chart::{Chart, Ink, Level, Plot, Shape};
 use crate::report::html;
 use crate::text_table::{Cell, Column, Table};
@@ -14,9 +15,16 @@ use crate::text_table::{Cell, Column, Table};
 pub fn page(report: &Report) -> String {
     let mut body = header(report);
     body += &section("Reference and surroundings", &reference(report));
-    body += &section("Results", &results(report));
+    let angles = |c: &Channel| !c.as_left.is_empty();
+    if report.channels.iter().any(angles) {
+        body += &section("Results", &results(report));
+    }
     if report.method == Method::ByHand {
         body += &section("Poses", &poses(report));
+    }
+    let thermal = over_temperature::page(report);
+    if !thermal.is_empty() {
+        body += &section("Over temperature", &thermal);
     }
     body += &section("Uncertainty", &uncertainty(report));
     body += &format!("<footer>{}</footer>\n", html::paragraph(&footer(report)));
@@ -39,6 +47,8 @@ const fn method(method: Method) -> &'static str {
         Method::Motor => "by a motor; parameters and harmonics fitted on the host",
         Method::MotorTables => "by a motor; tables made by the nodes",
         Method::ByHand => "by hand, in poses, without a motor",
+        Method::ChamberQuadratic => "in a chamber; offset and gain over temperature",
+        Method::ChamberPiecewise => "in a chamber, level; the paper's eq 6",
     }
 }
 
@@ -397,6 +407,16 @@ mod tests {
         assert!(page.contains("<title>Calibration report</title>"));
         assert!(page.contains("<h1>Calibration report</h1>"));
         assert!(page.contains("no certificate of an accredited"));
+    }
+
+    #[test]
+    fn a_chamber_s_run_is_shown_by_temperature_and_without_empty_tables_of_angles() {
+        let page = page(&sample::chamber());
+        check::assert_balanced(&page);
+        check::assert_stands_alone(&page);
+        assert!(page.contains("<h2>Over temperature</h2>"));
+        assert!(!page.contains("<h2>Results</h2>"));
+        assert!(page.contains("-7.0 to 73.0 degC"), "{page}");
     }
 
     #[test]

@@ -1,4 +1,10 @@
-//! A report made up, for tests of its forms.
+//! What tests share: reports made up, a folder of their own, and whether a page has every key.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+use serde::Serialize;
 
 use super::data::*;
 
@@ -33,6 +39,7 @@ fn channel(letter: &str, node: u8) -> Channel {
         residuals: points(0.01),
         as_left: points(0.02),
         poses: Vec::new(),
+        thermal: None,
         uncertainty: vec![Contribution::new("Reference", "B", 0.0134, "stated by it")],
         combined_uncertainty_deg: 0.0134,
         expanded_uncertainty_deg: 0.0268,
@@ -80,4 +87,119 @@ pub fn report() -> Report {
         faces: None,
         dcc_sha256: Some("5a".repeat(32)),
     }
+}
+
+/// What a chamber run has told of a channel.
+fn thermal() -> Thermal {
+    let dwell = |run: u32, branch: &str, set_degc: f64, left: f64| ThermalDwell {
+        run,
+        branch: branch.to_owned(),
+        set_degc,
+        air_degc: Some(set_degc),
+        sensor_degc: set_degc + 3.0,
+        residuals_mg: [left, -left, 0.0],
+        largest_mg: left.abs(),
+        repeated: 0,
+    };
+    Thermal {
+        model: "quadratic".to_owned(),
+        sensor_min_degc: -7.0,
+        sensor_max_degc: 73.0,
+        unchanged_at_degc: Some(28.0),
+        coefficients: vec![Coefficient {
+            name: "Offset".to_owned(),
+            axis: "x".to_owned(),
+            value: 0.2,
+            unit: "mg/degC".to_owned(),
+        }],
+        without_model_mg: 5.2,
+        hysteresis_mg: Some([0.4, 0.3, 0.1]),
+        between_runs_mg: Some(0.12),
+        dwells: vec![
+            dwell(1, "start", 25.0, 0.1),
+            dwell(1, "up", 70.0, 0.3),
+            dwell(2, "down", 25.0, -0.2),
+        ],
+    }
+}
+
+/// A report of two channels by a chamber.
+pub fn chamber() -> Report {
+    let mut report = report();
+    report.method = Method::ChamberQuadratic;
+    report.difference_as_found.clear();
+    report.difference_as_left.clear();
+    for channel in &mut report.channels {
+        channel.residual_deg = None;
+        channel.residual_mg = Some(0.31);
+        for points in [
+            &mut channel.as_found,
+            &mut channel.residuals,
+            &mut channel.as_left,
+        ] {
+            points.clear();
+        }
+        channel.thermal = Some(thermal());
+    }
+    report
+}
+
+/// A folder of a test alone, gone with it.
+pub struct Scratch(pub PathBuf);
+
+impl Scratch {
+    /// An empty one.
+    pub fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    /// What a file in it says.
+    pub fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.0.join(name)).unwrap()
+    }
+
+    /// The files in it.
+    pub fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.0).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Every key of a value, however deep.
+fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(map) => {
+            for (key, value) in map {
+                found.insert(key.clone());
+                keys(value, found);
+            }
+        }
+        serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+/// Whether the part of a page behind a heading names every key of what a program writes.
+pub fn assert_documented(value: &impl Serialize, page: &str, heading: &str) {
+    let mut found = BTreeSet::new();
+    keys(&serde_json::to_value(value).unwrap(), &mut found);
+    let (_, page) = page.split_once(heading).unwrap();
+    let missing: Vec<_> = found
+        .iter()
+        .filter(|key| !page.contains(&format!("`{key}`")))
+        .collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }

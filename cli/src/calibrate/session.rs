@@ -4,6 +4,9 @@
 //! standstill; their calibrations. Time is told by the nodes' own samples, so a virtual bus may run
 //! at any speed.
 //!
+//! A node that restarts or is commanded by somebody else meanwhile is noticed: by its boot-up
+//! message, by its heartbeat, and by its counter of samples.
+//!
 //! Left out: what the readings are for.
 
 use std::time::{Duration, Instant};
@@ -15,8 +18,8 @@ use device::objects::table::Channel;
 use tilt::chain::Calibration;
 
 use super::error::CalibrateError;
-use crate::bus::Bus;
 use crate::bus::sdo::{Client, SdoError};
+use crate::bus::{Bus, Received};
 
 /// NMT states as heartbeats tell them, and the commands that lead there.
 const OPERATIONAL: (u8, u8) = (5, 1);
@@ -28,6 +31,9 @@ const HEARTBEAT: Duration = Duration::from_millis(1500);
 
 /// How long samples may stay away.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The shortest and the longest pause between two looks at the counters of samples.
+const LOOK: (Duration, Duration) = (Duration::from_millis(2), Duration::from_millis(200));
 
 /// The abort code of an object without content.
 const NO_DATA: u32 = 0x0800_0024;
@@ -89,6 +95,19 @@ pub struct Node {
     pub period_s: f64,
     /// Whether something was written to it.
     pub changed: bool,
+    /// What has happened to it that was none of this session's doing.
+    pub upset: Option<Upset>,
+    /// Its counter of samples when it was last read.
+    pub counted: Option<u32>,
+}
+
+/// What spoils the work with a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Upset {
+    /// It has started anew.
+    Restarted,
+    /// It was taken to another NMT state than PRE-OPERATIONAL.
+    Commanded,
 }
 
 impl Node {
@@ -199,6 +218,8 @@ impl Session {
             hash: hash_of(&mut self.bus, id)?,
             period_s: f64::from(period) / 256e6,
             changed: false,
+            upset: None,
+            counted: None,
         })
     }
 
@@ -206,7 +227,7 @@ impl Session {
     fn heartbeat(&mut self, id: u8) -> Result<Option<u8>, CalibrateError> {
         let until = Instant::now() + HEARTBEAT;
         let wanted = 0x700 + u16::from(id);
-        while let Some(received) = self.bus.receive(until).map_err(CalibrateError::lost)? {
+        while let Some(received) = self.hear(until)? {
             if received.frame.cob_id() == Some(wanted)
                 && let [state] = received.frame.bytes()
             {
@@ -226,6 +247,7 @@ impl Session {
         self.nmt(PRE_OPERATIONAL.1, id)?;
         // Answered in PRE-OPERATIONAL and not in STOPPED.
         self.client(id).read_u32(0x1000, 0)?;
+        (self.nodes[place].upset, self.nodes[place].counted) = (None, None);
         Ok(())
     }
 
@@ -247,23 +269,46 @@ impl Session {
         }
     }
 
-    /// Waits for as long as that many seconds of a node's samples take.
+    /// Waits for as long as that many seconds of each node's samples take.
     ///
-    /// Errors: [`CalibrateError::NoSamples`].
+    /// Errors: [`CalibrateError::NoSamples`], and [`CalibrateError::Upset`] when a node has
+    /// restarted or was commanded meanwhile.
     pub fn settle(&mut self, seconds: f64) -> Result<(), CalibrateError> {
-        for place in 0..self.nodes.len() {
-            let (id, period_s) = (self.nodes[place].id, self.nodes[place].period_s);
-            let wanted = (seconds / period_s.max(1e-4)).ceil() as u32;
-            self.await_samples(id, wanted)?;
+        let places = 0..self.nodes.len();
+        let from = places.map(|place| self.samples(place));
+        let from = from.collect::<Result<Vec<_>, _>>()?;
+        for (place, from) in from.into_iter().enumerate() {
+            let wanted = (seconds / self.nodes[place].period_s.max(1e-4)).ceil() as u32;
+            self.await_samples(place, from, wanted)?;
         }
-        Ok(())
+        self.undisturbed()
     }
 
-    fn await_samples(&mut self, id: u8, wanted: u32) -> Result<(), CalibrateError> {
-        let from = self.client(id).read_u32(0x2032, 0)?;
-        let (mut last, mut until) = (from, Instant::now() + PATIENCE);
+    /// Samples that a node has taken since its reset (2032h).
+    ///
+    /// Errors: a node that does not answer, and [`CalibrateError::Upset`] when there are fewer than
+    /// before.
+    pub fn samples(&mut self, place: usize) -> Result<u32, CalibrateError> {
+        let id = self.nodes[place].id;
+        let now = self.client(id).read_u32(0x2032, 0)?;
+        let before = self.nodes[place].counted.replace(now);
+        if before.is_some_and(|before| now.wrapping_sub(before) > u32::MAX / 2) {
+            self.nodes[place].upset = Some(Upset::Restarted);
+            self.undisturbed()?;
+        }
+        Ok(now)
+    }
+
+    fn await_samples(
+        &mut self,
+        place: usize,
+        from: u32,
+        wanted: u32,
+    ) -> Result<(), CalibrateError> {
+        let begun = Instant::now();
+        let (mut last, mut until) = (from, begun + PATIENCE);
         loop {
-            let now = self.client(id).read_u32(0x2032, 0)?;
+            let now = self.samples(place)?;
             if now.wrapping_sub(from) >= wanted {
                 return Ok(());
             }
@@ -271,22 +316,107 @@ impl Session {
                 (last, until) = (now, Instant::now() + PATIENCE);
             }
             if Instant::now() > until {
-                return Err(CalibrateError::NoSamples(id));
+                return Err(CalibrateError::NoSamples(self.nodes[place].id));
             }
-            self.rest(Duration::from_millis(2))?;
+            // A long wait needs no dense looks, and a fast virtual bus no long ones.
+            self.rest((begun.elapsed() / 8).clamp(LOOK.0, LOOK.1))?;
         }
+    }
+
+    /// The next frame, with a look at what it says of the nodes.
+    fn hear(&mut self, until: Instant) -> Result<Option<Received>, CalibrateError> {
+        let received = self.bus.receive(until).map_err(CalibrateError::lost)?;
+        if let Some(Received { frame, .. }) = &received {
+            for node in &mut self.nodes {
+                if frame.cob_id() == Some(0x700 + u16::from(node.id)) {
+                    node.upset = node.upset.or_else(|| upset(frame.bytes()));
+                }
+            }
+        }
+        Ok(received)
     }
 
     /// Lets the bus pass by for so long; ends early, as an error, when the user has enough.
     pub fn rest(&mut self, pause: Duration) -> Result<(), CalibrateError> {
         let until = Instant::now() + pause;
-        while self
-            .bus
-            .receive(until)
-            .map_err(CalibrateError::lost)?
-            .is_some()
-        {}
+        while self.hear(until)?.is_some() {}
         Ok(())
+    }
+
+    /// Does something that takes its time beside the bus. `work` gets what it has to call again and
+    /// again meanwhile: that hears the bus for `pause`, and is false when nobody waits any longer.
+    ///
+    /// Errors: a lost bus, and [`CalibrateError::Interrupted`].
+    pub fn meanwhile<T>(
+        &mut self,
+        pause: Duration,
+        work: impl FnOnce(&mut dyn FnMut() -> bool) -> T,
+    ) -> Result<T, CalibrateError> {
+        let mut ended = None;
+        let done = work(&mut || match self.rest(pause) {
+            Ok(()) => true,
+            Err(error) => {
+                ended = Some(error);
+                false
+            }
+        });
+        ended.map_or(Ok(done), Err)
+    }
+
+    fn undisturbed(&self) -> Result<(), CalibrateError> {
+        let upset = |node: &Node| Some(CalibrateError::Upset(node.id, node.upset?));
+        self.nodes.iter().find_map(upset).map_or(Ok(()), Err)
+    }
+
+    /// Waits for a heartbeat of each node that has one: nothing has happened to any of them up to
+    /// now.
+    ///
+    /// Errors: [`CalibrateError::Upset`].
+    pub fn confirm(&mut self) -> Result<(), CalibrateError> {
+        for place in 0..self.nodes.len() {
+            if self.nodes[place].state.is_some() {
+                self.heartbeat(self.nodes[place].id)?;
+            }
+        }
+        self.undisturbed()
+    }
+
+    /// Takes the nodes back to PRE-OPERATIONAL after something has happened to one of them, and
+    /// waits `patience` for one that is silent.
+    ///
+    /// Errors: a node that stays silent; [`CalibrateError::Exchanged`] when one has come back with
+    /// another serial number or calibration.
+    pub fn recover(&mut self, patience: Duration) -> Result<(), CalibrateError> {
+        let until = Instant::now() + patience;
+        for place in 0..self.nodes.len() {
+            while let Err(error) = self.enter(place) {
+                if !error.is_silence() || Instant::now() > until {
+                    return Err(error);
+                }
+                self.rest(LOOK.1)?;
+            }
+            let (id, serial) = (self.nodes[place].id, self.nodes[place].serial);
+            let sum = self.nodes[place].found_sum();
+            let same = self.client(id).read_u32(0x1018, 4)? == serial
+                && self.client(id).read_u32(0x2062, 1)? == sum;
+            if !same {
+                return Err(CalibrateError::Exchanged(id));
+            }
+        }
+        Ok(())
+    }
+
+    /// What each sensor says of its temperature, degC, to a degree (6511h).
+    ///
+    /// Errors: a node that does not answer.
+    pub fn temperatures_c(&mut self) -> Result<Vec<f64>, CalibrateError> {
+        let ids: Vec<_> = self.nodes.iter().map(|node| node.id).collect();
+        ids.into_iter().map(|id| self.temperature_c(id)).collect()
+    }
+
+    fn temperature_c(&mut self, id: u8) -> Result<f64, CalibrateError> {
+        let told = self.client(id).read_u32(0x6511, 0)?;
+        Ok(f64::from(told as u8 as i8))
     }
 
     /// Mean of `count` readings of every node, `apart_s` of its samples apart.
@@ -310,7 +440,6 @@ impl Session {
         for (sub, axis) in (1..).zip(&mut accel) {
             *axis = f64::from(client.read_u32(0x2031, sub)? as i32);
         }
-        let temperature = client.read_u32(0x6511, 0)? as u8 as i8;
         let mut angle_deg = [Err(0); 2];
         for (place, angle) in (0..2).zip(&mut angle_deg) {
             let quality = client.read_u32(0x2010, 3 + place)?;
@@ -322,7 +451,7 @@ impl Session {
         }
         Ok(Single {
             accel,
-            temperature_c: f64::from(temperature),
+            temperature_c: self.temperature_c(id)?,
             angle_deg,
         })
     }
@@ -422,6 +551,15 @@ impl Session {
     }
 }
 
+/// What a heartbeat or a boot-up message tells of a node that should be in PRE-OPERATIONAL.
+fn upset(bytes: &[u8]) -> Option<Upset> {
+    match bytes {
+        [0] => Some(Upset::Restarted),
+        [state] if state & 0x7F != PRE_OPERATIONAL.0 => Some(Upset::Commanded),
+        _ => None,
+    }
+}
+
 fn hash_of(bus: &mut Bus, id: u8) -> Result<Option<Vec<u8>>, CalibrateError> {
     match Client::new(bus, id).upload(0x2063, 0) {
         Ok(hash) => Ok(Some(hash)),
@@ -508,6 +646,17 @@ mod tests {
         assert!((mean.scatter_mg - 1.0).abs() < 1e-9);
         assert!((mean.angle_deg[0].unwrap() + 179.9).abs() < 1e-9);
         assert_eq!(mean.angle_deg[1], Err(6));
+    }
+
+    #[test]
+    fn boot_up_and_other_states_are_upsets_and_pre_operational_is_none() {
+        assert_eq!(upset(&[0]), Some(Upset::Restarted));
+        for state in [4, 5, 0x85] {
+            assert_eq!(upset(&[state]), Some(Upset::Commanded), "{state}");
+        }
+        for quiet in [&[127][..], &[0xFF], &[], &[0, 0]] {
+            assert_eq!(upset(quiet), None, "{quiet:?}");
+        }
     }
 
     #[test]

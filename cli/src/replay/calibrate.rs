@@ -9,7 +9,8 @@ use std::fmt;
 
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
-use tilt::uncertainty::Uncertainty;
+use tilt::sample::Temperature;
+use tilt::uncertainty::{Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 use super::calibration_file::{BudgetSteps, Channel, HarmonicSteps, Method, base_name};
@@ -63,9 +64,12 @@ impl Fit {
     ///
     /// The budget gets what the recording itself tells: the noise of single samples at standstill,
     /// and what the fit left. Repeatability and hysteresis a single recording can't tell; they are
-    /// [`REPEATABILITY_MG`] and [`HYSTERESIS_MG`].
+    /// [`REPEATABILITY_MG`] and [`HYSTERESIS_MG`]. It holds at the temperatures of the standstills,
+    /// or at 25 degC where none is recorded.
     pub fn channel(&self, recording: &Recording, found: &Standstill) -> Option<Channel> {
         let steps = |mg: f64| (mg / 1000.0 * f64::from(tilt::ONE_G)).round() as u32;
+        let temperatures = found.segments.iter().filter_map(|s| s.temperature_c);
+        let span = Span::of(temperatures.map(temperature)).unwrap_or_default();
         let left_deg = self
             .angle_residual_deg
             .unwrap_or_else(|| (self.norm_residual_mg / 1000.0).to_degrees());
@@ -88,6 +92,8 @@ impl Fit {
                 repeatability_q26: steps(REPEATABILITY_MG),
                 hysteresis_q26: steps(HYSTERESIS_MG),
                 residual_steps: Uncertainty::from_degrees(left_deg).0,
+                tco_q26: Some(TCO),
+                span_q8: Some([span.low.0, span.high.0]),
                 ..BudgetSteps::default()
             },
         };
@@ -107,6 +113,10 @@ impl Fit {
         self.norm_residual_mg = (sum / f64::max(samples, 1.0)).sqrt();
         self
     }
+}
+
+fn temperature(celsius: f64) -> Temperature {
+    Temperature((celsius * 256.0).round() as i32)
 }
 
 /// Why standstills don't make a calibration.

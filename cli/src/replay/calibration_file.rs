@@ -20,8 +20,9 @@ use serde_json::{Value, json};
 use tilt::angle::{Axes, Harmonics};
 use tilt::calibration::least_squares::times;
 use tilt::chain::{Calibration, Correction};
+use tilt::sample::Temperature;
 use tilt::temperature::{Quadratic, TemperatureModel};
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 /// What `format` says.
@@ -95,6 +96,32 @@ pub struct BudgetSteps {
     pub reference_steps: u32,
     /// What the fit left, angle steps.
     pub residual_steps: u32,
+    /// Change per degC beyond `span_q8`, 2^-26 g; without it, that of the data sheet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tco_q26: Option<u32>,
+    /// Lowest and highest temperature at which the calibration holds, 1/256 degC; without it, 25
+    /// degC, and -10 to 70 degC with a temperature compensation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub span_q8: Option<[i32; 2]>,
+}
+
+impl BudgetSteps {
+    /// The chain's budget, of a calibration with this temperature compensation.
+    fn budget(&self, temperature: &TemperatureModel) -> Budget {
+        let implied = Span::implied_by(temperature);
+        Budget {
+            noise: self.noise_q26,
+            repeatability: self.repeatability_q26,
+            hysteresis: self.hysteresis_q26,
+            reference: Uncertainty(self.reference_steps),
+            residual: Uncertainty(self.residual_steps),
+            tco: self.tco_q26.unwrap_or(TCO),
+            span: self.span_q8.map_or(implied, |[low, high]| Span {
+                low: Temperature(low),
+                high: Temperature(high),
+            }),
+        }
+    }
 }
 
 /// One channel's calibration.
@@ -301,13 +328,7 @@ impl Channel {
                 vector: self.vector(),
                 harmonics: Axes { x, y },
             },
-            budget: Budget {
-                noise: self.budget.noise_q26,
-                repeatability: self.budget.repeatability_q26,
-                hysteresis: self.budget.hysteresis_q26,
-                reference: Uncertainty(self.budget.reference_steps),
-                residual: Uncertainty(self.budget.residual_steps),
-            },
+            budget: self.budget.budget(&temperature),
         }
     }
 

@@ -85,6 +85,36 @@ fn written_and_read_back() {
 }
 
 #[test]
+fn a_file_of_before_the_span_is_read_and_kept_as_it_is() {
+    let text = to_text(&[channel()]).unwrap();
+    assert!(!text.contains("span_q8"), "as files were written before");
+    let read = from_text(text.as_bytes(), 1).unwrap();
+    let budget = read[0].calibration().budget;
+    assert_eq!((budget.tco, budget.span), (TCO, Span::REFERENCE));
+    assert_eq!(to_text(&read).unwrap(), text);
+    let mut compensated = channel();
+    compensated.temperature = Some(TemperatureSteps {
+        offset1_q8: [0; 3],
+        offset2_q16: [0; 3],
+        gain1_q38: [0; 3],
+        gain2_q46: [0; 3],
+    });
+    assert_eq!(compensated.calibration().budget.span, Span::CHAMBER);
+    compensated.budget.span_q8 = Some([5120, 5376]);
+    compensated.budget.tco_q26 = Some(7);
+    let text = to_text(&[compensated]).unwrap();
+    let budget = from_text(text.as_bytes(), 1).unwrap()[0]
+        .calibration()
+        .budget;
+    let at = Temperature::from_celsius;
+    let span = Span {
+        low: at(20),
+        high: at(21),
+    };
+    assert_eq!((budget.tco, budget.span), (7, span));
+}
+
+#[test]
 fn anything_else_is_refused() {
     let text = to_text(&[channel()]).unwrap();
     assert!(matches!(refused(""), Problem::Malformed(_)));

@@ -6,12 +6,13 @@
 //!
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
+mod climate;
 mod error;
 pub(crate) mod hex;
 mod hub;
 mod keep;
+mod line_port;
 mod motor;
-mod motor_port;
 mod options;
 mod outlet;
 mod pace;
@@ -39,6 +40,7 @@ mod tests;
 mod trouble_tests;
 
 use std::io::Write as _;
+use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,9 +52,11 @@ use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
 
 use crate::progress::Progress;
+use climate::Climate;
 use hub::Hub;
 use keep::Keep;
-use motor_port::MotorPort;
+use line_port::{LineDevice, LinePort};
+use motor::Table;
 use ready::Way;
 use server::Server;
 use stage::Stage;
@@ -80,9 +84,11 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
     doors.say_ready(arguments, &ids);
-    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, keep, interrupted);
-    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
+    server
+        .with_ports(doors.ports())
+        .run()
+        .map(|()| ExitCode::SUCCESS)
 }
 
 /// Serves a network that is made already, such as one of emulated nodes; gives all of it power.
@@ -105,11 +111,14 @@ pub fn run_network(
     let flag = Arc::clone(&interrupted);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let mut stage = Stage::new(network, arguments.seed);
+    stage.chamber_speed = arguments.chamber_speed;
     (0..nodes).for_each(|number| stage.power_on(number));
     doors.say_ready(arguments, ids);
-    let Doors { motor, .. } = doors;
     let server = Server::new(arguments, hub, stage, script, None, interrupted);
-    server.with_motor(motor).run().map(|()| ExitCode::SUCCESS)
+    server
+        .with_ports(doors.ports())
+        .run()
+        .map(|()| ExitCode::SUCCESS)
 }
 
 /// Prints. A reader that has gone is no reason to end the bus for all others.
@@ -155,16 +164,18 @@ fn build(
     }
     let mut stage = Stage::new(network, arguments.seed);
     stage.one_axis = arguments.mode == options::Mode::OneAxis;
+    stage.chamber_speed = arguments.chamber_speed;
     (0..node_ids.len()).for_each(|number| stage.power_on(number));
     Ok((stage, ids))
 }
 
 /// The ways in that are open.
 struct Doors {
-    socketcand: std::net::SocketAddr,
-    slcan: Option<std::net::SocketAddr>,
+    socketcand: SocketAddr,
+    slcan: Option<SocketAddr>,
     pty: Option<std::path::PathBuf>,
-    motor: Option<MotorPort>,
+    motor: Option<LinePort>,
+    chamber: Option<LinePort>,
 }
 
 impl Doors {
@@ -175,14 +186,22 @@ impl Doors {
         if let Some(name) = &arguments.can {
             hub.open_kernel(name)?;
         }
-        let listen = |at| MotorPort::listen(at, arguments.seed);
-        let motor = arguments.motor.map(listen).transpose()?;
+        let seed = arguments.seed;
+        let listen = |at: Option<SocketAddr>, device: Box<dyn LineDevice>| {
+            at.map(|at| LinePort::listen(at, device)).transpose()
+        };
         Ok(Self {
             socketcand,
             slcan,
             pty,
-            motor,
+            motor: listen(arguments.motor, Box::new(Table::new(seed)))?,
+            chamber: listen(arguments.chamber, Box::new(Climate { seed }))?,
         })
+    }
+
+    /// The devices that are spoken to in lines.
+    fn ports(self) -> Vec<LinePort> {
+        self.motor.into_iter().chain(self.chamber).collect()
     }
 
     fn say_ready(&self, arguments: &Arguments, ids: &[Option<u8>]) {
@@ -205,6 +224,7 @@ impl Doors {
             pty: self.pty.as_ref().map(|path| path.display().to_string()),
             can_interface: arguments.can.clone(),
             motor: self.motor.as_ref().map(|motor| motor.at.to_string()),
+            chamber: self.chamber.as_ref().map(|chamber| chamber.at.to_string()),
         }
     }
 
@@ -224,14 +244,18 @@ impl Doors {
             ways.push(Way::Kernel(name));
             places += &format!(", CAN interface {name}");
         }
-        let motor = self.motor.as_ref().map_or_else(String::new, |motor| {
-            format!("plumb calibrate --motor tcp://{}\n", motor.at)
-        });
+        let mut bench = String::new();
+        if let Some(motor) = &self.motor {
+            bench += &format!("plumb calibrate --motor tcp://{}\n", motor.at);
+        }
+        if let Some(chamber) = &self.chamber {
+            bench += &format!("plumb characterise --chamber tcp://{}\n", chamber.at);
+        }
         let id = |id: &Option<u8>| id.map_or("none".to_owned(), |id| id.to_string());
         let names: Vec<_> = ids.iter().map(id).collect();
         let lines: String = ways.into_iter().map(ready::lines).collect();
         format!(
-            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}{motor}",
+            "serving {} nodes ({}) at {} kbit/s on {places}\n{lines}{bench}",
             ids.len(),
             names.join(", "),
             arguments.bit_rate

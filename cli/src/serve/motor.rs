@@ -5,15 +5,14 @@
 //! [`sim::motor`], one motor for each axis. An axis at 0 rests on its stop, without error, while
 //! the other one is turned.
 //!
-//! Left out: who is connected (`motor_port`), and the drive's own speed profile: the housing speeds
+//! Left out: who is connected (`line_port`), and the drive's own speed profile: the housing speeds
 //! up and slows down as a hand's does.
-
-use std::collections::VecDeque;
 
 use sim::motor::{Motor, MotorModel};
 use sim::network::hand::Pose;
 use sim::rng::Rng;
 
+use super::line_port::{Answer, CONFLICT, Error, LineDevice, UNDEFINED, number};
 use super::stage::Stage;
 
 /// Standard uncertainty that the motor states for an angle, deg: three harmonics of 0.0083 deg
@@ -22,28 +21,6 @@ pub const UNCERTAINTY_DEG: f64 = 0.0134;
 
 /// Speed of its first turn, deg/s.
 const SPEED_DEG_S: f64 = 40.0;
-
-/// Errors that wait to be asked for.
-const ERRORS_LIMIT: usize = 10;
-
-/// What a line comes to.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
-    /// Nothing to say.
-    Nothing,
-    /// This line.
-    Line(String),
-    /// `1`, as soon as the housing stands.
-    WhenStill,
-}
-
-/// An error by its number and text, as SCPI (1999, volume 2, chapter 21) has them.
-type Error = (i32, &'static str);
-
-const UNDEFINED: Error = (-113, "Undefined header");
-const NO_NUMBER: Error = (-120, "Numeric data error");
-const OUT_OF_RANGE: Error = (-222, "Data out of range");
-const CONFLICT: Error = (-221, "Settings conflict");
 
 /// One axis of the table.
 #[derive(Debug)]
@@ -71,7 +48,6 @@ pub struct Table {
     speed_deg_s: f64,
     /// Time of the motors' own, in which a move is over when the next one begins.
     time_s: f64,
-    errors: VecDeque<Error>,
     seed: u64,
 }
 
@@ -83,57 +59,8 @@ impl Table {
             axes: [Axis::draw(&mut rng), Axis::draw(&mut rng)],
             speed_deg_s: SPEED_DEG_S,
             time_s: 0.0,
-            errors: VecDeque::new(),
             seed,
         }
-    }
-
-    /// Carries out a line.
-    pub fn hear(&mut self, line: &str, stage: &mut Stage) -> Answer {
-        let words: Vec<String> = line
-            .split_ascii_whitespace()
-            .map(str::to_ascii_uppercase)
-            .collect();
-        let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        match self.obey(&words, stage) {
-            Ok(answer) => answer,
-            Err(error) => {
-                // A full queue keeps the first of them, which are what went wrong.
-                if self.errors.len() < ERRORS_LIMIT {
-                    self.errors.push_back(error);
-                }
-                Answer::Nothing
-            }
-        }
-    }
-
-    fn obey(&mut self, words: &[&str], stage: &mut Stage) -> Result<Answer, Error> {
-        let said = match words {
-            [] => return Ok(Answer::Nothing),
-            ["*IDN?"] => format!(
-                "Plumb,Virtual motor,{},{}",
-                self.seed,
-                env!("CARGO_PKG_VERSION")
-            ),
-            ["CONF:AXES?"] => "PITCH,ROLL".to_owned(),
-            ["CONF:UNC?"] => format!("{UNCERTAINTY_DEG:.4}"),
-            ["*OPC?"] => return Ok(Answer::WhenStill),
-            ["SYST:ERR?"] => {
-                let (number, text) = self.errors.pop_front().unwrap_or((0, "No error"));
-                format!("{number},\"{text}\"")
-            }
-            ["VEL?"] => format!("{:.3}", self.speed_deg_s),
-            ["VEL", speed] => {
-                self.speed_deg_s = number(speed, 0.01, 400.0)?;
-                return Ok(Answer::Nothing);
-            }
-            ["POS:PITCH?"] => format!("{:.4}", self.axes[0].told_deg),
-            ["POS:ROLL?"] => format!("{:.4}", self.axes[1].told_deg),
-            ["POS:PITCH", to] => return self.turn(0, number(to, -180.0, 180.0)?, stage),
-            ["POS:ROLL", to] => return self.turn(1, number(to, -180.0, 180.0)?, stage),
-            _ => return Err(UNDEFINED),
-        };
-        Ok(Answer::Line(said))
     }
 
     fn turn(&mut self, which: usize, to_deg: f64, stage: &mut Stage) -> Result<Answer, Error> {
@@ -166,22 +93,41 @@ impl Table {
     }
 }
 
-fn number(text: &str, low: f64, high: f64) -> Result<f64, Error> {
-    let number: f64 = text.parse().map_err(|_| NO_NUMBER)?;
-    if (low..=high).contains(&number) {
-        Ok(number)
-    } else {
-        Err(OUT_OF_RANGE)
+impl LineDevice for Table {
+    fn identity(&self) -> String {
+        let release = env!("CARGO_PKG_VERSION");
+        format!("Plumb,Virtual motor,{},{release}", self.seed)
+    }
+
+    fn obey(&mut self, words: &[&str], stage: &mut Stage) -> Result<Answer, Error> {
+        let said = match words {
+            ["CONF:AXES?"] => "PITCH,ROLL".to_owned(),
+            ["CONF:UNC?"] => format!("{UNCERTAINTY_DEG:.4}"),
+            ["*OPC?"] => return Ok(Answer::WhenStill),
+            ["VEL?"] => format!("{:.3}", self.speed_deg_s),
+            ["VEL", speed] => {
+                self.speed_deg_s = number(speed, 0.01, 400.0)?;
+                return Ok(Answer::Nothing);
+            }
+            ["POS:PITCH?"] => format!("{:.4}", self.axes[0].told_deg),
+            ["POS:ROLL?"] => format!("{:.4}", self.axes[1].told_deg),
+            ["POS:PITCH", to] => return self.turn(0, number(to, -180.0, 180.0)?, stage),
+            ["POS:ROLL", to] => return self.turn(1, number(to, -180.0, 180.0)?, stage),
+            _ => return Err(UNDEFINED),
+        };
+        Ok(Answer::Line(said))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::line_port::Lines;
     use super::*;
     use sim::network::Network;
 
-    fn table() -> (Table, Stage) {
-        (Table::new(1), Stage::new(Network::new(250_000, 1), 1))
+    fn table() -> (Lines, Stage) {
+        let stage = Stage::new(Network::new(250_000, 1), 1);
+        (Lines::new(Box::new(Table::new(1))), stage)
     }
 
     fn line(text: &str) -> Answer {

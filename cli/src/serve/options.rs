@@ -62,6 +62,13 @@ fn bit_rate(text: &str) -> Result<u16, String> {
     rate.ok_or_else(|| format!("take one of {BIT_RATES:?} kbit/s"))
 }
 
+/// Faster than that a die would move as no real one does, which a node takes for a fault.
+fn chamber_speed(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok();
+    let factor = factor.filter(|factor: &f64| (1.0..=300.0).contains(factor));
+    factor.ok_or_else(|| "take a factor from 1 to 300".to_owned())
+}
+
 /// What is served, where and how.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = format!("Words, typed or in a script:\n{}", help()))]
@@ -84,6 +91,12 @@ pub struct Arguments {
     /// Let programs turn the housing by the words of a motor (docs/motor.md), over TCP
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub motor: Option<SocketAddr>,
+    /// Let programs set the air's temperature by the words of a chamber (docs/chamber.md), over TCP
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub chamber: Option<SocketAddr>,
+    /// How many times as fast as 2 degC/min the chamber ramps and the sensors follow it, 1 to 300
+    #[arg(long, default_value_t = 1.0, value_parser = chamber_speed, value_name = "FACTOR")]
+    pub chamber_speed: f64,
     /// Bit rate of the bus in kbit/s
     #[arg(long, default_value = "250", value_parser = bit_rate, value_name = "KBIT/S")]
     pub bit_rate: u16,

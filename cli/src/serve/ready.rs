@@ -33,6 +33,8 @@ pub struct Ready {
     pub can_interface: Option<String>,
     /// ADDRESS:PORT of the virtual motor.
     pub motor: Option<String>,
+    /// ADDRESS:PORT of the virtual climatic chamber.
+    pub chamber: Option<String>,
 }
 
 /// What a typed word has told, for `--json`.

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::hub::Hub;
 use super::keep::Keep;
-use super::motor_port::MotorPort;
+use super::line_port::LinePort;
 use super::options::Arguments;
 use super::pace::{Pace, Speed};
 use super::ready;
@@ -47,7 +47,8 @@ pub struct Server {
     /// Typed words that were put off, with their times in ns.
     put_off: Vec<(u64, Word)>,
     keep: Option<Keep>,
-    motor: Option<MotorPort>,
+    /// Virtual devices that are spoken to in lines.
+    ports: Vec<LinePort>,
     interrupted: Arc<AtomicBool>,
     await_client: bool,
     /// Virtual time 0, microseconds since 1970.
@@ -95,7 +96,7 @@ impl Server {
             typed,
             put_off: Vec::new(),
             keep,
-            motor: None,
+            ports: Vec::new(),
             interrupted,
             await_client: arguments.await_client,
             epoch_us: 0,
@@ -104,9 +105,9 @@ impl Server {
         }
     }
 
-    /// The same with a motor that turns the housing.
-    pub fn with_motor(self, motor: Option<MotorPort>) -> Self {
-        Self { motor, ..self }
+    /// The same with what turns the housing and what keeps its temperature.
+    pub fn with_ports(self, ports: Vec<LinePort>) -> Self {
+        Self { ports, ..self }
     }
 
     /// Runs until Ctrl-C or `quit`.
@@ -124,8 +125,8 @@ impl Server {
             if self.advance(target_ns)? == Go::Quit || self.hear_typed() == Go::Quit {
                 break;
             }
-            if let Some(motor) = &mut self.motor {
-                motor.serve(&mut self.stage);
+            for port in &mut self.ports {
+                port.serve(&mut self.stage);
             }
             self.take_in();
             self.tell();

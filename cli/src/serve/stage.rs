@@ -57,8 +57,12 @@ pub struct Stage {
     pub network: Network,
     /// The nodes measure one axis all the way round, so X is a turn and no slope.
     pub one_axis: bool,
+    /// The climatic chamber around the housing.
+    pub chamber: Chamber,
+    /// So many times as fast as [`sim::chamber`] says air and dies follow: a chamber with more
+    /// power around a housing of less thermal mass.
+    pub chamber_speed: f64,
     hand: Hand,
-    chamber: Chamber,
     chamber_ns: u64,
     adapter: Adapter,
     /// A stranger on the bus, once one has babbled.
@@ -84,8 +88,9 @@ impl Stage {
         Self {
             network,
             one_axis: false,
-            hand: Hand::new(Rng::stream(seed, "hand")),
             chamber: Chamber::at(25.0),
+            chamber_speed: 1.0,
+            hand: Hand::new(Rng::stream(seed, "hand")),
             chamber_ns: 0,
             adapter: Adapter {
                 port,
@@ -189,7 +194,8 @@ impl Stage {
         }
         self.chamber_ns += CHAMBER_NS;
         let before_c = self.chamber.die_c;
-        self.chamber.step(CHAMBER_NS as f64 * 1e-9);
+        self.chamber
+            .step(CHAMBER_NS as f64 * 1e-9 * self.chamber_speed);
         if self.chamber.die_c != before_c {
             self.set_dies(self.chamber.die_c);
         }

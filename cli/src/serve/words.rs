@@ -14,6 +14,9 @@ use super::trouble::{self, Trouble};
 /// Bit rates of CiA 301, kbit/s.
 pub const BIT_RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
 
+/// Temperatures of the air that the chamber can make, degC.
+pub const AIR_DEGC: RangeInclusive<f64> = -40.0..=85.0;
+
 /// What the wires of the bus do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BusTrouble {
@@ -340,7 +343,7 @@ impl Reader<'_> {
     }
 
     fn celsius(&self, text: &str) -> Result<f64, WordError> {
-        self.number(text, "degC", -40.0..=85.0)
+        self.number(text, "degC", AIR_DEGC)
     }
 
     fn on(&self, text: &str) -> Result<bool, WordError> {

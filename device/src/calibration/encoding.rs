@@ -3,16 +3,17 @@
 //! In: a [`Calibration`], any part of whose bytes is made on demand, without a buffer. Out of
 //! bytes: a [`Calibration`], or a [`DecodeError`] that names what was refused.
 //!
-//! # Format, version 1
+//! # Format, version 2
 //! Words of 32 bits, little-endian; numbers with sign in two's complement.
 //!
 //! | words | content |
 //! |---|---|
 //! | 1 | "PLMC" (434D4C50h) |
-//! | 1 | version, 1 |
+//! | 1 | version, 2 |
 //! | 1 | length of the whole in bytes, check sum included |
 //! | 1 | kinds: byte 0 temperature model, byte 1 correction, byte 2 rule, byte 3 zero |
 //! | 5 | budget: noise, repeatability, hysteresis (2^-26 g), reference, residual (2^-32 circle) |
+//! | 3 | budget: change per degC (2^-26 g), lowest and highest temperature (1/256 degC) |
 //! | 0, 3, 33 or 12 | temperature model |
 //! | see below | correction |
 //! | 1 | CRC-32 ([`Crc32`]) over all bytes before |
@@ -26,16 +27,22 @@
 //! sine 1 to 3 of slope X and of slope Y. 2 one axis: matrix, offset, cosine, sine. The rule is 0
 //! nearest, 1 linear, 2 printed quarter, and 0 where there are no tables.
 //!
-//! Units are those of the types in `tilt`. The longest, two full tables, is 3076 bytes.
+//! Units are those of the types in `tilt`. The longest, two full tables, is 3088 bytes.
+//!
+//! # Version 1
+//! The same without the three words of the budget that tell how it grows with the temperature,
+//! in whose place [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a calibration
+//! that has just these: what was stored before keeps its bytes, its check sum and its report.
 //!
 //! Left out: storing, and putting in force.
 
 use flash::check_sum::Crc32;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Correction};
+use tilt::sample::Temperature;
 use tilt::table::{MAX_POINTS, Point, Rule, Table, TableError};
 use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel};
-use tilt::uncertainty::Uncertainty;
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 use super::motor::Axis;
@@ -44,14 +51,17 @@ use super::tables_in;
 /// "PLMC" as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
 
-/// The version written, and the only one read.
-pub const VERSION: u32 = 1;
+/// The version that tells how the uncertainty grows with the temperature.
+pub const VERSION: u32 = 2;
+
+/// The version that leaves that to [`TCO`] and [`Span::implied_by`].
+const VERSION_WITHOUT_SPAN: u32 = 1;
 
 /// Words before the kinds.
 const HEAD: u32 = 3;
 
 /// Words from the kinds to the temperature model.
-const BUDGET: usize = 6;
+const BUDGET: usize = 9;
 
 /// Words of a piecewise model.
 const PIECEWISE: usize = KNOTS + 3 * (KNOTS - 1);
@@ -66,7 +76,7 @@ pub enum DecodeError {
     Truncated,
     /// They do not begin with [`MAGIC`].
     Magic,
-    /// They are of another version than [`VERSION`].
+    /// They are of a later version than [`VERSION`], or of none.
     Version(u32),
     /// The length they state is impossible, or not that of their content or of the transfer.
     Length,
@@ -127,9 +137,19 @@ pub fn identity(calibration: &Calibration) -> u32 {
 /// Every word but the check sum, in order.
 fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
     put(MAGIC);
-    put(VERSION);
+    put(version(calibration));
     put(length(calibration));
     content(calibration, put);
+}
+
+/// The version that holds all of it in the fewest words.
+fn version(calibration: &Calibration) -> u32 {
+    let Budget { tco, span, .. } = calibration.budget;
+    if tco == TCO && span == Span::implied_by(&calibration.temperature) {
+        VERSION_WITHOUT_SPAN
+    } else {
+        VERSION
+    }
 }
 
 /// Every word from the kinds on.
@@ -141,6 +161,11 @@ fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
     put(budget.hysteresis);
     put(budget.reference.0);
     put(budget.residual.0);
+    if version(calibration) == VERSION {
+        put(budget.tco);
+        put(budget.span.low.0 as u32);
+        put(budget.span.high.0 as u32);
+    }
     let mut all = |numbers: &[i32]| numbers.iter().for_each(|number| put(*number as u32));
     match &calibration.temperature {
         TemperatureModel::None => {}
@@ -231,7 +256,7 @@ pub type Source<'a> = dyn FnMut(u32, &mut [u8]) -> usize + 'a;
 /// Accelerations that fall within a table are pooled, as [`Table::new`] does. Errors: see
 /// [`DecodeError`]; `result` is then worth nothing, unless the envelope was refused already.
 pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<(), DecodeError> {
-    let end = envelope(source)?;
+    let (end, version) = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
     let budget = &mut result.budget;
@@ -240,7 +265,16 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     budget.hysteresis = words.next()?;
     budget.reference = Uncertainty(words.next()?);
     budget.residual = Uncertainty(words.next()?);
+    if version == VERSION {
+        budget.tco = words.next()?;
+        budget.span.low = Temperature(words.signed()?);
+        budget.span.high = Temperature(words.signed()?);
+    }
     words.temperature(temperature, &mut result.temperature)?;
+    if version != VERSION {
+        result.budget.tco = TCO;
+        result.budget.span = Span::implied_by(&result.temperature);
+    }
     let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
     if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
         return Err(DecodeError::Kind);
@@ -261,15 +295,15 @@ const fn rule_of(code: u8) -> Option<Rule> {
     }
 }
 
-/// Checks magic, version, length and check sum; where the check sum stands.
-fn envelope(source: &mut Source<'_>) -> Result<u32, DecodeError> {
+/// Checks magic, version, length and check sum; where the check sum stands, and the version.
+fn envelope(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
     let mut words = Words { source, at: 0 };
     if words.next()? != MAGIC {
         return Err(DecodeError::Magic);
     }
-    match words.next()? {
-        VERSION => {}
-        version => return Err(DecodeError::Version(version)),
+    let version = words.next()?;
+    if !(VERSION_WITHOUT_SPAN..=VERSION).contains(&version) {
+        return Err(DecodeError::Version(version));
     }
     let length = words.next()?;
     if !(48..=MAX_LENGTH).contains(&length) || length & 3 != 0 {
@@ -286,7 +320,7 @@ fn envelope(source: &mut Source<'_>) -> Result<u32, DecodeError> {
     if (words.source)(length, &mut [0]) != 0 {
         return Err(DecodeError::Length);
     }
-    Ok(length - 4)
+    Ok((length - 4, version))
 }
 
 /// A place in the bytes.

@@ -14,7 +14,7 @@ use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing}
 use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Instant, Temperature};
 use tilt::temperature::{Quadratic, TemperatureModel};
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 /// Samples that are run.
@@ -142,6 +142,8 @@ pub fn calibration() -> Calibration {
             hysteresis: 24_000,
             reference: Uncertainty(160_000),
             residual: Uncertainty(100_000),
+            tco: TCO,
+            span: Span::CHAMBER,
         },
     }
 }

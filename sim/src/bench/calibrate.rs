@@ -18,7 +18,7 @@ use tilt::chain::Correction;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::Compensated;
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 
 use super::characterise::mean_of_both;
 use super::statistics::Tally;
@@ -379,5 +379,7 @@ fn budget(mode: Mode, residual_deg: f64) -> Budget {
         hysteresis: (0.5 * 0.73 * mg) as u32,
         reference: Uncertainty::from_degrees(REFERENCE_DEG),
         residual: Uncertainty::from_degrees(unexpected),
+        tco: TCO,
+        span: Span::REFERENCE,
     }
 }

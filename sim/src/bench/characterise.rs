@@ -17,7 +17,7 @@ use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, TemperatureModel};
 
 use super::{Bench, BenchError, Mode, run};
-use crate::chamber::{Dwell as Step, Profile, Program};
+use crate::chamber::{Profile, Program};
 use crate::instrument::Instrument;
 use crate::motion::Mover;
 use crate::rig::Fixture;
@@ -82,19 +82,6 @@ pub fn mean_of_both(
     Ok(means)
 }
 
-/// The product's way back: 60 to -10 degC in steps of 10, as long at each as on the way up.
-fn down_the_stairs() -> Profile {
-    let stairs = (-1..=6).rev().map(|tens| f64::from(tens) * 10.0);
-    Profile {
-        steps: stairs
-            .map(|set_point_c| Step {
-                set_point_c,
-                dwell_min: 40.0,
-            })
-            .collect(),
-    }
-}
-
 /// Mean of what was read at one stair, over the two runs.
 #[derive(Clone, Copy, Default)]
 struct Stair {
@@ -140,7 +127,7 @@ impl Bench {
         if self.mode == Mode::Paper {
             self.bring_to(15.0);
         } else {
-            self.run_profile(down_the_stairs(), &mut gathered)?;
+            self.run_profile(Profile::down_the_stairs(), &mut gathered)?;
             self.bring_to(35.0);
         }
         self.bring_to(25.0);

@@ -13,7 +13,7 @@ use tilt::filter::LowPass;
 use tilt::sample::{FullScale, Instant};
 use tilt::table::MAX_POINTS;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::Uncertainty;
+use tilt::uncertainty::{Span, Uncertainty};
 use tilt::vector::Vector;
 
 use super::*;
@@ -26,6 +26,8 @@ const TERMS: Terms = Terms {
         hysteresis: 3,
         reference: Uncertainty(2),
         residual: Uncertainty(1),
+        tco: 6,
+        span: Span::CHAMBER,
     },
 };
 

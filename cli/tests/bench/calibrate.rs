@@ -3,112 +3,35 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
-use std::process::{Child, ChildStderr, ChildStdin, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{ChildStderr, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
-fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
+use super::stand::{Bench, interrupt, number, said};
+
+/// A bench at which a calibration is watched.
+fn bench(more: &[&str]) -> Bench {
+    Bench::new("20", more)
+}
+
+fn calibrate(bench: &Bench, more: &[&str]) -> Command {
+    let mut command = bench.command(&["calibrate", "--out", &bench.path("report")]);
+    command.args(more);
     command
 }
 
-/// A bus with two nodes, a motor, and a folder; all gone with it.
-struct Bench {
-    server: Child,
-    words: ChildStdin,
-    bus: String,
-    motor: String,
-    folder: PathBuf,
+fn by_motor(bench: &Bench, more: &[&str]) -> Command {
+    let mut command = calibrate(bench, &["--motor", &bench.motor, "--country", "IT"]);
+    command.args(more);
+    command
 }
 
-impl Bench {
-    fn new(more: &[&str]) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-calibrate-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        fs::create_dir_all(&folder).unwrap();
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--motor", "127.0.0.1:0"])
-            .args(["--speed", "20", "--bit-rate", "1000"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
-        let mut next = || lines.next().unwrap().unwrap();
-        let ready = next();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
-        let motor = loop {
-            if let Some((_, motor)) = next().split_once("--motor ") {
-                break motor.to_owned();
-            }
-        };
-        // The rest is read so that the server never waits for it.
-        std::thread::spawn(move || lines.for_each(drop));
-        let words = server.stdin.take().unwrap();
-        std::thread::sleep(Duration::from_millis(400));
-        Self {
-            bus: bus.to_owned(),
-            server,
-            words,
-            motor,
-            folder,
-        }
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.folder.join(name).display().to_string()
-    }
-
-    fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = plumb(arguments);
-        command.args(["--bus", &self.bus]);
-        command
-    }
-
-    fn calibrate(&self, more: &[&str]) -> Command {
-        let mut command = self.command(&["calibrate", "--out", &self.path("report")]);
-        command.args(more);
-        command
-    }
-
-    fn by_motor(&self, more: &[&str]) -> Command {
-        let mut command = self.calibrate(&["--motor", &self.motor, "--country", "IT"]);
-        command.args(more);
-        command
-    }
-
-    fn verify(&self, file: &str) -> (Option<i32>, String, String) {
-        said(&self.command(&["verify", file]).output().unwrap())
-    }
-
-    /// What both nodes have in 2061h and 2063h.
-    fn kept(&self) -> String {
-        let file = self.path("kept.json");
-        let kept = self
-            .command(&["calibrate", "--force", "--keep", &file])
-            .output();
-        let (status, _, err) = said(&kept.unwrap());
-        assert_eq!(status, Some(0), "{err}");
-        fs::read_to_string(file).unwrap()
-    }
-
-    fn say(&mut self, words: &str) {
-        writeln!(self.words, "{words}").unwrap();
-    }
-
-    /// A socketcand client that has sent NMT "start" to all nodes.
-    fn started(&self) -> TcpStream {
-        let mut client = TcpStream::connect(&self.bus).unwrap();
-        write!(client, "< open plumb >< rawmode >").unwrap();
-        std::thread::sleep(Duration::from_millis(100));
-        write!(client, "< send 0 2 1 0 >").unwrap();
-        client
-    }
+/// A socketcand client that has sent NMT "start" to all nodes.
+fn started(bench: &Bench) -> TcpStream {
+    let mut client = TcpStream::connect(&bench.bus).unwrap();
+    write!(client, "< open plumb >< rawmode >").unwrap();
+    std::thread::sleep(Duration::from_millis(100));
+    write!(client, "< send 0 2 1 0 >").unwrap();
+    client
 }
 
 /// The last state that the node's heartbeat has told within a while.
@@ -128,33 +51,11 @@ fn state(client: &mut TcpStream, node: u8) -> Option<String> {
     last.split_whitespace().nth(1).map(str::to_owned)
 }
 
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
-fn said(output: &Output) -> (Option<i32>, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    (
-        output.status.code(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
-}
-
-fn number(report: &serde_json::Value, path: &str) -> f64 {
-    report.pointer(path).unwrap().as_f64().unwrap()
-}
-
 #[test]
 fn a_motor_calibrates_both_channels_and_verify_knows_the_report() {
-    let bench = Bench::new(&["--uncalibrated"]);
+    let bench = bench(&["--uncalibrated"]);
     let before = bench.kept();
-    let run = bench
-        .by_motor(&["--step", "15", "--json"])
+    let run = by_motor(&bench, &["--step", "15", "--json"])
         .output()
         .unwrap();
     let (status, out, err) = said(&run);
@@ -261,8 +162,8 @@ fn put_down(bench: &mut Bench, asked: ChildStderr, mut answers: Option<ChildStdi
 
 #[test]
 fn a_person_calibrates_in_thirteen_poses() {
-    let mut bench = Bench::new(&["--uncalibrated"]);
-    let mut run = bench.calibrate(&["--by-hand", "--json"]);
+    let mut bench = bench(&["--uncalibrated"]);
+    let mut run = calibrate(&bench, &["--by-hand", "--json"]);
     run.stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
@@ -282,7 +183,10 @@ fn a_person_calibrates_in_thirteen_poses() {
     let (status, out, _) = bench.verify(&bench.path("report/dcc.xml"));
     assert_eq!(status, Some(0), "{out}");
     // And the instrument agrees with the motor within what is promised.
-    let check = bench.by_motor(&["--step", "30", "--nodes", "1", "--force", "--json"]);
+    let check = by_motor(
+        &bench,
+        &["--step", "30", "--nodes", "1", "--force", "--json"],
+    );
     let check = { check }.output().unwrap();
     let report: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
     let errors = report["channels"][0]["as_found"].as_array().unwrap().iter();
@@ -294,12 +198,12 @@ fn a_person_calibrates_in_thirteen_poses() {
 
 #[test]
 fn with_yes_the_sensor_tells_when_the_housing_was_moved() {
-    let mut bench = Bench::new(&[]);
+    let mut bench = bench(&[]);
     let (pitch, roll) = STANDS[0];
     bench.say(&format!("roll {roll}"));
     bench.say(&format!("pitch {pitch}"));
     std::thread::sleep(Duration::from_millis(300));
-    let mut run = bench.calibrate(&["--by-hand", "--yes"]);
+    let mut run = calibrate(&bench, &["--by-hand", "--yes"]);
     run.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut run = run.spawn().unwrap();
     let told = put_down(&mut bench, run.stderr.take().unwrap(), None);
@@ -310,10 +214,10 @@ fn with_yes_the_sensor_tells_when_the_housing_was_moved() {
 
 #[test]
 fn poses_that_end_early_are_named_and_nothing_changes() {
-    let mut bench = Bench::new(&[]);
+    let mut bench = bench(&[]);
     let before = bench.kept();
     bench.say("roll 0.2");
-    let mut run = bench.calibrate(&["--by-hand"]);
+    let mut run = calibrate(&bench, &["--by-hand"]);
     run.stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
@@ -328,20 +232,18 @@ fn poses_that_end_early_are_named_and_nothing_changes() {
 
 #[test]
 fn what_is_not_within_its_tolerance_is_taken_back() {
-    let bench = Bench::new(&["--mode", "paper"]);
+    let bench = bench(&["--mode", "paper"]);
     let before = bench.kept();
     // Tables with points 30 deg apart read the nearest one: up to 15 deg off.
-    let run = bench
-        .by_motor(&["--step", "30", "--tolerance", "0.2"])
-        .output();
+    let run = by_motor(&bench, &["--step", "30", "--tolerance", "0.2"]).output();
     let (status, out, err) = said(&run.unwrap());
     assert_eq!(status, Some(1), "{err}");
     assert!(out.contains("NOT accepted"), "{out}");
     assert_eq!(bench.kept(), before);
-    let (status, _, err) = said(&bench.by_motor(&["--step", "30"]).output().unwrap());
+    let (status, _, err) = said(&by_motor(&bench, &["--step", "30"]).output().unwrap());
     assert_eq!(status, Some(2));
     assert!(err.contains("as-found.json is there already"), "{err}");
-    let run = bench.by_motor(&["--step", "30", "--force"]).output();
+    let run = by_motor(&bench, &["--step", "30", "--force"]).output();
     let (status, out, err) = said(&run.unwrap());
     assert_eq!(status, Some(0), "{out} {err}");
     assert!(out.contains("accepted: within 15.2 deg"), "{out}");
@@ -351,11 +253,10 @@ fn what_is_not_within_its_tolerance_is_taken_back() {
 
 #[test]
 fn a_rejected_run_replaced_the_certificate_of_the_calibration_in_force() {
-    let bench = Bench::new(&["--mode", "paper"]);
+    let bench = bench(&["--mode", "paper"]);
     let run = |more: &[&str]| {
         said(
-            &bench
-                .by_motor(&["--step", "30"])
+            &by_motor(&bench, &["--step", "30"])
                 .args(more)
                 .output()
                 .unwrap(),
@@ -378,11 +279,11 @@ fn a_rejected_run_replaced_the_certificate_of_the_calibration_in_force() {
 #[test]
 #[cfg(unix)]
 fn ctrl_c_leaves_the_nodes_as_they_were_found() {
-    let bench = Bench::new(&[]);
-    let mut client = bench.started();
+    let bench = bench(&[]);
+    let mut client = started(&bench);
     assert_eq!(state(&mut client, 1).as_deref(), Some("05"));
     let before = bench.kept();
-    let mut run = bench.by_motor(&["--step", "15"]);
+    let mut run = by_motor(&bench, &["--step", "15"]);
     run.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut run = run.spawn().unwrap();
     let mut lines = BufReader::new(run.stderr.take().unwrap()).lines();
@@ -390,14 +291,7 @@ fn ctrl_c_leaves_the_nodes_as_they_were_found() {
         lines.next().unwrap().unwrap();
     }
     assert_eq!(state(&mut client, 2).as_deref(), Some("7F"));
-    let pid = run.id().to_string();
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &pid])
-            .status()
-            .unwrap()
-            .success()
-    );
+    interrupt(&run);
     let status = run.wait().unwrap();
     assert_eq!(status.code(), Some(2));
     let last = lines.map_while(Result::ok).last().unwrap();
@@ -410,9 +304,9 @@ fn ctrl_c_leaves_the_nodes_as_they_were_found() {
 
 #[test]
 fn a_node_that_vanishes_in_the_middle_is_named() {
-    let mut bench = Bench::new(&[]);
+    let mut bench = bench(&[]);
     let before = bench.kept();
-    let mut run = bench.by_motor(&["--step", "15"]);
+    let mut run = by_motor(&bench, &["--step", "15"]);
     run.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut run = run.spawn().unwrap();
     let mut lines = BufReader::new(run.stderr.take().unwrap()).lines();
@@ -431,38 +325,38 @@ fn a_node_that_vanishes_in_the_middle_is_named() {
 
 #[test]
 fn what_can_not_be_done_is_said_in_a_sentence() {
-    let bench = Bench::new(&["--mode", "paper"]);
+    let bench = bench(&["--mode", "paper"]);
     let refused = |command: &mut Command, sentence: &str| {
         let (code, out, err) = said(&command.output().unwrap());
         assert_eq!((code, out.as_str()), (Some(2), ""), "{err}");
         assert!(err.contains(sentence), "{err}");
     };
-    refused(&mut bench.calibrate(&[]), "say how to calibrate");
-    refused(&mut bench.by_motor(&["--by-hand"]), "not both");
+    refused(&mut calibrate(&bench, &[]), "say how to calibrate");
+    refused(&mut by_motor(&bench, &["--by-hand"]), "not both");
     refused(
-        &mut bench.by_motor(&["--nodes", "1,1"]),
+        &mut by_motor(&bench, &["--nodes", "1,1"]),
         "node 1 is named twice",
     );
     refused(
-        &mut bench.by_motor(&["--nodes", "1,2,3"]),
+        &mut by_motor(&bench, &["--nodes", "1,2,3"]),
         "give one node or the two",
     );
     refused(
-        &mut bench.by_motor(&["--nodes", "9"]),
+        &mut by_motor(&bench, &["--nodes", "9"]),
         "node 9 does not answer",
     );
     refused(
-        &mut bench.calibrate(&["--by-hand"]),
+        &mut calibrate(&bench, &["--by-hand"]),
         "calibrate this one by a motor",
     );
     let nobody = ["--motor", "tcp://127.0.0.1:1"];
     refused(
-        &mut bench.calibrate(&nobody),
+        &mut calibrate(&bench, &nobody),
         "cannot reach the motor tcp://127.0.0.1:1",
     );
     let bus = format!("tcp://{}", bench.bus);
     refused(
-        &mut bench.calibrate(&["--motor", &bus]),
+        &mut calibrate(&bench, &["--motor", &bus]),
         "the motor tcp://127.0.0.1:",
     );
     let file = bench.path("file");

@@ -1,0 +1,197 @@
+//! What a chamber run adds to the report's page and to its certificate.
+//!
+//! In: the [`Thermal`] of each channel. Out: a section of the page, with what the model leaves over
+//! the temperature, its coefficients and every dwell; and results of the certificate, lists over
+//! the sensor's temperature.
+//!
+//! Left out: the rest of both (`page`, `dcc`), and the figures themselves (`crate::characterise`).
+
+use super::data::{Channel, Report, Thermal, ThermalDwell};
+use super::dcc::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
+use super::xml::Xml;
+use crate::report::chart::{Chart, Ink, Level, Plot, Shape};
+use crate::report::html;
+use crate::text_table::{Cell, Column, Table};
+
+/// The sensor's axes in their order.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The section of the page; empty for a report without a chamber.
+pub fn page(report: &Report) -> String {
+    let channels = || {
+        let channels = report.channels.iter();
+        channels.filter_map(|channel| Some((channel, channel.thermal.as_ref()?)))
+    };
+    let mut out = String::new();
+    for (channel, thermal) in channels() {
+        out += &format!("<h3>Channel {}</h3>\n", html::escape(&channel.channel));
+        out += &html::facts(&facts(channel, thermal));
+        let charts: String = (0..3)
+            .map(|axis| chart(channel, thermal, axis).html())
+            .collect();
+        out += &format!("<div class=\"charts\">\n{charts}</div>\n");
+        out += &html::table(&coefficients(channel, thermal));
+        out += &html::table(&dwells(channel, thermal));
+    }
+    out
+}
+
+fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
+    let mg = |value: Option<f64>| value.map_or("not known".to_owned(), |mg| format!("{mg:.2} mg"));
+    let (low, high) = (thermal.sensor_min_degc, thermal.sensor_max_degc);
+    let hysteresis = thermal.hysteresis_mg;
+    let hysteresis = hysteresis.map_or("not met on both branches".to_owned(), |[x, y, z]| {
+        format!("x {x:.2}, y {y:.2}, z {z:.2} mg (half the difference of both branches, at most)")
+    });
+    let unchanged = thermal.unchanged_at_degc;
+    let unchanged = unchanged.map_or("as with the model before, at 25 degC".to_owned(), |at| {
+        format!("as before at {at:.1} degC, where the calibration was made")
+    });
+    vec![
+        ("Model", thermal.model.clone()),
+        (
+            "Holds by the sensor's thermometer",
+            format!("{low:.1} to {high:.1} degC"),
+        ),
+        ("Angles", unchanged),
+        (
+            "Readings without the model, rms",
+            mg(Some(thermal.without_model_mg)),
+        ),
+        ("Left by the model, rms", mg(channel.residual_mg)),
+        ("Hysteresis seen", hysteresis),
+        ("Between runs, rms", mg(thermal.between_runs_mg)),
+    ]
+}
+
+/// What the model leaves of an axis over the sensor's temperature, each branch by itself.
+fn chart(channel: &Channel, thermal: &Thermal, axis: usize) -> Chart {
+    let on = |branches: &[&str]| -> Vec<(f64, f64)> {
+        let here = |dwell: &&ThermalDwell| branches.contains(&dwell.branch.as_str());
+        let dwells = thermal.dwells.iter().filter(here);
+        let mut points: Vec<_> = dwells
+            .map(|d| (d.sensor_degc, d.residuals_mg[axis]))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points
+    };
+    let mut plots = vec![
+        Plot::new("rising", Ink::First, Shape::Markers(on(&["start", "up"]))),
+        Plot::new("falling", Ink::Second, Shape::Markers(on(&["down"]))),
+    ];
+    plots.retain(|plot| !matches!(&plot.shape, Shape::Markers(points) if points.is_empty()));
+    let (letter, name) = (&channel.channel, AXES[axis]);
+    Chart {
+        id: format!("temperature-{}-{name}", letter.to_lowercase()),
+        title: format!("Left by the model of channel {letter}, axis {name}"),
+        description: format!("What the model leaves of axis {name} over the sensor's temperature"),
+        x_label: "Sensor, degC".to_owned(),
+        y_label: "Left, mg".to_owned(),
+        plots,
+        levels: vec![Level {
+            at: 0.0,
+            name: String::new(),
+        }],
+        ..Chart::default()
+    }
+}
+
+fn coefficients(channel: &Channel, thermal: &Thermal) -> Table {
+    let columns = vec![
+        Column::text("Coefficient"),
+        Column::text("Axis"),
+        Column::number("Value"),
+        Column::text("Unit"),
+    ];
+    let title = format!("Temperature model of channel {}", channel.channel);
+    let mut table = Table::new(&title, columns);
+    for coefficient in &thermal.coefficients {
+        table.rows.push(vec![
+            Cell::text(&coefficient.name),
+            Cell::text(&coefficient.axis),
+            Cell::number(Some(coefficient.value), 5),
+            Cell::text(&coefficient.unit),
+        ]);
+    }
+    table
+}
+
+fn dwells(channel: &Channel, thermal: &Thermal) -> Table {
+    let columns = vec![
+        Column::number("Run"),
+        Column::text("Branch"),
+        Column::number("set").under("Temperature, degC"),
+        Column::number("air").under("Temperature, degC"),
+        Column::number("sensor").under("Temperature, degC"),
+        Column::number("x").under("Left by the model, mg"),
+        Column::number("y").under("Left by the model, mg"),
+        Column::number("z").under("Left by the model, mg"),
+        Column::number("largest").under("Left by the model, mg"),
+        Column::number("Begun anew"),
+    ];
+    let title = format!(
+        "Dwells of channel {}, means of the orientations",
+        channel.channel
+    );
+    let mut table = Table::new(&title, columns);
+    for dwell in &thermal.dwells {
+        let [x, y, z] = dwell.residuals_mg;
+        table.rows.push(vec![
+            Cell::number(Some(f64::from(dwell.run)), 0),
+            Cell::text(&dwell.branch),
+            Cell::number(Some(dwell.set_degc), 1),
+            Cell::number(dwell.air_degc, 1),
+            Cell::number(Some(dwell.sensor_degc), 1),
+            Cell::number(Some(x), 2),
+            Cell::number(Some(y), 2),
+            Cell::number(Some(z), 2),
+            Cell::number(Some(dwell.largest_mg), 2),
+            Cell::number(Some(f64::from(dwell.repeated)), 0),
+        ]);
+    }
+    table
+}
+
+/// Units of the certificate (SIunitx).
+const DEGREE_CELSIUS: &str = "\\degreecelsius";
+const ONE: &str = "\\one";
+
+/// The results of the certificate: range, coefficients, and what is left at each dwell.
+pub fn results(xml: &mut Xml, thermal: &Thermal) {
+    xml.of("dcc:result", |xml| {
+        name(xml, &format!("Temperature model, {}", thermal.model));
+        xml.of("dcc:data", |xml| {
+            let lowest = "Lowest temperature at which the model holds";
+            real(xml, lowest, thermal.sensor_min_degc, DEGREE_CELSIUS);
+            let highest = "Highest temperature at which the model holds";
+            real(xml, highest, thermal.sensor_max_degc, DEGREE_CELSIUS);
+            for coefficient in &thermal.coefficients {
+                // The format has no unit of a mg per degC, so the name tells it.
+                let (axis, unit) = (&coefficient.axis, &coefficient.unit);
+                let called = format!("{}, axis {axis}, in {unit}", coefficient.name);
+                real(xml, &called, coefficient.value, ONE);
+            }
+        });
+    });
+    xml.of("dcc:result", |xml| {
+        name(xml, "Left by the temperature model");
+        xml.of("dcc:data", |xml| {
+            xml.of("dcc:list", |xml| {
+                let of = |of: fn(&ThermalDwell) -> f64| -> Vec<f64> {
+                    thermal.dwells.iter().map(of).collect()
+                };
+                list(xml, "Run", &of(|d| f64::from(d.run)), ONE, None);
+                list(xml, "Sensor", &of(|d| d.sensor_degc), DEGREE_CELSIUS, None);
+                for (axis, called) in AXES.iter().enumerate() {
+                    let left = thermal
+                        .dwells
+                        .iter()
+                        .map(|d| d.residuals_mg[axis] * SI_PER_MG);
+                    let left: Vec<f64> = left.collect();
+                    let called = format!("Left by the model, axis {called}");
+                    list(xml, &called, &left, METRE_PER_SECOND2, None);
+                }
+            });
+        });
+    });
+}

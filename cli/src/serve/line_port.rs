@@ -1,0 +1,251 @@
+//! Where programs that speak to a virtual device connect: lines over TCP.
+//!
+//! In: an address, and a device (the motor, the chamber). Out: each line with a way to answer it,
+//! in the order in which they came, and the device's queue of errors (IEEE 488.2, SCPI-1999 volume
+//! 2, chapter 21). Each connection has a thread, which waits for the answer before it reads on.
+//!
+//! Left out: what the lines mean (`motor`, `climate`).
+
+use std::collections::VecDeque;
+use std::fmt::Debug;
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+use super::error::ServeError;
+use super::stage::Stage;
+
+/// The longest line.
+const LINE_LIMIT: u64 = 256;
+
+/// Errors that wait to be asked for.
+const ERRORS_LIMIT: usize = 10;
+
+/// What a line comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// Nothing to say.
+    Nothing,
+    /// This line.
+    Line(String),
+    /// `1`, as soon as the housing stands.
+    WhenStill,
+}
+
+/// An error by its number and text, as SCPI has them.
+pub type Error = (i32, &'static str);
+
+/// The line is no word of the device.
+pub const UNDEFINED: Error = (-113, "Undefined header");
+/// What should be a number is none.
+pub const NO_NUMBER: Error = (-120, "Numeric data error");
+/// The number is beyond what the device can do.
+pub const OUT_OF_RANGE: Error = (-222, "Data out of range");
+/// The device can't do this with what it does already.
+pub const CONFLICT: Error = (-221, "Settings conflict");
+
+/// A number within bounds.
+///
+/// Errors: [`NO_NUMBER`], [`OUT_OF_RANGE`].
+pub fn number(text: &str, low: f64, high: f64) -> Result<f64, Error> {
+    let number: f64 = text.parse().map_err(|_| NO_NUMBER)?;
+    if (low..=high).contains(&number) {
+        Ok(number)
+    } else {
+        Err(OUT_OF_RANGE)
+    }
+}
+
+/// A device that is spoken to in lines.
+pub trait LineDevice: Debug {
+    /// Maker, model, serial number and release.
+    fn identity(&self) -> String;
+
+    /// Carries out a line of its own words, in capital letters.
+    ///
+    /// Errors: [`UNDEFINED`] for what is none, and what else SCPI has.
+    fn obey(&mut self, words: &[&str], stage: &mut Stage) -> Result<Answer, Error>;
+}
+
+/// A device with the words that all of them have: `*IDN?` and `SYST:ERR?`.
+#[derive(Debug)]
+pub struct Lines {
+    device: Box<dyn LineDevice>,
+    errors: VecDeque<Error>,
+}
+
+impl Lines {
+    /// This device, without an error.
+    pub fn new(device: Box<dyn LineDevice>) -> Self {
+        Self {
+            device,
+            errors: VecDeque::new(),
+        }
+    }
+
+    /// Carries out a line.
+    pub fn hear(&mut self, line: &str, stage: &mut Stage) -> Answer {
+        let words: Vec<String> = line
+            .split_ascii_whitespace()
+            .map(str::to_ascii_uppercase)
+            .collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let outcome = match words[..] {
+            [] => Ok(Answer::Nothing),
+            ["*IDN?"] => Ok(Answer::Line(self.device.identity())),
+            ["SYST:ERR?"] => {
+                let (number, text) = self.errors.pop_front().unwrap_or((0, "No error"));
+                Ok(Answer::Line(format!("{number},\"{text}\"")))
+            }
+            _ => self.device.obey(&words, stage),
+        };
+        outcome.unwrap_or_else(|error| {
+            // A full queue keeps the first of them, which are what went wrong.
+            if self.errors.len() < ERRORS_LIMIT {
+                self.errors.push_back(error);
+            }
+            Answer::Nothing
+        })
+    }
+}
+
+/// A line of a client, and where its answer goes; an empty one for none.
+#[derive(Debug)]
+struct Request {
+    line: String,
+    answer: Sender<String>,
+}
+
+/// A port with a device behind it.
+#[derive(Debug)]
+pub struct LinePort {
+    lines: Lines,
+    requests: Receiver<Request>,
+    /// Those who wait until the housing stands.
+    waiting: Vec<Sender<String>>,
+    /// Where it listens.
+    pub at: SocketAddr,
+}
+
+impl LinePort {
+    /// Listens there; port 0 is any free one.
+    ///
+    /// Errors: [`ServeError::PortInUse`], [`ServeError::Listen`].
+    pub fn listen(at: SocketAddr, device: Box<dyn LineDevice>) -> Result<Self, ServeError> {
+        let failed = |error: std::io::Error| match error.kind() {
+            ErrorKind::AddrInUse => ServeError::PortInUse(at),
+            _ => ServeError::Listen(at, error),
+        };
+        let listener = TcpListener::bind(at).map_err(failed)?;
+        let at = listener.local_addr().map_err(failed)?;
+        let (sender, requests) = channel();
+        thread::spawn(move || accept(&listener, &sender));
+        Ok(Self {
+            lines: Lines::new(device),
+            requests,
+            waiting: Vec::new(),
+            at,
+        })
+    }
+
+    /// Carries out what has come, and answers those who waited for the housing to stand.
+    pub fn serve(&mut self, stage: &mut Stage) {
+        while let Ok(Request { line, answer }) = self.requests.try_recv() {
+            // Whoever has gone needs no answer.
+            let _ = match self.lines.hear(&line, stage) {
+                Answer::Nothing => answer.send(String::new()),
+                Answer::Line(text) => answer.send(text),
+                Answer::WhenStill => {
+                    self.waiting.push(answer);
+                    Ok(())
+                }
+            };
+        }
+        if stage.is_still() {
+            for answer in self.waiting.drain(..) {
+                let _ = answer.send("1".to_owned());
+            }
+        }
+    }
+}
+
+fn accept(listener: &TcpListener, requests: &Sender<Request>) {
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                let requests = requests.clone();
+                thread::spawn(move || converse(stream, &requests));
+            }
+            // Too many files open, or a client that went at once: neither ends the listening.
+            Err(_) => thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+/// Reads lines until the client goes, the bus ends, or a line is longer than any that means
+/// something.
+fn converse(mut stream: TcpStream, requests: &Sender<Request>) {
+    let Ok(reading) = stream.try_clone() else {
+        return;
+    };
+    let _ = stream.set_nodelay(true);
+    let mut reader = BufReader::new(reading);
+    loop {
+        let mut bytes = Vec::new();
+        let read = (&mut reader).take(LINE_LIMIT).read_until(b'\n', &mut bytes);
+        if !matches!(read, Ok(count) if count > 0) || bytes.last() != Some(&b'\n') {
+            return;
+        }
+        let line = String::from_utf8_lossy(&bytes).into_owned();
+        let (answer, said) = channel();
+        if requests.send(Request { line, answer }).is_err() {
+            return;
+        }
+        let Ok(said) = said.recv() else {
+            return;
+        };
+        if !said.is_empty() && stream.write_all(format!("{said}\n").as_bytes()).is_err() {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim::network::Network;
+
+    /// Takes no word at all.
+    #[derive(Debug)]
+    struct Deaf;
+
+    impl LineDevice for Deaf {
+        fn identity(&self) -> String {
+            "Deaf".to_owned()
+        }
+
+        fn obey(&mut self, _: &[&str], _: &mut Stage) -> Result<Answer, Error> {
+            Err(UNDEFINED)
+        }
+    }
+
+    #[test]
+    fn a_full_queue_of_errors_keeps_the_first() {
+        let mut stage = Stage::new(Network::new(250_000, 1), 1);
+        let mut lines = Lines::new(Box::new(Deaf));
+        assert_eq!(
+            lines.hear("*idn?", &mut stage),
+            Answer::Line("Deaf".to_owned())
+        );
+        for _ in 0..ERRORS_LIMIT + 5 {
+            assert_eq!(lines.hear("what?", &mut stage), Answer::Nothing);
+        }
+        let mut told = 0;
+        while lines.hear("SYST:ERR?", &mut stage) != Answer::Line("0,\"No error\"".to_owned()) {
+            told += 1;
+        }
+        assert_eq!(told, ERRORS_LIMIT);
+    }
+}

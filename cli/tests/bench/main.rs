@@ -1,0 +1,7 @@
+//! The verbs of the bench from the outside: `plumb calibrate`, `characterise` and `verify`, against
+//! the nodes of `plumb serve`.
+
+mod calibrate;
+mod characterise;
+mod stand;
+mod temperature;
