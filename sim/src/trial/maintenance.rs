@@ -36,8 +36,8 @@ pub enum Work {
     Flood,
     /// PRE-OPERATIONAL, and its spare slot is cleared for an update (1F51h).
     Clear,
-    /// Its slope X is zeroed where it stands (6012h), and the other one's is not.
-    Preset,
+    /// Its slope X gets a differential offset (6014h), and the other one's does not.
+    Offset,
     /// Its latch time (2004h) becomes 1 s.
     LatchTime,
     /// Its 2005h becomes the opposite of the other one's.
@@ -69,7 +69,7 @@ impl fmt::Display for Work {
             Self::BusOff => write!(f, "bus-off"),
             Self::Flood => write!(f, "flood"),
             Self::Clear => write!(f, "clearing of the spare slot"),
-            Self::Preset => write!(f, "zeroed alone"),
+            Self::Offset => write!(f, "6014h alone"),
             Self::LatchTime => write!(f, "2004h alone"),
             Self::GoesOnAlone => write!(f, "2005h alone"),
             Self::NoSync => write!(f, "no SYNC"),
@@ -111,10 +111,10 @@ impl fmt::Display for Maintenance {
 /// Identifier of the flood's frames: below that of the exchange and every PDO.
 const FLOOD_ID: u16 = 0x0FF;
 
-/// Slope X is preset to 0.
-const PRESET: Write = Write::new(0x6012, 0, 2, 0);
-/// The offset that a preset leaves is taken away.
-const NO_OFFSET: Write = Write::new(0x6013, 0, 2, 0);
+/// Slope X shows 3 deg more, in the unit as delivered.
+const OFFSET: Write = Write::new(0x6014, 0, 2, 300);
+/// It shows what was measured again.
+const NO_OFFSET: Write = Write::new(0x6014, 0, 2, 0);
 /// The spare slot is cleared.
 const CLEAR: Write = Write::new(0x1F51, 1, 1, 3);
 
@@ -152,7 +152,7 @@ impl Maintenance {
                 master.hold(network, channel, Command::PreOperational);
                 master.write(network, channel, CLEAR);
             }
-            Work::Preset => master.write(network, channel, PRESET),
+            Work::Offset => master.write(network, channel, OFFSET),
             Work::LatchTime => master.write(network, channel, Write::new(0x2004, 0, 2, 1)),
             Work::GoesOnAlone => {
                 let other = u32::from(!setup.degraded);
@@ -180,7 +180,7 @@ impl Maintenance {
             Work::Wires => connect(network, node, true),
             Work::BusOff => spoil(network, node, false),
             Work::Flood => master.flood(network, None),
-            Work::Preset => master.write(network, channel, NO_OFFSET),
+            Work::Offset => master.write(network, channel, NO_OFFSET),
             Work::LatchTime => {
                 let latch_s = u32::from(setup.latch_s);
                 master.write(network, channel, Write::new(0x2004, 0, 2, latch_s));

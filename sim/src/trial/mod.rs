@@ -33,7 +33,7 @@ use crate::rng::Rng;
 use checks::detection::Detection;
 use checks::{Affected, Checks, RECOVERY_S, Violation};
 use inject::What;
-use maintenance::Site;
+use maintenance::{Site, Work};
 use master::Master;
 use message::Message;
 use pool::Pool;
@@ -51,6 +51,9 @@ pub const LOOK_AFTER_S: f64 = 2.0;
 
 /// How long a pair in order is watched for alarms at the end, s.
 const AFTERWARDS_S: f64 = 3.0;
+
+/// What was handed to the controllers before an offset was taken away has gone out by then, s.
+const UNDER_WAY_S: f64 = 0.2;
 
 /// Time between two settings of the temperature, ns.
 const TEMPERATURE_NS: u64 = 1_000_000_000;
@@ -305,10 +308,17 @@ impl<'a> Run<'a> {
         if begins {
             self.active += 1;
             self.checks.maintain();
+            if maintenance.work == Work::Offset {
+                self.checks.shown_apart_until(f64::INFINITY);
+            }
             maintenance.begin(&mut site, setup);
         } else {
             self.active -= 1;
             maintenance.end(&mut site, setup);
+            if maintenance.work == Work::Offset {
+                let now_s = self.network.now_s();
+                self.checks.shown_apart_until(now_s + UNDER_WAY_S);
+            }
         }
     }
 

@@ -75,7 +75,7 @@ fn of_a_node(rng: &mut Rng) -> Work {
         Work::Wires,
         Work::BusOff,
         Work::Clear,
-        Work::Preset,
+        Work::Offset,
         Work::LatchTime,
         Work::GoesOnAlone,
     ];

@@ -12,6 +12,10 @@ const FITS_DEG: f64 = 0.15;
 /// After so long without a TPDO 1 a receiver holds the channel for silent, s.
 const SILENT_S: f64 = 0.5;
 
+/// For so long one node alone may be set to show another angle, s: a tool sets one after the other
+/// (docs/safety.md), and four bytes have to come twice.
+const APART_S: f64 = 2.7;
+
 /// A stretch of wrong angles.
 #[derive(Clone, Copy, Debug)]
 struct Wrong {
@@ -34,6 +38,8 @@ pub struct At {
 #[derive(Clone, Debug)]
 pub struct Angles {
     reaction_s: f64,
+    /// Until when one channel is set to show other angles than the other one, s.
+    pub apart_until_s: f64,
     wrong: [[Option<Wrong>; 2]; CHANNELS],
     heard_s: [f64; CHANNELS],
     /// Angles that were wrong for the newest SYNC and right for an earlier one.
@@ -47,6 +53,7 @@ impl Angles {
     pub fn new(reaction_s: f64) -> Self {
         Self {
             reaction_s,
+            apart_until_s: 0.0,
             wrong: [[None; 2]; CHANNELS],
             heard_s: [0.0; CHANNELS],
             old: 0,
@@ -82,7 +89,12 @@ impl Angles {
                 .iter()
                 .any(|truth| (deg - truth[axis]).abs() < FITS_DEG);
             self.old += u32::from(old);
-            if let Some(rule) = self.lasts(compared_s, channel, axis, old) {
+            let allowed_s = if at_s < self.apart_until_s {
+                APART_S
+            } else {
+                self.reaction_s
+            };
+            if let Some(rule) = self.lasts((compared_s, allowed_s), channel, axis, old) {
                 let name = ["X", "Y"][axis];
                 let what = format!("slope {name} reads {deg:.2} deg, the truth is {newest:.2} deg");
                 found.push(Violation {
@@ -97,7 +109,13 @@ impl Angles {
     }
 
     /// The rule that is broken now, once for each stretch.
-    fn lasts(&mut self, at_s: f64, channel: usize, axis: usize, old: bool) -> Option<Rule> {
+    fn lasts(
+        &mut self,
+        (at_s, allowed_s): (f64, f64),
+        channel: usize,
+        axis: usize,
+        old: bool,
+    ) -> Option<Rule> {
         let begun = Wrong {
             since_s: at_s,
             old: true,
@@ -106,7 +124,7 @@ impl Angles {
         let wrong = self.wrong[channel][axis].get_or_insert(begun);
         wrong.old &= old;
         self.longest_s = self.longest_s.max(at_s - wrong.since_s);
-        if wrong.told || at_s - wrong.since_s <= self.reaction_s {
+        if wrong.told || at_s - wrong.since_s <= allowed_s {
             return None;
         }
         wrong.told = true;

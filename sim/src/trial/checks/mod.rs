@@ -204,6 +204,11 @@ impl Checks {
         self.order.excuse();
     }
 
+    /// Until `at_s` one channel shows its angles otherwise than the other one.
+    pub fn shown_apart_until(&mut self, at_s: f64) {
+        self.angles.apart_until_s = at_s;
+    }
+
     /// The last fault has ended; what is told of it still counts.
     pub fn healed(&mut self, at_s: f64) {
         self.detections.end(at_s);
