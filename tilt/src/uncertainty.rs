@@ -107,6 +107,15 @@ impl Span {
         }
     }
 
+    /// What this span and `other` have in common.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            low: self.low.max(other.low),
+            high: self.high.min(other.high),
+        }
+    }
+
     /// How far `temperature` is outside, 1/256 degC; 0 within.
     pub fn beyond(&self, temperature: Temperature) -> u32 {
         let below = self.low.0.saturating_sub(temperature.0);
@@ -127,16 +136,26 @@ impl Default for Span {
 /// 0.224 mg/degC.
 pub const TCO: u32 = 15_006;
 
+/// The part of [`TCO`] that is left where the offset is compensated and the sensitivity is not.
+pub const TCS: u32 = 6_711;
+
+/// A thousandth of g in 2^-26 g.
+const MG: u32 = 67_109;
+
 /// What is known of the spread of one channel; all k = 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+///
+/// There is no default: a channel that measures has the budget of its calibration, or else
+/// [`Budget::DATA_SHEET`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// White noise of one axis, standard deviation of single samples, 2^-26 g per step.
     pub noise: u32,
-    /// Turn-on repeatability and 1/f floor of one axis, 2^-26 g per step.
+    /// What the zero of one axis is off by, 2^-26 g per step: turn-on repeatability and 1/f floor;
+    /// of a part that is not calibrated, its zero-g offset.
     pub repeatability: u32,
     /// Thermal hysteresis of one axis, reached 10 degC away from 25 degC, 2^-26 g per step.
     pub hysteresis: u32,
-    /// The calibration reference's own uncertainty.
+    /// The calibration reference's own uncertainty; without a calibration, that of the mounting.
     pub reference: Uncertainty,
     /// What the fit left.
     pub residual: Uncertainty,
@@ -161,9 +180,54 @@ fn root(value: u64) -> Uncertainty {
 }
 
 impl Budget {
+    /// Of a part as it was soldered: the spread of all parts of its kind.
+    ///
+    /// LIS2DW12: zero-g offset +-20 mg, 90 ug/rtHz at 400 samples/s \[DS\]. Mounting 1 deg; the
+    /// angles between the axes, 0.5 deg each, sensitivity 1 % and nonlinearity 1 mg/g^2 and
+    /// 1 mg/g^3 come to 0.7 deg at the worst pose \[ASSUME\].
+    pub const DATA_SHEET: Self = Self {
+        noise: crate::health::noise(2500),
+        repeatability: 20 * MG,
+        ..Self::calibrated(
+            Uncertainty::from_degrees(1.0),
+            Uncertainty::from_degrees(0.7),
+            Span::REFERENCE,
+        )
+    };
+
+    /// Of a part that was calibrated within one power-on: against a reference of this uncertainty,
+    /// with this residual, at these temperatures.
+    ///
+    /// The rest no single calibration shows: turn-on repeatability of 0.3 mg, once for it and once
+    /// for the use, the 1/f floor of 0.04 mg, and of the thermal hysteresis of 0.5 mg what its
+    /// loop leaves on the average, 0.73 \[ASSUME\]; noise at 400 samples/s and [`TCO`] \[DS\].
+    pub const fn calibrated(reference: Uncertainty, residual: Uncertainty, span: Span) -> Self {
+        Self {
+            noise: crate::health::noise(2500),
+            // sqrt(2 * 0.3^2 + 0.04^2) = 0.426 mg.
+            repeatability: 28_598,
+            // 0.365 mg.
+            hysteresis: 24_495,
+            reference,
+            residual,
+            tco: TCO,
+            span,
+        }
+    }
+
+    /// With the scatter of a table's points, 2^-26 g ([`Table::scatter`]), which stays in it.
+    #[must_use]
+    pub fn with_scatter(self, scatter: u32) -> Self {
+        let sum = square(self.repeatability).saturating_add(square(scatter));
+        Self {
+            repeatability: root(sum).0,
+            ..self
+        }
+    }
+
     /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
     pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
-        let noise = ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15;
+        let noise = self.noise_power(filter);
         let distance = t.0.abs_diff(Temperature::REFERENCE.0).min(2560);
         let hysteresis = match self.hysteresis.checked_mul(distance) {
             // Which it is for any part; 64 bits are divided in software.
@@ -185,11 +249,11 @@ impl Budget {
 
     /// Noise alone behind `filter`: what scatters from reading to reading at a standstill.
     pub fn noise_only(&self, filter: &LowPass) -> Uncertainty {
-        let only = Self {
-            noise: self.noise,
-            ..Self::default()
-        };
-        accel_to_angle(only.accel(filter, Temperature::REFERENCE))
+        accel_to_angle(root(self.noise_power(filter)).0)
+    }
+
+    fn noise_power(&self, filter: &LowPass) -> u64 {
+        ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15
     }
 
     fn systematic(&self) -> u64 {
@@ -242,20 +306,42 @@ impl Budget {
         // The second moment about the reading, not about the mean: at the table's end all that
         // is uncertain lies on one side.
         let spread = (below * below + above * above) / 6;
-        let step = table.step_at(reading);
+        let step = table.step_at(reading).magnitude();
         let table_error = match rule {
-            Rule::Linear => 0,
-            Rule::Nearest => square(step.magnitude()) / 12,
+            Rule::Linear => square(table.sagitta_at(reading)),
+            Rule::Nearest => square(step) / 12,
             // A quarter of a step of bias beside the spread (E3).
-            Rule::PrintedQuarter => square(step.magnitude()) * 7 / 48,
+            Rule::PrintedQuarter => square(step) * 7 / 48,
         };
         let spread = u64::try_from(spread).unwrap_or(0);
         root(
             spread
                 .saturating_add(table_error)
+                .saturating_add(square(beyond_the_end(table, reading, reach)))
                 .saturating_add(self.systematic()),
         )
     }
+}
+
+/// What an angle that stops at the end of `table` may be short of, for a `reading` that is further
+/// beyond the end than `reach`: up to the vertical, 2^-32 of a circle.
+fn beyond_the_end(table: &Table, reading: i32, reach: i32) -> u32 {
+    /// Near the vertical an axis turns further than its acceleration tells at level.
+    const STEEPER: u32 = 8;
+    const VERTICAL: u32 = 1 << 30;
+    let (Some(first), Some(last)) = (table.points().first(), table.points().last()) else {
+        return KNOWS_NOTHING;
+    };
+    let below = first.accel.saturating_sub(reading);
+    let above = reading.saturating_sub(last.accel);
+    let (end, beyond) = if below > above {
+        (first, below)
+    } else {
+        (last, above)
+    };
+    let beyond = beyond.saturating_sub(reach).max(0).unsigned_abs();
+    let left = VERTICAL.saturating_sub(end.angle.magnitude());
+    left.min(accel_to_angle(beyond.saturating_mul(STEEPER)).0)
 }
 
 /// True near the vertical, where the fold of the square root adds.
@@ -282,6 +368,17 @@ mod tests {
 
     const MG: f64 = ONE_G as f64 / 1000.0;
 
+    /// No spread at all: what single terms are added to.
+    const NOTHING: Budget = Budget {
+        noise: 0,
+        repeatability: 0,
+        hysteresis: 0,
+        reference: Uncertainty(0),
+        residual: Uncertainty(0),
+        tco: 0,
+        span: Span::REFERENCE,
+    };
+
     #[test]
     fn one_milli_g_is_0_0573_deg() {
         let u = accel_to_angle(MG as u32).degrees();
@@ -293,7 +390,7 @@ mod tests {
         // 90 ug/rtHz over 25 Hz (E6): 0.45 mg before, 0.019 deg behind the one-pole.
         let budget = Budget {
             noise: (0.45 * MG) as u32,
-            ..Budget::default()
+            ..NOTHING
         };
         let u = budget.noise_only(&LowPass::PAPER).degrees();
         assert!((u - 0.0192).abs() < 0.0003, "{u}");
@@ -311,7 +408,7 @@ mod tests {
         let u = |degrees: f64| {
             let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
             let accel = (0.335 * MG) as u32;
-            Budget::default()
+            NOTHING
                 .of_table(&table, Rule::Linear, reading, accel)
                 .degrees()
         };
@@ -328,7 +425,7 @@ mod tests {
             angle: Angle::from_degrees(f64::from(d)),
         });
         let table = Table::new(&points).unwrap();
-        let u = Budget::default()
+        let u = NOTHING
             .of_table(&table, Rule::Nearest, ONE_G / 75, 0)
             .degrees();
         assert!((u - 1.0 / 12f64.sqrt()).abs() < 1e-4, "{u}");
@@ -338,7 +435,7 @@ mod tests {
     fn motion_that_shows_in_the_norm_is_added() {
         let budget = Budget {
             noise: MG as u32,
-            ..Budget::default()
+            ..NOTHING
         };
         let still = Corrected {
             accel: [0, 0, ONE_G],
@@ -360,7 +457,7 @@ mod tests {
         let budget = Budget {
             repeatability: (0.7 * MG) as u32,
             reference: Uncertainty::from_degrees(0.01),
-            ..Budget::default()
+            ..NOTHING
         };
         for accel in [0, 1, MG as u32, 1 << 28, u32::MAX] {
             for (x, y) in [(0, 0), (0, ONE_G), (ONE_G, 0), (ONE_G, i32::MAX)] {
@@ -380,7 +477,7 @@ mod tests {
         let shaken = Corrected {
             accel: [i32::MAX; 3],
         };
-        assert_eq!(Budget::default().of_motion(shaken, 0), nothing);
+        assert_eq!(NOTHING.of_motion(shaken, 0), nothing);
         assert_eq!(nothing.combined_with(nothing), nothing);
     }
 
@@ -392,7 +489,7 @@ mod tests {
                 low: Temperature::from_celsius(20),
                 high: Temperature::from_celsius(30),
             },
-            ..Budget::default()
+            ..NOTHING
         };
         let mg = |t: i16| {
             let accel = budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
@@ -424,7 +521,7 @@ mod tests {
                 let budget = Budget {
                     tco,
                     span,
-                    ..Budget::default()
+                    ..NOTHING
                 };
                 assert!(ends.map(|t| budget.accel(&LowPass::PAPER, t)) <= [KNOWS_NOTHING; 2]);
             }
@@ -432,10 +529,83 @@ mod tests {
     }
 
     #[test]
+    fn an_uncalibrated_part_was_worth_0_068_deg_and_is_worth_degrees() {
+        let at = |t: i16| {
+            let t = Temperature::from_celsius(t);
+            let accel = Budget::DATA_SHEET.accel(&LowPass::PRODUCT, t);
+            Budget::DATA_SHEET.of_vector(ONE_G, accel).degrees()
+        };
+        // 20 mg, 1 deg and 0.7 deg.
+        assert!((at(25) - 1.675).abs() < 0.005, "{}", at(25));
+        assert!((at(70) - 1.77).abs() < 0.01, "{}", at(70));
+        let noise = f64::from(Budget::DATA_SHEET.noise) / MG;
+        assert!((noise - 0.09 * 200f64.sqrt()).abs() < 1e-4, "{noise}");
+    }
+
+    #[test]
+    fn a_calibrated_part_still_turns_on_twice() {
+        let of = Budget::calibrated(Uncertainty(3), Uncertainty(4), Span::CHAMBER);
+        let mg = |steps: u32| f64::from(steps) / MG;
+        assert!((mg(of.repeatability) - (0.18 + 0.0016f64).sqrt()).abs() < 1e-4);
+        assert!((mg(of.hysteresis) - 0.5 * 0.73).abs() < 1e-4);
+        assert!((mg(of.tco) - 0.05f64.sqrt()).abs() < 1e-4);
+        assert!((mg(TCS) - 0.1).abs() < 1e-4);
+    }
+
+    /// Both ends at 60 deg, in steps of 20, as an interop master memorises them.
+    fn coarse() -> Table {
+        let points: Vec<_> = (-3..=3)
+            .map(|i| f64::from(20 * i))
+            .map(|d| Point {
+                accel: ((d * PI / 180.0).sin() * f64::from(ONE_G)) as i32,
+                angle: Angle::from_degrees(d),
+            })
+            .collect();
+        Table::new(&points).unwrap()
+    }
+
+    #[test]
+    fn a_line_between_points_20_deg_apart_was_worth_nothing_and_missed_by_a_degree() {
+        let table = coarse();
+        let (mut sum, mut worth) = (0.0, 0.0);
+        for tenth in -590..=590 {
+            let degrees = f64::from(tenth) / 10.0;
+            let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            let error = table.look_up(reading, Rule::Linear).degrees() - degrees;
+            let u = NOTHING.of_table(&table, Rule::Linear, reading, 0).degrees();
+            assert!(error.abs() <= 1.96 * u + 1e-3, "{degrees}: {error} {u}");
+            sum += error * error;
+            worth += u * u;
+        }
+        let (rms, worth) = ((sum / 1181.0).sqrt(), (worth / 1181.0).sqrt());
+        assert!(
+            rms > 0.4 && worth > rms && worth < 1.6 * rms,
+            "{rms} {worth}"
+        );
+    }
+
+    #[test]
+    fn beyond_the_end_of_a_table_an_angle_was_held_and_called_certain() {
+        let table = coarse();
+        for degrees in [-89.0, -75.0, -61.0, 61.0, 65.0, 75.0, 89.0] {
+            let reading = ((f64::from(degrees) * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            for rule in [Rule::Linear, Rule::Nearest] {
+                let error = table.look_up(reading, rule).degrees() - f64::from(degrees);
+                let u = NOTHING.of_table(&table, rule, reading, 0).degrees();
+                assert!(error.abs() <= 1.96 * u, "{degrees}: {error} {u}");
+                assert!(u <= 31.0, "{degrees}: {u}");
+            }
+        }
+        let at_the_end = table.points()[6].accel;
+        let u = NOTHING.of_table(&table, Rule::Linear, at_the_end, 0);
+        assert_eq!(u, Uncertainty(0));
+    }
+
+    #[test]
     fn hysteresis_grows_to_10_degc_away() {
         let budget = Budget {
             hysteresis: 1000,
-            ..Budget::default()
+            ..NOTHING
         };
         let at = |t: i16| budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
         assert_eq!(

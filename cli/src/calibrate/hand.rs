@@ -19,8 +19,14 @@
 
 use std::fmt;
 
+use tilt::angle::Axes;
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
+use tilt::chain::{Calibration, Correction};
+use tilt::sample::Temperature;
+use tilt::vector::Vector;
+
+use super::fit::budget;
 
 /// What a pose is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,6 +167,31 @@ impl HandFit {
     pub fn length_rms_mg(&self) -> f64 {
         let free = self.length_mg.len().saturating_sub(9).max(1) as f64;
         (self.length_mg.iter().map(|l| l * l).sum::<f64>() / free).sqrt()
+    }
+
+    /// The calibration that it makes of the one `before`, taken at these temperatures.
+    pub fn calibration(
+        &self,
+        before: &Calibration,
+        temperatures: impl IntoIterator<Item = Temperature>,
+        faces: &Faces,
+    ) -> Calibration {
+        let vector = Vector::from_real(self.matrix, self.offset_g);
+        let residual_deg = (self.length_rms_mg() / 1000.0).to_degrees();
+        Calibration {
+            temperature: before.temperature,
+            correction: Correction::TwoAxis {
+                // The fit has refused what does not fit the chain's numbers.
+                vector: vector.unwrap_or(Vector::IDENTITY),
+                harmonics: Axes::default(),
+            },
+            budget: budget(
+                before,
+                temperatures,
+                faces.zero_uncertainty_deg(),
+                residual_deg,
+            ),
+        }
     }
 
     fn turned(self, rotation: &[[f64; 3]; 3]) -> Self {

@@ -45,7 +45,7 @@ use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
-use super::motor::Axis;
+use super::motor::{Axis, MOTOR};
 use super::tables_in;
 
 /// "PLMC" as a little-endian word.
@@ -283,7 +283,29 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     if words.at != end {
         return Err(DecodeError::Length);
     }
+    give_budget(result);
     Ok(())
+}
+
+/// Tables that a node made by itself came with a budget of zeros once, which no part keeps: they
+/// get the one that their points tell, and anything else without one that of the data sheet.
+fn give_budget(calibration: &mut Calibration) {
+    let Budget {
+        repeatability,
+        reference,
+        residual,
+        ..
+    } = calibration.budget;
+    if repeatability != 0 || reference.0 != 0 || residual.0 != 0 {
+        return;
+    }
+    calibration.budget = match &calibration.correction {
+        Correction::Tables { tables, .. } => {
+            let scatter = tables.x.scatter().max(tables.y.scatter());
+            Budget::calibrated(MOTOR, Uncertainty(0), calibration.budget.span).with_scatter(scatter)
+        }
+        _ => Budget::DATA_SHEET,
+    };
 }
 
 const fn rule_of(code: u8) -> Option<Rule> {

@@ -22,7 +22,7 @@ fn blank() -> Calibration {
             vector: Vector::IDENTITY,
             harmonics: Harmonics::default(),
         },
-        budget: Budget::default(),
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
     }
 }
 
@@ -191,11 +191,9 @@ fn some_correction() -> impl Strategy<Value = Correction> {
 fn some_calibration() -> impl Strategy<Value = Calibration> {
     let budget = any::<[u32; 5]>().prop_map(|[noise, repeatability, hysteresis, a, b]| Budget {
         noise,
-        repeatability,
+        repeatability: repeatability.max(1),
         hysteresis,
-        reference: Uncertainty(a),
-        residual: Uncertainty(b),
-        ..Budget::default()
+        ..Budget::calibrated(Uncertainty(a), Uncertainty(b), Span::REFERENCE)
     });
     let growth = proptest::option::of(any::<(u32, i32, i32)>());
     (some_model(), some_correction(), budget, growth).prop_map(
@@ -214,10 +212,30 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
     )
 }
 
+#[test]
+fn tables_that_a_node_made_with_a_budget_of_zeros_get_the_one_that_their_points_tell() {
+    for (calibration, worth) in [(tables(), false), (two_axis(), true)] {
+        let mut bytes = encode(&calibration);
+        for place in 4..9 {
+            bytes = with_word(&bytes, place, 0);
+        }
+        let read = decode(&bytes).unwrap();
+        assert_eq!(
+            read.budget == Budget::DATA_SHEET,
+            worth,
+            "{:?}",
+            read.budget
+        );
+        assert!(read.budget.repeatability > 0 && read.budget.reference.0 > 0);
+    }
+}
+
 /// The words of version 1 for a part without a temperature model, as releases before wrote them.
 fn version_1(calibration: &Calibration) -> Vec<u8> {
-    let mut bytes = encode(calibration);
-    assert_eq!(bytes[4], 2, "a calibration that needs version 2");
+    let mut calibration = calibration.clone();
+    calibration.budget.tco = 0;
+    let mut bytes = encode(&calibration);
+    assert_eq!(bytes[4], 2);
     bytes.drain(36..48);
     let length = bytes.len() as u32;
     mended(with_word(&with_word(&bytes, 1, 1), 2, length))
@@ -438,7 +456,10 @@ fn the_longest_is_3088_bytes() {
             },
             rule: Rule::Nearest,
         },
-        ..blank()
+        budget: Budget {
+            tco: 1,
+            ..blank().budget
+        },
     };
     assert_eq!(length(&calibration), MAX_LENGTH);
     let bytes = encode(&calibration);
