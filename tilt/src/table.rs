@@ -125,26 +125,23 @@ impl Table {
         &self.points
     }
 
-    fn first(&self) -> Point {
-        self.points().first().copied().unwrap_or_default()
-    }
-
-    fn last(&self) -> Point {
-        self.points().last().copied().unwrap_or_default()
-    }
-
-    /// The two neighbouring points: the last not above `accel` and the first above it.
-    fn neighbours(&self, accel: i32) -> (Point, Point) {
+    /// The step around `accel`: from the last point not above it to the first above it; beyond the
+    /// ends, the end twice.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn step_around(&self, accel: i32) -> Step {
         let points = self.points();
         let above = points.partition_point(|p| p.accel <= accel);
-        let high = points.get(above).copied().unwrap_or(self.last());
-        let low = above.checked_sub(1).and_then(|i| points.get(i)).copied();
-        (low.unwrap_or(self.first()), high)
+        let high = points.get(above).or(points.last());
+        let low = above.checked_sub(1).and_then(|i| points.get(i));
+        Step {
+            low: low.or(points.first()).copied().unwrap_or_default(),
+            high: high.copied().unwrap_or_default(),
+        }
     }
 
     /// The angle for `accel` by `rule`; beyond the ends, the end's angle.
     pub fn look_up(&self, accel: i32, rule: Rule) -> Angle {
-        let (low, high) = self.neighbours(accel);
+        let Step { low, high } = self.step_around(accel);
         let step = i64::from(high.accel) - i64::from(low.accel);
         if step <= 0 {
             return low.angle;
@@ -176,59 +173,68 @@ impl Table {
         }
     }
 
-    /// Angle between the two points around `accel`: the width of the table's step there.
-    pub fn step_at(&self, accel: i32) -> Angle {
-        let (low, high) = self.neighbours(accel);
-        high.angle.minus(low.angle)
-    }
-
-    /// How far the line between the two points around `accel` is off the sine that it cuts short,
-    /// on the average of its length, in steps of [`Angle`].
-    ///
-    /// A step of h radians is off by h^2/8 tan(angle) at most, in the middle, where the tangent is
-    /// the acceleration times h over its rise; this is 0.81 of that, and the parabola's rms 0.73.
-    pub fn sagitta_at(&self, accel: i32) -> u32 {
-        let (low, high) = self.neighbours(accel);
-        let rise = i64::from(high.accel) - i64::from(low.accel);
-        let step = high.angle.minus(low.angle).magnitude();
-        // h^2 times (2^16 / 2 pi)^2; then times the tangent over h, and times h.
-        let square = u64::from(step >> 16) * u64::from(step >> 16);
-        let product = square * u64::from(accel.unsigned_abs());
-        let bend = u64::try_from(rise)
-            .ok()
-            .and_then(|rise| product.checked_div(rise));
-        let bend = bend.map_or(0, |bend| bend.min(u64::from(u32::MAX)));
-        // 8 (2^16 / 2 pi)^2 is 0.81 of 2^30.
-        u32::try_from((bend * u64::from(step)) >> 30).map_or(step, |off| off.min(step))
-    }
-
     /// Standard deviation of single points about the sine through their neighbours, 2^-26 g: the
     /// noise of what was memorised, and of the reference. 0 of fewer than three points.
     pub fn scatter(&self) -> u32 {
-        let triples = self.points().windows(3);
-        let count = triples.len() as u64;
-        let sum = triples
-            .filter_map(|triple| off_its_neighbours(triple).map(i64::unsigned_abs))
-            .fold(0u64, |sum, off| sum.saturating_add(off.saturating_mul(off)));
-        // Of a point and its two neighbours, half as uncertain together, 2/3 are the point's.
-        root((sum / 3 * 2).checked_div(count).unwrap_or(0))
+        let (mut sum, mut count) = (0u64, 0);
+        for triple in self.points().windows(3) {
+            let [low, middle, high] = triple else {
+                continue;
+            };
+            let off = u64::from(off_its_neighbours(*low, *middle, *high).unsigned_abs());
+            sum = sum.saturating_add(2 * off * off);
+            // Of a point and its two neighbours, half as uncertain together, 2/3 are the point's.
+            count += 3;
+        }
+        root(sum.checked_div(count).unwrap_or(0))
+    }
+}
+
+/// Two neighbouring points of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// The lower one.
+    pub low: Point,
+    /// The higher one.
+    pub high: Point,
+}
+
+impl Step {
+    /// The angle between them, in steps of [`Angle`].
+    pub const fn width(&self) -> u32 {
+        self.high.angle.minus(self.low.angle).magnitude()
+    }
+
+    /// How far the line between the points is off the sine that it cuts short around `accel`, on
+    /// the average of its length, in steps of [`Angle`].
+    ///
+    /// A step of h radians is off by h^2/8 tan(angle) at most, in the middle, where the tangent is
+    /// the acceleration times h over its rise; this is 0.81 of that, and the parabola's rms 0.73.
+    pub fn sagitta(&self, accel: i32) -> u32 {
+        let width = self.width();
+        let rise = self.high.accel.abs_diff(self.low.accel);
+        // h^2 times (2^16 / 2 pi)^2; then times the tangent over h, and times h.
+        let square = u64::from(width >> 16) * u64::from(width >> 16);
+        let bend = (square * u64::from(accel.unsigned_abs())).checked_div(rise.into());
+        let bend = bend.map_or(0, |bend| bend.min(u64::from(u32::MAX)));
+        // 8 (2^16 / 2 pi)^2 is 0.81 of 2^30.
+        width.min(((bend * u64::from(width)) >> 30) as u32)
     }
 }
 
 /// How far the middle one of three points is off the sine through the other two, 2^-26 g.
-fn off_its_neighbours(triple: &[Point]) -> Option<i64> {
-    /// 2 (2^16 / 2 pi)^2: half the product of two angles, 2^-16 of a circle, in radians.
-    const HALF_SQUARE: i64 = 217_585_585;
-    let [low, middle, high] = triple else {
-        return None;
-    };
-    let accels = [low, middle, high].map(|point| i64::from(point.accel));
-    let angles = [low, middle, high].map(|point| i64::from(point.angle.0));
-    let ([low, middle, high], [from, at, to]) = (accels, angles);
-    let (before, after) = ((at - from) >> 8, (to - at) >> 8);
-    let line = (low * after + high * before).checked_div(before + after)?;
-    let square = (before >> 8) * (after >> 8);
-    Some(middle - line - middle.saturating_mul(square) / HALF_SQUARE)
+fn off_its_neighbours(low: Point, middle: Point, high: Point) -> i32 {
+    // Up to 2^16, so that 32 bits are enough for most of it.
+    let before = middle.angle.0.abs_diff(low.angle.0) >> 16;
+    let after = high.angle.0.abs_diff(middle.angle.0) >> 16;
+    let share_q15 = (before << 15).checked_div(before + after).unwrap_or(0);
+    let rise = i64::from(high.accel) - i64::from(low.accel);
+    let line = i64::from(low.accel) + ((rise * i64::from(share_q15)) >> 15);
+    // A line is short of the sine by half the product of both distances in radians; that is
+    // pi^2 / 8 of 2^-28, or 79 / 64.
+    let bend = (i64::from(middle.accel) * i64::from(before * after)) >> 28;
+    let off = i64::from(middle.accel) - line - (bend * 79 >> 6);
+    off.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
 
 /// A table that is being filled. Whoever drops it before [`Builder::finish`] has an empty table.
@@ -519,7 +525,8 @@ mod tests {
         let table = Table::new(&points).unwrap();
         table.scatter();
         for accel in ends {
-            assert!(table.sagitta_at(accel) <= table.step_at(accel).magnitude());
+            let step = table.step_around(accel);
+            assert!(step.sagitta(accel) <= step.width());
         }
     }
 }

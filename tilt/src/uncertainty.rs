@@ -68,6 +68,12 @@ impl Span {
     /// 25 degC, where the data sheet states offset and sensitivity.
     pub const REFERENCE: Self = Self::at(Temperature::REFERENCE);
 
+    /// No temperature: what the first one makes a span of.
+    pub const NOWHERE: Self = Self {
+        low: Temperature(i32::MAX),
+        high: Temperature(i32::MIN),
+    };
+
     /// -10 to 70 degC, the chamber run of R4.
     pub const CHAMBER: Self = Self {
         low: Temperature::from_celsius(-10),
@@ -82,10 +88,10 @@ impl Span {
         }
     }
 
-    /// From the lowest to the highest of `temperatures`; `None` of none.
-    pub fn of(temperatures: impl IntoIterator<Item = Temperature>) -> Option<Self> {
-        let each = temperatures.into_iter().map(Self::at);
-        each.reduce(|span, at| span.widened(at.low))
+    /// From the lowest to the highest of `temperatures`; [`Span::NOWHERE`] of none.
+    pub fn of(temperatures: impl IntoIterator<Item = Temperature>) -> Self {
+        let each = temperatures.into_iter();
+        each.fold(Self::NOWHERE, |span, temperature| span.widened(temperature))
     }
 
     /// The span that a calibration was made with before its format told one.
@@ -118,15 +124,15 @@ impl Span {
 
     /// How far `temperature` is outside, 1/256 degC; 0 within.
     pub fn beyond(&self, temperature: Temperature) -> u32 {
-        let below = self.low.0.saturating_sub(temperature.0);
-        let above = temperature.0.saturating_sub(self.high.0);
+        let below = self.low.0.wrapping_sub(temperature.0);
+        let above = temperature.0.wrapping_sub(self.high.0);
         below.max(above).max(0).unsigned_abs()
     }
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Self::REFERENCE
+        Self::NOWHERE
     }
 }
 
@@ -141,6 +147,14 @@ pub const TCS: u32 = 6_711;
 
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
+
+/// Turn-on repeatability of 0.3 mg, once for the calibration and once for the use, and the 1/f
+/// floor of 0.04 mg: 0.426 mg, 2^-26 g per step \[ASSUME\].
+const TURN_ONS: u32 = 28_598;
+
+/// Of the thermal hysteresis of 0.5 mg what its loop leaves on the average, 0.73: 0.365 mg, 2^-26 g
+/// per step \[ASSUME\].
+const HYSTERESIS: u32 = 24_495;
 
 /// What is known of the spread of one channel; all k = 1.
 ///
@@ -198,16 +212,13 @@ impl Budget {
     /// Of a part that was calibrated within one power-on: against a reference of this uncertainty,
     /// with this residual, at these temperatures.
     ///
-    /// The rest no single calibration shows: turn-on repeatability of 0.3 mg, once for it and once
-    /// for the use, the 1/f floor of 0.04 mg, and of the thermal hysteresis of 0.5 mg what its
-    /// loop leaves on the average, 0.73 \[ASSUME\]; noise at 400 samples/s and [`TCO`] \[DS\].
+    /// The rest no single calibration shows: turn-on repeatability, 1/f floor and thermal hysteresis
+    /// \[ASSUME\], noise at 400 samples/s and [`TCO`] \[DS\].
     pub const fn calibrated(reference: Uncertainty, residual: Uncertainty, span: Span) -> Self {
         Self {
             noise: crate::health::noise(2500),
-            // sqrt(2 * 0.3^2 + 0.04^2) = 0.426 mg.
-            repeatability: 28_598,
-            // 0.365 mg.
-            hysteresis: 24_495,
+            repeatability: TURN_ONS,
+            hysteresis: HYSTERESIS,
             reference,
             residual,
             tco: TCO,
@@ -215,14 +226,20 @@ impl Budget {
         }
     }
 
-    /// With the scatter of a table's points, 2^-26 g ([`Table::scatter`]), which stays in it.
-    #[must_use]
-    pub fn with_scatter(self, scatter: u32) -> Self {
-        let sum = square(self.repeatability).saturating_add(square(scatter));
-        Self {
-            repeatability: root(sum).0,
-            ..self
-        }
+    /// Becomes that of a calibration by `tables`, the scatter of whose points stays in them, against
+    /// a reference of this uncertainty. Noise, and what goes with the temperature, stay.
+    pub fn take_tables(&mut self, tables: &Axes<Table>, reference: Uncertainty) {
+        let scatter = tables.x.scatter().max(tables.y.scatter());
+        self.repeatability = root(square(TURN_ONS).saturating_add(square(scatter))).0;
+        self.reference = reference;
+        self.residual = Uncertainty(0);
+    }
+
+    /// Holds at `span`, as it does without a temperature model.
+    pub fn hold_at(&mut self, span: Span) {
+        self.hysteresis = HYSTERESIS;
+        self.tco = TCO;
+        self.span = span;
     }
 
     /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
@@ -306,42 +323,35 @@ impl Budget {
         // The second moment about the reading, not about the mean: at the table's end all that
         // is uncertain lies on one side.
         let spread = (below * below + above * above) / 6;
-        let step = table.step_at(reading).magnitude();
-        let table_error = match rule {
-            Rule::Linear => square(table.sagitta_at(reading)),
-            Rule::Nearest => square(step) / 12,
-            // A quarter of a step of bias beside the spread (E3).
-            Rule::PrintedQuarter => square(step) * 7 / 48,
-        };
         let spread = u64::try_from(spread).unwrap_or(0);
         root(
             spread
-                .saturating_add(table_error)
-                .saturating_add(square(beyond_the_end(table, reading, reach)))
+                .saturating_add(square(table_error(table, rule, reading, reach)))
                 .saturating_add(self.systematic()),
         )
     }
 }
 
-/// What an angle that stops at the end of `table` may be short of, for a `reading` that is further
-/// beyond the end than `reach`: up to the vertical, 2^-32 of a circle.
-fn beyond_the_end(table: &Table, reading: i32, reach: i32) -> u32 {
+/// What `rule` makes of the step of `table` around `reading`, and beyond its end, where the angle
+/// stops, what may be left of the way up to the vertical: a standard uncertainty.
+fn table_error(table: &Table, rule: Rule, reading: i32, reach: i32) -> u32 {
     /// Near the vertical an axis turns further than its acceleration tells at level.
     const STEEPER: u32 = 8;
     const VERTICAL: u32 = 1 << 30;
-    let (Some(first), Some(last)) = (table.points().first(), table.points().last()) else {
-        return KNOWS_NOTHING;
-    };
-    let below = first.accel.saturating_sub(reading);
-    let above = reading.saturating_sub(last.accel);
-    let (end, beyond) = if below > above {
-        (first, below)
-    } else {
-        (last, above)
-    };
-    let beyond = beyond.saturating_sub(reach).max(0).unsigned_abs();
-    let left = VERTICAL.saturating_sub(end.angle.magnitude());
-    left.min(accel_to_angle(beyond.saturating_mul(STEEPER)).0)
+    let step = table.step_around(reading);
+    let wide = u64::from(step.width());
+    match rule {
+        _ if wide == 0 => {
+            let beyond = reading.abs_diff(step.low.accel);
+            let beyond = beyond.saturating_sub(reach.unsigned_abs());
+            let left = VERTICAL.saturating_sub(step.low.angle.magnitude());
+            left.min(accel_to_angle(beyond.saturating_mul(STEEPER)).0)
+        }
+        Rule::Linear => step.sagitta(reading),
+        // 1 / sqrt(12) and, with a quarter of a step of bias beside the spread (E3), sqrt(7 / 48).
+        Rule::Nearest => (wide * 18_919 >> 16) as u32,
+        Rule::PrintedQuarter => (wide * 25_027 >> 16) as u32,
+    }
 }
 
 /// True near the vertical, where the fold of the square root adds.

@@ -90,8 +90,8 @@ pub fn temperature(celsius: f64) -> Temperature {
 
 /// The budget of a calibration that was made at these temperatures within one power-on.
 ///
-/// What is known of the part stays: its noise, and the span of its temperature model, which the
-/// calibration leaves in force.
+/// What is known of the part stays: its noise, and with a temperature model, which the calibration
+/// leaves in force, what that leaves and where it holds.
 pub fn budget(
     before: &Calibration,
     temperatures: impl IntoIterator<Item = Temperature>,
@@ -99,9 +99,10 @@ pub fn budget(
     residual_deg: f64,
 ) -> Budget {
     let [reference, residual] = [reference_deg, residual_deg].map(Uncertainty::from_degrees);
-    let span = Span::of(temperatures).unwrap_or_default();
+    let span = Span::of(temperatures);
     let mut budget = Budget::calibrated(reference, residual, span);
     if before.temperature != TemperatureModel::None {
+        budget.hysteresis = before.budget.hysteresis;
         (budget.tco, budget.span) = (before.budget.tco, before.budget.span);
     }
     budget.noise = before.budget.noise;

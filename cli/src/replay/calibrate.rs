@@ -68,8 +68,11 @@ impl Fit {
     /// or at 25 degC where none is recorded.
     pub fn channel(&self, recording: &Recording, found: &Standstill) -> Option<Channel> {
         let steps = |mg: f64| (mg / 1000.0 * f64::from(tilt::ONE_G)).round() as u32;
-        let temperatures = found.segments.iter().filter_map(|s| s.temperature_c);
-        let span = Span::of(temperatures.map(temperature)).unwrap_or_default();
+        let mut temperatures = found.segments.iter().filter_map(|s| s.temperature_c);
+        let span = match temperatures.next() {
+            Some(first) => Span::of(temperatures.chain([first]).map(temperature)),
+            None => Span::REFERENCE,
+        };
         let left_deg = self
             .angle_residual_deg
             .unwrap_or_else(|| (self.norm_residual_mg / 1000.0).to_degrees());

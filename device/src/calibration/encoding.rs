@@ -152,20 +152,30 @@ fn version(calibration: &Calibration) -> u32 {
     }
 }
 
+/// The budget's words; version 1 has those before the last three.
+const fn budget_words(budget: &Budget) -> [u32; 8] {
+    [
+        budget.noise,
+        budget.repeatability,
+        budget.hysteresis,
+        budget.reference.0,
+        budget.residual.0,
+        budget.tco,
+        budget.span.low.0 as u32,
+        budget.span.high.0 as u32,
+    ]
+}
+
+const fn budget_length(version: u32) -> usize {
+    if version == VERSION { 8 } else { 5 }
+}
+
 /// Every word from the kinds on.
 fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
-    let budget = &calibration.budget;
     put(kinds(calibration));
-    put(budget.noise);
-    put(budget.repeatability);
-    put(budget.hysteresis);
-    put(budget.reference.0);
-    put(budget.residual.0);
-    if version(calibration) == VERSION {
-        put(budget.tco);
-        put(budget.span.low.0 as u32);
-        put(budget.span.high.0 as u32);
-    }
+    let words = budget_words(&calibration.budget);
+    let count = budget_length(version(calibration));
+    words.into_iter().take(count).for_each(&mut *put);
     let mut all = |numbers: &[i32]| numbers.iter().for_each(|number| put(*number as u32));
     match &calibration.temperature {
         TemperatureModel::None => {}
@@ -259,22 +269,12 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     let (end, version) = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
-    let budget = &mut result.budget;
-    budget.noise = words.next()?;
-    budget.repeatability = words.next()?;
-    budget.hysteresis = words.next()?;
-    budget.reference = Uncertainty(words.next()?);
-    budget.residual = Uncertainty(words.next()?);
-    if version == VERSION {
-        budget.tco = words.next()?;
-        budget.span.low = Temperature(words.signed()?);
-        budget.span.high = Temperature(words.signed()?);
+    let mut told = [0; 8];
+    for word in told.iter_mut().take(budget_length(version)) {
+        *word = words.next()?;
     }
     words.temperature(temperature, &mut result.temperature)?;
-    if version != VERSION {
-        result.budget.tco = TCO;
-        result.budget.span = Span::implied_by(&result.temperature);
-    }
+    result.budget = budget(told, version, &result.temperature);
     let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
     if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
         return Err(DecodeError::Kind);
@@ -296,16 +296,47 @@ fn give_budget(calibration: &mut Calibration) {
         residual,
         ..
     } = calibration.budget;
-    if repeatability != 0 || reference.0 != 0 || residual.0 != 0 {
+    if repeatability | reference.0 | residual.0 != 0 {
         return;
     }
-    calibration.budget = match &calibration.correction {
-        Correction::Tables { tables, .. } => {
-            let scatter = tables.x.scatter().max(tables.y.scatter());
-            Budget::calibrated(MOTOR, Uncertainty(0), calibration.budget.span).with_scatter(scatter)
-        }
-        _ => Budget::DATA_SHEET,
+    let budget = &mut calibration.budget;
+    budget.noise = Budget::DATA_SHEET.noise;
+    budget.hysteresis = Budget::DATA_SHEET.hysteresis;
+    match &calibration.correction {
+        Correction::Tables { tables, .. } => budget.take_tables(tables, MOTOR),
+        _ => *budget = Budget::DATA_SHEET,
+    }
+}
+
+/// A budget from its words; what version 1 does not tell is implied.
+fn budget(words: [u32; 8], version: u32, temperature: &TemperatureModel) -> Budget {
+    let [
+        noise,
+        repeatability,
+        hysteresis,
+        reference,
+        residual,
+        tco,
+        low,
+        high,
+    ] = words;
+    let mut budget = Budget {
+        noise,
+        repeatability,
+        hysteresis,
+        reference: Uncertainty(reference),
+        residual: Uncertainty(residual),
+        tco,
+        span: Span {
+            low: Temperature(low as i32),
+            high: Temperature(high as i32),
+        },
     };
+    if version != VERSION {
+        budget.tco = TCO;
+        budget.span = Span::implied_by(temperature);
+    }
+    budget
 }
 
 const fn rule_of(code: u8) -> Option<Rule> {
@@ -324,7 +355,7 @@ fn envelope(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
         return Err(DecodeError::Magic);
     }
     let version = words.next()?;
-    if !(VERSION_WITHOUT_SPAN..=VERSION).contains(&version) {
+    if version != VERSION && version != VERSION_WITHOUT_SPAN {
         return Err(DecodeError::Version(version));
     }
     let length = words.next()?;

@@ -31,7 +31,7 @@ use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table, TableError};
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Budget, Span, Uncertainty};
+use tilt::uncertainty::{Span, Uncertainty};
 
 use super::{PointError, Points, tables_in};
 use crate::exchange::reason_code;
@@ -202,7 +202,7 @@ pub struct Motor {
     worst: u32,
     residual: Option<i32>,
     /// Temperatures at which the points of each axis were taken.
-    spans: Axes<Option<Span>>,
+    spans: Axes<Span>,
     points: Axes<Points>,
 }
 
@@ -216,7 +216,10 @@ impl Motor {
                 y: Points::new(),
             },
             residual: None,
-            spans: Axes { x: None, y: None },
+            spans: Axes {
+                x: Span::NOWHERE,
+                y: Span::NOWHERE,
+            },
             worst: 0,
         }
     }
@@ -253,8 +256,8 @@ impl Motor {
         in_force: &mut Calibration,
     ) -> Result<Outcome, MotorError> {
         match command {
-            Command::StartX => self.start(Axis::X),
-            Command::StartY => self.start(Axis::Y),
+            Command::StartX => self.start(Axis::X, in_force.budget.span),
+            Command::StartY => self.start(Axis::Y, in_force.budget.span),
             Command::Finish => self.finish(terms, in_force),
             Command::Abandon => {
                 self.axis = None;
@@ -263,12 +266,16 @@ impl Motor {
         }
     }
 
-    fn start(&mut self, axis: Axis) -> Result<Outcome, MotorError> {
+    /// An axis that is not started keeps the span of what is in force, as its table.
+    fn start(&mut self, axis: Axis, in_force: Span) -> Result<Outcome, MotorError> {
         match self.axis {
             None => {
                 self.points.x.clear();
                 self.points.y.clear();
-                self.spans = Axes::default();
+                self.spans = Axes {
+                    x: in_force,
+                    y: in_force,
+                };
             }
             Some(before) if before != axis && !self.points_of(before).is_empty() => {
                 self.check(before)?;
@@ -277,7 +284,7 @@ impl Motor {
         }
         self.axis = Some(axis);
         axis.of_mut(&mut self.points).clear();
-        *axis.of_mut(&mut self.spans) = None;
+        *axis.of_mut(&mut self.spans) = Span::NOWHERE;
         self.residual = None;
         self.worst = 0;
         Ok(Outcome::Running)
@@ -312,27 +319,19 @@ impl Motor {
                 made.map_err(|error| MotorError::Table(axis, error))?;
             }
         }
-        let scatter = tables.x.scatter().max(tables.y.scatter());
-        in_force.budget = self.budget(terms, in_force).with_scatter(scatter);
+        let kept = self.points_of(axis.other()).is_empty();
+        let budget = &mut in_force.budget;
+        let before = if kept {
+            budget.reference
+        } else {
+            terms.reference
+        };
+        budget.take_tables(tables, terms.reference.max(before));
+        if in_force.temperature == TemperatureModel::None {
+            budget.hold_at(self.spans.x.and(self.spans.y));
+        }
         self.axis = None;
         Ok(Outcome::Finished)
-    }
-
-    /// The budget of the tables made, without the scatter of their points.
-    fn budget(&self, terms: &Terms, in_force: &Calibration) -> Budget {
-        let before = &in_force.budget;
-        // An axis without points has the table of before.
-        let of = |span: Option<Span>| span.unwrap_or(before.span);
-        let span = of(self.spans.x).and(of(self.spans.y));
-        let mut budget = Budget::calibrated(terms.reference, Uncertainty(0), span);
-        if self.spans.x.is_none() || self.spans.y.is_none() {
-            budget.reference = before.reference.max(terms.reference);
-        }
-        if in_force.temperature != TemperatureModel::None {
-            (budget.tco, budget.span) = (before.tco, before.span);
-        }
-        budget.noise = before.noise;
-        budget
     }
 
     /// The motor stands at `reference` (0.001 deg, -90000 to 90000): memorises a point.
@@ -367,7 +366,7 @@ impl Motor {
         let size = self.residual.map_or(0, i32::unsigned_abs);
         self.worst = self.worst.max(size);
         let span = axis.of_mut(&mut self.spans);
-        *span = Some(span.map_or(Span::at(temperature), |span| span.widened(temperature)));
+        *span = span.widened(temperature);
         Ok(())
     }
 }

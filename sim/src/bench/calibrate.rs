@@ -198,7 +198,7 @@ impl Bench {
         } else {
             residual(chain, memories)
         };
-        let span = Span::of(memories.iter().map(|m| m.temperature)).unwrap_or_default();
+        let span = Span::of(memories.iter().map(|m| m.temperature));
         let before = &chain.calibration;
         let (tco, span) = match before.temperature {
             TemperatureModel::None => (TCO, span),

@@ -128,14 +128,13 @@ struct Gathered {
     stairs: [[Stair; KNOTS]; 2],
     fits: [QuadraticFit; 2],
     /// Temperatures that each part has told.
-    spans: [Option<Span>; 2],
+    spans: [Span; 2],
 }
 
 impl Gathered {
     fn note(&mut self, means: &[Mean; 2]) {
         for (span, mean) in self.spans.iter_mut().zip(means) {
-            let at = mean.temperature;
-            *span = Some(span.map_or(Span::at(at), |span| span.widened(at)));
+            *span = span.widened(mean.temperature);
         }
     }
 }
@@ -233,7 +232,7 @@ impl Bench {
                 node: i + 1,
                 error,
             })?;
-            calibration.budget.span = gathered.spans[i].unwrap_or_default();
+            calibration.budget.span = gathered.spans[i];
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ use tilt::filter::LowPass;
 use tilt::sample::{FullScale, Instant};
 use tilt::table::MAX_POINTS;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Span, Uncertainty};
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 use super::*;
