@@ -567,15 +567,21 @@ fn across(vector: Corrected) -> Uncertainty {
     Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
 }
 
-/// `accel` and what of the axis `across` is in one of two tables, 2^-26 g as a standard
-/// uncertainty: 2 % as in [`across`], since each table was made with the other axis level.
+/// `accel` and what the tilt of the axis `across` does to one of two tables, 2^-26 g as a standard
+/// uncertainty.
+///
+/// Each table was made with the other axis level. By the angles of [`across`] an axis has 2 % of
+/// the one across in it, and of z, of which less is left the more that one is tilted: together
+/// 2.2 % of y sqrt(1 + y^2) and up.
 fn with_leakage(accel: u32, across: i32) -> u32 {
-    let leaked = across.unsigned_abs().saturating_sub(LEVEL_ACROSS) / 50;
-    if leaked == 0 {
+    let square = |value: u32| u64::from(value) * u64::from(value);
+    let y = square(across.unsigned_abs()).saturating_sub(square(LEVEL_ACROSS));
+    if y == 0 {
         return accel;
     }
-    let square = |value: u32| u64::from(value) * u64::from(value);
-    root(square(accel).saturating_add(square(leaked)))
+    // 2^-52 g^2 by 2^-26 g^2 twice; 2.2 % are the root of 1/2048.
+    let leaked = y.saturating_add((y >> 26).saturating_mul(y >> 26)) >> 11;
+    root(square(accel).saturating_add(leaked))
 }
 
 /// `a` / `b` in 1/65536, rounded towards 0; `None` for what does not fit or has no end.

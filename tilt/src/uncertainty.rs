@@ -3,7 +3,7 @@
 //! In: the budget, the acceleration an angle came from, its temperature. Out: [`Uncertainty`],
 //! one standard deviation (k = 1) in steps of [`Angle`]. It combines, as independent:
 //! noise behind the filter, repeatability (turn-on and 1/f floor), thermal hysteresis away from
-//! the calibration temperature, the reference's own uncertainty and the residual of the fit.
+//! the temperature of the fit, the reference's own uncertainty and the residual of the fit.
 //!
 //! A calibration holds at the temperatures at which it was made, its [`Span`]: those of the run
 //! without a temperature model, those of the chamber with one. Outside the span the zero-g offset
@@ -122,6 +122,11 @@ impl Span {
         }
     }
 
+    /// Half way between the ends.
+    pub const fn middle(self) -> Temperature {
+        Temperature(self.low.0.midpoint(self.high.0))
+    }
+
     /// How far `temperature` is outside, 1/256 degC; 0 within.
     pub fn beyond(&self, temperature: Temperature) -> u32 {
         let below = self.low.0.wrapping_sub(temperature.0);
@@ -152,9 +157,8 @@ const MG: u32 = 67_109;
 /// floor of 0.04 mg: 0.426 mg, 2^-26 g per step \[ASSUME\].
 const TURN_ONS: u32 = 28_598;
 
-/// Of the thermal hysteresis of 0.5 mg what its loop leaves on the average, 0.73: 0.365 mg, 2^-26 g
-/// per step \[ASSUME\].
-const HYSTERESIS: u32 = 24_495;
+/// Thermal hysteresis, half the opening of the loop: 0.5 mg, 2^-26 g per step \[ASSUME\].
+const HYSTERESIS: u32 = 33_554;
 
 /// What is known of the spread of one channel; all k = 1.
 ///
@@ -167,17 +171,23 @@ pub struct Budget {
     /// What the zero of one axis is off by, 2^-26 g per step: turn-on repeatability and 1/f floor;
     /// of a part that is not calibrated, its zero-g offset.
     pub repeatability: u32,
-    /// Thermal hysteresis of one axis, reached 10 degC away from 25 degC, 2^-26 g per step.
+    /// Thermal hysteresis of one axis, whole from 5 degC away from `fitted_at` on, 2^-26 g per step.
     pub hysteresis: u32,
     /// The calibration reference's own uncertainty; without a calibration, that of the mounting.
     pub reference: Uncertainty,
     /// What the fit left.
     pub residual: Uncertainty,
+    /// Where acceleration was related to angles: there the hysteresis was part of it.
+    pub fitted_at: Temperature,
     /// Zero-g offset of one axis per degC beyond the span, 2^-26 g per step.
     pub tco: u32,
     /// Where the calibration holds.
     pub span: Span,
 }
+
+/// An excursion leaves the loop of the hysteresis open where it was closed at the fit: as much as
+/// if that were 3 degC away from it, 1/256 degC.
+const LOOP: u32 = 3 * 256;
 
 /// Angle steps per acceleration step, in 1/65536: (2^32 / 2 pi) / 2^26.
 const STEPS_PER_ACCEL_Q16: u64 = 667_544;
@@ -221,6 +231,7 @@ impl Budget {
             hysteresis: HYSTERESIS,
             reference,
             residual,
+            fitted_at: span.middle(),
             tco: TCO,
             span,
         }
@@ -235,22 +246,25 @@ impl Budget {
         self.residual = Uncertainty(0);
     }
 
-    /// Holds at `span`, as it does without a temperature model.
-    pub fn hold_at(&mut self, span: Span) {
-        self.hysteresis = HYSTERESIS;
-        self.tco = TCO;
-        self.span = span;
+    /// Becomes that of a fit at the temperatures of `run`. A temperature model, if there is one,
+    /// keeps what it leaves and where it holds; without one that is where the fit was made.
+    pub fn take_run(&mut self, run: Span, temperature: &TemperatureModel) {
+        self.fitted_at = run.middle();
+        if matches!(temperature, TemperatureModel::None) {
+            self.hysteresis = HYSTERESIS;
+            self.tco = TCO;
+            self.span = run;
+        }
     }
 
     /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
     pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
         let noise = self.noise_power(filter);
-        let distance = t.0.abs_diff(Temperature::REFERENCE.0).min(2560);
-        let hysteresis = match self.hysteresis.checked_mul(distance) {
-            // Which it is for any part; 64 bits are divided in software.
-            Some(product) => u64::from(product / 2560),
-            None => u64::from(self.hysteresis) * u64::from(distance) / 2560,
-        };
+        let opened =
+            t.0.abs_diff(self.fitted_at.0)
+                .saturating_add(LOOP)
+                .min(8 * 256);
+        let hysteresis = (u64::from(self.hysteresis) * u64::from(opened)) >> 11;
         let sum = noise
             .saturating_add(square(self.repeatability))
             .saturating_add(hysteresis.saturating_mul(hysteresis))
@@ -385,6 +399,7 @@ mod tests {
         hysteresis: 0,
         reference: Uncertainty(0),
         residual: Uncertainty(0),
+        fitted_at: Temperature::REFERENCE,
         tco: 0,
         span: Span::REFERENCE,
     };
@@ -557,7 +572,8 @@ mod tests {
         let of = Budget::calibrated(Uncertainty(3), Uncertainty(4), Span::CHAMBER);
         let mg = |steps: u32| f64::from(steps) / MG;
         assert!((mg(of.repeatability) - (0.18 + 0.0016f64).sqrt()).abs() < 1e-4);
-        assert!((mg(of.hysteresis) - 0.5 * 0.73).abs() < 1e-4);
+        assert!((mg(of.hysteresis) - 0.5).abs() < 1e-4);
+        assert_eq!(of.fitted_at, Temperature::from_celsius(30));
         assert!((mg(of.tco) - 0.05f64.sqrt()).abs() < 1e-4);
         assert!((mg(TCS) - 0.1).abs() < 1e-4);
     }
@@ -612,15 +628,16 @@ mod tests {
     }
 
     #[test]
-    fn hysteresis_grows_to_10_degc_away() {
+    fn hysteresis_is_whole_from_5_degc_away_from_the_fit_on_and_never_nothing() {
         let budget = Budget {
             hysteresis: 1000,
+            fitted_at: Temperature::from_celsius(20),
             ..NOTHING
         };
         let at = |t: i16| budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
         assert_eq!(
-            [at(25), at(30), at(35), at(70), at(-10)],
-            [0, 500, 1000, 1000, 1000]
+            [at(20), at(21), at(15), at(70), at(-10)],
+            [375, 500, 1000, 1000, 1000]
         );
     }
 }

@@ -99,13 +99,21 @@ pub fn budget(
     residual_deg: f64,
 ) -> Budget {
     let [reference, residual] = [reference_deg, residual_deg].map(Uncertainty::from_degrees);
-    let span = Span::of(temperatures);
-    let mut budget = Budget::calibrated(reference, residual, span);
-    if before.temperature != TemperatureModel::None {
-        budget.hysteresis = before.budget.hysteresis;
-        (budget.tco, budget.span) = (before.budget.tco, before.budget.span);
-    }
-    budget.noise = before.budget.noise;
+    let Budget {
+        noise,
+        hysteresis,
+        tco,
+        span,
+        ..
+    } = before.budget;
+    let mut budget = Budget {
+        noise,
+        hysteresis,
+        tco,
+        span,
+        ..Budget::calibrated(reference, residual, span)
+    };
+    budget.take_run(Span::of(temperatures), &before.temperature);
     budget
 }
 

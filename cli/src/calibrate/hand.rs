@@ -133,6 +133,11 @@ pub const CONDITION: f64 = 1000.0;
 /// Standard uncertainty of a turn by hand against an edge, deg. `[ASSUME]`
 pub const TURN_DEG: f64 = 2.0;
 
+/// What nine parameters from the poses leave of a sensor's nonlinearity beyond what gravity's
+/// length shows, deg rms over poses and sensors: with 1 mg/g^2 and 1 mg/g^3 of each axis 0.042 deg,
+/// of which the length shows 0.018. `[ASSUME]`
+const NONLINEARITY_DEG: f64 = 0.038;
+
 /// What one channel reads in a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
@@ -177,7 +182,8 @@ impl HandFit {
         faces: &Faces,
     ) -> Calibration {
         let vector = Vector::from_real(self.matrix, self.offset_g);
-        let residual_deg = (self.length_rms_mg() / 1000.0).to_degrees();
+        let shown_deg = (self.length_rms_mg() / 1000.0).to_degrees();
+        let residual_deg = shown_deg.hypot(NONLINEARITY_DEG);
         Calibration {
             temperature: before.temperature,
             correction: Correction::TwoAxis {

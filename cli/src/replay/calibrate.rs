@@ -23,7 +23,7 @@ use super::windows::norm;
 /// Turn-on repeatability, mg: 0.3 mg at the calibration and 0.3 mg at the measurement. \[ASSUME\]
 pub const REPEATABILITY_MG: f64 = 0.3 * std::f64::consts::SQRT_2;
 
-/// Thermal hysteresis 10 degC away from 25 degC, mg; counts where a temperature is recorded.
+/// Thermal hysteresis 5 degC away from the standstills, mg; counts where a temperature is recorded.
 /// \[ASSUME\]
 pub const HYSTERESIS_MG: f64 = 0.5;
 
@@ -95,6 +95,7 @@ impl Fit {
                 repeatability_q26: steps(REPEATABILITY_MG),
                 hysteresis_q26: steps(HYSTERESIS_MG),
                 residual_steps: Uncertainty::from_degrees(left_deg).0,
+                fitted_at_q8: Some(span.middle().0),
                 tco_q26: Some(TCO),
                 span_q8: Some([span.low.0, span.high.0]),
                 ..BudgetSteps::default()

@@ -13,6 +13,7 @@
 //! | 1 | length of the whole in bytes, check sum included |
 //! | 1 | kinds: byte 0 temperature model, byte 1 correction, byte 2 rule, byte 3 zero |
 //! | 5 | budget: noise, repeatability, hysteresis (2^-26 g), reference, residual (2^-32 circle) |
+//! | 1 | budget: temperature of the fit, 1/256 degC |
 //! | 3 | budget: change per degC (2^-26 g), lowest and highest temperature (1/256 degC) |
 //! | 0, 3, 33 or 12 | temperature model |
 //! | see below | correction |
@@ -27,11 +28,11 @@
 //! sine 1 to 3 of slope X and of slope Y. 2 one axis: matrix, offset, cosine, sine. The rule is 0
 //! nearest, 1 linear, 2 printed quarter, and 0 where there are no tables.
 //!
-//! Units are those of the types in `tilt`. The longest, two full tables, is 3088 bytes.
+//! Units are those of the types in `tilt`. The longest, two full tables, is 3092 bytes.
 //!
 //! # Version 1
-//! The same without the three words of the budget that tell how it grows with the temperature,
-//! in whose place [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a calibration
+//! The same without the four words of the budget that tell how it goes with the temperature, in
+//! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a calibration
 //! that has just these: what was stored before keeps its bytes, its check sum and its report.
 //!
 //! Left out: storing, and putting in force.
@@ -51,7 +52,7 @@ use super::tables_in;
 /// "PLMC" as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
 
-/// The version that tells how the uncertainty grows with the temperature.
+/// The version that tells how the uncertainty goes with the temperature.
 pub const VERSION: u32 = 2;
 
 /// The version that leaves that to [`TCO`] and [`Span::implied_by`].
@@ -61,7 +62,7 @@ const VERSION_WITHOUT_SPAN: u32 = 1;
 const HEAD: u32 = 3;
 
 /// Words from the kinds to the temperature model.
-const BUDGET: usize = 9;
+const BUDGET: usize = 10;
 
 /// Words of a piecewise model.
 const PIECEWISE: usize = KNOTS + 3 * (KNOTS - 1);
@@ -144,22 +145,34 @@ fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
 
 /// The version that holds all of it in the fewest words.
 fn version(calibration: &Calibration) -> u32 {
-    let Budget { tco, span, .. } = calibration.budget;
-    if tco == TCO && span == Span::implied_by(&calibration.temperature) {
+    let budget = &calibration.budget;
+    let implied = with_implied(*budget, &calibration.temperature);
+    if *budget == implied {
         VERSION_WITHOUT_SPAN
     } else {
         VERSION
     }
 }
 
-/// The budget's words; version 1 has those before the last three.
-const fn budget_words(budget: &Budget) -> [u32; 8] {
+/// `budget` with what version 1 does not tell.
+fn with_implied(budget: Budget, temperature: &TemperatureModel) -> Budget {
+    Budget {
+        fitted_at: Temperature::REFERENCE,
+        tco: TCO,
+        span: Span::implied_by(temperature),
+        ..budget
+    }
+}
+
+/// The budget's words; version 1 has those before the last four.
+const fn budget_words(budget: &Budget) -> [u32; 9] {
     [
         budget.noise,
         budget.repeatability,
         budget.hysteresis,
         budget.reference.0,
         budget.residual.0,
+        budget.fitted_at.0 as u32,
         budget.tco,
         budget.span.low.0 as u32,
         budget.span.high.0 as u32,
@@ -167,7 +180,7 @@ const fn budget_words(budget: &Budget) -> [u32; 8] {
 }
 
 const fn budget_length(version: u32) -> usize {
-    if version == VERSION { 8 } else { 5 }
+    if version == VERSION { 9 } else { 5 }
 }
 
 /// Every word from the kinds on.
@@ -269,7 +282,7 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     let (end, version) = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
-    let mut told = [0; 8];
+    let mut told = [0; 9];
     for word in told.iter_mut().take(budget_length(version)) {
         *word = words.next()?;
     }
@@ -309,34 +322,35 @@ fn give_budget(calibration: &mut Calibration) {
 }
 
 /// A budget from its words; what version 1 does not tell is implied.
-fn budget(words: [u32; 8], version: u32, temperature: &TemperatureModel) -> Budget {
+fn budget(words: [u32; 9], version: u32, temperature: &TemperatureModel) -> Budget {
     let [
         noise,
         repeatability,
         hysteresis,
         reference,
         residual,
+        fitted_at,
         tco,
         low,
         high,
     ] = words;
-    let mut budget = Budget {
+    let told = Budget {
         noise,
         repeatability,
         hysteresis,
         reference: Uncertainty(reference),
         residual: Uncertainty(residual),
+        fitted_at: Temperature(fitted_at as i32),
         tco,
         span: Span {
             low: Temperature(low as i32),
             high: Temperature(high as i32),
         },
     };
-    if version != VERSION {
-        budget.tco = TCO;
-        budget.span = Span::implied_by(temperature);
+    match version {
+        VERSION => told,
+        _ => with_implied(told, temperature),
     }
-    budget
 }
 
 const fn rule_of(code: u8) -> Option<Rule> {

@@ -30,7 +30,6 @@ use tilt::chain::{Calibration, Chain, Correction, Invalid, Reading};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table, TableError};
-use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::{Span, Uncertainty};
 
 use super::{PointError, Points, tables_in};
@@ -107,7 +106,7 @@ pub struct Terms {
 
 /// Standard uncertainty of the angle that the paper's motor states: harmonics of 0.05 deg peak to
 /// peak together, direction error 0.0083 deg, repeatability 0.0042 deg (DGM130R-ASAA \[RECALL\]).
-pub const MOTOR: Uncertainty = Uncertainty::from_degrees(0.02);
+pub const MOTOR: Uncertainty = Uncertainty::from_degrees(0.0134);
 
 /// What the channel sees at one stand of the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -327,9 +326,7 @@ impl Motor {
             terms.reference
         };
         budget.take_tables(tables, terms.reference.max(before));
-        if in_force.temperature == TemperatureModel::None {
-            budget.hold_at(self.spans.x.and(self.spans.y));
-        }
+        budget.take_run(self.spans.x.and(self.spans.y), &in_force.temperature);
         self.axis = None;
         Ok(Outcome::Finished)
     }

@@ -198,15 +198,16 @@ impl Bench {
         } else {
             residual(chain, memories)
         };
-        let span = Span::of(memories.iter().map(|m| m.temperature));
+        let run = Span::of(memories.iter().map(|m| m.temperature));
         let before = &chain.calibration;
         let (tco, span) = match before.temperature {
-            TemperatureModel::None => (TCO, span),
+            TemperatureModel::None => (TCO, run),
             // The slopes mend the offset alone, and the sensitivity drifts on.
-            TemperatureModel::Piecewise(_) | TemperatureModel::DataSheet(_) => (TCS, span),
+            TemperatureModel::Piecewise(_) | TemperatureModel::DataSheet(_) => (TCS, run),
             TemperatureModel::Quadratic(_) => (before.budget.tco, before.budget.span),
         };
         chain.calibration.budget = Budget {
+            fitted_at: run.middle(),
             tco,
             span,
             ..budget(self.mode, residual_deg)

@@ -11,6 +11,7 @@
 pub mod calibrate;
 pub mod characterise;
 pub mod dynamic_test;
+pub mod person;
 pub mod static_test;
 pub mod statistics;
 pub mod thermal_test;
