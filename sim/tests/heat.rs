@@ -1,9 +1,9 @@
 //! Two healthy channels that were calibrated at one temperature, far away from it: the band of the
 //! cross-check follows their uncertainty, and nobody is accused.
 //!
-//! In: parts of the error model without noise and nonlinearity, calibrated exactly at 25 degC. Out: what the
-//! product's check makes of them while the chamber goes from there to 60 and to -20 degC and the
-//! housing turns. Left out: the bus, and what it takes from the figures.
+//! In: parts of the error model without noise and nonlinearity, calibrated exactly at 25 degC. Out:
+//! what the product's check makes of them while the chamber goes from there to 60 and to -20 degC
+//! and the housing turns. Left out: the bus, and what it takes from the figures.
 
 use sim::error_model::{ErrorModel, Part};
 use sim::rng::Rng;

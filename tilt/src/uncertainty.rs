@@ -171,7 +171,8 @@ pub struct Budget {
     /// What the zero of one axis is off by, 2^-26 g per step: turn-on repeatability and 1/f floor;
     /// of a part that is not calibrated, its zero-g offset.
     pub repeatability: u32,
-    /// Thermal hysteresis of one axis, whole from 5 degC away from `fitted_at` on, 2^-26 g per step.
+    /// Thermal hysteresis of one axis, whole from 5 degC away from `fitted_at` on, 2^-26 g per
+    /// step.
     pub hysteresis: u32,
     /// The calibration reference's own uncertainty; without a calibration, that of the mounting.
     pub reference: Uncertainty,
@@ -222,8 +223,8 @@ impl Budget {
     /// Of a part that was calibrated within one power-on: against a reference of this uncertainty,
     /// with this residual, at these temperatures.
     ///
-    /// The rest no single calibration shows: turn-on repeatability, 1/f floor and thermal hysteresis
-    /// \[ASSUME\], noise at 400 samples/s and [`TCO`] \[DS\].
+    /// The rest no single calibration shows: turn-on repeatability, 1/f floor and thermal
+    /// hysteresis \[ASSUME\], noise at 400 samples/s and [`TCO`] \[DS\].
     pub const fn calibrated(reference: Uncertainty, residual: Uncertainty, span: Span) -> Self {
         Self {
             noise: crate::health::noise(2500),
@@ -237,8 +238,8 @@ impl Budget {
         }
     }
 
-    /// Becomes that of a calibration by `tables`, the scatter of whose points stays in them, against
-    /// a reference of this uncertainty. Noise, and what goes with the temperature, stay.
+    /// Becomes that of a calibration by `tables`, the scatter of whose points stays in them,
+    /// against a reference of this uncertainty. Noise, and what goes with the temperature, stay.
     pub fn take_tables(&mut self, tables: &Axes<Table>, reference: Uncertainty) {
         let scatter = tables.x.scatter().max(tables.y.scatter());
         self.repeatability = root(square(TURN_ONS).saturating_add(square(scatter))).0;

@@ -32,8 +32,9 @@
 //!
 //! # Version 1
 //! The same without the four words of the budget that tell how it goes with the temperature, in
-//! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a calibration
-//! that has just these: what was stored before keeps its bytes, its check sum and its report.
+//! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a
+//! calibration that has just these: what was stored before keeps its bytes, its check sum and its
+//! report.
 //!
 //! Left out: storing, and putting in force.
 
