@@ -160,7 +160,7 @@ impl Pair {
 
     /// One pair at this temperature, with `bias_g` on channel A's x.
     fn step(&mut self, celsius: f64, bias_g: f64) -> Judgement {
-        if self.now_us % 20_000_000 == 0 {
+        if self.now_us.is_multiple_of(20_000_000) {
             self.up = pose(&mut self.rng, self.anywhere);
         }
         self.now_us += SYNC_US;

@@ -233,7 +233,7 @@ fn off_its_neighbours(low: Point, middle: Point, high: Point) -> i32 {
     // A line is short of the sine by half the product of both distances in radians; that is
     // pi^2 / 8 of 2^-28, or 79 / 64.
     let bend = (i64::from(middle.accel) * i64::from(before * after)) >> 28;
-    let off = i64::from(middle.accel) - line - (bend * 79 >> 6);
+    let off = i64::from(middle.accel) - line - ((bend * 79) >> 6);
     off.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
 

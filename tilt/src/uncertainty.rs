@@ -364,8 +364,8 @@ fn table_error(table: &Table, rule: Rule, reading: i32, reach: i32) -> u32 {
         }
         Rule::Linear => step.sagitta(reading),
         // 1 / sqrt(12) and, with a quarter of a step of bias beside the spread (E3), sqrt(7 / 48).
-        Rule::Nearest => (wide * 18_919 >> 16) as u32,
-        Rule::PrintedQuarter => (wide * 25_027 >> 16) as u32,
+        Rule::Nearest => ((wide * 18_919) >> 16) as u32,
+        Rule::PrintedQuarter => ((wide * 25_027) >> 16) as u32,
     }
 }
 
@@ -615,9 +615,9 @@ mod tests {
     fn beyond_the_end_of_a_table_an_angle_was_held_and_called_certain() {
         let table = coarse();
         for degrees in [-89.0, -75.0, -61.0, 61.0, 65.0, 75.0, 89.0] {
-            let reading = ((f64::from(degrees) * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
             for rule in [Rule::Linear, Rule::Nearest] {
-                let error = table.look_up(reading, rule).degrees() - f64::from(degrees);
+                let error = table.look_up(reading, rule).degrees() - degrees;
                 let u = NOTHING.of_table(&table, rule, reading, 0).degrees();
                 assert!(error.abs() <= 1.96 * u, "{degrees}: {error} {u}");
                 assert!(u <= 31.0, "{degrees}: {u}");
