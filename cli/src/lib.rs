@@ -42,6 +42,12 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use crate::progress::Progress;
 
+/// The fits of `plumb calibrate`, for studies of what they are worth.
+pub mod fits {
+    pub use crate::calibrate::motor::Axis;
+    pub use crate::calibrate::{Reading, fit, hand};
+}
+
 /// Plumb, an open redundant inclinometer: commission it, calibrate it, watch it, and try it out on
 /// a virtual bus.
 ///

@@ -17,7 +17,7 @@ use tilt::chain::{Calibration, Correction};
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Piecewise, TemperatureModel};
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 use site::{Memory, Part, Seeded, Site, blank};
 
@@ -144,7 +144,7 @@ fn tables(turn: i32) -> Calibration {
             },
             rule: Rule::Linear,
         },
-        budget: Budget::default(),
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::REFERENCE),
     }
 }
 
@@ -212,7 +212,7 @@ fn a_cut_at_any_operation_of_a_reports_hash_leaves_the_old_or_the_new() {
 #[test]
 fn what_one_bad_bit_had_destroyed_was_replaced_by_older_things_without_a_word() {
     let own = identity(&tables(10_000_000));
-    let delivered = identity(&Calibration::NOMINAL);
+    let delivered = identity(&site::delivered());
     let mut site = powered(blank());
     let stored = bytes(&tables(10_000_000));
     assert_eq!(site.download(at(0x2061, 0), &stored), Some(Ok(())));

@@ -6,7 +6,7 @@
 //! The tables that a calibration has room for make it large, so each level is a call, whose result
 //! is written right into its place: see [`Device::new`](device::device::Device::new).
 
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Settings;
 use device::device::Factory;
 use device::objects::panel::Identity;
@@ -38,7 +38,7 @@ pub fn factory(channel: Channel, serial: u32) -> Factory {
         settings: settings(),
         terms: Terms {
             rule: Rule::Linear,
-            budget: Budget::default(),
+            reference: MOTOR,
         },
     }
 }
@@ -72,7 +72,7 @@ fn calibration() -> Calibration {
     Calibration {
         temperature: TemperatureModel::None,
         correction: correction(),
-        budget: Budget::default(),
+        budget: Budget::DATA_SHEET,
     }
 }
 

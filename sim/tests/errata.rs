@@ -27,6 +27,7 @@ use tilt::chain::{Correction, Measurement, Reading};
 use tilt::cross_check::{CrossCheck, Judgement, THRESHOLD, Verdict};
 use tilt::sample::Instant;
 use tilt::table::{Point, Rule, Table};
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 /// Readings are compared every 20 ms.
 const SYNC_S: f64 = 0.020;
@@ -74,9 +75,11 @@ fn shifted(reading: Reading, by: Angle) -> Reading {
     }
 }
 
-/// A reading of a perfect product at 30 deg.
+/// A reading of a perfect product at 30 deg, calibrated with nothing left.
 fn good_reading() -> Reading {
-    let settings = Mode::Product.settings();
+    let mut settings = Mode::Product.settings();
+    settings.chain.calibration.budget =
+        Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::REFERENCE);
     let mut instrument = instrument(&settings, &ErrorModel::PERFECT, 1);
     run(&mut instrument, &mut standing_at(30.0), 2.0);
     let reading = instrument.sync().readings[0];

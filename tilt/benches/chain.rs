@@ -14,7 +14,7 @@ use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Instant, Temperature};
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{DataSheet, TemperatureModel};
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 /// 400 samples/s, Butterworth, twelve parameters, three harmonics per axis.
@@ -45,7 +45,7 @@ fn product() -> Chain {
             },
             budget: Budget {
                 noise: ONE_G as u32 / 800,
-                ..Budget::default()
+                ..Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER)
             },
         },
     }

@@ -136,14 +136,17 @@ impl Harmonics {
     }
 
     /// The corrected slope, kept within +-90 deg: a slope has nothing beyond the vertical.
+    ///
+    /// There it folds, so that whatever is off makes it smaller. A correction that does as well
+    /// would come on top of that, and one that does not is cut off; so in the last 0.7 deg it goes
+    /// down to nothing.
     pub fn apply_to_slope(&self, slope: Angle) -> Angle {
         const QUARTER: i32 = 1 << 30;
-        Angle(
-            slope
-                .0
-                .saturating_add(self.correction(slope).0)
-                .clamp(-QUARTER, QUARTER),
-        )
+        const LAST_BITS: u32 = 23;
+        let left = (1u32 << 30).saturating_sub(slope.magnitude());
+        let share = left.min(1 << LAST_BITS);
+        let correction = (i64::from(self.correction(slope).0) * i64::from(share)) >> LAST_BITS;
+        Angle((i64::from(slope.0) + correction).clamp((-QUARTER).into(), QUARTER.into()) as i32)
     }
 }
 
@@ -216,6 +219,25 @@ mod tests {
                 .degrees();
             assert!((got - want).abs() < 5e-6, "{d}: {got} {want}");
         }
+    }
+
+    #[test]
+    fn the_fold_at_the_vertical_was_corrected_on_the_wrong_side() {
+        // The affine correction left 0.05 deg at the vertical: z is off by as much.
+        let h = Harmonics {
+            cosine: [0; 3],
+            sine: [-(0.05 * STEPS_PER_DEGREE) as i32, 0, 0],
+        };
+        let off = 0.05f64.to_radians();
+        for degrees in [90.0f64, 89.98, 89.9] {
+            let (s, c) = degrees.to_radians().sin_cos();
+            let raw = slopes(vector(s, 0.0, c - off)).x;
+            let error = h.apply_to_slope(raw).degrees() - degrees;
+            assert!(error.abs() < 0.06, "{degrees}: {error}");
+            assert!(degrees < 90.0 || h.apply(raw).degrees() - degrees < -0.09);
+        }
+        let below = Angle::from_degrees(89.0);
+        assert_eq!(h.apply_to_slope(below), h.apply(below));
     }
 
     #[test]

@@ -24,7 +24,7 @@ use crate::root::root;
 use crate::sample::{Counts, FullScale, Instant, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
-use crate::uncertainty::{Budget, Span, TCO, Uncertainty};
+use crate::uncertainty::{Budget, Uncertainty};
 use crate::vector::{Corrected, Vector};
 
 /// Why there is no angle.
@@ -191,19 +191,12 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Of a part of which nothing is known: everything as the data sheet's typical part has it.
+    /// Of a part of which nothing is known: everything as the data sheet's typical part has it, and
+    /// the data sheet's spread as its uncertainty.
     pub const NOMINAL: Self = Self {
         temperature: TemperatureModel::None,
         correction: Correction::NOMINAL,
-        budget: Budget {
-            noise: 0,
-            repeatability: 0,
-            hysteresis: 0,
-            reference: Uncertainty(0),
-            residual: Uncertainty(0),
-            tco: TCO,
-            span: Span::REFERENCE,
-        },
+        budget: Budget::DATA_SHEET,
     };
 
     /// Back to [`Calibration::NOMINAL`], in its place.
@@ -216,7 +209,7 @@ impl Calibration {
             vector: Vector::IDENTITY,
             harmonics: Axes::default(),
         };
-        self.budget = Self::NOMINAL.budget;
+        self.budget = Budget::DATA_SHEET;
     }
 }
 
@@ -514,7 +507,8 @@ impl Calibration {
         let budget = &self.budget;
         match &self.correction {
             Correction::Tables { tables, rule } => {
-                let read = |table: &Table, a| {
+                let read = |table: &Table, a, across| {
+                    let accel = with_leakage(accel, across);
                     Ok(Found {
                         angle: table.look_up(a, *rule),
                         unshared: budget.of_table(table, *rule, a, accel),
@@ -523,8 +517,8 @@ impl Calibration {
                 };
                 let [x, y, _] = input.accel;
                 let sight = Axes {
-                    x: read(&tables.x, x),
-                    y: read(&tables.y, y),
+                    x: read(&tables.x, x, y),
+                    y: read(&tables.y, y, x),
                 };
                 (sight, None)
             }
@@ -574,21 +568,42 @@ impl Calibration {
 /// atan2(x, z) goes all the way round: there is no vertical at which it folds.
 const ONE_AXIS_NEVER_FOLDS: i32 = i32::MAX;
 
+/// What an axis across the one that turns reads where nothing is tilted across, at most: 60 mg by
+/// its offset and its angles.
+const LEVEL_ACROSS: u32 = (ONE_G as u64 * 60 / 1000) as u32;
+
 /// What y adds to the angle of a turn in whose plane it has no place, as a standard uncertainty.
 ///
 /// The part lies in the housing to about a degree, and its axes in the part to half of one
-/// \[ASSUME\], so 2 % of y are in the plane, and no calibration by turning knows of them. By its
-/// offset and those angles y reads up to 60 mg where nothing is tilted across; that counts as none.
+/// \[ASSUME\], so 2 % of y are in the plane, and no calibration by turning knows of them. Up to
+/// [`LEVEL_ACROSS`] counts as none.
 fn across(vector: Corrected) -> Uncertainty {
     /// 2 % of a radian in steps of [`Angle`]: 2^32 / (2 pi) / 50.
     const SHARE: u64 = 13_671_306;
-    const NONE: u64 = ONE_G as u64 * 60 / 1000;
+    const NONE: u64 = LEVEL_ACROSS as u64;
     let [x, y, z] = vector.accel;
     let y = u64::from(y.unsigned_abs());
     let beyond = u64::from(root((y * y).saturating_sub(NONE * NONE)));
     let plane = u64::from(hypot(x, z).unsigned_abs());
     let steps = (beyond * SHARE).checked_div(plane).unwrap_or(u64::MAX);
     Uncertainty(u32::try_from(steps).unwrap_or(u32::MAX))
+}
+
+/// `accel` and what the tilt of the axis `across` does to one of two tables, 2^-26 g as a standard
+/// uncertainty.
+///
+/// Each table was made with the other axis level. By the angles of [`across`] an axis has 2 % of
+/// the one across in it, and of z, of which less is left the more that one is tilted: together
+/// 2.2 % of y sqrt(1 + y^2) and up.
+fn with_leakage(accel: u32, across: i32) -> u32 {
+    let square = |value: u32| u64::from(value) * u64::from(value);
+    let y = square(across.unsigned_abs()).saturating_sub(square(LEVEL_ACROSS));
+    if y == 0 {
+        return accel;
+    }
+    // 2^-52 g^2 by 2^-26 g^2 twice; 2.2 % are the root of 1/2048.
+    let leaked = y.saturating_add((y >> 26).saturating_mul(y >> 26)) >> 11;
+    root(square(accel).saturating_add(leaked))
 }
 
 /// `a` / `b` in 1/65536, rounded towards 0; `None` for what does not fit or has no end.

@@ -28,6 +28,7 @@
 //! coarser than 14 bits, whose repeats are likelier than assumed here; noise that is not white up
 //! to half the rate, whose level above 150 Hz is not the one in the budget.
 
+use crate::root::root;
 use crate::sample::{Counts, FullScale};
 
 /// Taps of the high-pass; symmetric, so the group delay is 4 samples.
@@ -279,13 +280,24 @@ impl HighPass {
     }
 }
 
+/// The data sheet's white noise of one axis, 2^-26 g, for samples so many microseconds apart:
+/// 90 ug/rtHz up to half the rate (LIS2DW12, table 3, high performance, low noise).
+pub const fn noise(period_us: u32) -> u32 {
+    root(data_sheet(period_us))
+}
+
+/// Its variance in 2^-52 g^2.
+const fn data_sheet(period_us: u32) -> u64 {
+    /// (90e-6 * 2^26)^2 / 2 * 1e6, for one microsecond.
+    const ONE_US: u64 = 18_239_578_000_000;
+    ONE_US / if period_us == 0 { 1 } else { period_us as u64 }
+}
+
 /// The noise's variance in steps of 14 bits squared, 1/65536.
 const fn variance(noise: u32, full_scale: FullScale, period_us: u32) -> u64 {
     const MOST: u32 = crate::ONE_G as u32 / 2;
-    /// (90e-6 * 2^26)^2 / 2 * 1e6: divided by the period in us, the variance in 2^-52 g^2.
-    const DATA_SHEET: u64 = 18_239_578_000_000;
     let square = if noise == 0 {
-        DATA_SHEET / if period_us == 0 { 1 } else { period_us as u64 }
+        data_sheet(period_us)
     } else {
         let noise = if noise < MOST { noise } else { MOST } as u64;
         noise * noise
@@ -312,7 +324,7 @@ const fn repeats(variance_q16: u64, all: bool) -> u8 {
     let mut last = LEAST_REPEATS;
     while last < NEVER {
         let codes = last as i32 + 1;
-        let width_q8 = (variance_q16 * 6434 / (1024 * codes as u64)).isqrt();
+        let width_q8 = root(variance_q16 * 6434 / (1024 * codes as u64)) as u64;
         let sum = log2_q8(257 + width_q8) + 1 - (8 << 8);
         let one = codes * bits - sum;
         let evidence = if all { 3 * one } else { one - ANY_OF_THREE };

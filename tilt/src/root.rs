@@ -8,7 +8,7 @@
 //! Left out: roots of fractions; whoever wants one shifts first.
 
 /// The root of `value`, rounded down.
-pub(crate) fn root(value: u64) -> u32 {
+pub(crate) const fn root(value: u64) -> u32 {
     let (high, low) = ((value >> 32) as u32, value as u32);
     // An even shift brings one of the upper two bits to 1; the root then has half of it too many.
     let (top, low, shift) = if high == 0 {
@@ -29,27 +29,31 @@ pub(crate) fn root(value: u64) -> u32 {
     // At most twice the root, 17 bits, so that half of what is divided has 32.
     let rest = top - root * root;
     let lower = divide(rest << 15 | low >> 17, root);
-    let root = root << 16 | lower.min(0xFFFF);
-    let square = u64::from(root) * u64::from(root);
-    (root - u32::from(square > u64::from(top) << 32 | u64::from(low))) >> (shift / 2)
+    let lower = if lower > 0xFFFF { 0xFFFF } else { lower };
+    let root = root << 16 | lower;
+    let square = root as u64 * root as u64;
+    (root - (square > (top as u64) << 32 | low as u64) as u32) >> (shift / 2)
 }
 
 /// The root of a number of 32 bits, from 2^30 on.
 #[inline(always)]
-fn upper(top: u32) -> u32 {
+const fn upper(top: u32) -> u32 {
     // The line is within 3.1 % of the root; each step squares that and halves it. Both steps end
     // at the root or above, which leaves one too many at most.
     let guess = (top >> 17) + (top >> 19) + (top >> 20) + 22_400;
     let guess = (guess + divide(top, guess)) >> 1;
     let guess = (guess + divide(top, guess)) >> 1;
-    let guess = guess.min(0xFFFF);
-    guess - u32::from(guess * guess > top)
+    let guess = if guess > 0xFFFF { 0xFFFF } else { guess };
+    guess - (guess * guess > top) as u32
 }
 
 /// Nothing here divides by zero; where the compiler does not see that, no way to a panic is left.
 #[inline(always)]
-fn divide(a: u32, b: u32) -> u32 {
-    a.checked_div(b).unwrap_or(0)
+const fn divide(a: u32, b: u32) -> u32 {
+    match a.checked_div(b) {
+        Some(quotient) => quotient,
+        None => 0,
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! In: the budget, the acceleration an angle came from, its temperature. Out: [`Uncertainty`],
 //! one standard deviation (k = 1) in steps of [`Angle`]. It combines, as independent:
 //! noise behind the filter, repeatability (turn-on and 1/f floor), thermal hysteresis away from
-//! the calibration temperature, the reference's own uncertainty and the residual of the fit.
+//! the temperature of the fit, the reference's own uncertainty and the residual of the fit.
 //!
 //! A calibration holds at the temperatures at which it was made, its [`Span`]: those of the run
 //! without a temperature model, those of the chamber with one. Outside the span the zero-g offset
@@ -68,6 +68,12 @@ impl Span {
     /// 25 degC, where the data sheet states offset and sensitivity.
     pub const REFERENCE: Self = Self::at(Temperature::REFERENCE);
 
+    /// No temperature: what the first one makes a span of.
+    pub const NOWHERE: Self = Self {
+        low: Temperature(i32::MAX),
+        high: Temperature(i32::MIN),
+    };
+
     /// -10 to 70 degC, the chamber run of R4.
     pub const CHAMBER: Self = Self {
         low: Temperature::from_celsius(-10),
@@ -82,10 +88,10 @@ impl Span {
         }
     }
 
-    /// From the lowest to the highest of `temperatures`; `None` of none.
-    pub fn of(temperatures: impl IntoIterator<Item = Temperature>) -> Option<Self> {
-        let each = temperatures.into_iter().map(Self::at);
-        each.reduce(|span, at| span.widened(at.low))
+    /// From the lowest to the highest of `temperatures`; [`Span::NOWHERE`] of none.
+    pub fn of(temperatures: impl IntoIterator<Item = Temperature>) -> Self {
+        let each = temperatures.into_iter();
+        each.fold(Self::NOWHERE, |span, temperature| span.widened(temperature))
     }
 
     /// The span that a calibration was made with before its format told one.
@@ -107,17 +113,31 @@ impl Span {
         }
     }
 
+    /// What this span and `other` have in common.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            low: self.low.max(other.low),
+            high: self.high.min(other.high),
+        }
+    }
+
+    /// Half way between the ends.
+    pub const fn middle(self) -> Temperature {
+        Temperature(self.low.0.midpoint(self.high.0))
+    }
+
     /// How far `temperature` is outside, 1/256 degC; 0 within.
     pub fn beyond(&self, temperature: Temperature) -> u32 {
-        let below = self.low.0.saturating_sub(temperature.0);
-        let above = temperature.0.saturating_sub(self.high.0);
+        let below = self.low.0.wrapping_sub(temperature.0);
+        let above = temperature.0.wrapping_sub(self.high.0);
         below.max(above).max(0).unsigned_abs()
     }
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Self::REFERENCE
+        Self::NOWHERE
     }
 }
 
@@ -127,24 +147,48 @@ impl Default for Span {
 /// 0.224 mg/degC.
 pub const TCO: u32 = 15_006;
 
+/// The part of [`TCO`] that is left where the offset is compensated and the sensitivity is not.
+pub const TCS: u32 = 6_711;
+
+/// A thousandth of g in 2^-26 g.
+const MG: u32 = 67_109;
+
+/// Turn-on repeatability of 0.3 mg, once for the calibration and once for the use, and the 1/f
+/// floor of 0.04 mg: 0.426 mg, 2^-26 g per step \[ASSUME\].
+const TURN_ONS: u32 = 28_598;
+
+/// Thermal hysteresis, half the opening of the loop: 0.5 mg, 2^-26 g per step \[ASSUME\].
+const HYSTERESIS: u32 = 33_554;
+
 /// What is known of the spread of one channel; all k = 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+///
+/// There is no default: a channel that measures has the budget of its calibration, or else
+/// [`Budget::DATA_SHEET`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// White noise of one axis, standard deviation of single samples, 2^-26 g per step.
     pub noise: u32,
-    /// Turn-on repeatability and 1/f floor of one axis, 2^-26 g per step.
+    /// What the zero of one axis is off by, 2^-26 g per step: turn-on repeatability and 1/f floor;
+    /// of a part that is not calibrated, its zero-g offset.
     pub repeatability: u32,
-    /// Thermal hysteresis of one axis, reached 10 degC away from 25 degC, 2^-26 g per step.
+    /// Thermal hysteresis of one axis, whole from 5 degC away from `fitted_at` on, 2^-26 g per
+    /// step.
     pub hysteresis: u32,
-    /// The calibration reference's own uncertainty.
+    /// The calibration reference's own uncertainty; without a calibration, that of the mounting.
     pub reference: Uncertainty,
     /// What the fit left.
     pub residual: Uncertainty,
+    /// Where acceleration was related to angles: there the hysteresis was part of it.
+    pub fitted_at: Temperature,
     /// Zero-g offset of one axis per degC beyond the span, 2^-26 g per step.
     pub tco: u32,
     /// Where the calibration holds.
     pub span: Span,
 }
+
+/// An excursion leaves the loop of the hysteresis open where it was closed at the fit: as much as
+/// if that were 3 degC away from it, 1/256 degC.
+const LOOP: u32 = 3 * 256;
 
 /// Angle steps per acceleration step, in 1/65536: (2^32 / 2 pi) / 2^26.
 const STEPS_PER_ACCEL_Q16: u64 = 667_544;
@@ -161,15 +205,67 @@ fn root(value: u64) -> Uncertainty {
 }
 
 impl Budget {
+    /// Of a part as it was soldered: the spread of all parts of its kind.
+    ///
+    /// LIS2DW12: zero-g offset +-20 mg, 90 ug/rtHz at 400 samples/s \[DS\]. Mounting 1 deg; the
+    /// angles between the axes, 0.5 deg each, sensitivity 1 % and nonlinearity 1 mg/g^2 and
+    /// 1 mg/g^3 come to 0.7 deg at the worst pose \[ASSUME\].
+    pub const DATA_SHEET: Self = Self {
+        noise: crate::health::noise(2500),
+        repeatability: 20 * MG,
+        ..Self::calibrated(
+            Uncertainty::from_degrees(1.0),
+            Uncertainty::from_degrees(0.7),
+            Span::REFERENCE,
+        )
+    };
+
+    /// Of a part that was calibrated within one power-on: against a reference of this uncertainty,
+    /// with this residual, at these temperatures.
+    ///
+    /// The rest no single calibration shows: turn-on repeatability, 1/f floor and thermal
+    /// hysteresis \[ASSUME\], noise at 400 samples/s and [`TCO`] \[DS\].
+    pub const fn calibrated(reference: Uncertainty, residual: Uncertainty, span: Span) -> Self {
+        Self {
+            noise: crate::health::noise(2500),
+            repeatability: TURN_ONS,
+            hysteresis: HYSTERESIS,
+            reference,
+            residual,
+            fitted_at: span.middle(),
+            tco: TCO,
+            span,
+        }
+    }
+
+    /// Becomes that of a calibration by `tables`, the scatter of whose points stays in them,
+    /// against a reference of this uncertainty. Noise, and what goes with the temperature, stay.
+    pub fn take_tables(&mut self, tables: &Axes<Table>, reference: Uncertainty) {
+        let scatter = tables.x.scatter().max(tables.y.scatter());
+        self.repeatability = root(square(TURN_ONS).saturating_add(square(scatter))).0;
+        self.reference = reference;
+        self.residual = Uncertainty(0);
+    }
+
+    /// Becomes that of a fit at the temperatures of `run`. A temperature model, if there is one,
+    /// keeps what it leaves and where it holds; without one that is where the fit was made.
+    pub fn take_run(&mut self, run: Span, temperature: &TemperatureModel) {
+        self.fitted_at = run.middle();
+        if matches!(temperature, TemperatureModel::None) {
+            self.hysteresis = HYSTERESIS;
+            self.tco = TCO;
+            self.span = run;
+        }
+    }
+
     /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
     pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
-        let noise = ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15;
-        let distance = t.0.abs_diff(Temperature::REFERENCE.0).min(2560);
-        let hysteresis = match self.hysteresis.checked_mul(distance) {
-            // Which it is for any part; 64 bits are divided in software.
-            Some(product) => u64::from(product / 2560),
-            None => u64::from(self.hysteresis) * u64::from(distance) / 2560,
-        };
+        let noise = self.noise_power(filter);
+        let opened =
+            t.0.abs_diff(self.fitted_at.0)
+                .saturating_add(LOOP)
+                .min(8 * 256);
+        let hysteresis = (u64::from(self.hysteresis) * u64::from(opened)) >> 11;
         let sum = noise
             .saturating_add(square(self.repeatability))
             .saturating_add(hysteresis.saturating_mul(hysteresis))
@@ -185,11 +281,11 @@ impl Budget {
 
     /// Noise alone behind `filter`: what scatters from reading to reading at a standstill.
     pub fn noise_only(&self, filter: &LowPass) -> Uncertainty {
-        let only = Self {
-            noise: self.noise,
-            ..Self::default()
-        };
-        accel_to_angle(only.accel(filter, Temperature::REFERENCE))
+        accel_to_angle(root(self.noise_power(filter)).0)
+    }
+
+    fn noise_power(&self, filter: &LowPass) -> u64 {
+        ((square(self.noise) >> 15) * u64::from(filter.noise_power_q30())) >> 15
     }
 
     fn systematic(&self) -> u64 {
@@ -242,19 +338,34 @@ impl Budget {
         // The second moment about the reading, not about the mean: at the table's end all that
         // is uncertain lies on one side.
         let spread = (below * below + above * above) / 6;
-        let step = table.step_at(reading);
-        let table_error = match rule {
-            Rule::Linear => 0,
-            Rule::Nearest => square(step.magnitude()) / 12,
-            // A quarter of a step of bias beside the spread (E3).
-            Rule::PrintedQuarter => square(step.magnitude()) * 7 / 48,
-        };
         let spread = u64::try_from(spread).unwrap_or(0);
         root(
             spread
-                .saturating_add(table_error)
+                .saturating_add(square(table_error(table, rule, reading, reach)))
                 .saturating_add(self.systematic()),
         )
+    }
+}
+
+/// What `rule` makes of the step of `table` around `reading`, and beyond its end, where the angle
+/// stops, what may be left of the way up to the vertical: a standard uncertainty.
+fn table_error(table: &Table, rule: Rule, reading: i32, reach: i32) -> u32 {
+    /// Near the vertical an axis turns further than its acceleration tells at level.
+    const STEEPER: u32 = 8;
+    const VERTICAL: u32 = 1 << 30;
+    let step = table.step_around(reading);
+    let wide = u64::from(step.width());
+    match rule {
+        _ if wide == 0 => {
+            let beyond = reading.abs_diff(step.low.accel);
+            let beyond = beyond.saturating_sub(reach.unsigned_abs());
+            let left = VERTICAL.saturating_sub(step.low.angle.magnitude());
+            left.min(accel_to_angle(beyond.saturating_mul(STEEPER)).0)
+        }
+        Rule::Linear => step.sagitta(reading),
+        // 1 / sqrt(12) and, with a quarter of a step of bias beside the spread (E3), sqrt(7 / 48).
+        Rule::Nearest => ((wide * 18_919) >> 16) as u32,
+        Rule::PrintedQuarter => ((wide * 25_027) >> 16) as u32,
     }
 }
 
@@ -282,6 +393,18 @@ mod tests {
 
     const MG: f64 = ONE_G as f64 / 1000.0;
 
+    /// No spread at all: what single terms are added to.
+    const NOTHING: Budget = Budget {
+        noise: 0,
+        repeatability: 0,
+        hysteresis: 0,
+        reference: Uncertainty(0),
+        residual: Uncertainty(0),
+        fitted_at: Temperature::REFERENCE,
+        tco: 0,
+        span: Span::REFERENCE,
+    };
+
     #[test]
     fn one_milli_g_is_0_0573_deg() {
         let u = accel_to_angle(MG as u32).degrees();
@@ -293,7 +416,7 @@ mod tests {
         // 90 ug/rtHz over 25 Hz (E6): 0.45 mg before, 0.019 deg behind the one-pole.
         let budget = Budget {
             noise: (0.45 * MG) as u32,
-            ..Budget::default()
+            ..NOTHING
         };
         let u = budget.noise_only(&LowPass::PAPER).degrees();
         assert!((u - 0.0192).abs() < 0.0003, "{u}");
@@ -311,7 +434,7 @@ mod tests {
         let u = |degrees: f64| {
             let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
             let accel = (0.335 * MG) as u32;
-            Budget::default()
+            NOTHING
                 .of_table(&table, Rule::Linear, reading, accel)
                 .degrees()
         };
@@ -328,7 +451,7 @@ mod tests {
             angle: Angle::from_degrees(f64::from(d)),
         });
         let table = Table::new(&points).unwrap();
-        let u = Budget::default()
+        let u = NOTHING
             .of_table(&table, Rule::Nearest, ONE_G / 75, 0)
             .degrees();
         assert!((u - 1.0 / 12f64.sqrt()).abs() < 1e-4, "{u}");
@@ -338,7 +461,7 @@ mod tests {
     fn motion_that_shows_in_the_norm_is_added() {
         let budget = Budget {
             noise: MG as u32,
-            ..Budget::default()
+            ..NOTHING
         };
         let still = Corrected {
             accel: [0, 0, ONE_G],
@@ -360,7 +483,7 @@ mod tests {
         let budget = Budget {
             repeatability: (0.7 * MG) as u32,
             reference: Uncertainty::from_degrees(0.01),
-            ..Budget::default()
+            ..NOTHING
         };
         for accel in [0, 1, MG as u32, 1 << 28, u32::MAX] {
             for (x, y) in [(0, 0), (0, ONE_G), (ONE_G, 0), (ONE_G, i32::MAX)] {
@@ -380,7 +503,7 @@ mod tests {
         let shaken = Corrected {
             accel: [i32::MAX; 3],
         };
-        assert_eq!(Budget::default().of_motion(shaken, 0), nothing);
+        assert_eq!(NOTHING.of_motion(shaken, 0), nothing);
         assert_eq!(nothing.combined_with(nothing), nothing);
     }
 
@@ -392,7 +515,7 @@ mod tests {
                 low: Temperature::from_celsius(20),
                 high: Temperature::from_celsius(30),
             },
-            ..Budget::default()
+            ..NOTHING
         };
         let mg = |t: i16| {
             let accel = budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
@@ -424,7 +547,7 @@ mod tests {
                 let budget = Budget {
                     tco,
                     span,
-                    ..Budget::default()
+                    ..NOTHING
                 };
                 assert!(ends.map(|t| budget.accel(&LowPass::PAPER, t)) <= [KNOWS_NOTHING; 2]);
             }
@@ -432,15 +555,90 @@ mod tests {
     }
 
     #[test]
-    fn hysteresis_grows_to_10_degc_away() {
+    fn an_uncalibrated_part_was_worth_0_068_deg_and_is_worth_degrees() {
+        let at = |t: i16| {
+            let t = Temperature::from_celsius(t);
+            let accel = Budget::DATA_SHEET.accel(&LowPass::PRODUCT, t);
+            Budget::DATA_SHEET.of_vector(ONE_G, accel).degrees()
+        };
+        // 20 mg, 1 deg and 0.7 deg.
+        assert!((at(25) - 1.675).abs() < 0.005, "{}", at(25));
+        assert!((at(70) - 1.77).abs() < 0.01, "{}", at(70));
+        let noise = f64::from(Budget::DATA_SHEET.noise) / MG;
+        assert!((noise - 0.09 * 200f64.sqrt()).abs() < 1e-4, "{noise}");
+    }
+
+    #[test]
+    fn a_calibrated_part_still_turns_on_twice() {
+        let of = Budget::calibrated(Uncertainty(3), Uncertainty(4), Span::CHAMBER);
+        let mg = |steps: u32| f64::from(steps) / MG;
+        assert!((mg(of.repeatability) - (0.18 + 0.0016f64).sqrt()).abs() < 1e-4);
+        assert!((mg(of.hysteresis) - 0.5).abs() < 1e-4);
+        assert_eq!(of.fitted_at, Temperature::from_celsius(30));
+        assert!((mg(of.tco) - 0.05f64.sqrt()).abs() < 1e-4);
+        assert!((mg(TCS) - 0.1).abs() < 1e-4);
+    }
+
+    /// Both ends at 60 deg, in steps of 20, as an interop master memorises them.
+    fn coarse() -> Table {
+        let points: Vec<_> = (-3..=3)
+            .map(|i| f64::from(20 * i))
+            .map(|d| Point {
+                accel: ((d * PI / 180.0).sin() * f64::from(ONE_G)) as i32,
+                angle: Angle::from_degrees(d),
+            })
+            .collect();
+        Table::new(&points).unwrap()
+    }
+
+    #[test]
+    fn a_line_between_points_20_deg_apart_was_worth_nothing_and_missed_by_a_degree() {
+        let table = coarse();
+        let (mut sum, mut worth) = (0.0, 0.0);
+        for tenth in -590..=590 {
+            let degrees = f64::from(tenth) / 10.0;
+            let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            let error = table.look_up(reading, Rule::Linear).degrees() - degrees;
+            let u = NOTHING.of_table(&table, Rule::Linear, reading, 0).degrees();
+            assert!(error.abs() <= 1.96 * u + 1e-3, "{degrees}: {error} {u}");
+            sum += error * error;
+            worth += u * u;
+        }
+        let (rms, worth) = ((sum / 1181.0).sqrt(), (worth / 1181.0).sqrt());
+        assert!(
+            rms > 0.4 && worth > rms && worth < 1.6 * rms,
+            "{rms} {worth}"
+        );
+    }
+
+    #[test]
+    fn beyond_the_end_of_a_table_an_angle_was_held_and_called_certain() {
+        let table = coarse();
+        for degrees in [-89.0, -75.0, -61.0, 61.0, 65.0, 75.0, 89.0] {
+            let reading = ((degrees * PI / 180.0).sin() * f64::from(ONE_G)) as i32;
+            for rule in [Rule::Linear, Rule::Nearest] {
+                let error = table.look_up(reading, rule).degrees() - degrees;
+                let u = NOTHING.of_table(&table, rule, reading, 0).degrees();
+                assert!(error.abs() <= 1.96 * u, "{degrees}: {error} {u}");
+                assert!(u <= 31.0, "{degrees}: {u}");
+            }
+        }
+        let at_the_end = table.points()[6].accel;
+        let u = NOTHING.of_table(&table, Rule::Linear, at_the_end, 0);
+        assert_eq!(u, Uncertainty(0));
+    }
+
+    #[test]
+    fn hysteresis_is_whole_from_5_degc_away_from_the_fit_on_and_never_nothing() {
         let budget = Budget {
             hysteresis: 1000,
-            ..Budget::default()
+            fitted_at: Temperature::from_celsius(20),
+            ..NOTHING
         };
         let at = |t: i16| budget.accel(&LowPass::PRODUCT, Temperature::from_celsius(t));
         assert_eq!(
-            [at(25), at(30), at(35), at(70), at(-10)],
-            [0, 500, 1000, 1000, 1000]
+            [at(20), at(21), at(15), at(70), at(-10)],
+            [375, 500, 1000, 1000, 1000]
         );
     }
 }

@@ -1,7 +1,8 @@
 //! `docs/accuracy.md` is generated: this compares the committed file with what the code gives now.
 //!
-//! The generator is the example `accuracy` of `sim`, which writes the document on standard
-//! output. A difference is a failure, because every figure quoted in prose refers to that file.
+//! The generators are the example `accuracy` of `sim` and, for what the stated uncertainty covers,
+//! `coverage` of `plumb`, which write its parts on standard output. A difference is a failure,
+//! because every figure quoted in prose refers to that file; so is a bound in it that is not kept.
 
 use std::path::PathBuf;
 use std::{fmt, fs, io};
@@ -24,6 +25,8 @@ pub enum AccuracyError {
     File(PathBuf, io::Error),
     /// The committed file isn't what the code gives now; with the difference.
     Stale(String),
+    /// Rows of the document that are over their bound.
+    NotKept(Vec<String>),
 }
 
 impl fmt::Display for AccuracyError {
@@ -39,21 +42,36 @@ impl fmt::Display for AccuracyError {
                 )?;
                 write!(out, "{}", difference.trim_end())
             }
+            Self::NotKept(rows) => {
+                writeln!(out, "{DOCUMENT} has bounds that are not kept:")?;
+                write!(out, "{}", rows.join("\n"))
+            }
         }
     }
 }
 
-/// Fails with the difference when the committed document is not what the generator writes.
+/// Fails with the difference when the committed document is not what the generators write, and
+/// with the rows that are over their bounds.
 pub fn compare(workspace: &Workspace) -> Result<(), AccuracyError> {
     let generated = generate(workspace)?;
     let path = workspace.root().join(DOCUMENT);
     let committed = fs::read_to_string(&path).map_err(|error| AccuracyError::File(path, error))?;
-    if committed == generated {
+    if committed != generated {
+        return Err(AccuracyError::Stale(difference::between(
+            &committed, &generated,
+        )));
+    }
+    let rows = not_kept(&generated);
+    if rows.is_empty() {
         return Ok(());
     }
-    Err(AccuracyError::Stale(difference::between(
-        &committed, &generated,
-    )))
+    Err(AccuracyError::NotKept(rows))
+}
+
+/// The rows of `page` that have a column with NO.
+fn not_kept(page: &str) -> Vec<String> {
+    let rows = page.lines().filter(|row| row.contains("| NO |"));
+    rows.map(String::from).collect()
 }
 
 /// Writes the document anew, by way of a temporary file so that it is never half written.
@@ -66,19 +84,39 @@ pub fn write(workspace: &Workspace) -> Result<(), AccuracyError> {
         .map_err(|error| AccuracyError::File(path, error))
 }
 
+/// Package and example of each part, in their order.
+const PARTS: [(&str, &str); 2] = [("sim", "accuracy"), ("plumb", "coverage")];
+
 fn generate(workspace: &Workspace) -> Result<String, AccuracyError> {
-    let command = workspace.cargo(&[
-        "run",
-        "--quiet",
-        "--release",
-        "--package",
-        "sim",
-        "--example",
-        "accuracy",
-    ]);
-    let text = command::capture(command).map_err(AccuracyError::Generator)?;
-    if text.trim().is_empty() {
-        return Err(AccuracyError::Empty);
+    let mut page = String::new();
+    for (package, example) in PARTS {
+        let command = workspace.cargo(&[
+            "run",
+            "--quiet",
+            "--release",
+            "--package",
+            package,
+            "--example",
+            example,
+        ]);
+        let text = command::capture(command).map_err(AccuracyError::Generator)?;
+        if text.trim().is_empty() {
+            return Err(AccuracyError::Empty);
+        }
+        page += &text;
     }
-    Ok(text)
+    Ok(page)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_that_is_not_kept_was_no_failure() {
+        let kept = "| by hand | none | 95.1 % | yes |\n";
+        let over = "| by motor | none | 94.9 % | NO |\n";
+        assert_eq!(not_kept(kept), Vec::<String>::new());
+        assert_eq!(not_kept(&[kept, over].concat()), [over.trim_end()]);
+    }
 }

@@ -242,7 +242,7 @@ pub const ACCURACY: Step = Step {
 /// Writes the accuracy document anew.
 pub const ACCURACY_WRITE: Step = Step {
     name: "writing docs/accuracy.md",
-    advice: "the generator is `cargo run --release -p sim --example accuracy`",
+    advice: "the generators are the examples `accuracy` of `sim` and `coverage` of `plumb`",
     run: write_accuracy,
 };
 

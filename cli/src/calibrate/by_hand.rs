@@ -6,14 +6,12 @@
 //!
 //! Left out: the fit (`hand`).
 
-use tilt::angle::Axes;
-use tilt::chain::{Calibration, Correction};
-use tilt::vector::Vector;
+use tilt::chain::Calibration;
 
 use super::by_motor::STILL_MG;
 use super::console::{Answer, Console};
 use super::error::CalibrateError;
-use super::fit::{budget, compensated_g, temperature};
+use super::fit::{compensated_g, temperature};
 use super::hand::{self, Faces, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
 use super::session::{Node, Reading, Session, encode};
 
@@ -82,7 +80,7 @@ impl Bench<'_> {
         let letters = self.session.nodes.iter().map(letter);
         let lettered: Vec<_> = letters.zip(taken.iter().cloned()).collect();
         let (fits, faces) = hand::fit(&lettered, count)?;
-        let calibrations = self.calibrations(&fits, &faces);
+        let calibrations = self.calibrations(&poses, &fits, &faces);
         for (place, calibration) in calibrations.iter().enumerate() {
             self.session.write(place, &encode(calibration))?;
         }
@@ -131,23 +129,17 @@ impl Bench<'_> {
     }
 
     /// A calibration for each node: that of before with another correction and budget.
-    fn calibrations(&self, fits: &[HandFit], faces: &Faces) -> Vec<Calibration> {
-        let nodes = self.session.nodes.iter().zip(fits);
+    fn calibrations(
+        &self,
+        poses: &[Vec<Reading>],
+        fits: &[HandFit],
+        faces: &Faces,
+    ) -> Vec<Calibration> {
+        let nodes = self.session.nodes.iter().zip(fits).enumerate();
         nodes
-            .map(|(node, fit)| {
-                let vector = Vector::from_real(fit.matrix, fit.offset_g);
-                let rate_hz = 1.0 / node.period_s.max(1e-4);
-                let residual_deg = (fit.length_rms_mg() / 1000.0).to_degrees();
-                let before = &node.calibration;
-                Calibration {
-                    temperature: before.temperature,
-                    correction: Correction::TwoAxis {
-                        // The fit has refused what does not fit the chain's numbers.
-                        vector: vector.unwrap_or(Vector::IDENTITY),
-                        harmonics: Axes::default(),
-                    },
-                    budget: budget(before, rate_hz, faces.zero_uncertainty_deg(), residual_deg),
-                }
+            .map(|(place, (node, fit))| {
+                let temperatures = poses.iter().map(|p| temperature(p[place].temperature_c));
+                fit.calibration(&node.calibration, temperatures, faces)
             })
             .collect()
     }

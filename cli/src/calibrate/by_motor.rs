@@ -175,14 +175,7 @@ impl Bench<'_> {
         }
         let mut fits = Vec::new();
         for (place, node) in self.session.nodes.iter().enumerate() {
-            let rate_hz = 1.0 / node.period_s.max(1e-4);
-            let fitted = fit::by_motor(
-                &node.calibration,
-                rate_hz,
-                place,
-                &found,
-                self.reference_deg,
-            );
+            let fitted = fit::by_motor(&node.calibration, place, &found, self.reference_deg);
             fits.push(fitted.map_err(|error| CalibrateError::Fit(node.id, error))?);
         }
         for (place, fitted) in fits.iter().enumerate() {

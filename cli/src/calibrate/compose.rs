@@ -8,6 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use device::calibration::encoding::identity;
 use tilt::chain::Correction;
+use tilt::sample::Temperature;
 use tilt::temperature::Compensated;
 
 use super::by_hand::Handled;
@@ -103,8 +104,12 @@ impl Frame<'_> {
 
     /// A channel without figures.
     pub fn channel(&self, place: usize, node: &Node) -> Channel {
-        let left = self.made.get(place).and_then(|bytes| decode(bytes));
-        let left = left.map_or(0, |calibration| identity(&calibration));
+        let made = self.made.get(place).and_then(|bytes| decode(bytes));
+        let left = made.as_ref().map_or(0, identity);
+        let span = made.map(|calibration| calibration.budget.span);
+        // Two runs over the tables may have no temperature in common.
+        let span = span.filter(|span| span.low <= span.high);
+        let degc = |t: Temperature| f64::from(t.0) / 256.0;
         Channel {
             channel: node.letter().to_owned(),
             node: node.id,
@@ -115,6 +120,8 @@ impl Frame<'_> {
             calibrated_before: node.calibrated,
             as_found_crc32: format!("{:08X}", node.found_sum()),
             as_left_crc32: format!("{left:08X}"),
+            span_min_degc: span.map(|span| degc(span.low)),
+            span_max_degc: span.map(|span| degc(span.high)),
             condition: None,
             residual_deg: None,
             residual_mg: None,

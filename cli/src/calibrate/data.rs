@@ -183,6 +183,10 @@ pub struct Channel {
     pub as_found_crc32: String,
     /// 2062h sub 1 as left, eight hexadecimal digits.
     pub as_left_crc32: String,
+    /// Lowest temperature for which the uncertainty that the channel states holds as left.
+    pub span_min_degc: Option<f64>,
+    /// The highest.
+    pub span_max_degc: Option<f64>,
     /// Condition figure of the fit; none where the node made tables.
     pub condition: Option<f64>,
     /// Root mean square of what the fit leaves.
@@ -283,6 +287,26 @@ impl Channel {
     }
 }
 
+impl Report {
+    /// At which temperatures the uncertainty that each channel states holds.
+    pub fn spans(&self) -> String {
+        let each = self.channels.iter().map(|channel| {
+            let Channel { channel: name, .. } = channel;
+            match (channel.span_min_degc, channel.span_max_degc) {
+                (Some(low), Some(high)) => {
+                    format!("Channel {name}: from {low:.1} to {high:.1} degC.")
+                }
+                _ => format!("Channel {name}: at no temperature that both of its runs had."),
+            }
+        });
+        let each = each.collect::<Vec<_>>().join(" ");
+        format!(
+            "The uncertainty that a channel states with its angles (2022h) holds at these \
+             temperatures of its sensor and grows with the distance from them. {each}"
+        )
+    }
+}
+
 impl Contribution {
     /// A contribution by its name, evaluation A or B, size and source.
     pub fn new(name: &str, evaluation: &str, deg: f64, source: &str) -> Self {
@@ -353,6 +377,24 @@ mod tests {
             .clone();
         let page = include_str!("../../../docs/calibration-report.md");
         assert_documented(&report, page, "## report.json");
+    }
+
+    #[test]
+    fn the_span_of_the_stated_uncertainty_is_told_of_each_channel() {
+        let mut report = crate::calibrate::sample_report();
+        report.channels[1].span_min_degc = None;
+        let told = report.spans();
+        assert!(
+            told.contains("Channel A: from 24.0 to 26.5 degC."),
+            "{told}"
+        );
+        assert!(told.contains("Channel B: at no temperature"), "{told}");
+        for document in [
+            crate::calibrate::dcc::document(&report, "DE"),
+            crate::calibrate::page::page(&report),
+        ] {
+            assert!(document.contains("from 24.0 to 26.5 degC"));
+        }
     }
 
     #[test]

@@ -177,6 +177,13 @@ fn statements(xml: &mut Xml, report: &Report) {
             content(xml, &report.reference.statement)
         });
     });
+    xml.of("dcc:statement", |xml| {
+        name(
+            xml,
+            "Temperatures of the uncertainty that the channels state",
+        );
+        xml.of("dcc:declaration", |xml| content(xml, &report.spans()));
+    });
 }
 
 fn method(report: &Report) -> (&'static str, &'static str) {

@@ -15,7 +15,7 @@ use tilt::chain::{Calibration, Correction};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::temperature::{Compensated, TemperatureModel};
-use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 use super::motor::Axis;
 use super::session::{Reading, wrap};
@@ -54,9 +54,13 @@ pub struct Fitted {
 impl Fitted {
     /// Root mean square of the residuals, deg.
     pub fn residual_deg(&self) -> f64 {
-        let squares: f64 = self.residuals.iter().map(|(.., r)| r * r).sum();
-        (squares / self.residuals.len().max(1) as f64).sqrt()
+        rms_deg(&self.residuals)
     }
+}
+
+fn rms_deg(residuals: &[(Axis, f64, f64)]) -> f64 {
+    let squares: f64 = residuals.iter().map(|(.., r)| r * r).sum();
+    (squares / residuals.len().max(1) as f64).sqrt()
 }
 
 /// Beyond this the fold at the vertical bends what harmonics and residuals would follow, deg.
@@ -64,16 +68,6 @@ const FOLD_DEG: f64 = 86.0;
 
 /// Variance of one stand over that expected of a harmonic: (0.012 / 0.04)^2.
 const RIDGE: f64 = 0.09;
-
-/// Turn-on repeatability of the sensor, mg, and its 1/f floor. `[ASSUME]`
-pub const TURN_ON_MG: f64 = 0.3;
-const FLOOR_MG: f64 = 0.04;
-
-/// Thermal hysteresis 10 degC away from 25 degC, mg, on the average of its loop. `[ASSUME]`
-pub const HYSTERESIS_MG: f64 = 0.5 * 0.73;
-
-/// Noise of the sensor, mg / sqrt(Hz) (LIS2DW12 data sheet, table 3, high performance).
-const NOISE_MG: f64 = 0.090;
 
 /// A mean reading, in steps of 2^-26 g, compensated by `model` at this temperature.
 pub fn compensated(model: &TemperatureModel, accel: [f64; 3], t: Temperature) -> Compensated {
@@ -94,33 +88,33 @@ pub fn temperature(celsius: f64) -> Temperature {
     Temperature((celsius * 256.0).round() as i32)
 }
 
-/// The budget of a calibration that was made within one power-on: turn-on repeatability counts for
-/// it and for the use. `rate_hz` is the node's; noise that the node knew already is kept.
+/// The budget of a calibration that was made at these temperatures within one power-on.
 ///
-/// With a temperature model what it leaves, and where it holds, were told by the chamber run and
-/// stay.
-pub fn budget(before: &Calibration, rate_hz: f64, reference_deg: f64, residual_deg: f64) -> Budget {
-    let bare = before.temperature == TemperatureModel::None;
-    let before = &before.budget;
-    let steps = |mg: f64| (mg / 1000.0 * f64::from(ONE_G)).round() as u32;
-    let noise = match before.noise {
-        0 => steps(NOISE_MG * (rate_hz / 2.0).sqrt()),
-        known => known,
-    };
-    let repeatability = (2.0 * TURN_ON_MG.powi(2) + FLOOR_MG.powi(2)).sqrt();
-    let (hysteresis, span) = match bare {
-        true => (steps(HYSTERESIS_MG), Span::REFERENCE),
-        false => (before.hysteresis, before.span),
-    };
-    Budget {
+/// What is known of the part stays: its noise, and with a temperature model, which the calibration
+/// leaves in force, what that leaves and where it holds.
+pub fn budget(
+    before: &Calibration,
+    temperatures: impl IntoIterator<Item = Temperature>,
+    reference_deg: f64,
+    residual_deg: f64,
+) -> Budget {
+    let [reference, residual] = [reference_deg, residual_deg].map(Uncertainty::from_degrees);
+    let Budget {
         noise,
-        repeatability: steps(repeatability),
         hysteresis,
-        reference: Uncertainty::from_degrees(reference_deg),
-        residual: Uncertainty::from_degrees(residual_deg),
-        tco: TCO,
+        tco,
         span,
-    }
+        ..
+    } = before.budget;
+    let mut budget = Budget {
+        noise,
+        hysteresis,
+        tco,
+        span,
+        ..Budget::calibrated(reference, residual, span)
+    };
+    budget.take_run(Span::of(temperatures), &before.temperature);
+    budget
 }
 
 /// What a stand is to the fits.
@@ -146,7 +140,6 @@ impl Point {
 /// Errors: see [`FitError`].
 pub fn by_motor(
     before: &Calibration,
-    rate_hz: f64,
     node: usize,
     stands: &[Stand],
     reference_deg: f64,
@@ -173,20 +166,21 @@ pub fn by_motor(
         false => two_axis_fit(&points)?,
     };
     let residuals = residuals(&correction, &points);
-    let mut fitted = Fitted {
+    // What the reference itself scatters is in its own term already.
+    let unexpected = rms_deg(&residuals).powi(2) - reference_deg.powi(2);
+    let residual_deg = unexpected.max(0.0).sqrt();
+    let temperatures = stands
+        .iter()
+        .map(|s| temperature(s.readings[node].temperature_c));
+    Ok(Fitted {
         calibration: Calibration {
             temperature: before.temperature,
             correction,
-            budget: Budget::default(),
+            budget: budget(before, temperatures, reference_deg, residual_deg),
         },
         condition,
         residuals,
-    };
-    // What the reference itself scatters is in its own term already.
-    let unexpected = fitted.residual_deg().powi(2) - reference_deg.powi(2);
-    let residual_deg = unexpected.max(0.0).sqrt();
-    fitted.calibration.budget = budget(before, rate_hz, reference_deg, residual_deg);
-    Ok(fitted)
+    })
 }
 
 type Found = Result<(Correction, f64), FitError>;
@@ -301,7 +295,7 @@ mod tests {
     #[test]
     fn a_sweep_of_both_slopes_leaves_nothing() {
         let stands = stands(&[Axis::X, Axis::Y], 15);
-        let fitted = by_motor(&Calibration::NOMINAL, 400.0, 0, &stands, 0.01).unwrap();
+        let fitted = by_motor(&Calibration::NOMINAL, 0, &stands, 0.01).unwrap();
         assert!(fitted.residual_deg() < 1e-4, "{}", fitted.residual_deg());
         assert!(fitted.calibration.budget.noise > 0);
         assert_eq!(fitted.calibration.budget.residual, Uncertainty(0));
@@ -309,13 +303,7 @@ mod tests {
 
     #[test]
     fn one_slope_alone_is_refused() {
-        let fitted = by_motor(
-            &Calibration::NOMINAL,
-            400.0,
-            0,
-            &stands(&[Axis::X], 15),
-            0.01,
-        );
+        let fitted = by_motor(&Calibration::NOMINAL, 0, &stands(&[Axis::X], 15), 0.01);
         assert!(matches!(fitted, Err(FitError::IllConditioned { .. })));
     }
 

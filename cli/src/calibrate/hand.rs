@@ -19,8 +19,14 @@
 
 use std::fmt;
 
+use tilt::angle::Axes;
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
+use tilt::chain::{Calibration, Correction};
+use tilt::sample::Temperature;
+use tilt::vector::Vector;
+
+use super::fit::budget;
 
 /// What a pose is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,6 +133,11 @@ pub const CONDITION: f64 = 1000.0;
 /// Standard uncertainty of a turn by hand against an edge, deg. `[ASSUME]`
 pub const TURN_DEG: f64 = 2.0;
 
+/// What nine parameters from the poses leave of a sensor's nonlinearity beyond what gravity's
+/// length shows, deg rms over poses and sensors: with 1 mg/g^2 and 1 mg/g^3 of each axis 0.042 deg,
+/// of which the length shows 0.018. `[ASSUME]`
+const NONLINEARITY_DEG: f64 = 0.038;
+
 /// What one channel reads in a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
@@ -161,6 +172,32 @@ impl HandFit {
     pub fn length_rms_mg(&self) -> f64 {
         let free = self.length_mg.len().saturating_sub(9).max(1) as f64;
         (self.length_mg.iter().map(|l| l * l).sum::<f64>() / free).sqrt()
+    }
+
+    /// The calibration that it makes of the one `before`, taken at these temperatures.
+    pub fn calibration(
+        &self,
+        before: &Calibration,
+        temperatures: impl IntoIterator<Item = Temperature>,
+        faces: &Faces,
+    ) -> Calibration {
+        let vector = Vector::from_real(self.matrix, self.offset_g);
+        let shown_deg = (self.length_rms_mg() / 1000.0).to_degrees();
+        let residual_deg = shown_deg.hypot(NONLINEARITY_DEG);
+        Calibration {
+            temperature: before.temperature,
+            correction: Correction::TwoAxis {
+                // The fit has refused what does not fit the chain's numbers.
+                vector: vector.unwrap_or(Vector::IDENTITY),
+                harmonics: Axes::default(),
+            },
+            budget: budget(
+                before,
+                temperatures,
+                faces.zero_uncertainty_deg(),
+                residual_deg,
+            ),
+        }
     }
 
     fn turned(self, rotation: &[[f64; 3]; 3]) -> Self {

@@ -1,6 +1,7 @@
 //! The fit by hand: on sensors made up, and on units of the virtual bench.
 
 use sim::bench::characterise::mean_of_both;
+use sim::bench::person::Person;
 use sim::bench::static_test::errors;
 use sim::bench::{Bench, Mode, World};
 use sim::motion::Mover;
@@ -15,52 +16,10 @@ use super::*;
 /// As many poses as the plan has at least.
 const WANTED: usize = FEWEST as usize;
 
-/// How a person puts things: the plan's poses as the housing feels them.
-struct Person {
-    /// Tilt of the surface about two axes, deg.
-    surface_deg: [f64; 2],
-    /// What leaning poses are off, deg either side.
-    lean_deg: f64,
-    /// What a turn by 180 deg is off, deg either side.
-    turn_deg: f64,
-    rng: Rng,
-}
-
-impl Person {
-    fn new(surface_deg: [f64; 2], lean_deg: f64, turn_deg: f64, seed: u64) -> Self {
-        let rng = Rng::stream(seed, "person");
-        Self {
-            surface_deg,
-            lean_deg,
-            turn_deg,
-            rng,
-        }
-    }
-
-    /// What points up in the housing's axes.
-    fn up(&mut self, place: usize) -> [f64; 3] {
-        let pose = &POSES[place];
-        let face = pose.up.iter().filter(|c| **c != 0.0).count() == 1;
-        if !face {
-            let off = |rng: &mut Rng| rng.range(-1.0, 1.0) * self.lean_deg.to_radians();
-            let up = normal(pose.up);
-            return normal(up.map(|c| c + off(&mut self.rng)));
-        }
-        let turned = pose.words.contains("turned");
-        let heading = if turned {
-            180.0 + self.rng.range(-self.turn_deg, self.turn_deg)
-        } else {
-            0.0
-        };
-        let (sin, cos) = heading.to_radians().sin_cos();
-        let [a, b] = self.surface_deg.map(|deg| deg.to_radians().sin());
-        let (a, b) = (a * cos - b * sin, a * sin + b * cos);
-        let axis = pose.up.iter().position(|c| *c != 0.0).unwrap_or(0);
-        let mut up = pose.up;
-        up[(axis + 1) % 3] = a;
-        up[(axis + 2) % 3] = b;
-        normal(up)
-    }
+/// What points up in the housing's axes when a person was asked for this pose of the plan.
+fn put(person: &mut Person, place: usize) -> [f64; 3] {
+    let HandPose { words, up, .. } = &POSES[place];
+    person.put(*up, words.contains("turned"))
 }
 
 /// A sensor with errors of every kind that nine parameters know, turned in its housing.
@@ -83,7 +42,7 @@ fn feel(up: [f64; 3]) -> [f64; 3] {
 fn taken(person: &mut Person, poses: usize) -> Vec<Taken> {
     let one = |pose| Taken {
         pose,
-        mean_g: feel(person.up(pose)),
+        mean_g: feel(put(person, pose)),
     };
     (0..poses).map(one).collect()
 }
@@ -136,7 +95,7 @@ fn poses_that_never_lean_are_refused() {
     let flat = [0, 1, 2, 3, 4, 5, 6, 7, 7, 6, 5, 4, 0];
     let one = |(pose, stands): (usize, usize)| Taken {
         pose,
-        mean_g: feel(person.up(stands)),
+        mean_g: feel(put(&mut person, stands)),
     };
     let taken: Vec<_> = flat.into_iter().enumerate().map(one).collect();
     let error = fit(&[('B', taken)], WANTED).unwrap_err();
@@ -165,7 +124,7 @@ fn what_was_bumped_and_what_stood_askew_is_named() {
 fn take(bench: &mut Bench, person: &mut Person, poses: usize) -> [Vec<Taken>; 2] {
     let mut channels = [Vec::new(), Vec::new()];
     for pose in 0..poses {
-        let mut fixture = Fixture::facing(person.up(pose));
+        let mut fixture = Fixture::facing(put(person, pose));
         fixture.step(0.0);
         let means = mean_of_both(&mut bench.instrument, &mut fixture, 1.0, 2.0, "by hand");
         let sides = bench.instrument.sides.iter().zip(means.unwrap());

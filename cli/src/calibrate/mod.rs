@@ -52,7 +52,7 @@ use folder::Folder;
 use hand::{FEWEST, POSES};
 pub use kept::hex;
 use motor::{Motor, ScpiMotor};
-pub use session::Session;
+pub use session::{Reading, Session};
 
 use data::Report;
 

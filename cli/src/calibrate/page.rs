@@ -126,6 +126,7 @@ fn reference(report: &Report) -> String {
     let mut out = html::facts(&facts);
     out += &html::paragraph(&reference.statement);
     out += &html::paragraph(&environment.statement);
+    out += &html::paragraph(&report.spans());
     out
 }
 

@@ -23,7 +23,7 @@ use super::windows::norm;
 /// Turn-on repeatability, mg: 0.3 mg at the calibration and 0.3 mg at the measurement. \[ASSUME\]
 pub const REPEATABILITY_MG: f64 = 0.3 * std::f64::consts::SQRT_2;
 
-/// Thermal hysteresis 10 degC away from 25 degC, mg; counts where a temperature is recorded.
+/// Thermal hysteresis 5 degC away from the standstills, mg; counts where a temperature is recorded.
 /// \[ASSUME\]
 pub const HYSTERESIS_MG: f64 = 0.5;
 
@@ -68,8 +68,11 @@ impl Fit {
     /// or at 25 degC where none is recorded.
     pub fn channel(&self, recording: &Recording, found: &Standstill) -> Option<Channel> {
         let steps = |mg: f64| (mg / 1000.0 * f64::from(tilt::ONE_G)).round() as u32;
-        let temperatures = found.segments.iter().filter_map(|s| s.temperature_c);
-        let span = Span::of(temperatures.map(temperature)).unwrap_or_default();
+        let mut temperatures = found.segments.iter().filter_map(|s| s.temperature_c);
+        let span = match temperatures.next() {
+            Some(first) => Span::of(temperatures.chain([first]).map(temperature)),
+            None => Span::REFERENCE,
+        };
         let left_deg = self
             .angle_residual_deg
             .unwrap_or_else(|| (self.norm_residual_mg / 1000.0).to_degrees());
@@ -92,6 +95,7 @@ impl Fit {
                 repeatability_q26: steps(REPEATABILITY_MG),
                 hysteresis_q26: steps(HYSTERESIS_MG),
                 residual_steps: Uncertainty::from_degrees(left_deg).0,
+                fitted_at_q8: Some(span.middle().0),
                 tco_q26: Some(TCO),
                 span_q8: Some([span.low.0, span.high.0]),
                 ..BudgetSteps::default()

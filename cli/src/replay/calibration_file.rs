@@ -90,12 +90,15 @@ pub struct BudgetSteps {
     pub noise_q26: u32,
     /// Turn-on repeatability and 1/f floor, 2^-26 g.
     pub repeatability_q26: u32,
-    /// Thermal hysteresis 10 degC away from 25 degC, 2^-26 g.
+    /// Thermal hysteresis 5 degC away from `fitted_at_q8`, 2^-26 g.
     pub hysteresis_q26: u32,
     /// The reference's own uncertainty, angle steps.
     pub reference_steps: u32,
     /// What the fit left, angle steps.
     pub residual_steps: u32,
+    /// Temperature at which acceleration was related to angles, 1/256 degC; without it, 25 degC.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fitted_at_q8: Option<i32>,
     /// Change per degC beyond `span_q8`, 2^-26 g; without it, that of the data sheet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tco_q26: Option<u32>,
@@ -115,6 +118,9 @@ impl BudgetSteps {
             hysteresis: self.hysteresis_q26,
             reference: Uncertainty(self.reference_steps),
             residual: Uncertainty(self.residual_steps),
+            fitted_at: self
+                .fitted_at_q8
+                .map_or(Temperature::REFERENCE, Temperature),
             tco: self.tco_q26.unwrap_or(TCO),
             span: self.span_q8.map_or(implied, |[low, high]| Span {
                 low: Temperature(low),

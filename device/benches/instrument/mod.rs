@@ -10,7 +10,7 @@ mod nothing;
 use canopen::node::Node;
 use canopen::{Frame, Instant as BusInstant};
 use device::black_box::BlackBox;
-use device::calibration::motor::{Motor, Terms};
+use device::calibration::motor::{MOTOR, Motor, Terms};
 use device::channel::Settings;
 use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Source, Work};
@@ -27,7 +27,7 @@ use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
 use tilt::table::Rule;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 const NODE_ID: u8 = 1;
@@ -81,7 +81,7 @@ fn settings() -> Settings {
                     vector: Vector::IDENTITY,
                     harmonics: Axes::<Harmonics>::default(),
                 },
-                budget: Budget::default(),
+                budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
             },
         },
         noise: 0,
@@ -96,7 +96,7 @@ impl Instrument {
             motor: Motor::new(),
             terms: Terms {
                 rule: Rule::Linear,
-                budget: Budget::default(),
+                reference: MOTOR,
             },
         };
         let mut instrument = Self {

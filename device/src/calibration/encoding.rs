@@ -13,6 +13,7 @@
 //! | 1 | length of the whole in bytes, check sum included |
 //! | 1 | kinds: byte 0 temperature model, byte 1 correction, byte 2 rule, byte 3 zero |
 //! | 5 | budget: noise, repeatability, hysteresis (2^-26 g), reference, residual (2^-32 circle) |
+//! | 1 | budget: temperature of the fit, 1/256 degC |
 //! | 3 | budget: change per degC (2^-26 g), lowest and highest temperature (1/256 degC) |
 //! | 0, 3, 33 or 12 | temperature model |
 //! | see below | correction |
@@ -27,12 +28,13 @@
 //! sine 1 to 3 of slope X and of slope Y. 2 one axis: matrix, offset, cosine, sine. The rule is 0
 //! nearest, 1 linear, 2 printed quarter, and 0 where there are no tables.
 //!
-//! Units are those of the types in `tilt`. The longest, two full tables, is 3088 bytes.
+//! Units are those of the types in `tilt`. The longest, two full tables, is 3092 bytes.
 //!
 //! # Version 1
-//! The same without the three words of the budget that tell how it grows with the temperature,
-//! in whose place [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a calibration
-//! that has just these: what was stored before keeps its bytes, its check sum and its report.
+//! The same without the four words of the budget that tell how it goes with the temperature, in
+//! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a
+//! calibration that has just these: what was stored before keeps its bytes, its check sum and its
+//! report.
 //!
 //! Left out: storing, and putting in force.
 
@@ -45,13 +47,13 @@ use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
-use super::motor::Axis;
+use super::motor::{Axis, MOTOR};
 use super::tables_in;
 
 /// "PLMC" as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
 
-/// The version that tells how the uncertainty grows with the temperature.
+/// The version that tells how the uncertainty goes with the temperature.
 pub const VERSION: u32 = 2;
 
 /// The version that leaves that to [`TCO`] and [`Span::implied_by`].
@@ -61,7 +63,7 @@ const VERSION_WITHOUT_SPAN: u32 = 1;
 const HEAD: u32 = 3;
 
 /// Words from the kinds to the temperature model.
-const BUDGET: usize = 9;
+const BUDGET: usize = 10;
 
 /// Words of a piecewise model.
 const PIECEWISE: usize = KNOTS + 3 * (KNOTS - 1);
@@ -144,28 +146,50 @@ fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
 
 /// The version that holds all of it in the fewest words.
 fn version(calibration: &Calibration) -> u32 {
-    let Budget { tco, span, .. } = calibration.budget;
-    if tco == TCO && span == Span::implied_by(&calibration.temperature) {
+    let budget = &calibration.budget;
+    let implied = with_implied(*budget, &calibration.temperature);
+    if *budget == implied {
         VERSION_WITHOUT_SPAN
     } else {
         VERSION
     }
 }
 
+/// `budget` with what version 1 does not tell.
+fn with_implied(budget: Budget, temperature: &TemperatureModel) -> Budget {
+    Budget {
+        fitted_at: Temperature::REFERENCE,
+        tco: TCO,
+        span: Span::implied_by(temperature),
+        ..budget
+    }
+}
+
+/// The budget's words; version 1 has those before the last four.
+const fn budget_words(budget: &Budget) -> [u32; 9] {
+    [
+        budget.noise,
+        budget.repeatability,
+        budget.hysteresis,
+        budget.reference.0,
+        budget.residual.0,
+        budget.fitted_at.0 as u32,
+        budget.tco,
+        budget.span.low.0 as u32,
+        budget.span.high.0 as u32,
+    ]
+}
+
+const fn budget_length(version: u32) -> usize {
+    if version == VERSION { 9 } else { 5 }
+}
+
 /// Every word from the kinds on.
 fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
-    let budget = &calibration.budget;
     put(kinds(calibration));
-    put(budget.noise);
-    put(budget.repeatability);
-    put(budget.hysteresis);
-    put(budget.reference.0);
-    put(budget.residual.0);
-    if version(calibration) == VERSION {
-        put(budget.tco);
-        put(budget.span.low.0 as u32);
-        put(budget.span.high.0 as u32);
-    }
+    let words = budget_words(&calibration.budget);
+    let count = budget_length(version(calibration));
+    words.into_iter().take(count).for_each(&mut *put);
     let mut all = |numbers: &[i32]| numbers.iter().for_each(|number| put(*number as u32));
     match &calibration.temperature {
         TemperatureModel::None => {}
@@ -259,22 +283,12 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     let (end, version) = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
-    let budget = &mut result.budget;
-    budget.noise = words.next()?;
-    budget.repeatability = words.next()?;
-    budget.hysteresis = words.next()?;
-    budget.reference = Uncertainty(words.next()?);
-    budget.residual = Uncertainty(words.next()?);
-    if version == VERSION {
-        budget.tco = words.next()?;
-        budget.span.low = Temperature(words.signed()?);
-        budget.span.high = Temperature(words.signed()?);
+    let mut told = [0; 9];
+    for word in told.iter_mut().take(budget_length(version)) {
+        *word = words.next()?;
     }
     words.temperature(temperature, &mut result.temperature)?;
-    if version != VERSION {
-        result.budget.tco = TCO;
-        result.budget.span = Span::implied_by(&result.temperature);
-    }
+    result.budget = budget(told, version, &result.temperature);
     let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
     if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
         return Err(DecodeError::Kind);
@@ -283,7 +297,61 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
     if words.at != end {
         return Err(DecodeError::Length);
     }
+    give_budget(result);
     Ok(())
+}
+
+/// Tables that a node made by itself came with a budget of zeros once, which no part keeps: they
+/// get the one that their points tell, and anything else without one that of the data sheet.
+fn give_budget(calibration: &mut Calibration) {
+    let Budget {
+        repeatability,
+        reference,
+        residual,
+        ..
+    } = calibration.budget;
+    if repeatability | reference.0 | residual.0 != 0 {
+        return;
+    }
+    let budget = &mut calibration.budget;
+    budget.noise = Budget::DATA_SHEET.noise;
+    budget.hysteresis = Budget::DATA_SHEET.hysteresis;
+    match &calibration.correction {
+        Correction::Tables { tables, .. } => budget.take_tables(tables, MOTOR),
+        _ => *budget = Budget::DATA_SHEET,
+    }
+}
+
+/// A budget from its words; what version 1 does not tell is implied.
+fn budget(words: [u32; 9], version: u32, temperature: &TemperatureModel) -> Budget {
+    let [
+        noise,
+        repeatability,
+        hysteresis,
+        reference,
+        residual,
+        fitted_at,
+        tco,
+        low,
+        high,
+    ] = words;
+    let told = Budget {
+        noise,
+        repeatability,
+        hysteresis,
+        reference: Uncertainty(reference),
+        residual: Uncertainty(residual),
+        fitted_at: Temperature(fitted_at as i32),
+        tco,
+        span: Span {
+            low: Temperature(low as i32),
+            high: Temperature(high as i32),
+        },
+    };
+    match version {
+        VERSION => told,
+        _ => with_implied(told, temperature),
+    }
 }
 
 const fn rule_of(code: u8) -> Option<Rule> {
@@ -302,7 +370,7 @@ fn envelope(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
         return Err(DecodeError::Magic);
     }
     let version = words.next()?;
-    if !(VERSION_WITHOUT_SPAN..=VERSION).contains(&version) {
+    if version != VERSION && version != VERSION_WITHOUT_SPAN {
         return Err(DecodeError::Version(version));
     }
     let length = words.next()?;

@@ -13,6 +13,11 @@
 //! verification round (R15) is therefore a run that is abandoned: above the tolerance of 0.20 deg
 //! of the worst residual, calibrate anew.
 //!
+//! The budget of the new tables follows from the run: the scatter of their points
+//! ([`Table::scatter`]), the reference's uncertainty, and the temperatures at which the points were
+//! taken, unless a temperature model was in force, whose span stays. A table that was kept from
+//! before brings its own along, and of each the worse counts.
+//!
 //! The state is 3 kB, nearly all of it the points of both axes; the tables are made at the end, in
 //! the calibration in force. While a run is open the caller neither downloads a calibration nor
 //! puts another in force, since points hold what the temperature model left.
@@ -25,7 +30,7 @@ use tilt::chain::{Calibration, Chain, Correction, Invalid, Reading};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table, TableError};
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Span, Uncertainty};
 
 use super::{PointError, Points, tables_in};
 use crate::exchange::reason_code;
@@ -95,9 +100,13 @@ impl Command {
 pub struct Terms {
     /// How the tables are read.
     pub rule: Rule,
-    /// The uncertainty budget of a part that was calibrated this way.
-    pub budget: Budget,
+    /// Standard uncertainty of the reference angles.
+    pub reference: Uncertainty,
 }
+
+/// Standard uncertainty of the angle that the paper's motor states: harmonics of 0.05 deg peak to
+/// peak together, direction error 0.0083 deg, repeatability 0.0042 deg (DGM130R-ASAA \[RECALL\]).
+pub const MOTOR: Uncertainty = Uncertainty::from_degrees(0.0134);
 
 /// What the channel sees at one stand of the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -191,6 +200,8 @@ pub struct Motor {
     axis: Option<Axis>,
     worst: u32,
     residual: Option<i32>,
+    /// Temperatures at which the points of each axis were taken.
+    spans: Axes<Span>,
     points: Axes<Points>,
 }
 
@@ -204,6 +215,10 @@ impl Motor {
                 y: Points::new(),
             },
             residual: None,
+            spans: Axes {
+                x: Span::NOWHERE,
+                y: Span::NOWHERE,
+            },
             worst: 0,
         }
     }
@@ -240,8 +255,8 @@ impl Motor {
         in_force: &mut Calibration,
     ) -> Result<Outcome, MotorError> {
         match command {
-            Command::StartX => self.start(Axis::X),
-            Command::StartY => self.start(Axis::Y),
+            Command::StartX => self.start(Axis::X, in_force.budget.span),
+            Command::StartY => self.start(Axis::Y, in_force.budget.span),
             Command::Finish => self.finish(terms, in_force),
             Command::Abandon => {
                 self.axis = None;
@@ -250,11 +265,16 @@ impl Motor {
         }
     }
 
-    fn start(&mut self, axis: Axis) -> Result<Outcome, MotorError> {
+    /// An axis that is not started keeps the span of what is in force, as its table.
+    fn start(&mut self, axis: Axis, in_force: Span) -> Result<Outcome, MotorError> {
         match self.axis {
             None => {
                 self.points.x.clear();
                 self.points.y.clear();
+                self.spans = Axes {
+                    x: in_force,
+                    y: in_force,
+                };
             }
             Some(before) if before != axis && !self.points_of(before).is_empty() => {
                 self.check(before)?;
@@ -263,6 +283,7 @@ impl Motor {
         }
         self.axis = Some(axis);
         axis.of_mut(&mut self.points).clear();
+        *axis.of_mut(&mut self.spans) = Span::NOWHERE;
         self.residual = None;
         self.worst = 0;
         Ok(Outcome::Running)
@@ -297,7 +318,15 @@ impl Motor {
                 made.map_err(|error| MotorError::Table(axis, error))?;
             }
         }
-        in_force.budget = terms.budget;
+        let kept = self.points_of(axis.other()).is_empty();
+        let budget = &mut in_force.budget;
+        let before = if kept {
+            budget.reference
+        } else {
+            terms.reference
+        };
+        budget.take_tables(tables, terms.reference.max(before));
+        budget.take_run(self.spans.x.and(self.spans.y), &in_force.temperature);
         self.axis = None;
         Ok(Outcome::Finished)
     }
@@ -333,6 +362,8 @@ impl Motor {
         self.residual = found.map(|found| to_millidegrees(found.angle.minus(angle)));
         let size = self.residual.map_or(0, i32::unsigned_abs);
         self.worst = self.worst.max(size);
+        let span = axis.of_mut(&mut self.spans);
+        *span = span.widened(temperature);
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use std::rc::Rc;
 use crate::site::{Memory, blank};
 use canopen::Frame;
 use canopen::object::{Address, Value, at};
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
 use device::exchange;
@@ -29,7 +29,7 @@ use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant};
 use tilt::table::Rule;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Budget, Uncertainty};
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::{Corrected, Vector};
 
 const SYNC_US: i64 = 20_000;
@@ -122,7 +122,7 @@ fn settings() -> Settings {
                 vector: Vector::IDENTITY,
                 harmonics: Axes::<Harmonics>::default(),
             },
-            budget: Budget::default(),
+            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
         },
     };
     // This part's codes stand still, as those of one without noise may.
@@ -144,7 +144,7 @@ fn factory() -> Factory {
         kbit_s: 250,
         terms: Terms {
             rule: Rule::Nearest,
-            budget: settings.chain.calibration.budget,
+            reference: MOTOR,
         },
         settings,
     }

@@ -6,7 +6,7 @@ use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
 use device::calibration::deliver;
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
 use device::memory::update::Anybody;
@@ -26,7 +26,7 @@ use tilt::filter::LowPass;
 use tilt::sample::{FullScale, Instant};
 use tilt::table::Rule;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 /// The most frames that one instant can bring; counted in the tests of `canopen::node`, with one
@@ -122,8 +122,13 @@ pub fn blank() -> Memory {
         hardware: HARDWARE,
     };
     let mut memory = FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody);
-    deliver(&mut memory, &Calibration::NOMINAL).unwrap();
+    deliver(&mut memory, &delivered()).unwrap();
     memory
+}
+
+/// The calibration that it is delivered with: that of a perfect part.
+pub fn delivered() -> Calibration {
+    settings().chain.calibration
 }
 
 fn settings() -> Settings {
@@ -140,7 +145,7 @@ fn settings() -> Settings {
                 vector: Vector::IDENTITY,
                 harmonics: Axes::<Harmonics>::default(),
             },
-            budget: Budget::default(),
+            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
         },
     };
     // This part's codes stand still, as those of one without noise may.
@@ -159,7 +164,7 @@ fn factory(channel: Channel) -> Factory {
         kbit_s: 250,
         terms: Terms {
             rule: Rule::Nearest,
-            budget: settings.chain.calibration.budget,
+            reference: MOTOR,
         },
         settings,
     }

@@ -231,7 +231,12 @@ impl Float {
     fn reading(&self, memory: &Memory, now: Instant, degrees: f32) -> [[f32; 2]; 2] {
         let accel = self.vector(self.aligned(memory, now), degrees - 25.0);
         let [noise, repeatability, hysteresis, fixed] = self.squares;
-        let share = ((degrees - 25.0) / 10.0).clamp(-1.0, 1.0);
+        let away = if degrees > 25.0 {
+            degrees - 25.0
+        } else {
+            25.0 - degrees
+        };
+        let share = ((away + 3.0) / 8.0).min(1.0);
         let square = noise + repeatability + hysteresis * share * share;
         let [x, y, z] = accel.map(|c| c * c);
         let norm = libm::sqrtf(x + y + z);

@@ -142,6 +142,7 @@ pub fn calibration() -> Calibration {
             hysteresis: 24_000,
             reference: Uncertainty(160_000),
             residual: Uncertainty(100_000),
+            fitted_at: Temperature::REFERENCE,
             tco: TCO,
             span: Span::CHAMBER,
         },

@@ -17,7 +17,7 @@ use sim::network::hand::Pose;
 use tilt::angle::{Angle, Axes, Harmonics};
 use tilt::chain::{Calibration, Correction};
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::Budget;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
@@ -52,7 +52,7 @@ pub fn calibration(degrees: f64) -> Calibration {
             vector: Vector::IDENTITY,
             harmonics,
         },
-        budget: Budget::default(),
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
     }
 }
 

@@ -17,8 +17,8 @@ use tilt::calibration::motor::{FittedVector, HarmonicFit, PlaneFit, VectorFit};
 use tilt::chain::Correction;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table};
-use tilt::temperature::Compensated;
-use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
+use tilt::temperature::{Compensated, TemperatureModel};
+use tilt::uncertainty::{Budget, Span, TCO, TCS, Uncertainty};
 
 use super::characterise::mean_of_both;
 use super::statistics::Tally;
@@ -46,6 +46,7 @@ struct Memory {
     mount: Mount,
     reference_deg: f64,
     compensated: Compensated,
+    temperature: Temperature,
 }
 
 /// How a calibration went, for one node.
@@ -161,6 +162,7 @@ impl Bench {
                 mount,
                 reference_deg,
                 compensated,
+                temperature: mean.temperature,
             });
         }
         Ok(())
@@ -196,7 +198,20 @@ impl Bench {
         } else {
             residual(chain, memories)
         };
-        chain.calibration.budget = budget(self.mode, residual_deg);
+        let run = Span::of(memories.iter().map(|m| m.temperature));
+        let before = &chain.calibration;
+        let (tco, span) = match before.temperature {
+            TemperatureModel::None => (TCO, run),
+            // The slopes mend the offset alone, and the sensitivity drifts on.
+            TemperatureModel::Piecewise(_) | TemperatureModel::DataSheet(_) => (TCS, run),
+            TemperatureModel::Quadratic(_) => (before.budget.tco, before.budget.span),
+        };
+        chain.calibration.budget = Budget {
+            fitted_at: run.middle(),
+            tco,
+            span,
+            ..budget(self.mode, residual_deg)
+        };
         Ok(CalibrationReport {
             condition,
             residual_deg,
@@ -360,7 +375,9 @@ const SWEEPS: f64 = 4.0;
 fn budget(mode: Mode, residual_deg: f64) -> Budget {
     let mg = f64::from(tilt::ONE_G) / 1000.0;
     let paper = mode == Mode::Paper;
-    let noise_mg = 0.090 * (mode.rate_hz() / 2.0).sqrt();
+    let period_us = mode.settings().chain.period_us;
+    let noise = tilt::health::noise(period_us);
+    let noise_mg = f64::from(noise) / mg;
     let filter_gain = f64::from(mode.settings().chain.filter.noise_power_q30()) / 2f64.powi(30);
     let memorised_mg = if paper {
         noise_mg * (filter_gain / 2.0).sqrt()
@@ -374,12 +391,12 @@ fn budget(mode: Mode, residual_deg: f64) -> Budget {
         .max(0.0)
         .sqrt();
     Budget {
-        noise: (noise_mg * mg) as u32,
+        noise,
         repeatability: (repeatability_mg * mg) as u32,
-        hysteresis: (0.5 * 0.73 * mg) as u32,
-        reference: Uncertainty::from_degrees(REFERENCE_DEG),
-        residual: Uncertainty::from_degrees(unexpected),
-        tco: TCO,
-        span: Span::REFERENCE,
+        ..Budget::calibrated(
+            Uncertainty::from_degrees(REFERENCE_DEG),
+            Uncertainty::from_degrees(unexpected),
+            Span::REFERENCE,
+        )
     }
 }

@@ -15,6 +15,7 @@
 use tilt::calibration::thermal::{Dwell, ORIENTATIONS, QuadraticFit, piecewise};
 use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, TemperatureModel};
+use tilt::uncertainty::Span;
 
 use super::{Bench, BenchError, Mode, run};
 use crate::chamber::{Profile, Program};
@@ -113,6 +114,16 @@ impl Stair {
 struct Gathered {
     stairs: [[Stair; KNOTS]; 2],
     fits: [QuadraticFit; 2],
+    /// Temperatures that each part has told.
+    spans: [Span; 2],
+}
+
+impl Gathered {
+    fn note(&mut self, means: &[Mean; 2]) {
+        for (span, mean) in self.spans.iter_mut().zip(means) {
+            *span = span.widened(mean.temperature);
+        }
+    }
 }
 
 impl Bench {
@@ -167,6 +178,7 @@ impl Bench {
         if self.mode == Mode::Paper {
             let level = &mut Fixture::level();
             let means = mean_of_both(&mut self.instrument, level, 1.0, MEAN_S, STEP)?;
+            gathered.note(&means);
             for (stairs, mean) in gathered.stairs.iter_mut().zip(&means) {
                 let stair = index
                     .checked_sub(BEFORE_STAIRS)
@@ -181,6 +193,7 @@ impl Bench {
             let pose = &mut Fixture::tetrahedral(which);
             let share_g = pose.step(self.instrument.time_s()).force_g;
             let means = mean_of_both(&mut self.instrument, pose, 1.0, MEAN_S, STEP)?;
+            gathered.note(&means);
             for (fit, mean) in gathered.fits.iter_mut().zip(&means) {
                 let dwell = Dwell {
                     temperature: mean.temperature,
@@ -200,12 +213,13 @@ impl Bench {
             } else {
                 gathered.fits[i].solve().map(TemperatureModel::Quadratic)
             };
-            side.settings.chain.calibration.temperature =
-                model.map_err(|error| BenchError::Fit {
-                    step: "climatic chamber",
-                    node: i + 1,
-                    error,
-                })?;
+            let calibration = &mut side.settings.chain.calibration;
+            calibration.temperature = model.map_err(|error| BenchError::Fit {
+                step: "climatic chamber",
+                node: i + 1,
+                error,
+            })?;
+            calibration.budget.span = gathered.spans[i];
         }
         Ok(())
     }

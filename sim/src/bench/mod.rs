@@ -11,6 +11,7 @@
 pub mod calibrate;
 pub mod characterise;
 pub mod dynamic_test;
+pub mod person;
 pub mod static_test;
 pub mod statistics;
 pub mod thermal_test;
@@ -24,6 +25,7 @@ use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::LowPass;
 use tilt::sample::FullScale;
+use tilt::uncertainty::Budget;
 
 use crate::chamber::Chamber;
 use crate::error_model::ErrorModel;
@@ -73,7 +75,13 @@ impl Mode {
             period_us: part.rate.period_us(),
             part_delay_q16: PART_DELAY_Q16,
             timing,
-            calibration: Calibration::NOMINAL,
+            calibration: Calibration {
+                budget: Budget {
+                    noise: tilt::health::noise(part.rate.period_us()),
+                    ..Budget::DATA_SHEET
+                },
+                ..Calibration::NOMINAL
+            },
         };
         Settings {
             part,

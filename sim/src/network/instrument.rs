@@ -9,7 +9,7 @@
 
 use canopen::object::{Address, Value, at};
 use device::calibration::deliver;
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
@@ -129,7 +129,7 @@ impl Delivered {
                 kbit_s: rates[place],
                 terms: Terms {
                     rule,
-                    budget: settings.chain.calibration.budget,
+                    reference: MOTOR,
                 },
                 settings,
             };

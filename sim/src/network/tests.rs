@@ -12,13 +12,14 @@ use canopen::Frame;
 use canopen::nmt::State;
 use canopen::object::Value;
 use device::calibration::deliver;
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::process::SyncSource;
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore, parameters};
 use tilt::chain::Calibration;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 use crate::bench::Mode;
 use crate::can_bus::Rates;
@@ -74,7 +75,7 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
         kbit_s,
         terms: Terms {
             rule: tilt::table::Rule::Nearest,
-            budget: settings.chain.calibration.budget,
+            reference: MOTOR,
         },
         settings,
     }
@@ -83,7 +84,11 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
 /// The memory of a perfect part as it left the factory.
 fn delivered() -> Memory {
     let mut memory = memory::blank();
-    deliver(&mut memory, &Calibration::NOMINAL).unwrap();
+    let calibration = Calibration {
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+        ..Calibration::NOMINAL
+    };
+    deliver(&mut memory, &calibration).unwrap();
     memory
 }
 

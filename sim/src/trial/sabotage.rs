@@ -3,7 +3,7 @@
 //! In: a node without power. Out: the same node with other code.
 
 use device::calibration::deliver;
-use device::calibration::motor::Terms;
+use device::calibration::motor::{MOTOR, Terms};
 use device::device::{Device, Factory};
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
@@ -71,7 +71,7 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
         kbit_s: setup.kbit_s,
         terms: Terms {
             rule: if paper { Rule::Nearest } else { Rule::Linear },
-            budget: settings.chain.calibration.budget,
+            reference: MOTOR,
         },
         settings: settings.clone(),
     };

@@ -4,6 +4,7 @@ use super::*;
 use crate::ONE_G;
 use crate::table::Point;
 use crate::temperature::DataSheet;
+use crate::uncertainty::Span;
 use std::vec::Vec;
 
 fn product() -> Chain {
@@ -21,7 +22,7 @@ fn product() -> Chain {
             },
             budget: Budget {
                 noise: ONE_G as u32 / 800,
-                ..Budget::default()
+                ..Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER)
             },
         },
     }

@@ -6,13 +6,18 @@
 //! the zero-g offset, a gain, a sagging supply, a swapped axis.
 //!
 //! Two healthy channels differ a little, and steadily: what switching on, hysteresis and
-//! calibration have left in each. That habit is learned while they agree, within [`HABIT_LIMIT`],
-//! and taken off; what remains is as small as the pair's noise. The difference goes through
-//! low-passes of different lengths, each with its own thresholds: the short ones find large faults
-//! at once, the long ones small ones. In a shock two healthy channels differ by ten times as much
-//! as without one, briefly, so each low-pass has one threshold for calm and one for shaken times.
-//! Beside them the whole difference, habit included, has a threshold of its own, so that a fault
-//! that was there from the start, or grows slowly, is found.
+//! calibration have left in each. That habit is learned while they agree, up to half of what the
+//! whole difference may be, and taken off; what remains is as small as the pair's noise. The
+//! difference goes through low-passes of different lengths, each with its own thresholds: the short
+//! ones find large faults at once, the long ones small ones. In a shock two healthy channels differ
+//! by ten times as much as without one, briefly, so each low-pass has one threshold for calm and
+//! one for shaken times. Beside them the whole difference, habit included, has a threshold of its
+//! own, so that a fault that was there from the start, or grows slowly, is found.
+//!
+//! A pair whose uncertainty is wide may differ by more, habit and changes of pose alike: above
+//! [`Residual::whole`] each threshold grows with the uncertainty, and the habit with it. Without a
+//! temperature model the offsets of both channels drift apart with the temperature, which the habit
+//! takes up, and their sensitivities, which shows when the housing turns.
 //!
 //! Left out: which of the two is wrong; that takes a standstill (`standstill`).
 
@@ -49,9 +54,6 @@ pub struct Residual {
 
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
-
-/// How large a habit may become on each axis, 2^-26 g.
-pub const HABIT_LIMIT: i32 = 2 * MG as i32;
 
 /// How long a habit takes to be known, us.
 const KNOWN_US: u32 = 5_000_000;
@@ -144,6 +146,9 @@ impl Residual {
         follow(&mut state.whole, &whole, self.whole_us, counted_us);
         stop(&mut state.whole, threshold);
         let mut exceeded = length_exceeds(&state.whole, threshold);
+        // Half for what is steady, half for what changes with the pose; 1 mg of noise on top.
+        let half = threshold / 2;
+        let least = half.saturating_add(MG);
         let known = state.learned_us >= KNOWN_US;
         let mut rest = whole;
         for (rest, habit) in rest.iter_mut().zip(&state.habit) {
@@ -151,21 +156,26 @@ impl Residual {
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
             follow(low, &rest, stage.tau_us, counted_us);
-            stop(low, stage.shaken);
-            let threshold = if shaken { stage.shaken } else { stage.calm };
+            let highest = stage.shaken.max(least);
+            stop(low, highest);
+            let threshold = if shaken {
+                highest
+            } else {
+                stage.calm.max(least)
+            };
             exceeded |= known && length_exceeds(low, threshold);
         }
         if !exceeded {
-            self.learn(state, &whole, elapsed_us);
+            self.learn(state, &whole, half, elapsed_us);
         }
         exceeded
     }
 
     /// The first pairs count by their time, later ones by the time constant.
-    fn learn(&self, state: &mut State, whole: &[i64; 3], elapsed_us: u32) {
+    fn learn(&self, state: &mut State, whole: &[i64; 3], limit: u32, elapsed_us: u32) {
         let so_far_us = state.learned_us.min(self.habit_us);
         follow(&mut state.habit, whole, so_far_us, elapsed_us);
-        let limit = i64::from(HABIT_LIMIT) << FRACTION;
+        let limit = i64::from(limit) << FRACTION;
         for habit in &mut state.habit {
             *habit = (*habit).clamp(-limit, limit);
         }

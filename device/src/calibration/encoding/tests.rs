@@ -22,7 +22,7 @@ fn blank() -> Calibration {
             vector: Vector::IDENTITY,
             harmonics: Harmonics::default(),
         },
-        budget: Budget::default(),
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
     }
 }
 
@@ -191,20 +191,21 @@ fn some_correction() -> impl Strategy<Value = Correction> {
 fn some_calibration() -> impl Strategy<Value = Calibration> {
     let budget = any::<[u32; 5]>().prop_map(|[noise, repeatability, hysteresis, a, b]| Budget {
         noise,
-        repeatability,
+        repeatability: repeatability.max(1),
         hysteresis,
-        reference: Uncertainty(a),
-        residual: Uncertainty(b),
-        ..Budget::default()
+        ..Budget::calibrated(Uncertainty(a), Uncertainty(b), Span::REFERENCE)
     });
-    let growth = proptest::option::of(any::<(u32, i32, i32)>());
+    let growth = proptest::option::of(any::<(i32, u32, i32, i32)>());
     (some_model(), some_correction(), budget, growth).prop_map(
         |(temperature, correction, mut budget, growth)| {
-            budget.tco = growth.map_or(TCO, |(tco, ..)| tco);
-            budget.span = growth.map_or(Span::implied_by(&temperature), |(_, low, high)| Span {
-                low: Temperature(low),
-                high: Temperature(high),
-            });
+            budget.span = Span::implied_by(&temperature);
+            budget.fitted_at = Temperature::REFERENCE;
+            if let Some((fitted_at, tco, low, high)) = growth {
+                budget.fitted_at = Temperature(fitted_at);
+                budget.tco = tco;
+                budget.span.low = Temperature(low);
+                budget.span.high = Temperature(high);
+            }
             Calibration {
                 temperature,
                 correction,
@@ -214,11 +215,31 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
     )
 }
 
+#[test]
+fn tables_that_a_node_made_with_a_budget_of_zeros_get_the_one_that_their_points_tell() {
+    for (calibration, worth) in [(tables(), false), (two_axis(), true)] {
+        let mut bytes = encode(&calibration);
+        for place in 4..9 {
+            bytes = with_word(&bytes, place, 0);
+        }
+        let read = decode(&bytes).unwrap();
+        assert_eq!(
+            read.budget == Budget::DATA_SHEET,
+            worth,
+            "{:?}",
+            read.budget
+        );
+        assert!(read.budget.repeatability > 0 && read.budget.reference.0 > 0);
+    }
+}
+
 /// The words of version 1 for a part without a temperature model, as releases before wrote them.
 fn version_1(calibration: &Calibration) -> Vec<u8> {
-    let mut bytes = encode(calibration);
-    assert_eq!(bytes[4], 2, "a calibration that needs version 2");
-    bytes.drain(36..48);
+    let mut calibration = calibration.clone();
+    calibration.budget.tco = 0;
+    let mut bytes = encode(&calibration);
+    assert_eq!(bytes[4], 2);
+    bytes.drain(36..52);
     let length = bytes.len() as u32;
     mended(with_word(&with_word(&bytes, 1, 1), 2, length))
 }
@@ -242,6 +263,7 @@ fn version_1_of_a_unit_in_the_field_is_read_and_keeps_its_bytes_and_its_check_su
             let before = version_1(&calibration);
             let read = decode(&before).unwrap();
             assert_eq!((read.budget.tco, read.budget.span), (TCO, span));
+            assert_eq!(read.budget.fitted_at, Temperature::REFERENCE);
             assert_eq!(read.correction, calibration.correction);
             assert_eq!(encode(&read), before);
             let sum = before.last_chunk().copied().map(u32::from_le_bytes);
@@ -369,13 +391,13 @@ fn each_refusal_has_its_name() {
     assert_eq!(refused(3, 0x0003_0000), DecodeError::Kind);
     assert_eq!(refused(3, 0x0101_0000), DecodeError::Kind);
     assert_eq!(
-        refused(12, 1),
+        refused(13, 1),
         DecodeError::Table(Axis::X, TableError::TooFew)
     );
-    assert_eq!(refused(12, 2), DecodeError::Truncated);
-    assert_eq!(refused(12, 200), DecodeError::Truncated);
+    assert_eq!(refused(13, 2), DecodeError::Truncated);
+    assert_eq!(refused(13, 200), DecodeError::Truncated);
     let not_rising = DecodeError::Table(Axis::Y, TableError::NotRising);
-    assert_eq!(refused(23, 0x8000_0000), not_rising);
+    assert_eq!(refused(24, 0x8000_0000), not_rising);
     let last = bytes.len() / 4 - 2;
     assert_eq!(
         refused(last - 8, 0),
@@ -390,15 +412,15 @@ fn each_refusal_has_its_name() {
 fn what_would_make_the_device_lie_is_refused() {
     let bytes = encode(&two_axis());
     let refused = |place, word| decode(&with_word(&bytes, place, word)).unwrap_err();
-    assert_eq!(refused(12, 0), DecodeError::Matrix);
-    assert_eq!(refused(21, 1 << 27), DecodeError::Offset);
-    assert_eq!(refused(24, 1 << 28), DecodeError::Harmonics);
+    assert_eq!(refused(13, 0), DecodeError::Matrix);
+    assert_eq!(refused(22, 1 << 27), DecodeError::Offset);
+    assert_eq!(refused(25, 1 << 28), DecodeError::Harmonics);
     assert_eq!(refused(3, 0x0001_0100), DecodeError::Kind);
     let one_axis = encode(&blank());
     // Nothing is calibrated about y in one-axis mode, so its row may be anything.
-    assert!(decode(&with_word(&one_axis, 16, 0)).is_ok());
+    assert!(decode(&with_word(&one_axis, 17, 0)).is_ok());
     assert_eq!(
-        decode(&with_word(&one_axis, 20, 0)),
+        decode(&with_word(&one_axis, 21, 0)),
         Err(DecodeError::Matrix)
     );
 }
@@ -423,8 +445,8 @@ fn knots_that_do_not_rise_are_refused() {
 }
 
 #[test]
-fn the_longest_is_3088_bytes() {
-    assert_eq!(MAX_LENGTH, 3088);
+fn the_longest_is_3092_bytes() {
+    assert_eq!(MAX_LENGTH, 3092);
     let mut piecewise = Piecewise::default();
     for (knot, value) in piecewise.knots.iter_mut().zip(0..) {
         *knot = Temperature(value);
@@ -438,7 +460,10 @@ fn the_longest_is_3088_bytes() {
             },
             rule: Rule::Nearest,
         },
-        ..blank()
+        budget: Budget {
+            tco: 1,
+            ..blank().budget
+        },
     };
     assert_eq!(length(&calibration), MAX_LENGTH);
     let bytes = encode(&calibration);

@@ -13,22 +13,14 @@ use tilt::filter::LowPass;
 use tilt::sample::{FullScale, Instant};
 use tilt::table::MAX_POINTS;
 use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Span, Uncertainty};
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::vector::Vector;
 
 use super::*;
 
 const TERMS: Terms = Terms {
     rule: Rule::Linear,
-    budget: Budget {
-        noise: 5,
-        repeatability: 4,
-        hysteresis: 3,
-        reference: Uncertainty(2),
-        residual: Uncertainty(1),
-        tco: 6,
-        span: Span::CHAMBER,
-    },
+    reference: Uncertainty(200_000),
 };
 
 /// A chain that has only the formula, as from the factory.
@@ -46,7 +38,7 @@ fn factory() -> Chain {
                 vector: Vector::IDENTITY,
                 harmonics,
             },
-            budget: Budget::default(),
+            budget: Budget::DATA_SHEET,
         },
     }
 }
@@ -113,7 +105,15 @@ fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
     let ended = tell(&mut motor, Command::Finish, &mut chain);
     assert_eq!(ended, Ok(Outcome::Finished));
     assert_eq!(motor.progress().points, Axes { x: 181, y: 181 });
-    assert_eq!(chain.calibration.budget, TERMS.budget);
+    let budget = &chain.calibration.budget;
+    assert_eq!(budget.reference, TERMS.reference);
+    assert_eq!(budget.span, Span::REFERENCE, "no temperature is known");
+    // Points without noise: what the fourth power of a degree leaves.
+    let bare = Budget::calibrated(TERMS.reference, Uncertainty(0), Span::REFERENCE);
+    assert!(
+        budget.repeatability.abs_diff(bare.repeatability) < 20,
+        "{budget:?}"
+    );
     for axis in [Axis::X, Axis::Y] {
         assert!((degrees_found(&chain, axis, 30.5) - 30.5).abs() < 0.01);
     }
@@ -127,6 +127,102 @@ fn two_sweeps_make_two_tables_and_a_third_verifies_them() {
     assert!(motor.progress().worst < 200, "{:?}", motor.progress());
     let left = tell(&mut motor, Command::Abandon, &mut chain);
     assert_eq!((left, motor.is_running()), (Ok(Outcome::Abandoned), false));
+}
+
+/// A run of both axes in steps of `step` deg at `celsius`, with `noise_mg` on every other point.
+fn calibrated(chain: &mut Chain, celsius: [i16; 2], step: usize, noise_mg: f64) {
+    let mut motor = Motor::new();
+    for (axis, command, celsius) in [
+        (Axis::X, Command::StartX, celsius[0]),
+        (Axis::Y, Command::StartY, celsius[1]),
+    ] {
+        let begun = motor.command(command, &TERMS, &mut chain.calibration);
+        assert_eq!(begun, Ok(Outcome::Running));
+        for (count, degrees) in (-90..=90).step_by(step).enumerate() {
+            let mut seen = sight(axis, f64::from(degrees));
+            seen.temperature = Some(Temperature::from_celsius(celsius + (count % 2) as i16));
+            let sign = [-1.0, 1.0][count % 2];
+            for accel in &mut seen.filtered.as_mut().unwrap().accel {
+                *accel += (sign * noise_mg / 1000.0 * f64::from(ONE_G)) as i32;
+            }
+            motor.memorise(degrees * 1000, chain, &seen).unwrap();
+        }
+    }
+    let ended = motor.command(Command::Finish, &TERMS, &mut chain.calibration);
+    assert_eq!(ended, Ok(Outcome::Finished));
+}
+
+#[test]
+fn the_uncertainty_was_0_after_a_calibration_by_2060h() {
+    let mut chain = factory();
+    calibrated(&mut chain, [22, 22], 10, 0.3);
+    let at = |degrees: f64, celsius: i16| {
+        let filtered = sight(Axis::X, degrees).filtered.unwrap();
+        let found = chain.evaluate(filtered, Temperature::from_celsius(celsius));
+        let found = found.x.unwrap();
+        let error = found.angle.degrees() - degrees;
+        (error, found.unshared.degrees())
+    };
+    for degrees in [-85.0, -60.0, -33.3, 0.0, 12.0, 45.0, 77.0, 89.0] {
+        let (error, u) = at(degrees, 22);
+        assert!(u > 0.02 && error.abs() < 1.96 * u, "{degrees}: {error} {u}");
+    }
+    assert!(at(15.0, 22).1 < 0.12, "a line between points 10 deg apart");
+    // The turn-on offset twice, and points that are off by 0.3 mg, their neighbours by as much.
+    let budget = &chain.calibration.budget;
+    let bare = Budget::calibrated(TERMS.reference, Uncertainty(0), Span::REFERENCE);
+    assert!(
+        budget.repeatability > bare.repeatability + 10_000,
+        "{budget:?}"
+    );
+    let at_22_to_23 = Span {
+        low: Temperature::from_celsius(22),
+        high: Temperature::from_celsius(23),
+    };
+    assert_eq!((budget.span, budget.tco), (at_22_to_23, bare.tco));
+    assert!(at(0.0, 62).1 > 0.45, "40 degC away");
+}
+
+#[test]
+fn axes_calibrated_at_two_temperatures_count_by_the_farther_one() {
+    let mut chain = factory();
+    calibrated(&mut chain, [10, 30], 10, 0.0);
+    let span = chain.calibration.budget.span;
+    let beyond = [10, 20, 31].map(|c| span.beyond(Temperature::from_celsius(c)) / 256);
+    assert_eq!(beyond, [20, 10, 20]);
+}
+
+#[test]
+fn a_table_that_is_kept_brings_its_span_and_its_reference_along() {
+    let mut chain = factory();
+    calibrated(&mut chain, [20, 20], 10, 0.0);
+    chain.calibration.budget.reference = Uncertainty(9_000_000);
+    let mut motor = Motor::new();
+    let calibration = &mut chain.calibration;
+    motor.command(Command::StartX, &TERMS, calibration).unwrap();
+    for degrees in [-60, 0, 60] {
+        let mut seen = sight(Axis::X, f64::from(degrees));
+        seen.temperature = Some(Temperature::from_celsius(40));
+        motor.memorise(degrees * 1000, &chain, &seen).unwrap();
+    }
+    let calibration = &mut chain.calibration;
+    motor.command(Command::Finish, &TERMS, calibration).unwrap();
+    let budget = &chain.calibration.budget;
+    assert_eq!(budget.reference, Uncertainty(9_000_000));
+    let beyond = [20, 40].map(|c| budget.span.beyond(Temperature::from_celsius(c)) / 256);
+    assert_eq!(beyond, [20, 19]);
+}
+
+#[test]
+fn a_temperature_model_in_force_keeps_its_span() {
+    let mut chain = factory();
+    let model = tilt::temperature::Quadratic::default();
+    chain.calibration.temperature = TemperatureModel::Quadratic(model);
+    chain.calibration.budget.span = Span::CHAMBER;
+    chain.calibration.budget.tco = 7;
+    calibrated(&mut chain, [20, 20], 10, 0.0);
+    let budget = &chain.calibration.budget;
+    assert_eq!((budget.span, budget.tco), (Span::CHAMBER, 7));
 }
 
 #[test]
