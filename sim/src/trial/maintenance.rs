@@ -150,13 +150,13 @@ impl Maintenance {
             Work::Flood => master.flood(network, Some(FLOOD_ID)),
             Work::Clear => {
                 master.hold(network, channel, Command::PreOperational);
-                master.write(network, channel, CLEAR);
+                master.write(channel, CLEAR);
             }
-            Work::Offset => master.write(network, channel, OFFSET),
-            Work::LatchTime => master.write(network, channel, Write::new(0x2004, 0, 2, 1)),
+            Work::Offset => master.write(channel, OFFSET),
+            Work::LatchTime => master.write(channel, Write::new(0x2004, 0, 2, 1)),
             Work::GoesOnAlone => {
                 let other = u32::from(!setup.degraded);
-                master.write(network, channel, Write::new(0x2005, 0, 1, other));
+                master.write(channel, Write::new(0x2005, 0, 1, other));
             }
             Work::NoSync => master.set_sync(None, network.now_ns()),
             Work::SyncPeriod { us } => {
@@ -180,14 +180,14 @@ impl Maintenance {
             Work::Wires => connect(network, node, true),
             Work::BusOff => spoil(network, node, false),
             Work::Flood => master.flood(network, None),
-            Work::Offset => master.write(network, channel, NO_OFFSET),
+            Work::Offset => master.write(channel, NO_OFFSET),
             Work::LatchTime => {
                 let latch_s = u32::from(setup.latch_s);
-                master.write(network, channel, Write::new(0x2004, 0, 2, latch_s));
+                master.write(channel, Write::new(0x2004, 0, 2, latch_s));
             }
             Work::GoesOnAlone => {
                 let alone = u32::from(setup.degraded);
-                master.write(network, channel, Write::new(0x2005, 0, 1, alone));
+                master.write(channel, Write::new(0x2005, 0, 1, alone));
             }
             Work::NoSync | Work::SyncPeriod { .. } => {
                 master.set_sync(Some(setup.period_ns()), network.now_ns());

@@ -4,7 +4,9 @@
 //! SDO writes through a port of its own. Of the nodes it has what any master has: boot-ups and
 //! heartbeats. A second master may send SYNC beside it, and somebody may flood the bus.
 //!
-//! Left out: what a node answers to a write.
+//! Left out: what a node answers to a write; it is repeated until there is an answer.
+
+use std::collections::VecDeque;
 
 use canopen::Frame;
 
@@ -46,6 +48,8 @@ impl Write {
 const AGAIN_NS: u64 = 300_000_000;
 /// A node that hasn't booted is reset again after this, ns.
 const RESET_AGAIN_NS: u64 = 1_000_000_000;
+/// A write without an answer is sent again after this, ns.
+const ASK_AGAIN_NS: u64 = 500_000_000;
 /// Of a SYNC that is not sent.
 const NEVER: u64 = u64::MAX;
 
@@ -70,6 +74,10 @@ pub struct Master {
     /// A node that is not to be started.
     held: [bool; CHANNELS],
     second: Option<Second>,
+    /// Writes that have had no answer.
+    writes: [VecDeque<Write>; CHANNELS],
+    /// When the first of them was last sent, ns.
+    asked_ns: [Option<u64>; CHANNELS],
     /// The port of a second master or of whoever floods the bus; attached once.
     stranger: Option<Port>,
     /// A node to start.
@@ -89,6 +97,8 @@ impl Master {
             sync_waits: false,
             held: [false; CHANNELS],
             second: None,
+            writes: Default::default(),
+            asked_ns: [None; CHANNELS],
             stranger: None,
             start: [false; CHANNELS],
             started_ns: [0; CHANNELS],
@@ -143,10 +153,28 @@ impl Master {
         *self.stranger.get_or_insert_with(|| network.attach_host())
     }
 
-    /// Writes an object of a node.
-    pub fn write(&self, network: &mut Network, channel: usize, Write(bytes): Write) {
-        let frame = Frame::data_frame(0x601 + channel as u16, &bytes);
-        self.offer(network, frame);
+    /// Writes an object of a node, after what was to be written before.
+    pub fn write(&mut self, channel: usize, write: Write) {
+        self.writes[channel].push_back(write);
+    }
+
+    /// True while a write has had no answer.
+    pub fn is_writing(&self) -> bool {
+        self.writes.iter().any(|writes| !writes.is_empty())
+    }
+
+    fn ask(&mut self, network: &mut Network, now_ns: u64) {
+        for channel in 0..CHANNELS {
+            let again = |asked_ns: u64| now_ns >= asked_ns + ASK_AGAIN_NS;
+            if let Some(Write(bytes)) = self.writes[channel].front()
+                && self.asked_ns[channel].is_none_or(again)
+            {
+                let frame = Frame::data_frame(0x601 + channel as u16, bytes);
+                if self.offer(network, frame) {
+                    self.asked_ns[channel] = Some(now_ns);
+                }
+            }
+        }
     }
 
     /// Hears a message of a channel.
@@ -161,6 +189,10 @@ impl Master {
                 self.start[channel] |= long_ago;
             }
             Message::Sync => self.sync_waits = false,
+            Message::Answer => {
+                self.writes[channel].pop_front();
+                self.asked_ns[channel] = None;
+            }
             _ => {}
         }
     }
@@ -178,6 +210,7 @@ impl Master {
             }
         }
         self.reset_again(network, now_ns);
+        self.ask(network, now_ns);
         if let Some(second) = &mut self.second
             && now_ns >= second.next_ns
         {

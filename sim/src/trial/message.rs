@@ -1,10 +1,10 @@
 //! What a receiver on the bus understands of the two channels, and nothing more.
 //!
 //! In: frames. Out: [`Message`], with the node-id it comes from: slopes (TPDO 1), state (TPDO 2),
-//! EMCY, safety frames (SRDO 1 as delivered), boot-up and heartbeat; SYNC as well. The identifiers
+//! EMCY, safety frames (SRDO 1 as delivered), boot-up, heartbeat and SDO answers; SYNC as well. The identifiers
 //! are the predefined ones of CiA 301.
 //!
-//! Left out: SDO, the exchange between the nodes, and the inverted twins of safety frames.
+//! Left out: what an SDO answers, the exchange between the nodes, and the inverted twins of safety frames.
 
 use canopen::Frame;
 
@@ -64,6 +64,8 @@ pub enum Message {
     BootUp,
     /// The node's NMT state.
     Heartbeat(u8),
+    /// An answer to an SDO.
+    Answer,
 }
 
 impl Message {
@@ -86,6 +88,7 @@ impl Message {
             (0x180, [a, b, c, d, rest @ ..]) => Self::Slopes(slopes([*a, *b, *c, *d], rest)),
             (0x280, [_, state, ..]) => Self::State(*state),
             (0x080, _) => Self::Emergency(emergency(bytes.try_into().ok()?)),
+            (0x580, _) => Self::Answer,
             (0x700, [0]) => Self::BootUp,
             (0x700, [state]) => Self::Heartbeat(*state),
             _ => return None,
@@ -99,7 +102,7 @@ impl Message {
             Self::Slopes(slopes) => slopes.state,
             Self::State(state) => Some(*state),
             Self::Emergency(emergency) => Some(emergency.state),
-            Self::Sync | Self::Safety(_) | Self::BootUp | Self::Heartbeat(_) => None,
+            Self::Sync | Self::Safety(_) | Self::BootUp | Self::Heartbeat(_) | Self::Answer => None,
         }
     }
 }

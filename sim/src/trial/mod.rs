@@ -169,6 +169,8 @@ struct Run<'a> {
     temperature_ns: u64,
     /// Faults and maintenance that have begun and not ended.
     active: usize,
+    /// Channels that are set to show another angle than the other one.
+    offsets: usize,
     events: Vec<Event>,
     over: bool,
 }
@@ -205,6 +207,7 @@ impl<'a> Run<'a> {
             agenda: agenda(setup),
             temperature_ns: TEMPERATURE_NS,
             active: 0,
+            offsets: 0,
             events: Vec::new(),
             over: false,
             setup,
@@ -225,7 +228,11 @@ impl<'a> Run<'a> {
         let keep = |event: &Event| events.push(*event);
         self.network.run_until(&mut self.housing, next_ns, keep);
         self.hear(seen);
-        self.checks.pass(self.network.now_s());
+        let now_s = self.network.now_s();
+        if self.offsets > 0 || self.master.is_writing() {
+            self.checks.shown_apart_until(now_s + UNDER_WAY_S);
+        }
+        self.checks.pass(now_s);
         self.follow_temperature();
         while let Some((_, deed)) = self.agenda.pop_if(|(at, _)| *at <= next_ns) {
             self.act(deed);
@@ -308,17 +315,12 @@ impl<'a> Run<'a> {
         if begins {
             self.active += 1;
             self.checks.maintain();
-            if maintenance.work == Work::Offset {
-                self.checks.shown_apart_until(f64::INFINITY);
-            }
+            self.offsets += usize::from(maintenance.work == Work::Offset);
             maintenance.begin(&mut site, setup);
         } else {
             self.active -= 1;
             maintenance.end(&mut site, setup);
-            if maintenance.work == Work::Offset {
-                let now_s = self.network.now_s();
-                self.checks.shown_apart_until(now_s + UNDER_WAY_S);
-            }
+            self.offsets -= usize::from(maintenance.work == Work::Offset);
         }
     }
 

@@ -283,7 +283,7 @@ impl Checks {
                 self.order.nmt(at_s, channel, 0);
             }
             Message::Heartbeat(state) => self.order.nmt(at_s, channel, *state),
-            Message::State(_) => {}
+            Message::State(_) | Message::Answer => {}
         }
         if let Some(state) = message.state() {
             self.judge(at_s, channel, state);
