@@ -15,6 +15,7 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
 use tilt::sample::FullScale;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::table::Rule;
 
 /// The registers of a part, and what it feels.
@@ -162,7 +163,10 @@ pub fn factory(number: usize) -> Factory {
         period_us: part.rate.period_us(),
         part_delay_q16: PART_DELAY_Q16,
         timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration::NOMINAL,
+        calibration: Calibration {
+            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+            ..Calibration::NOMINAL
+        },
     };
     let channel = [Channel::A, Channel::B][number];
     Factory {
@@ -174,7 +178,7 @@ pub fn factory(number: usize) -> Factory {
         kbit_s: 250,
         terms: Terms {
             rule: Rule::Nearest,
-            budget: chain.calibration.budget,
+            reference: Uncertainty(0),
         },
         settings: Settings {
             part,
