@@ -104,12 +104,13 @@ impl Pair {
         self.newest = None;
         self.last_sync = now;
         self.periods_us = [0; 2];
-        self.unhear();
+        self.heard = false;
+        self.shown = PeerPresentation::NONE;
     }
 
     const fn unhear(&mut self) {
         self.heard = false;
-        self.shown = PeerPresentation::NONE;
+        self.shown.hear_anew();
     }
 
     /// Judges by another check from now on.

@@ -123,12 +123,20 @@ impl PeerPresentation {
         };
         let alike = core::mem::replace(byte, piece) == piece;
         self.known = self.known & !(1 << place) | u8::from(alike) << place;
-        let peer = Presentation::from_bytes(self.bytes);
-        if self.known != 0xF || !own.differs(peer, vagueness(readings)) {
-            self.apart_since = None;
-        } else {
-            self.apart_since.get_or_insert(now);
+        if self.known != 0xF {
+            return;
         }
+        let peer = Presentation::from_bytes(self.bytes);
+        if own.differs(peer, vagueness(readings)) {
+            self.apart_since.get_or_insert(now);
+        } else {
+            self.apart_since = None;
+        }
+    }
+
+    /// The peer was away: what it shows has to be heard again. What was found stands until then.
+    pub const fn hear_anew(&mut self) {
+        self.known = 0;
     }
 
     /// True when the two have shown different angles for too long.
@@ -236,6 +244,32 @@ mod tests {
         let room = vagueness([&vague, &vague]);
         assert!(!tenth(0).differs(tenth(80), room));
         assert!(tenth(0).differs(tenth(90), room));
+    }
+
+    #[test]
+    fn a_peer_that_was_away_gave_an_unlike_pair_two_more_seconds() {
+        let hundredth = Resolution::Hundredth;
+        let (own, peer) = (shifted(0, hundredth, 3), shifted(1000, hundredth, 3));
+        let mut heard = PeerPresentation::NONE;
+        let hear = |heard: &mut PeerPresentation, peer: Presentation, n: u64| {
+            let captured = (n * 10) as u8;
+            let now = Instant(n * 20_000);
+            heard.hear((captured, peer.piece(captured)), own, [&ABSENT; 2], now);
+            heard.is_apart(now)
+        };
+        // It is away for a moment every second and a half.
+        let told = (0..200).find(|n| {
+            if n % 75 == 74 {
+                heard.hear_anew();
+            }
+            hear(&mut heard, peer, *n)
+        });
+        assert!(told.is_some_and(|n| n <= 160), "{told:?}");
+        // What was found stands while it is away, and ends when it shows the same.
+        heard.hear_anew();
+        assert!(heard.is_apart(Instant(5_000_000)));
+        let ended = (250..400).find(|n| !hear(&mut heard, own, *n));
+        assert!(ended.is_some_and(|n| n <= 280), "{ended:?}");
     }
 
     #[test]

@@ -14,6 +14,7 @@ use flash::layout::{BASE, RC};
 use flash::nor::{Nor, Page};
 use sim::can_bus::Port;
 use sim::network::guest::Switch;
+use sim::network::hand::Pose;
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
@@ -322,4 +323,72 @@ fn a_request_was_lost_behind_other_frames_while_a_page_was_erased() {
         pair.run(0.45);
         assert_eq!(pair.of_id(0x581).len(), answered + 1, "round {round}");
     }
+}
+
+/// Puts the housing there and waits until it stands and the filters have settled.
+fn put(pair: &mut Pair, pose: Pose) {
+    assert!(pair.hand.go(pose));
+    pair.run(4.0);
+}
+
+/// Slopes of both nodes that are off by more than 1.96 of their uncertainties (2022h), with error
+/// and uncertainty in deg, over some poses; nothing of an uncertainty of 0 counts as within.
+fn outside(pair: &mut Pair) -> Vec<(u8, Pose, f64, f64)> {
+    let mut outside = Vec::new();
+    for (roll_deg, pitch_deg) in [
+        (0.0, 0.0),
+        (-33.0, 0.0),
+        (50.0, 0.0),
+        (0.0, 12.0),
+        (0.0, -47.0),
+    ] {
+        let pose = Pose {
+            pitch_deg,
+            roll_deg,
+        };
+        put(pair, pose);
+        for node in [1, 2] {
+            for (index, sub, truth) in [(0x6010, 1, roll_deg), (0x6020, 2, pitch_deg)] {
+                let slope = pair.read(node, index, 0).expect("a slope") as u16 as i16;
+                let error = f64::from(slope) / 100.0 - truth;
+                let told = pair.read(node, 0x2022, sub).expect("an uncertainty");
+                let u = f64::from(told as u16) / 1000.0;
+                eprintln!("node {node}, {pose:?}: error {error:.2} deg, uncertainty {u:.3} deg");
+                if u == 0.0 || error.abs() > 1.96 * u {
+                    outside.push((node, pose, error, u));
+                }
+            }
+        }
+    }
+    outside
+}
+
+#[test]
+fn without_a_calibration_and_by_2060h_the_image_stated_an_uncertainty_of_0() {
+    const MOTOR: u16 = 0x2060;
+    let mut pair = pair();
+    // 40 slopes, of which one in twenty may be outside.
+    let uncalibrated = [outside(&mut pair), outside(&mut pair)].concat();
+    assert!(uncalibrated.len() <= 2, "{uncalibrated:?}");
+    for (start, x, y) in [(1, 1.0, 0.0), (2, 0.0, 1.0)] {
+        for node in [1, 2] {
+            assert_eq!(pair.write(node, (MOTOR, 1), 1, start), Ok(()));
+        }
+        for deg in (-60..=60).step_by(20) {
+            let at = f64::from(deg);
+            let pose = Pose {
+                pitch_deg: y * at,
+                roll_deg: x * at,
+            };
+            put(&mut pair, pose);
+            for node in [1, 2] {
+                assert_eq!(pair.write(node, (MOTOR, 2), 4, (deg * 1000) as u32), Ok(()));
+            }
+        }
+    }
+    for node in [1, 2] {
+        assert_eq!(pair.write(node, (MOTOR, 1), 1, 3), Ok(()));
+    }
+    let by_tables = outside(&mut pair);
+    assert!(by_tables.len() <= 1, "{by_tables:?}");
 }

@@ -105,7 +105,7 @@ impl Instrument {
             pair: Pair::new(CrossCheck::product()),
             settings,
             work,
-            memory: Nothing,
+            memory: Nothing::NEW,
             log: FaultLog::new(),
             black_box: BlackBox::new(),
         };
@@ -115,12 +115,13 @@ impl Instrument {
     }
 
     fn with<T>(&mut self, act: impl FnOnce(&mut Node, &mut Panel<'_, Nothing, Nothing>) -> T) -> T {
+        let mut empty = Nothing::NEW;
         let mut panel = Panel {
             values: &mut self.values,
             pair: &mut self.pair,
             settings: &mut self.settings,
             memory: &mut self.memory,
-            source: &mut Nothing,
+            source: &mut empty,
             log: &mut self.log,
             black_box: &mut self.black_box,
             work: &mut self.work,

@@ -12,6 +12,7 @@ pub mod part;
 use canopen::Frame;
 use canopen::nmt::State;
 use canopen::node::BusState;
+use device::calibration::deliver;
 use device::device::{Device, Wish};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use tilt::cross_check::CrossCheck;
@@ -74,8 +75,12 @@ impl Node {
         let registers = Registers::level(number);
         let part = Part::new(registers);
         let check = CrossCheck::product();
+        let factory = factory(number);
+        let mut memory = Nothing::NEW;
+        // There is room for it.
+        let _ = deliver(&mut memory, &factory.settings.chain.calibration);
         Self {
-            device: Device::new(part.clone(), check, factory(number), Nothing),
+            device: Device::new(part.clone(), check, factory, memory),
             part,
             registers,
             powered: false,

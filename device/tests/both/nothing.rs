@@ -1,13 +1,29 @@
-//! A memory in which nothing stays.
+//! A memory in which nothing stays but what it was delivered with.
 
 use device::fault_log::ENTRY;
 use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
 use device::records::{EventStore, Record, RecordStore, StoreError};
 use flash::Progress;
 
-/// A memory with nothing in it, which refuses everything.
+/// Bytes that a delivered calibration takes at the most.
+const ROOM: usize = 512;
+
+/// A memory with nothing in it but a calibration, and that once: it refuses everything else.
 #[derive(Clone, Copy, Debug)]
-pub struct Nothing;
+pub struct Nothing {
+    delivered: [u8; ROOM],
+    length: usize,
+    is_whole: bool,
+}
+
+impl Nothing {
+    /// Without a calibration.
+    pub const NEW: Self = Self {
+        delivered: [0; ROOM],
+        length: 0,
+        is_whole: false,
+    };
+}
 
 impl RecordStore for Nothing {
     fn start(&mut self) -> Result<(), StoreError> {
@@ -18,16 +34,30 @@ impl RecordStore for Nothing {
         false
     }
 
-    fn read(&mut self, _: Record, _: u32, _: &mut [u8]) -> usize {
-        0
+    fn read(&mut self, record: Record, offset: u32, buffer: &mut [u8]) -> usize {
+        let stored = &self.delivered[..self.length];
+        let rest = stored.get(offset as usize..).unwrap_or_default();
+        if record != Record::Delivered || !self.is_whole {
+            return 0;
+        }
+        let count = rest.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&rest[..count]);
+        count
     }
 
-    fn begin(&mut self, _: Record, _: u32) -> Result<(), StoreError> {
-        Err(StoreError::Hardware)
+    fn begin(&mut self, record: Record, _: u32) -> Result<(), StoreError> {
+        match record {
+            Record::Delivered if !self.is_whole => Ok(()),
+            _ => Err(StoreError::Hardware),
+        }
     }
 
-    fn append(&mut self, _: &[u8]) -> Result<(), StoreError> {
-        Err(StoreError::NotBegun)
+    fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        let end = self.length + bytes.len();
+        let room = self.delivered.get_mut(self.length..end);
+        room.ok_or(StoreError::NotBegun)?.copy_from_slice(bytes);
+        self.length = end;
+        Ok(())
     }
 
     fn staged(&mut self, _: u32, _: &mut [u8]) -> usize {
@@ -35,7 +65,11 @@ impl RecordStore for Nothing {
     }
 
     fn commit(&mut self) -> Result<(), StoreError> {
-        Err(StoreError::NotBegun)
+        if self.is_whole || self.length == 0 {
+            return Err(StoreError::NotBegun);
+        }
+        self.is_whole = true;
+        Ok(())
     }
 
     fn discard(&mut self) {}

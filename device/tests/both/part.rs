@@ -15,8 +15,8 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
 use tilt::sample::FullScale;
-use tilt::uncertainty::{Budget, Span, Uncertainty};
 use tilt::table::Rule;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 /// The registers of a part, and what it feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -52,6 +52,9 @@ pub const LOOK_AFTER_S: f64 = 2.0;
 /// How long a pair in order is watched for alarms at the end, s.
 const AFTERWARDS_S: f64 = 3.0;
 
+/// Over range for so long altogether while a finding is held, on a machine that strikes, s.
+const STRUCK_S: f64 = 1.0;
+
 /// What was handed to the controllers before an offset was taken away has gone out by then, s.
 const UNDER_WAY_S: f64 = 0.2;
 
@@ -227,12 +230,11 @@ impl<'a> Run<'a> {
         let events = &mut self.events;
         let keep = |event: &Event| events.push(*event);
         self.network.run_until(&mut self.housing, next_ns, keep);
+        let apart = self.offsets > 0 || self.master.is_writing();
+        let apart_s = next_ns as f64 * 1e-9 + UNDER_WAY_S;
+        self.checks.shown_apart(apart, apart_s);
         self.hear(seen);
-        let now_s = self.network.now_s();
-        if self.offsets > 0 || self.master.is_writing() {
-            self.checks.shown_apart_until(now_s + UNDER_WAY_S);
-        }
-        self.checks.pass(now_s);
+        self.checks.pass(self.network.now_s());
         self.follow_temperature();
         while let Some((_, deed)) = self.agenda.pop_if(|(at, _)| *at <= next_ns) {
             self.act(deed);
@@ -307,6 +309,9 @@ impl<'a> Run<'a> {
     fn maintain(&mut self, index: usize, begins: bool) {
         let setup = self.setup;
         let maintenance = &setup.maintenance[index];
+        if maintenance.work == Work::Offset {
+            self.checks.shown_anew();
+        }
         let mut site = Site {
             network: &mut self.network,
             nodes: self.nodes,
@@ -332,7 +337,15 @@ impl<'a> Run<'a> {
         let lone = setup.maintenance.is_empty();
         let by_itself = product && lone && setup.latch_s != 0 && !setup.has(What::needs_reset);
         if by_itself {
-            return self.checks.well(now_s + f64::from(setup.latch_s));
+            // Only pairs that show the cause gone count, and a channel over its range shows nothing.
+            let struck_s = if setup.machine.shock_g.1 > 0.0 {
+                STRUCK_S
+            } else {
+                0.0
+            };
+            return self
+                .checks
+                .well(now_s + f64::from(setup.latch_s) + struck_s);
         }
         if !self.checks.in_order(now_s) {
             self.master.reset_all(&mut self.network);

@@ -202,8 +202,12 @@ impl Findings {
             }
         }
         if let Some(held) = &mut self.disagreement {
-            let counted = held.agreed_us.saturating_add(credit_us);
-            held.agreed_us = if agrees { counted } else { 0 };
+            held.agreed_us = match evidence.comparison {
+                Comparison::Agree => held.agreed_us.saturating_add(credit_us),
+                // A silence shows neither that the cause is gone nor that it is there.
+                Comparison::Absent => held.agreed_us,
+                Comparison::Excess | Comparison::Differ => 0,
+            };
             held.age_us = held.age_us.saturating_add(credit_us).min(ONE_CAUSE_US);
         }
         if agrees {

@@ -61,6 +61,11 @@ impl Angles {
         }
     }
 
+    /// What was wrong so far counts no longer.
+    pub fn begin_anew(&mut self) {
+        self.wrong = [[None; 2]; CHANNELS];
+    }
+
     /// A TPDO 1: its valid slopes, the true ones for the newest SYNC, and those for the SYNCs
     /// before, the newest first.
     pub fn see(

@@ -204,9 +204,17 @@ impl Checks {
         self.order.excuse();
     }
 
-    /// Until `at_s` one channel shows its angles otherwise than the other one.
-    pub fn shown_apart_until(&mut self, at_s: f64) {
-        self.angles.apart_until_s = at_s;
+    /// A channel is set to show other angles than before: what it shows is judged anew.
+    pub fn shown_anew(&mut self) {
+        self.angles.begin_anew();
+    }
+
+    /// One channel is set to show other angles than the other one, if `apart`; what it has sent by
+    /// then has gone out at `until_s`.
+    pub fn shown_apart(&mut self, apart: bool, until_s: f64) {
+        if apart {
+            self.angles.apart_until_s = until_s;
+        }
     }
 
     /// The last fault has ended; what is told of it still counts.

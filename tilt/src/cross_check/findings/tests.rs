@@ -122,7 +122,8 @@ impl Past {
                 self.agreeing_us = (self.agreeing_us + passed_us).min(latch_us(latch));
                 self.agreed_us = (self.agreed_us + passed_us).min(PROOF_US);
             }
-            Comparison::Absent | Comparison::Excess | Comparison::Differ => self.agreeing_us = 0,
+            Comparison::Absent => {}
+            Comparison::Excess | Comparison::Differ => self.agreeing_us = 0,
         }
         if compared {
             self.contested = comparison != Comparison::Agree;
