@@ -141,12 +141,18 @@ impl State {
         }
     }
 
+    /// Both measure, and can hear each other.
+    fn measures(world: &World) -> bool {
+        let sound = |node: &both::Node| node.device.channel().reason().is_none();
+        let mut nodes = world.nodes.iter();
+        nodes.all(|node| node.is_connected() && node.is_operational() && sound(node))
+    }
+
+    /// They do, and neither holds itself faulty.
     fn can_compare(world: &World) -> bool {
-        world.nodes.iter().all(|node| {
-            let channel = node.device.channel().reason();
-            let sound = channel.or(node.device.pair().own_fault()).is_none();
-            node.is_connected() && node.is_operational() && sound
-        })
+        let mut nodes = world.nodes.iter();
+        let faultless = nodes.all(|node| node.device.pair().own_fault().is_none());
+        faultless && Self::measures(world)
     }
 
     /// The event makes a difference now.
@@ -282,15 +288,14 @@ impl Watch {
         let passed_us = period_us.min(MOST_CREDIT_US);
         let promised_us = passed_us.min(PROMISED_SYNC_US);
         self.last_sync = at;
-        if !State::can_compare(world) {
+        let faultless = State::can_compare(world);
+        if !State::measures(world) {
             return;
         }
         for (n, past) in self.past.iter_mut().enumerate() {
-            past.exposed_us += if biased && n == BIASED {
-                promised_us
-            } else {
-                0
-            };
+            if faultless && biased && n == BIASED {
+                past.exposed_us += promised_us;
+            }
             // What was compared before counts up to here, however many SYNCs there were between.
             let since_us = past.last.map_or(passed_us, |last| at.micros_since(last));
             past.compared_us += since_us.min(MOST_CREDIT_US);
@@ -370,7 +375,7 @@ impl Rules<'_> {
         self.rule(!self.is_wrong(n), heard, "a wrong angle");
         self.rule(!past.disagreed, heard, "a disagreement was forgotten");
         // The SYNC of this very frame has not been compared yet.
-        let before = past.compared > u32::from(State::can_compare(world));
+        let before = past.compared > u32::from(State::measures(world));
         self.rule(before, heard, "valid without a comparison");
         // The newest pair counts for a while (`device::pair`).
         let [newest, before, first] = self.watch.periods_us;

@@ -20,15 +20,18 @@ struct Row {
     wrong: u32,
 }
 
-/// Of all trials so far. Paper mode and what is beyond the promise are left out of the rows.
+/// Of all trials so far. Paper mode, what is beyond the promise, and maintenance, of which either
+/// node may rightly be named, are left out of the rows.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Trials.
     pub trials: u64,
     /// Trials in which a rule was broken.
     pub failed: u64,
-    /// Trials in product mode within the promise.
+    /// Trials in product mode within the promise, without maintenance.
     pub promised: u64,
+    /// Trials in product mode in which one node alone was maintained.
+    pub maintained: u64,
     /// The longest time for which a wrong angle was marked valid, in product mode within the
     /// promise, s.
     pub longest_wrong_s: f64,
@@ -49,6 +52,10 @@ impl Summary {
             *self.broken.entry(violation.rule.name()).or_default() += 1;
         }
         if !setup.within_promise || setup.mode == Mode::Paper {
+            return;
+        }
+        if !setup.maintenance.is_empty() {
+            self.maintained += 1;
             return;
         }
         self.promised += 1;
@@ -76,6 +83,7 @@ impl Summary {
         self.trials += other.trials;
         self.failed += other.failed;
         self.promised += other.promised;
+        self.maintained += other.maintained;
         self.virtual_s += other.virtual_s;
         self.longest_wrong_s = self.longest_wrong_s.max(other.longest_wrong_s);
         for (rule, count) in other.broken {
@@ -109,6 +117,11 @@ impl fmt::Display for Summary {
             "{} of them in product mode within the promise; in these a wrong angle was marked \
              valid for {:.3} s at the most",
             self.promised, self.longest_wrong_s
+        )?;
+        writeln!(
+            f,
+            "{} more with maintenance of one node alone, or of SYNC, while its fault stood",
+            self.maintained
         )?;
         for (rule, count) in &self.broken {
             writeln!(f, "  {rule}: {count}")?;
