@@ -15,7 +15,7 @@ use device::objects::table::{self, Channel};
 use device::program::{Held, ProgramError, ProgramMemory, Running};
 use device::records::{EventStore, Record, RecordStore, StoreError};
 use flash::Progress;
-use tilt::chain::Reading;
+use tilt::chain::{Invalid, Reading};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
