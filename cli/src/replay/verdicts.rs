@@ -24,7 +24,7 @@ const MOST_STRETCHES: usize = 2000;
 /// What judges two recordings.
 #[derive(Clone, Debug)]
 enum Check {
-    Paper(PaperCheck, PaperState),
+    Paper(PaperCheck, Box<PaperState>),
     /// The two angles are all that a recording has.
     Window(WindowCheck, WindowState),
 }
@@ -159,7 +159,7 @@ impl Judge {
         };
         Self {
             check: match mode {
-                Mode::Paper => Check::Paper(PaperCheck::PAPER, PaperState::default()),
+                Mode::Paper => Check::Paper(PaperCheck::PAPER, Box::default()),
                 Mode::Product => Check::Window(UNLATCHED, WindowState::default()),
             },
             mode,
