@@ -9,10 +9,10 @@
 //! - a disagreement ends with a reset of its node, or as 2004h says;
 //! - a safety frame has a comparison behind it that is no older than its cycle.
 //!
-//! A state is what is connected and OPERATIONAL, what was found and is shown, and what the rules have
-//! to have seen; each is tried with every event and after each three lengths of time. What is stored
-//! of the low-passes and of times is not part of it; `tilt::cross_check::findings` searches the
-//! latter by themselves.
+//! A state is what is connected and OPERATIONAL, what was found and is shown, and what the rules
+//! have seen; each is tried with every event, which is followed by each of three lengths of time.
+//! What is stored of the low-passes and of times is not part of it: `tilt::cross_check::findings`
+//! is searched by itself.
 
 mod both;
 

@@ -20,6 +20,8 @@ const KNOB: [u32; 2] = [0x2070_0010, 0x2071_0010];
 struct Bench {
     safety: Safety,
     shelf: Shelf,
+    /// The application checks what is there whenever it is asked.
+    checks: bool,
 }
 
 /// Bytes of a parameter.
@@ -36,6 +38,7 @@ impl Bench {
         Self {
             safety: Safety::new(),
             shelf: Shelf::new(),
+            checks: false,
         }
     }
 
@@ -82,7 +85,7 @@ impl Bench {
         bench.sign(0).unwrap();
         bench.slope(0x1234);
         bench.safety.start(ms(0));
-        bench.safety.release(true);
+        bench.checks = true;
         bench
     }
 
@@ -102,6 +105,9 @@ impl Bench {
     }
 
     fn poll(&mut self, now: Instant) -> Option<Instant> {
+        if self.checks {
+            self.safety.release(Some(now));
+        }
         self.safety.poll(&mut self.shelf, now)
     }
 
@@ -112,6 +118,12 @@ impl Bench {
         assert_eq!((frame.cob_id(), frame.length()), (id, 4));
         let [low, high, ..] = frame.padded();
         Some((id?, u16::from_le_bytes([low, high])))
+    }
+
+    /// The application no longer consents.
+    fn withdraw(&mut self) {
+        self.checks = false;
+        self.safety.release(None);
     }
 
     fn hear(&mut self, id: u16, bytes: &[u8], now: Instant) -> Option<SafetyReceived> {

@@ -1,8 +1,8 @@
 //! A trial from a seed: every option drawn, each from a stream of its own.
 //!
 //! In: a seed. Out: a [`Setup`]. One seed in [`BEYOND_ONE_IN`] goes beyond the promise: both
-//! channels are faulty at once, and only a wrong angle marked valid counts. One product within it in
-//! [`MAINTAINED_ONE_IN`] is maintained meanwhile: [`service`].
+//! channels are faulty at once, and only a wrong angle marked valid counts. One product within it
+//! in [`MAINTAINED_ONE_IN`] is maintained meanwhile: [`service`].
 //!
 //! Left out: other node-ids than 1 and 2.
 

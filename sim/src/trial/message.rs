@@ -1,10 +1,11 @@
 //! What a receiver on the bus understands of the two channels, and nothing more.
 //!
 //! In: frames. Out: [`Message`], with the node-id it comes from: slopes (TPDO 1), state (TPDO 2),
-//! EMCY, safety frames (SRDO 1 as delivered), boot-up, heartbeat and SDO answers; SYNC as well. The identifiers
-//! are the predefined ones of CiA 301.
+//! EMCY, safety frames (SRDO 1 as delivered), boot-up, heartbeat and SDO answers; SYNC as well. The
+//! identifiers are the predefined ones of CiA 301.
 //!
-//! Left out: what an SDO answers, the exchange between the nodes, and the inverted twins of safety frames.
+//! Left out: what an SDO answers, the exchange between the nodes, and the inverted twins of safety
+//! frames.
 
 use canopen::Frame;
 

@@ -337,7 +337,7 @@ impl<'a> Run<'a> {
         let lone = setup.maintenance.is_empty();
         let by_itself = product && lone && setup.latch_s != 0 && !setup.has(What::needs_reset);
         if by_itself {
-            // Only pairs that show the cause gone count, and a channel over its range shows nothing.
+            // Only pairs that show the cause gone count, and none is compared over range.
             let struck_s = if setup.machine.shock_g.1 > 0.0 {
                 STRUCK_S
             } else {

@@ -7,9 +7,12 @@
 //! | stored | begins with | ends |
 //! |---|---|---|
 //! | a faulty channel | evidence against it | by the [`Latch`]; with a reset of that channel |
-//! | ... that was late, silent or starting, or that reported a fault itself | the same | after [`RECOVERY_US`] without |
-//! | a disagreement | a difference that no faulty channel explains | by the [`Latch`]; when the difference is attributed to a channel |
-//! | agreement | pairs that agree for [`PROOF_US`] | when this channel is away; counts for nothing while the newest two that were compared differ |
+//! | ... late, silent, starting or by its own report | the same | after [`RECOVERY_US`] without |
+//! | a disagreement | an unexplained difference | by the [`Latch`]; when it is explained |
+//! | agreement | pairs that agree for [`PROOF_US`] | when this channel is away |
+//!
+//! No faulty channel explains an unexplained difference; it is explained when it is attributed to
+//! one. Agreement counts for nothing while the newest two that were compared differ.
 //!
 //! A disagreement and a faulty channel are stored apart, since neither ends the other: a channel
 //! that falls silent is not thereby the wrong one of two that differ. What is late or silent
@@ -43,7 +46,8 @@ pub const PROOF_US: u32 = 500_000;
 
 /// A disagreement is explained by a fault that is found within this time after it, us. The slowest
 /// of those that show in the difference first is a damaged calibration: its check sum is compared
-/// four times a second. Gravity and movement weigh the difference itself and explain it at any time.
+/// four times a second. Gravity and movement weigh the difference itself: they explain it at any
+/// time.
 pub const ONE_CAUSE_US: u32 = 1_500_000;
 
 /// The most that one pair counts for, us. It counts for the shorter one of the last two times

@@ -389,8 +389,8 @@ impl Torment {
             6 => node.cleared(0, [0; 5]),
             7 => node.stand_in_for_sync(Some(1000), *now),
             8 => node.stand_in_for_sync(None, *now),
-            9..=20 => _ = node.consent_to_safety(true),
-            21 => _ = node.consent_to_safety(false),
+            9..=20 => _ = node.consent_to_safety(Some(*now)),
+            21 => _ = node.consent_to_safety(None),
             22..=60 => node.data_changed(plant, *now),
             61 => plant.broken = !plant.broken,
             _ => {}

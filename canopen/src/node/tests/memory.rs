@@ -182,12 +182,12 @@ fn restore_that_breaks_a_stored_signature() {
 fn pairs_go_out_with_consent_in_operational_only() {
     let mut bench = Bench::new();
     arm(&mut bench);
-    bench.node.consent_to_safety(true);
+    bench.node.consent_to_safety(Some(bench.now.after_ms(50)));
     assert_eq!(bench.wait(50), []);
     bench.nmt(1);
     let pair = [spoken(0x101, &[0x0F, 0]), spoken(0x102, &[0xF0, 0xFF])];
     assert!(bench.wait(30).starts_with(&pair));
-    bench.node.consent_to_safety(false);
+    bench.node.consent_to_safety(None);
     bench.says();
     assert_eq!(bench.wait(100), []);
 }

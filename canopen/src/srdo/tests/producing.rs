@@ -57,18 +57,38 @@ fn halves_that_are_not_each_others_inverse_are_not_sent() {
 fn without_consent_nothing_is_sent() {
     let mut bench = Bench::producing();
     bench.poll(ms(0));
-    bench.safety.release(false);
+    bench.withdraw();
     assert_eq!(bench.sent(ms(0)), None);
     assert_eq!((bench.poll(ms(30)), bench.sent(ms(30))), (None, None));
     assert_eq!(bench.safety.state(0), SrdoState::Withheld);
-    bench.safety.release(true);
+    bench.checks = true;
     assert_eq!(bench.poll(ms(40)), Some(ms(50)));
     assert_eq!(bench.sent(ms(40)), Some((0x101, 0x1234)));
 }
 
 #[test]
 fn consent_has_to_be_given() {
-    assert!(!Safety::new().consent);
+    assert_eq!(Safety::new().checked, None);
+}
+
+#[test]
+fn what_was_checked_went_out_for_seconds_after_the_last_check() {
+    let mut bench = Bench::producing();
+    bench.poll(ms(0));
+    assert_eq!(bench.sent(ms(0)), Some((0x101, 0x1234)));
+    assert_eq!(bench.sent(ms(0)), Some((0x102, !0x1234)));
+    // The application is still content, but has looked at nothing since.
+    bench.checks = false;
+    bench.poll(ms(25));
+    assert_eq!(bench.sent(ms(25)), Some((0x101, 0x1234)));
+    assert_eq!(bench.sent(ms(26)), None);
+    for after in (50..2000).step_by(25) {
+        bench.poll(ms(after));
+        assert_eq!(bench.sent(ms(after)), None, "{after}");
+    }
+    bench.checks = true;
+    bench.poll(ms(2000));
+    assert_eq!(bench.sent(ms(2000)), Some((0x101, 0x1234)));
 }
 
 #[test]
@@ -76,11 +96,11 @@ fn the_other_half_of_a_pair_went_out_after_consent_had_ended() {
     let mut bench = Bench::producing();
     bench.poll(ms(0));
     assert_eq!(bench.sent(ms(0)), Some((0x101, 0x1234)));
-    bench.safety.release(false);
+    bench.withdraw();
     assert_eq!(bench.sent(ms(1)), None);
     bench.poll(ms(25));
     assert_eq!(bench.sent(ms(25)), None);
-    bench.safety.release(true);
+    bench.checks = true;
     bench.poll(ms(25));
     assert_eq!(bench.sent(ms(25)), Some((0x101, 0x1234)));
 }
