@@ -231,6 +231,10 @@ def master(plumb: Plumb, joined: Master) -> Master:
     return joined
 
 
+PROOF_S = 0.7
+"""A channel goes on alone when it has agreed with the other one for half a second."""
+
+
 def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
     """Waits for a condition; what it was waiting for is told when it never comes."""
     end = time.monotonic() + timeout

@@ -8,7 +8,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, INVALID32, START, Master, Plumb, signed, slopes, until
+from master import INVALID16, INVALID32, PROOF_S, START, Master, Plumb, signed, slopes, until
 
 WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
 NOISE, SPIKES, BIASED, REFUSED, UNCONFIRMED = 10, 11, 13, 17, 18
@@ -38,6 +38,7 @@ def begin(master: Master) -> None:
     master.nmt(START)
     for node in (1, 2):
         state(master, node, AGREE)
+    time.sleep(PROOF_S)
 
 
 def state(master: Master, node: int, wanted: int, timeout: float = 8.0) -> None:

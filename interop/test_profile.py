@@ -199,7 +199,8 @@ def test_the_second_logical_device_is_the_other_channel(plumb: Plumb, master: Ma
             own = master.read(other, 0x6000 + distance)
             assert master.read(node, 0x6800 + distance) == near(own)
             assert master.read(node, 0x6900 + distance) == near(own)
-    # It has parameters of its own.
+    # It has parameters of its own. What was heard of it counts for 0.4 s.
+    master.compare()
     master.write(1, 0x6812, 0, 0)
     assert master.read(1, 0x6810) == near(0)
     assert master.read(1, 0x6010) == near(ROLL * 100, ERROR)

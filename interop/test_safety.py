@@ -6,7 +6,7 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, PRE_OPERATIONAL, START, STOP, Master, Plumb, signed, until
+from master import INVALID16, PRE_OPERATIONAL, PROOF_S, START, STOP, Master, Plumb, signed, until
 
 VALID = 0xA5
 BAD_VALUE, INCOMPATIBLE = 0x0609_0030, 0x0604_0043
@@ -284,6 +284,7 @@ def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> Non
 
 def test_one_channel_alone_sends_no_safety_frame(plumb: Plumb, running: Master) -> None:
     running.next(PLAIN[1], running.mark())
+    time.sleep(PROOF_S)
     try:
         mark = running.mark()
         plumb.type("fault b brown-out")

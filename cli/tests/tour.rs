@@ -140,7 +140,7 @@ fn every_command_of_the_tour_does_what_it_says() {
         "both agree",
         "the channels disagree and neither can be blamed",
         "FF13h",
-        "one incident",
+        "2 incidents",
     ] {
         assert!(said.contains(sentence), "{sentence:?} is not in\n{said}");
     }

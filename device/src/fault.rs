@@ -56,7 +56,8 @@ pub enum Fault {
     SensorSpikes = 19,
     /// The sensor's temperature jumps as no die's can.
     Thermometer = 20,
-    /// At standstill this channel's gravity is of the wrong length.
+    /// This channel moved while the other one stood, or at standstill its gravity is of the wrong
+    /// length.
     Biased = 21,
     /// The running program is not what was linked.
     Program = 22,
@@ -149,7 +150,7 @@ impl Fault {
             Self::SensorNoise => "the sensor is too noisy",
             Self::SensorSpikes => "single samples are far off",
             Self::Thermometer => "the sensor's temperature jumps",
-            Self::Biased => "this channel's gravity is of the wrong length",
+            Self::Biased => "this channel moved alone, or its gravity is of the wrong length",
             Self::Program => "the program in flash is damaged",
             Self::Unlike => "the channels are set to show different angles",
         }

@@ -69,7 +69,7 @@ pub fn reason(reason: u8) -> Option<Cow<'static, str>> {
         10 => "noise in one channel only",
         11 => "single samples are far off",
         12 => "the temperature jumps",
-        13 => "gravity is of the wrong length",
+        13 => "it moved alone, or its gravity is of the wrong length",
         14 => "the calibration is damaged",
         15 => "silent",
         16 => "late",

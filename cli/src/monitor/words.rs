@@ -70,7 +70,7 @@ pub fn reason(code: u8) -> Option<String> {
         Invalid::Noise => "noise, or a step above 150 Hz, in this channel only",
         Invalid::Spikes => "single samples are far off",
         Invalid::Thermometer => "the sensor's temperature jumps",
-        Invalid::Biased => "at standstill its gravity is of the wrong length",
+        Invalid::Biased => "it moved alone, or at standstill its gravity is of the wrong length",
         Invalid::Corrupt => "the calibration is damaged",
         Invalid::Silent => "silent: nothing has come in time",
         Invalid::Late => "late: what comes belongs to the past",
@@ -202,7 +202,7 @@ mod tests {
             assert!(!reason(code).unwrap().contains("does not know"), "{code}");
         }
         assert_eq!(reason(0), None);
-        assert!(reason(20).unwrap().contains("reason 20"));
+        assert!(reason(21).unwrap().contains("reason 21"));
     }
 
     #[test]

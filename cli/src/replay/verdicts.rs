@@ -105,7 +105,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Noise => "it is too noisy",
         Invalid::Spikes => "single samples are far off",
         Invalid::Thermometer => "its temperature jumps",
-        Invalid::Biased => "its gravity is of the wrong length",
+        Invalid::Biased => "it moved alone, or its gravity is of the wrong length",
         Invalid::Corrupt => "its calibration is damaged",
         Invalid::Silent => "it is silent",
         Invalid::Late => "its data are late",

@@ -65,7 +65,8 @@ fn the_other_node_measures_on_until_the_first_is_back_and_both_agree_within_two_
     let mut pair = pair.expect("the image is for the flash");
     pair.run(0.6);
     pair.send(Frame::data_frame(0, &[1, 0])).unwrap();
-    pair.run_synced(50).unwrap();
+    // A channel goes on alone when it has agreed with the other one for half a second.
+    pair.run_synced(80).unwrap();
     pair.heard.clear();
     pair.board(0).dip_to(1.7);
     pair.network.switch_guest(0, Switch::Off);

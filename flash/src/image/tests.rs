@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::NorFlash;
 use proptest::prelude::*;
 
 use super::*;
-use crate::layout::{RC, Slot};
+use crate::layout::{Layout, RC, Slot};
 use crate::nor::tests::bench;
 
 /// The hardware that the tests run on.
@@ -15,6 +15,11 @@ pub(crate) const HARDWARE: u32 = 0x0103_00CB;
 
 /// The file of an image for `slot`: header and a body of `length` bytes made from `version`.
 pub(crate) fn file(slot: Slot, version: Version, length: u32) -> Vec<u8> {
+    file_for(&RC, slot, version, length)
+}
+
+/// The same for another part.
+pub(crate) fn file_for(part: &Layout, slot: Slot, version: Version, length: u32) -> Vec<u8> {
     let body: Vec<u8> = (0..length)
         .map(|n| (n * 7 + n / 251 + version.0 * 13) as u8)
         .collect();
@@ -22,7 +27,7 @@ pub(crate) fn file(slot: Slot, version: Version, length: u32) -> Vec<u8> {
         signature: Signature::None,
         hardware: HARDWARE,
         version,
-        address: RC.slot(slot).unwrap().address() + HEADER,
+        address: part.slot(slot).unwrap().address() + HEADER,
         length,
         crc: Crc32::of(&body),
     };
