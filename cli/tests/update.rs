@@ -136,7 +136,7 @@ fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
     // In the clear, which takes more than a second behind a heartbeat, and in the download, which
     // takes two seconds.
-    for wait_ms in [500, 3000] {
+    for wait_ms in [500, 4000] {
         let command = [
             "update", &image, "--bus", &bench.bus, "--nodes", "1", "--force",
         ];

@@ -320,7 +320,10 @@ fn states_and_reasons_are_called_what_the_device_means() {
         (Invalid::OverRange, "over range"),
         (Invalid::Bus, "the part does not answer"),
         (Invalid::Stuck, "codes stand still"),
-        (Invalid::Biased, "gravity is of the wrong length"),
+        (
+            Invalid::Biased,
+            "moved alone or gravity of the wrong length",
+        ),
         (Invalid::Silent, "silent"),
         (Invalid::Refused, "the channels differ"),
         (Invalid::Alone, "degraded operation is forbidden"),

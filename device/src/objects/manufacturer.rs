@@ -244,7 +244,7 @@ pub const MANUFACTURER: &[Row] = &[
         "Why there is no angle. 0: there is one. 1 no sample yet, 2 settling, 3 samples have \
          stopped, 4 over range, 5 temperature not known, 6 axis not measured, 7 the part has \
          lost its set-up, 8 the part does not answer, 9 codes stand still, 10 noise, 11 spikes, 12 \
-         the temperature jumps, 13 it moved alone, or gravity is of the wrong length, 14 the \
+         the temperature jumps, 13 moved alone or gravity of the wrong length, 14 the \
          calibration is damaged, 15 silent, 16 late, 17 the channels differ, 18 the other channel \
          has not been heard, 19 degraded operation is forbidden, 20 presets, offsets or inversion \
          differ.",

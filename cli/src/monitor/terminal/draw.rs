@@ -410,10 +410,10 @@ mod tests {
         );
         let text = seen(&model, &Screen::new(false, None), 80, 24);
         has(&text, "FAULT: channel B is ill");
-        has(&text, "at standstill its gravity is of");
+        has(&text, "it moved alone, or at standstill");
         has(
             &text,
-            "B faults: this channel is ill; this channel's gravity",
+            "B faults: this channel is ill; this channel moved alone",
         );
         has(&text, "2  not valid");
     }
