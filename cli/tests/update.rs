@@ -134,9 +134,8 @@ fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
     let body = body.display().to_string();
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
-    // In the clear, which takes more than a second behind a heartbeat, and in the download, which
-    // takes two seconds.
-    for wait_ms in [500, 4000] {
+    // In the clear, which takes five seconds at the most, and in the download, which takes three.
+    for wait_ms in [500, 6000] {
         let command = [
             "update", &image, "--bus", &bench.bus, "--nodes", "1", "--force",
         ];
