@@ -235,6 +235,14 @@ PROOF_S = 0.7
 """A channel goes on alone when it has agreed with the other one for half a second."""
 
 
+def loosen(plumb: Plumb, master: Master) -> None:
+    """B's board comes loose while both are in PRE-OPERATIONAL: nobody sees which one moves."""
+    master.nmt(PRE_OPERATIONAL)
+    plumb.type("fault b offset 20")
+    time.sleep(0.5)
+    master.nmt(START)
+
+
 def until(condition: Callable[[], Any], what: str, timeout: float = 6.0) -> Any:
     """Waits for a condition; what it was waiting for is told when it never comes."""
     end = time.monotonic() + timeout

@@ -8,7 +8,18 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, INVALID32, PROOF_S, START, Master, Plumb, signed, slopes, until
+from master import (
+    INVALID16,
+    INVALID32,
+    PROOF_S,
+    START,
+    Master,
+    Plumb,
+    loosen,
+    signed,
+    slopes,
+    until,
+)
 
 WAITING, AGREE, DISAGREE, OWN_ILL, OTHER_ILL, NONE_MEASURES = 0, 1, 6, 7, 8, 9
 NOISE, SPIKES, BIASED, REFUSED, UNCONFIRMED = 10, 11, 13, 17, 18
@@ -284,9 +295,9 @@ def test_without_any_channel_nobody_measures(plumb: Plumb, pair: Master) -> None
 def test_a_loose_board_is_a_disagreement_that_accuses_nobody(
     plumb: Plumb, pair: Master
 ) -> None:
-    """Level, the length of a vector says nothing about its slope, so nobody can be named."""
+    """Level, gravity says nothing of it, and nobody saw it move, so nobody can be named."""
     mark = pair.mark()
-    plumb.type("fault b offset 20")
+    loosen(plumb, pair)
     for node in (1, 2):
         told = emcy(pair, mark, node, DISAGREE_CODE)
         assert int.from_bytes(told[3:6], "little") == 1 << 12 and told[6:] == bytes([0, DISAGREE])
@@ -342,7 +353,7 @@ def test_every_tpdo_1_carries_validity_and_state_with_its_angles(
 
 def test_a_disagreement_takes_the_angles_of_both_away(plumb: Plumb, pair: Master) -> None:
     mark = pair.mark()
-    plumb.type("fault b offset 20")
+    loosen(plumb, pair)
     for node in (1, 2):
         emcy(pair, mark, node, DISAGREE_CODE)
     for node in (1, 2):
@@ -354,6 +365,16 @@ def test_a_disagreement_takes_the_angles_of_both_away(plumb: Plumb, pair: Master
         assert [pair.read(node, index) for index in (0x6810, 0x6820)] == [INVALID16] * 2
         assert pair.read(node, 0x2024, 1) != INVALID16, "by how much they differ stays to be seen"
         until(lambda: 150 < abs(pair.read(node, 0x2028, 1)) < 250, "a residual of 20 mg")
+
+
+def test_a_board_that_is_seen_to_move_is_named_level_too(plumb: Plumb, pair: Master) -> None:
+    mark = pair.mark()
+    plumb.type("fault b offset 20")
+    for node in (1, 2):
+        emcy(pair, mark, node, DISAGREE_CODE)
+    emcy(pair, mark, 1, OTHER_CODE)
+    assert emcy(pair, mark, 2, BIASED_CODE)[6] == 1 << 6 | BIASED
+    assert [verdict(pair, node) for node in (1, 2)] == [[2, BIASED], [1, BIASED]]
 
 
 def test_where_the_pose_tells_the_loose_board_is_named(plumb: Plumb, pair: Master) -> None:

@@ -7,7 +7,18 @@ import time
 from typing import Iterator
 
 import pytest
-from master import INVALID16, INVALID32, PRE_OPERATIONAL, START, Master, Plumb, slopes, until
+from master import (
+    INVALID16,
+    INVALID32,
+    PRE_OPERATIONAL,
+    PROOF_S,
+    START,
+    Master,
+    Plumb,
+    loosen,
+    slopes,
+    until,
+)
 
 WAITING, AGREE, WARNING, DISAGREE, OWN_ILL, OTHER_ILL = 0, 1, 2, 6, 7, 8
 DISAGREE_CODE, OWN_CODE, OTHER_CODE, SUPPLY = 0xFF13, 0xFF14, 0xFF15, 0x3200
@@ -36,6 +47,7 @@ def begin(master: Master) -> None:
         master.write(node, 0x2050, 1, 50)
     master.nmt(START)
     both(master, AGREE, AGREE)
+    time.sleep(PROOF_S)
 
 
 def both(master: Master, *wanted: int) -> None:
@@ -176,7 +188,7 @@ def test_a_disagreement_is_over_once_the_channels_have_agreed_for_2004h(
 ) -> None:
     latch(pair, 3)
     mark = pair.mark()
-    plumb.type("fault b offset 20")
+    loosen(plumb, pair)
     for node in (1, 2):
         emcy(pair, mark, node, DISAGREE_CODE)
     both(pair, DISAGREE, DISAGREE)
@@ -192,7 +204,7 @@ def test_a_disagreement_stays_while_it_lasts_whatever_2004h_says(
 ) -> None:
     latch(pair, 1)
     mark = pair.mark()
-    plumb.type("fault b offset 20")
+    loosen(plumb, pair)
     emcy(pair, mark, 1, DISAGREE_CODE)
     time.sleep(5 / SPEED)
     both(pair, DISAGREE, DISAGREE)

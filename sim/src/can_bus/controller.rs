@@ -114,11 +114,20 @@ impl Controller {
     pub(super) fn offer(&mut self, frame: Frame, once: bool) -> Result<Mailbox, Busy> {
         let numbered = self.mailboxes.iter_mut().zip(0..);
         let free = numbered.into_iter().find(|(slot, _)| slot.is_none());
-        let (slot, number) = free.ok_or(Busy)?;
+        let (_, number) = free.ok_or(Busy)?;
+        self.put(Mailbox(number), frame, once)?;
+        Ok(Mailbox(number))
+    }
+
+    pub(super) fn put(&mut self, mailbox: Mailbox, frame: Frame, once: bool) -> Result<(), Busy> {
+        let slot = &mut self.mailboxes[mailbox.number()];
+        if slot.is_some() {
+            return Err(Busy);
+        }
         let waiting = Waiting::new(frame, self.offers);
         *slot = Some(Waiting { once, ..waiting });
         self.offers += 1;
-        Ok(Mailbox(number))
+        Ok(())
     }
 
     pub(super) fn babble(&mut self, frame: Option<Frame>) {

@@ -169,6 +169,13 @@ impl Bus {
         self.place(port, frame, false)
     }
 
+    /// Puts a frame into this mailbox, as a driver does that has chosen it. Errors: it is taken.
+    pub fn put(&mut self, port: Port, mailbox: Mailbox, frame: Frame) -> Result<(), Busy> {
+        self.controller(port).put(mailbox, frame, false)?;
+        self.pending.insert(port);
+        Ok(())
+    }
+
     /// [`Bus::offer`] of a frame that is not repeated when its attempt on the wire fails (bxCAN,
     /// NART = 1); one that loses an arbitration waits on.
     pub fn offer_once(&mut self, port: Port, frame: Frame) -> Result<Mailbox, Busy> {

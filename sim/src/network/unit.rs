@@ -62,8 +62,9 @@ struct Controller<'a> {
 
 impl Transmitter for Controller<'_> {
     fn post(&mut self, place: u8, frame: &Frame) {
-        let mailbox = self.bus.offer(self.port, *frame);
-        debug_assert_eq!(mailbox.ok().map(Mailbox::number), Some(place.into()));
+        let mailbox = Mailbox::ALL[usize::from(place)];
+        let posted = self.bus.put(self.port, mailbox, *frame);
+        debug_assert!(posted.is_ok(), "mailbox {place} is taken");
     }
 
     fn abort(&mut self, place: u8) -> Abort {

@@ -287,9 +287,9 @@ impl Findings {
         self.agreed_us >= PROOF_US && !self.contested && self.disagreement.is_none()
     }
 
-    /// True for what lasts as long as the latch says.
+    /// True for what lasts as long as the latch says, the peer's included.
     pub fn is_latched(&self) -> bool {
-        let latched = |faulty: &Faulty| !faulty.passes();
+        let latched = |faulty: &Faulty| !faulty.reason.passes_with_its_cause();
         self.disagree() || self.faulty.iter().flatten().any(latched)
     }
 
