@@ -9,7 +9,7 @@
 //! has been heard. The states, the events and what is shown in each stand in docs/safety.md.
 //!
 //! An angle of this channel may be used
-//! - while a pair that is younger than [`Pair::counts_for_us`] shows no difference, or
+//! - while a pair that is younger than four and a half SYNCs shows no difference, or
 //! - alone, while the peer is absent or held faulty, if the two have agreed for half a second
 //!   since this channel was last away, have not differed since, and 2005h allows it;
 //! - and never while the two disagree or this channel is held faulty.

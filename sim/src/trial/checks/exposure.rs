@@ -1,7 +1,7 @@
 //! For how long both channels could be compared.
 //!
 //! In: when TPDO 1 of each channel and SYNC are heard. Out: a clock that goes on with each SYNC at
-//! which both channels showed their angles, by no more than [`MOST_S`], from the fourth on.
+//! which both channels showed their angles, by no more than 50 ms, from the fourth on.
 //! Maintenance of one node is single-channel operation (docs/safety.md): what begins meanwhile is
 //! found when both are back.
 //!
