@@ -165,8 +165,8 @@ impl Pair {
     }
 
     /// True when both nodes are set to show different angles.
-    pub fn is_shown_apart(&self, now: Instant) -> bool {
-        self.shown.is_apart(now)
+    pub const fn is_shown_apart(&self) -> bool {
+        self.shown.is_apart()
     }
 
     /// Judges at `now` what both channels observed at the SYNC of `at`.

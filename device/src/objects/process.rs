@@ -189,7 +189,7 @@ impl<'a> Shown<'a> {
     /// True while the two channels are set to show different angles, which 2006h forbids.
     pub fn is_unlike(&self) -> bool {
         let operational = self.values.state == State::Operational;
-        operational && self.values.parameters.alike != 0 && self.pair.is_shown_apart(self.now)
+        operational && self.values.parameters.alike != 0 && self.pair.is_shown_apart()
     }
 
     /// [`Shown::standing`] of the angles as measured, however they are shown.
