@@ -78,6 +78,8 @@ pub struct Master {
     writes: [VecDeque<Write>; CHANNELS],
     /// When the first of them was last sent, ns.
     asked_ns: [Option<u64>; CHANNELS],
+    /// Since when nobody floods the bus, ns: what was sent in a flood still waits.
+    free_ns: u64,
     /// The port of a second master or of whoever floods the bus; attached once.
     stranger: Option<Port>,
     /// A node to start.
@@ -99,6 +101,7 @@ impl Master {
             second: None,
             writes: Default::default(),
             asked_ns: [None; CHANNELS],
+            free_ns: 0,
             stranger: None,
             start: [false; CHANNELS],
             started_ns: [0; CHANNELS],
@@ -145,6 +148,11 @@ impl Master {
     /// Somebody floods the bus with this identifier, or no longer.
     pub fn flood(&mut self, network: &mut Network, id: Option<u16>) {
         let port = self.stranger(network);
+        self.free_ns = if id.is_some() {
+            NEVER
+        } else {
+            network.now_ns()
+        };
         let frame = id.map(|id| Frame::data_frame(id, &[0; 8]));
         network.bus.babble(port, frame);
     }
@@ -165,7 +173,9 @@ impl Master {
 
     fn ask(&mut self, network: &mut Network, now_ns: u64) {
         for channel in 0..CHANNELS {
-            let again = |asked_ns: u64| now_ns >= asked_ns + ASK_AGAIN_NS;
+            let free_ns = self.free_ns;
+            let again =
+                |asked_ns: u64| now_ns >= asked_ns.max(free_ns).saturating_add(ASK_AGAIN_NS);
             if let Some(Write(bytes)) = self.writes[channel].front()
                 && self.asked_ns[channel].is_none_or(again)
             {
