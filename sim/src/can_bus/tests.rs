@@ -155,6 +155,16 @@ fn three_mailboxes_and_no_more() {
     assert_eq!(bus.offer(a, frame(4)).map(Mailbox::number), Ok(0));
 }
 
+#[test]
+fn a_frame_goes_into_the_mailbox_that_its_driver_has_chosen() {
+    let (mut bus, [a, _]) = bus();
+    let [first, second, _] = Mailbox::ALL;
+    assert_eq!(bus.put(a, second, frame(1)), Ok(()));
+    assert_eq!(bus.put(a, second, frame(2)), Err(Busy));
+    let waiting = [first, second].map(|mailbox| bus.waiting(a, mailbox));
+    assert_eq!(waiting, [None, Some(frame(1))]);
+}
+
 /// Three frames of one identifier; the fourth takes the mailbox of the first, and overtakes.
 fn four_of_one_identifier(order: Order) -> Vec<u8> {
     let mut bus = Bus::new(RATE, 1);

@@ -98,3 +98,23 @@ fn a_save_at_any_moment_blames_nobody() {
         .map(|(_, frame)| *frame);
     assert_eq!(told.collect::<Vec<_>>(), []);
 }
+
+#[test]
+fn a_frame_went_into_a_mailbox_that_its_driver_had_not_chosen_after_a_standstill() {
+    for phase in 0..20 {
+        let mut site = clearing(phase * 490_000);
+        let answer = write(&mut site, [0x17, 0x10, 0], 10, 2);
+        assert_eq!(answer[0], 0x60, "{answer:02X?}");
+        let before = site.times_of(0x581).len();
+        // An answer is on the wire when a page begins to be erased, and a heartbeat becomes due.
+        // The answer is gone when the processor goes on, and its driver has not been told yet.
+        let mut asked = 0;
+        while site.network.units()[0].device.values().program.status() == 1 {
+            site.send(0x601, &[0x40, 0x57, 0x1F, 1, 0, 0, 0, 0]);
+            site.run(&mut level(), 45 * MS + 130_000);
+            asked += 1;
+        }
+        // None is lost, none doubled.
+        assert_eq!(site.times_of(0x581).len() - before, asked);
+    }
+}
