@@ -27,6 +27,8 @@ mod progress;
 mod replay;
 mod report;
 mod scpi;
+#[cfg(test)]
+mod scratch;
 pub mod serve;
 mod shell;
 mod stdout;

@@ -288,7 +288,7 @@ fn a_flipped_bit_of_the_calibration_is_told_within_half_a_second() {
 fn a_temperature_that_jumps_is_no_temperature() {
     for step in [-5.0, 5.0] {
         let mut pair = Pair::working();
-        pair.part.warm(25.0 + step);
+        pair.warm(25.0 + step);
         assert!(pair.until_refused(0.6).is_some(), "{step}");
         pair.syncs(2);
         assert_eq!(pair.read(at(0x2025, 1)), 12);
@@ -297,8 +297,7 @@ fn a_temperature_that_jumps_is_no_temperature() {
     // A die that warms up in the sun is believed.
     let mut pair = Pair::working();
     for n in 0..1200 {
-        pair.part
-            .warm(25.0 + 5.0 / 60.0 * f64::from(n) / 50.0 * 3.0);
+        pair.warm(25.0 + 5.0 / 60.0 * f64::from(n) / 50.0 * 3.0);
         pair.sync();
         assert!(pair.told().is_valid(), "{n}");
     }
@@ -573,8 +572,8 @@ fn no_safety_frame_goes_out_in_any_fault() {
             pair.peer.says = level().refused(Invalid::OverRange)
         }),
         ("brown-out", |pair| pair.brown_out()),
-        ("thermometer", |pair| pair.part.warm(35.0)),
-        ("sensor's bus", |pair| pair.part.set(0x0F, 0)),
+        ("thermometer", |pair| pair.warm(35.0)),
+        ("sensor's bus", |pair| pair.set_register(0x0F, 0)),
         ("calibration", |pair| {
             pair.device
                 .settings_mut()

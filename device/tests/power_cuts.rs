@@ -19,13 +19,13 @@ use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Piecewise, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 
-use site::{Memory, Part, Seeded, Site, blank};
+use site::{Memory, Seeded, Site, along, blank};
 
 /// "save", 1010h.
 const SAVE: u32 = u32::from_le_bytes(*b"save");
 
 fn powered(memory: Memory) -> Site {
-    Site::with(Channel::A, Part::along(0x2D), memory)
+    Site::with(Channel::A, along(0x2D), memory)
 }
 
 /// Cuts each operation of `store` on a device with this memory; `shows` says what it shows after

@@ -15,7 +15,7 @@ use flash::image::{FIELDS, Header, Signature, Version};
 use flash::layout::{BASE, HEADER, PAGE, RC, Slot};
 use flash::slots::{MARKS, factory_marks};
 
-use site::{HARDWARE, Memory, Part, Seeded, Site, blank};
+use site::{HARDWARE, Memory, Seeded, Site, along, blank};
 
 const CONTROL: Address = at(0x1F51, 1);
 const STATUS: Address = at(0x1F57, 1);
@@ -54,7 +54,7 @@ fn delivered() -> Memory {
 }
 
 fn powered(memory: Memory) -> Site {
-    Site::with(Channel::A, Part::along(0x2D), memory)
+    Site::with(Channel::A, along(0x2D), memory)
 }
 
 fn number(site: &mut Site, address: Address) -> u64 {

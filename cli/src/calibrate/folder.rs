@@ -124,8 +124,8 @@ impl Folder {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample::Scratch;
     use super::*;
+    use crate::scratch::Scratch;
 
     fn kept(format: &str) -> Kept {
         Kept {

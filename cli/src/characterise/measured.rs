@@ -244,7 +244,8 @@ impl Measured {
 mod tests {
     use super::super::profile::Step;
     use super::*;
-    use crate::calibrate::sample::{Scratch, assert_documented};
+    use crate::calibrate::sample::assert_documented;
+    use crate::scratch::Scratch;
 
     fn begun() -> Begun {
         let step = |temperature_degc| Step {

@@ -28,7 +28,7 @@ pub struct Written {
 #[derive(Debug)]
 pub enum WriteError {
     /// The folder could not be made.
-    Folder(PathBuf, io::Error),
+    Scratch(PathBuf, io::Error),
     /// A file in it could not be written.
     File(PathBuf, io::Error),
     /// A complete file could not be put in its place.
@@ -40,7 +40,7 @@ pub enum WriteError {
 impl fmt::Display for WriteError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Folder(path, why) => write!(
+            Self::Scratch(path, why) => write!(
                 f,
                 "cannot make the folder {}: {why}; choose another one with --out",
                 path.display()
@@ -67,7 +67,7 @@ impl fmt::Display for WriteError {
 impl std::error::Error for WriteError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Folder(_, why) | Self::File(_, why) | Self::Replace(_, why) => Some(why),
+            Self::Scratch(_, why) | Self::File(_, why) | Self::Replace(_, why) => Some(why),
             Self::Encode(_, why) => Some(why),
         }
     }
@@ -76,7 +76,7 @@ impl std::error::Error for WriteError {
 /// Makes `folder` and tries it out, so that a long run does not end at a folder that cannot be
 /// written. Leaves nothing behind but the folder.
 pub fn try_folder(folder: &Path) -> Result<(), WriteError> {
-    fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
+    fs::create_dir_all(folder).map_err(|why| WriteError::Scratch(folder.to_owned(), why))?;
     Pending::write(&folder.join("report.json"), "").map(drop)
 }
 
@@ -118,7 +118,7 @@ pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Writte
 ///
 /// Errors: see [`WriteError`].
 pub fn together(folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
-    fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
+    fs::create_dir_all(folder).map_err(|why| WriteError::Scratch(folder.to_owned(), why))?;
     let mut pending = Vec::new();
     for (name, text) in files {
         let place = folder.join(name);
@@ -179,37 +179,11 @@ impl Drop for Pending {
 mod tests {
     use super::super::sample;
     use super::*;
-
-    /// A folder of its own for a test, removed at the end.
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("plumb-{name}-{}", std::process::id()));
-            let _ = fs::remove_dir_all(&path);
-            fs::create_dir_all(&path).unwrap();
-            Self(path)
-        }
-
-        fn names(&self) -> Vec<String> {
-            let entries = fs::read_dir(&self.0).unwrap();
-            let mut names: Vec<_> = entries
-                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-                .collect();
-            names.sort();
-            names
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
+    use crate::scratch::Scratch;
 
     #[test]
     fn both_files_are_written_and_nothing_else_is_left() {
-        let folder = Folder::new("both");
+        let folder = Scratch::new("both");
         let deep = folder.0.join("a/b");
         let written = demo(&deep, &sample::demo()).unwrap();
         let read: DemoReport =
@@ -219,12 +193,12 @@ mod tests {
             fs::read_to_string(&written.html).unwrap(),
             page::demo(&sample::demo())
         );
-        assert_eq!(Folder(deep).names(), ["report.html", "report.json"]);
+        assert_eq!(Scratch(deep).names(), ["report.html", "report.json"]);
     }
 
     #[test]
     fn an_older_report_is_replaced() {
-        let folder = Folder::new("older");
+        let folder = Scratch::new("older");
         demo(&folder.0, &sample::demo()).unwrap();
         replay(&folder.0, &sample::replay()).unwrap();
         let json = fs::read_to_string(folder.0.join("report.json")).unwrap();
@@ -234,7 +208,7 @@ mod tests {
 
     #[test]
     fn a_failure_names_the_path_and_leaves_the_old_report_alone() {
-        let folder = Folder::new("failure");
+        let folder = Scratch::new("failure");
         fs::write(folder.0.join("report.json"), "old").unwrap();
         fs::create_dir(folder.0.join("report.html")).unwrap();
         let error = demo(&folder.0, &sample::demo()).unwrap_err();
@@ -253,11 +227,11 @@ mod tests {
 
     #[test]
     fn a_folder_that_is_a_file_is_refused_in_one_sentence() {
-        let folder = Folder::new("file");
+        let folder = Scratch::new("file");
         let file = folder.0.join("taken");
         fs::write(&file, "").unwrap();
         let error = demo(&file, &sample::demo()).unwrap_err();
-        assert!(matches!(error, WriteError::Folder(..)));
+        assert!(matches!(error, WriteError::Scratch(..)));
         assert_eq!(error.to_string().lines().count(), 1);
         assert!(error.to_string().contains("taken"));
     }

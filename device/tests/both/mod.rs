@@ -15,11 +15,12 @@ use canopen::node::BusState;
 use device::calibration::deliver;
 use device::device::{Device, Wish};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
+use device::objects::table::Channel;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
 use nothing::Nothing;
-use part::{Hurry, Part, Registers, factory};
+use part::{Hurry, NOISE, Part, Registers, factory};
 
 /// The two nodes.
 pub const NODES: [usize; 2] = [0, 1];
@@ -75,7 +76,8 @@ impl Node {
         let registers = Registers::level(number);
         let part = Part::new(registers);
         let check = CrossCheck::product();
-        let factory = factory(number);
+        let channel = [Channel::A, Channel::B][number];
+        let factory = factory(channel, 1 + number as u32, NOISE);
         let mut memory = Nothing::NEW;
         // There is room for it.
         let _ = deliver(&mut memory, &factory.settings.chain.calibration);

@@ -1,22 +1,9 @@
-//! A part of which only the registers are there, and the device's factory.
+//! A part with noise, whose registers a world carries along.
 
-use std::cell::RefCell;
-use std::convert::Infallible;
-use std::rc::Rc;
+#[path = "../registers/mod.rs"]
+mod registers;
 
-use device::calibration::motor::Terms;
-use device::channel::Settings;
-use device::device::Factory;
-use device::objects::panel::Identity;
-use device::objects::table::Channel;
-use device::sensor::Config;
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
-use tilt::filter::LowPass;
-use tilt::sample::FullScale;
-use tilt::table::Rule;
-use tilt::uncertainty::{Budget, Span, Uncertainty};
+pub use registers::{Hurry, factory};
 
 /// The registers of a part, and what it feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,11 +18,8 @@ pub struct Registers {
 impl Registers {
     /// Level, always ready, 25 degC.
     pub const fn level(number: usize) -> Self {
-        let mut registers = [0; 64];
-        registers[0x0F] = 0x44;
-        registers[0x27] = 0x01;
         Self {
-            registers,
+            registers: registers::ready(),
             counts: [0, 0, 4096],
             noise: 0x2545_F491_4F6C_DD1D + number as u64,
         }
@@ -72,118 +56,42 @@ const OUT_T: usize = 0x26;
 const OUT_X: usize = 0x28;
 
 /// Standard deviation of the noise, 2^-26 g.
-const NOISE: u32 = 65_536;
+pub const NOISE: u32 = 65_536;
+
+impl registers::Contents for Registers {
+    fn bytes(&mut self) -> &mut [u8; 64] {
+        &mut self.registers
+    }
+
+    fn read_from(&mut self, address: usize) {
+        if address == OUT_T {
+            self.sample();
+        }
+    }
+}
 
 /// The wires to a part. Copies of a device share them, so the world puts its registers behind them
 /// before anything happens in it.
-#[derive(Clone, Debug)]
-pub struct Part(Rc<RefCell<Registers>>);
+pub type Part = registers::Part<Registers>;
 
 impl Part {
-    pub fn new(registers: Registers) -> Self {
-        Self(Rc::new(RefCell::new(registers)))
-    }
-
     pub fn put(&self, registers: Registers) {
-        *self.0.borrow_mut() = registers;
+        self.with(|behind| *behind = registers);
     }
 
     pub fn get(&self) -> Registers {
-        *self.0.borrow()
+        self.with(|behind| *behind)
     }
 
     /// The offset along X, mg.
     pub fn set_offset(&self, mg: i16) {
         // 0.244 mg a step.
-        self.0.borrow_mut().counts[0] = (f64::from(mg) / 0.244).round() as i16;
+        let counts = (f64::from(mg) / 0.244).round() as i16;
+        self.with(|behind| behind.counts[0] = counts);
     }
 
     /// A brown-out: the part is in power-down.
     pub fn power_down(&self) {
-        self.0.borrow_mut().registers[CONTROL_1] = 0;
-    }
-
-    fn take(&self, bytes: &[u8], address: &mut usize) {
-        let Some((first, values)) = bytes.split_first() else {
-            return;
-        };
-        *address = usize::from(first & 0x3F);
-        for value in values {
-            // CTRL2: boot and soft reset end at once.
-            let kept = if *address == 0x21 {
-                value & !0xC0
-            } else {
-                *value
-            };
-            self.0.borrow_mut().registers[*address] = kept;
-            *address = (*address + 1) & 0x3F;
-        }
-    }
-}
-
-impl ErrorType for Part {
-    type Error = Infallible;
-}
-
-impl SpiDevice for Part {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
-        let mut address = 0;
-        for operation in operations {
-            match operation {
-                Operation::Write(bytes) => self.take(bytes, &mut address),
-                Operation::Read(bytes) => {
-                    if address == OUT_T {
-                        self.0.borrow_mut().sample();
-                    }
-                    for byte in bytes.iter_mut() {
-                        *byte = self.0.borrow().registers[address];
-                        address = (address + 1) & 0x3F;
-                    }
-                }
-                other => panic!("the driver does not use {other:?}"),
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A delay that takes no time.
-pub struct Hurry;
-
-impl DelayNs for Hurry {
-    fn delay_ns(&mut self, _ns: u32) {}
-}
-
-/// Node `number` of the instrument, from 0.
-pub fn factory(number: usize) -> Factory {
-    let part = Config::PRODUCT;
-    let chain = Chain {
-        filter: LowPass::PRODUCT,
-        full_scale: FullScale::G2,
-        period_us: part.rate.period_us(),
-        part_delay_q16: PART_DELAY_Q16,
-        timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration {
-            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
-            ..Calibration::NOMINAL
-        },
-    };
-    let channel = [Channel::A, Channel::B][number];
-    Factory {
-        identity: Identity {
-            channel,
-            serial: 1 + number as u32,
-        },
-        node_id: channel.node_id(),
-        kbit_s: 250,
-        terms: Terms {
-            rule: Rule::Nearest,
-            reference: Uncertainty(0),
-        },
-        settings: Settings {
-            part,
-            chain,
-            noise: NOISE,
-        },
+        self.with(|behind| behind.registers[CONTROL_1] = 0);
     }
 }

@@ -2,153 +2,28 @@
 //!
 //! In: registers, what the peer says, SYNCs. Out: every frame of the device, and an SDO client.
 
-use std::cell::RefCell;
-use std::convert::Infallible;
-use std::rc::Rc;
-
-use crate::site::{Memory, blank};
+use crate::site::registers::{Hurry, Part};
+use crate::site::{Memory, along, blank, factory};
 use canopen::Frame;
 use canopen::object::{Address, Value, at};
-use device::calibration::motor::{MOTOR, Terms};
-use device::channel::Settings;
-use device::device::{Device, Factory, Wish};
+use device::device::{Device, Wish};
 use device::exchange;
 use device::fault::Fault;
-use device::objects::panel::Identity;
 use device::objects::table::Channel;
 use device::presentation::Presentation;
-use device::sensor::Config;
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use tilt::angle::{Angle, Axes, Harmonics, slopes};
-use tilt::chain::{Calibration, Chain, Correction, Measurement, PART_DELAY_Q16, Timing};
+use tilt::angle::{Angle, Axes, slopes};
+use tilt::chain::Measurement;
 use tilt::cross_check::CrossCheck;
-use tilt::filter::LowPass;
 use tilt::health::Activity;
 use tilt::observation::Observation;
-use tilt::sample::{FullScale, Instant};
-use tilt::table::Rule;
-use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Budget, Span, Uncertainty};
-use tilt::vector::{Corrected, Vector};
+use tilt::sample::Instant;
+use tilt::uncertainty::Uncertainty;
+use tilt::vector::Corrected;
 
 const SYNC_US: i64 = 20_000;
 const SAMPLE_US: i64 = 2_500;
 /// A slope in 16 bit that is no angle.
 pub const NO_SLOPE: i16 = i16::MIN;
-
-/// A part's registers, which the test may change under the driver.
-#[derive(Clone, Debug)]
-pub struct Part(Rc<RefCell<[u8; 64]>>);
-
-impl Part {
-    /// Level, always ready, 25 degC.
-    pub fn level() -> Self {
-        let mut registers = [0; 64];
-        registers[0x0F] = 0x44;
-        registers[0x27] = 0x01;
-        registers[0x2D] = 0x40;
-        Self(Rc::new(RefCell::new(registers)))
-    }
-
-    pub fn set(&self, register: usize, value: u8) {
-        self.0.borrow_mut()[register] = value;
-    }
-
-    pub fn warm(&self, celsius: f64) {
-        let [low, high] = (((celsius - 25.0) * 256.0) as i16 & !0xF).to_le_bytes();
-        self.set(0x0D, low);
-        self.set(0x0E, high);
-    }
-
-    pub fn take(&self, bytes: &[u8], address: &mut usize) {
-        let Some((first, values)) = bytes.split_first() else {
-            return;
-        };
-        *address = usize::from(first & 0x3F);
-        for value in values {
-            // CTRL2: boot and soft reset end at once.
-            let kept = if *address == 0x21 {
-                value & !0xC0
-            } else {
-                *value
-            };
-            self.set(*address, kept);
-            *address = (*address + 1) & 0x3F;
-        }
-    }
-}
-
-impl ErrorType for Part {
-    type Error = Infallible;
-}
-
-impl SpiDevice for Part {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
-        let mut address = 0;
-        for operation in operations {
-            match operation {
-                Operation::Write(bytes) => self.take(bytes, &mut address),
-                Operation::Read(bytes) => {
-                    for byte in bytes.iter_mut() {
-                        *byte = self.0.borrow()[address];
-                        address = (address + 1) & 0x3F;
-                    }
-                }
-                other => panic!("the driver does not use {other:?}"),
-            }
-        }
-        Ok(())
-    }
-}
-
-struct Hurry;
-
-impl DelayNs for Hurry {
-    fn delay_ns(&mut self, _ns: u32) {}
-}
-
-fn settings() -> Settings {
-    let part = Config::PRODUCT;
-    let chain = Chain {
-        filter: LowPass::PRODUCT,
-        full_scale: FullScale::G2,
-        period_us: part.rate.period_us(),
-        part_delay_q16: PART_DELAY_Q16,
-        timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration {
-            temperature: TemperatureModel::None,
-            correction: Correction::TwoAxis {
-                vector: Vector::IDENTITY,
-                harmonics: Axes::<Harmonics>::default(),
-            },
-            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
-        },
-    };
-    // This part's codes stand still, as those of one without noise may.
-    Settings {
-        part,
-        chain,
-        noise: 1,
-    }
-}
-
-fn factory() -> Factory {
-    let settings = settings();
-    Factory {
-        identity: Identity {
-            channel: Channel::A,
-            serial: 7,
-        },
-        node_id: 1,
-        kbit_s: 250,
-        terms: Terms {
-            rule: Rule::Nearest,
-            reference: MOTOR,
-        },
-        settings,
-    }
-}
 
 /// What a healthy channel says that is tilted about one axis.
 pub fn tilted(degrees: f64) -> Observation {
@@ -210,7 +85,7 @@ impl Told {
 /// The device, its part, and the bus with the other channel.
 pub struct Pair {
     pub device: Device<Part, Memory>,
-    pub part: Part,
+    part: Part,
     pub peer: Peer,
     pub now: Instant,
     next_sample: Instant,
@@ -226,9 +101,14 @@ pub struct Pair {
 impl Pair {
     /// Powered and settled, not started.
     pub fn new() -> Self {
-        let part = Part::level();
+        let part = along(0x2D);
         let mut pair = Self {
-            device: Device::new(part.clone(), CrossCheck::product(), factory(), blank()),
+            device: Device::new(
+                part.clone(),
+                CrossCheck::product(),
+                factory(Channel::A),
+                blank(),
+            ),
             part,
             peer: Peer {
                 says: level(),
@@ -492,9 +372,22 @@ impl Pair {
         self
     }
 
+    /// Sets a register of the part behind the driver.
+    pub fn set_register(&self, register: usize, value: u8) {
+        self.part.with(|registers| registers[register] = value);
+    }
+
+    /// The part takes on another temperature.
+    pub fn warm(&self, celsius: f64) {
+        let codes = (((celsius - 25.0) * 256.0) as i16 & !0xF).to_le_bytes();
+        for (register, value) in (0x0D..).zip(codes) {
+            self.set_register(register, value);
+        }
+    }
+
     /// The part has lost its supply and is in power-down.
     pub fn brown_out(&self) {
-        self.part.set(0x20, 0);
+        self.set_register(0x20, 0);
     }
 
     /// Safety frames within a second.

@@ -1,97 +1,36 @@
 //! One device with a part that lies level, a memory, a master and a clock.
 
-use std::convert::Infallible;
+#[path = "../registers/mod.rs"]
+pub mod registers;
 
 use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
 use device::calibration::deliver;
-use device::calibration::motor::{MOTOR, Terms};
-use device::channel::Settings;
 use device::device::{Device, Factory, Wish};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
-use device::objects::panel::Identity;
 use device::objects::table::Channel;
 use device::sensor::Config;
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
-use tilt::angle::{Axes, Harmonics};
-use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, Timing};
+use tilt::chain::Calibration;
 use tilt::cross_check::CrossCheck;
-use tilt::filter::LowPass;
-use tilt::sample::{FullScale, Instant};
-use tilt::table::Rule;
-use tilt::temperature::TemperatureModel;
-use tilt::uncertainty::{Budget, Span, Uncertainty};
-use tilt::vector::Vector;
+use tilt::sample::Instant;
+
+use registers::{Hurry, Part};
 
 /// The most frames that one instant can bring; counted in the tests of `canopen::node`, with one
 /// more EMCY queue for what the device finds wrong while frames go out.
 const MOST: usize = 154 + 8;
 
-/// The registers of a part that is always ready and sees 1 g along one axis.
-#[derive(Debug)]
-pub struct Part([u8; 64]);
-
-impl Part {
-    /// `output` is the register of the upper half of an axis: 29h of X, 2Dh of Z.
-    pub fn along(output: usize) -> Self {
-        let mut registers = [0; 64];
-        registers[0x0F] = 0x44;
-        registers[0x27] = 0x01;
-        registers[output] = 0x40;
-        Self(registers)
-    }
-
-    fn write(&mut self, bytes: &[u8], address: &mut usize) {
-        let Some((first, values)) = bytes.split_first() else {
-            return;
-        };
-        *address = usize::from(first & 0x3F);
-        for value in values {
-            // CTRL2: boot and soft reset end at once.
-            let kept = if *address == 0x21 {
-                value & !0xC0
-            } else {
-                *value
-            };
-            self.0[*address] = kept;
-            *address = (*address + 1) & 0x3F;
-        }
-    }
-}
-
-impl ErrorType for Part {
-    type Error = Infallible;
-}
-
-impl SpiDevice for Part {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
-        let mut address = 0;
-        for operation in operations {
-            match operation {
-                Operation::Write(bytes) => self.write(bytes, &mut address),
-                Operation::Read(bytes) => {
-                    for byte in bytes.iter_mut() {
-                        *byte = self.0[address];
-                        address = (address + 1) & 0x3F;
-                    }
-                }
-                other => panic!("the driver does not use {other:?}"),
-            }
-        }
-        Ok(())
-    }
-}
-
-struct Hurry;
-
-impl DelayNs for Hurry {
-    fn delay_ns(&mut self, _ns: u32) {}
+/// A part that is always ready and sees 1 g along one axis; `output` is the register of the upper
+/// half of that axis: 29h of X, 2Dh of Z.
+pub fn along(output: usize) -> Part {
+    let mut registers = registers::ready();
+    registers[output] = 0x40;
+    Part::new(registers)
 }
 
 /// The device's memory, on the model of its flash.
@@ -128,46 +67,12 @@ pub fn blank() -> Memory {
 
 /// The calibration that it is delivered with: that of a perfect part.
 pub fn delivered() -> Calibration {
-    settings().chain.calibration
+    factory(Channel::A).settings.chain.calibration
 }
 
-fn settings() -> Settings {
-    let part = Config::PRODUCT;
-    let chain = Chain {
-        filter: LowPass::PRODUCT,
-        full_scale: FullScale::G2,
-        period_us: part.rate.period_us(),
-        part_delay_q16: PART_DELAY_Q16,
-        timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration {
-            temperature: TemperatureModel::None,
-            correction: Correction::TwoAxis {
-                vector: Vector::IDENTITY,
-                harmonics: Axes::<Harmonics>::default(),
-            },
-            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
-        },
-    };
-    // This part's codes stand still, as those of one without noise may.
-    Settings {
-        part,
-        chain,
-        noise: 1,
-    }
-}
-
-fn factory(channel: Channel) -> Factory {
-    let settings = settings();
-    Factory {
-        identity: Identity { channel, serial: 7 },
-        node_id: channel.node_id(),
-        kbit_s: 250,
-        terms: Terms {
-            rule: Rule::Nearest,
-            reference: MOTOR,
-        },
-        settings,
-    }
+/// This part's codes stand still, as those of one without noise may.
+pub fn factory(channel: Channel) -> Factory {
+    registers::factory(channel, 7, 1)
 }
 
 fn made(channel: Channel, part: Part, memory: Memory) -> Device<Part, Memory> {
@@ -188,12 +93,12 @@ pub struct Site {
 impl Site {
     /// Powered, and booted; the part lies level.
     pub fn new(channel: Channel) -> Self {
-        Self::with(channel, Part::along(0x2D), blank())
+        Self::with(channel, along(0x2D), blank())
     }
 
     /// The same with slope X at 90 deg.
     pub fn upright(channel: Channel) -> Self {
-        Self::with(channel, Part::along(0x29), blank())
+        Self::with(channel, along(0x29), blank())
     }
 
     /// A part of one's own, and what is in a memory.
@@ -227,7 +132,7 @@ impl Site {
     pub fn power_cycle(&mut self) {
         let mut memory = self.device.memory().clone();
         memory.flash_mut().power_up();
-        self.device = made(self.channel, Part::along(0x2D), memory);
+        self.device = made(self.channel, along(0x2D), memory);
         self.boot();
     }
 

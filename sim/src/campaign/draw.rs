@@ -339,7 +339,7 @@ mod tests {
         let mut moments = [0; 3];
         for setup in (1..3000).map(draw) {
             for work in &setup.maintenance {
-                let kind = work.work.to_string();
+                let kind = work.what.to_string();
                 kinds.insert(kind.split(" every").next().map(str::to_owned));
                 for fault in &setup.faults {
                     moments[0] += u32::from(work.from_s < fault.from_s);

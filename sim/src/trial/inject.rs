@@ -7,6 +7,7 @@ use std::fmt;
 use crate::fault::{NodeFault, SensorFault};
 use crate::network::Network;
 use crate::rng::Rng;
+use crate::trial::timed::Timed;
 
 /// One thing that goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,33 +55,7 @@ impl fmt::Display for What {
 }
 
 /// One thing that goes wrong for a while.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Injection {
-    /// What.
-    pub what: What,
-    /// On which channel, 0 or 1.
-    pub channel: usize,
-    /// From when, s.
-    pub from_s: f64,
-    /// Until when, s.
-    pub until_s: f64,
-}
-
-impl fmt::Display for Injection {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            what,
-            channel,
-            from_s,
-            until_s,
-        } = self;
-        let name = ["A", "B"].get(*channel).unwrap_or(&"?");
-        write!(
-            f,
-            "{what} on channel {name} from {from_s:.3} s to {until_s:.3} s"
-        )
-    }
-}
+pub type Injection = Timed<What>;
 
 impl Injection {
     /// Begins; `rng` is the fault's own.

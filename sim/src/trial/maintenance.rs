@@ -11,6 +11,7 @@ use std::fmt;
 
 use crate::network::Network;
 use crate::trial::master::{Command, Master, Write};
+use crate::trial::timed::Timed;
 use crate::trial::{CHANNELS, Setup};
 
 /// What is done.
@@ -80,33 +81,7 @@ impl fmt::Display for Work {
 }
 
 /// One piece of work, and for how long what it does stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Maintenance {
-    /// What.
-    pub work: Work,
-    /// On which channel, 0 or 1; of no account for SYNC and a flood.
-    pub channel: usize,
-    /// From when, s.
-    pub from_s: f64,
-    /// Until when, s.
-    pub until_s: f64,
-}
-
-impl fmt::Display for Maintenance {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            work,
-            channel,
-            from_s,
-            until_s,
-        } = self;
-        let name = ["A", "B"].get(*channel).unwrap_or(&"?");
-        write!(
-            f,
-            "{work} on channel {name} from {from_s:.3} s to {until_s:.3} s"
-        )
-    }
-}
+pub type Maintenance = Timed<Work>;
 
 /// Identifier of the flood's frames: below that of the exchange and every PDO.
 const FLOOD_ID: u16 = 0x0FF;
@@ -136,7 +111,7 @@ impl Maintenance {
         let Site {
             network, master, ..
         } = site;
-        match self.work {
+        match self.what {
             Work::PreOperational => master.hold(network, channel, Command::PreOperational),
             Work::Stop => master.hold(network, channel, Command::Stop),
             Work::Reset => tell(master, network, Command::Reset, channel),
@@ -173,7 +148,7 @@ impl Maintenance {
         let Site {
             network, master, ..
         } = site;
-        match self.work {
+        match self.what {
             Work::PreOperational | Work::Stop | Work::Clear => master.let_go(channel),
             Work::Reset | Work::ResetCommunication | Work::ResetPin => {}
             Work::Power => network.power_on(node),

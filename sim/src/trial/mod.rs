@@ -19,6 +19,7 @@ pub mod message;
 pub mod pool;
 pub mod sabotage;
 pub mod setup;
+pub mod timed;
 pub mod truth;
 
 #[cfg(test)]
@@ -309,7 +310,7 @@ impl<'a> Run<'a> {
     fn maintain(&mut self, index: usize, begins: bool) {
         let setup = self.setup;
         let maintenance = &setup.maintenance[index];
-        if maintenance.work == Work::Offset {
+        if maintenance.what == Work::Offset {
             self.checks.shown_anew();
         }
         let mut site = Site {
@@ -320,12 +321,12 @@ impl<'a> Run<'a> {
         if begins {
             self.active += 1;
             self.checks.maintain();
-            self.offsets += usize::from(maintenance.work == Work::Offset);
+            self.offsets += usize::from(maintenance.what == Work::Offset);
             maintenance.begin(&mut site, setup);
         } else {
             self.active -= 1;
             maintenance.end(&mut site, setup);
-            self.offsets -= usize::from(maintenance.work == Work::Offset);
+            self.offsets -= usize::from(maintenance.what == Work::Offset);
         }
     }
 

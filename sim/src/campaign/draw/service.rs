@@ -42,7 +42,7 @@ pub(super) fn draw(seed: u64) -> (Vec<Injection>, Vec<Maintenance>) {
         for _ in 0..count {
             let until_s = from_s + logarithmic(&mut rng, WORK_S.0, WORK_S.1);
             all.push(Maintenance {
-                work: if target < CHANNELS {
+                what: if target < CHANNELS {
                     of_a_node(&mut rng)
                 } else {
                     of_the_bus(&mut rng)

@@ -1,0 +1,134 @@
+//! A part of which only the registers are there, and the factory of a device that has it.
+//!
+//! In: what the driver writes. Out: what stands in the registers, which a test may change. Left
+//! out: time; the part is always ready.
+
+use std::cell::RefCell;
+use std::convert::Infallible;
+use std::rc::Rc;
+
+use device::calibration::motor::{MOTOR, Terms};
+use device::channel::Settings;
+use device::device::Factory;
+use device::objects::panel::Identity;
+use device::objects::table::Channel;
+use device::sensor::Config;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
+use tilt::filter::LowPass;
+use tilt::sample::FullScale;
+use tilt::table::Rule;
+use tilt::uncertainty::{Budget, Span, Uncertainty};
+
+/// What the part has in it.
+pub trait Contents {
+    /// The registers themselves.
+    fn bytes(&mut self) -> &mut [u8; 64];
+
+    /// The driver reads from `address` on.
+    fn read_from(&mut self, _address: usize) {}
+}
+
+impl Contents for [u8; 64] {
+    fn bytes(&mut self) -> &mut [u8; 64] {
+        self
+    }
+}
+
+/// The registers of a part that is always ready, at 25 degC, and feels nothing.
+pub const fn ready() -> [u8; 64] {
+    let mut registers = [0; 64];
+    registers[0x0F] = 0x44;
+    registers[0x27] = 0x01;
+    registers
+}
+
+/// The wires to a part. Copies share it.
+#[derive(Clone, Debug)]
+pub struct Part<R = [u8; 64]>(Rc<RefCell<R>>);
+
+impl<R: Contents> Part<R> {
+    pub fn new(registers: R) -> Self {
+        Self(Rc::new(RefCell::new(registers)))
+    }
+
+    /// Does something to the registers behind the driver.
+    pub fn with<T>(&self, act: impl FnOnce(&mut R) -> T) -> T {
+        act(&mut self.0.borrow_mut())
+    }
+
+    fn take(&self, bytes: &[u8], address: &mut usize) {
+        let Some((first, values)) = bytes.split_first() else {
+            return;
+        };
+        *address = usize::from(first & 0x3F);
+        for value in values {
+            // CTRL2: boot and soft reset end at once.
+            let kept = if *address == 0x21 {
+                value & !0xC0
+            } else {
+                *value
+            };
+            self.with(|registers| registers.bytes()[*address] = kept);
+            *address = (*address + 1) & 0x3F;
+        }
+    }
+}
+
+impl<R> ErrorType for Part<R> {
+    type Error = Infallible;
+}
+
+impl<R: Contents> SpiDevice for Part<R> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
+        let mut address = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write(bytes) => self.take(bytes, &mut address),
+                Operation::Read(bytes) => {
+                    self.with(|registers| registers.read_from(address));
+                    for byte in bytes.iter_mut() {
+                        *byte = self.with(|registers| registers.bytes()[address]);
+                        address = (address + 1) & 0x3F;
+                    }
+                }
+                other => panic!("the driver does not use {other:?}"),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A delay that takes no time.
+pub struct Hurry;
+
+impl DelayNs for Hurry {
+    fn delay_ns(&mut self, _ns: u32) {}
+}
+
+/// The instrument of a perfect part whose noise has this standard deviation, 2^-26 g.
+pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
+    let part = Config::PRODUCT;
+    let chain = Chain {
+        filter: LowPass::PRODUCT,
+        full_scale: FullScale::G2,
+        period_us: part.rate.period_us(),
+        part_delay_q16: PART_DELAY_Q16,
+        timing: Timing::Aligned { latency_us: 25_000 },
+        calibration: Calibration {
+            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+            ..Calibration::NOMINAL
+        },
+    };
+    Factory {
+        identity: Identity { channel, serial },
+        node_id: channel.node_id(),
+        kbit_s: 250,
+        terms: Terms {
+            rule: Rule::Nearest,
+            reference: MOTOR,
+        },
+        settings: Settings { part, chain, noise },
+    }
+}
