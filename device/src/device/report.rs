@@ -69,8 +69,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.check_calibration(now);
         let reading = self.channel.reading(&self.settings, now);
         self.values.process.measure(&reading);
-        if self.values.process.source == SyncSource::None {
-            // Nobody says when to tell the peer, so it is told what is so now.
+        let unheard = self.values.process.source == SyncSource::None;
+        if unheard || self.values.state != State::Operational {
+            // Nobody says when to tell the peer, or it is not told: then 2010h is what is so now.
             let own_fault = self.pair.own_fault();
             let observation = Observation::from(reading);
             self.values.tell(&observation, own_fault, now);

@@ -229,6 +229,15 @@ impl<'a> Shown<'a> {
         if which == 2 { x } else { y }.ok().map(|m| m.angle)
     }
 
+    /// [`Shown::slope`] as a preset takes it: a preset is what ends that the two are set to show
+    /// different angles, so it is taken then as well.
+    pub fn preset_slope(&self, which: usize) -> Option<Angle> {
+        if which < 2 {
+            return self.measured(which).map(|(angle, _)| angle);
+        }
+        self.slope(which)
+    }
+
     /// The bits of 2020h.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn validity(&self) -> u8 {

@@ -126,7 +126,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             value.signed() as i32
         };
         let scale = self.scale(which.slope, self.resolution(device));
-        let angle = self.angle(which.slope);
+        let angle = self.shown().preset_slope(which.slope);
         let slope = self.values.parameters.slopes.get_mut(which.slope);
         let slope = slope.ok_or(Abort::NoSuchObject)?;
         let set = slope.set(parameter, number, angle, &scale);
