@@ -1,9 +1,10 @@
 //! `plumb update` from the outside, against the nodes of `plumb serve`.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 fn plumb(arguments: &[&str]) -> Command {
@@ -110,6 +111,59 @@ fn both_nodes_get_a_new_program_one_after_the_other() {
         "{err}"
     );
     assert!(from.elapsed() < Duration::from_secs(60));
+}
+
+/// A master on the bus: SYNC every 20 ms, and the longest time in which neither channel had a valid
+/// slope X in its TPDO 1, from the first one that was valid.
+fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> Duration {
+    let mut stream = TcpStream::connect(bus).unwrap();
+    let patience = Some(Duration::from_millis(5));
+    stream.set_read_timeout(patience).unwrap();
+    write!(stream, "< open plumb >< rawmode >< send 0 2 1 0 >").unwrap();
+    let (mut text, mut bytes) = (String::new(), [0; 4096]);
+    let (mut valid, mut longest) = (None, Duration::ZERO);
+    let mut next = Instant::now();
+    while !done.load(Ordering::Relaxed) {
+        if Instant::now() >= next {
+            next += Duration::from_millis(20);
+            write!(stream, "< send 80 0 >").unwrap();
+        }
+        if let Ok(count) = stream.read(&mut bytes) {
+            text += &String::from_utf8_lossy(&bytes[..count]);
+        }
+        while let Some((frame, rest)) = text.split_once('>') {
+            let words: Vec<_> = frame.split_whitespace().collect();
+            let slopes = matches!(words[..], [.., "frame", "181" | "182", _, data] if !data.starts_with("0080"));
+            text = rest.to_owned();
+            if slopes {
+                let before = valid.replace(Instant::now());
+                longest = longest.max(before.map_or(Duration::ZERO, |b: Instant| b.elapsed()));
+            }
+        }
+    }
+    longest
+}
+
+#[test]
+fn a_pair_at_work_was_left_without_an_angle_and_half_updated() {
+    let bench = Bench::with_speed("1");
+    let image = bench.image("1.2.3", &[]);
+    let done = AtomicBool::new(false);
+    let (outcome, longest) = std::thread::scope(|scope| {
+        let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
+        std::thread::sleep(Duration::from_secs(3));
+        let outcome = said(&bench.update(&image, &[]));
+        done.store(true, Ordering::Relaxed);
+        (outcome, watch.join().unwrap())
+    });
+    let (status, out, err) = outcome;
+    assert_eq!(status, Some(0), "{err}");
+    assert_eq!(out, "node 1 runs 1.2.3 now\nnode 2 runs 1.2.3 now");
+    // 0.4 s in time of the bus; this clock is that of a loaded machine.
+    assert!(
+        longest > Duration::ZERO && longest < Duration::from_secs(2),
+        "{longest:?}"
+    );
 }
 
 #[test]

@@ -54,6 +54,18 @@ const TRIAL: Duration = Duration::from_secs(60);
 /// How long a node may take until it measures again.
 const MEASURING: Duration = Duration::from_secs(10);
 
+/// For how long the other channel has to have had a valid angle before this one is taken out of the
+/// pair: it goes on alone once the two have agreed for half a second (docs/safety.md). After a try in
+/// vain the time is doubled.
+const TOGETHER: Duration = Duration::from_millis(1500);
+
+/// Behind the end of the pair: by then its last comparison makes no angle valid any more.
+const APART: Duration = Duration::from_millis(1500);
+
+/// Within this time after that the other channel has to measure alone, also where it produces SYNC
+/// first, in place of this one.
+const ALONE: Duration = Duration::from_secs(3);
+
 /// How long a heartbeat is waited for.
 const HEARTBEAT: Duration = Duration::from_secs(2);
 
@@ -238,7 +250,10 @@ impl<'a> Node<'a> {
     /// measure when the new program is started.
     fn renew(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
         let works = self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
-        let ended = self.exchange(image, others, told);
+        let ended = match self.leave(others, works) {
+            Ok(()) => self.exchange(image, others, told),
+            Err(error) => Err(error),
+        };
         // Whoever has taken the node over would be disturbed.
         if matches!(ended, Err(UpdateError::Taken(_))) {
             return ended;
@@ -255,13 +270,43 @@ impl<'a> Node<'a> {
         Ok(())
     }
 
+    /// To PRE-OPERATIONAL, once the others go on without this node, which was OPERATIONAL if it
+    /// `works`.
+    fn leave(&mut self, others: &[u8], works: bool) -> Result<(), UpdateError> {
+        let mut together = TOGETHER;
+        for left in (0..TRIES).rev() {
+            for other in others {
+                Node::new(self.bus, *other).must_measure(together)?;
+            }
+            // NMT "enter PRE-OPERATIONAL".
+            self.nmt(128)?;
+            sleep(APART);
+            match self.first_without_angle(others)? {
+                None => break,
+                Some(other) if left == 0 || !works => return Err(UpdateError::NoAngle(other)),
+                // NMT "start": both have to agree for longer.
+                Some(_) => self.nmt(1)?,
+            }
+            together *= 2;
+        }
+        Ok(())
+    }
+
+    /// The first of the others that does not measure alone.
+    fn first_without_angle(&mut self, others: &[u8]) -> Result<Option<u8>, UpdateError> {
+        for other in others {
+            if !Node::new(self.bus, *other).measures_for(Duration::ZERO, ALONE)? {
+                return Ok(Some(*other));
+            }
+        }
+        Ok(None)
+    }
+
     /// The way from one program to the other.
     fn exchange(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
-        // NMT "enter PRE-OPERATIONAL".
-        self.nmt(128)?;
         self.transfer(image, told)?;
         for other in others {
-            Node::new(self.bus, *other).must_measure()?;
+            Node::new(self.bus, *other).must_measure(Duration::ZERO)?;
         }
         self.start()?;
         self.wait_for_trial(image.header.version.0)?;
@@ -429,21 +474,27 @@ impl<'a> Node<'a> {
     /// Waits until it measures, so that the other one may be updated; one that could not before
     /// need not now.
     fn wait_for_angle(&mut self) -> Result<(), UpdateError> {
-        self.measures_soon().map(drop)
+        self.measures_for(Duration::ZERO, MEASURING).map(drop)
     }
 
-    /// Waits until it measures; nothing leads on without.
-    fn must_measure(&mut self) -> Result<(), UpdateError> {
-        match self.measures_soon()? {
+    /// Waits until it has measured for so long; nothing leads on without.
+    fn must_measure(&mut self, long: Duration) -> Result<(), UpdateError> {
+        match self.measures_for(long, MEASURING + long)? {
             true => Ok(()),
             false => Err(UpdateError::NoAngle(self.node)),
         }
     }
 
-    fn measures_soon(&mut self) -> Result<bool, UpdateError> {
-        let until = Instant::now() + MEASURING;
+    /// Whether it comes to measure for so `long` without a break `within` a time.
+    fn measures_for(&mut self, long: Duration, within: Duration) -> Result<bool, UpdateError> {
+        let until = Instant::now() + within;
+        let mut since = None;
         while Instant::now() < until {
-            if self.measures()? {
+            since = match self.measures()? {
+                true => Some(since.unwrap_or_else(Instant::now)),
+                false => None,
+            };
+            if since.is_some_and(|since: Instant| since.elapsed() >= long) {
                 return Ok(true);
             }
             sleep(PAUSE);
