@@ -15,7 +15,7 @@
 use std::fmt;
 use std::process::ExitCode;
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -34,6 +34,11 @@ const SCALING: u32 = 2;
 
 /// 2025h of an axis that the instrument does not have.
 const NOT_MEASURED: u32 = 6;
+
+/// 2025h of an axis while the two channels are set to show different angles, and how long they may
+/// take to be alike again behind the writes: each tells the other in pieces.
+const UNLIKE: u32 = 20;
+const ALIKE: Duration = Duration::from_secs(3);
 
 /// How long the slope has to be measured anew behind the write.
 const SETTLING: Duration = Duration::from_millis(100);
@@ -234,13 +239,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
     }
     let mut done = Vec::new();
     let ended = plans.iter().try_for_each(|plan| {
-        let zeroed = carry_out(&mut bus, plan)?;
-        if !arguments.json {
-            print::text(&line(&zeroed))?;
-        }
-        done.push(zeroed);
+        done.push(write(&mut bus, plan)?);
         Ok::<(), ZeroError>(())
     });
+    sleep(SETTLING);
+    let ended = done.iter_mut().try_fold(ended, |ended, zeroed| {
+        // What ended the writes says more than what goes wrong now.
+        let ended = ended.and(read_back(&mut bus, zeroed));
+        if !arguments.json {
+            print::text(&line(zeroed))?;
+        }
+        Ok::<_, ZeroError>(ended)
+    })?;
     if ended.is_err() && (done.is_empty() || !arguments.json) {
         return ended.map(|()| ExitCode::SUCCESS);
     }
@@ -253,6 +263,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
             to_be_saved: true,
         })?,
         false => {
+            for node in &nodes {
+                print::text(&left_out(&mut bus, *node, &nodes)?)?;
+            }
             let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
             let names = names.join(",");
             let sentence = "not saved yet: plumb save --only profile";
@@ -279,7 +292,8 @@ fn plan(bus: &mut Bus, id: u8, arguments: &Arguments) -> Result<Vec<Plan>, ZeroE
         if absent && *slope == Slope::Y {
             continue;
         }
-        if validity & u32::from(slope.sub()) == 0 {
+        // A zero of both is what ends that they show different angles.
+        if validity & u32::from(slope.sub()) == 0 && reason != UNLIKE {
             let reason = u8::try_from(reason).unwrap_or(u8::MAX);
             return Err(ZeroError::Invalid(id, slope.name(), reason));
         }
@@ -314,7 +328,8 @@ fn object(index: u16) -> Result<Named, ZeroError> {
     named.map_err(|_| ZeroError::NoSlopes(0))
 }
 
-fn carry_out(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
+/// Writes one slope; what it reads then comes when all are written.
+fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
     let mut node = Node::new(bus, plan.node);
     let index = plan.slope.index();
     let before = angle(&mut node, index)?;
@@ -324,18 +339,44 @@ fn carry_out(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
     let preset = object(index + 2)?;
     let row = preset.row.ok_or(ZeroError::NoSlopes(plan.node))?;
     node.write(index + 2, 0, &value::bytes(row.data_type, plan.preset))?;
-    sleep(SETTLING);
-    let after = mean(&mut node, index)?;
     let resolution = node.resolution(&preset)?;
     Ok(Zeroed {
         node: plan.node,
         axis: plan.slope,
         before_deg: before,
-        after_deg: after,
-        offset_deg: angle(&mut node, index + 3)?,
+        after_deg: None,
+        offset_deg: None,
         scaling_enabled: plan.operating.is_some(),
         step_deg: value::scale(row, resolution).factor,
     })
+}
+
+/// What a slope that was written reads now.
+fn read_back(bus: &mut Bus, zeroed: &mut Zeroed) -> Result<(), ZeroError> {
+    let mut node = Node::new(bus, zeroed.node);
+    let index = zeroed.axis.index();
+    zeroed.offset_deg = angle(&mut node, index + 3)?;
+    let until = Instant::now() + ALIKE;
+    while node.number(0x2025, zeroed.axis.sub())? == Some(UNLIKE) && Instant::now() < until {
+        sleep(BETWEEN);
+    }
+    zeroed.after_deg = mean(&mut node, index)?;
+    Ok(())
+}
+
+/// What becomes of the other channel of a node, when that is not among `nodes`.
+fn left_out(bus: &mut Bus, id: u8, nodes: &[u8]) -> Result<String, ZeroError> {
+    let mut node = Node::new(bus, id);
+    let peer = node.number(0x2001, 0)?.unwrap_or(0);
+    let compares = node.number(0x2006, 0)?.unwrap_or(0) != 0;
+    let is_among = nodes.iter().any(|node| u32::from(*node) == peer);
+    if is_among || peer == 0 || !compares {
+        return Ok(String::new());
+    }
+    Ok(format!(
+        "node {peer}, the other channel of node {id}, was not zeroed: two seconds of different \
+         angles make both invalid (2006h)\n"
+    ))
 }
 
 /// A slope or one of its parameters, in degrees.

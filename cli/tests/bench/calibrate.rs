@@ -51,9 +51,20 @@ fn state(client: &mut TcpStream, node: u8) -> Option<String> {
     last.split_whitespace().nth(1).map(str::to_owned)
 }
 
+/// Both nodes at work for a while, with a SYNC from a master.
+fn put_to_work(bench: &Bench) {
+    let mut client = started(bench);
+    for _ in 0..20 {
+        write!(client, "< send 80 0 >").unwrap();
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 #[test]
 fn a_motor_calibrates_both_channels_and_verify_knows_the_report() {
     let bench = bench(&["--uncalibrated"]);
+    // What it was like before must not show: readings once stood still at the last SYNC.
+    put_to_work(&bench);
     let before = bench.kept();
     let run = by_motor(&bench, &["--step", "15", "--json"])
         .output()

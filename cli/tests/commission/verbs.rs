@@ -179,6 +179,27 @@ fn a_preset_without_scaling_was_stored_and_not_shown() {
 }
 
 #[test]
+fn a_pair_of_which_one_node_was_zeroed_alone_could_not_be_zeroed_any_more() {
+    let bench = Bench::quick(&[]);
+    bench.nmt(1, 0);
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let alone = ["zero", "--to", "45deg", "--axis", "x", "--node", "1"];
+    let told = bench.done(&alone);
+    let warning = "node 2, the other channel of node 1, was not zeroed";
+    assert!(told.contains(warning), "{told}");
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let got = bench.json(&["get", "2025.1", "--node", "2"]);
+    assert_eq!(got["objects"][0]["raw"], 20, "{got}");
+    let zeroed = bench.json(&["zero"]);
+    for slope in zeroed["slopes"].as_array().unwrap() {
+        let after = slope["after_deg"].as_f64();
+        assert!(after.is_some_and(|deg| deg.abs() < 0.2), "{zeroed}");
+    }
+    let told = bench.done(&["zero"]);
+    assert!(!told.contains("was not zeroed"), "{told}");
+}
+
+#[test]
 fn without_a_valid_angle_a_zero_says_why() {
     let mut bench = Bench::quick(&[]);
     bench.word("fault b stuck");
