@@ -66,6 +66,12 @@ impl Folder {
         Ok(Self { out, own })
     }
 
+    /// True when it holds what `plumb characterise` has measured, and no report.
+    pub fn is_unfinished(out: &Path) -> bool {
+        let is_there = |name: &str| out.join(name).symlink_metadata().is_ok();
+        is_there(MEASURED) && !is_there("report.json")
+    }
+
     /// Where the files go until the calibration is accepted.
     pub fn own(&self) -> &Path {
         &self.own

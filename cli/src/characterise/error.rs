@@ -37,8 +37,12 @@ pub enum CharacteriseError {
     Spoilt(f64, CalibrateError),
     /// There is no run to go on from.
     NoRun(PathBuf),
+    /// A folder holds a run that was interrupted.
+    Unfinished(PathBuf),
     /// A file is none that a run has written.
     Content(PathBuf),
+    /// A file is of a newer program.
+    Newer(PathBuf),
     /// A file is of a run that was begun with something else.
     Another(PathBuf, &'static str),
     /// A file could not be read or written.
@@ -47,6 +51,8 @@ pub enum CharacteriseError {
     Beyond(u8),
     /// Something else, and where stands what was measured until then.
     Kept(Box<CharacteriseError>, PathBuf),
+    /// Something else, and why what was measured until then could not be kept.
+    Lost(Box<CharacteriseError>, Box<CharacteriseError>),
 }
 
 impl std::error::Error for CharacteriseError {}
@@ -132,7 +138,20 @@ impl fmt::Display for CharacteriseError {
             ),
             Self::Content(path) => write!(
                 f,
-                "{} is damaged or was not written by plumb characterise: begin anew with --force",
+                "{} is damaged, was changed, or was not written by plumb characterise: bring it back \
+                 from a copy, or begin anew with another folder with --out",
+                path.display()
+            ),
+            Self::Newer(path) => write!(
+                f,
+                "{} is of a newer version of plumb: go on with that one, or begin anew with another \
+                 folder with --out",
+                path.display()
+            ),
+            Self::Unfinished(path) => write!(
+                f,
+                "{} holds a run that was interrupted: go on with --resume, choose another folder \
+                 with --out, or begin anew with --force",
                 path.display()
             ),
             Self::Another(path, what) => write!(
@@ -148,9 +167,10 @@ impl fmt::Display for CharacteriseError {
             ),
             Self::Kept(error, path) => write!(
                 f,
-                "{error}; what was measured so far is kept: go on with --resume --out {}",
+                "{error} (what was measured so far is kept: go on with --resume --out {})",
                 path.display()
             ),
+            Self::Lost(error, why) => write!(f, "{error} (what was measured is lost: {why})"),
         }
     }
 }

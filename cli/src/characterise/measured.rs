@@ -7,6 +7,7 @@
 //! Left out: measuring (`run`), and fitting (`thermal`).
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,7 @@ use super::error::CharacteriseError;
 use super::profile::Profile;
 use super::thermal::{Model, Sight};
 use crate::calibrate::folder::MEASURED;
+use crate::calibrate::kept::hex;
 use crate::calibrate::session::Node;
 
 /// Name of the format.
@@ -84,6 +86,8 @@ pub struct Measured {
     pub format: String,
     /// 1.
     pub version: u32,
+    /// SHA-256 of the file as it is with nothing between these quotes; empty but in the file.
+    pub sha256: String,
     /// Begin of the run, UTC, seconds since 1970.
     pub begun_s: u64,
     /// What it was begun with.
@@ -128,12 +132,28 @@ impl Begun {
     }
 }
 
+/// What every version of the file begins with.
+#[derive(Deserialize)]
+struct Tagged {
+    format: String,
+    version: u32,
+}
+
+/// The text of a file in which `sha256` stands now, with the one that belongs there.
+fn sealed(text: &str, sha256: &str) -> String {
+    let member = |sha256: &str| format!("\"sha256\": \"{sha256}\"");
+    let open = text.replacen(&member(sha256), &member(""), 1);
+    let hash = hex(&hmac_sha256::Hash::hash(open.as_bytes()));
+    open.replacen(&member(""), &member(&hash), 1)
+}
+
 impl Measured {
     /// A run that has measured nothing yet.
     pub fn new(begun: Begun, begun_s: u64) -> Self {
         Self {
             format: FORMAT.to_owned(),
             version: VERSION,
+            sha256: String::new(),
             begun_s,
             begun,
             dwells: Vec::new(),
@@ -145,16 +165,19 @@ impl Measured {
         folder.join(MEASURED)
     }
 
-    /// Writes the file; it appears whole or not at all.
+    /// Writes the file; it appears whole or not at all. A folder that has gone meanwhile is made
+    /// again.
     ///
     /// Errors: [`CharacteriseError::File`].
     pub fn save(&self, folder: &Path) -> Result<(), CharacteriseError> {
         let path = Self::path(folder);
         let failed = |error| CharacteriseError::File(path.clone(), error);
         let text = serde_json::to_string_pretty(self).map_err(|error| failed(error.into()))?;
+        let text = sealed(&(text + "\n"), "");
         let new = path.with_extension("part");
         let write = || {
-            fs::write(&new, text + "\n")?;
+            fs::create_dir_all(folder)?;
+            fs::write(&new, text)?;
             // A loss of power in the next hour must find it on the disk.
             fs::File::open(&new)?.sync_all()?;
             fs::rename(&new, &path)
@@ -165,18 +188,26 @@ impl Measured {
     /// The run in a folder, to go on from with what `begun` says.
     ///
     /// Errors: [`CharacteriseError::NoRun`], [`CharacteriseError::File`],
-    /// [`CharacteriseError::Content`], [`CharacteriseError::Another`].
+    /// [`CharacteriseError::Newer`], [`CharacteriseError::Content`],
+    /// [`CharacteriseError::Another`].
     pub fn resume(folder: &Path, begun: &Begun) -> Result<Self, CharacteriseError> {
         let path = Self::path(folder);
-        let bytes = match fs::read(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+        let text = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => {
                 return Err(CharacteriseError::NoRun(path));
             }
+            // Bytes that are no text were not written by a run.
+            Err(error) if error.kind() == ErrorKind::InvalidData => String::new(),
             read => read.map_err(|error| CharacteriseError::File(path.clone(), error))?,
         };
-        let measured: Option<Self> = serde_json::from_slice(&bytes).ok();
-        let whole = measured.filter(Self::is_sound);
-        let measured = whole.ok_or_else(|| CharacteriseError::Content(path.clone()))?;
+        let tagged: Option<Tagged> = serde_json::from_str(&text).ok();
+        if tagged.is_some_and(|tagged| tagged.format == FORMAT && tagged.version > VERSION) {
+            return Err(CharacteriseError::Newer(path));
+        }
+        let measured: Option<Self> = serde_json::from_str(&text).ok();
+        let whole = measured.filter(|run| sealed(&text, &run.sha256) == text && run.is_sound());
+        let mut measured = whole.ok_or_else(|| CharacteriseError::Content(path.clone()))?;
+        measured.sha256.clear();
         match measured.begun.differs(begun) {
             Some(what) => Err(CharacteriseError::Another(path, what)),
             None => Ok(measured),
@@ -351,7 +382,9 @@ mod tests {
             run
         };
         assert!(!refused(&with(&|_| ())));
-        assert!(refused(&with(&|run| run.version = 2)));
+        with(&|run| run.version = 2).save(&scratch.0).unwrap();
+        let told = Measured::resume(&scratch.0, &begun());
+        assert!(matches!(told, Err(CharacteriseError::Newer(_))));
         assert!(refused(&with(&|run| run.dwells[0].step = 1)));
         assert!(refused(&with(&|run| run.dwells[0].orientations.clear())));
         assert!(refused(&with(&|run| run.dwells[0].orientations[0].clear())));
@@ -361,5 +394,35 @@ mod tests {
         fs::write(&path, &text[..text.len() / 2]).unwrap();
         let told = Measured::resume(&scratch.0, &begun());
         assert!(matches!(told, Err(CharacteriseError::Content(_))));
+    }
+
+    #[test]
+    fn a_run_went_on_with_numbers_that_somebody_had_changed() {
+        let scratch = Scratch::new("changed");
+        let mut run = Measured::new(begun(), 5);
+        run.dwells.push(dwelt(1, 0));
+        run.save(&scratch.0).unwrap();
+        let path = Measured::path(&scratch.0);
+        let text = fs::read_to_string(&path).unwrap();
+        let digits = text.char_indices().filter(|(_, c)| c.is_ascii_digit());
+        for (at, digit) in digits {
+            let other = if digit == '1' { "2" } else { "1" };
+            let changed = format!("{}{other}{}", &text[..at], &text[at + 1..]);
+            fs::write(&path, changed).unwrap();
+            assert!(Measured::resume(&scratch.0, &begun()).is_err(), "at {at}");
+        }
+        fs::write(&path, text).unwrap();
+        assert_eq!(Measured::resume(&scratch.0, &begun()).unwrap(), run);
+    }
+
+    #[test]
+    fn what_was_measured_was_lost_with_the_folder_that_it_stood_in() {
+        let scratch = Scratch::new("gone");
+        let folder = scratch.0.join("report");
+        let run = Measured::new(begun(), 5);
+        run.save(&folder).unwrap();
+        fs::remove_dir_all(&folder).unwrap();
+        run.save(&folder).unwrap();
+        assert_eq!(Measured::resume(&folder, &begun()).unwrap(), run);
     }
 }

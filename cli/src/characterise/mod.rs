@@ -109,7 +109,12 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Chara
     }
     let folder = match arguments.resume {
         true => Folder::resume(&arguments.out)?,
-        false => Folder::claim(&arguments.out, common.force)?,
+        false => Folder::claim(&arguments.out, common.force).map_err(|error| match error {
+            CalibrateError::Earlier(..) if Folder::is_unfinished(&arguments.out) => {
+                CharacteriseError::Unfinished(arguments.out.clone())
+            }
+            error => error.into(),
+        })?,
     };
     let mut session = common.open(&ids)?;
     let done = characterise(arguments, progress, &folder, &mut session);
@@ -291,7 +296,11 @@ impl Work<'_> {
             self.folder.forget();
             return error;
         }
-        CharacteriseError::Kept(Box::new(error), self.folder.own().to_owned())
+        let own = self.folder.own();
+        match measured.save(own) {
+            Ok(()) => CharacteriseError::Kept(Box::new(error), own.to_owned()),
+            Err(why) => CharacteriseError::Lost(Box::new(error), Box::new(why)),
+        }
     }
 
     /// Fits, writes, reports; gives back what the nodes had unless all went well.

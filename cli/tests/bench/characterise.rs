@@ -146,9 +146,13 @@ fn an_interrupted_run_goes_on_where_it_was() {
     let measured = fs::read_to_string(bench.path("report/measured.json")).unwrap();
     let measured: serde_json::Value = serde_json::from_str(&measured).unwrap();
     assert!(measured["dwells"].as_array().unwrap().len() >= 2);
-    let (status, _, err) = said(&by_motor(&bench, &[]).output().unwrap());
+    let anew = by_motor(&bench, &[]).output();
+    let (status, _, err) = said(&anew.unwrap());
     assert_eq!(status, Some(2));
-    assert!(err.contains("is there already"), "{err}");
+    assert!(
+        err.contains("was interrupted: go on with --resume"),
+        "{err}"
+    );
     let other = by_motor(&bench, &["--resume", "--from", "0"]).output();
     let (status, _, err) = said(&other.unwrap());
     assert_eq!(status, Some(2));
