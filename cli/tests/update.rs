@@ -133,7 +133,10 @@ fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> Duration {
         }
         while let Some((frame, rest)) = text.split_once('>') {
             let words: Vec<_> = frame.split_whitespace().collect();
-            let slopes = matches!(words[..], [.., "frame", "181" | "182", _, data] if !data.starts_with("0080"));
+            let slopes = match words[..] {
+                [.., "frame", "181" | "182", _, data] => !data.starts_with("0080"),
+                _ => false,
+            };
             text = rest.to_owned();
             if slopes {
                 let before = valid.replace(Instant::now());

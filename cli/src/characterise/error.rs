@@ -88,6 +88,46 @@ impl CharacteriseError {
     }
 }
 
+impl CharacteriseError {
+    /// What is wrong with a file or a folder.
+    fn fmt_file(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoRun(path) => write!(
+                f,
+                "{} is not there: no run to go on from; leave --resume out, or name its folder \
+                 with --out",
+                path.display()
+            ),
+            Self::Content(path) => write!(
+                f,
+                "{} is damaged, was changed, or was not written by plumb characterise: bring it \
+                 back from a copy, or choose another folder with --out",
+                path.display()
+            ),
+            Self::Newer(path) => write!(
+                f,
+                "{} is of a newer version of plumb: go on with that one, or choose another folder \
+                 with --out",
+                path.display()
+            ),
+            Self::Unfinished(path) => write!(
+                f,
+                "{} holds a run that was interrupted: go on with --resume, choose another folder \
+                 with --out, or begin anew with --force",
+                path.display()
+            ),
+            Self::Another(path, what) => write!(
+                f,
+                "{} was begun with another {what}: begin anew with --force, or with another --out",
+                path.display()
+            ),
+            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
+            // Every other one has its sentence in `fmt`.
+            _ => write!(f, "{self:?}"),
+        }
+    }
+}
+
 impl fmt::Display for CharacteriseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -130,36 +170,6 @@ impl fmt::Display for CharacteriseError {
             Self::Spoilt(degc, error) => {
                 write!(f, "the dwell at {degc} degC was begun too often: {error}")
             }
-            Self::NoRun(path) => write!(
-                f,
-                "{} is not there: no run to go on from; leave --resume out, or name its folder \
-                 with --out",
-                path.display()
-            ),
-            Self::Content(path) => write!(
-                f,
-                "{} is damaged, was changed, or was not written by plumb characterise: bring it back \
-                 from a copy, or begin anew with another folder with --out",
-                path.display()
-            ),
-            Self::Newer(path) => write!(
-                f,
-                "{} is of a newer version of plumb: go on with that one, or begin anew with another \
-                 folder with --out",
-                path.display()
-            ),
-            Self::Unfinished(path) => write!(
-                f,
-                "{} holds a run that was interrupted: go on with --resume, choose another folder \
-                 with --out, or begin anew with --force",
-                path.display()
-            ),
-            Self::Another(path, what) => write!(
-                f,
-                "{} was begun with another {what}: begin anew with --force, or with another --out",
-                path.display()
-            ),
-            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
             Self::Beyond(node) => write!(
                 f,
                 "the model of node {node} does not fit its calibration's numbers: the sensor is \
@@ -171,6 +181,7 @@ impl fmt::Display for CharacteriseError {
                 path.display()
             ),
             Self::Lost(error, why) => write!(f, "{error} (what was measured is lost: {why})"),
+            of_a_file => of_a_file.fmt_file(f),
         }
     }
 }

@@ -54,9 +54,9 @@ const TRIAL: Duration = Duration::from_secs(60);
 /// How long a node may take until it measures again.
 const MEASURING: Duration = Duration::from_secs(10);
 
-/// For how long the other channel has to have had a valid angle before this one is taken out of the
-/// pair: it goes on alone once the two have agreed for half a second (docs/safety.md). After a try in
-/// vain the time is doubled.
+/// For how long the other channel has to have had a valid angle before this one is taken out of
+/// the pair: it goes on alone once the two have agreed for half a second (docs/safety.md). After a
+/// try in vain the time is doubled.
 const TOGETHER: Duration = Duration::from_millis(1500);
 
 /// Behind the end of the pair: by then its last comparison makes no angle valid any more.
