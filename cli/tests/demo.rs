@@ -83,6 +83,44 @@ fn the_week_has_a_row_for_each_day_and_finds_the_fault_on_the_fifth() {
 }
 
 #[test]
+fn as_printed_is_a_mode_of_its_own_and_only_when_asked_for() {
+    let out = folder("printed");
+    let run = demo(
+        &[SHORT.as_slice(), &["--as-printed", "--details"]].concat(),
+        &out,
+    );
+    assert_eq!(run.status.code(), Some(0));
+    let shown = String::from_utf8(run.stdout).unwrap();
+    for title in ["As printed", "Table I:", "Table II:", "Table III:"] {
+        assert!(shown.contains(title), "{title}: {shown}");
+    }
+    let text = std::fs::read_to_string(out.join("report.json")).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
+    let aligned = |mode: &str| {
+        let rows = report["dynamic"].as_array().unwrap().iter();
+        let mut rows = rows.filter(|row| row["mode"] == mode && row["lever_arm_cm"] == 0);
+        rows.next().unwrap()["rmse_aligned_deg"].as_f64().unwrap()
+    };
+    // Table III has 0.085 to 0.100 deg; a nearest point of a 1 deg table alone has 0.289.
+    assert!(aligned("paper") < 0.11 && aligned("as printed") > 0.2);
+    let passed = |row: &&Value| row["mode"] == "paper" && row["accepted"] == true;
+    let rows = report["calibration"].as_array().unwrap();
+    assert_eq!(rows.iter().filter(passed).count(), 2);
+}
+
+#[test]
+fn options_that_do_not_fit_together_are_refused() {
+    let run = demo(&["--json", "--details"], &folder("both"));
+    assert_eq!(run.status.code(), Some(2));
+    assert!(run.stdout.is_empty());
+    let said = String::from_utf8(run.stderr).unwrap();
+    assert!(
+        said.contains("--details") && said.contains("--json"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_folder_that_is_a_file_costs_no_run_and_is_named() {
     let out = folder("file");
     std::fs::write(&out, "mine").unwrap();

@@ -8,6 +8,7 @@ use std::thread;
 
 use sim::bench::calibrate::{CalibrationReport, TOLERANCE_DEG};
 use sim::bench::characterise::mean_of_both;
+use sim::bench::interpretation::Interpretation;
 use sim::bench::static_test::{errors, knots};
 use sim::bench::statistics::Tally;
 use sim::bench::{Bench, Mode, World};
@@ -22,6 +23,12 @@ use tilt::filter::Filtered;
 const PERFECT: World = World {
     parts: ErrorModel::PERFECT,
     rig: RigSetup::PERFECT,
+    paper: Interpretation::REPRODUCED,
+};
+
+const AS_PRINTED: World = World {
+    paper: Interpretation::AS_PRINTED,
+    ..World::NOMINAL
 };
 
 const MG: f64 = ONE_G as f64 / 1000.0;
@@ -101,6 +108,29 @@ fn r15_the_product_is_within_tolerance_at_the_first_round() {
     }
 }
 
+#[test]
+fn r15_paper_mode_is_within_tolerance_up_to_80_deg_and_as_printed_is_not() {
+    for unit in 1..=4 {
+        let (_, reports) = Bench::commissioned(Mode::Paper, &World::NOMINAL, 15, unit).unwrap();
+        for report in reports {
+            assert!(report.passed() && report.rounds == 1, "{report:?}");
+            // E6: towards 90 deg one axis cannot.
+            assert!(report.beyond.largest() > TOLERANCE_DEG, "{report:?}");
+        }
+        let (_, reports) = Bench::commissioned(Mode::Paper, &AS_PRINTED, 15, unit).unwrap();
+        assert!(reports.iter().all(|r| !r.passed() && r.rounds == 3));
+    }
+}
+
+#[test]
+fn r17_as_printed_the_nearest_point_and_two_instants_miss_table_iii() {
+    let (mut bench, _) = Bench::commissioned(Mode::Paper, &AS_PRINTED, 17, 1).unwrap();
+    let result = bench.dynamic_test(Mount::X, 0.0);
+    // E4 and E11: 0.289 deg of the table alone, and nodes up to 20 ms apart.
+    assert!(result.aligned.iter().all(|node| node.rms() > 0.25));
+    assert!(result.warnings > 100, "{}", result.warnings);
+}
+
 /// Calibrates with node 2's supply bad between these times, s from the start of the calibration;
 /// gives the reports and how long it took, s.
 fn calibrated_with_bad_supply(bad_s: (f64, f64)) -> ([CalibrationReport; 2], f64) {
@@ -170,6 +200,7 @@ fn one_term(term: Term) -> World {
     World {
         parts: ErrorModel::NOMINAL.only(term),
         rig: RigSetup::PERFECT,
+        paper: Interpretation::REPRODUCED,
     }
 }
 
@@ -249,7 +280,7 @@ fn r16_on_its_knots_a_nominal_product_stays_within_0_20_deg_without_a_warning() 
 
 #[test]
 fn r17_the_swing_is_right_once_aligned_by_the_declared_latency() {
-    for (mode, latency_ms) in [(Mode::Product, 25.0), (Mode::Paper, 17.0)] {
+    for (mode, latency_ms) in [(Mode::Product, 25.0), (Mode::Paper, 40.0)] {
         let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, 17, 1).unwrap();
         let result = bench.dynamic_test(Mount::X, 0.0);
         assert_eq!(result.invalid, 0);
@@ -269,12 +300,12 @@ fn r17_the_swing_is_right_once_aligned_by_the_declared_latency() {
                 "{}",
                 arrives.largest()
             );
-            // Paper mode's nearest point alone is 0.289 deg.
-            let most = if mode == Mode::Paper { 0.40 } else { 0.06 };
+            // Table III publishes 0.085 to 0.100 deg.
+            let most = if mode == Mode::Paper { 0.11 } else { 0.06 };
             assert!(aligned.rms() < most, "{}", aligned.rms());
         }
+        assert_eq!(result.warnings, 0);
         if mode == Mode::Product {
-            assert_eq!(result.warnings, 0);
             // E15: 0.11 deg a centimetre while it turns, and more while it speeds up.
             let arm = bench.dynamic_test(Mount::X, 0.05).aligned[0].rms();
             println!("{arm:.3} deg rms at 5 cm");

@@ -134,7 +134,11 @@ fn e9_an_error_of_the_reference_does_not_show_in_the_difference() {
         ..RigSetup::NOMINAL
     };
     let parts = ErrorModel::PERFECT;
-    let world = World { parts, rig };
+    let world = World {
+        parts,
+        rig,
+        ..World::NOMINAL
+    };
     let (mut bench, calibration) = Bench::commissioned(Mode::Product, &world, 9, 1).unwrap();
     let passed = calibration.iter().all(|c| c.passed());
     assert!(

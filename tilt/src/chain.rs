@@ -10,8 +10,8 @@
 //! differ in age. [`Timing::Aligned`] therefore interpolates between the last two filtered
 //! samples so that the reading belongs to exactly `now - latency`, the same instant in every
 //! channel (erratum E11: 5 ms of skew alone fires the paper's rule at 80 deg/s).
-//! [`Timing::AsItArrives`] is the paper: the newest sample, whatever its age. Both declare their
-//! latency (erratum E2: at 80 deg/s the paper's filter alone lags 0.64 deg).
+//! [`Timing::AsItArrives`] is the paper's text: the newest sample, whatever its age. Both declare
+//! their latency (erratum E2: at 80 deg/s the paper's filter alone lags 0.64 deg).
 //!
 //! The part's rate is off by several per cent, so the period is measured by capture times.
 //!
@@ -233,7 +233,7 @@ impl Correction {
 /// Which instant a reading belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
-    /// The newest filtered sample, whatever its age: paper mode.
+    /// The newest filtered sample, whatever its age: the paper to the letter.
     AsItArrives,
     /// Exactly this many microseconds before the reading is asked for.
     Aligned {

@@ -1,9 +1,9 @@
 //! The paper's look-up table: acceleration of one axis to angle (R5, R6).
 //!
 //! In: the compensated acceleration of one axis. Out: the angle memorised for it. Three rules:
-//! - [`Rule::Nearest`] is the paper: the angle of the nearer of the two neighbouring points,
+//! - [`Rule::Nearest`] is the text: the angle of the nearer of the two neighbouring points,
 //!   switching in the middle between them;
-//! - [`Rule::Linear`] interpolates and is the better instrument with the same table;
+//! - [`Rule::Linear`] interpolates, with which alone the paper's own figures come back;
 //! - [`Rule::PrintedQuarter`] is eq 7 to the letter, for analysis only.
 //!
 //! # Errata
@@ -39,7 +39,7 @@ pub struct Point {
 /// How a reading between two points becomes an angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rule {
-    /// The nearer point, switching at the middle (the text of section III): paper mode.
+    /// The nearer point, switching at the middle (the text of section III).
     #[default]
     Nearest,
     /// A straight line between the two points.

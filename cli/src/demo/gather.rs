@@ -13,7 +13,7 @@ use sim::bench::week::{self, Day, FAULT_DAY, HOURS_PER_DAY, Trouble};
 use sim::rig::Mount;
 
 use super::Arguments;
-use super::jobs::Results;
+use super::jobs::{Kind, Results, two_axes};
 use crate::report::data::{
     Angles, Axis, CalibrationRow, Curve, DeltaTrace, DemoReport, DynamicRow, DynamicTrace,
     ErrorType, Figures, Mode as ReportMode, NodeTrace, OneAxisRow, Outcome, Relation,
@@ -22,10 +22,6 @@ use crate::report::data::{
 use crate::report::series::{Binner, finite, points};
 use crate::report::tables::FEWEST_FOR_MEDIANS;
 
-const MODES: [(Mode, ReportMode); 2] = [
-    (Mode::Paper, ReportMode::Paper),
-    (Mode::Product, ReportMode::Product),
-];
 const MOUNTS: [(Mount, Axis); 2] = [(Mount::X, Axis::X), (Mount::Y, Axis::Y)];
 
 /// Seconds of the dynamic test that are drawn.
@@ -40,35 +36,36 @@ pub fn report(arguments: &Arguments, results: &Results) -> DemoReport {
         arguments.days,
         specification,
     );
-    for (mode, name) in MODES {
+    for kind in two_axes(arguments) {
+        let name = report_mode(kind);
         for (mount, axis) in MOUNTS {
             report
                 .static_test
-                .extend(static_rows(results, mode, mount, (name, axis)));
+                .extend(static_rows(results, kind, mount, (name, axis)));
             report
                 .dynamic
-                .extend(dynamic_rows(results, mode, mount, (name, axis)));
+                .extend(dynamic_rows(results, kind, mount, (name, axis)));
         }
         report
             .calibration
-            .extend(calibration_rows(results, mode, name));
+            .extend(calibration_rows(results, kind, name));
     }
-    for (mode, days) in &results.weeks {
+    for (kind, days) in &results.weeks {
         report
             .week
-            .extend(days.iter().map(|day| week_row(*mode, day)));
+            .extend(days.iter().map(|day| week_row(*kind, day)));
     }
     report.one_axis = [0, 1].map(|node| one_axis_row(results, node)).to_vec();
     report.table1 = results.table_one.iter().map(table_one_row).collect();
-    report.figures = figures(results);
+    report.figures = figures(arguments, results);
     report
 }
 
-fn report_mode(mode: Mode) -> ReportMode {
-    if mode == Mode::Paper {
-        ReportMode::Paper
-    } else {
-        ReportMode::Product
+fn report_mode(kind: Kind) -> ReportMode {
+    match kind {
+        Kind::Paper => ReportMode::Paper,
+        Kind::AsPrinted => ReportMode::AsPrinted,
+        Kind::Product | Kind::OneAxis => ReportMode::Product,
     }
 }
 
@@ -82,14 +79,14 @@ fn static_points(unit: &UnitResult, mount: Mount, knots: bool) -> &[StaticPoint]
 
 fn static_rows(
     results: &Results,
-    mode: Mode,
+    kind: Kind,
     mount: Mount,
     (name, axis): (ReportMode, Axis),
 ) -> Vec<StaticRow> {
     let mut rows = Vec::new();
     for (knots, angles) in [(true, Angles::Knots), (false, Angles::Random)] {
         let lists: Vec<_> = results
-            .of(mode)
+            .of(kind)
             .map(|u| static_points(u, mount, knots))
             .collect();
         let mut difference = Tally::default();
@@ -137,14 +134,14 @@ fn largest(tallies: &[Tally]) -> Option<f64> {
 
 fn dynamic_rows(
     results: &Results,
-    mode: Mode,
+    kind: Kind,
     mount: Mount,
     (name, axis): (ReportMode, Axis),
 ) -> Vec<DynamicRow> {
     let mut rows = Vec::new();
     for arm in [0, 2, 5] {
         let runs: Vec<&DynamicResult> = results
-            .of(mode)
+            .of(kind)
             .flat_map(|unit| &unit.dynamics)
             .filter(|run| run.mount == mount && run.lever_arm_cm == arm)
             .map(|run| &run.result)
@@ -176,15 +173,15 @@ fn dynamic_rows(
     rows
 }
 
-fn calibration_rows(results: &Results, mode: Mode, name: ReportMode) -> Vec<CalibrationRow> {
+fn calibration_rows(results: &Results, kind: Kind, name: ReportMode) -> Vec<CalibrationRow> {
     let row = |node: usize| {
         let reports: Vec<CalibrationReport> = results
-            .of(mode)
+            .of(kind)
             .map(|unit| unit.calibration[node])
             .collect();
         let worst = |pick: fn(&CalibrationReport) -> f64| {
             let value = reports.iter().map(pick).fold(0.0, f64::max);
-            (mode != Mode::Paper).then_some(value)
+            (kind.mode() != Mode::Paper).then_some(value)
         };
         CalibrationRow {
             mode: name,
@@ -203,36 +200,36 @@ fn calibration_rows(results: &Results, mode: Mode, name: ReportMode) -> Vec<Cali
     [0, 1].map(row).to_vec()
 }
 
-/// Paper mode reports faults without a cause on every day, so that only in product mode one after
-/// the cure says that the cure failed.
-fn outcome(mode: Mode, day: &Day) -> Outcome {
+/// As printed the instrument reports faults without a cause on every day, so that there one after
+/// the cure does not say that the cure failed.
+fn outcome(kind: Kind, day: &Day) -> Outcome {
     match day.outcome {
         week::Outcome::None => Outcome::None,
         week::Outcome::Warnings => Outcome::Warnings,
         week::Outcome::DataDelay => Outcome::DataDelay,
         week::Outcome::FaultWithoutCause => Outcome::FaultWithoutCause,
-        week::Outcome::SupplyFault if mode != Mode::Paper && day.after_cure > 0 => {
+        week::Outcome::SupplyFault if kind != Kind::AsPrinted && day.after_cure > 0 => {
             Outcome::NotCured
         }
         week::Outcome::SupplyFault => Outcome::PhysicalFault,
     }
 }
 
-fn week_row(mode: Mode, day: &Day) -> WeekRow {
+fn week_row(kind: Kind, day: &Day) -> WeekRow {
     WeekRow {
-        mode: report_mode(mode),
+        mode: report_mode(kind),
         day: day.day,
         hours: HOURS_PER_DAY,
         warnings: day.warnings,
         stops: day.stops,
         faults: day.faults,
-        outcome: outcome(mode, day),
+        outcome: outcome(kind, day),
     }
 }
 
 fn one_axis_row(results: &Results, node: usize) -> OneAxisRow {
     let tallies: Vec<_> = results
-        .of(Mode::OneAxis)
+        .of(Kind::OneAxis)
         .map(|unit| errors(static_points(unit, Mount::X, false), node))
         .collect();
     OneAxisRow {
@@ -243,18 +240,18 @@ fn one_axis_row(results: &Results, node: usize) -> OneAxisRow {
     }
 }
 
-fn table_one_row((mode, trouble, day): &(Mode, Trouble, Day)) -> Table1Row {
+fn table_one_row((kind, trouble, day): &(Kind, Trouble, Day)) -> Table1Row {
     let delay = matches!(trouble, Trouble::Delay { .. });
     // The product's check reports and latches either; it does not tell late data from a fault.
-    let late = delay && *mode == Mode::Paper;
+    let late = delay && kind.mode() == Mode::Paper;
     let expected = if late {
         Outcome::DataDelay
     } else {
         Outcome::PhysicalFault
     };
-    let outcome = outcome(*mode, day);
+    let outcome = outcome(*kind, day);
     Table1Row {
-        mode: report_mode(*mode),
+        mode: report_mode(*kind),
         error_type: if delay {
             ErrorType::DataDelay
         } else {
@@ -279,7 +276,7 @@ fn specification(results: &Results) -> Vec<SpecificationRow> {
             "deg",
         )
     };
-    let units: Vec<_> = results.of(Mode::Product).collect();
+    let units: Vec<_> = results.of(Kind::Product).collect();
     let per_unit = |pick: &dyn Fn(&UnitResult) -> Tally| -> Vec<Tally> {
         units.iter().map(|unit| pick(unit)).collect()
     };
@@ -293,7 +290,7 @@ fn specification(results: &Results) -> Vec<SpecificationRow> {
         tally
     });
     let one_axis: Vec<_> = results
-        .of(Mode::OneAxis)
+        .of(Kind::OneAxis)
         .map(|u| all_errors(u, |k, _| !k))
         .collect();
     let medians = [
@@ -349,7 +346,7 @@ fn week_specification(results: &Results) -> Vec<SpecificationRow> {
     let days = results
         .weeks
         .iter()
-        .filter(|(mode, _)| *mode == Mode::Product);
+        .filter(|(kind, _)| *kind == Kind::Product);
     let days: Vec<_> = days.flat_map(|(_, days)| days).collect();
     if days.is_empty() {
         return Vec::new();
@@ -377,10 +374,11 @@ fn week_specification(results: &Results) -> Vec<SpecificationRow> {
     lines
 }
 
-fn figures(results: &Results) -> Figures {
+fn figures(arguments: &Arguments, results: &Results) -> Figures {
     let mut figures = Figures::default();
-    for (mode, name) in MODES {
-        let Some(unit) = results.of(mode).next() else {
+    for kind in two_axes(arguments) {
+        let name = report_mode(kind);
+        let Some(unit) = results.of(kind).next() else {
             continue;
         };
         for (mount, axis) in MOUNTS {
@@ -405,11 +403,11 @@ fn figures(results: &Results) -> Figures {
                 .extend(swing.map(|run| trace(&run.result, name, axis)));
         }
     }
-    for (mode, days) in &results.weeks {
+    for (kind, days) in &results.weeks {
         let day = days.iter().find(|day| day.day == FAULT_DAY);
         figures
             .delta
-            .extend(day.map(|day| delta_trace(report_mode(*mode), day)));
+            .extend(day.map(|day| delta_trace(report_mode(*kind), day)));
     }
     figures
 }

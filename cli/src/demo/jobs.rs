@@ -6,6 +6,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use sim::bench::interpretation::Interpretation;
 use sim::bench::unit::{Plan, UnitResult, run_unit};
 use sim::bench::week::{Day, Trouble};
 use sim::bench::{Bench, BenchError, Mode, World};
@@ -19,47 +20,91 @@ const TROUBLE_FROM_S: f64 = 60.0;
 /// How late node 2's readings are in the first row of Table I: 10 periods of 20 ms.
 const LATE_SYNCS: usize = 10;
 
+/// Which instrument is built, and in which world it is tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Paper mode, read so that the paper's own results hold, on the paper's machine.
+    Paper,
+    /// Paper mode to the letter, on the product's machine.
+    AsPrinted,
+    /// The product on two axes.
+    Product,
+    /// The product on one axis, full circle.
+    OneAxis,
+}
+
+impl Kind {
+    /// The bench's mode.
+    pub fn mode(self) -> Mode {
+        match self {
+            Self::Paper | Self::AsPrinted => Mode::Paper,
+            Self::Product => Mode::Product,
+            Self::OneAxis => Mode::OneAxis,
+        }
+    }
+
+    fn world(self) -> World {
+        let paper = match self {
+            Self::AsPrinted => Interpretation::AS_PRINTED,
+            Self::Paper | Self::Product | Self::OneAxis => Interpretation::REPRODUCED,
+        };
+        World {
+            paper,
+            ..World::NOMINAL
+        }
+    }
+}
+
+/// The two-axis kinds of this run, in the order of the tables.
+pub fn two_axes(arguments: &Arguments) -> Vec<Kind> {
+    let printed = arguments.as_printed.then_some(Kind::AsPrinted);
+    [Some(Kind::Paper), printed, Some(Kind::Product)]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
 /// One world to run.
 #[derive(Clone, Copy, Debug)]
 enum Job {
-    Week(Mode),
-    TableOne(Mode, Trouble),
-    Unit(Mode, u32),
+    Week(Kind),
+    TableOne(Kind, Trouble),
+    Unit(Kind, u32),
 }
 
 /// What a world gave.
 #[derive(Debug)]
 enum Outcome {
-    Week(Mode, Vec<Day>),
-    TableOne(Mode, Trouble, Box<Day>),
-    Unit(Mode, Box<UnitResult>),
+    Week(Kind, Vec<Day>),
+    TableOne(Kind, Trouble, Box<Day>),
+    Unit(Kind, Box<UnitResult>),
 }
 
 /// Everything that the report is made of.
 #[derive(Debug, Default)]
 pub struct Results {
-    /// Units by mode, in their order.
-    pub units: Vec<(Mode, UnitResult)>,
-    /// The week by mode.
-    pub weeks: Vec<(Mode, Vec<Day>)>,
-    /// The two rows of Table I by mode.
-    pub table_one: Vec<(Mode, Trouble, Day)>,
+    /// Units by kind, in their order.
+    pub units: Vec<(Kind, UnitResult)>,
+    /// The week by kind.
+    pub weeks: Vec<(Kind, Vec<Day>)>,
+    /// The two rows of Table I by kind.
+    pub table_one: Vec<(Kind, Trouble, Day)>,
 }
 
 impl Results {
-    /// The units of one mode.
-    pub fn of(&self, mode: Mode) -> impl Iterator<Item = &UnitResult> {
+    /// The units of one kind.
+    pub fn of(&self, kind: Kind) -> impl Iterator<Item = &UnitResult> {
         self.units
             .iter()
-            .filter(move |(m, _)| *m == mode)
+            .filter(move |(k, _)| *k == kind)
             .map(|(_, unit)| unit)
     }
 }
 
 fn list(arguments: &Arguments) -> Vec<Job> {
-    let both = [Mode::Product, Mode::Paper];
-    let mut jobs: Vec<_> = both.iter().map(|&m| Job::Week(m)).collect();
-    for mode in [Mode::Paper, Mode::Product] {
+    let kinds = two_axes(arguments);
+    let mut jobs: Vec<_> = kinds.iter().rev().map(|&kind| Job::Week(kind)).collect();
+    for &kind in &kinds {
         for trouble in [
             Trouble::Delay {
                 from_s: TROUBLE_FROM_S,
@@ -69,11 +114,11 @@ fn list(arguments: &Arguments) -> Vec<Job> {
                 from_s: TROUBLE_FROM_S,
             },
         ] {
-            jobs.push(Job::TableOne(mode, trouble));
+            jobs.push(Job::TableOne(kind, trouble));
         }
     }
-    for mode in [Mode::Product, Mode::OneAxis, Mode::Paper] {
-        jobs.extend((0..arguments.units).map(|unit| Job::Unit(mode, unit)));
+    for kind in [Kind::OneAxis].into_iter().chain(kinds) {
+        jobs.extend((0..arguments.units).map(|unit| Job::Unit(kind, unit)));
     }
     jobs
 }
@@ -85,8 +130,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<Results, BenchE
     let jobs = list(arguments);
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, BenchError>)>> = Mutex::new(Vec::new());
-    let units = progress.task("instruments", u64::from(arguments.units) * 3 + 4);
-    let week = progress.task("excavator, days", u64::from(arguments.days) * 2);
+    let kinds = two_axes(arguments).len() as u64;
+    let built = u64::from(arguments.units) * (kinds + 1);
+    let units = progress.task("instruments", built + 2 * kinds);
+    let week = progress.task("excavator, days", u64::from(arguments.days) * kinds);
     let workers = std::thread::available_parallelism()
         .map_or(1, usize::from)
         .min(jobs.len());
@@ -115,10 +162,10 @@ fn collect(
     let mut results = Results::default();
     for outcome in outcomes {
         match outcome? {
-            Outcome::Unit(mode, unit) => results.units.push((mode, *unit)),
-            Outcome::Week(mode, days) => results.weeks.push((mode, days)),
-            Outcome::TableOne(mode, trouble, day) => {
-                results.table_one.push((mode, trouble, *day));
+            Outcome::Unit(kind, unit) => results.units.push((kind, *unit)),
+            Outcome::Week(kind, days) => results.weeks.push((kind, days)),
+            Outcome::TableOne(kind, trouble, day) => {
+                results.table_one.push((kind, trouble, *day));
             }
         }
     }
@@ -128,8 +175,8 @@ fn collect(
 fn work(job: Job, arguments: &Arguments, units: &Task, week: &Task) -> Result<Outcome, BenchError> {
     let Arguments { seed, days, .. } = *arguments;
     match job {
-        Job::Unit(mode, unit) => {
-            let plan = if mode == Mode::OneAxis {
+        Job::Unit(kind, unit) => {
+            let plan = if kind == Kind::OneAxis {
                 Plan {
                     lever_arms_cm: &[],
                     ..Plan::WHOLE
@@ -137,7 +184,7 @@ fn work(job: Job, arguments: &Arguments, units: &Task, week: &Task) -> Result<Ou
             } else {
                 Plan::WHOLE
             };
-            let mut result = run_unit(mode, &World::NOMINAL, seed, unit, &plan)?;
+            let mut result = run_unit(kind.mode(), &kind.world(), seed, unit, &plan)?;
             if unit > 0 {
                 // Figures are drawn from the first unit; the others keep their sums only.
                 result
@@ -146,24 +193,24 @@ fn work(job: Job, arguments: &Arguments, units: &Task, week: &Task) -> Result<Ou
                     .for_each(|run| run.result.points = Vec::new());
             }
             units.advance(1);
-            Ok(Outcome::Unit(mode, Box::new(result)))
+            Ok(Outcome::Unit(kind, Box::new(result)))
         }
-        Job::Week(mode) => {
+        Job::Week(kind) => {
             let mut list = Vec::new();
             if days > 0 {
-                let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, seed, 0)?;
+                let (mut bench, _) = Bench::commissioned(kind.mode(), &kind.world(), seed, 0)?;
                 bench.week(days, seed, |day| {
                     week.advance(1);
                     list.push(keep(day));
                 });
             }
-            Ok(Outcome::Week(mode, list))
+            Ok(Outcome::Week(kind, list))
         }
-        Job::TableOne(mode, trouble) => {
-            let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, seed, 0)?;
+        Job::TableOne(kind, trouble) => {
+            let (mut bench, _) = Bench::commissioned(kind.mode(), &kind.world(), seed, 0)?;
             let day = bench.scene(SCENE_S, trouble, seed);
             units.advance(1);
-            Ok(Outcome::TableOne(mode, trouble, Box::new(day)))
+            Ok(Outcome::TableOne(kind, trouble, Box::new(day)))
         }
     }
 }

@@ -32,6 +32,12 @@ pub struct Arguments {
     /// Folder for report.html and report.json
     #[arg(long, default_value = "plumb-report", value_name = "DIR")]
     pub out: PathBuf,
+    /// Add the paper to the letter: a column of its own beside the reading that reproduces it
+    #[arg(long)]
+    pub as_printed: bool,
+    /// Print every table, not only the summary
+    #[arg(long, conflicts_with = "json")]
+    pub details: bool,
     /// Print report.json on stdout instead of the tables
     #[arg(long)]
     pub json: bool,
@@ -79,7 +85,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, DemoE
         let (html, json) = (written.html.display(), written.json.display());
         format!(
             "{}Report: {html} and {json}\n",
-            terminal::print_demo(&report)
+            terminal::print_demo(&report, arguments.details)
         )
     };
     stdout::print(&text).map_err(DemoError::Print)?;

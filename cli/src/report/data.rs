@@ -18,8 +18,12 @@ pub const VERSION: u32 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
-    /// As the paper describes it: 50 Hz, one pole, one-axis table, nearest point.
+    /// The paper's, read so that its own results hold: 50 Hz, one pole, one-axis tables, straight
+    /// lines between their points, both nodes at one instant.
     Paper,
+    /// The paper's to the letter: the nearest point, each node's newest sample.
+    #[serde(rename = "as printed")]
+    AsPrinted,
     /// The default: 400 Hz, Butterworth, three-axis correction.
     Product,
 }

@@ -7,7 +7,7 @@
 use super::chart::{Chart, Ink, Level, Plot, Shape, share_y};
 use super::data::*;
 use super::series::{Bin, Point};
-use super::tables::{MODES, axis_name, mode_name};
+use super::tables::{axis_name, mode_name, modes};
 
 /// Charts that belong together.
 pub struct Group {
@@ -68,6 +68,11 @@ pub fn static_test(report: &DemoReport) -> Vec<Group> {
     ]
 }
 
+/// The mode's word as part of an identifier.
+fn id_of(mode: Mode) -> String {
+    word(mode).replace(' ', "-")
+}
+
 fn static_error(report: &DemoReport, axis: Axis, figure: u32) -> Group {
     let name = axis_name(axis);
     let chart = |mode: Mode| {
@@ -76,7 +81,7 @@ fn static_error(report: &DemoReport, axis: Axis, figure: u32) -> Group {
             .filter(|curve| curve.mode == mode && curve.axis == axis)
             .map(node_plot);
         Chart {
-            id: format!("f{figure}-{}", word(mode)),
+            id: format!("f{figure}-{}", id_of(mode)),
             title: mode_name(mode).to_owned(),
             description: format!(
                 "Error of both nodes on axis {name} at every 10 degrees, {}, against the \
@@ -98,7 +103,7 @@ fn static_error(report: &DemoReport, axis: Axis, figure: u32) -> Group {
                   channel. A single axis loses its sensitivity towards 90 deg, which paper mode \
                   shows at both ends."
             .to_owned(),
-        charts: alike(MODES.map(chart).to_vec()),
+        charts: alike(modes(report).into_iter().map(chart).collect()),
     }
 }
 
@@ -132,7 +137,7 @@ fn static_delta(report: &DemoReport) -> Group {
             Plot::new(name, ink, Shape::Markers(pairs(&curve.points)))
         };
         Chart {
-            id: format!("f16-{}", word(mode)),
+            id: format!("f16-{}", id_of(mode)),
             title: mode_name(mode).to_owned(),
             description: "Difference of the two nodes over the angle, both axes.".to_owned(),
             x_label: "reference angle, deg".to_owned(),
@@ -149,7 +154,7 @@ fn static_delta(report: &DemoReport) -> Group {
                   such as that of the reference, cancel here and stay unseen. The dashed lines \
                   are the warning threshold."
             .to_owned(),
-        charts: alike(MODES.map(chart).to_vec()),
+        charts: alike(modes(report).into_iter().map(chart).collect()),
     }
 }
 
@@ -164,9 +169,10 @@ fn dynamic(report: &DemoReport, axis: Axis, figure: u32) -> Group {
         traces.find(|trace| trace.mode == mode && trace.axis == axis)
     };
     let of = |part: DynamicPart| {
-        MODES
+        modes(report)
+            .into_iter()
             .map(|mode| dynamic_chart(find(mode), mode, figure, part))
-            .to_vec()
+            .collect()
     };
     let mut charts = alike(of(DynamicPart::Angle));
     charts.extend(alike(of(DynamicPart::Error)));
@@ -239,7 +245,7 @@ fn dynamic_chart(
     }
     let limited = part == DynamicPart::Aligned;
     Chart {
-        id: format!("f{figure}-{id}-{}", word(mode)),
+        id: format!("f{figure}-{id}-{}", id_of(mode)),
         title: format!("{}: {title}", mode_name(mode)),
         description: format!("{title} of both nodes over time during the motion of the motor."),
         x_label: "time, s".to_owned(),
@@ -266,24 +272,24 @@ fn per_day(report: &DemoReport) -> Group {
             let points = rows
                 .map(|row| (f64::from(row.day), count(row) as f64))
                 .collect();
-            let ink = if mode == Mode::Paper {
-                Ink::Other
-            } else {
-                Ink::First
+            let ink = match mode {
+                Mode::Paper => Ink::Other,
+                Mode::AsPrinted => Ink::Second,
+                Mode::Product => Ink::First,
             };
             Plot::new(mode_name(mode), ink, Shape::Bars(points))
         };
         // Without a single day there is nothing to draw, not even empty series.
-        let modes = MODES
-            .iter()
-            .filter(|mode| report.week.iter().any(|row| row.mode == **mode));
+        let modes = modes(report)
+            .into_iter()
+            .filter(|mode| report.week.iter().any(|row| row.mode == *mode));
         Chart {
             id: format!("f20-{id}"),
             title: title.to_owned(),
-            description: format!("{title}, both modes; the table above holds the numbers."),
+            description: format!("{title}, each mode; the table above holds the numbers."),
             x_label: "day".to_owned(),
             y_label: "count".to_owned(),
-            plots: modes.map(|mode| bars(*mode)).collect(),
+            plots: modes.map(bars).collect(),
             ..Chart::default()
         }
     };
@@ -302,7 +308,7 @@ fn per_day(report: &DemoReport) -> Group {
 fn delta(report: &DemoReport) -> Group {
     let traces = report.figures.delta.iter();
     let chart = |trace: &DeltaTrace| Chart {
-        id: format!("f21-{}-{}", word(trace.mode), trace.day),
+        id: format!("f21-{}-{}", id_of(trace.mode), trace.day),
         title: format!("{}, day {}", mode_name(trace.mode), trace.day),
         description: "Difference of the two nodes during the day with the unstable supply: least \
                       and greatest value per bin."

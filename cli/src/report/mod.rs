@@ -17,6 +17,7 @@ pub mod replay_tables;
 #[cfg(test)]
 pub mod sample;
 pub mod series;
+pub mod summary;
 pub mod tables;
 pub mod terminal;
 pub mod write;

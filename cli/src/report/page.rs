@@ -6,6 +6,7 @@
 use super::data::DemoReport;
 use super::figures::{self, Group};
 use super::html;
+use super::summary;
 use super::tables;
 use super::terminal;
 
@@ -48,7 +49,10 @@ fn header(report: &DemoReport) -> String {
         html::verdict(report.within_specification, terminal::verdict(report)),
         html::facts(&facts),
         html::paragraph(SIMULATED),
-        html::table(&tables::specification(report))
+        [summary::summary(report), tables::specification(report)]
+            .iter()
+            .map(html::table)
+            .collect::<String>()
     )
 }
 

@@ -59,8 +59,8 @@ pub fn demo() -> DemoReport {
 
 fn static_rows((mode, axis): (Mode, Axis)) -> Vec<StaticRow> {
     let rmse = |node: u8, angles| match (mode, angles) {
-        (Mode::Paper, Angles::Knots) => 0.111 + 0.002 * f64::from(node),
-        (Mode::Paper, Angles::Random) => 0.39 + 0.01 * f64::from(node),
+        (Mode::Paper | Mode::AsPrinted, Angles::Knots) => 0.111 + 0.002 * f64::from(node),
+        (Mode::Paper | Mode::AsPrinted, Angles::Random) => 0.39 + 0.01 * f64::from(node),
         (Mode::Product, _) => 0.029 + 0.001 * f64::from(node),
     };
     let row = |node, angles| StaticRow {
@@ -82,7 +82,7 @@ fn static_rows((mode, axis): (Mode, Axis)) -> Vec<StaticRow> {
 
 fn dynamic_rows((mode, axis): (Mode, Axis)) -> Vec<DynamicRow> {
     let (arrives, aligned, latency) = match mode {
-        Mode::Paper => (1.21, 0.27, 16.0),
+        Mode::Paper | Mode::AsPrinted => (1.21, 0.27, 16.0),
         Mode::Product => (1.63, 0.038, 25.0),
     };
     let row = |node: u8, lever_arm_cm: u32| {
@@ -216,7 +216,7 @@ fn knots(value: impl FnMut(f64) -> f64) -> Vec<Point> {
 fn error_at(mode: Mode, angle_deg: f64, noise: &mut Noise) -> f64 {
     let ends = (angle_deg / 90.0).powi(8);
     match mode {
-        Mode::Paper => 0.02 * noise.next() + 0.35 * ends * noise.next(),
+        Mode::Paper | Mode::AsPrinted => 0.02 * noise.next() + 0.35 * ends * noise.next(),
         Mode::Product => 0.03 * noise.next() + 0.03 * ends * noise.next(),
     }
 }

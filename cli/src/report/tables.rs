@@ -9,13 +9,13 @@ use crate::text_table::{Cell, Column, Table};
 
 /// What the paper publishes in Tables II and III: axis, RMSE of node 1 and 2, mean difference of
 /// the nodes, all in degrees.
-struct Published {
-    axis: Axis,
-    figures: [f64; 3],
+pub(super) struct Published {
+    pub axis: Axis,
+    pub figures: [f64; 3],
 }
 
 /// Paper Table II.
-const PUBLISHED_STATIC: [Published; 2] = [
+pub(super) const PUBLISHED_STATIC: [Published; 2] = [
     Published {
         axis: Axis::X,
         figures: [0.106, 0.111, 0.018],
@@ -27,7 +27,7 @@ const PUBLISHED_STATIC: [Published; 2] = [
 ];
 
 /// Paper Table III.
-const PUBLISHED_DYNAMIC: [Published; 2] = [
+pub(super) const PUBLISHED_DYNAMIC: [Published; 2] = [
     Published {
         axis: Axis::X,
         figures: [0.091, 0.100, 0.2],
@@ -40,8 +40,15 @@ const PUBLISHED_DYNAMIC: [Published; 2] = [
 
 /// Both axes in the order of the tables.
 const AXES: [Axis; 2] = [Axis::X, Axis::Y];
-/// Both modes in the order of the tables.
-pub const MODES: [Mode; 2] = [Mode::Paper, Mode::Product];
+/// The modes of a report in the order of the tables: as printed only where it was asked for.
+pub fn modes(report: &DemoReport) -> Vec<Mode> {
+    let printed = |row: &StaticRow| row.mode == Mode::AsPrinted;
+    let printed = report.static_test.iter().any(printed);
+    [Mode::Paper, Mode::AsPrinted, Mode::Product]
+        .into_iter()
+        .filter(|mode| printed || *mode != Mode::AsPrinted)
+        .collect()
+}
 
 /// "X" or "Y".
 pub fn axis_name(axis: Axis) -> &'static str {
@@ -51,10 +58,11 @@ pub fn axis_name(axis: Axis) -> &'static str {
     }
 }
 
-/// "Paper mode" or "Product mode".
+/// "Paper mode", "As printed" or "Product mode".
 pub fn mode_name(mode: Mode) -> &'static str {
     match mode {
         Mode::Paper => "Paper mode",
+        Mode::AsPrinted => "As printed",
         Mode::Product => "Product mode",
     }
 }
@@ -95,14 +103,10 @@ fn specification_row(row: &SpecificationRow) -> Vec<Cell> {
     ]
 }
 
-/// Columns of Tables II and III: published, paper mode and product mode, three figures each.
-fn compared(first: Vec<Column>) -> Vec<Column> {
-    let groups = [
-        "Published",
-        mode_name(Mode::Paper),
-        mode_name(Mode::Product),
-    ];
-    let figures = groups.iter().flat_map(|group| {
+/// Columns of Tables II and III: published and each mode, three figures each.
+fn compared(first: Vec<Column>, report: &DemoReport) -> Vec<Column> {
+    let groups = std::iter::once("Published").chain(modes(report).into_iter().map(mode_name));
+    let figures = groups.flat_map(|group| {
         ["Node 1", "Node 2", "Diff"].map(|name| Column::number(name).under(group))
     });
     first.into_iter().chain(figures).collect()
@@ -122,10 +126,8 @@ fn published(list: &[Published], axis: Axis, shown: bool) -> Vec<Cell> {
 
 /// Paper Table II beside both modes, on knots and at random angles.
 pub fn table_two(report: &DemoReport) -> Table {
-    let columns = compared(vec![
-        Column::text("Axis"),
-        Column::text("Angles and figure"),
-    ]);
+    let first = ["Axis", "Angles and figure"].map(Column::text).to_vec();
+    let columns = compared(first, report);
     let mut table = Table::new(
         "Table II: static test from -90 to 90 deg, errors in deg",
         columns,
@@ -153,7 +155,7 @@ fn static_row(report: &DemoReport, axis: Axis, angles: Angles, largest: bool) ->
     let mut cells = vec![Cell::text(axis_name(axis)), Cell::text(name)];
     let shown = angles == Angles::Knots && !largest;
     cells.extend(published(&PUBLISHED_STATIC, axis, shown));
-    for mode in MODES {
+    for mode in modes(report) {
         let find = |node: u8| {
             let mut rows = report.static_test.iter();
             rows.find(|r| r.mode == mode && r.axis == axis && r.node == node && r.angles == angles)
@@ -180,7 +182,7 @@ fn difference(value: Option<f64>, elsewhere: bool) -> Cell {
 }
 
 fn static_warnings(report: &DemoReport) -> String {
-    warnings_sentence(|mode| {
+    warnings_sentence(report, |mode| {
         let of_node_1 = report
             .static_test
             .iter()
@@ -190,16 +192,17 @@ fn static_warnings(report: &DemoReport) -> String {
 }
 
 /// "Warnings: published none, paper mode 0, product mode 0."
-fn warnings_sentence(count: impl Fn(Mode) -> u64) -> String {
-    let (paper, product) = (count(Mode::Paper), count(Mode::Product));
-    format!("Warnings: published none, paper mode {paper}, product mode {product}.")
+fn warnings_sentence(report: &DemoReport, count: impl Fn(Mode) -> u64) -> String {
+    let each = modes(report).into_iter();
+    let each = each.map(|mode| format!(", {} {}", mode_name(mode).to_lowercase(), count(mode)));
+    format!("Warnings: published none{}.", each.collect::<String>())
 }
 
 /// Paper Table III beside both modes, as it arrives and aligned, for each lever arm.
 pub fn table_three(report: &DemoReport) -> Table {
     let first = ["Axis", "Arm", "Figure"].map(Column::text).to_vec();
     let title = "Table III: dynamic test, +-40 deg at 80 deg/s, errors in deg";
-    let mut table = Table::new(title, compared(first));
+    let mut table = Table::new(title, compared(first, report));
     let mut arms: Vec<u32> = report.dynamic.iter().map(|row| row.lever_arm_cm).collect();
     arms.sort_unstable();
     arms.dedup();
@@ -211,7 +214,7 @@ pub fn table_three(report: &DemoReport) -> Table {
             table.rows.extend(rows);
         }
     }
-    let warnings = warnings_sentence(|mode| {
+    let warnings = warnings_sentence(report, |mode| {
         let of_node_1 = report
             .dynamic
             .iter()
@@ -277,7 +280,7 @@ fn dynamic_row(report: &DemoReport, axis: Axis, arm: u32, figure: &DynamicFigure
         axis,
         figure.published && arm == 0,
     ));
-    for mode in MODES {
+    for mode in modes(report) {
         let find = |node: u8| {
             let mut rows = report.dynamic.iter();
             rows.find(|r| {
@@ -296,8 +299,9 @@ fn latencies(report: &DemoReport) -> String {
         let row = report.dynamic.iter().find(|row| row.mode == mode);
         Cell::number(row.and_then(|row| row.latency_ms), 1).text
     };
-    let (paper, product) = (of(Mode::Paper), of(Mode::Product));
-    format!("Declared latency: paper mode {paper} ms, product mode {product} ms.")
+    let each = modes(report).into_iter();
+    let each = each.map(|mode| format!("{} {} ms", mode_name(mode).to_lowercase(), of(mode)));
+    format!("Declared latency: {}.", each.collect::<Vec<_>>().join(", "))
 }
 
 /// Paper Table I: what was provoked and what the cross-check made of it.
@@ -315,9 +319,7 @@ pub fn table_one(report: &DemoReport) -> Table {
     table.rows = report.table1.iter().map(table_one_row).collect();
     let note = "Diff is the difference of the nodes after the stop. Right means as Table I asks in \
                 paper mode; in product mode, that the fault was reported and a reset cured it, \
-                because its check does not tell late data from a fault. A paper-mode difference \
-                of a whole degree after the stop is that of two nearest-point tables on either \
-                side of a midpoint.";
+                because its check does not tell late data from a fault.";
     table.notes.push(note.to_owned());
     table
 }
@@ -346,7 +348,7 @@ pub fn week(report: &DemoReport) -> Table {
         Column::text("Outcome"),
     ];
     let mut table = Table::new("Excavator week", columns);
-    for mode in MODES {
+    for mode in modes(report) {
         let rows = report.week.iter().filter(|row| row.mode == mode);
         table.rows.extend(rows.map(week_row));
     }
@@ -406,6 +408,9 @@ pub fn calibration(report: &DemoReport) -> Table {
     ];
     let mut table = Table::new("Calibration and verification round", columns);
     table.rows = report.calibration.iter().map(calibration_row).collect();
+    let note = "In paper mode the round is judged up to 80 deg either side: beyond, the table of \
+                one axis cannot keep the tolerance.";
+    table.notes.push(note.to_owned());
     table
 }
 

@@ -7,11 +7,11 @@ use sim::bench::week::FAULT_DAY;
 
 use super::data::DemoReport;
 use super::replay_data::ReplayReport;
-use super::{replay_tables, tables};
+use super::{replay_tables, summary, tables};
 use crate::text_table::{Table, wrap};
 
-/// Tables I, II, III, the week, the specification and the verdict of a demo run.
-pub fn print_demo(report: &DemoReport) -> String {
+/// The summary, the specification and the verdict of a demo run; with `details` every table.
+pub fn print_demo(report: &DemoReport, details: bool) -> String {
     let mut out = wrap(
         &format!(
             "Plumb {}, simulated bench: seed: {}, units: {}, days: {}",
@@ -19,17 +19,23 @@ pub fn print_demo(report: &DemoReport) -> String {
         ),
         96,
     );
-    let shown = [
-        tables::calibration(report),
-        tables::table_two(report),
-        tables::table_three(report),
-        tables::one_axis(report),
-        tables::table_one(report),
-        tables::week(report),
-        tables::specification(report),
-    ];
-    push_tables(&shown, &mut out);
+    if details {
+        let shown = [
+            tables::calibration(report),
+            tables::table_two(report),
+            tables::table_three(report),
+            tables::one_axis(report),
+            tables::table_one(report),
+            tables::week(report),
+        ];
+        push_tables(&shown, &mut out);
+    }
+    let last = [summary::summary(report), tables::specification(report)];
+    push_tables(&last, &mut out);
     out.push('\n');
+    if !details {
+        out.push_str("Every table: --details. The paper to the letter beside it: --as-printed.\n");
+    }
     out.push_str(verdict(report));
     out.push('\n');
     out
@@ -79,7 +85,7 @@ mod tests {
     fn the_demo_ends_with_its_verdict_and_holds_every_table() {
         let mut report = sample::demo();
         (report.units, report.days) = (10, 7);
-        let text = print_demo(&report);
+        let text = print_demo(&report, true);
         for title in [
             "Table I:",
             "Table II:",
@@ -91,7 +97,15 @@ mod tests {
         }
         assert!(text.ends_with("Product mode is WITHIN its specification.\n"));
         report.within_specification = false;
-        assert!(print_demo(&report).ends_with("OUTSIDE its specification.\n"));
+        assert!(print_demo(&report, true).ends_with("OUTSIDE its specification.\n"));
+    }
+
+    #[test]
+    fn without_details_the_demo_is_one_screen() {
+        let text = print_demo(&sample::demo(), false);
+        assert!(text.lines().count() <= 40, "{}", text.lines().count());
+        assert!(text.contains("reproduced") && text.contains("--details"));
+        assert!(!text.contains("Table I:"));
     }
 
     #[test]
@@ -99,13 +113,16 @@ mod tests {
         let mut report = sample::demo();
         for short in [(9, 7), (10, 4)] {
             (report.units, report.days) = short;
-            assert!(print_demo(&report).ends_with("that so short a run can judge.\n"));
+            assert!(print_demo(&report, true).ends_with("that so short a run can judge.\n"));
         }
     }
 
     #[test]
     fn no_line_is_wider_than_103_columns_or_ends_in_a_space() {
-        for text in [print_demo(&sample::demo()), print_replay(&sample::replay())] {
+        for text in [
+            print_demo(&sample::demo(), true),
+            print_replay(&sample::replay()),
+        ] {
             for line in text.lines() {
                 assert!(line.chars().count() <= 103, "{line}");
                 assert_eq!(line, line.trim_end());
@@ -117,7 +134,7 @@ mod tests {
     fn a_week_that_was_not_run_is_left_out() {
         let mut report = sample::demo();
         report.week.clear();
-        assert!(!print_demo(&report).contains("Excavator week"));
+        assert!(!print_demo(&report, true).contains("Excavator week"));
     }
 
     #[test]

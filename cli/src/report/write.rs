@@ -245,7 +245,7 @@ mod tests {
             .unwrap();
         demo(&folder.join("demo"), &sample::demo()).unwrap();
         replay(&folder.join("replay"), &sample::replay()).unwrap();
-        let shown = super::super::terminal::print_demo(&sample::demo());
+        let shown = super::super::terminal::print_demo(&sample::demo(), true);
         let replayed = super::super::terminal::print_replay(&sample::replay());
         fs::write(folder.join("demo.txt"), shown).unwrap();
         fs::write(folder.join("replay.txt"), replayed).unwrap();

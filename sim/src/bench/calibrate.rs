@@ -14,13 +14,15 @@
 
 use tilt::angle::{Angle, Axes, Harmonics};
 use tilt::calibration::motor::{FittedVector, HarmonicFit, PlaneFit, VectorFit};
-use tilt::chain::Correction;
+use tilt::chain::{Correction, Timing};
 use tilt::sample::Temperature;
-use tilt::table::{Point, Rule, Table};
+use tilt::table::{Point, Table};
 use tilt::temperature::{Compensated, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO, TCS, Uncertainty};
 
 use super::characterise::mean_of_both;
+use super::interpretation::Interpretation;
+use super::static_test::wrap;
 use super::statistics::Tally;
 use super::{Bench, BenchError, Mode};
 use crate::rig::Mount;
@@ -30,6 +32,9 @@ pub const STEP_S: f64 = 1.5;
 
 /// How long the motor stands within a step: 0.11 s of it go into the turn of 1 deg.
 const DWELL_S: f64 = STEP_S - 0.12;
+
+/// The longest mean within a step: the ringing of the rig needs the rest of it to fade.
+const LONGEST_MEAN_S: f64 = 1.0;
 
 /// R15: the largest error that the verification round may show.
 pub const TOLERANCE_DEG: f64 = 0.20;
@@ -54,8 +59,10 @@ struct Memory {
 pub struct CalibrationReport {
     /// Calibrations made, 1 to 3.
     pub rounds: u32,
-    /// Errors of the verification round against the motor, deg.
+    /// Errors of the verification round against the motor, deg, as far as it is judged.
     pub verification: Tally,
+    /// The same beyond the angle up to which it is judged; empty in product mode.
+    pub beyond: Tally,
     /// Condition figure of the fit; 0 in paper mode.
     pub condition: f64,
     /// Rms of what the fit left at the memorised points, deg; 0 in paper mode.
@@ -84,8 +91,9 @@ impl Bench {
                 reports[node].rounds = round;
             }
             let verified = self.verify();
-            for (report, verification) in reports.iter_mut().zip(verified) {
-                report.verification = verification;
+            for (report, [judged, beyond]) in reports.iter_mut().zip(verified) {
+                report.verification = judged;
+                report.beyond = beyond;
             }
             if round >= MOST_ROUNDS || reports.iter().all(CalibrationReport::passed) {
                 return Ok(reports);
@@ -145,7 +153,11 @@ impl Bench {
         degrees: f64,
         memories: &mut [Vec<Memory>; 2],
     ) -> Result<(), BenchError> {
-        let mean_s = if self.mode == Mode::Paper { 0.02 } else { 0.5 };
+        let mean_s = if self.mode == Mode::Paper {
+            self.paper.memorised_over_s.clamp(0.02, LONGEST_MEAN_S)
+        } else {
+            0.5
+        };
         self.turn_to(degrees, STEP_SPEED, DWELL_S - mean_s);
         let Self {
             instrument, rig, ..
@@ -183,7 +195,7 @@ impl Bench {
                 (
                     Correction::Tables {
                         tables,
-                        rule: Rule::Nearest,
+                        rule: self.paper.rule,
                     },
                     0.0,
                 )
@@ -210,7 +222,7 @@ impl Bench {
             fitted_at: run.middle(),
             tco,
             span,
-            ..budget(self.mode, residual_deg)
+            ..budget(self.mode, &self.paper, residual_deg)
         };
         Ok(CalibrationReport {
             condition,
@@ -219,25 +231,27 @@ impl Bench {
         })
     }
 
-    /// Turns the round of R15 and compares with the motor's own angle.
-    fn verify(&mut self) -> [Tally; 2] {
-        let mut tallies = [Tally::default(); 2];
+    /// Turns the round of R15 and compares with the motor's own angle: per node inside and beyond
+    /// the angle up to which the round is judged.
+    fn verify(&mut self) -> [[Tally; 2]; 2] {
+        let mut tallies = [[Tally::default(); 2]; 2];
         let range = self.range_deg();
+        let (mean_s, judged_deg) = match self.mode {
+            Mode::Paper => (self.paper.read_over_s, self.paper.judged_within_deg),
+            Mode::Product | Mode::OneAxis => (0.0, 180.0),
+        };
+        let mean_s = mean_s.min(LONGEST_MEAN_S);
         for &mount in self.mounts() {
             self.mount(mount, 0.0, 0.0);
             self.turn_to(f64::from(-range - 1), 40.0, 2.0);
             for degrees in -range..=range {
-                self.turn_to(f64::from(degrees), STEP_SPEED, DWELL_S);
-                let reference = Angle::from_degrees(self.rig.reference_deg());
-                let pair = self.instrument.sync();
-                for (tally, reading) in tallies.iter_mut().zip(pair.readings) {
-                    let axis = if mount == Mount::X {
-                        reading.x
-                    } else {
-                        reading.y
-                    };
-                    if let Ok(m) = axis {
-                        tally.add(m.angle.minus(reference).degrees());
+                self.turn_to(f64::from(degrees), STEP_SPEED, DWELL_S - mean_s);
+                let reference_deg = self.rig.reference_deg();
+                let beyond = usize::from(reference_deg.abs() > judged_deg + 0.5);
+                let point = self.static_reading_over(mount, mean_s);
+                for (tally, node) in tallies.iter_mut().zip(point.nodes) {
+                    if let Some(angle_deg) = node.angle_deg {
+                        tally[beyond].add(wrap(angle_deg - reference_deg));
                     }
                 }
             }
@@ -365,22 +379,28 @@ const EXPECTED_RESIDUAL_DEG: f64 = 0.0188;
 /// Sweeps, each with a turn-on offset of its own, that a product calibration is the mean of.
 const SWEEPS: f64 = 4.0;
 
+/// Noise of a reading anywhere on the line between two samples of the one pole, over that of a
+/// sample: the root of (2 + r) / 3, where r = 0.285 is what two neighbours have in common. The
+/// product's neighbours have nearly all in common.
+const BETWEEN_SAMPLES: f64 = 0.873;
+
 /// The budget: data-sheet noise, the assumptions of the sensor specification, and the fit.
 ///
 /// Turn-on repeatability, 0.3 mg, stands in it twice: for the use and, divided by the sweeps, for
 /// the calibration; with it the 1/f floor of 0.04 mg. In paper mode, which is swept once, the noise
-/// of a single memorised reading is in the table as well; two neighbouring points share in every
+/// of a memorised mean is in the table as well; two neighbouring points share in every
 /// answer. Of the thermal hysteresis, 0.5 mg half-loop, the lens-shaped loop leaves 0.73 on the
 /// average. The residual counts as far as it is not expected.
-fn budget(mode: Mode, residual_deg: f64) -> Budget {
+fn budget(mode: Mode, read_as: &Interpretation, residual_deg: f64) -> Budget {
     let mg = f64::from(tilt::ONE_G) / 1000.0;
     let paper = mode == Mode::Paper;
     let period_us = mode.settings().chain.period_us;
     let noise = tilt::health::noise(period_us);
     let noise_mg = f64::from(noise) / mg;
     let filter_gain = f64::from(mode.settings().chain.filter.noise_power_q30()) / 2f64.powi(30);
+    let samples = (read_as.memorised_over_s * mode.rate_hz()).max(1.0);
     let memorised_mg = if paper {
-        noise_mg * (filter_gain / 2.0).sqrt()
+        noise_mg * (filter_gain.min(1.0 / samples) / 2.0).sqrt()
     } else {
         0.0
     };
@@ -390,8 +410,12 @@ fn budget(mode: Mode, residual_deg: f64) -> Budget {
     let unexpected = (residual_deg.powi(2) - EXPECTED_RESIDUAL_DEG.powi(2))
         .max(0.0)
         .sqrt();
+    let between = match read_as.timing {
+        Timing::Aligned { .. } if paper => BETWEEN_SAMPLES,
+        _ => 1.0,
+    };
     Budget {
-        noise,
+        noise: (f64::from(noise) * between) as u32,
         repeatability: (repeatability_mg * mg) as u32,
         ..Budget::calibrated(
             Uncertainty::from_degrees(REFERENCE_DEG),

@@ -11,6 +11,7 @@
 pub mod calibrate;
 pub mod characterise;
 pub mod dynamic_test;
+pub mod interpretation;
 pub mod person;
 pub mod static_test;
 pub mod statistics;
@@ -33,6 +34,7 @@ use crate::instrument::Instrument;
 use crate::motion::Mover;
 use crate::rig::{Rig, RigSetup};
 use crate::rng::Rng;
+use interpretation::Interpretation;
 
 /// Which instrument is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,13 +107,15 @@ impl Mode {
     }
 }
 
-/// What the world is made of: the error models of parts and rig.
+/// What the world is made of: the error models of parts and rig, and how the paper is read.
 #[derive(Clone, Copy, Debug)]
 pub struct World {
     /// The parts.
     pub parts: ErrorModel,
     /// The rig.
     pub rig: RigSetup,
+    /// How the paper's text is read, in paper mode.
+    pub paper: Interpretation,
 }
 
 impl World {
@@ -119,6 +123,7 @@ impl World {
     pub const NOMINAL: Self = Self {
         parts: ErrorModel::NOMINAL,
         rig: RigSetup::NOMINAL,
+        paper: Interpretation::REPRODUCED,
     };
 }
 
@@ -133,6 +138,8 @@ pub struct Bench {
     pub mode: Mode,
     /// The chamber around both.
     pub chamber: Chamber,
+    /// How the paper's text is read; paper mode only.
+    pub paper: Interpretation,
     /// For the choice of test angles.
     pub rng: Rng,
 }
@@ -182,14 +189,20 @@ impl Bench {
     pub fn new(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
         let mut rng = Rng::stream(seed, &format!("unit {unit} bench"));
         let rig = Rig::new(&world.rig, &mut rng);
-        let settings = mode.settings();
-        let mut instrument = Instrument::new(&settings, &mode.check(), &world.parts, seed, unit);
+        let mut settings = mode.settings();
+        let mut parts = world.parts;
+        if mode == Mode::Paper {
+            settings.chain.timing = world.paper.timing;
+            parts = world.paper.fixture.hold(&parts);
+        }
+        let mut instrument = Instrument::new(&settings, &mode.check(), &parts, seed, unit);
         instrument.power_cycle();
         Self {
             instrument,
             rig,
             mode,
             chamber: Chamber::at(25.0),
+            paper: world.paper,
             rng,
         }
     }

@@ -6,10 +6,13 @@
 //! Erratum E5: on knots of the table (10 deg steps of a 1 deg table) the paper's table error does
 //! not show, so the test is run on random angles as well, and both are reported.
 
+use tilt::angle::{Angle, Axes};
 use tilt::chain::Measurement;
 use tilt::cross_check::THRESHOLD;
+use tilt::filter::Filtered;
 
 use super::calibrate::STEP_S;
+use super::characterise::{Mean, mean_of_both};
 use super::statistics::Tally;
 use super::{Bench, Mode};
 use crate::rig::Mount;
@@ -73,31 +76,84 @@ impl Bench {
         }
     }
 
-    /// One reading of both nodes where the shaft stands.
+    /// One reading of both nodes where the shaft stands, as the mode takes it.
     pub fn static_reading(&mut self, mount: Mount) -> StaticPoint {
+        let mean_s = if self.mode == Mode::Paper {
+            self.paper.read_over_s
+        } else {
+            0.0
+        };
+        self.static_reading_over(mount, mean_s)
+    }
+
+    /// Turns to `angle_deg` and takes one reading of one sample, whatever the mode averages.
+    pub fn single_reading(&mut self, mount: Mount, angle_deg: f64) -> StaticPoint {
+        self.turn_to(angle_deg, 80.0, STEP_S);
+        self.static_reading_over(mount, 0.0)
+    }
+
+    /// One reading of both nodes, of their mean acceleration over `mean_s`; of one sample where
+    /// that is 0.
+    ///
+    /// A node that gives no samples has no reading.
+    pub(super) fn static_reading_over(&mut self, mount: Mount, mean_s: f64) -> StaticPoint {
         let truth_deg = self.truth_deg();
-        let pair = self.instrument.sync();
-        let axis = pair
-            .readings
-            .map(|r| if mount == Mount::X { r.x } else { r.y });
-        let delta = pair.verdict.delta();
-        let delta = if mount == Mount::X { delta.x } else { delta.y };
-        let warning = delta.is_some_and(|d| d.magnitude() > THRESHOLD);
-        StaticPoint {
-            truth_deg,
-            nodes: axis.map(|m| node_point(m.ok(), truth_deg)),
-            delta_deg: delta.map(|d| d.degrees()),
-            warning,
-        }
+        let readings = if mean_s > 0.0 {
+            let Self {
+                instrument, rig, ..
+            } = self;
+            match mean_of_both(instrument, rig, 0.0, mean_s, "static test") {
+                Ok(means) => [0, 1].map(|node| self.of_mean(node, &means[node], mount)),
+                Err(_) => [None; 2],
+            }
+        } else {
+            let pair = self.instrument.sync();
+            pair.readings.map(|r| of_axis(r, mount).ok().map(one))
+        };
+        StaticPoint::new(truth_deg, readings)
+    }
+
+    /// Angle and standard uncertainty of a mean acceleration, deg.
+    fn of_mean(&self, node: usize, mean: &Mean, mount: Mount) -> Option<(f64, f64)> {
+        let filtered = Filtered {
+            accel: mean.accel.map(|a| a.round() as i32),
+        };
+        let chain = &self.instrument.sides[node].settings.chain;
+        let found = of_axis(chain.evaluate(filtered, mean.temperature), mount).ok()?;
+        Some((found.angle.degrees(), found.unshared.degrees()))
     }
 }
 
-fn node_point(measurement: Option<Measurement>, truth_deg: f64) -> NodePoint {
-    let angle_deg = measurement.map(|m| m.angle.degrees());
-    NodePoint {
-        angle_deg,
-        uncertainty_deg: measurement.map_or(f64::NAN, |m| m.uncertainty.degrees()),
-        error_deg: angle_deg.map_or(f64::NAN, |a| wrap(a - truth_deg)),
+fn of_axis<T>(axes: Axes<T>, mount: Mount) -> T {
+    match mount {
+        Mount::X => axes.x,
+        Mount::Y => axes.y,
+    }
+}
+
+fn one(m: Measurement) -> (f64, f64) {
+    (m.angle.degrees(), m.uncertainty.degrees())
+}
+
+impl StaticPoint {
+    /// Of the truth and, for each node, angle and standard uncertainty, all in deg.
+    fn new(truth_deg: f64, readings: [Option<(f64, f64)>; 2]) -> Self {
+        let nodes = readings.map(|reading| NodePoint {
+            angle_deg: reading.map(|(angle_deg, _)| angle_deg),
+            uncertainty_deg: reading.map_or(f64::NAN, |(_, uncertainty_deg)| uncertainty_deg),
+            error_deg: reading.map_or(f64::NAN, |(angle_deg, _)| wrap(angle_deg - truth_deg)),
+        });
+        let delta_deg = match readings {
+            [Some((a, _)), Some((b, _))] => Some(wrap(a - b)),
+            _ => None,
+        };
+        let threshold_deg = Angle(THRESHOLD as i32).degrees();
+        Self {
+            truth_deg,
+            nodes,
+            delta_deg,
+            warning: delta_deg.is_some_and(|delta| delta.abs() > threshold_deg),
+        }
     }
 }
 

@@ -72,7 +72,9 @@ impl Bench {
         let mut bench = Self::new(mode, world, seed, unit);
         bench.characterise()?;
         let calibration = bench.calibrate()?;
-        bench.power_cycle();
+        if mode != Mode::Paper || bench.paper.power_off_between {
+            bench.power_cycle();
+        }
         Ok((bench, calibration))
     }
 

@@ -34,6 +34,8 @@ pub const FAULT_DAY: u32 = 5;
 pub const UNSTABLE_FROM_S: f64 = 3600.0;
 /// Checking the supply takes this long \[ASSUME\].
 pub const SUPPLY_CHECK_S: f64 = 300.0;
+/// Fig 21: a healthy instrument's difference stays below this, deg.
+pub const HEALTHY_DEG: f64 = 0.20;
 /// Readings are compared every 20 ms (50 samples per second).
 const SYNC_TICKS: u64 = 20;
 /// Width of one bin of the trace, s.
@@ -117,6 +119,8 @@ pub struct Day {
     pub delta_after_stop_deg: Option<f64>,
     /// Difference between the nodes on slope Y, deg.
     pub difference: Tally,
+    /// Comparisons on slope Y that differed by more than [`HEALTHY_DEG`].
+    pub above_healthy: u64,
     /// The difference over the day, in bins of [`BIN_S`]; their number depends on the hours only.
     pub trace: Vec<Bin>,
 }
@@ -146,7 +150,7 @@ impl Bench {
     /// Digs for `days` days; `done` gets each day as it ends.
     pub fn week(&mut self, days: u32, seed: u64, mut done: impl FnMut(Day)) {
         let mut rng = Rng::stream(seed, "week");
-        let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
+        let mut arm = Excavator::new(&self.machine(), &mut rng);
         for day in 1..=days {
             let unstable = Trouble::Supply {
                 from_s: UNSTABLE_FROM_S,
@@ -165,8 +169,16 @@ impl Bench {
     /// Digs with one kind of trouble until that is settled, for `duration_s` at the most.
     pub fn scene(&mut self, duration_s: f64, trouble: Trouble, seed: u64) -> Day {
         let mut rng = Rng::stream(seed, "scene");
-        let mut arm = Excavator::new(&ExcavatorSetup::NOMINAL, &mut rng);
+        let mut arm = Excavator::new(&self.machine(), &mut rng);
         self.day(&mut arm, duration_s, trouble, &mut rng, Until::Settled)
+    }
+
+    /// The machine of the mode: the paper's by Fig 21, the product's the harder one.
+    fn machine(&self) -> ExcavatorSetup {
+        match self.mode {
+            Mode::Paper => self.paper.machine,
+            Mode::Product | Mode::OneAxis => ExcavatorSetup::NOMINAL,
+        }
     }
 
     fn day(
@@ -277,6 +289,7 @@ impl DayRun<'_> {
         };
         let delta_deg = delta.degrees();
         self.day.difference.add(delta_deg);
+        self.day.above_healthy += u64::from(delta_deg.abs() > HEALTHY_DEG);
         let since_s = self.since_s();
         match &mut self.bin {
             Some(bin) if since_s - bin.time_s < BIN_S => {

@@ -14,12 +14,12 @@ const ARCHITECTURE: &str = "ARCHITECTURE.md";
 const PAPER: &str = "docs/paper.md";
 const README: &str = "README.md";
 
-/// A block of lines in README.md that are copied from the accuracy document.
+/// A block of lines in README.md or docs/paper.md that are copied from the accuracy document.
 const FIGURES: &str = "<!-- figures -->";
 const FIGURES_END: &str = "<!-- end of figures -->";
 
-/// Requirements R1 to R18 and errata E1 to E16.
-const ROWS: [(char, u32); 2] = [('R', 18), ('E', 16)];
+/// Requirements R1 to R18, errata E1 to E16 and assumptions A1 to A8.
+const ROWS: [(char, u32); 3] = [('R', 18), ('E', 16), ('A', 8)];
 
 /// Applies the rules; a document that is missing is a finding too.
 pub fn check(tree: &Tree) -> Vec<Finding> {
@@ -34,7 +34,8 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
         &tests,
     ));
     findings.extend(paper(tree, &tests));
-    findings.extend(figures(tree));
+    findings.extend(figures(tree, README));
+    findings.extend(figures(tree, PAPER));
     findings
 }
 
@@ -68,7 +69,8 @@ fn invariants(text: &str, tests: &BTreeSet<String>) -> Vec<Finding> {
     findings
 }
 
-/// Every requirement and erratum stands in one row, which names modules and tests that exist.
+/// Every requirement, erratum and assumption stands in one row, which names modules and tests
+/// that exist.
 fn paper(tree: &Tree, tests: &BTreeSet<String>) -> Vec<Finding> {
     let text = tree.text(PAPER).unwrap_or_default();
     let mut findings = Vec::new();
@@ -146,8 +148,8 @@ fn tests_exist(path: &str, line: usize, cell: &str, tests: &BTreeSet<String>) ->
         .collect()
 }
 
-/// Every line between the marks in README.md is a line of the accuracy document.
-fn figures(tree: &Tree) -> Vec<Finding> {
+/// Every line between the marks in `document` is a line of the accuracy document.
+fn figures(tree: &Tree, document: &'static str) -> Vec<Finding> {
     let printed: BTreeSet<&str> = tree
         .text(ACCURACY)
         .unwrap_or_default()
@@ -157,7 +159,7 @@ fn figures(tree: &Tree) -> Vec<Finding> {
     let mut inside = false;
     let mut findings = Vec::new();
     for (line, number) in tree
-        .text(README)
+        .text(document)
         .unwrap_or_default()
         .lines()
         .map(str::trim)
@@ -169,14 +171,14 @@ fn figures(tree: &Tree) -> Vec<Finding> {
             "" => {}
             _ if inside && !line.starts_with("```") && !printed.contains(line) => {
                 let text = format!("this line is not in {ACCURACY}; copy it from there");
-                findings.push(Finding::new(README, number, text));
+                findings.push(Finding::new(document, number, text));
             }
             _ => {}
         }
     }
     if inside {
         findings.push(Finding::new(
-            README,
+            document,
             0,
             format!("`{FIGURES_END}` is missing"),
         ));
@@ -269,15 +271,17 @@ mod tests {
             &Tree::of(&[(PAPER, "| R1 | a | with `b/` | - | - |\n")]),
             &BTreeSet::new(),
         );
-        assert_eq!(found.len(), 17 + 16);
+        assert_eq!(found.len(), 17 + 16 + 8);
     }
 
     #[test]
     fn figures_in_the_readme_are_printed_by_the_generator() {
         let readme =
             |line: &str| format!("{FIGURES}\n\n```text\n{line}\n```\n{FIGURES_END}\nfree\n");
-        let found =
-            |text: &str| figures(&Tree::of(&[(README, text), (ACCURACY, "a 0.031\n")])).len();
+        let found = |text: &str| {
+            let tree = Tree::of(&[(README, text), (ACCURACY, "a 0.031\n")]);
+            figures(&tree, README).len()
+        };
         assert_eq!(found(&readme("a 0.031")), 0);
         assert_eq!(found(&readme("a 0.030")), 1);
         assert_eq!(found(FIGURES), 1);
