@@ -72,7 +72,7 @@ fn rows_of<'a>(
     }
     let [x, y] = published.each_ref().map(|row| Some(row.figures[2]));
     rows.push(Row {
-        name: format!("{title}, X and Y: difference of the nodes"),
+        name: format!("{title}, X and Y: node difference"),
         published: both([x, y]),
         obtained: Box::new(move |mode| both([Axis::X, Axis::Y].map(|axis| difference(mode, axis)))),
     });

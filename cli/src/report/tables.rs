@@ -147,7 +147,8 @@ pub fn table_two(report: &DemoReport) -> Table {
 
 const STATIC_NOTE: &str = "Diff is the mean absolute difference of the two nodes, max the greatest \
     absolute error. The knots are the calibration angles every 10 deg, where the paper stood; \
-    random angles show what the table leaves between them.";
+    random angles show what the table leaves between them. In paper mode a reading is the mean of \
+    1 s, in the others one sample.";
 
 fn static_row(report: &DemoReport, axis: Axis, angles: Angles, largest: bool) -> Vec<Cell> {
     let figure = if largest { "max" } else { "RMSE" };

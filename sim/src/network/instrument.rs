@@ -19,6 +19,7 @@ use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::table::Rule;
 
 use super::Network;
+use crate::bench::interpretation::Interpretation;
 use crate::bench::{Bench, BenchError, Mode, World};
 use crate::electronics::Electronics;
 use crate::error_model::ErrorModel;
@@ -55,6 +56,12 @@ impl Delivered {
     ///
     /// Errors: see [`BenchError`].
     pub fn calibrated(mode: Mode, world: &World, seed: u64, unit: u32) -> Result<Self, BenchError> {
+        // Whole devices in paper mode run as printed: nobody holds their parts true, and a node on
+        // a bus does not average.
+        let world = &World {
+            paper: Interpretation::AS_PRINTED,
+            ..*world
+        };
         let (bench, _) = Bench::commissioned(mode, world, seed, unit)?;
         let [a, b] = bench.instrument.sides;
         Ok(Self {
