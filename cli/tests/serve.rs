@@ -1,6 +1,6 @@
 //! `plumb serve` from the outside: the program runs, and a raw socketcand client talks to it.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -150,7 +150,11 @@ impl Client {
                 self.unread = rest.trim_start().to_owned();
                 return message;
             }
-            let length = self.stream.read(&mut bytes).unwrap();
+            let length = match self.stream.read(&mut bytes) {
+                // A machine that was stopped and goes on.
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                length => length.unwrap(),
+            };
             assert!(length > 0, "the server is gone");
             self.unread += std::str::from_utf8(&bytes[..length]).unwrap();
         }

@@ -140,7 +140,8 @@ fn every_command_of_the_tour_does_what_it_says() {
         "both agree",
         "the channels disagree and neither can be blamed",
         "FF13h",
-        "2 incidents",
+        "FF15h",
+        "3 faults still standing at the end",
     ] {
         assert!(said.contains(sentence), "{sentence:?} is not in\n{said}");
     }
