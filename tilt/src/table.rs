@@ -3,7 +3,7 @@
 //! In: the compensated acceleration of one axis. Out: the angle memorised for it. Three rules:
 //! - [`Rule::Nearest`] is the text: the angle of the nearer of the two neighbouring points,
 //!   switching in the middle between them;
-//! - [`Rule::Linear`] interpolates, with which alone the paper's own figures come back;
+//! - [`Rule::Linear`] interpolates, by which paper mode has the paper's own figures;
 //! - [`Rule::PrintedQuarter`] is eq 7 to the letter, for analysis only.
 //!
 //! # Errata

@@ -6,7 +6,7 @@ use sim::bench::calibrate::CalibrationReport;
 use sim::bench::interpretation::{Fixture, Interpretation};
 use sim::bench::static_test::{differences, errors};
 use sim::bench::statistics::{Tally, median};
-use sim::bench::unit::{Plan, UnitResult};
+use sim::bench::unit::{Plan, UnitResult, run_unit};
 use sim::bench::week::Day;
 use sim::bench::{Bench, BenchError, Mode, World};
 use tilt::table::Rule;
@@ -88,13 +88,7 @@ fn figures(paper: Interpretation, lever_arms_cm: &'static [u32]) -> Result<Figur
         lever_arms_cm,
     };
     let units = shared(UNITS, |unit| {
-        let (mut bench, calibration) = Bench::commissioned(Mode::Paper, &world, SEED, unit)?;
-        let (statics, dynamics) = bench.tests(&plan);
-        Ok(UnitResult {
-            calibration,
-            statics,
-            dynamics,
-        })
+        run_unit(Mode::Paper, &world, SEED, unit, &plan)
     })?;
     Ok(Figures { units })
 }

@@ -5,7 +5,6 @@
 //! seed alone.
 
 use std::fmt::Write as _;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use sim::bench::interpretation::Interpretation;
 use sim::bench::static_test::{StaticPoint, errors};
@@ -19,6 +18,8 @@ mod assumptions;
 mod dense;
 mod published;
 mod scatter;
+#[path = "../faults/spread.rs"]
+mod spread;
 mod tables;
 mod week;
 
@@ -118,29 +119,13 @@ fn units<T: Send>(
     shared(UNITS, work)
 }
 
+/// The same for the first `count` units.
 fn shared<T: Send>(
     count: u32,
     work: impl Fn(u32) -> Result<T, BenchError> + Sync,
 ) -> Result<Vec<T>, BenchError> {
-    let next = AtomicU32::new(0);
-    let worker = || {
-        let mut done = Vec::new();
-        loop {
-            let unit = next.fetch_add(1, Ordering::Relaxed);
-            if unit >= count {
-                return done;
-            }
-            done.push((unit, work(unit)));
-        }
-    };
-    let mut all = std::thread::scope(|scope| {
-        let other = scope.spawn(worker);
-        let mut all = worker();
-        all.extend(other.join().unwrap_or_default());
-        all
-    });
-    all.sort_by_key(|(unit, _)| *unit);
-    all.into_iter().map(|(_, result)| result).collect()
+    let all = spread::spread(count as usize, |unit| work(unit as u32));
+    all.into_iter().collect()
 }
 
 /// Errors of both nodes over the points that `keep` keeps.

@@ -15,7 +15,7 @@ pub fn section(page: &mut String, compared: &[(&str, &[Passage])]) {
          of the angle, both signs, both nodes, of units that were switched off and on. Scatter \
          is the rms error against the truth; the uncertainty is what the readings report \
          (k = 1). The ratio of the medians must lie within 0.8 and 1.2. Pooled is the ratio over \
-         all units together; in paper mode at 89 deg it is governed by the few units whose \
+         all units together; as printed at 89 deg it is governed by the few units whose \
          mounting folds the sine before 90 deg.\n\n\
          | mode | angle, deg | scatter, median unit | uncertainty, median unit | ratio | kept \
          | pooled |\n\

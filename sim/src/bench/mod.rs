@@ -39,7 +39,7 @@ use interpretation::Interpretation;
 /// Which instrument is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The paper's: 50 samples/s, one pole, one-axis tables, nearest point.
+    /// The paper's: 50 samples/s, one pole, one-axis tables, read as [`World::paper`] has it.
     Paper,
     /// Two axes, 400 samples/s, Butterworth, twelve parameters.
     Product,

@@ -1,7 +1,8 @@
 //! The static test (R16): the motor stands at known angles and both nodes are read.
 //!
 //! In: a calibrated instrument, a mount, a list of angles. Out: a [`StaticPoint`] per angle with
-//! the truth and what both nodes said. One reading per angle, as a user would take it, no mean.
+//! the truth and what both nodes said. In product mode a reading is one
+//! sample, as a user would take it; in paper mode it is a mean (assumption A4).
 //!
 //! Erratum E5: on knots of the table (10 deg steps of a 1 deg table) the paper's table error does
 //! not show, so the test is run on random angles as well, and both are reported.
@@ -78,12 +79,15 @@ impl Bench {
 
     /// One reading of both nodes where the shaft stands, as the mode takes it.
     pub fn static_reading(&mut self, mount: Mount) -> StaticPoint {
-        let mean_s = if self.mode == Mode::Paper {
-            self.paper.read_over_s
-        } else {
-            0.0
-        };
-        self.static_reading_over(mount, mean_s)
+        self.static_reading_over(mount, self.read_over_s())
+    }
+
+    /// How long the mode averages a reading at standstill, s; 0 is one sample.
+    pub(super) fn read_over_s(&self) -> f64 {
+        match self.mode {
+            Mode::Paper => self.paper.read_over_s,
+            Mode::Product | Mode::OneAxis => 0.0,
+        }
     }
 
     /// Turns to `angle_deg` and takes one reading of one sample, whatever the mode averages.

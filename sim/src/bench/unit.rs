@@ -1,7 +1,8 @@
 //! One unit's whole passage over the bench: chamber, motor, verification, static and dynamic test.
 //!
-//! In: mode, world, seed and unit number. Out: a [`UnitResult`]. The instrument is switched off
-//! and on between calibration and tests, so that the turn-on repeatability is in every figure.
+//! In: mode, world, seed and unit number. Out: a [`UnitResult`]. The product is switched off and
+//! on between calibration and tests, so that the turn-on repeatability is in every figure; the
+//! paper's is not (assumption A6).
 
 use super::calibrate::CalibrationReport;
 use super::dynamic_test::DynamicResult;
