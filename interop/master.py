@@ -29,6 +29,9 @@ EMULATED = pathlib.Path(PLUMB).stem == "emulate"
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 
+# A frame of the tests' own, above every COB-ID in use but those of LSS: nothing answers it.
+PROBE = 0x7DF
+
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
 INVALID16, INVALID32 = -0x8000, -0x80000000
 
@@ -110,9 +113,10 @@ class Master(can.Listener):
         self.frames: list[can.Message] = []
         self.network = canopen.Network()
         self.network.listeners.append(self)
-        self.network.connect(
+        self.address = dict(
             interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
         )
+        self.network.connect(**self.address)
         sheets = [ROOT / "eds" / "plumb-b.eds", ROOT / "eds" / "plumb-a.eds"]
         self.nodes = {id: self.network.add_node(id, str(sheets[id % 2])) for id in nodes}
         for node in self.nodes.values():
@@ -133,6 +137,22 @@ class Master(can.Listener):
     def sync(self, counter: int | None = None) -> None:
         """Sends SYNC, with a counter if there is one."""
         self.send(0x80, b"" if counter is None else bytes([counter]))
+
+    def settle(self) -> None:
+        """Returns when the frames of this master have been on the bus, and when it has received all
+        that was there. A loaded machine may take its time for either: what another program was
+        answered would pass for an answer to this master, and an old state for the one commanded."""
+        other = can.Bus(**self.address)
+        try:
+            self.send(PROBE, b"\x01")
+            end = time.monotonic() + 6
+            while (frame := other.recv(1)) is None or frame.arbitration_id != PROBE:
+                assert time.monotonic() < end, "what was sent never came to the bus"
+            mark = self.mark()
+            other.send(can.Message(arbitration_id=PROBE, data=b"\x02", is_extended_id=False))
+            self.next(PROBE, mark)
+        finally:
+            other.shutdown()
 
     def mark(self) -> int:
         """Frames kept from here on are the newer ones."""

@@ -36,6 +36,7 @@ def beating(master: Master) -> Master:
 
 def state(master: Master, node: int) -> int:
     """The state in the third heartbeat from now: on a slow machine two may be on their way."""
+    master.settle()
     mark = master.mark()
     for _ in range(3):
         beat = master.next(0x700 + node, mark)

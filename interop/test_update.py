@@ -301,6 +301,13 @@ def update(plumb: Plumb, image: pathlib.Path, *more: str) -> subprocess.Popen[st
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def ended(running: subprocess.Popen[str], master: Master, timeout: float) -> tuple[str, str]:
+    """What the program has printed until its end; the master has then received its answers."""
+    printed = running.communicate(timeout=timeout)
+    master.settle()
+    return printed
+
+
 def halves(file: pathlib.Path) -> list[bytes]:
     """The images in a file, for slot A and B."""
     both = file.read_bytes()
@@ -314,6 +321,7 @@ def segments(master: Master, mark: int) -> int:
 
 def state(master: Master) -> int:
     """Node 1's NMT state as its next heartbeat tells it."""
+    master.settle()
     return master.next(0x701, master.mark()).data[0]
 
 
@@ -335,7 +343,7 @@ def test_an_interrupted_update_left_the_node_in_pre_operational(
     running = update(plumb, file, "--nodes", "1", "--force")
     until(lambda: segments(working, mark) > 100, "segments", 15)
     running.send_signal(signal.SIGINT)
-    _, said = running.communicate(timeout=10)
+    _, said = ended(running, working, 10)
     assert running.returncode == 2 and "interrupted" in said
     working.next(REQUEST, mark, data=lambda data: data == abort(0x0504_0000, 0x1F50, 1))
     assert state(working) == 5
@@ -343,7 +351,7 @@ def test_an_interrupted_update_left_the_node_in_pre_operational(
     fields = free(working, dict(enumerate(halves(file))))[:FIELDS]
     assert working.read(1, 0x2080, UNDER_WAY) == under_way(fields)
     running = update(plumb, file, "--nodes", "1", "--force")
-    out, said = running.communicate(timeout=40)
+    out, said = ended(running, working, 40)
     assert running.returncode == 0, said
     assert out.startswith("node 1 goes on behind ")
     assert state(working) == 5
@@ -356,10 +364,10 @@ def test_another_image_with_the_same_body_went_on_where_one_had_stopped(
     running = update(plumb, image(), "--nodes", "1", "--force")
     until(lambda: segments(working, mark) > 100, "segments", 15)
     running.send_signal(signal.SIGINT)
-    running.communicate(timeout=10)
+    ended(running, working, 10)
     other = image()
     running = update(plumb, other, "--nodes", "1", "--force")
-    out, said = running.communicate(timeout=40)
+    out, said = ended(running, working, 40)
     assert running.returncode == 0, said
     assert "goes on" not in out
     version = struct.unpack_from("<I", other.read_bytes(), 12)[0]
@@ -370,7 +378,7 @@ def test_a_refused_update_left_the_node_in_pre_operational(
     plumb: Plumb, working: Master, image: Callable[..., pathlib.Path]
 ) -> None:
     running = update(plumb, image("--unsigned"), "--nodes", "1", "--force")
-    _, said = running.communicate(timeout=20)
+    _, said = ended(running, working, 20)
     assert running.returncode == 1 and "it is not signed" in said
     assert state(working) == 5
 
@@ -385,7 +393,7 @@ def test_an_update_started_while_the_other_channel_was_down(
     until(lambda: segments(master, mark) > 100, "segments", 15)
     plumb.type("fault b silent")
     try:
-        _, said = running.communicate(timeout=40)
+        _, said = ended(running, master, 40)
     finally:
         plumb.type("heal b")
     assert running.returncode == 2 and "node 2 has no valid angle" in said
@@ -400,7 +408,7 @@ def test_an_update_ended_by_another_one_did_not_say_so(
     older = update(plumb, image(), "--nodes", "1", "--force")
     until(lambda: segments(working, mark) > 100, "segments", 15)
     newer = update(plumb, image(), "--nodes", "1", "--force")
-    _, said = older.communicate(timeout=20)
+    _, said = ended(older, working, 20)
     assert older.returncode == 2 and "somebody else talks to node 1" in said
-    out, said = newer.communicate(timeout=40)
+    out, said = ended(newer, working, 40)
     assert newer.returncode == 0, said
