@@ -26,6 +26,9 @@ PLUMB = os.environ.get("PLUMB", str(ROOT / "target" / "debug" / "plumb"))
 # The program that runs the exact image on emulated boards.
 EMULATED = pathlib.Path(PLUMB).stem == "emulate"
 
+# The instrument that `plumb serve` builds where a test does not say: the product, or the paper's.
+MODE = os.environ.get("PLUMB_MODE", "product")
+
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 
@@ -41,6 +44,8 @@ class Plumb:
 
     def __init__(self, *arguments: str) -> None:
         command = [PLUMB, "serve", "--listen", "127.0.0.1:0", *arguments]
+        if MODE != "product" and "--mode" not in arguments:
+            command += ["--mode", MODE]
         if EMULATED and "PLUMB_IMAGES" in os.environ:
             command += ["--images", os.environ["PLUMB_IMAGES"]]
         self.process = subprocess.Popen(

@@ -199,6 +199,7 @@ def balance(master: Master, mark: int, node: int) -> set[int]:
     return codes
 
 
+@pytest.mark.product("the paper's check names no channel")
 @pytest.mark.parametrize(
     ("fault", "of_a", "of_b"),
     [

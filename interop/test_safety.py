@@ -266,6 +266,7 @@ def test_a_fault_is_silence(plumb: Plumb, running: Master) -> None:
         plumb.type("heal b")
 
 
+@pytest.mark.product("the paper's check warns for a while and names no channel")
 def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> None:
     for node in (1, 2):
         running.next(PLAIN[node], running.mark())
@@ -282,6 +283,7 @@ def test_a_disagreement_is_silence_of_both(plumb: Plumb, running: Master) -> Non
         plumb.type("heal b")
 
 
+@pytest.mark.product("the paper's check warns for a while and names no channel")
 def test_one_channel_alone_sends_no_safety_frame(plumb: Plumb, running: Master) -> None:
     running.next(PLAIN[1], running.mark())
     time.sleep(PROOF_S)

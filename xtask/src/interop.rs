@@ -109,6 +109,47 @@ const NOT_EMULATED: [&str; 7] = [
     "test_web.py",
 ];
 
+/// Files that the paper's instrument is not asked to pass: they are about the product's judgement
+/// and its log, about the program `plumb`, or they name their mode. Single tests say so by a mark.
+const NOT_PAPER: [&str; 11] = [
+    "test_calibration.py",
+    "test_load.py",
+    "test_log.py",
+    "test_logs.py",
+    "test_pair.py",
+    "test_paper.py",
+    "test_policy.py",
+    "test_report.py",
+    "test_transports.py",
+    "test_update.py",
+    "test_web.py",
+];
+
+/// What is tested: the program that serves the bus, and the mode of its instrument.
+#[derive(Clone, Copy, Debug)]
+struct Served {
+    program: &'static str,
+    mode: &'static str,
+}
+
+/// The virtual instrument of the product.
+const PRODUCT: Served = Served {
+    program: "plumb",
+    mode: "product",
+};
+
+/// The virtual instrument of the paper.
+const PAPER: Served = Served {
+    program: "plumb",
+    mode: "paper",
+};
+
+/// The exact image on emulated boards.
+const IMAGE: Served = Served {
+    program: "emulate",
+    mode: "product",
+};
+
 /// Files of tests that run at the same time. They wait for the bus most of their time.
 const AT_ONCE: usize = 3;
 
@@ -122,15 +163,19 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
     let python = environment(workspace)?;
     command::pass(workspace.cargo(&BUILD))?;
     let all = files(workspace)?;
-    let emulated = all.iter().filter(|file| !NOT_EMULATED.contains(&&***file));
-    let emulated = emulated.cloned().collect();
+    let without = |left_out: &[&str]| -> Vec<String> {
+        let kept = all.iter().filter(|file| !left_out.contains(&&***file));
+        kept.cloned().collect()
+    };
+    let (emulated, paper) = (without(&NOT_EMULATED), without(&NOT_PAPER));
     // Once for all, since every bus would build them anew.
     let images = workspace.target().join("emulated").join("interop");
     image::build_into(workspace, images.clone())?;
-    let test = |file: &str, program| test(workspace, &python, &images, file, program);
-    let mut outcomes = side_by_side(AT_ONCE, all, |file| test(file, "plumb"));
+    let test = |file: &str, served| test(workspace, &python, &images, file, served);
+    let mut outcomes = side_by_side(AT_ONCE, all, |file| test(file, PRODUCT));
+    outcomes.extend(side_by_side(AT_ONCE, paper, |file| test(file, PAPER)));
     outcomes.extend(side_by_side(EMULATED_AT_ONCE, emulated, |file| {
-        test(file, "emulate")
+        test(file, IMAGE)
     }));
     let mut failed = None;
     for (counted, outcome) in outcomes {
@@ -186,9 +231,16 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
     Ok(files.into_iter().map(|(_, name)| name).collect())
 }
 
-/// Runs one file of tests against what `program` serves: its summary is printed, and everything
+/// Runs one file of tests against what is served: its summary is printed, and everything
 /// where a test fails.
-fn test(workspace: &Workspace, python: &Path, images: &Path, file: &str, program: &str) -> Outcome {
+fn test(
+    workspace: &Workspace,
+    python: &Path,
+    images: &Path,
+    file: &str,
+    served: Served,
+) -> Outcome {
+    let Served { program, mode } = served;
     let name = format!("{program}{}", env::consts::EXE_SUFFIX);
     let mut pytest = workspace.program(
         &python.to_string_lossy(),
@@ -198,6 +250,7 @@ fn test(workspace: &Workspace, python: &Path, images: &Path, file: &str, program
         .arg(format!("interop/{file}"))
         .env("PLUMB", workspace.target().join("debug").join(name))
         .env("PLUMB_IMAGES", images)
+        .env("PLUMB_MODE", mode)
         .env("PYTHONDONTWRITEBYTECODE", "1");
     let (mut tally, mut said, mut last) = (Tally::default(), String::new(), String::new());
     let outcome = command::watch(pytest, |line| {
@@ -210,7 +263,7 @@ fn test(workspace: &Workspace, python: &Path, images: &Path, file: &str, program
     if outcome.is_err() {
         print!("{said}");
     }
-    println!("      {program}, {file}: {last}");
+    println!("      {program}, {mode}, {file}: {last}");
     (tally, outcome)
 }
 

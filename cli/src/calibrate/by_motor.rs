@@ -8,6 +8,9 @@
 
 use std::time::Duration;
 
+use tilt::chain::Correction;
+use tilt::table::Rule;
+
 use super::error::CalibrateError;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
@@ -31,6 +34,25 @@ const TRIES: usize = 4;
 
 /// Angles of the verification round of a slope, deg: none of them on a step of whole degrees.
 const SLOPE_CHECKS: [f64; 8] = [-77.5, -52.5, -27.5, -7.5, 7.5, 27.5, 52.5, 77.5];
+
+/// What a table may err between two of its points `step_deg` apart, deg, at the steepest angle of
+/// the verification round; 0 for other corrections.
+///
+/// The nearest point is half a step away. A straight line between two points of a sine is off by
+/// its sag, an eighth of the step's square times the tangent of the angle, in radians.
+pub fn between_points_deg(correction: &Correction, step_deg: f64) -> f64 {
+    let Correction::Tables { rule, .. } = correction else {
+        return 0.0;
+    };
+    let steepest_deg = SLOPE_CHECKS.into_iter().fold(0.0, f64::max);
+    match rule {
+        Rule::Nearest | Rule::PrintedQuarter => step_deg / 2.0,
+        Rule::Linear => {
+            let sag = step_deg.to_radians().powi(2) / 8.0 * steepest_deg.to_radians().tan();
+            sag.to_degrees()
+        }
+    }
+}
 
 /// The same of a turn.
 const TURN_CHECKS: [f64; 10] = [

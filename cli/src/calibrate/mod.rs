@@ -75,8 +75,8 @@ pub struct Arguments {
     /// Degrees from stand to stand of the motor; 5, or 1 for the tables of the paper's mode
     #[arg(long, value_name = "DEG", value_parser = clap::value_parser!(u32).range(1..=30))]
     pub step: Option<u32>,
-    /// Largest error as left, its expanded uncertainty included, deg; 0.2, and half a step more
-    /// for tables, which read the nearest of their points
+    /// Largest error as left, its expanded uncertainty included, deg; 0.2, and for tables what they
+    /// err between two points, 0.01 with steps of 1 deg and straight lines between them
     #[arg(long, value_name = "DEG", value_parser = tolerance)]
     pub tolerance: Option<f64>,
     /// Standard uncertainty (k = 1) of the motor's angles in deg, where it states none or another
@@ -176,16 +176,20 @@ fn with_motor(
     let step = arguments.step.unwrap_or(kind.step());
     let swept = bench.calibrate(kind, step)?;
     let made = finish::made(session)?;
-    let table_deg = match kind {
-        Kind::Tables => f64::from(step) / 2.0,
-        Kind::TwoAxis | Kind::OneAxis => 0.0,
-    };
+    let table_deg = made
+        .iter()
+        .filter_map(|bytes| session::decode(bytes))
+        .map(|made| by_motor::between_points_deg(&made.correction, f64::from(step)))
+        .fold(0.0, f64::max);
     let frame = Frame {
         common: &arguments.common,
         session,
         begun,
         made,
-        tolerance_deg: arguments.tolerance.unwrap_or(TOLERANCE_DEG + table_deg),
+        tolerance_deg: arguments.tolerance.unwrap_or_else(|| {
+            let exact = TOLERANCE_DEG + table_deg;
+            (exact * 1000.0).round() / 1000.0
+        }),
     };
     Ok(frame.by_motor(&swept, &name, reference_deg))
 }

@@ -26,6 +26,7 @@ use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::LowPass;
 use tilt::sample::FullScale;
+use tilt::table::Rule;
 use tilt::uncertainty::Budget;
 
 use crate::chamber::Chamber;
@@ -52,7 +53,8 @@ pub enum Mode {
 pub const PRODUCT_LATENCY_US: u32 = 25_000;
 
 impl Mode {
-    /// Part and chain of this mode, not yet calibrated.
+    /// Part and chain of this mode, not yet calibrated; the paper's as printed, which
+    /// [`World::settings`] reads as its world does.
     pub fn settings(self) -> Settings {
         let paper = self == Self::Paper;
         let part = if paper {
@@ -125,6 +127,31 @@ impl World {
         rig: RigSetup::NOMINAL,
         paper: Interpretation::REPRODUCED,
     };
+
+    /// Part and chain of an instrument of `mode` in this world, not yet calibrated.
+    pub fn settings(&self, mode: Mode) -> Settings {
+        let mut settings = mode.settings();
+        if mode == Mode::Paper {
+            settings.chain.timing = self.paper.timing;
+        }
+        settings
+    }
+
+    /// The parts of an instrument of `mode`: in paper mode as its fixture holds them.
+    pub fn parts_of(&self, mode: Mode) -> ErrorModel {
+        match mode {
+            Mode::Paper => self.paper.fixture.hold(&self.parts),
+            Mode::Product | Mode::OneAxis => self.parts,
+        }
+    }
+
+    /// How a table that a node is given over the bus (2060h) is read.
+    pub const fn rule(&self, mode: Mode) -> Rule {
+        match mode {
+            Mode::Paper => self.paper.rule,
+            Mode::Product | Mode::OneAxis => Rule::Linear,
+        }
+    }
 }
 
 /// One instrument on one rig.
@@ -189,12 +216,7 @@ impl Bench {
     pub fn new(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
         let mut rng = Rng::stream(seed, &format!("unit {unit} bench"));
         let rig = Rig::new(&world.rig, &mut rng);
-        let mut settings = mode.settings();
-        let mut parts = world.parts;
-        if mode == Mode::Paper {
-            settings.chain.timing = world.paper.timing;
-            parts = world.paper.fixture.hold(&parts);
-        }
+        let (settings, parts) = (world.settings(mode), world.parts_of(mode));
         let mut instrument = Instrument::new(&settings, &mode.check(), &parts, seed, unit);
         instrument.power_cycle();
         Self {

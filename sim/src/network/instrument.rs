@@ -19,7 +19,6 @@ use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::table::Rule;
 
 use super::Network;
-use crate::bench::interpretation::Interpretation;
 use crate::bench::{Bench, BenchError, Mode, World};
 use crate::electronics::Electronics;
 use crate::error_model::ErrorModel;
@@ -45,6 +44,7 @@ pub struct Fitting {
 pub struct Delivered {
     mode: Mode,
     parts: ErrorModel,
+    rule: Rule,
     seed: u64,
     unit: u32,
     settings: [Settings; 2],
@@ -56,12 +56,6 @@ impl Delivered {
     ///
     /// Errors: see [`BenchError`].
     pub fn calibrated(mode: Mode, world: &World, seed: u64, unit: u32) -> Result<Self, BenchError> {
-        // Whole devices in paper mode run as printed: nobody holds their parts true, and a node on
-        // a bus does not average.
-        let world = &World {
-            paper: Interpretation::AS_PRINTED,
-            ..*world
-        };
         let (bench, _) = Bench::commissioned(mode, world, seed, unit)?;
         let [a, b] = bench.instrument.sides;
         Ok(Self {
@@ -74,11 +68,13 @@ impl Delivered {
     /// As it was soldered: its nodes say that they are not calibrated, and know no more of their
     /// parts than whether these have any noise at all.
     pub fn bare(mode: Mode, world: &World, seed: u64, unit: u32) -> Self {
-        let mut settings = mode.settings();
-        settings.noise = world.parts.known_noise();
+        let mut settings = world.settings(mode);
+        let parts = world.parts_of(mode);
+        settings.noise = parts.known_noise();
         Self {
             mode,
-            parts: world.parts,
+            parts,
+            rule: world.rule(mode),
             seed,
             unit,
             settings: [settings.clone(), settings],
@@ -121,10 +117,6 @@ impl Delivered {
             let place = channel as usize;
             let electronics = self.electronics(channel);
             let settings = self.settings[place].clone();
-            let rule = match mode {
-                Mode::Paper => Rule::Nearest,
-                Mode::Product | Mode::OneAxis => Rule::Linear,
-            };
             // As with what is introduced above: a broken memory is a fault for later.
             let _ = self.write_to(channel, &mut memory);
             let factory = Factory {
@@ -135,7 +127,7 @@ impl Delivered {
                 node_id: ids[place],
                 kbit_s: rates[place],
                 terms: Terms {
-                    rule,
+                    rule: self.rule,
                     reference: MOTOR,
                 },
                 settings,

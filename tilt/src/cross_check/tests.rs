@@ -97,21 +97,36 @@ fn r13_the_window_slides_with_the_warnings() {
     panic!("never stopped");
 }
 
-#[test]
-fn r13_stop_lasts_45_s_then_data_delay_resumes() {
+/// The instant of the last of 111 warnings from 0 on.
+const STOPPED_S: f64 = 110.0 * 0.02;
+
+/// 50 pairs a second behind the stop of 111 warnings, `pair` says which; the first judgement that
+/// does not ask for the stop, and how long after it, s. `None` within five minutes.
+fn after_stop(pair: impl Fn(f64) -> (u32, u32)) -> Option<(Judgement, f64)> {
     let mut state = PaperState::default();
     assert_eq!(warn(&mut state, 111, 0.0), Judgement::StopMotion);
-    let stopped = 110.0 * 0.02;
-    let mut judge = |x, t| PaperCheck::PAPER.step(&mut state, reading(x), reading(0), seconds(t));
+    (1..=15_000).map(|i| 0.02 * f64::from(i)).find_map(|t| {
+        let (own, peer) = pair(t);
+        let now = seconds(STOPPED_S + t + 1e-7);
+        let verdict = PaperCheck::PAPER.step(&mut state, reading(own), reading(peer), now);
+        (verdict.judgement() != Judgement::StopMotion).then_some((verdict.judgement(), t))
+    })
+}
+
+#[test]
+fn r13_stop_lasts_45_s_then_data_delay_resumes() {
+    assert_eq!(after_stop(|_| (0, 0)), Some((Judgement::DataDelay, 45.0)));
     assert_eq!(
-        judge(0, stopped + 44.999).judgement(),
-        Judgement::StopMotion
+        after_stop(|_| (THRESHOLD - 1, 0)),
+        Some((Judgement::DataDelay, 45.0))
     );
-    assert_eq!(
-        judge(THRESHOLD - 1, stopped + 45.0).judgement(),
-        Judgement::DataDelay
-    );
-    assert_eq!(judge(0, stopped + 45.02).judgement(), Judgement::Agree);
+    let mut state = PaperState::default();
+    warn(&mut state, 111, 0.0);
+    for t in 0..2300 {
+        let now = seconds(3.0 + 0.02 * f64::from(t));
+        PaperCheck::PAPER.step(&mut state, reading(0), reading(0), now);
+    }
+    assert!(state.has_agreed() && !state.is_faulted());
     assert_eq!(
         warn(&mut state, 110, 60.0),
         Judgement::Warning,
@@ -121,14 +136,99 @@ fn r13_stop_lasts_45_s_then_data_delay_resumes() {
 
 #[test]
 fn r13_still_0_40_after_the_stop_is_a_physical_fault_until_reset() {
+    assert_eq!(
+        after_stop(|_| (THRESHOLD, 0)),
+        Some((Judgement::PhysicalFault, 45.0))
+    );
     let mut state = PaperState::default();
     warn(&mut state, 111, 0.0);
     let mut judge = |x, t| PaperCheck::PAPER.step(&mut state, reading(x), reading(0), seconds(t));
-    assert_eq!(judge(THRESHOLD, 50.0).judgement(), Judgement::PhysicalFault);
+    let last = (0..2400).map(|i| judge(THRESHOLD, 3.0 + 0.02 * f64::from(i)).judgement());
+    assert_eq!(last.last(), Some(Judgement::PhysicalFault));
     assert_eq!(judge(0, 60.0).judgement(), Judgement::PhysicalFault);
     state = PaperState::default();
     let after = PaperCheck::PAPER.step(&mut state, reading(0), reading(0), seconds(61.0));
     assert_eq!(after.judgement(), Judgement::Agree);
+}
+
+/// A channel that failed now and then passed for a late one when the pair at the end of the 45 s
+/// agreed by chance. Five differences behind the first 15 s are as rare as those that ask for no
+/// stop, six are not; where they stand does not count.
+#[test]
+fn one_pair_after_45_s_decided_on_data_delay() {
+    for (first, pairs) in (1..=2240)
+        .step_by(31)
+        .chain(735..755)
+        .flat_map(|k| [(k, 5), (k, 6)])
+    {
+        let differs = |t: f64| ((t / 0.02).round() as i32 - first) as u32;
+        let found = after_stop(|t| {
+            if differs(t) < pairs {
+                (THRESHOLD, 0)
+            } else {
+                (0, 0)
+            }
+        });
+        // 750 pairs are 15 s.
+        let expected = match (first + pairs as i32 - 1 - 750).max(0).min(pairs as i32) {
+            6 => Judgement::PhysicalFault,
+            _ => Judgement::DataDelay,
+        };
+        assert_eq!(found, Some((expected, 45.0)), "{pairs} pairs from {first}");
+    }
+}
+
+/// Whatever the machine did, 45 s after the request it was taken to stand.
+#[test]
+fn a_machine_that_moved_on_was_taken_to_stand() {
+    // It turns a degree a second for 20 s more, then it stands; the peer is late by half a second.
+    let degree = |t: f64| (t.min(20.0) * f64::from(THRESHOLD) / 0.4) as u32;
+    let late = |t: f64| (degree(t), degree((t - 0.5).max(0.0)));
+    let (judgement, after_s) = after_stop(late).unwrap();
+    assert_eq!(judgement, Judgement::DataDelay);
+    assert!((62.9..65.6).contains(&after_s), "{after_s}");
+    // While it moves for ever, the stop is asked for.
+    assert_eq!(after_stop(|t| (degree(t % 20.0), degree(t % 20.0))), None);
+    // A channel that moves alone does not: its part is at fault.
+    for alone in [|t| (t, 0), |t| (0, t)] {
+        let (judgement, after_s) = after_stop(|t| alone(degree(t % 20.0))).unwrap();
+        assert_eq!(judgement, Judgement::PhysicalFault);
+        assert!((45.0..46.0).contains(&after_s), "{after_s}");
+    }
+}
+
+/// Table I, first row, where a channel tells by itself that its data are late: there is no angle to
+/// compare then, and a missing one counted as a difference.
+#[test]
+fn data_told_to_be_late_were_a_physical_fault() {
+    let ended = |why| {
+        let mut state = PaperState::default();
+        warn(&mut state, 111, 0.0);
+        let mut judge = |t| {
+            PaperCheck::PAPER
+                .step(&mut state, reading(0), absent(why), seconds(t))
+                .judgement()
+        };
+        (0..2400)
+            .map(|i| judge(3.0 + 0.02 * f64::from(i)))
+            .find(|found| *found != Judgement::StopMotion)
+    };
+    assert_eq!(ended(Invalid::Late), Some(Judgement::DataDelay));
+    assert_eq!(ended(Invalid::Stale), Some(Judgement::PhysicalFault));
+}
+
+#[test]
+fn work_goes_on_after_more_pairs_than_stopped_it() {
+    // A SYNC a second: 31 pairs count within the 45 s, and 111 have to.
+    let mut state = PaperState::default();
+    warn(&mut state, 111, 0.0);
+    let mut judge = |t: u32| {
+        let now = seconds(STOPPED_S + f64::from(t));
+        let verdict = PaperCheck::PAPER.step(&mut state, reading(0), reading(0), now);
+        verdict.judgement()
+    };
+    let ended = (1..200).find(|t| judge(*t) == Judgement::DataDelay);
+    assert_eq!(ended, Some(15 + 111));
 }
 
 #[test]
