@@ -9,7 +9,6 @@
 //! SYNC; the bus is simulated when the nodes speak CANopen) and the time that code takes to run.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::node::Node;
@@ -18,7 +17,6 @@ use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
 use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
-use tilt::observation::Observation;
 use tilt::sample::Instant;
 
 use crate::TICK_S;
@@ -107,15 +105,12 @@ pub struct Instrument {
     /// Node 1 and node 2.
     pub sides: [Side; 2],
     ticks: u64,
-    /// What node 2 says on its way to node 1; empty while nothing is late.
-    late: VecDeque<Observation>,
-    late_syncs: usize,
 }
 
 /// What node 1 has of both nodes at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// Node 1's reading, and node 2's as it arrives there.
+    /// Both readings.
     pub readings: [Reading; 2],
     /// Node 1's verdict on them.
     pub verdict: Verdict,
@@ -137,8 +132,6 @@ impl Instrument {
         Self {
             sides: [side(1), side(2)],
             ticks: 0,
-            late: VecDeque::new(),
-            late_syncs: 0,
         }
     }
 
@@ -195,24 +188,6 @@ impl Instrument {
             .for_each(|side| side.electronics.set_die_temperature(die_c));
     }
 
-    /// From now on node 2's readings reach node 1 this many SYNCs late; 0 is in time again.
-    pub fn delay_peer(&mut self, syncs: usize) {
-        self.late_syncs = syncs;
-        self.late.clear();
-    }
-
-    /// What reaches node 1 of what node 2 says.
-    fn arrive(&mut self, said: Observation) -> Observation {
-        if self.late_syncs == 0 {
-            return said;
-        }
-        self.late.push_back(said);
-        if self.late.len() > self.late_syncs {
-            return self.late.pop_front().unwrap_or(said);
-        }
-        self.late.front().copied().unwrap_or(said)
-    }
-
     /// Both nodes report at the same instant, and node 1 judges.
     pub fn sync(&mut self) -> Pair {
         let time_s = self.time_s();
@@ -221,11 +196,10 @@ impl Instrument {
             let now = side.clock(time_s);
             side.node.observe(&side.settings, now)
         });
-        let said = [own, self.arrive(peer)];
-        let [own, _] = &mut self.sides;
-        let now = own.clock(time_s);
-        let verdict = own.node.judge(said[0], said[1], now);
-        let readings = said.map(|s| s.reading);
+        let [first, _] = &mut self.sides;
+        let now = first.clock(time_s);
+        let verdict = first.node.judge(own, peer, now);
+        let readings = [own, peer].map(|said| said.reading);
         Pair { readings, verdict }
     }
 

@@ -242,9 +242,7 @@ fn one_axis_row(results: &Results, node: usize) -> OneAxisRow {
 
 fn table_one_row((kind, trouble, day): &(Kind, Trouble, Day)) -> Table1Row {
     let delay = matches!(trouble, Trouble::Delay { .. });
-    // The product's check reports and latches either; it does not tell late data from a fault.
-    let late = delay && kind.mode() == Mode::Paper;
-    let expected = if late {
+    let expected = if delay {
         Outcome::DataDelay
     } else {
         Outcome::PhysicalFault

@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sim::bench::interpretation::Interpretation;
+use sim::bench::scene::scene;
 use sim::bench::unit::{Plan, UnitResult, run_unit};
 use sim::bench::week::{Day, Trouble};
 use sim::bench::{Bench, BenchError, Mode, World};
@@ -17,8 +18,8 @@ use crate::progress::{Progress, Task};
 /// Length of a scene of Table I, s, and when its trouble begins.
 const SCENE_S: f64 = 1200.0;
 const TROUBLE_FROM_S: f64 = 60.0;
-/// How late node 2's readings are in the first row of Table I: 10 periods of 20 ms.
-const LATE_SYNCS: usize = 10;
+/// How late node 2's frames are in the first row of Table I: ten periods of 20 ms and a half.
+const LATE_MS: u32 = 210;
 
 /// Which instrument is built, and in which world it is tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,7 +109,7 @@ fn list(arguments: &Arguments) -> Vec<Job> {
         for trouble in [
             Trouble::Delay {
                 from_s: TROUBLE_FROM_S,
-                syncs: LATE_SYNCS,
+                ms: LATE_MS,
             },
             Trouble::Supply {
                 from_s: TROUBLE_FROM_S,
@@ -207,8 +208,7 @@ fn work(job: Job, arguments: &Arguments, units: &Task, week: &Task) -> Result<Ou
             Ok(Outcome::Week(kind, list))
         }
         Job::TableOne(kind, trouble) => {
-            let (mut bench, _) = Bench::commissioned(kind.mode(), &kind.world(), seed, 0)?;
-            let day = bench.scene(SCENE_S, trouble, seed);
+            let day = scene(kind.mode(), &kind.world(), (seed, 0), SCENE_S, trouble)?;
             units.advance(1);
             Ok(Outcome::TableOne(kind, trouble, Box::new(day)))
         }

@@ -250,8 +250,7 @@ pub struct Table1Row {
     pub delta_after_stop_deg: Option<f64>,
     /// What the cross-check concluded.
     pub outcome: Outcome,
-    /// Whether that is what Table I asks for; in product mode, whether the fault was reported and
-    /// cured, since its check does not tell late data from a fault.
+    /// Whether that is what Table I asks for.
     pub as_expected: bool,
 }
 

@@ -3,7 +3,7 @@
 //! In: a seed, a unit's number, a mode and the error models. Out: figures. One [`Bench`] holds one
 //! instrument on one rig; its steps are the paper's: chamber (`characterise`, R4), motor
 //! (`calibrate`, R5; verification, R15), static and dynamic test (`static_test` R16,
-//! `dynamic_test` R17), and the week on the excavator (`week`, R18).
+//! `dynamic_test` R17), Table I (`scene`) and the week on the excavator (`week`, R18).
 //!
 //! Everything is measured through the device code; the truth comes from the rig, never from the
 //! device.
@@ -13,6 +13,7 @@ pub mod characterise;
 pub mod dynamic_test;
 pub mod interpretation;
 pub mod person;
+pub mod scene;
 pub mod static_test;
 pub mod statistics;
 pub mod thermal_test;

@@ -9,20 +9,20 @@
 //! and the instrument reset, after which work goes on (Table I). Between a fault and the reset no
 //! warnings are counted: the instrument has said what it has to say.
 //!
-//! [`Bench::scene`] is the same for a single stretch of work with trouble of the caller's choice:
-//! both rows of Table I are provoked with it.
+//! [`super::scene`] has the same for a single stretch of work of whole devices on a bus, with
+//! trouble of the caller's choice: both rows of Table I are provoked with it.
 //!
 //! Left out: the operator's own mistakes, and what the machine does with the angle.
 
 use tilt::angle::Axes;
+use tilt::chain::Invalid;
 use tilt::cross_check::{CrossCheck, Judgement, PaperCheck, PaperState};
 
+use super::interpretation::Interpretation;
 use super::statistics::Tally;
 use super::{Bench, Mode, run};
-use crate::TICK_S;
 use crate::excavator::{Excavator, ExcavatorSetup};
-use crate::instrument::Pair;
-use crate::motion::Mover;
+use crate::instrument::Instrument;
 use crate::rng::Rng;
 use crate::supply::Supply;
 
@@ -36,8 +36,8 @@ pub const UNSTABLE_FROM_S: f64 = 3600.0;
 pub const SUPPLY_CHECK_S: f64 = 300.0;
 /// Fig 21: a healthy instrument's difference stays below this, deg.
 pub const HEALTHY_DEG: f64 = 0.20;
-/// Readings are compared every 20 ms (50 samples per second).
-const SYNC_TICKS: u64 = 20;
+/// Readings are compared every 20 ms (50 samples per second), s.
+pub(super) const SYNC_S: f64 = 0.020;
 /// Width of one bin of the trace, s.
 pub const BIN_S: f64 = 10.0;
 
@@ -49,7 +49,7 @@ pub enum Outcome {
     None,
     /// Single warnings, never enough to act.
     Warnings,
-    /// Stopped for 45 s, then the nodes agreed: delayed data, work resumed.
+    /// Told to be late data: in paper mode after 45 s of standstill, in product mode by the reason.
     DataDelay,
     /// A fault was reported; the supply was found good; reset.
     FaultWithoutCause,
@@ -67,18 +67,18 @@ pub enum Trouble {
         /// Since the start of the scene, s.
         from_s: f64,
     },
-    /// Node 2's readings reach node 1 late from this second on, until the machine stands.
+    /// What node 2 sends is late from this second on, until the machine stands.
     Delay {
         /// Since the start of the scene, s.
         from_s: f64,
-        /// Periods of 20 ms.
-        syncs: usize,
+        /// How late, ms.
+        ms: u32,
     },
 }
 
 /// When a scene ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Until {
+pub(super) enum Until {
     /// When its time is over.
     Over,
     /// As soon as its trouble is settled and work goes on.
@@ -133,8 +133,62 @@ enum Doing {
     Checking { until_s: f64 },
 }
 
-struct DayRun<'a> {
-    bench: &'a mut Bench,
+/// An instrument on the machine, as the one who obeys it sees it.
+pub(super) trait AtWork {
+    /// Virtual time, s.
+    fn time_s(&self) -> f64;
+    /// Lets the machine move it for so long, s.
+    fn run(&mut self, arm: &mut Excavator, duration_s: f64);
+    /// What node 1 says of the pair now.
+    fn compare(&mut self) -> Compared;
+    /// Power off and on: the code of both nodes starts anew.
+    fn power_cycle(&mut self);
+    /// The supply of node 2.
+    fn supply(&mut self) -> &mut Supply;
+    /// What node 2 sends is late by this from now on, ms; 0 is in time again.
+    fn delay(&mut self, ms: u32);
+}
+
+/// What node 1 says of a pair.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Compared {
+    /// The judgement.
+    pub judgement: Judgement,
+    /// Own less peer on slope Y, deg.
+    pub delta_deg: Option<f64>,
+}
+
+impl AtWork for Instrument {
+    fn time_s(&self) -> f64 {
+        Self::time_s(self)
+    }
+
+    fn run(&mut self, arm: &mut Excavator, duration_s: f64) {
+        run(self, arm, duration_s);
+    }
+
+    fn compare(&mut self) -> Compared {
+        let verdict = self.sync().verdict;
+        Compared {
+            judgement: verdict.judgement(),
+            delta_deg: verdict.delta().y.map(|delta| delta.degrees()),
+        }
+    }
+
+    fn power_cycle(&mut self) {
+        Self::power_cycle(self);
+    }
+
+    fn supply(&mut self) -> &mut Supply {
+        &mut self.sides[1].electronics.supply
+    }
+
+    /// Nothing is on its way where there is no bus, and no day of the week has this trouble.
+    fn delay(&mut self, _ms: u32) {}
+}
+
+struct DayRun<'a, I> {
+    instrument: &'a mut I,
     arm: &'a mut Excavator,
     day: Day,
     start_s: f64,
@@ -150,7 +204,7 @@ impl Bench {
     /// Digs for `days` days; `done` gets each day as it ends.
     pub fn week(&mut self, days: u32, seed: u64, mut done: impl FnMut(Day)) {
         let mut rng = Rng::stream(seed, "week");
-        let mut arm = Excavator::new(&self.machine(), &mut rng);
+        let mut arm = Excavator::new(&machine(self.mode, &self.paper), &mut rng);
         for day in 1..=days {
             let unstable = Trouble::Supply {
                 from_s: UNSTABLE_FROM_S,
@@ -161,80 +215,74 @@ impl Bench {
                 Trouble::None
             };
             let hours_s = HOURS_PER_DAY * 3600.0;
-            let result = self.day(&mut arm, hours_s, trouble, &mut rng, Until::Over);
+            let [own, _] = &mut self.instrument.sides;
+            own.node.set_check(check(self.mode));
+            let ends = (hours_s, Until::Over);
+            let result = work(&mut self.instrument, &mut arm, ends, trouble, &mut rng);
             done(Day { day, ..result });
         }
     }
+}
 
-    /// Digs with one kind of trouble until that is settled, for `duration_s` at the most.
-    pub fn scene(&mut self, duration_s: f64, trouble: Trouble, seed: u64) -> Day {
-        let mut rng = Rng::stream(seed, "scene");
-        let mut arm = Excavator::new(&self.machine(), &mut rng);
-        self.day(&mut arm, duration_s, trouble, &mut rng, Until::Settled)
+/// Starts the instrument at standstill and works with it, for a time in s at the most.
+pub(super) fn work(
+    instrument: &mut impl AtWork,
+    arm: &mut Excavator,
+    (duration_s, until): (f64, Until),
+    trouble: Trouble,
+    rng: &mut Rng,
+) -> Day {
+    arm.stop(instrument.time_s());
+    instrument.run(arm, 3.0);
+    instrument.power_cycle();
+    instrument.run(arm, 1.5);
+    let start_s = instrument.time_s();
+    arm.resume(start_s);
+    if let Trouble::Supply { from_s } = trouble {
+        *instrument.supply() = Supply::unstable(start_s + from_s, rng);
     }
+    let mut run = DayRun {
+        instrument,
+        arm,
+        day: Day::default(),
+        start_s,
+        doing: Doing::Digging,
+        bin: None,
+        trouble,
+        delayed: false,
+        cured: false,
+        until,
+    };
+    run.all(duration_s);
+    run.day
+}
 
-    /// The machine of the mode: the paper's by Fig 21, the product's the harder one.
-    fn machine(&self) -> ExcavatorSetup {
-        match self.mode {
-            Mode::Paper => self.paper.machine,
-            Mode::Product | Mode::OneAxis => ExcavatorSetup::NOMINAL,
-        }
-    }
-
-    fn day(
-        &mut self,
-        arm: &mut Excavator,
-        duration_s: f64,
-        trouble: Trouble,
-        rng: &mut Rng,
-        until: Until,
-    ) -> Day {
-        arm.stop(self.instrument.time_s());
-        run(&mut self.instrument, arm, 3.0);
-        self.watch_the_pitch();
-        self.instrument.power_cycle();
-        run(&mut self.instrument, arm, 1.5);
-        let start_s = self.instrument.time_s();
-        arm.resume(start_s);
-        if let Trouble::Supply { from_s } = trouble {
-            self.instrument.sides[1].electronics.supply = Supply::unstable(start_s + from_s, rng);
-        }
-        let mut run = DayRun {
-            bench: self,
-            arm,
-            day: Day::default(),
-            start_s,
-            doing: Doing::Digging,
-            bin: None,
-            trouble,
-            delayed: false,
-            cured: false,
-            until,
-        };
-        run.all(duration_s);
-        run.day
+/// The machine of a mode: the paper's by Fig 21, the product's the harder one.
+pub(super) fn machine(mode: Mode, paper: &Interpretation) -> ExcavatorSetup {
+    match mode {
+        Mode::Paper => paper.machine,
+        Mode::Product | Mode::OneAxis => ExcavatorSetup::NOMINAL,
     }
 }
 
-impl Bench {
-    /// The paper's excavator is measured on one axis, Y; the product goes on comparing both.
-    fn watch_the_pitch(&mut self) {
-        if self.mode == Mode::Paper {
-            let watch = Axes { x: false, y: true };
+/// The check of a mode on the machine, fresh. The paper's excavator is measured on one axis, Y; the
+/// product goes on comparing both.
+pub(super) fn check(mode: Mode) -> CrossCheck {
+    match mode {
+        Mode::Paper => {
             let check = PaperCheck {
-                watch,
+                watch: Axes { x: false, y: true },
                 ..PaperCheck::PAPER
             };
-            let [own, _] = &mut self.instrument.sides;
-            own.node
-                .set_check(CrossCheck::Paper(check, PaperState::default()));
+            CrossCheck::Paper(check, PaperState::default())
         }
+        Mode::Product | Mode::OneAxis => mode.check(),
     }
 }
 
-impl DayRun<'_> {
+impl<I: AtWork> DayRun<'_, I> {
     fn now_s(&self) -> f64 {
-        self.bench.instrument.time_s()
+        self.instrument.time_s()
     }
 
     /// Since the start of the scene, s.
@@ -252,42 +300,36 @@ impl DayRun<'_> {
     }
 
     fn delay(&mut self) {
-        let Trouble::Delay { syncs, .. } = self.trouble else {
+        let Trouble::Delay { ms, .. } = self.trouble else {
             return;
         };
         let delayed = self.troubled();
         if delayed != self.delayed {
             self.delayed = delayed;
-            self.bench
-                .instrument
-                .delay_peer(if delayed { syncs } else { 0 });
+            self.instrument.delay(if delayed { ms } else { 0 });
         }
     }
 
     fn all(&mut self, duration_s: f64) {
-        let syncs = (duration_s / (TICK_S * SYNC_TICKS as f64)) as u64;
+        let syncs = (duration_s / SYNC_S) as u64;
         for _ in 0..syncs {
-            for _ in 0..SYNC_TICKS {
-                let motion = self.arm.step(self.now_s() + TICK_S);
-                self.bench.instrument.tick(&motion);
-            }
+            self.instrument.run(self.arm, SYNC_S);
             if self.until == Until::Settled && self.cured && self.doing == Doing::Digging {
                 break;
             }
             self.delay();
-            let pair = self.bench.instrument.sync();
-            self.note(&pair);
-            self.obey(&pair);
+            let compared = self.instrument.compare();
+            self.note(compared.delta_deg);
+            self.obey(&compared);
         }
         self.day.trace.extend(self.bin.take());
     }
 
-    fn note(&mut self, pair: &Pair) {
+    fn note(&mut self, delta_deg: Option<f64>) {
         self.day.pairs += 1;
-        let Some(delta) = pair.verdict.delta().y else {
+        let Some(delta_deg) = delta_deg else {
             return;
         };
-        let delta_deg = delta.degrees();
         self.day.difference.add(delta_deg);
         self.day.above_healthy += u64::from(delta_deg.abs() > HEALTHY_DEG);
         let since_s = self.since_s();
@@ -306,14 +348,14 @@ impl DayRun<'_> {
         }
     }
 
-    fn obey(&mut self, pair: &Pair) {
-        let judgement = pair.verdict.judgement();
+    fn obey(&mut self, compared: &Compared) {
+        let judgement = compared.judgement;
         if self.doing == Doing::Stopped && judgement != Judgement::StopMotion {
-            self.day.delta_after_stop_deg = size_deg(pair);
+            self.day.delta_after_stop_deg = compared.delta_deg.map(f64::abs);
         }
         match self.doing {
             Doing::Checking { until_s } if self.now_s() < until_s => {}
-            Doing::Checking { .. } => self.reset(),
+            Doing::Checking { .. } => self.reset(judgement),
             _ if judgement.is_fault() => self.fault(),
             Doing::Digging if judgement == Judgement::StopMotion => {
                 self.day.stops += 1;
@@ -365,24 +407,28 @@ impl DayRun<'_> {
         }
     }
 
-    /// The supply has been checked: mend it if it was the cause, reset, and go on.
-    fn reset(&mut self) {
+    /// What is told has been looked after: mend it if it was the cause, reset, and go on. A channel
+    /// that sends late is silent at first; what is shown at the end of the check counts.
+    fn reset(&mut self, told: Judgement) {
         let now_s = self.now_s();
         if self.troubled() {
-            self.bench.instrument.sides[1]
-                .electronics
-                .supply
-                .repair(now_s);
+            self.instrument.supply().repair(now_s);
             self.cured = true;
-            self.outcome(Outcome::SupplyFault);
+            self.outcome(match told {
+                Judgement::OneChannel {
+                    reason: Invalid::Late,
+                    ..
+                } => Outcome::DataDelay,
+                _ => Outcome::SupplyFault,
+            });
         } else {
             self.outcome(Outcome::FaultWithoutCause);
         }
         self.delay();
         // A tick with the mended supply comes first, so that the reset finds it good.
-        run(&mut self.bench.instrument, self.arm, 0.1);
-        self.bench.instrument.power_cycle();
-        run(&mut self.bench.instrument, self.arm, 1.5);
+        self.instrument.run(self.arm, 0.1);
+        self.instrument.power_cycle();
+        self.instrument.run(self.arm, 1.5);
         self.arm.resume(self.now_s());
         self.doing = Doing::Digging;
     }
@@ -390,9 +436,4 @@ impl DayRun<'_> {
     fn outcome(&mut self, outcome: Outcome) {
         self.day.outcome = self.day.outcome.max(outcome);
     }
-}
-
-/// Size of the difference on slope Y, deg.
-fn size_deg(pair: &Pair) -> Option<f64> {
-    pair.verdict.delta().y.map(|d| d.degrees().abs())
 }

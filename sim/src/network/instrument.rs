@@ -16,6 +16,7 @@ use device::objects::communication::PEER_HEARTBEAT_MS;
 use device::objects::panel::{Identity, store_lss};
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore, StoreError, parameters};
+use tilt::cross_check::CrossCheck;
 use tilt::table::Rule;
 
 use super::Network;
@@ -42,7 +43,7 @@ pub struct Fitting {
 /// An instrument as it is delivered.
 #[derive(Clone, Debug)]
 pub struct Delivered {
-    mode: Mode,
+    check: CrossCheck,
     parts: ErrorModel,
     rule: Rule,
     seed: u64,
@@ -72,7 +73,7 @@ impl Delivered {
         let parts = world.parts_of(mode);
         settings.noise = parts.known_noise();
         Self {
-            mode,
+            check: mode.check(),
             parts,
             rule: world.rule(mode),
             seed,
@@ -80,6 +81,11 @@ impl Delivered {
             settings: [settings.clone(), settings],
             calibrated: false,
         }
+    }
+
+    /// The same, judging by `check` instead of the one of its mode.
+    pub fn judging_by(self, check: CrossCheck) -> Self {
+        Self { check, ..self }
     }
 
     /// What the node of `channel` is soldered to.
@@ -107,7 +113,7 @@ impl Delivered {
     /// # Panics
     /// When the bus is full ([`crate::can_bus::MOST_PORTS`]).
     pub fn join(self, network: &mut Network, fittings: [Fitting; 2]) -> [usize; 2] {
-        let (unit, mode) = (self.unit, self.mode);
+        let unit = self.unit;
         let [a, b] = fittings;
         let (ids, rates) = ([a.node_id, b.node_id], [a.kbit_s, b.kbit_s]);
         let mut memories = [a.memory, b.memory];
@@ -132,7 +138,7 @@ impl Delivered {
                 },
                 settings,
             };
-            network.add(electronics, mode.check(), factory, memory)
+            network.add(electronics, self.check.clone(), factory, memory)
         })
     }
 }
