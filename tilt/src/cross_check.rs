@@ -3,7 +3,7 @@
 //! In: what both channels say of one instant. Out: a [`Verdict`] that carries both readings, their
 //! difference and what follows from it. Three checks, chosen by configuration:
 //!
-//! - [`paper`] is R12 and R13 to the letter, exact at its boundaries.
+//! - [`paper`] is R12 and R13, exact at their boundaries.
 //! - [`window`] compares the two angles alone, which is all that a recording has.
 //! - [`product`] is the instrument's: a ladder of tests that names the faulty channel.
 //!

@@ -318,9 +318,9 @@ pub fn table_one(report: &DemoReport) -> Table {
     ];
     let mut table = Table::new("Table I: error warning", columns);
     table.rows = report.table1.iter().map(table_one_row).collect();
-    let note = "Whole devices on a simulated bus. Diff is the difference of the nodes after the stop. \
-                Right means told as Table I asks; in product mode without a stop of 45 s, by the \
-                reason that the channel is held faulty for.";
+    let note = "Whole devices on a simulated bus. Diff is the difference of the nodes after the \
+                stop. Right means told as Table I asks; in product mode without a stop of \
+                45 s, by the reason that the channel is held faulty for.";
     table.notes.push(note.to_owned());
     table
 }

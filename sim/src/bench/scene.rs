@@ -1,9 +1,9 @@
 //! A scene of work with whole devices on a simulated bus: both rows of Table I are provoked here.
 //!
 //! In: mode, world, seed, unit, and what goes wrong. Out: the [`Day`] of the scene. The instrument
-//! is the one from the bench, put on a bus of 250 kbit/s with a host that starts the nodes and sends
-//! 50 SYNCs a second; the world obeys what node 1 shows ([`super::week`]). Late data are frames that
-//! node 2 hands to its controller late.
+//! is the one from the bench, put on a bus of 250 kbit/s with a host that starts the nodes and
+//! sends 50 SYNCs a second; the world obeys what node 1 shows ([`super::week`]). Late data are
+//! frames that node 2 hands to its controller late.
 //!
 //! Left out: the week, whose 21 hours take the bench's instrument without a bus.
 

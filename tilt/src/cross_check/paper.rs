@@ -1,4 +1,4 @@
-//! R12 and R13 to the letter: warnings counted within ten minutes, a stop, and Table I.
+//! R12 and R13: warnings counted within ten minutes, a stop, and Table I.
 //!
 //! In: both readings of one instant. Out: the paper's judgement. A difference above 0.40 deg is a
 //! warning; more than 110 warnings within 600 s ask for 45 s of standstill; differences under
@@ -239,7 +239,7 @@ impl PaperCheck {
         }
     }
 
-    /// As many pairs of a standstill may differ as R13 takes in the same time for no reason to stop.
+    /// As many pairs of a standstill may differ as R13 takes in that time for no reason to stop.
     fn most_differed(&self) -> u64 {
         let counted_us = self.stop_us.saturating_sub(self.settle_us);
         MOST_WARNINGS as u64 * counted_us / self.window_us.max(1)
