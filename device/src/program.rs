@@ -112,7 +112,8 @@ pub struct Held {
 
 /// Where a downloaded image lives until it is started, beside the one that runs.
 pub trait ProgramMemory {
-    /// Prepares the place for a new image; nothing is erased yet.
+    /// Prepares the place for a new image; nothing is erased yet. What was there is given up, and
+    /// stays where this is refused.
     ///
     /// Errors: [`ProgramError::Secured`], [`ProgramError::Write`].
     fn clear(&mut self) -> Result<(), ProgramError>;
@@ -270,8 +271,6 @@ impl Program {
         if self.state == State::Started {
             return Err(Abort::WrongState);
         }
-        // What was there is given up, whatever comes of it.
-        self.state = State::Broken;
         memory.clear().map_err(|error| self.note(error))?;
         self.state = State::Clearing;
         self.error = None;

@@ -235,7 +235,6 @@ impl<F: NorFlash, V> FlashMemory<F, V> {
 
 impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
     fn clear(&mut self) -> Result<(), ProgramError> {
-        self.place = None;
         let running = self.running_header();
         let rules = Rules {
             hardware: self.build.hardware,

@@ -21,10 +21,14 @@ struct Memory {
     checks: u8,
     active: bool,
     worn: bool,
+    secured: bool,
 }
 
 impl ProgramMemory for Memory {
     fn clear(&mut self) -> Result<(), ProgramError> {
+        if self.secured {
+            return Err(ProgramError::Secured);
+        }
         self.image.clear();
         self.pages = 3;
         Ok(())
@@ -260,6 +264,19 @@ fn more_than_announced_and_more_than_fits_are_refused() {
     let refused = program.append(&[1, 2, 3], &mut memory);
     assert_eq!(refused, Err(Abort::LengthTooHigh));
     assert_eq!(program.append(&[1], &mut memory), Err(Abort::WrongState));
+}
+
+/// 1F51h then read 3, no program there, of a node whose only program went on to run.
+#[test]
+fn a_clear_that_was_refused_changed_the_state() {
+    let (mut program, mut memory) = (Program::new(), Memory::default());
+    memory.secured = true;
+    program.set_control(0, &mut memory).unwrap();
+    let refused = program.set_control(3, &mut memory);
+    assert_eq!(refused, Err(Abort::LocalControl));
+    assert_eq!((program.control(), program.status()), (0, 7 << 1));
+    assert_eq!(program.set_control(1, &mut memory), Ok(Effect::None));
+    assert_eq!(program.control(), 1);
 }
 
 #[test]
