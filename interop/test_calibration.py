@@ -94,8 +94,9 @@ def test_a_motor_calibrates_both_axes(plumb: Plumb, delivered: Master) -> None:
     assert delivered.read(1, 0x2060, 3) == 1
     residuals += turn_axis(plumb, delivered, START_Y)
     assert delivered.read(1, 0x2060, 3) == 2
-    # The tables as delivered have steps of a degree and read the nearest one.
-    assert max(abs(residual) for residual in residuals) <= 1000
+    # The tables as delivered have steps of a degree and straight lines between their points.
+    print(f"largest residual {max(abs(residual) for residual in residuals)} thousandths of a degree")
+    assert max(abs(residual) for residual in residuals) <= 300
     assert identity(delivered) == before, "nothing counts before it is finished"
     delivered.write(1, 0x2060, 1, FINISH)
     assert delivered.read(1, 0x2060, 3) == 0
@@ -104,8 +105,9 @@ def test_a_motor_calibrates_both_axes(plumb: Plumb, delivered: Master) -> None:
     assert [delivered.read(1, 0x2060, sub) for sub in (4, 5)] == [len(ANGLES)] * 2
     plumb.turn(20, 0, 400)
     stand(delivered)
-    # Two tables of points 20 deg apart: at a point they read the point itself.
-    assert delivered.read(1, 0x6020) == pytest.approx(2000, abs=1)
+    # Two tables of points 20 deg apart: at a point they read the point, and the sample's noise of
+    # 0.04 deg, which reading the nearest point hid.
+    assert delivered.read(1, 0x6020) == pytest.approx(2000, abs=25)
     after = identity(delivered)
     delivered.reset(1)
     assert identity(delivered) == after, "stored"
