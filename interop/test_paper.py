@@ -13,6 +13,7 @@ from typing import Iterator
 
 import pytest
 from master import START, Master, Plumb, signed, until
+from test_pair import fast_sync
 
 pytestmark = pytest.mark.virtual("the image has no paper mode")
 
@@ -31,8 +32,7 @@ def plumb() -> Iterator[Plumb]:
 def pair(plumb: Plumb, master: Master) -> Iterator[Master]:
     """Level and at work, 50 SYNCs a second, and the nodes agree."""
     plumb.turn(0, 0, 400)
-    master.write(1, 0x1006, 0, 1_000_000 // HZ)
-    master.write(1, 0x1005, 0, 0x4000_0080)
+    fast_sync(master, 1_000_000 // HZ)
     master.nmt(START)
     start = master.mark()
     for node in (1, 2):
@@ -148,6 +148,5 @@ def test_a_loose_board_is_a_physical_fault_until_a_reset(plumb: Plumb, pair: Mas
         pair.write(node, 0x2050, 1, 0)
     mark = pair.mark()
     pair.nmt(START)
-    pair.write(1, 0x1006, 0, 1_000_000 // HZ)
-    pair.write(1, 0x1005, 0, 0x4000_0080)
+    fast_sync(pair, 1_000_000 // HZ)
     until(lambda: phases(pair, mark)[-1:] > [(AGREE, HZ)], "agreement", 20)

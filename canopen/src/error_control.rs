@@ -79,6 +79,8 @@ pub struct ErrorControl {
     heartbeat_at: Option<Instant>,
     /// A guarding request waits for its answer.
     asked: bool,
+    /// An answer to guarding is in the controller, and has not gone out.
+    answered: bool,
     toggle: bool,
     guarded_until: Option<Instant>,
     guarding_lost: bool,
@@ -93,6 +95,7 @@ impl ErrorControl {
         consumers: [Consumer::OFF; SUPERVISED],
         heartbeat_at: None,
         asked: false,
+        answered: false,
         toggle: false,
         guarded_until: None,
         guarding_lost: false,
@@ -109,6 +112,7 @@ impl ErrorControl {
     pub fn start(&mut self, now: Instant) {
         self.toggle = false;
         self.asked = false;
+        self.answered = false;
         self.heartbeat_at = self.next_heartbeat(now);
     }
 
@@ -222,6 +226,7 @@ impl ErrorControl {
         let id = ERROR_CONTROL + u16::from(node_id);
         if core::mem::take(&mut self.asked) {
             let toggle = u8::from(self.toggle) << 7;
+            self.answered = true;
             return Some(Frame::data_frame(id, &[toggle | state as u8]));
         }
         let due = self.heartbeat_at.filter(|at| *at <= now)?;
@@ -236,10 +241,17 @@ impl ErrorControl {
 
     /// A frame of [`ErrorControl::transmit`] has gone out. The toggle bit alternates from one
     /// answer on the bus to the next: after one that the controller has lost it stays.
-    pub fn sent(&mut self, frame: &Frame) {
-        if let (0, &[state]) = (self.producer_ms, frame.bytes()) {
-            self.toggle = state >> 7 == 0;
-        }
+    ///
+    /// A heartbeat may look like an answer, and 1017h may have changed while either was in the
+    /// controller; so what was handed over counts. Where both are in the controller it does not
+    /// matter which of them goes out first.
+    pub fn sent(&mut self) {
+        self.toggle ^= core::mem::take(&mut self.answered);
+    }
+
+    /// Bus-off took what the controller had.
+    pub fn bus_off(&mut self) {
+        self.answered = false;
     }
 
     /// The request that a master guards this node with.
@@ -468,7 +480,7 @@ mod tests {
             assert!(control.is_due(ms(1)));
             let answer = control.transmit(5, PRE, ms(1));
             assert_eq!(answer, Some(heartbeat(5, toggle | 127)));
-            control.sent(&answer.unwrap());
+            control.sent();
         }
         assert!(!control.is_due(ms(1)));
         control.start(ms(2));
@@ -491,8 +503,10 @@ mod tests {
             control.receive(&request, 5, ms(1));
             let answer = control.transmit(5, PRE, ms(1)).unwrap();
             assert_eq!(answer, heartbeat(5, toggle | 127));
-            if !lost {
-                control.sent(&answer);
+            if lost {
+                control.bus_off();
+            } else {
+                control.sent();
             }
         }
     }

@@ -557,6 +557,7 @@ impl Node {
             self.boot_up = BootUp::Due;
         }
         self.communication.emergency.lost();
+        self.communication.error_control.bus_off();
         self.communication.pdo.bus_off();
     }
 

@@ -167,7 +167,7 @@ impl Node {
     /// A boot-up message, a heartbeat or an answer to guarding has gone out.
     fn error_control_sent(&mut self, frame: &Frame) {
         if frame.bytes() != [0] {
-            self.communication.error_control.sent(frame);
+            self.communication.error_control.sent();
         } else if self.boot_up == BootUp::HandedOver {
             self.boot_up = BootUp::Sent;
         }

@@ -35,6 +35,11 @@ const TRIES: usize = 4;
 /// Angles of the verification round of a slope, deg: none of them on a step of whole degrees.
 const SLOPE_CHECKS: [f64; 8] = [-77.5, -52.5, -27.5, -7.5, 7.5, 27.5, 52.5, 77.5];
 
+/// The same of a turn.
+const TURN_CHECKS: [f64; 10] = [
+    -162.5, -127.5, -82.5, -52.5, -17.5, 17.5, 52.5, 82.5, 127.5, 162.5,
+];
+
 /// What a table may err between two of its points `step_deg` apart, deg, at the steepest angle of
 /// the verification round; 0 for other corrections.
 ///
@@ -53,11 +58,6 @@ pub fn between_points_deg(correction: &Correction, step_deg: f64) -> f64 {
         }
     }
 }
-
-/// The same of a turn.
-const TURN_CHECKS: [f64; 10] = [
-    -162.5, -127.5, -82.5, -52.5, -17.5, 17.5, 52.5, 82.5, 127.5, 162.5,
-];
 
 /// Commands of 2060h sub 1.
 const START_X: u8 = 1;

@@ -175,3 +175,22 @@ fn the_toggle_bit_of_guarding_alternates_on_the_bus_over_a_bus_off() {
     bench.asked(0x705, 1);
     assert_eq!(bench.says(), [recovered(), spoken(0x705, &[0xFF])]);
 }
+
+#[test]
+fn a_heartbeat_that_went_out_after_1017h_was_0_turned_the_toggle_bit_of_guarding() {
+    let mut bench = Bench::new();
+    let frame = Frame::data_frame(0x705, &[0x7F]);
+    // Whichever of the two is in the controller when 1017h changes: only an answer turns the bit.
+    bench.write(0x1017, 0, Value::u16(10)).unwrap();
+    bench.now = bench.now.after_ms(10);
+    assert_eq!(bench.hands_over(), [spoken(0x705, &[0x7F])]);
+    bench.write(0x1017, 0, Value::u16(0)).unwrap();
+    bench.node.sent(&mut bench.plant, &frame, bench.now);
+    bench.asked(0x705, 1);
+    assert_eq!(bench.hands_over(), [spoken(0x705, &[0x7F])]);
+    bench.write(0x1017, 0, Value::u16(10)).unwrap();
+    bench.node.sent(&mut bench.plant, &frame, bench.now);
+    bench.write(0x1017, 0, Value::u16(0)).unwrap();
+    bench.asked(0x705, 1);
+    assert_eq!(bench.says(), [spoken(0x705, &[0xFF])]);
+}
