@@ -1,5 +1,6 @@
 //! `plumb update` from the outside, against the nodes of `plumb serve`.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::PathBuf;
@@ -26,14 +27,17 @@ impl Bench {
     }
 
     fn with_speed(speed: &str) -> Self {
+        Self::serving(&["--uncalibrated", "--speed", speed])
+    }
+
+    fn serving(more: &[&str]) -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         let name = format!("plumb-update-{}-{number}", std::process::id());
         let folder = std::env::temp_dir().join(name);
         std::fs::create_dir_all(&folder).unwrap();
-        let arguments = ["serve", "--listen", "127.0.0.1:0", "--uncalibrated"];
-        let mut server = plumb(&arguments)
-            .args(["--speed", speed, "--bit-rate", "1000"])
+        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--bit-rate", "1000"])
+            .args(more)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -113,15 +117,17 @@ fn both_nodes_get_a_new_program_one_after_the_other() {
     assert!(from.elapsed() < Duration::from_secs(60));
 }
 
-/// A master on the bus: SYNC every 20 ms, and the longest time in which neither channel had a valid
-/// slope X in its TPDO 1, from the first one that was valid.
-fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> Duration {
+/// A master on the bus: SYNC every 20 ms. The longest time in which neither channel had a valid
+/// slope X in its TPDO 1, from the first one that was valid; and the states of the pair (2021h) in
+/// it from then on.
+fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> (Duration, BTreeSet<String>) {
     let mut stream = TcpStream::connect(bus).unwrap();
     let patience = Some(Duration::from_millis(5));
     stream.set_read_timeout(patience).unwrap();
     write!(stream, "< open plumb >< rawmode >< send 0 2 1 0 >").unwrap();
     let (mut text, mut bytes) = (String::new(), [0; 4096]);
     let (mut valid, mut longest) = (None, Duration::ZERO);
+    let mut states = BTreeSet::new();
     let mut next = Instant::now();
     while !done.load(Ordering::Relaxed) {
         if Instant::now() >= next {
@@ -133,26 +139,26 @@ fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> Duration {
         }
         while let Some((frame, rest)) = text.split_once('>') {
             let words: Vec<_> = frame.split_whitespace().collect();
-            let slopes = match words[..] {
-                [.., "frame", "181" | "182", _, data] => !data.starts_with("0080"),
-                _ => false,
-            };
-            text = rest.to_owned();
-            if slopes {
-                let before = valid.replace(Instant::now());
-                longest = longest.max(before.map_or(Duration::ZERO, |b: Instant| b.elapsed()));
+            if let [.., "frame", "181" | "182", _, data] = words[..] {
+                if !data.starts_with("0080") {
+                    let before = valid.replace(Instant::now());
+                    longest = longest.max(before.map_or(Duration::ZERO, |b: Instant| b.elapsed()));
+                }
+                if valid.is_some() {
+                    states.insert(data[10..].to_owned());
+                }
             }
+            text = rest.to_owned();
         }
     }
-    longest
+    (longest, states)
 }
 
-#[test]
-fn a_pair_at_work_was_left_without_an_angle_and_half_updated() {
-    let bench = Bench::with_speed("1");
+/// Updates a pair at work, at real time: how long nobody measured, and the states of the pair.
+fn updated_at_work(bench: &Bench) -> (Duration, BTreeSet<String>) {
     let image = bench.image("1.2.3", &[]);
     let done = AtomicBool::new(false);
-    let (outcome, longest) = std::thread::scope(|scope| {
+    let (outcome, watched) = std::thread::scope(|scope| {
         let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
         std::thread::sleep(Duration::from_secs(3));
         let outcome = said(&bench.update(&image, &[]));
@@ -162,11 +168,31 @@ fn a_pair_at_work_was_left_without_an_angle_and_half_updated() {
     let (status, out, err) = outcome;
     assert_eq!(status, Some(0), "{err}");
     assert_eq!(out, "node 1 runs 1.2.3 now\nnode 2 runs 1.2.3 now");
+    watched
+}
+
+#[test]
+fn a_pair_at_work_was_left_without_an_angle_and_half_updated() {
+    let bench = Bench::with_speed("1");
+    let (longest, _) = updated_at_work(&bench);
     // 0.4 s in time of the bus; this clock is that of a loaded machine.
     assert!(
         longest > Duration::ZERO && longest < Duration::from_secs(2),
         "{longest:?}"
     );
+}
+
+/// Each peer's absence was 111 warnings, the request of a stop, and a physical fault behind it.
+#[test]
+fn an_update_of_the_paper_s_pair_at_work_asked_for_a_stop() {
+    let bench = Bench::serving(&["--mode", "paper"]);
+    let (longest, states) = updated_at_work(&bench);
+    assert!(longest < Duration::from_secs(2), "{longest:?}");
+    // Waiting, agreement, and warnings of the few SYNCs before a heartbeat tells of the absence.
+    for state in &states {
+        assert!(["00", "01", "02"].contains(&state.as_str()), "{states:?}");
+    }
+    assert!(states.contains("00") && states.contains("01"), "{states:?}");
 }
 
 #[test]

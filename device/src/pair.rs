@@ -220,6 +220,11 @@ impl Pair {
         self.unhear();
     }
 
+    /// The peer has announced that it is not OPERATIONAL.
+    pub fn peer_away(&mut self) {
+        self.check.peer_away();
+    }
+
     /// This channel reports a fault of itself before the next SYNC.
     pub fn own_faulty(&mut self, reason: Invalid) {
         if self.check.own_fault().is_none() {

@@ -335,8 +335,17 @@ impl CrossCheck {
 
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
-        if let Self::Product(_, state) = self {
-            state.peer_restarted();
+        match self {
+            Self::Paper(_, state) => state.peer_away(),
+            Self::Product(_, state) => state.peer_restarted(),
+        }
+    }
+
+    /// The peer has announced that it is not OPERATIONAL. The product holds its silence against it
+    /// all the same, since it names the channel and goes on with the other one.
+    pub fn peer_away(&mut self) {
+        if let Self::Paper(_, state) = self {
+            state.peer_away();
         }
     }
 

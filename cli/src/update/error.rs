@@ -52,6 +52,8 @@ pub enum UpdateError {
     OnTrial(u8),
     /// A node has no valid angle: while the other one is updated nobody would measure.
     NoAngle(u8),
+    /// A node of a pair at work has no valid angle after the update of one.
+    Apart(u8),
     /// A node did not finish clearing its memory.
     Clearing(u8),
     /// A node found the image wrong: what 1F57h says.
@@ -75,7 +77,10 @@ impl UpdateError {
 
     /// Whether the work was done and the node would not have it: exit status 1.
     pub const fn is_verdict(&self) -> bool {
-        matches!(self, Self::RolledBack(..) | Self::Found(..))
+        matches!(
+            self,
+            Self::RolledBack(..) | Self::Found(..) | Self::Apart(..)
+        )
     }
 }
 
@@ -166,6 +171,11 @@ impl UpdateError {
                 f,
                 "node {node} has no valid angle, and one channel has to measure while the other \
                  is updated: mend it first, or say --force"
+            ),
+            Self::Apart(node) => write!(
+                f,
+                "node {node} has no valid angle in OPERATIONAL, and had one before the update: \
+                 look at the pair with `plumb monitor`"
             ),
             Self::Clearing(node) => write!(f, "node {node} does not finish clearing its memory"),
             Self::Found(node, status) => {

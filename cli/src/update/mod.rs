@@ -267,6 +267,22 @@ impl<'a> Node<'a> {
         let back = if works { self.nmt(1) } else { Ok(()) };
         ended.and(given_up).and(back)?;
         told.tell(self.node, News::Now(image.header.version.0));
+        if works {
+            self.together(others)?;
+        }
+        Ok(())
+    }
+
+    /// Waits until the node measures beside each of the others, in OPERATIONAL again: what they find
+    /// in each other there takes the angles away.
+    fn together(&mut self, others: &[u8]) -> Result<(), UpdateError> {
+        for other in others {
+            for node in [self.node, *other] {
+                if !Node::new(self.bus, node).measures_for(TOGETHER, MEASURING)? {
+                    return Err(UpdateError::Apart(node));
+                }
+            }
+        }
         Ok(())
     }
 

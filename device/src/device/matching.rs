@@ -32,6 +32,9 @@ const MISSES_ALLOWED: u8 = 2;
 /// Boot-up and heartbeats have this identifier plus the node-id (CiA 301, 7.2.8.3.2).
 const ERROR_CONTROL: u16 = 0x700;
 
+/// The bit of an answer to guarding that is not of the state (CiA 301, 7.2.8.3.1).
+const TOGGLE: u8 = 0x80;
+
 /// The controller is off the bus: 2052h sub 1.
 const BUS_OFF: u8 = 2;
 
@@ -76,13 +79,19 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
     }
 
-    /// The peer's boot-up tells that what was held against it belongs to its life before.
+    /// The peer's boot-up tells that what was held against it belongs to its life before, and its
+    /// heartbeat that it is not OPERATIONAL.
     pub(super) fn watch_peer(&mut self, frame: &Frame) {
-        let boot_up = ERROR_CONTROL + u16::from(self.values.parameters.peer);
-        if frame.cob_id() == Some(boot_up) && frame.bytes() == [0] {
-            self.pair.peer_restarted();
-            self.matching.clock = PeerClock::new();
-            self.matching.misses = 0;
+        let peer = ERROR_CONTROL + u16::from(self.values.parameters.peer);
+        match frame.bytes() {
+            _ if frame.cob_id() != Some(peer) => {}
+            [0] => {
+                self.pair.peer_restarted();
+                self.matching.clock = PeerClock::new();
+                self.matching.misses = 0;
+            }
+            &[state] if state & !TOGGLE != State::Operational as u8 => self.pair.peer_away(),
+            _ => {}
         }
     }
 

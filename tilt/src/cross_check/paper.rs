@@ -7,9 +7,13 @@
 //!
 //! The paper does not say which comparisons decide. One pair when the 45 s are over would take a
 //! channel that fails now and then for a late one, and 45 s after the request a machine may still
-//! move. So the 45 s are of standstill, which begins anew while both channels move. The arm rings
-//! out and late data arrive in the first 15 s of it; after these the differences above 0.40 deg
-//! must be rarer than those that ask for a stop: 110 in 600 s are 5 in 30 s.
+//! move. So the 45 s are of standstill, which begins anew while every channel that measures moves.
+//! The arm rings out and late data arrive in the first 15 s of it; after these the differences above
+//! 0.40 deg must be rarer than those that ask for a stop: 110 in 600 s are 5 in 30 s.
+//!
+//! Two things are no difference. Data that are told to be late, once the machine has stood for these
+//! 15 s: Table I, first row. And the silence of a peer that announced it: its boot-up or its
+//! heartbeat tells that it is not OPERATIONAL, as in an update.
 //!
 //! Left out: everything the paper does not ask for; `product` goes on from there.
 
@@ -59,12 +63,13 @@ impl PaperCheck {
 enum Phase {
     #[default]
     Working,
-    Stopped(Standstill),
+    Stopped,
     Faulted,
 }
 
-/// A standstill that was asked for: since when, and what was compared in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the angles show of the machine's standstill: since when it stands, or since when its stop
+/// is asked for, and what was compared in a stop.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Standstill {
     since: Instant,
     /// Where own and peer's channel stood when it began, as far as they measured.
@@ -97,6 +102,15 @@ impl Standstill {
         }
     }
 
+    /// Counts a pair that was compared in a stop.
+    fn count(&mut self, is_sound: bool) {
+        let count = match is_sound {
+            true => &mut self.sound,
+            false => &mut self.differed,
+        };
+        *count = count.saturating_add(1);
+    }
+
     /// How long it has lasted, us.
     fn lasted_us(&self, now: Instant) -> u64 {
         now.micros_since(self.since).max(0).unsigned_abs()
@@ -114,7 +128,10 @@ pub struct PaperState {
     /// From the oldest of them to the newest.
     age_us: u64,
     phase: Phase,
+    standstill: Standstill,
     silence: Silence,
+    /// The peer has announced that it is not OPERATIONAL, and was not heard since.
+    peer_away: bool,
     /// The two have agreed, and this channel was not away since.
     agreed: bool,
 }
@@ -126,7 +143,9 @@ impl Default for PaperState {
             newest: Instant(0),
             age_us: 0,
             phase: Phase::Working,
+            standstill: Standstill::default(),
             silence: Silence::default(),
+            peer_away: false,
             agreed: false,
         }
     }
@@ -146,6 +165,29 @@ impl PaperState {
     /// This channel was away.
     pub const fn forget_agreement(&mut self) {
         self.agreed = false;
+    }
+
+    /// The peer has announced by its boot-up or its heartbeat that it is not OPERATIONAL: its
+    /// silence is no difference until it is heard again, and then it starts.
+    pub fn peer_away(&mut self) {
+        self.peer_away = true;
+        self.silence = Silence::default();
+    }
+
+    /// Why there is nothing to compare at `now`, where that accuses nobody.
+    fn waiting(&mut self, reasons: [Option<Invalid>; 2], now: Instant) -> Option<Invalid> {
+        use Invalid::{NoSample, Settling, Silent, Unconfirmed};
+        let absent = reasons[1].filter(|why| matches!(why, Silent | Unconfirmed));
+        self.peer_away &= absent.is_some();
+        if self.peer_away {
+            return absent;
+        }
+        let starting = |reason: &Invalid| matches!(reason, NoSample | Settling | Unconfirmed);
+        let Some(why) = reasons.into_iter().flatten().find(starting) else {
+            self.silence.hear(now);
+            return None;
+        };
+        (!self.silence.lasts(now)).then_some(why)
     }
 
     /// Notes a warning; true when the window now holds more than [`MOST_WARNINGS`].
@@ -197,43 +239,38 @@ impl PaperCheck {
         peer: Reading,
         now: Instant,
     ) -> Judgement {
-        use Invalid::{NoSample, Settling, Unconfirmed};
-        let starting = |reason: &Invalid| matches!(reason, NoSample | Settling | Unconfirmed);
-        match [reason(own), reason(peer)]
-            .into_iter()
-            .flatten()
-            .find(starting)
-        {
-            Some(why) if !state.silence.lasts(now) => return Judgement::Waiting(why),
-            Some(_) => {}
-            None => state.silence.hear(now),
+        let reasons = [own, peer].map(reason);
+        let waiting = state.waiting(reasons, now);
+        // At work a standstill is seen from where a channel first measures.
+        let first = state.phase == Phase::Working;
+        let moved = self.moved(&state.standstill, [own, peer]);
+        if moved.unwrap_or(first) {
+            state.standstill = Standstill::new(own, peer, now);
         }
+        let stands = state.standstill.lasted_us(now) > self.settle_us;
+        let late = reasons.contains(&Some(Invalid::Late));
         let largest = self.largest(own, peer);
-        match state.phase {
-            Phase::Faulted => Judgement::PhysicalFault,
-            Phase::Stopped(mut standstill) => {
-                if self.both_moved(&standstill, [own, peer]) {
-                    standstill = Standstill::new(own, peer, now);
-                } else if standstill.lasted_us(now) > self.settle_us {
-                    let late = [own, peer].map(reason).contains(&Some(Invalid::Late));
-                    let count = match late || largest < self.threshold {
-                        true => &mut standstill.sound,
-                        false => &mut standstill.differed,
-                    };
-                    *count = count.saturating_add(1);
+        match (state.phase, waiting) {
+            (Phase::Faulted, _) => Judgement::PhysicalFault,
+            (Phase::Stopped, Some(_)) => Judgement::StopMotion,
+            (Phase::Working, Some(why)) => Judgement::Waiting(why),
+            (Phase::Stopped, None) => {
+                if stands {
+                    state.standstill.count(late || largest < self.threshold);
                 }
-                state.phase = Phase::Stopped(standstill);
-                self.conclude(state, &standstill, now)
+                self.conclude(state, now)
             }
-            Phase::Working if largest <= self.threshold => {
+            (Phase::Working, None) if largest <= self.threshold => {
                 state.agreed = true;
                 Judgement::Agree
             }
-            Phase::Working => {
+            (Phase::Working, None) if late && stands => Judgement::Waiting(Invalid::Late),
+            (Phase::Working, None) => {
                 if !state.note(now, self.window_us) {
                     return Judgement::Warning;
                 }
-                state.phase = Phase::Stopped(Standstill::new(own, peer, now));
+                state.phase = Phase::Stopped;
+                state.standstill = Standstill::new(own, peer, now);
                 Judgement::StopMotion
             }
         }
@@ -247,7 +284,8 @@ impl PaperCheck {
 
     /// Table I: what the standstill has shown, once it has lasted. Work goes on only after more
     /// pairs than had to differ for the stop.
-    fn conclude(&self, state: &mut PaperState, standstill: &Standstill, now: Instant) -> Judgement {
+    fn conclude(&self, state: &mut PaperState, now: Instant) -> Judgement {
+        let standstill = state.standstill;
         if standstill.lasted_us(now) < self.stop_us {
             return Judgement::StopMotion;
         }
@@ -260,22 +298,27 @@ impl PaperCheck {
         }
         *state = PaperState {
             agreed: true,
+            standstill,
             ..PaperState::default()
         };
         Judgement::DataDelay
     }
 
-    /// Whether both channels show that the machine has moved since the standstill began. One alone
-    /// moves when its data are late or its part is at fault.
-    fn both_moved(&self, standstill: &Standstill, readings: [Reading; 2]) -> bool {
-        let far = |then: Option<Angle>, now: Option<Angle>| match (then, now) {
-            (Some(then), Some(now)) => now.minus(then).magnitude() > self.still,
-            _ => false,
+    /// Whether the machine has moved since the standstill began: every channel that measures shows
+    /// it. Of two that measure, one alone moves when its data are late or its part is at fault.
+    /// `None` where no channel measured both then and now.
+    fn moved(&self, standstill: &Standstill, readings: [Reading; 2]) -> Option<bool> {
+        let far = |watched, then: Option<Angle>, now: Option<Angle>| {
+            Some(now?.minus(then?).magnitude() > self.still).filter(|_| watched)
         };
-        let mut both = standstill.stood.iter().zip(readings.map(place));
-        both.all(|(then, now)| {
-            self.watch.x && far(then.x, now.x) || self.watch.y && far(then.y, now.y)
-        })
+        let channels = standstill.stood.iter().zip(readings.map(place));
+        let mut measured = channels.filter_map(|(then, now)| {
+            let x = far(self.watch.x, then.x, now.x);
+            let y = far(self.watch.y, then.y, now.y);
+            x.max(y)
+        });
+        let first = measured.next()?;
+        Some(first && measured.all(|other| other))
     }
 
     /// The larger difference of the axes watched, without sign.

@@ -217,6 +217,50 @@ fn data_told_to_be_late_were_a_physical_fault() {
     assert_eq!(ended(Invalid::Stale), Some(Judgement::PhysicalFault));
 }
 
+/// Late data at a standstill are no difference: they were 111 warnings, a stop and "data delay" every
+/// 47 s for as long as they were late.
+#[test]
+fn a_late_channel_stopped_a_standing_machine_again_and_again() {
+    let own = |angle, t| (reading(angle), absent(Invalid::Late), t);
+    let peer = |angle, t| (absent(Invalid::Late), reading(angle), t);
+    for late in [own, peer] {
+        let mut state = PaperState::default();
+        let mut judge = |angle: u32, t: f64| {
+            let (own, peer, t) = late(angle, t);
+            PaperCheck::PAPER.step(&mut state, own, peer, seconds(t))
+        };
+        let mut at = |angle, t| judge(angle, t).judgement();
+        // The first 15 s of a standstill may be those of an arm that rings out.
+        assert_eq!(at(0, 0.0), Judgement::Warning);
+        assert_eq!(at(0, 15.0), Judgement::Warning);
+        for i in 1..5000 {
+            let waiting = Judgement::Waiting(Invalid::Late);
+            assert_eq!(at(0, 15.0 + 0.02 * f64::from(i)), waiting);
+        }
+        // Motion: what is late is a difference again, until it stands.
+        let moving = |i: u32| (6 * i * THRESHOLD, 200.0 + 0.02 * f64::from(i));
+        let found: std::vec::Vec<_> = (1..=111).map(moving).map(|(x, t)| at(x, t)).collect();
+        assert_eq!(found[..108], [Judgement::Warning; 108]);
+        assert_eq!(found[108..], [Judgement::StopMotion; 3]);
+        // It moves on for another minute: the 45 s are of standstill.
+        for i in 0..3000_u32 {
+            let (x, t) = ((6 * i).wrapping_mul(THRESHOLD), 203.0 + 0.02 * f64::from(i));
+            assert_eq!(at(x, t), Judgement::StopMotion);
+        }
+        let stands = |i: u32| 17_994_u32.wrapping_mul(THRESHOLD) + (i & 1);
+        let told = (0..).map(|i| (at(stands(i), 263.0 + 0.02 * f64::from(i)), i));
+        let told = told
+            .into_iter()
+            .find(|(found, _)| *found != Judgement::StopMotion);
+        assert_eq!(told, Some((Judgement::DataDelay, 45 * 50 - 1)));
+        // Work goes on, and the late data are of the place where it stands.
+        for i in 0..5000 {
+            let waiting = Judgement::Waiting(Invalid::Late);
+            assert_eq!(at(stands(i), 309.0 + 0.02 * f64::from(i)), waiting);
+        }
+    }
+}
+
 #[test]
 fn work_goes_on_after_more_pairs_than_stopped_it() {
     // A SYNC a second: 31 pairs count within the 45 s, and 111 have to.
