@@ -38,6 +38,8 @@ pub enum CalibrateError {
     Stranger(u8),
     /// The nodes measure in different ways.
     Mixed,
+    /// Tables with points so far apart, deg, may err by this between them, deg.
+    Coarse(u32, f64),
     /// This way to calibrate is not for instruments of this kind.
     Kind(&'static str),
     /// A node's calibration can't be read.
@@ -154,6 +156,11 @@ impl fmt::Display for CalibrateError {
                  one with --nodes"
             ),
             Self::Kind(what) => write!(f, "{what}"),
+            Self::Coarse(step, deg) => write!(
+                f,
+                "tables with points {step} deg apart err by up to {deg:.3} deg between them: give a \
+                 smaller --step, or the --tolerance that is wanted"
+            ),
             Self::Rejected => write!(f, "the instrument is not within its tolerance"),
             Self::Ended(missing) => write!(
                 f,

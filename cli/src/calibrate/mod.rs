@@ -41,6 +41,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use tilt::chain::Calibration;
 
 use by_motor::Kind;
 use compose::{Frame, now};
@@ -76,7 +77,8 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", value_parser = clap::value_parser!(u32).range(1..=30))]
     pub step: Option<u32>,
     /// Largest error as left, its expanded uncertainty included, deg; 0.2, and for tables what they
-    /// err between two points, 0.01 with steps of 1 deg and straight lines between them
+    /// err between two points, 0.01 with steps of 1 deg and straight lines between them. Steps of
+    /// more than 4 deg need it there
     #[arg(long, value_name = "DEG", value_parser = tolerance)]
     pub tolerance: Option<f64>,
     /// Standard uncertainty (k = 1) of the motor's angles in deg, where it states none or another
@@ -118,7 +120,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     let motor = arguments.motor.as_deref().map(ScpiMotor::connect);
     let motor = motor.transpose()?;
     let mut session = common.open(&ids)?;
-    if let Err(error) = folder.keep(&kept::as_found(&session)) {
+    let fine = arguments.fine_enough(&session);
+    if let Err(error) = fine.and_then(|()| folder.keep(&kept::as_found(&session))) {
         session.leave();
         return Err(error);
     }
@@ -127,6 +130,22 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     session.leave();
     let (report, place) = done?;
     common.end(figures(&report), &report, &place)
+}
+
+impl Arguments {
+    /// Errors: [`CalibrateError::Coarse`] where tables of these nodes would be no use between their
+    /// points, and nobody has said that they may err so much.
+    fn fine_enough(&self, session: &Session) -> Result<(), CalibrateError> {
+        let (Some(step), None, Some(_)) = (self.step, self.tolerance, &self.motor) else {
+            return Ok(());
+        };
+        let found = session.nodes.iter().map(|node| &node.calibration);
+        let table_deg = between_points_deg(found, step);
+        if step > Kind::Tables.step() && table_deg > TOLERANCE_DEG {
+            return Err(CalibrateError::Coarse(step, table_deg));
+        }
+        Ok(())
+    }
 }
 
 fn tell(line: &str) {
@@ -176,11 +195,11 @@ fn with_motor(
     let step = arguments.step.unwrap_or(kind.step());
     let swept = bench.calibrate(kind, step)?;
     let made = finish::made(session)?;
-    let table_deg = made
+    let decoded: Vec<_> = made
         .iter()
         .filter_map(|bytes| session::decode(bytes))
-        .map(|made| by_motor::between_points_deg(&made.correction, f64::from(step)))
-        .fold(0.0, f64::max);
+        .collect();
+    let table_deg = between_points_deg(&decoded, step);
     let frame = Frame {
         common: &arguments.common,
         session,
@@ -192,6 +211,17 @@ fn with_motor(
         }),
     };
     Ok(frame.by_motor(&swept, &name, reference_deg))
+}
+
+/// What the tables of these calibrations may err between two of their points, deg.
+fn between_points_deg<'a>(
+    calibrations: impl IntoIterator<Item = &'a Calibration>,
+    step: u32,
+) -> f64 {
+    let corrections = calibrations.into_iter().map(|made| &made.correction);
+    corrections
+        .map(|correction| by_motor::between_points_deg(correction, f64::from(step)))
+        .fold(0.0, f64::max)
 }
 
 fn with_hands(
