@@ -273,11 +273,22 @@ fn judge(report: &mut Report) {
         !channel.as_left.is_empty() && channel.as_left.iter().all(fits)
     };
     report.decision.accepted = report.channels.iter().all(within);
+    if let Some([low, high]) = judged_deg(report) {
+        report.decision.rule += &format!(" Judged from {low:.1} to {high:.1} deg only.");
+    }
     let largest = report
         .channels
         .iter()
         .filter_map(Channel::largest_error_deg);
     report.decision.largest_error_deg = largest.reduce(f64::max);
+}
+
+/// The smallest and the largest angle at which the calibration was judged, deg.
+fn judged_deg(report: &Report) -> Option<[f64; 2]> {
+    let points = report.channels.iter().flat_map(|channel| &channel.as_left);
+    let angles = points.map(|point| point.reference_deg);
+    let ends = angles.map(|deg| [deg, deg]);
+    ends.reduce(|[low, high], [deg, _]| [low.min(deg), high.max(deg)])
 }
 
 fn known(axis: Axis, reference_deg: f64, reading_deg: f64) -> Point {

@@ -231,8 +231,8 @@ fn with_hands(
 ) -> Result<Report, CalibrateError> {
     if Kind::of(session)? != Kind::TwoAxis {
         return Err(CalibrateError::Kind(
-            "by hand goes for instruments of two slopes by vector only (2062h sub 2 is 1): \
-             calibrate this one by a motor",
+            "by hand goes for two slopes by vector only: calibrate one that reads tables, or \
+             measures one angle of 360 deg, by a motor",
         ));
     }
     let console = Console::new(arguments.yes);

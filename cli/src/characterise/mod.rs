@@ -342,14 +342,19 @@ fn figures(channel: &Channel) -> String {
     };
     let (low, high) = (thermal.sensor_min_degc, thermal.sensor_max_degc);
     let largest = thermal.dwells.iter().map(|dwell| dwell.largest_mg);
+    let left = match channel.residual_mg {
+        Some(rms_mg) => format!(
+            "leaves {rms_mg:.2} mg rms, {:.2} mg at most",
+            largest.fold(0.0, f64::max)
+        ),
+        None => "goes through its points, and what it leaves was not measured".to_owned(),
+    };
     format!(
-        "channel {} (node {}): {} model for {low:.0} to {high:.0} degC by its thermometer; leaves \
-         {:.2} mg rms, {:.2} mg at most (without: {:.2} mg rms), U = {:.3} deg (k = 2)\n",
+        "channel {} (node {}): {} model for {low:.0} to {high:.0} degC by its thermometer; {left} \
+         (without: {:.2} mg rms), U = {:.3} deg (k = 2)\n",
         channel.channel,
         channel.node,
         thermal.model,
-        channel.residual_mg.unwrap_or_default(),
-        largest.fold(0.0, f64::max),
         thermal.without_model_mg,
         channel.expanded_uncertainty_deg
     )

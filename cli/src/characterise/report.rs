@@ -57,7 +57,8 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, Characteri
         let bare = before.temperature == TemperatureModel::None;
         let new = with_model(before, fitted.model, at);
         let mut calibration = new.ok_or(CharacteriseError::Beyond(node.id))?;
-        calibration.budget = budget(&before.budget, &fitted);
+        let left_mg = left_mg(measured, &sights, &fitted);
+        calibration.budget = budget(&before.budget, &fitted, left_mg);
         Ok(Made {
             calibration,
             fitted,
@@ -73,13 +74,23 @@ fn middle(span: Span) -> Temperature {
     Temperature(span.low.0.midpoint(span.high.0))
 }
 
-/// The budget of before, for the temperatures of the run. What the model leaves over them takes the
-/// place of the hysteresis that was assumed: both branches were met, and neither is known in use.
-fn budget(before: &Budget, fitted: &Fitted) -> Budget {
+/// What the model leaves over the run, rms, mg; `None` where one branch only was met. Points that
+/// each have a reading of their own, as those of eq 6, leave nothing by construction, and that says
+/// nothing of the hysteresis.
+fn left_mg(measured: &Measured, sights: &[Sight], fitted: &Fitted) -> Option<f64> {
+    let residuals_mg = &fitted.residuals_mg;
+    let both = hysteresis_mg(&measured.begun.profile, sights, residuals_mg);
+    both.map(|_| rms(residuals_mg))
+}
+
+/// The budget of before, for the temperatures of the run. What the model leaves over them, where
+/// both branches were met, takes the place of the hysteresis that was assumed: neither is known in
+/// use.
+fn budget(before: &Budget, fitted: &Fitted, left_mg: Option<f64>) -> Budget {
     let [low, high] = fitted.span_c.map(temperature);
-    let left_mg = rms(&fitted.residuals_mg).max(FLOOR_MG);
+    let left = |mg: f64| (mg.max(FLOOR_MG) / 1000.0 * f64::from(ONE_G)).round() as u32;
     Budget {
-        hysteresis: (left_mg / 1000.0 * f64::from(ONE_G)).round() as u32,
+        hysteresis: left_mg.map_or(before.hysteresis, left),
         tco: TCO,
         span: Span { low, high },
         ..*before
@@ -138,21 +149,30 @@ fn angle_deg(mg: f64) -> f64 {
 
 fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Channel {
     let Made { fitted, sights, .. } = made;
-    let left_mg = rms(&fitted.residuals_mg);
+    let left_mg = left_mg(measured, sights, fitted);
+    let assumed = f64::from(made.calibration.budget.hysteresis) / f64::from(ONE_G);
     let scatter = measured.dwells.iter().flat_map(|dwelt| &dwelt.orientations);
     let scatter: Vec<f64> = scatter.flatten().map(|felt| felt.scatter_mg).collect();
     let squares: f64 = scatter.iter().map(|mg| mg * mg).sum();
     // One axis of three, and the readings as independent.
     let noise_mg = (squares / scatter.len().max(1) as f64 / 3.0 / f64::from(READINGS)).sqrt();
     let profile = &measured.begun.profile;
-    channel.residual_mg = Some(left_mg);
+    channel.residual_mg = left_mg;
     channel.uncertainty = vec![
-        Contribution::new(
-            "Left by the model",
-            "A",
-            angle_deg(left_mg),
-            "both branches, all runs",
-        ),
+        match left_mg {
+            Some(mg) => Contribution::new(
+                "Left by the model",
+                "A",
+                angle_deg(mg),
+                "both branches, all runs",
+            ),
+            None => Contribution::new(
+                "Thermal hysteresis",
+                "B",
+                angle_deg(assumed * 1000.0),
+                "assumed: one branch was met",
+            ),
+        },
         Contribution::new(
             "Noise of a mean",
             "A",
@@ -338,7 +358,7 @@ mod tests {
     #[test]
     fn the_budget_holds_for_the_run_s_temperatures_with_what_the_model_leaves() {
         let before = Calibration::NOMINAL.budget;
-        let left = budget(&before, &fitted(0.5));
+        let left = budget(&before, &fitted(0.5), Some(0.5));
         assert_eq!(
             left.span,
             Span {
@@ -349,7 +369,14 @@ mod tests {
         assert_eq!((left.tco, left.noise), (TCO, before.noise));
         assert!((f64::from(left.hysteresis) / f64::from(ONE_G) * 1000.0 - 0.5).abs() < 1e-4);
         // A fit that leaves nothing is luck.
-        assert!(budget(&before, &fitted(0.0)).hysteresis > 2000);
+        assert!(budget(&before, &fitted(0.0), Some(0.0)).hysteresis > 2000);
+    }
+
+    #[test]
+    fn points_that_leave_nothing_by_construction_took_the_hysteresis_away() {
+        let before = Calibration::NOMINAL.budget;
+        let left = budget(&before, &fitted(0.0), None);
+        assert_eq!(left.hysteresis, before.hysteresis);
     }
 
     #[test]

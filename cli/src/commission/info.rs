@@ -145,7 +145,7 @@ struct Document {
 }
 
 /// What is asked, in the order in which it is told: a label and an object.
-const ASKED: [(&str, &str); 35] = [
+const ASKED: [(&str, &str); 36] = [
     ("device", "device-name"),
     ("hardware", "hardware-version"),
     ("software", "software-version"),
@@ -167,6 +167,7 @@ const ASKED: [(&str, &str); 35] = [
     ("latency", "2023h:1"),
     ("temperature", "temperature"),
     ("the other channel", "peer"),
+    ("cross-check", "2003h"),
     ("state of the pair", "state-of-the-pair"),
     ("blamed", "2027h:1"),
     ("because", "2027h:2"),
@@ -308,6 +309,7 @@ fn in_words(named: &Named, raw: Option<i64>) -> Option<String> {
     };
     match (named.index, named.sub) {
         (0x2002, 0) => one_of(&["A", "B"]),
+        (0x2003, 0) => one_of(&["as built", "the paper's rule", "the product's"]),
         (0x2080, 2) => u32::try_from(raw).ok().map(version),
         (0x2080, 3) => one_of(&["A", "B"]),
         (0x2080, 4) => one_of(&[

@@ -139,9 +139,10 @@ pub fn table_two(report: &DemoReport) -> Table {
             }
         }
     }
-    table
-        .notes
-        .push(format!("{} {}", static_warnings(report), STATIC_NOTE));
+    table.notes.push(format!(
+        "On all angles: {} {STATIC_NOTE}",
+        static_warnings(report)
+    ));
     table
 }
 
@@ -192,11 +193,11 @@ fn static_warnings(report: &DemoReport) -> String {
     })
 }
 
-/// "Warnings: published none, paper mode 0, product mode 0."
+/// "warnings: published none, paper mode 0, product mode 0."
 fn warnings_sentence(report: &DemoReport, count: impl Fn(Mode) -> u64) -> String {
     let each = modes(report).into_iter();
     let each = each.map(|mode| format!(", {} {}", mode_name(mode).to_lowercase(), count(mode)));
-    format!("Warnings: published none{}.", each.collect::<String>())
+    format!("warnings: published none{}.", each.collect::<String>())
 }
 
 /// Paper Table III beside both modes, as it arrives and aligned, for each lever arm.
@@ -215,16 +216,18 @@ pub fn table_three(report: &DemoReport) -> Table {
             table.rows.extend(rows);
         }
     }
+    // On a lever arm the motion itself is measured, of which the paper says nothing.
     let warnings = warnings_sentence(report, |mode| {
         let of_node_1 = report
             .dynamic
             .iter()
-            .filter(|r| r.mode == mode && r.node == 1);
+            .filter(|r| r.mode == mode && r.node == 1 && r.lever_arm_cm == 0);
         of_node_1.map(|row| row.warnings).sum()
     });
-    table
-        .notes
-        .push(format!("{warnings} {} {DYNAMIC_NOTE}", latencies(report)));
+    let latencies = latencies(report);
+    table.notes.push(format!(
+        "Without an arm: {warnings} {latencies} {DYNAMIC_NOTE}"
+    ));
     table
 }
 

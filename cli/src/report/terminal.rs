@@ -5,7 +5,7 @@
 
 use sim::bench::week::FAULT_DAY;
 
-use super::data::DemoReport;
+use super::data::{DemoReport, Mode};
 use super::replay_data::ReplayReport;
 use super::{replay_tables, summary, tables};
 use crate::text_table::{Table, wrap};
@@ -34,7 +34,11 @@ pub fn print_demo(report: &DemoReport, details: bool) -> String {
     push_tables(&last, &mut out);
     out.push('\n');
     if !details {
-        out.push_str("Every table: --details. The paper to the letter beside it: --as-printed.\n");
+        out.push_str("Every table: --details.");
+        if !tables::modes(report).contains(&Mode::AsPrinted) {
+            out.push_str(" The paper to the letter beside it: --as-printed.");
+        }
+        out.push('\n');
     }
     out.push_str(verdict(report));
     out.push('\n');

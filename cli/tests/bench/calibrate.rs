@@ -388,7 +388,7 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
     );
     refused(
         &mut calibrate(&bench, &["--by-hand"]),
-        "calibrate this one by a motor",
+        "by hand goes for two slopes by vector only",
     );
     let nobody = ["--motor", "tcp://127.0.0.1:1"];
     refused(
