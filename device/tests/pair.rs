@@ -415,62 +415,6 @@ fn a_silence_while_off_the_bus_is_the_own_one() {
 }
 
 #[test]
-fn the_paper_s_rule_is_taken_at_the_next_reset() {
-    let mut pair = Pair::new();
-    pair.write(at(0x2003, 0), Value::u8(1));
-    let mut pair = pair.at_work();
-    pair.peer.says = tilted(1.0);
-    pair.seconds(1.0);
-    assert_eq!(pair.told().state, 6, "still the product's");
-    let mut pair = Pair::judging_as_the_paper();
-    pair.peer.says = tilted(1.0);
-    pair.seconds(1.0);
-    assert_eq!(pair.told().state, 2);
-    assert!(pair.told().is_valid(), "a warning is part of the work");
-    assert_eq!(pair.emergencies(), [0_u16; 0]);
-    pair.seconds(1.5);
-    assert_eq!(pair.told().state, 3);
-    assert_eq!(pair.emergencies(), [0xFF11]);
-}
-
-/// An update of the peer, or its stay in PRE-OPERATIONAL, was a physical fault after a minute. A
-/// peer that falls silent without a word still is.
-#[test]
-fn a_peer_that_had_announced_its_absence_was_a_physical_fault_in_paper_mode() {
-    let announced: [&[u8]; 4] = [&[0], &[127], &[4], &[0xFF]];
-    for word in announced {
-        let mut pair = Pair::judging_as_the_paper();
-        pair.peer.silent = true;
-        pair.hears(0x702, word);
-        for _ in 0..150 {
-            pair.seconds(0.5);
-            let told = pair.told();
-            assert_eq!((told.is_valid(), told.state), (true, 0), "{word:?}");
-        }
-        pair.peer.silent = false;
-        pair.peer.says = level().refused(Invalid::Settling);
-        pair.seconds(1.0);
-        assert_eq!(pair.told().state, 0, "{word:?}: it starts");
-        pair.peer.says = level();
-        pair.seconds(1.0);
-        assert_eq!(pair.told().state, 1, "{word:?}");
-        pair.peer.silent = true;
-        pair.seconds(50.0);
-        assert_eq!(pair.told().state, 5, "{word:?}: the next silence counts");
-    }
-    let at_work: [&[u8]; 3] = [&[], &[5], &[0x85]];
-    for word in at_work {
-        let mut pair = Pair::judging_as_the_paper();
-        pair.peer.silent = true;
-        pair.hears(0x702, word);
-        pair.seconds(3.0);
-        assert_eq!(pair.told().state, 3, "{word:?}");
-        pair.seconds(46.0);
-        assert_eq!(pair.told().state, 5, "{word:?}");
-    }
-}
-
-#[test]
 fn log_and_black_box_hold_the_event_and_what_was_on_the_bus_around_it() {
     let mut pair = Pair::working();
     pair.seconds(1.0);

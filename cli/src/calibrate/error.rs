@@ -158,8 +158,8 @@ impl fmt::Display for CalibrateError {
             Self::Kind(what) => write!(f, "{what}"),
             Self::Coarse(step, deg) => write!(
                 f,
-                "tables with points {step} deg apart err by up to {deg:.3} deg between them: give a \
-                 smaller --step, or the --tolerance that is wanted"
+                "tables with points {step} deg apart err by up to {deg:.3} deg between them: give \
+                 a smaller --step, or the --tolerance that is wanted"
             ),
             Self::Rejected => write!(f, "the instrument is not within its tolerance"),
             Self::Ended(missing) => write!(

@@ -172,15 +172,17 @@ impl UpdateError {
                 "node {node} has no valid angle, and one channel has to measure while the other \
                  is updated: mend it first, or say --force"
             ),
-            Self::Apart(node) => write!(
-                f,
-                "node {node} has no valid angle in OPERATIONAL, and had one before the update: \
-                 look at the pair with `plumb monitor`"
-            ),
             Self::Clearing(node) => write!(f, "node {node} does not finish clearing its memory"),
             Self::Found(node, status) => {
                 write!(f, "node {node} refuses the image: {}", found(*status))
             }
+            started => started.fmt_started(f),
+        }
+    }
+
+    /// The sentence of an error after the new program was started.
+    fn fmt_started(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
             Self::Gone(node) => write!(
                 f,
                 "node {node} has not come back after the start of the new program"
@@ -194,6 +196,11 @@ impl UpdateError {
             Self::Undecided(node) => write!(
                 f,
                 "node {node} has neither confirmed the new program nor given it up in time"
+            ),
+            Self::Apart(node) => write!(
+                f,
+                "node {node} has no valid angle in OPERATIONAL, and had one before the update: \
+                 look at the pair with `plumb monitor`"
             ),
             // The others name none.
             _ => Ok(()),

@@ -273,8 +273,8 @@ impl<'a> Node<'a> {
         Ok(())
     }
 
-    /// Waits until the node measures beside each of the others, in OPERATIONAL again: what they find
-    /// in each other there takes the angles away.
+    /// Waits until the node measures beside each of the others, in OPERATIONAL again: what they
+    /// find in each other there takes the angles away.
     fn together(&mut self, others: &[u8]) -> Result<(), UpdateError> {
         for other in others {
             for node in [self.node, *other] {

@@ -143,16 +143,6 @@ impl Pair {
         self
     }
 
-    /// The same by the paper's rule (2003h), which counts from the next reset.
-    pub fn judging_as_the_paper() -> Self {
-        let mut pair = Self::new();
-        pair.write(at(0x2003, 0), Value::u8(1));
-        pair.write(at(0x1010, 1), Value::u32(canopen::storage::SAVE));
-        pair.hears(0, &[129, 1]);
-        pair.seconds(1.0);
-        pair.at_work()
-    }
-
     pub fn boot(&mut self) {
         assert_eq!(self.device.start_sensor(&mut Hurry, self.now), Ok(()));
         self.now = self.now.offset(20_000);

@@ -8,11 +8,11 @@
 //! The paper does not say which comparisons decide. One pair when the 45 s are over would take a
 //! channel that fails now and then for a late one, and 45 s after the request a machine may still
 //! move. So the 45 s are of standstill, which begins anew while every channel that measures moves.
-//! The arm rings out and late data arrive in the first 15 s of it; after these the differences above
-//! 0.40 deg must be rarer than those that ask for a stop: 110 in 600 s are 5 in 30 s.
+//! The arm rings out and late data arrive in the first 15 s of it; after these the differences
+//! above 0.40 deg must be rarer than those that ask for a stop: 110 in 600 s are 5 in 30 s.
 //!
-//! Two things are no difference. Data that are told to be late, once the machine has stood for these
-//! 15 s: Table I, first row. And the silence of a peer that announced it: its boot-up or its
+//! Two things are no difference. Data that are told to be late, once the machine has stood for
+//! these 15 s: Table I, first row. And the silence of a peer that announced it: its boot-up or its
 //! heartbeat tells that it is not OPERATIONAL, as in an update.
 //!
 //! Left out: everything the paper does not ask for; `product` goes on from there.

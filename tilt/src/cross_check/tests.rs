@@ -217,8 +217,8 @@ fn data_told_to_be_late_were_a_physical_fault() {
     assert_eq!(ended(Invalid::Stale), Some(Judgement::PhysicalFault));
 }
 
-/// Late data at a standstill are no difference: they were 111 warnings, a stop and "data delay" every
-/// 47 s for as long as they were late.
+/// Late data at a standstill are no difference: they were 111 warnings, a stop and "data delay"
+/// every 47 s for as long as they were late.
 #[test]
 fn a_late_channel_stopped_a_standing_machine_again_and_again() {
     let own = |angle, t| (reading(angle), absent(Invalid::Late), t);
