@@ -296,11 +296,11 @@ impl PaperCheck {
         if usize::from(standstill.sound) <= MOST_WARNINGS {
             return Judgement::StopMotion;
         }
-        *state = PaperState {
-            agreed: true,
-            standstill,
-            ..PaperState::default()
-        };
+        // The window of warnings begins anew; where the machine stands is what it was.
+        state.warnings.clear();
+        state.age_us = 0;
+        state.phase = Phase::Working;
+        state.agreed = true;
         Judgement::DataDelay
     }
 
@@ -308,17 +308,22 @@ impl PaperCheck {
     /// it. Of two that measure, one alone moves when its data are late or its part is at fault.
     /// `None` where no channel measured both then and now.
     fn moved(&self, standstill: &Standstill, readings: [Reading; 2]) -> Option<bool> {
-        let far = |watched, then: Option<Angle>, now: Option<Angle>| {
-            Some(now?.minus(then?).magnitude() > self.still).filter(|_| watched)
-        };
-        let channels = standstill.stood.iter().zip(readings.map(place));
-        let mut measured = channels.filter_map(|(then, now)| {
-            let x = far(self.watch.x, then.x, now.x);
-            let y = far(self.watch.y, then.y, now.y);
-            x.max(y)
-        });
-        let first = measured.next()?;
-        Some(first && measured.all(|other| other))
+        let mut all = None;
+        for (then, now) in standstill.stood.iter().zip(readings.map(place)) {
+            let mut one = None;
+            for (watched, then, now) in
+                [(self.watch.x, then.x, now.x), (self.watch.y, then.y, now.y)]
+            {
+                if let (true, Some(then), Some(now)) = (watched, then, now) {
+                    let far = now.minus(then).magnitude() > self.still;
+                    one = Some(far || one == Some(true));
+                }
+            }
+            if let Some(moved) = one {
+                all = Some(moved && all != Some(false));
+            }
+        }
+        all
     }
 
     /// The larger difference of the axes watched, without sign.
