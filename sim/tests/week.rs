@@ -6,7 +6,8 @@
 //! seeds are those of the accuracy document.
 
 use sim::bench::interpretation::Interpretation;
-use sim::bench::week::{BIN_S, Day, FAULT_DAY, HOURS_PER_DAY, Outcome};
+use sim::bench::scene;
+use sim::bench::week::{BIN_S, Day, FAULT_DAY, HOURS_PER_DAY, Outcome, Trouble, UNSTABLE_FROM_S};
 use sim::bench::{Bench, Mode, World};
 
 fn dig(mode: Mode, world: &World, count: u32) -> Vec<Day> {
@@ -82,4 +83,54 @@ fn r18_as_printed_a_healthy_day_is_full_of_warnings() {
     };
     let days = dig(Mode::Paper, &printed, 1);
     assert!(days[0].warnings > 1000 && days[0].stops > 10);
+}
+
+/// A day on the bench of parts that come as those on the bus do: calibrated, and not fresh from the
+/// chamber, whose hysteresis would tell.
+fn day_on_the_bench(mode: Mode, world: &World) -> Day {
+    let (mut calibrated, _) = Bench::commissioned(mode, world, 18, 1).unwrap();
+    let mut bench = Bench::new(mode, world, 18, 1);
+    let sides = bench.instrument.sides.iter_mut();
+    for (side, left) in sides.zip(&mut calibrated.instrument.sides) {
+        core::mem::swap(&mut side.settings, &mut left.settings);
+    }
+    bench.instrument.start();
+    let mut days = Vec::new();
+    bench.week(1, 18, |day| days.push(day));
+    days.remove(0)
+}
+
+/// The week runs on the bench, without a bus and with a cross-check of the bench's own. Two whole
+/// devices on a bus have the same days, a healthy one and that of the fault.
+#[test]
+fn r18_whole_devices_on_a_bus_have_the_days_of_the_bench() {
+    let unstable = Trouble::Supply {
+        from_s: UNSTABLE_FROM_S,
+    };
+    for mode in [Mode::Paper, Mode::Product] {
+        let world = &World::NOMINAL;
+        let day = |trouble| scene::day(mode, world, (18, 1), trouble).expect("an accepted unit");
+        let days = [day_on_the_bench(mode, world), day(Trouble::None)];
+        // About its mean, which each power-on draws anew.
+        let spread = days.each_ref().map(|day| {
+            let (rms, mean) = (day.difference.rms(), day.difference.mean());
+            (rms * rms - mean * mean).sqrt()
+        });
+        println!("{mode:?}: the nodes' difference scatters by {spread:.4?} deg, bench and bus");
+        let ratio = spread[1] / spread[0];
+        assert!((0.9..1.1).contains(&ratio), "{mode:?}: {ratio}");
+        for day in &days {
+            assert_eq!(
+                (day.pairs, day.stops, day.faults),
+                (540_000, 0, 0),
+                "{mode:?}"
+            );
+            let above = day.above_healthy as f64 / day.pairs as f64;
+            println!("{mode:?}: {above:.5} of the pairs above 0.20 deg");
+        }
+        let fault = day(unstable);
+        println!("{mode:?}: {:?} {:?}", fault.outcome, fault.detection_s);
+        assert_eq!(fault.outcome, Outcome::SupplyFault, "{mode:?}");
+        assert_eq!(fault.after_cure, 0, "{mode:?}: the reset cured it");
+    }
 }
