@@ -32,6 +32,7 @@ usage: cargo xtask COMMAND
   faults              repeat the last section of docs/faults.md and compare it
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
+                      --verbose lists crates, functions and statics, of the firmware too
   size --write        the same, written to docs/size.md
   image               bootloader, and application for each slot, to target/images
   program             length of the released plumb, and how soon it answers

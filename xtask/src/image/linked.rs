@@ -7,7 +7,7 @@ use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{ElfFile, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
-use crate::size::image::Image;
+use crate::size::image::{Image, RAM};
 
 /// A program.
 #[derive(Clone, Debug)]
@@ -41,9 +41,6 @@ fn is_let_be(call: &str) -> bool {
     let caller = call.split(" calls ").next();
     call.contains(" calls ") && caller.is_some_and(|caller| caller.contains(NEVER_REACHED))
 }
-
-/// Sections that take RAM.
-const RAM: [&str; 3] = [".data", ".bss", ".uninit"];
 
 impl Linked {
     /// Reads a file.

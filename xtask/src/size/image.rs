@@ -32,14 +32,26 @@ pub struct Image {
     sections: BTreeMap<String, u64>,
     /// Functions by their address.
     pub functions: BTreeMap<u32, Function>,
-    /// Constants and state: name and bytes.
-    pub objects: Vec<(String, u64)>,
+    /// Constants: name and bytes.
+    pub constants: Vec<(String, u64)>,
+    /// State, which takes RAM: name and bytes.
+    pub statics: Vec<(String, u64)>,
     /// Addresses of functions from which a panic starts.
     panics: BTreeSet<u32>,
 }
 
 /// Section that the linker script gathers panics in.
 const PANIC: &str = ".panic";
+
+/// Sections that take RAM; `.state` is that of the binaries that are linked to be measured only.
+pub const RAM: [&str; 4] = [".data", ".bss", ".uninit", ".state"];
+
+fn is_in_ram<'a>(elf: &Elf<'a>, symbol: &impl ObjectSymbol<'a>) -> Result<bool, object::Error> {
+    let Some(index) = symbol.section_index() else {
+        return Ok(false);
+    };
+    Ok(RAM.contains(&elf.section_by_index(index)?.name()?))
+}
 
 /// The names of functions that only a panic needs.
 fn is_panic(name: &str) -> bool {
@@ -62,7 +74,10 @@ impl Image {
             let name = format!("{:#}", rustc_demangle::demangle(symbol.name()?));
             match symbol.kind() {
                 SymbolKind::Text if symbol.size() > 0 => image.add(&elf, &symbol, name, &tables)?,
-                SymbolKind::Data => image.objects.push((name, symbol.size())),
+                SymbolKind::Data if is_in_ram(&elf, &symbol)? => {
+                    image.statics.push((name, symbol.size()));
+                }
+                SymbolKind::Data => image.constants.push((name, symbol.size())),
                 _ => {}
             }
         }

@@ -2,7 +2,8 @@
 //!
 //! In: the binaries of `firmware/bus_footprint`, linked for the part. Out: code, tables, state,
 //! stack frames beside their budgets, `docs/size.md`, and a failure when a budget is exceeded, a
-//! panic can be reached, or the document tells other figures.
+//! panic can be reached, or the document tells other figures. With `--verbose`, where the bytes of
+//! these and of the firmware's programs are.
 //!
 //! The proof is the linker's: its script refuses a binary that holds the panic handler. That the
 //! refusal works is shown each time by a binary that does panic and must not link.
@@ -11,7 +12,8 @@
 //! which functions are ordered. So the document is out of date when a figure is off by more than
 //! [`TOLERANCE_PERCENT`], and is only compared for the compiler that it was written with.
 //!
-//! Left out: the firmware itself, and time on the part, which the emulator counts.
+//! Left out: budgets of the firmware's programs (`image`), and time on the part, which the emulator
+//! counts.
 
 mod frames;
 pub mod image;
@@ -43,6 +45,8 @@ const TOLERANCE_PERCENT: u64 = 2;
 const STACK: &str = "footprint-stack";
 /// The same with everything behind the rows.
 const INSTRUMENT: &str = "footprint-instrument";
+/// The programs that are flashed.
+const PROGRAMS: [&str; 2] = ["boot", "app"];
 /// What must not link.
 const CANARY: &str = "footprint-canary";
 
@@ -105,11 +109,19 @@ pub fn check(workspace: &Workspace) -> Result<(), SizeError> {
     compare(&workspace.root().join(DOCUMENT), &figures)
 }
 
-/// Measures and prints, with the largest functions, constants and frames and the deepest call.
+/// Measures and prints, with crates, the largest functions, constants, statics and frames and the
+/// deepest call; the same of the programs that are flashed.
 pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
     for binary in [STACK, INSTRUMENT] {
         let image = linked(workspace, binary)?;
         println!("\n{binary}\n{}", report::details(&image));
+    }
+    let mut firmware = workspace.cargo(&["build", "--quiet", "--package", "firmware"]);
+    firmware.args(["--target", CHIP, "--profile", PROFILE]);
+    command::pass(firmware)?;
+    for program in PROGRAMS {
+        let image = read(workspace, program)?;
+        println!("\n{program}\n{}", report::details(&image));
     }
     check(workspace)
 }

@@ -19,7 +19,7 @@ const RAM: u64 = 4 * 1024;
 const FRAME: u64 = 1024;
 
 /// Lines of each list of [`details`].
-const LISTED: usize = 25;
+const LISTED: usize = 40;
 
 /// One figure of both binaries.
 struct Figure {
@@ -37,7 +37,7 @@ pub struct Figures {
 }
 
 fn state(image: &Image, name: &str) -> u64 {
-    let rooms = image.objects.iter();
+    let rooms = image.statics.iter();
     let rooms = rooms.filter(|(object, _)| object.contains("RAM_OF_") && object.contains(name));
     rooms.map(|(_, bytes)| bytes).sum()
 }
@@ -204,20 +204,20 @@ fn alike(old: &str, new: &str) -> bool {
     }
 }
 
-/// Where the bytes are: the largest functions, constants and frames, and the deepest call.
+/// Where the bytes are: crates, modules, the largest functions, constants, statics and frames, and
+/// the deepest call.
 pub fn details(image: &Image) -> String {
     let functions = image.functions.values();
     let sizes = functions.clone().map(|f| (f.name.clone(), f.size));
     let frames = functions.map(|f| (f.name.clone(), u64::from(f.frame.bytes)));
+    let [constants, statics] = [&image.constants, &image.statics].map(|all| all.iter().cloned());
     let mut text = String::new();
+    list(&mut text, "code by crate", by_path(image, 1).into_iter());
+    list(&mut text, "code by module", by_path(image, 2).into_iter());
     list(&mut text, "largest functions", sizes);
-    list(
-        &mut text,
-        "largest constants",
-        image.objects.iter().cloned(),
-    );
+    list(&mut text, "largest constants", constants);
+    list(&mut text, "largest statics", statics);
     list(&mut text, "largest stack frames", frames);
-    list(&mut text, "by module", by_module(image).into_iter());
     let (bytes, way) = image.deepest();
     let _ = writeln!(text, "  deepest call, {bytes} bytes");
     for name in way {
@@ -237,15 +237,19 @@ fn list(text: &mut String, title: &str, entries: impl Iterator<Item = (String, u
     }
 }
 
-/// Bytes of code by the first two parts of the path. What was built into its caller counts there.
-fn by_module(image: &Image) -> BTreeMap<String, u64> {
-    let mut modules = BTreeMap::new();
+/// Bytes of code by the first `parts` of the path. What was built into its caller counts there.
+fn by_path(image: &Image, parts: usize) -> BTreeMap<String, u64> {
+    let mut sums = BTreeMap::new();
     for function in image.functions.values() {
-        let path = function.name.trim_start_matches('<');
-        let module: Vec<&str> = path.split("::").take(2).collect();
-        *modules.entry(module.join("::")).or_default() += function.size;
+        // A function of the linker, of assembly or of C has no path.
+        let path = match function.name.trim_start_matches('<') {
+            path if path.contains("::") => path,
+            _ => "without a path",
+        };
+        let first: Vec<&str> = path.split("::").take(parts).collect();
+        *sums.entry(first.join("::")).or_default() += function.size;
     }
-    modules
+    sums
 }
 
 #[cfg(test)]
