@@ -22,7 +22,7 @@ use crate::report::data::{
 use crate::report::series::{Binner, finite, points};
 use crate::report::tables::FEWEST_FOR_MEDIANS;
 
-const MOUNTS: [(Mount, Axis); 2] = [(Mount::X, Axis::X), (Mount::Y, Axis::Y)];
+const MOUNTS: [Mount; 2] = [Mount::X, Mount::Y];
 
 /// Seconds of the dynamic test that are drawn.
 const DRAWN_S: f64 = 6.0;
@@ -38,7 +38,8 @@ pub fn report(arguments: &Arguments, results: &Results) -> DemoReport {
     );
     for kind in two_axes(arguments) {
         let name = report_mode(kind);
-        for (mount, axis) in MOUNTS {
+        for mount in MOUNTS {
+            let axis = Axis::from(mount);
             report
                 .static_test
                 .extend(static_rows(results, kind, mount, (name, axis)));
@@ -379,7 +380,8 @@ fn figures(arguments: &Arguments, results: &Results) -> Figures {
         let Some(unit) = results.of(kind).next() else {
             continue;
         };
-        for (mount, axis) in MOUNTS {
+        for mount in MOUNTS {
+            let axis = Axis::from(mount);
             let knots = static_points(unit, mount, true);
             figures.static_error.extend(error_curves(knots, name, axis));
             let delta = knots

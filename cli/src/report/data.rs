@@ -6,6 +6,7 @@
 //! Drawing, printing and writing to disk are done by the modules beside this one.
 
 use serde::{Deserialize, Serialize};
+use sim::rig::Mount;
 
 use super::series::{Bin, Point};
 
@@ -36,6 +37,15 @@ pub enum Axis {
     X,
     /// Slope Y, the paper's Y axis (CiA 410 "lateral").
     Y,
+}
+
+impl From<Mount> for Axis {
+    fn from(mount: Mount) -> Self {
+        match mount {
+            Mount::X => Self::X,
+            Mount::Y => Self::Y,
+        }
+    }
 }
 
 /// At which angles the static test stood.

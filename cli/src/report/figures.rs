@@ -4,6 +4,9 @@
 //! the same vertical scale, with a caption that says what is to be seen. Figures 1 to 13 and 19
 //! are drawings and photographs, so they have no counterpart here.
 
+use sim::bench::published::DAYS;
+use sim::bench::week::{FAULT_DAY, HEALTHY_DEG};
+
 use super::chart::{Chart, Ink, Level, Plot, Shape, share_y};
 use super::data::*;
 use super::series::{Bin, Point};
@@ -265,18 +268,12 @@ pub fn week(report: &DemoReport) -> Vec<Group> {
     vec![per_day(report), delta(report)]
 }
 
-/// Section VII and Fig 20 of the paper: a fault on this day, and on no other of the seven.
-const PUBLISHED_FAULT_DAY: u32 = 5;
-const PUBLISHED_DAYS: u32 = 7;
-
-/// Fig 21 of the paper: a pair whose supply is good stays below this, deg.
-const PUBLISHED_HEALTHY_DEG: f64 = 0.20;
-
-/// The faults that the paper reports of the days of this run.
+/// The faults that the paper reports of the days of this run: one, on the day of the unstable
+/// supply (section VII, Fig 20).
 fn published_faults(report: &DemoReport) -> Option<Plot> {
     let dug = report.week.iter().map(|row| row.day).max()?;
-    let faults = |day| f64::from(u8::from(day == PUBLISHED_FAULT_DAY));
-    let days = (1..=dug.min(PUBLISHED_DAYS)).map(|day| (f64::from(day), faults(day)));
+    let faults = |day| f64::from(u8::from(day == FAULT_DAY));
+    let days = (1..=dug.min(DAYS)).map(|day| (f64::from(day), faults(day)));
     let bars = Shape::Bars(days.collect());
     Some(Plot::new("Published", Ink::Reference, bars))
 }
@@ -341,9 +338,7 @@ fn delta(report: &DemoReport) -> Group {
         x_label: "time, min".to_owned(),
         y_label: "node 1 \u{2212} node 2, deg".to_owned(),
         plots: vec![Plot::new("Difference", Ink::First, band(&trace.bins, 60.0))],
-        levels: [THRESHOLD_DEG, PUBLISHED_HEALTHY_DEG]
-            .map(both_signs)
-            .concat(),
+        levels: [THRESHOLD_DEG, HEALTHY_DEG].map(both_signs).concat(),
         ..Chart::default()
     };
     Group {

@@ -2,10 +2,11 @@
 //!
 //! In: a [`DemoReport`]. Out: one table of a dozen rows. The whole tables are in `tables`.
 
+use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
 use sim::bench::week::FAULT_DAY;
 
 use super::data::*;
-use super::tables::{PUBLISHED_DYNAMIC, PUBLISHED_STATIC, Published, mode_name, modes};
+use super::tables::{mode_name, modes};
 use crate::text_table::{Cell, Column, Table, format_number};
 
 /// Published, paper mode and product mode, row by row.
@@ -61,16 +62,15 @@ fn rows_of<'a>(
     difference: impl Fn(Mode, Axis) -> Option<f64> + 'a,
 ) -> Vec<Row<'a>> {
     let mut rows: Vec<Row<'a>> = Vec::new();
-    for Published { axis, figures } in published {
-        let [one, two, _] = *figures;
-        let axis = *axis;
+    for (mount, [one, two, _]) in *published {
+        let axis = Axis::from(mount);
         rows.push(Row {
             name: format!("{title}, slope {}: RMSE", super::tables::axis_name(axis)),
             published: both([Some(one), Some(two)]),
             obtained: Box::new(move |mode| both(rmse(mode, axis))),
         });
     }
-    let [x, y] = published.each_ref().map(|row| Some(row.figures[2]));
+    let [x, y] = published.map(|(_, figures)| Some(figures[2]));
     rows.push(Row {
         name: format!("{title}, X and Y: node difference"),
         published: both([x, y]),
@@ -88,7 +88,7 @@ fn static_rows(report: &DemoReport) -> Vec<Row<'_>> {
     };
     rows_of(
         "Table II",
-        &PUBLISHED_STATIC,
+        &TABLE_TWO,
         move |mode, axis| [1, 2].map(|node| find(mode, axis, node).and_then(|row| row.rmse_deg)),
         move |mode, axis| find(mode, axis, 1).and_then(|row| row.mean_node_difference_deg),
     )
@@ -103,7 +103,7 @@ fn dynamic_rows(report: &DemoReport) -> Vec<Row<'_>> {
     };
     let mut rows = rows_of(
         "Table III, aligned",
-        &PUBLISHED_DYNAMIC,
+        &TABLE_THREE,
         move |mode, axis| {
             [1, 2].map(|node| find(mode, axis, node).and_then(|row| row.rmse_aligned_deg))
         },

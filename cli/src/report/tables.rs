@@ -4,39 +4,10 @@
 //! instrument and the calibration as [`Table`]s, which the terminal prints and the page shows.
 //! A figure that was not obtained is a dash.
 
+use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
+
 use super::data::*;
 use crate::text_table::{Cell, Column, Table};
-
-/// What the paper publishes in Tables II and III: axis, RMSE of node 1 and 2, mean difference of
-/// the nodes, all in degrees.
-pub(super) struct Published {
-    pub axis: Axis,
-    pub figures: [f64; 3],
-}
-
-/// Paper Table II.
-pub(super) const PUBLISHED_STATIC: [Published; 2] = [
-    Published {
-        axis: Axis::X,
-        figures: [0.106, 0.111, 0.018],
-    },
-    Published {
-        axis: Axis::Y,
-        figures: [0.107, 0.112, 0.015],
-    },
-];
-
-/// Paper Table III.
-pub(super) const PUBLISHED_DYNAMIC: [Published; 2] = [
-    Published {
-        axis: Axis::X,
-        figures: [0.091, 0.100, 0.2],
-    },
-    Published {
-        axis: Axis::Y,
-        figures: [0.088, 0.085, 0.1],
-    },
-];
 
 /// Both axes in the order of the tables.
 const AXES: [Axis; 2] = [Axis::X, Axis::Y];
@@ -114,12 +85,11 @@ fn compared(first: Vec<Column>, report: &DemoReport) -> Vec<Column> {
 
 /// The three published figures of an axis, or three empty cells.
 fn published(list: &[Published], axis: Axis, shown: bool) -> Vec<Cell> {
-    let found = list.iter().find(|row| row.axis == axis && shown);
+    let found = list
+        .iter()
+        .find(|(mount, _)| Axis::from(*mount) == axis && shown);
     match found {
-        Some(row) => row
-            .figures
-            .map(|figure| Cell::number(Some(figure), 3))
-            .to_vec(),
+        Some((_, figures)) => figures.map(|figure| Cell::number(Some(figure), 3)).to_vec(),
         None => vec![Cell::text(""); 3],
     }
 }
@@ -156,7 +126,7 @@ fn static_row(report: &DemoReport, axis: Axis, angles: Angles, largest: bool) ->
     let name = format!("{}, {figure}", word(angles));
     let mut cells = vec![Cell::text(axis_name(axis)), Cell::text(name)];
     let shown = angles == Angles::Knots && !largest;
-    cells.extend(published(&PUBLISHED_STATIC, axis, shown));
+    cells.extend(published(&TABLE_TWO, axis, shown));
     for mode in modes(report) {
         let find = |node: u8| {
             let mut rows = report.static_test.iter();
@@ -279,11 +249,7 @@ fn dynamic_row(report: &DemoReport, axis: Axis, arm: u32, figure: &DynamicFigure
         Cell::text(format!("{arm} cm")),
         Cell::text(figure.name),
     ];
-    cells.extend(published(
-        &PUBLISHED_DYNAMIC,
-        axis,
-        figure.published && arm == 0,
-    ));
+    cells.extend(published(&TABLE_THREE, axis, figure.published && arm == 0));
     for mode in modes(report) {
         let find = |node: u8| {
             let mut rows = report.dynamic.iter();

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use sim::bench::calibrate::CalibrationReport;
 use sim::bench::interpretation::{Fixture, Interpretation};
+use sim::bench::published::TABLE_TWO;
 use sim::bench::static_test::{differences, errors};
 use sim::bench::statistics::{Tally, median};
 use sim::bench::unit::{Plan, UnitResult, run_unit};
@@ -11,7 +12,7 @@ use sim::bench::week::Day;
 use sim::bench::{Bench, BenchError, Mode, World};
 use tilt::table::Rule;
 
-use crate::tables::{TABLE_TWO, points_of};
+use crate::tables::points_of;
 use crate::{SEED, shared};
 
 /// Units of each row.

@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 
 use sim::bench::calibrate::CalibrationReport;
+use sim::bench::published::{TABLE_THREE, TABLE_TWO};
 use sim::bench::statistics::Tally;
 use sim::bench::week::{Day, FAULT_DAY, HEALTHY_DEG};
 use sim::rig::Mount;
 
-use crate::tables::{TABLE_THREE, TABLE_TWO, node_differences, points_of, static_errors, swings};
+use crate::tables::{node_differences, points_of, static_errors, swings};
 use crate::week::Weeks;
 use crate::{Passage, summary, tally};
 

@@ -3,18 +3,13 @@
 use std::fmt::Write as _;
 
 use sim::bench::dynamic_test::DynamicResult;
+use sim::bench::published::{TABLE_THREE, TABLE_TWO};
 use sim::bench::static_test::{StaticPoint, differences, errors};
 use sim::bench::statistics::{Tally, median};
 use sim::bench::unit::UnitResult;
 use sim::rig::Mount;
 
 use crate::{Passage, summary};
-
-/// The paper's Table II: RMSE of node 1 and 2, mean difference.
-pub const TABLE_TWO: [(Mount, [f64; 3]); 2] = [
-    (Mount::X, [0.106, 0.111, 0.018]),
-    (Mount::Y, [0.107, 0.112, 0.015]),
-];
 
 pub fn points_of(unit: &UnitResult, mount: Mount, knots: bool) -> &[StaticPoint] {
     let run = unit
@@ -104,12 +99,6 @@ fn correlation(units: &[Passage]) -> f64 {
     }
     product / (squares[0] * squares[1]).sqrt()
 }
-
-/// The paper's Table III: RMSE of node 1 and 2, mean difference.
-pub const TABLE_THREE: [(Mount, [f64; 3]); 2] = [
-    (Mount::X, [0.091, 0.100, 0.2]),
-    (Mount::Y, [0.088, 0.085, 0.1]),
-];
 
 pub fn table_three(page: &mut String, compared: &[(&str, &[Passage])]) {
     page.push_str(

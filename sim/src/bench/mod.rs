@@ -13,6 +13,7 @@ pub mod characterise;
 pub mod dynamic_test;
 pub mod interpretation;
 pub mod person;
+pub mod published;
 pub mod scene;
 pub mod static_test;
 pub mod statistics;
