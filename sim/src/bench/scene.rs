@@ -6,8 +6,8 @@
 //! sends 50 SYNCs a second; the world obeys what node 1 shows ([`super::week`]). Late data are
 //! frames that node 2 hands to its controller late.
 //!
-//! Left out: the week. Two whole devices at 50 SYNCs a second take three to five times as long as
-//! the bench's instrument without a bus, and a week is 21 hours.
+//! Left out: the week. Its 21 hours take the bench's instrument without a bus, since two whole
+//! devices at 50 SYNCs a second would take several times as long.
 
 use canopen::Frame;
 use canopen::nmt::State;

@@ -221,15 +221,15 @@ fn data_told_to_be_late_were_a_physical_fault() {
 /// every 47 s for as long as they were late.
 #[test]
 fn a_late_channel_stopped_a_standing_machine_again_and_again() {
-    let own = |angle, t| (reading(angle), absent(Invalid::Late), t);
-    let peer = |angle, t| (absent(Invalid::Late), reading(angle), t);
+    let own = |angle| (reading(angle), absent(Invalid::Late));
+    let peer = |angle| (absent(Invalid::Late), reading(angle));
     for late in [own, peer] {
         let mut state = PaperState::default();
-        let mut judge = |angle: u32, t: f64| {
-            let (own, peer, t) = late(angle, t);
-            PaperCheck::PAPER.step(&mut state, own, peer, seconds(t))
+        let mut at = |angle: u32, t: f64| {
+            let (own, peer) = late(angle);
+            let verdict = PaperCheck::PAPER.step(&mut state, own, peer, seconds(t));
+            verdict.judgement()
         };
-        let mut at = |angle, t| judge(angle, t).judgement();
         // The first 15 s of a standstill may be those of an arm that rings out.
         assert_eq!(at(0, 0.0), Judgement::Warning);
         assert_eq!(at(0, 15.0), Judgement::Warning);
@@ -248,10 +248,8 @@ fn a_late_channel_stopped_a_standing_machine_again_and_again() {
             assert_eq!(at(x, t), Judgement::StopMotion);
         }
         let stands = |i: u32| 17_994_u32.wrapping_mul(THRESHOLD) + (i & 1);
-        let told = (0..).map(|i| (at(stands(i), 263.0 + 0.02 * f64::from(i)), i));
-        let told = told
-            .into_iter()
-            .find(|(found, _)| *found != Judgement::StopMotion);
+        let mut told = (0..).map(|i| (at(stands(i), 263.0 + 0.02 * f64::from(i)), i));
+        let told = told.find(|(found, _)| *found != Judgement::StopMotion);
         assert_eq!(told, Some((Judgement::DataDelay, 45 * 50 - 1)));
         // Work goes on, and the late data are of the place where it stands.
         for i in 0..5000 {
