@@ -44,6 +44,9 @@ fn main() {
     }
 }
 
+/// Where the bootloader tells of its verifier.
+const SEAL_SECTION: &str = "SECTIONS { .seal : { KEEP(*(.seal)) } > SEAL } INSERT AFTER .rodata;\n";
+
 /// Writes `memory.x` into a folder of its own and links `binary` with it.
 fn script(binary: &str, program: Program) {
     let out = env::var("OUT_DIR").expect("cargo names the folder for what is generated");
@@ -51,6 +54,10 @@ fn script(binary: &str, program: Program) {
     let text = RC.memory_x(program).expect("the part has both slots");
     // The last bytes of the RAM are no program's: `chip::trap` leaves there why one has ended.
     let text = format!("{text}_stack_start = ORIGIN(RAM) + LENGTH(RAM) - 32;\n");
+    let text = match program {
+        Program::Boot => text + SEAL_SECTION,
+        Program::Application(_) => text,
+    };
     fs::create_dir_all(&folder).expect("a folder for the linker script");
     fs::write(folder.join("memory.x"), text).expect("the linker script");
     println!("cargo::rustc-link-arg-bin={binary}=-L{}", folder.display());

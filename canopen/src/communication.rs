@@ -10,7 +10,7 @@
 use crate::emcy::Emergency;
 use crate::error_control::ErrorControl;
 use crate::nmt::{ErrorBehaviour, State};
-use crate::object::{Abort, Address, Dictionary, Value};
+use crate::object::{Abort, Address, Dictionary, Place, Value};
 use crate::pdo::Pdos;
 use crate::srdo::Safety;
 use crate::sync::Sync;
@@ -83,10 +83,18 @@ impl Communication {
         *state = State::Initialising;
     }
 
-    fn configuration(&mut self, at: Address) -> Option<&mut u32> {
-        match (at.index, at.sub) {
-            (0x1020, sub) => self.configuration.get_mut(usize::from(sub).wrapping_sub(1)),
-            (0x1F80, 0) => Some(&mut self.startup),
+    /// The number behind a row that is simply one.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn place(&mut self, at: Address) -> Option<Place<'_>> {
+        match at.index {
+            0x1005..=0x1007 | 0x1019 => Some(self.sync.place(at)),
+            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.place(at),
+            0x1020 => {
+                let part = usize::from(at.sub).wrapping_sub(1);
+                self.configuration.get_mut(part).map(Place::U32)
+            }
+            0x1029 => self.behaviour.place(at),
+            0x1F80 => Some(Place::U32(&mut self.startup)),
             _ => None,
         }
     }
@@ -95,12 +103,9 @@ impl Communication {
     pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.read(at),
-            0x1005..=0x1007 | 0x1019 => self.sync.read(at),
-            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.read(at),
-            0x1029 => self.behaviour.read(at),
             0x1300..=0x13FF => self.safety.read(at),
             0x1400..=0x1BFF => self.pdo.read(at),
-            _ => self.configuration(at).map(|v| Ok(Value::u32(*v))),
+            _ => self.place(at).map(|place| Ok(place.get())),
         }
     }
 
@@ -125,8 +130,7 @@ impl Communication {
             // No NMT master here, so bits of its are not taken (CiA 302-2).
             0x1F80 if value.unsigned() & !0b1100 != 0 => Some(Err(Abort::InvalidValue)),
             _ => {
-                let kept = self.configuration(at)?;
-                *kept = value.unsigned() as u32;
+                self.place(at)?.set(value);
                 Some(Ok(()))
             }
         }
@@ -136,18 +140,9 @@ impl Communication {
     pub fn load(&mut self, at: Address, value: Value) -> bool {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.load(at, value),
-            0x1005..=0x1007 | 0x1019 => self.sync.load(at, value),
-            0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.load(at, value),
-            0x1029 => self.behaviour.load(at, value),
             0x1300..=0x13FF => self.safety.load(at, value),
             0x1400..=0x1BFF => self.pdo.load(at, value),
-            _ => match self.configuration(at) {
-                Some(kept) => {
-                    *kept = value.unsigned() as u32;
-                    true
-                }
-                None => false,
-            },
+            _ => self.place(at).map(|mut place| place.set(value)).is_some(),
         }
     }
 }

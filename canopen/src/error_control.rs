@@ -9,7 +9,7 @@
 
 use crate::frame::{Frame, standard};
 use crate::nmt::State;
-use crate::object::{Abort, Address, Value};
+use crate::object::{Abort, Address, Place, Value};
 use crate::time::{Earliest, Instant};
 
 /// Nodes that can be supervised (1016h).
@@ -260,18 +260,18 @@ impl ErrorControl {
     }
 
     /// 100Ch, 100Dh, 1016h, 1017h.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn place(&mut self, at: Address) -> Option<Place<'_>> {
         Some(match at.index {
-            0x100C => Ok(Value::u16(self.guard_ms)),
-            0x100D => Ok(Value::u8(self.life_factor)),
-            0x1017 => Ok(Value::u16(self.producer_ms)),
-            _ => {
-                let slot = usize::from(at.sub).checked_sub(1);
-                let consumer = slot.and_then(|s| self.consumers.get(s));
-                let entry = consumer.map(|c| Value::u32(c.entry));
-                entry.ok_or(Abort::NoSuchSubIndex)
-            }
+            0x100C => Place::U16(&mut self.guard_ms),
+            0x100D => Place::U8(&mut self.life_factor),
+            0x1017 => Place::U16(&mut self.producer_ms),
+            _ => Place::U32(&mut self.consumer(at.sub)?.entry),
         })
+    }
+
+    /// The one that a sub-index of 1016h tells of.
+    fn consumer(&mut self, sub: u8) -> Option<&mut Consumer> {
+        self.consumers.get_mut(usize::from(sub).wrapping_sub(1))
     }
 
     /// A write by SDO; a new time counts from now.
@@ -283,7 +283,9 @@ impl ErrorControl {
         if let Some(abort) = refused {
             return Some(Err(abort));
         }
-        self.load(at, value);
+        if let Some(mut place) = self.place(at) {
+            place.set(value);
+        }
         if at.index == 0x1017 {
             self.heartbeat_at = self.next_heartbeat(now);
             self.asked = false;
@@ -292,6 +294,9 @@ impl ErrorControl {
             // Guarding with the new times begins at the master's next request.
             self.guarded_until = None;
             self.guarding_lost = false;
+        } else if let Some(consumer) = self.consumer(at.sub) {
+            consumer.deadline = None;
+            consumer.lost = false;
         }
         Some(Ok(()))
     }
@@ -312,26 +317,6 @@ impl ErrorControl {
                 .map(|(_, other)| other)
                 .any(|other| other.is_on() && other.node() == new.node());
         twice.then_some(Abort::ParameterIncompatible)
-    }
-
-    /// A default or stored value.
-    pub fn load(&mut self, at: Address, value: Value) -> bool {
-        let number = value.unsigned() as u32;
-        match at.index {
-            0x100C => self.guard_ms = number as u16,
-            0x100D => self.life_factor = number as u8,
-            0x1017 => self.producer_ms = number as u16,
-            _ => {
-                let slot = usize::from(at.sub).wrapping_sub(1);
-                if let Some(consumer) = self.consumers.get_mut(slot) {
-                    *consumer = Consumer {
-                        entry: number,
-                        ..Consumer::OFF
-                    };
-                }
-            }
-        }
-        true
     }
 }
 
@@ -460,8 +445,8 @@ mod tests {
         for (sub, node) in (1..).zip([0, 128, 255, 255]) {
             let entry = Value::u32(node << 16 | 300);
             assert_eq!(write(&mut control, 0x1016, sub, entry), Ok(()), "{node}");
-            let read = control.read(at(0x1016, sub));
-            assert_eq!(read, Some(Ok(entry)));
+            let read = control.place(at(0x1016, sub)).map(|place| place.get());
+            assert_eq!(read, Some(entry));
         }
         // Nobody is supervised by it, not even what looks like a heartbeat of node 0.
         for id in [0, 127] {

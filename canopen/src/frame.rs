@@ -32,6 +32,14 @@ pub(crate) const fn is_restricted(id: u32) -> bool {
 }
 
 impl Frame {
+    /// A data frame of no bytes with the identifier 0, in the place of one that is not there.
+    pub const EMPTY: Self = Self {
+        id: Id::Standard(StandardId::ZERO),
+        remote: false,
+        length: 0,
+        data: [0; 8],
+    };
+
     /// A data frame with an 11-bit identifier (upper bits cut) and at most 8 bytes (rest cut).
     ///
     /// For frames whose form is known where they are made; from outside use [`Frame::with`].
@@ -47,6 +55,20 @@ impl Frame {
             remote: false,
             length,
             data,
+        }
+    }
+
+    /// A data frame with any identifier and the lowest `length` bytes of a number, at most 8.
+    pub fn of_number(id: impl Into<Id>, number: u64, length: u8) -> Self {
+        let beyond = match length {
+            0..8 => u64::MAX << (8 * u32::from(length)),
+            _ => 0,
+        };
+        Self {
+            id: id.into(),
+            remote: false,
+            length: length.min(8),
+            data: (number & !beyond).to_le_bytes(),
         }
     }
 
@@ -143,6 +165,16 @@ mod tests {
     fn nine_bytes_are_no_frame() {
         assert_eq!(Frame::with(standard(1), &[0; 9]), None);
         assert_eq!(Frame::remote(standard(1), 9), None);
+    }
+
+    #[test]
+    fn a_number_is_cut_to_the_length() {
+        for length in 0..=9 {
+            let frame = Frame::of_number(standard(1), 0x8877_6655_4433_2211, length);
+            let bytes = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88];
+            let kept = usize::from(length.min(8));
+            assert_eq!(frame, Frame::data_frame(1, &bytes[..kept]));
+        }
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub struct Mapping {
     count: u8,
     /// All objects named take any value of their length: there is nothing to look up.
     unlimited: bool,
+    /// The bytes of all objects, where they are consecutive sub-indices of one index; otherwise 0.
+    adjacent: u8,
 }
 
 const fn address(entry: u32) -> Address {
@@ -76,6 +78,7 @@ impl Mapping {
             entries: [0; ENTRIES as usize],
             count: 0,
             unlimited: false,
+            adjacent: 0,
         }
     }
 
@@ -87,18 +90,39 @@ impl Mapping {
     /// Sets how many entries count, unchecked.
     pub const fn set_count(&mut self, count: u8) {
         self.count = count;
-        self.unlimited = false;
+        self.changed();
     }
 
-    /// Looks once whether any of the objects has limits, which [`Mapping::fits`] asks at every
-    /// frame.
-    pub fn look_for_limits(&mut self, dictionary: &Dictionary) {
+    const fn changed(&mut self) {
+        self.unlimited = false;
+        self.adjacent = 0;
+    }
+
+    /// Looks once for what every frame would ask anew: whether any of the objects has limits
+    /// ([`Mapping::fits`]), and whether they stand side by side.
+    pub fn look_ahead(&mut self, dictionary: &Dictionary) {
         let free = |entry| match dummy(entry) {
             Some(_) => true,
             None => (dictionary.entry(address(entry))).is_ok_and(|row| !dictionary.limits(&row)),
         };
         let unlimited = self.used().all(free);
         self.unlimited = unlimited;
+        let first = self.entry(0).unwrap_or(0) >> 8;
+        let in_a_row = (first..)
+            .zip(self.used())
+            .all(|(at, entry)| at == entry >> 8);
+        let is_real = dummy(self.entry(0).unwrap_or(0)).is_none();
+        self.adjacent = if in_a_row && is_real {
+            self.length() as u8
+        } else {
+            0
+        };
+    }
+
+    /// The first object and the bytes of all of them, where they stand side by side.
+    fn adjacent(&self) -> Option<(Address, usize)> {
+        let first = self.entry(0).filter(|_| self.adjacent != 0)?;
+        Some((address(first), self.adjacent.into()))
     }
 
     /// Entry number `n` from 0, 0 when it was never written; `None` from 8 on.
@@ -108,7 +132,7 @@ impl Mapping {
 
     /// Sets entry number `n` from 0, unchecked; false from 8 on.
     pub fn set_entry(&mut self, n: u8, entry: u32) -> bool {
-        self.unlimited = false;
+        self.changed();
         let slot = self.entries.get_mut(usize::from(n));
         slot.map(|slot| *slot = entry).is_some()
     }
@@ -162,6 +186,11 @@ impl Mapping {
     /// Errors: what an object answers that cannot be read now. A frame with a hole in it would
     /// pass for a measurement, so there is none.
     pub fn pack<O: Objects>(&self, objects: &mut O) -> Result<Value, Abort> {
+        if let Some((first, length)) = self.adjacent()
+            && let Some(values) = objects.read_adjacent(first, length)
+        {
+            return Ok(values);
+        }
         let mut number = 0;
         let mut shift = 0;
         for entry in self.used() {
@@ -190,7 +219,13 @@ impl Mapping {
     /// Errors: those of [`Mapping::fits`], nothing being written then; or what an object answers
     /// to its write, those behind it being left as they are.
     pub fn unpack<O: Objects>(&self, objects: &mut O, data: u64) -> Result<(), Abort> {
-        self.fits(&objects.dictionary(), data)?;
+        if !self.unlimited {
+            self.fits(&objects.dictionary(), data)?;
+        } else if let Some((first, length)) = self.adjacent()
+            && objects.write_adjacent(first, &Value::cut(data, length))
+        {
+            return Ok(());
+        }
         self.each(data, |at, value| objects.write(at, value))
     }
 
@@ -285,13 +320,13 @@ mod tests {
     fn limits_that_were_looked_for_count_until_the_list_changes() {
         let mut shelf = Shelf::new();
         let mut list = mapping(&[0x2050_0008, 0x0005_0008]);
-        list.look_for_limits(&shelf.dictionary());
+        list.look_ahead(&shelf.dictionary());
         assert!(list.unlimited);
         assert_eq!(list.unpack(&mut shelf, 0xFF), Ok(()));
         assert_eq!(shelf.get(0x2050, 0), 0xFF);
         list.set_entry(1, 0x2051_0008);
         assert_eq!(list.unpack(&mut shelf, 0x65_01), Err(Abort::ValueTooHigh));
-        list.look_for_limits(&shelf.dictionary());
+        list.look_ahead(&shelf.dictionary());
         assert_eq!(list.unpack(&mut shelf, 0x65_01), Err(Abort::ValueTooHigh));
         list.set_count(1);
         assert_eq!(list.unpack(&mut shelf, 0x01), Ok(()));

@@ -8,7 +8,7 @@
 //! Left out: the NMT master.
 
 use crate::frame::Frame;
-use crate::object::{Abort, Address, Value};
+use crate::object::{Abort, Address, Place, Value};
 
 /// States of a slave; the number is the one in its heartbeat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -125,10 +125,9 @@ impl ErrorBehaviour {
     }
 
     /// 1029h.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
-        let place = usize::from(at.sub).checked_sub(1);
-        let class = place.and_then(|p| self.classes.get(p));
-        Some(class.map(|c| Value::u8(*c)).ok_or(Abort::NoSuchSubIndex))
+    pub fn place(&mut self, at: Address) -> Option<Place<'_>> {
+        let class = self.classes.get_mut(usize::from(at.sub).wrapping_sub(1));
+        class.map(Place::U8)
     }
 
     /// 1029h: 0 pre-operational, 1 no change, 2 stopped.
@@ -136,15 +135,8 @@ impl ErrorBehaviour {
         if value.unsigned() > 2 {
             return Some(Err(Abort::InvalidValue));
         }
-        let taken = self.load(at, value);
-        Some(if taken { Ok(()) } else { Err(Abort::ReadOnly) })
-    }
-
-    /// A default or stored value.
-    pub fn load(&mut self, at: Address, value: Value) -> bool {
-        let place = usize::from(at.sub).wrapping_sub(1);
-        let class = self.classes.get_mut(place);
-        class.map(|c| *c = value.unsigned() as u8).is_some()
+        let place = self.place(at).map(|mut place| place.set(value));
+        Some(place.ok_or(Abort::ReadOnly))
     }
 }
 

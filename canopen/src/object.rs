@@ -8,9 +8,11 @@
 //! Left out: the rows themselves, and where values are kept.
 
 pub mod packed;
+mod place;
 
 pub use crate::sdo::abort::Abort;
 use packed::{Form, Kind, Row};
+pub use place::Place;
 
 /// Index and sub-index of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -367,6 +369,11 @@ impl Value {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&[])
     }
 
+    /// How many bytes the value has.
+    pub(crate) const fn length(&self) -> u8 {
+        self.length
+    }
+
     /// The value without sign.
     pub fn unsigned(&self) -> u64 {
         u64::from_le_bytes(self.bytes)
@@ -404,6 +411,20 @@ pub trait Objects {
 
     /// Takes a new value of an object of fixed size, whole or not at all.
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort>;
+
+    /// The values of consecutive sub-indices from `first` on, `length` bytes in all, as
+    /// [`Objects::read`] would give them one by one; `None` where only that will do.
+    ///
+    /// For PDOs whose objects stand side by side.
+    fn read_adjacent(&mut self, _first: Address, _length: usize) -> Option<Value> {
+        None
+    }
+
+    /// Takes the values of consecutive sub-indices from `first` on at once, as
+    /// [`Objects::write`] would one by one; false where only that will do, with nothing taken.
+    fn write_adjacent(&mut self, _first: Address, _values: &Value) -> bool {
+        false
+    }
 
     /// Opens a string or DOMAIN for reading; its length in bytes.
     fn open(&mut self, _at: Address) -> Result<u32, Abort> {

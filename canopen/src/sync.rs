@@ -8,7 +8,7 @@
 
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
-use crate::object::{Abort, Address, Value};
+use crate::object::{Abort, Address, Place, Value};
 use crate::time::Instant;
 
 /// Bit 30 of 1005h: this node produces.
@@ -143,13 +143,13 @@ impl Sync {
     }
 
     /// 1005h, 1006h, 1007h, 1019h.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
-        Some(Ok(match at.index {
-            0x1005 => Value::u32(self.cob_id),
-            0x1006 => Value::u32(self.period_us),
-            0x1007 => Value::u32(self.window_us),
-            _ => Value::u8(self.overflow),
-        }))
+    pub const fn place(&mut self, at: Address) -> Place<'_> {
+        match at.index {
+            0x1005 => Place::U32(&mut self.cob_id),
+            0x1006 => Place::U32(&mut self.period_us),
+            0x1007 => Place::U32(&mut self.window_us),
+            _ => Place::U8(&mut self.overflow),
+        }
     }
 
     /// A write by SDO.
@@ -170,7 +170,7 @@ impl Sync {
             return Some(Err(abort));
         }
         let before = self.producing();
-        self.load(at, value);
+        self.place(at).set(value);
         if self.producing() != before {
             self.start(now);
         }
@@ -183,18 +183,6 @@ impl Sync {
         let other_bits = number & !(PRODUCE | 0x7FF | 1 << 31) != 0;
         let wrong = other_bits || is_restricted(number & 0x7FF);
         (wrong || (produces && !keeps_id)).then_some(Abort::InvalidValue)
-    }
-
-    /// A default or stored value.
-    pub fn load(&mut self, at: Address, value: Value) -> bool {
-        let number = value.unsigned() as u32;
-        match at.index {
-            0x1005 => self.cob_id = number,
-            0x1006 => self.period_us = number,
-            0x1007 => self.window_us = number,
-            _ => self.overflow = number as u8,
-        }
-        true
     }
 }
 

@@ -151,11 +151,14 @@ impl Kept {
 
     fn head(&self, after: u8) -> [u8; HEAD] {
         let mut head = [0; HEAD];
-        let sizes = [VERSION, FRAME as u8, self.before, after];
-        let (period, entry) = (self.period_us.to_le_bytes(), self.entry.encode());
-        let from = sizes.iter().chain(&period).chain(&entry);
-        for (to, byte) in head.iter_mut().zip(from) {
-            *to = *byte;
+        // Whole arrays are copied by words.
+        if let Some((sizes, rest)) = head.split_first_chunk_mut()
+            && let Some((period, rest)) = rest.split_first_chunk_mut()
+            && let Some(entry) = rest.first_chunk_mut()
+        {
+            *sizes = [VERSION, FRAME as u8, self.before, after];
+            *period = self.period_us.to_le_bytes();
+            *entry = self.entry.encode();
         }
         head
     }
@@ -294,10 +297,11 @@ impl BlackBox {
         kept.after = 0;
         kept.saved = false;
         let oldest = usize::from(self.next.wrapping_sub(self.recorded)) % BEFORE;
-        let oldest_first = self.ring.iter().cycle().skip(oldest);
-        let wanted = oldest_first.take(usize::from(self.recorded));
-        for (to, frame) in kept.frames.iter_mut().zip(wanted) {
-            *to = *frame;
+        let wanted = kept.frames.iter_mut().take(usize::from(self.recorded));
+        for (to, place) in wanted.zip(oldest..) {
+            if let Some(frame) = self.ring.get(place % BEFORE) {
+                *to = *frame;
+            }
         }
         self.filling = number;
     }

@@ -218,7 +218,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             work: &mut self.work,
             log: &mut self.log,
             black_box: &mut self.black_box,
-            identity: self.identity,
+            identity: &self.identity,
             now,
         };
         (&mut self.bus, panel)
@@ -332,10 +332,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if let Some(id) = frame.cob_id() {
             self.matching.sending.gone(id);
         }
-        let (bus, mut panel) = self.split(now);
-        let obeyed = bus.sent(&mut panel, frame, bus_time(now));
-        // What else a PDO brings about was known when it was made.
-        if !obeyed && frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
+        if self.bus.told(frame) {
+            let (bus, mut panel) = self.split(now);
+            bus.sync_sent(&mut panel, frame, bus_time(now));
+        } else if frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
+            // What else a PDO brings about was known when it was made.
             return;
         }
         if self.values.news.sync {
@@ -411,7 +412,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let (bus, mut panel) = self.split(now);
         let bus = bus.poll(&mut panel, bus_time(now));
         let bus = bus.map_or(self.next_refresh, |at| Instant(at.0));
-        self.after(now);
+        self.exchanged(now);
+        self.report(now);
         self.next = bus.min(self.next_refresh);
         self.next_deadline()
     }

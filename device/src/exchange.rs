@@ -75,6 +75,28 @@ impl Exchange {
         (x & BELOW | (y & BELOW) << 4) as u8
     }
 
+    /// Takes the first PDO as it is on the bus: both angles with their qualities.
+    pub const fn take_angles(&mut self, bytes: &[u8; 8]) {
+        let [x0, x1, x2, y0, y1, y2, quality_x, quality_y] = *bytes;
+        // From the top byte, so that the sign of 24 bits is that of 32.
+        let x = i32::from_le_bytes([0, x0, x1, x2]) >> 8;
+        let y = i32::from_le_bytes([0, y0, y1, y2]) >> 8;
+        self.angle = [x, y];
+        self.quality = [quality_x, quality_y];
+    }
+
+    /// Takes the second PDO as it is on the bus: what is behind the angles.
+    pub const fn take_backing(&mut self, bytes: &[u8; 8]) {
+        let [a0, a1, b0, b1, c0, c1, captured, activity] = *bytes;
+        self.vector = [
+            i16::from_le_bytes([a0, a1]),
+            i16::from_le_bytes([b0, b1]),
+            i16::from_le_bytes([c0, c1]),
+        ];
+        self.captured = captured;
+        self.activity = activity;
+    }
+
     /// Both PDOs as they are on the bus, the first one first.
     pub const fn bytes(&self) -> [u8; 16] {
         let [x, y] = self.angle;
@@ -174,6 +196,9 @@ const OCTAVE: [u32; 16] = [
     20_064, 20_952, 21_880, 22_848,
 ];
 
+/// Octaves that a quality tells apart.
+const OCTAVES: u32 = 14;
+
 /// The last of [`OCTAVE`].
 const OCTAVE_TOP: u32 = 22_848;
 
@@ -191,29 +216,25 @@ fn uncertainty(quality: u8) -> Uncertainty {
 
 /// The lowest quality whose uncertainty is not below `uncertainty`.
 fn quality(uncertainty: Uncertainty) -> u8 {
-    let mut code = FIRST_ANGLE;
-    for octave in 0..14 {
-        // Whole octaves are left behind at once, which makes 30 steps of 224.
-        if OCTAVE_TOP << octave < uncertainty.0 {
-            code = code.saturating_add(16);
-            continue;
-        }
-        for step in OCTAVE {
-            if step << octave >= uncertainty.0 {
-                return code;
-            }
-            code = code.saturating_add(1);
-        }
+    // The octave whose top has as many bits, or the next one.
+    let bits = u32::BITS - uncertainty.0.leading_zeros();
+    let even = bits.saturating_sub(u32::BITS - OCTAVE_TOP.leading_zeros());
+    let octave = even + u32::from(OCTAVE_TOP << even.min(OCTAVES) < uncertainty.0);
+    if octave >= OCTAVES {
+        return u8::MAX;
     }
-    u8::MAX
+    let below = OCTAVE.partition_point(|step| step << octave < uncertainty.0);
+    FIRST_ANGLE
+        .saturating_add(16 * octave as u8)
+        .saturating_add(below as u8)
 }
 
 /// One axis: angle, with what goes below it, and quality.
-fn encode_axis(axis: Result<Measurement, Invalid>, below: u8) -> (i32, u8) {
+fn encode_axis(axis: &Result<Measurement, Invalid>, below: u8) -> (i32, u8) {
     let (angle, quality) = match axis {
         // Half a step is added before the cut; half a turn wraps, as angles do.
         Ok(m) => (m.angle.0.wrapping_add(1 << 11) >> 8, quality(m.unshared)),
-        Err(reason) => (0, reason_code(reason)),
+        Err(reason) => (0, reason_code(*reason)),
     };
     (angle & !BELOW | i32::from(below) & BELOW, quality)
 }
@@ -228,8 +249,8 @@ fn coarse(accel: i32) -> i16 {
 /// shown.
 pub fn encode(observation: &Observation, shown: Presentation, at: Instant) -> Exchange {
     let piece = shown.piece(low_steps(at));
-    let (x, quality_x) = encode_axis(observation.reading.x, piece);
-    let (y, quality_y) = encode_axis(observation.reading.y, piece >> 4);
+    let (x, quality_x) = encode_axis(&observation.reading.x, piece);
+    let (y, quality_y) = encode_axis(&observation.reading.y, piece >> 4);
     Exchange {
         angle: [x, y],
         quality: [quality_x, quality_y],

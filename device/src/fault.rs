@@ -237,7 +237,7 @@ impl Faults {
 
     /// Members, by number.
     pub fn iter(self) -> impl Iterator<Item = Fault> {
-        Fault::ALL.into_iter().filter(move |f| self.has(*f))
+        Fault::ALL.iter().copied().filter(move |f| self.has(*f))
     }
 
     /// The error register that this set asks for, without the generic bit.
@@ -252,8 +252,10 @@ impl Faults {
 
     /// Sets what a reading says of its sensor. Transient reasons accuse nobody.
     pub fn of_reading(&mut self, reading: &Reading) {
-        for reason in [reading.x.err(), reading.y.err()].into_iter().flatten() {
-            self.of_reason(reason);
+        for axis in [&reading.x, &reading.y] {
+            if let Err(reason) = axis {
+                self.of_reason(*reason);
+            }
         }
     }
 

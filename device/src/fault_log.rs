@@ -137,11 +137,17 @@ impl Entry {
 
 /// Copies from byte `offset` of head and body in a row; how many bytes, fewer only at the end.
 pub(crate) fn copy(head: &[u8], body: &[u8], offset: u32, into: &mut [u8]) -> usize {
-    let from = head.iter().chain(body).skip(offset as usize);
-    from.zip(into).fold(0, |count, (byte, to)| {
+    let mut count = 0;
+    for to in into {
+        let at = (offset as usize).wrapping_add(count);
+        let behind = at.wrapping_sub(head.len());
+        let Some(byte) = head.get(at).or_else(|| body.get(behind)) else {
+            break;
+        };
         *to = *byte;
-        count + 1
-    })
+        count += 1;
+    }
+    count
 }
 
 /// An entry and the last time it came.
@@ -151,13 +157,6 @@ struct Kept {
     last_ms: u32,
     /// Made before the last reset, when times were others.
     before_reset: bool,
-}
-
-/// The places of the ring from the one before `next` backwards, whether they count or not.
-fn newest_first(kept: &[Kept; ENTRIES], next: u8) -> impl Iterator<Item = &Entry> {
-    let skipped = ENTRIES.saturating_sub(usize::from(next));
-    let places = kept.iter().rev().cycle().skip(skipped);
-    places.map(|kept| &kept.entry)
 }
 
 /// The log: its state. What is large comes last, as in `Device`.
@@ -240,7 +239,13 @@ impl FaultLog {
 
     /// The entries, newest first.
     pub fn iter(&self) -> impl Iterator<Item = &Entry> {
-        newest_first(&self.kept, self.next).take(usize::from(self.count))
+        (0..usize::from(self.count)).filter_map(|back| self.newest(back))
+    }
+
+    /// The entry that was made so many before the newest one.
+    fn newest(&self, back: usize) -> Option<&Entry> {
+        let place = (usize::from(self.next) + 2 * ENTRIES - 1 - back) % ENTRIES;
+        self.kept.get(place).map(|kept| &kept.entry)
     }
 
     /// Length in bytes of what [`FaultLog::open`] would copy, 4 to 324.
@@ -250,12 +255,11 @@ impl FaultLog {
 
     /// Copies the log for [`FaultLog::read_at`]; its length in bytes.
     pub fn open(&mut self) -> u32 {
-        for (to, entry) in self
-            .body
-            .iter_mut()
-            .zip(newest_first(&self.kept, self.next))
-        {
-            *to = entry.encode();
+        for place in 0..usize::from(self.count) {
+            let entry = self.newest(place).map(Entry::encode);
+            if let (Some(to), Some(entry)) = (self.body.get_mut(place), entry) {
+                *to = entry;
+            }
         }
         self.head = [VERSION, ENTRY as u8, self.count, self.total];
         self.length()
@@ -270,8 +274,9 @@ impl FaultLog {
 
     /// The oldest entry that is not in the memory yet.
     pub fn next_unsaved(&self) -> Option<Entry> {
-        let place = usize::from(self.unsaved.checked_sub(1)?);
-        self.iter().nth(place).copied()
+        let place = self.unsaved.checked_sub(1)?;
+        let entry = self.newest(usize::from(place)).copied();
+        entry.filter(|_| place < self.count)
     }
 
     /// That entry is in the memory now, or never will be.

@@ -22,9 +22,10 @@ use crate::objects::panel::Memory;
 /// Mailboxes of the controller (RM0008 24.3.3).
 pub const MAILBOXES: usize = 3;
 
-/// Frames here: those in the mailboxes, and one each of what does not grow old of a node: SYNC,
-/// EMCY, SDO, error control, LSS. Process data that were taken out leave their places within 30 ms.
-const PLACES: usize = MAILBOXES + 5;
+/// Frames that were taken out of a mailbox and wait to go in again: one each of what does not grow
+/// old of a node, SYNC, EMCY, SDO, error control, LSS. Process data that were taken out leave their
+/// places within 30 ms.
+const WAITING: usize = 5;
 
 /// What became of a frame that was to be taken back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,24 +57,13 @@ enum Fate {
     Withdrawn,
 }
 
-/// A frame that the device has handed over.
-#[derive(Clone, Copy, Debug)]
-struct Held {
-    /// Its identifier; what a device sends has 11 bits.
-    id: u16,
-    /// The mailbox that it is in; `None` when it was taken out to make room.
-    mailbox: Option<u8>,
-    fate: Fate,
-    frame: Frame,
-}
-
 /// Whether there is a mailbox for a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Room {
     /// This one is empty.
     Free(u8),
-    /// The frame of this identifier has to make room.
-    Behind(u16),
+    /// The frame in this one has to make room.
+    Behind(u8),
     /// Not now.
     None,
 }
@@ -84,7 +74,14 @@ const NOTHING: u16 = u16::MAX;
 /// What is in the mailboxes, and what was taken out of them: of an identifier one frame only.
 #[derive(Clone, Debug)]
 pub struct Mailboxes {
-    held: [Option<Held>; PLACES],
+    /// The identifier in each mailbox, or [`NOTHING`]; what a device sends has 11 bits.
+    ids: [u16; MAILBOXES],
+    /// What is to become of the frame in each.
+    fates: [Fate; MAILBOXES],
+    /// The frame in each.
+    frames: [Frame; MAILBOXES],
+    /// Taken out to make room.
+    out: [Option<(u16, Frame)>; WAITING],
     full: bool,
 }
 
@@ -98,7 +95,10 @@ impl Mailboxes {
     /// Empty.
     pub const fn new() -> Self {
         Self {
-            held: [None; PLACES],
+            ids: [NOTHING; MAILBOXES],
+            fates: [Fate::Stays; MAILBOXES],
+            frames: [Frame::EMPTY; MAILBOXES],
+            out: [None; WAITING],
             full: false,
         }
     }
@@ -118,7 +118,7 @@ impl Mailboxes {
         now: Instant,
     ) {
         while let Some(id) = device.withdraw() {
-            self.take_back(id, Fate::Withdrawn, device, can, now);
+            self.withdraw(id, device, can, now);
         }
         self.full = silent;
         while !self.full && self.fill_one(device, can, now) {}
@@ -134,161 +134,143 @@ impl Mailboxes {
         let waiting = device.waiting(now);
         let new = waiting.map_or(NOTHING, |waiting| waiting.cob_id);
         let out = self.first_out();
-        if new == NOTHING && out == NOTHING {
+        let first = new.min(out);
+        if first == NOTHING {
             return false;
         }
-        match self.room(new.min(out)) {
+        match self.room(first) {
             Room::None => self.full = true,
-            Room::Behind(id) => self.take_back(id, Fate::MakesRoom, device, can, now),
+            Room::Behind(mailbox) => self.take_back(mailbox, Fate::MakesRoom, device, can, now),
             Room::Free(mailbox) => {
                 // One that was taken out goes before a new one of its identifier.
-                if let Some(waiting) = waiting.filter(|_| new < out) {
-                    let frame = device.hand_over(waiting, now);
-                    return frame.is_some_and(|frame| self.post(mailbox, frame, can));
-                }
-                self.put(out, mailbox, can);
+                let frame = match waiting.filter(|_| new < out) {
+                    Some(waiting) => device.hand_over(waiting, now),
+                    None => self.take_out(),
+                };
+                return frame.is_some_and(|frame| self.post(mailbox, first, frame, can));
             }
         }
         true
     }
 
-    /// Puts a frame that is held into a mailbox that is free.
-    fn put(&mut self, id: u16, mailbox: u8, can: &mut impl Transmitter) {
-        if let Some(held) = self.of(id) {
-            held.mailbox = Some(mailbox);
-            can.post(mailbox, &held.frame);
-        }
-    }
-
     /// The lowest identifier among the frames that were taken out.
     fn first_out(&self) -> u16 {
-        let out = self
-            .held
-            .iter()
-            .flatten()
-            .filter(|held| held.mailbox.is_none());
-        out.fold(NOTHING, |first, held| first.min(held.id))
-    }
-
-    fn of(&mut self, id: u16) -> Option<&mut Held> {
-        self.held.iter_mut().flatten().find(|held| held.id == id)
+        let out = self.out.iter().flatten();
+        out.fold(NOTHING, |first, (id, _)| first.min(*id))
     }
 
     /// Whether a frame of this identifier may go into a mailbox.
     fn room(&self, id: u16) -> Room {
-        let (mut used, mut count, mut spare) = (0u8, 0, false);
-        let (mut first, mut last) = (NOTHING, 0);
-        let (mut twin, mut leaving) = (false, false);
-        for held in &self.held {
-            let Some(held) = held else {
-                spare = true;
+        let (mut free, mut used) = (None, 0);
+        let (mut first, mut last) = (NOTHING, (0, 0));
+        for (mailbox, held) in (0..).zip(self.ids) {
+            if held == NOTHING {
+                free = free.or(Some(mailbox));
                 continue;
-            };
-            let Some(mailbox) = held.mailbox else {
-                continue;
-            };
-            used |= 1 << mailbox;
-            count += 1;
-            first = first.min(held.id);
-            last = last.max(held.id);
-            twin |= held.id == id;
-            leaving |= held.fate != Fate::Stays;
+            }
+            used += 1;
+            first = first.min(held);
+            last = last.max((held, mailbox));
         }
         let outranks = id < first;
-        let free = (0..MAILBOXES as u8).find(|mailbox| used >> mailbox & 1 == 0);
         match free {
-            Some(mailbox) if outranks || count + 1 < MAILBOXES && !twin => Room::Free(mailbox),
-            // One that is about to leave makes room without being asked.
-            None if outranks && spare && !leaving => Room::Behind(last),
+            Some(mailbox) if outranks || used + 1 < MAILBOXES && !self.ids.contains(&id) => {
+                Room::Free(mailbox)
+            }
+            None if outranks && self.may_make_room() => Room::Behind(last.1),
             _ => Room::None,
         }
     }
 
-    /// Into a mailbox that is free; true when that could be done.
-    fn post(&mut self, mailbox: u8, frame: Frame, can: &mut impl Transmitter) -> bool {
-        let place = self.held.iter_mut().find(|place| place.is_none());
-        let (Some(id), Some(place)) = (frame.cob_id(), place) else {
+    /// One that is about to leave makes room without being asked; and what is taken out needs a
+    /// place.
+    fn may_make_room(&self) -> bool {
+        let stays = |fate: &Fate| *fate == Fate::Stays;
+        self.fates.iter().all(stays) && self.out.iter().any(Option::is_none)
+    }
+
+    /// Into a mailbox that is free; true, as it is then posted.
+    fn post(&mut self, mailbox: u8, id: u16, frame: Frame, can: &mut impl Transmitter) -> bool {
+        let n = usize::from(mailbox);
+        let places = (self.ids.get_mut(n), self.frames.get_mut(n));
+        let (Some(place), Some(kept)) = places else {
             return false;
         };
-        *place = Some(Held {
-            id,
-            mailbox: None,
-            fate: Fate::Stays,
-            frame,
-        });
-        self.put(id, mailbox, can);
+        can.post(mailbox, &frame);
+        *place = id;
+        *kept = frame;
         true
+    }
+
+    /// Empties a mailbox: what was in it, and what was to become of that; `None` when it is empty.
+    fn empty(&mut self, mailbox: u8) -> Option<(u16, Fate, &Frame)> {
+        let n = usize::from(mailbox);
+        let id = core::mem::replace(self.ids.get_mut(n)?, NOTHING);
+        let fate = core::mem::replace(self.fates.get_mut(n)?, Fate::Stays);
+        (id != NOTHING).then_some((id, fate, self.frames.get(n)?))
     }
 
     /// Posts a frame if there is a mailbox for it; what is there stays.
     pub fn offer(&mut self, frame: &Frame, can: &mut impl Transmitter) -> bool {
-        match frame.cob_id().map(|id| self.room(id)) {
-            Some(Room::Free(mailbox)) => self.post(mailbox, *frame, can),
+        let Some(id) = frame.cob_id() else {
+            return false;
+        };
+        match self.room(id) {
+            Room::Free(mailbox) => self.post(mailbox, id, *frame, can),
             _ => false,
         }
     }
 
     /// A frame that was taken out to make room, no longer kept here; the lowest identifier first.
     pub fn take_out(&mut self) -> Option<Frame> {
-        let first = self.first_out();
-        let is_first = |place: &&mut Option<Held>| place.is_some_and(|held| held.id == first);
-        let held = self.held.iter_mut().find(is_first)?.take()?;
-        Some(held.frame)
+        self.forget_out(self.first_out())
+    }
+
+    /// The frame of this identifier that was taken out, no longer kept here.
+    fn forget_out(&mut self, id: u16) -> Option<Frame> {
+        let is_it = |place: &&mut Option<(u16, Frame)>| place.is_some_and(|(of, _)| of == id);
+        let place = self.out.iter_mut().find(is_it)?;
+        place.take().map(|(_, frame)| frame)
+    }
+
+    /// The device takes back what is here of this identifier.
+    fn withdraw<SPI: SpiDevice, M: Memory>(
+        &mut self,
+        id: u16,
+        device: &mut Device<SPI, M>,
+        can: &mut impl Transmitter,
+        now: Instant,
+    ) {
+        if self.forget_out(id).is_some() {
+            return device.withdrawn(id, now);
+        }
+        if let Some(mailbox) = self.ids.iter().position(|held| *held == id) {
+            self.take_back(mailbox as u8, Fate::Withdrawn, device, can, now);
+        }
     }
 
     /// Takes a frame out of its mailbox, unless it is on the wire.
     fn take_back<SPI: SpiDevice, M: Memory>(
         &mut self,
-        id: u16,
+        mailbox: u8,
         fate: Fate,
         device: &mut Device<SPI, M>,
         can: &mut impl Transmitter,
         now: Instant,
     ) {
-        let Some(held) = self.of(id) else {
+        let Some(held) = self.fates.get_mut(usize::from(mailbox)) else {
             return;
         };
-        let before = core::mem::replace(&mut held.fate, fate);
-        let is_out = match held.mailbox {
-            None => true,
-            // It is asked for once; then it is for the controller to tell.
-            Some(mailbox) => before == Fate::Stays && can.abort(mailbox) == Abort::Done,
-        };
-        if is_out {
-            self.leave(id, device, now);
-        }
-    }
-
-    /// A frame is out of its mailbox and has not gone out.
-    fn leave<SPI: SpiDevice, M: Memory>(
-        &mut self,
-        id: u16,
-        device: &mut Device<SPI, M>,
-        now: Instant,
-    ) {
-        for place in &mut self.held {
-            let Some(held) = place.as_mut().filter(|held| held.id == id) else {
-                continue;
-            };
-            match held.fate {
-                Fate::MakesRoom => (held.mailbox, held.fate) = (None, Fate::Stays),
-                Fate::Stays => *place = None,
-                Fate::Withdrawn => {
-                    *place = None;
-                    device.withdrawn(id, now);
-                }
-            }
-            return;
+        let before = core::mem::replace(held, fate);
+        // It is asked for once; then it is for the controller to tell.
+        if before == Fate::Stays && can.abort(mailbox) == Abort::Done {
+            self.given_up(mailbox, device, now);
         }
     }
 
     /// The frame in a mailbox has gone out: it, to be told to the device.
-    // Within its caller it is more code.
-    #[inline(never)]
-    pub fn sent(&mut self, mailbox: u8) -> Option<Frame> {
-        let is_in = |place: &&mut Option<Held>| place.is_some_and(|h| h.mailbox == Some(mailbox));
-        let held = self.held.iter_mut().find(is_in)?.take()?;
-        Some(held.frame)
+    pub fn sent(&mut self, mailbox: u8) -> Option<&Frame> {
+        self.empty(mailbox).map(|(_, _, frame)| frame)
     }
 
     /// The frame in a mailbox is out of it and has not gone out.
@@ -298,16 +280,26 @@ impl Mailboxes {
         device: &mut Device<SPI, M>,
         now: Instant,
     ) {
-        let mut held = self.held.iter().flatten();
-        if let Some(held) = held.find(|held| held.mailbox == Some(mailbox)) {
-            self.leave(held.id, device, now);
+        let Some((id, fate, frame)) = self.empty(mailbox) else {
+            return;
+        };
+        match fate {
+            Fate::MakesRoom => {
+                // There was a place when it was asked to make room, and nothing has taken it since.
+                let held = Some((id, *frame));
+                if let Some(place) = self.out.iter_mut().find(|place| place.is_none()) {
+                    *place = held;
+                }
+            }
+            Fate::Stays => {}
+            Fate::Withdrawn => device.withdrawn(id, now),
         }
     }
 
     /// True while a mailbox has a frame that was to be taken back and was on the wire.
     pub fn is_leaving(&self, mailbox: u8) -> bool {
-        let mut held = self.held.iter().flatten();
-        held.any(|held| held.mailbox == Some(mailbox) && held.fate != Fate::Stays)
+        let fate = self.fates.get(usize::from(mailbox));
+        fate.is_some_and(|fate| *fate != Fate::Stays)
     }
 
     /// Bus-off: throws everything away. The device is told by [`Device::bus_state`].
@@ -336,8 +328,8 @@ mod tests {
     fn holding(ids: [Option<u16>; MAILBOXES]) -> Mailboxes {
         let mut mailboxes = Mailboxes::new();
         for (mailbox, id) in (0..).zip(ids) {
-            let frame = id.map(|id| Frame::data_frame(id, &[]));
-            frame.map(|frame| mailboxes.post(mailbox, frame, &mut Nothing));
+            let post = |id| mailboxes.post(mailbox, id, Frame::data_frame(id, &[]), &mut Nothing);
+            assert!(id.is_none_or(post));
         }
         mailboxes
     }
@@ -361,10 +353,8 @@ mod tests {
         for id in [0x701, 0x582, 0x182, 0x181] {
             assert_eq!(three.room(id), Room::None, "{id:X}");
         }
-        assert_eq!(three.room(0x80), Room::Behind(0x701));
-        if let Some(held) = three.of(0x581) {
-            held.fate = Fate::Withdrawn;
-        }
+        assert_eq!(three.room(0x80), Room::Behind(1));
+        three.fates[2] = Fate::Withdrawn;
         assert!(three.is_leaving(2) && !three.is_leaving(1));
         assert_eq!(three.room(0x80), Room::None);
     }
@@ -372,15 +362,12 @@ mod tests {
     #[test]
     fn no_frame_is_taken_out_that_there_is_no_place_for() {
         let mut three = holding([Some(0x181), Some(0x701), Some(0x581)]);
-        for id in 0x7E0..0x7E5 {
-            assert_eq!(three.room(0x80), Room::Behind(0x701));
-            assert!(three.post(0, Frame::data_frame(id, &[]), &mut Nothing));
-            if let Some(held) = three.of(id) {
-                held.mailbox = None;
-            }
+        for (place, id) in (0x7E0..0x7E5).enumerate() {
+            assert_eq!(three.room(0x80), Room::Behind(1));
+            three.out[place] = Some((id, Frame::data_frame(id, &[])));
         }
         assert_eq!(three.room(0x80), Room::None);
         assert_eq!(three.take_out(), Some(Frame::data_frame(0x7E0, &[])));
-        assert_eq!(three.room(0x80), Room::Behind(0x701));
+        assert_eq!(three.room(0x80), Room::Behind(1));
     }
 }

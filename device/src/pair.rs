@@ -172,15 +172,15 @@ impl Pair {
     /// Judges at `now` what both channels observed at the SYNC of `at`.
     pub fn judge(
         &mut self,
-        own: Observation,
-        peer: Observation,
+        own: &Observation,
+        peer: &Observation,
         (at, now): (Instant, Instant),
         policy: Policy,
     ) {
         if let CrossCheck::Product(check, _) = &mut self.check {
             check.latch = policy.latch();
         }
-        let verdict = self.check.step(own, peer, at);
+        let verdict = self.check.judge(own, peer, at);
         let delta = verdict.delta();
         let compared = delta.x.is_some() || delta.y.is_some();
         // A miss that is not held against anybody yet proves nothing: the pair before it counts

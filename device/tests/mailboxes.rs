@@ -167,7 +167,7 @@ impl Bench {
         let once = std::mem::take(&mut self.can.once);
         let device = &mut self.site.device;
         if sent {
-            let frame = self.mailboxes.sent(place).unwrap();
+            let frame = *self.mailboxes.sent(place).unwrap();
             assert_eq!(self.can.places[usize::from(place)].take(), Some(frame));
             self.can.outstanding.remove(&id(&frame));
             device.sent(&frame, self.now);

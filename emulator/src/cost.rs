@@ -9,6 +9,7 @@
 //!
 //! Left out: cycles.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -22,12 +23,15 @@ use sim::network::instrument::Delivered;
 use crate::board::FlashError;
 use crate::build::{BuildError, FLOAT, Product};
 use crate::cpu::Cpu;
+use crate::image::readable;
 use crate::pair::{Pair, SdoError};
 use crate::stopwatch::Stopwatch;
 
 mod page;
+mod shares;
 
 pub use page::differences;
+pub use shares::Share;
 
 /// Requests that are counted.
 const REQUESTS: u32 = 1000;
@@ -39,6 +43,8 @@ const SPAN_S: f64 = 10.0;
 const PAINT: u32 = 0xCCCC_CCCC;
 /// What 1F57h says of a wrong signature.
 const REFUSED: u32 = 7 << 1 | 5 << 16;
+/// What the symbol of the wait for SPI has in it.
+const WAIT: [&str; 2] = ["3spi", "4wait"];
 /// Polls of 1F57h before a check counts as one without end, ten a second.
 const POLLS: u32 = 50;
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
@@ -124,6 +130,8 @@ pub struct Figures {
     pub speed: f64,
     /// The chain alone.
     pub chain: Chain,
+    /// Of a sample and of a SYNC, in which functions they are.
+    pub shares: [Share; 2],
 }
 
 /// What the signal chain takes alone, by integers and by floating point in software.
@@ -210,6 +218,8 @@ struct Span {
     /// Samples of its sensor.
     samples: u64,
     interrupts: Vec<Interrupt>,
+    /// Instructions by function, without the wait for SPI and the background's functions.
+    functions: BTreeMap<String, u64>,
 }
 
 impl Span {
@@ -246,16 +256,8 @@ impl Figures {
     ///
     /// Errors: see [`CostError`].
     pub fn count(product: &Product) -> Result<Self, CostError> {
-        let world = &World::NOMINAL;
-        let delivered = Delivered::calibrated(Mode::Product, world, 1, 0);
-        let delivered = delivered.map_err(CostError::Bench)?;
-        let pair = Pair::delivered(&delivered, 1, &product.pieces());
-        let mut pair = pair.map_err(CostError::Flash)?;
-        pair.run(2.0);
-        let still = span(&mut pair, product, |pair| {
-            pair.run(SPAN_S);
-            Ok(())
-        })?;
+        let mut pair = delivered(product)?;
+        let still = still(&mut pair, product)?;
         let asked = span(&mut pair, product, |pair| {
             for _ in 0..REQUESTS {
                 pair.read(1, 0x1000, 0)?;
@@ -287,11 +289,42 @@ impl Figures {
             app: product.app.flash(),
             statics: product.app.statics,
             stack: stack(&mut pair, product)?,
-            interrupts: synced.interrupts,
+            interrupts: synced.interrupts.clone(),
             chain: Chain::count()?,
             speed,
+            shares: shares::shares(&still, &synced, SYNCS),
         })
     }
+}
+
+/// Instructions of a sample and of a SYNC, function by function, without what else is counted.
+///
+/// Errors: see [`CostError`].
+pub fn each_by_function(product: &Product) -> Result<[Share; 2], CostError> {
+    let mut pair = delivered(product)?;
+    let still = still(&mut pair, product)?;
+    command(&mut pair, 0x01)?;
+    synced(&mut pair, 10)?;
+    let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
+    Ok(shares::shares(&still, &synced, SYNCS))
+}
+
+/// A calibrated pair that has started.
+fn delivered(product: &Product) -> Result<Pair, CostError> {
+    let delivered = Delivered::calibrated(Mode::Product, &World::NOMINAL, 1, 0);
+    let delivered = delivered.map_err(CostError::Bench)?;
+    let pair = Pair::delivered(&delivered, 1, &product.pieces());
+    let mut pair = pair.map_err(CostError::Flash)?;
+    pair.run(2.0);
+    Ok(pair)
+}
+
+/// Nothing but samples.
+fn still(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
+    span(pair, product, |pair| {
+        pair.run(SPAN_S);
+        Ok(())
+    })
 }
 
 /// The host tells all nodes where to go (CiA 301 7.2.8.3.1).
@@ -364,12 +397,19 @@ fn span(
     let samples = pair.board(0).samples() - samples;
     let machine = pair.board(0).machine();
     let by_symbol = product.app.by_symbol(machine.chip().code.profile());
-    let waits = |name: &str| name.contains("3spi") && name.contains("4wait");
+    let waits = |name: &str| WAIT.iter().all(|word| name.contains(word));
     let waiting = by_symbol.iter().filter(|(name, _)| waits(name));
     let waiting = waiting.map(|(_, count)| count).sum();
-    if product.app.symbols_with(&["3spi", "4wait"]).is_empty() {
+    if product.app.symbols_with(&WAIT).is_empty() {
         // The compiler has put it into its caller, and a sample would seem to cost more.
         return Err(CostError::NoSymbol("spi::wait"));
+    }
+    let mut functions = BTreeMap::new();
+    for (name, count) in by_symbol.iter().filter(|(name, _)| !waits(name)) {
+        let name = readable(name);
+        if !shares::is_background(&name) {
+            *functions.entry(name).or_default() += count;
+        }
     }
     let costs = machine.costs();
     let handlers = costs.values().map(|cost| cost.instructions).sum();
@@ -379,6 +419,7 @@ fn span(
         waiting,
         all,
         background: all.saturating_sub(handlers) as f64,
+        functions,
         seconds,
         samples,
         interrupts: (costs.iter())

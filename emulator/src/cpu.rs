@@ -120,22 +120,42 @@ pub trait Cpu {
     /// alias is the same memory.
     fn put_flash_right(&mut self) {
         while let Some((offset, bytes)) = self.chip_mut().take_changed_flash() {
-            for (bytes, at) in bytes.chunks(PIECE).zip((offset..).step_by(PIECE)) {
-                self.put_right(BASE.wrapping_add(at), bytes);
-            }
+            self.put_right(BASE.wrapping_add(offset), &bytes);
         }
     }
 
     /// Writes what differs only: a core that has translated code throws it away where it is
-    /// written, and after a reset nearly all of it still is what it was.
+    /// written, and after a reset nearly all of it still is what it was. Pieces side by side are
+    /// written at once, since each write takes the core a quarter of a million instructions.
     fn put_right(&mut self, address: u32, bytes: &[u8]) {
+        let mut differing = 0..0;
+        for (piece, at) in bytes.chunks(PIECE).zip((0..).step_by(PIECE)) {
+            if self.holds(address.wrapping_add(at as u32), piece) {
+                continue;
+            }
+            if differing.end != at {
+                self.put_range(address, bytes, differing);
+                differing = at..at;
+            }
+            differing.end = at + piece.len();
+        }
+        self.put_range(address, bytes, differing);
+    }
+
+    /// Whether the memory at `address` is these bytes, at most [`PIECE`] of them.
+    fn holds(&self, address: u32, bytes: &[u8]) -> bool {
         let mut held = [0; PIECE];
-        let Some(held) = held.get_mut(..bytes.len()) else {
-            return;
-        };
-        // The flash is mapped whole, so neither can fail.
-        if self.read(address, held).is_ok() && *held != *bytes {
-            let _ = self.write(address, bytes);
+        let held = held.get_mut(..bytes.len());
+        // The flash is mapped whole, so reading it cannot fail.
+        held.is_some_and(|held| self.read(address, held).is_ok() && *held == *bytes)
+    }
+
+    /// Writes this range of `bytes`, which begin at `address`.
+    fn put_range(&mut self, address: u32, bytes: &[u8], range: std::ops::Range<usize>) {
+        let at = address.wrapping_add(range.start as u32);
+        if let Some(bytes) = bytes.get(range).filter(|bytes| !bytes.is_empty()) {
+            // The flash is mapped whole, so writing it cannot fail.
+            let _ = self.write(at, bytes);
         }
     }
 }

@@ -35,6 +35,11 @@ impl fmt::Display for ImageError {
 
 impl std::error::Error for ImageError {}
 
+/// The name of a symbol as people read it, without the compiler's hash.
+pub fn readable(symbol: &str) -> String {
+    format!("{:#}", rustc_demangle::demangle(symbol))
+}
+
 /// A program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {

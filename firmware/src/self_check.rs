@@ -16,6 +16,7 @@ use flash::layout::{Region, Slot};
 use tilt::sample::Instant;
 
 use crate::chip::nor::Reader;
+use crate::chip::verifier::Verifier;
 use crate::chip::{clock, stack, watchdog};
 use crate::guard::NorError;
 use crate::node;
@@ -66,7 +67,7 @@ fn check_new() {
         return;
     }
     let slot = LAYOUT.slot(running_slot().other());
-    let sound = slot.is_some_and(|slot| is_sound(&mut Fed, slot, LAYOUT.hardware, &SIGNATURES));
+    let sound = slot.is_some_and(|slot| is_sound(&mut Fed, slot, LAYOUT.hardware, &Verifier));
     NEW.store(if sound { SOUND } else { UNSOUND }, Ordering::Relaxed);
 }
 

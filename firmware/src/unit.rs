@@ -269,7 +269,7 @@ impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
         let Some(frame) = self.unit.mailboxes.sent(place) else {
             return;
         };
-        self.device.sent(&frame, at);
+        self.device.sent(frame, at);
         if self.device.next_deadline() <= at {
             self.poll(at);
         } else if self.unit.mailboxes.is_full() {

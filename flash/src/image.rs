@@ -197,7 +197,7 @@ impl Header {
         if self.hardware != hardware {
             return Err(ImageError::Hardware(self.hardware));
         }
-        if self.address != slot.address().saturating_add(HEADER) {
+        if self.address != slot.address() + HEADER {
             return Err(ImageError::Address(self.address));
         }
         let room = slot.length.saturating_sub(HEADER);
@@ -228,7 +228,13 @@ pub fn header<F: ReadNorFlash>(
 ) -> Result<Header, ImageError> {
     let mut bytes = [0; SIGNATURE_AT as usize];
     read(flash, slot.start, &mut bytes)?;
-    let header = Header::parse(&bytes)?;
+    fitting(&bytes, slot, hardware)
+}
+
+/// The header that these bytes are, found fit for `slot`: the same for every kind of flash.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn fitting(bytes: &[u8], slot: Region, hardware: u32) -> Result<Header, ImageError> {
+    let header = Header::parse(bytes)?;
     header.suits(slot, hardware)?;
     Ok(header)
 }
@@ -310,7 +316,7 @@ impl Check {
         count: u32,
     ) -> Result<Verdict, AccessError> {
         let count = count.min(self.length.saturating_sub(self.done));
-        let at = slot.start.saturating_add(HEADER).saturating_add(self.done);
+        let at = slot.start + HEADER + self.done;
         let mut verdict = Verdict::Running;
         for_each(flash, at, count, &mut |bytes| verdict = self.add(bytes))?;
         Ok(verdict)

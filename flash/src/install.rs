@@ -155,9 +155,9 @@ impl Install {
     /// chip. Errors: [`InstallError::Access`].
     pub fn erase<F: NorFlash>(&mut self, flash: &mut F) -> Result<Progress, InstallError> {
         if self.erased < self.slot.pages() {
-            let page = self.erased.saturating_mul(PAGE);
-            erase(flash, self.slot.start.saturating_add(page))?;
-            self.erased = self.erased.saturating_add(1);
+            let page = self.erased * PAGE;
+            erase(flash, self.slot.start + page)?;
+            self.erased += 1;
         }
         Ok(if self.erased < self.slot.pages() {
             Progress::More
@@ -182,13 +182,13 @@ impl Install {
         if at >= self.expected() {
             return Err(InstallError::TooLong);
         }
-        self.received = at.saturating_add(1);
+        self.received = at + 1;
         let Some(first) = self.odd.take() else {
             self.odd = Some(byte);
             return Ok(());
         };
         // The half-word began with the byte before.
-        let place = self.slot.start.saturating_add(at.saturating_sub(1));
+        let place = self.slot.start + at - 1;
         if !(MARKS..HEADER).contains(&at) {
             program(flash, place, &[first, byte])?;
         }
@@ -214,7 +214,7 @@ impl Install {
     /// Bytes of the whole file, as far as is known.
     fn expected(&self) -> u32 {
         let body = self.header.map_or(0, |header| header.length);
-        HEADER.saturating_add(body)
+        HEADER + body
     }
 
     /// All bytes have come: whether they are what the header says.

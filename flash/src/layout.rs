@@ -32,6 +32,10 @@ pub const PAGE: u32 = 2048;
 /// 128, in words: 512 bytes (PM0056 4.4.4).
 pub const HEADER: u32 = 512;
 
+/// Bytes at the end of the bootloader's region that tell where its verifier is
+/// ([`seal`](crate::seal)).
+pub const SEAL: u32 = 24;
+
 /// Pages that the event log has for itself, where a part has room for one: it needs two.
 pub const LOG_PAGES: u32 = 2;
 
@@ -99,7 +103,7 @@ pub struct Layout {
     pub flash: u32,
     /// RAM, bytes.
     pub ram: u32,
-    /// The bootloader.
+    /// The bootloader, with the verifier of signatures beside it and the [`SEAL`] at its end.
     pub boot: Region,
     /// Slot A.
     pub a: Region,
@@ -116,13 +120,13 @@ pub struct Layout {
 /// Its records take a calibration of up to 7132 bytes beside parameters of 1.5 kB.
 pub const RC: Layout = Layout {
     part: "STM32F103RC",
-    // The 2 is of this map: an image that was linked for another one is refused.
-    hardware: u32::from_le_bytes([0x2C, 2, b'L', b'P']),
+    // The 3 is of this map: an image that was linked for another one is refused.
+    hardware: u32::from_le_bytes([0x2C, 3, b'L', b'P']),
     flash: 256 * 1024,
     ram: 48 * 1024,
-    boot: Region::kilobytes(0, 4),
-    a: Region::kilobytes(4, 110),
-    b: Some(Region::kilobytes(114, 110)),
+    boot: Region::kilobytes(0, 20),
+    a: Region::kilobytes(20, 102),
+    b: Some(Region::kilobytes(122, 102)),
     records: Region::kilobytes(224, 28),
     log: Region::kilobytes(252, LOG_PAGES * PAGE / 1024),
 };
@@ -167,7 +171,7 @@ pub const ALL: [Layout; 3] = [RC, CB, C8];
 const _: () = {
     let mut at = 0;
     while at < ALL.len() {
-        assert!(ALL[at].is_sound() && ALL[at].boot.length <= 8 * 1024);
+        assert!(ALL[at].is_sound() && ALL[at].boot.length <= 20 * 1024);
         assert!(ALL[at].log.pages() == LOG_PAGES || ALL[at].log.length == 0);
         at += 1;
     }
@@ -215,12 +219,18 @@ impl Layout {
         end == self.flash && self.a.length > HEADER
     }
 
-    /// Where `program` is linked to and how much room it has, header left out.
+    /// Where `program` is linked to and how much room it has, header and seal left out.
     ///
     /// `None` for an application in a slot that the part has not got.
     pub const fn room(&self, program: Program) -> Option<Region> {
         let slot = match program {
-            Program::Boot => return Some(self.boot),
+            Program::Boot => {
+                let length = self.boot.length - SEAL;
+                return Some(Region {
+                    start: self.boot.start,
+                    length,
+                });
+            }
             Program::Application(slot) => self.slot(slot),
         };
         match slot {
@@ -272,6 +282,10 @@ impl fmt::Display for MemoryX {
         let (origin, length) = (self.room.address(), self.room.length);
         writeln!(f, "  FLASH : ORIGIN = {origin:#010X}, LENGTH = {length}")?;
         writeln!(f, "  RAM : ORIGIN = {RAM:#010X}, LENGTH = {}", self.ram)?;
+        if self.program == Program::Boot {
+            let seal = origin + length;
+            writeln!(f, "  SEAL : ORIGIN = {seal:#010X}, LENGTH = {SEAL}")?;
+        }
         writeln!(f, "}}")
     }
 }
@@ -319,7 +333,7 @@ mod tests {
                 // With its header an application has 48 kB at least.
                 assert!(room.length + HEADER >= 48 * 1024);
                 // Where the images are built for, it has more than twice as much.
-                assert!(layout.part != RC.part || room.length >= 107 * 1024);
+                assert!(layout.part != RC.part || room.length >= 101 * 1024);
             }
         }
     }
@@ -338,10 +352,11 @@ mod tests {
             .memory_x(Program::Application(Slot::B))
             .unwrap()
             .to_string();
-        assert!(text.contains("FLASH : ORIGIN = 0x0801CA00, LENGTH = 112128"));
+        assert!(text.contains("FLASH : ORIGIN = 0x0801EA00, LENGTH = 103936"));
         assert!(text.contains("RAM : ORIGIN = 0x20000000, LENGTH = 49152"));
         let text = C8.memory_x(Program::Boot).unwrap().to_string();
-        assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 8192"));
+        assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 8168"));
+        assert!(text.contains("SEAL : ORIGIN = 0x08001FE8, LENGTH = 24"));
         assert_eq!(C8.memory_x(Program::Application(Slot::B)), None);
     }
 }

@@ -24,6 +24,7 @@ pub mod install;
 pub mod layout;
 pub mod nor;
 pub mod records;
+pub mod seal;
 pub mod slots;
 
 /// Whether a job that is done in steps is finished.

@@ -76,7 +76,7 @@ impl From<AccessError> for RecordError {
 }
 
 /// Where the valid version of a record lies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Entry {
     /// Page of its first chunk.
     sequence: u32,
@@ -89,16 +89,23 @@ struct Entry {
 }
 
 impl Entry {
+    /// There is none.
+    const NONE: Self = Self {
+        sequence: 0,
+        at: 0,
+        length: 0,
+        version: 0,
+    };
+
     /// Page and offset in it of the byte at `offset`, and how many bytes follow in that page.
     fn place(&self, offset: u32) -> (u32, u32, u32) {
         let first = room(self.at);
         let Some(behind) = offset.checked_sub(first) else {
-            let at = self.at.saturating_add(CHUNK_HEAD).saturating_add(offset);
+            let at = self.at + CHUNK_HEAD + offset;
             return (self.sequence, at, first.saturating_sub(offset));
         };
-        let page = self.sequence.saturating_add(1);
         let at = behind % LONGEST;
-        let page = page.saturating_add(behind / LONGEST);
+        let page = self.sequence + 1 + behind / LONGEST;
         (page, HEAD + CHUNK_HEAD + at, LONGEST - at)
     }
 
@@ -129,7 +136,9 @@ pub struct Records<const KINDS: usize> {
     renewed: u32,
     /// The highest version.
     version: u32,
-    staging: Option<Staging>,
+    /// What is staged, if something is.
+    staging: Staging,
+    is_staged: bool,
     torn: u32,
     /// Bit n: the last version of kind n was not whole at the mount.
     damaged: u32,
@@ -153,15 +162,16 @@ impl<const KINDS: usize> Records<KINDS> {
         let count = pages.count();
         Self {
             pages,
-            index: [Entry::default(); KINDS],
+            index: [Entry::NONE; KINDS],
             tail: count,
-            head: count.saturating_sub(1),
+            head: count - 1,
             ready: count,
             at: PAGE,
             cut_at: None,
             renewed: 0,
             version: 0,
-            staging: None,
+            staging: Staging::NONE,
+            is_staged: false,
             torn: 0,
             damaged: 0,
         }
@@ -233,14 +243,14 @@ impl<const KINDS: usize> Records<KINDS> {
         flash: &mut F,
         length: u32,
     ) -> Result<crate::Progress, RecordError> {
-        if self.staging.is_some() {
+        if self.is_staged {
             return Err(RecordError::Staged);
         }
         if !self.needs_erase(length) {
             return Ok(crate::Progress::Done);
         }
         // The second is for a flash that loses as much as it gains, so that it is not worn out.
-        if !self.fits(length) || self.renewed > self.pages.count().saturating_mul(3) {
+        if !self.fits(length) || self.renewed > 3 * self.pages.count() {
             return Err(RecordError::Full);
         }
         self.free_step(flash)?;
@@ -258,9 +268,7 @@ impl<const KINDS: usize> Records<KINDS> {
         } else {
             0
         };
-        self.blank_pages()
-            .saturating_mul(LONGEST)
-            .saturating_add(here)
+        self.blank_pages() * LONGEST + here
     }
 
     fn entry(&self, kind: u8) -> Option<&Entry> {
@@ -282,8 +290,8 @@ impl<const KINDS: usize> Records<KINDS> {
             let (page, at, follow) = entry.place(offset);
             let size = rest.len().min(follow as usize);
             let (now, later) = rest.split_at_mut_checked(size).unwrap_or_default();
-            read(flash, self.pages.offset(page).saturating_add(at), now)?;
-            offset = offset.saturating_add(size as u32);
+            read(flash, self.pages.offset(page) + at, now)?;
+            offset += size as u32;
             rest = later;
         }
         Ok(wanted)

@@ -190,7 +190,7 @@ pub fn factory_marks() -> [u8; (HEADER - MARKS) as usize] {
 /// Errors: [`AccessError::Refused`].
 pub fn marks<F: ReadNorFlash>(flash: &mut F, slot: Region) -> Result<Marks, AccessError> {
     let mut bytes = [0; (CONFIRMED_AT + 8 - MARKS) as usize];
-    read(flash, slot.start.saturating_add(MARKS), &mut bytes)?;
+    read(flash, slot.start + MARKS, &mut bytes)?;
     let (words, _) = bytes.as_chunks::<{ ACTIVATION as usize }>();
     let (places, [attempts, confirmed]) = words.split_last_chunk().unwrap_or((&[], &[[0; 8]; 2]));
     let generation_of = |place: &[u8; 8]| {
@@ -305,7 +305,7 @@ pub fn boot<F: NorFlash>(flash: &mut F, layout: &Layout, hardware: u32) -> Decis
 /// Uses up one attempt of the image in `slot`.
 fn take_attempt<F: NorFlash>(flash: &mut F, slot: Region) -> Result<(), SlotError> {
     for attempt in 0..u32::from(ATTEMPTS) {
-        let at = slot.start.saturating_add(ATTEMPTS_AT + 2 * attempt);
+        let at = slot.start + ATTEMPTS_AT + 2 * attempt;
         if is_blank(flash, at, 2)? {
             return Ok(program(flash, at, &[0; 2])?);
         }
@@ -348,7 +348,7 @@ pub fn put_on_trial<F: NorFlash>(
     };
     let generation = other.map_or(0, |other| other.saturating_add(1));
     for place in 0..PLACES {
-        let at = region.start.saturating_add(MARKS + ACTIVATION * place);
+        let at = region.start + MARKS + ACTIVATION * place;
         if is_blank(flash, at, ACTIVATION)? {
             program(flash, at, &activation(generation))?;
             return Ok(generation);
@@ -372,7 +372,7 @@ pub fn confirm<F: NorFlash>(flash: &mut F, layout: &Layout, slot: Slot) -> Resul
         return Ok(());
     }
     for half_word in 0..4 {
-        let at = region.start.saturating_add(CONFIRMED_AT + 2 * half_word);
+        let at = region.start + CONFIRMED_AT + 2 * half_word;
         // What a cut has left half done stays as it is; the rest is enough.
         if is_blank(flash, at, 2)? {
             program(flash, at, &[0; 2])?;

@@ -118,20 +118,28 @@ impl Verdict {
     /// Node 1 minus node 2 on each axis that both measure.
     pub fn delta(&self) -> Axes<Option<Angle>> {
         Axes {
-            x: difference(self.own.x, self.peer.x).ok().map(|p| p.0),
-            y: difference(self.own.y, self.peer.y).ok().map(|p| p.0),
+            x: apart(&self.own.x, &self.peer.x).ok(),
+            y: apart(&self.own.y, &self.peer.y).ok(),
         }
     }
 }
 
 type One = Result<Measurement, Invalid>;
 
-/// The difference and the combined uncertainty of what the channels do not share, or the first
-/// reason why there is none.
-fn difference(own: One, peer: One) -> Result<(Angle, u32), Invalid> {
-    let (own, peer) = (own?, peer?);
-    let combined = own.unshared.combined_with(peer.unshared);
-    Ok((own.angle.minus(peer.angle), combined.0))
+/// The difference, or the first reason why there is none.
+fn apart(own: &One, peer: &One) -> Result<Angle, Invalid> {
+    let (own, peer) = (own.as_ref(), peer.as_ref());
+    let angle = |one: &Measurement| one.angle;
+    let (own, peer) = (own.map(angle), peer.map(angle));
+    Ok(own.map_err(|why| *why)?.minus(peer.map_err(|why| *why)?))
+}
+
+/// The combined uncertainty of what the channels do not share; `None` where one does not measure.
+fn combined(own: &One, peer: &One) -> Option<u32> {
+    let (Ok(own), Ok(peer)) = (own, peer) else {
+        return None;
+    };
+    Some(own.unshared.combined_with(peer.unshared).0)
 }
 
 /// How long a channel may go without an angle for a reason that passes: the filter settles within
@@ -174,14 +182,14 @@ impl Silence {
 pub const THRESHOLD: u32 = Angle::from_degrees(0.40).magnitude();
 
 /// The reason why a whole channel does not measure; an axis it never measures does not count.
-fn reason(reading: Reading) -> Option<Invalid> {
-    [reading.x, reading.y]
+fn reason(reading: &Reading) -> Option<Invalid> {
+    [&reading.x, &reading.y]
         .into_iter()
-        .filter_map(Result::err)
+        .filter_map(|axis| axis.as_ref().err().copied())
         .find(|&reason| reason != Invalid::NotMeasured)
 }
 
-fn ill(own: Reading, peer: Reading) -> Option<Judgement> {
+fn ill(own: &Reading, peer: &Reading) -> Option<Judgement> {
     match (reason(own), reason(peer)) {
         (None, None) => None,
         (Some(a), Some(b)) if !a.is_transient() && !b.is_transient() => {
@@ -200,7 +208,7 @@ fn ill(own: Reading, peer: Reading) -> Option<Judgement> {
 }
 
 /// The judgement on channels without an angle for too long, whatever their reasons.
-fn lasting(own: Reading, peer: Reading) -> Judgement {
+fn lasting(own: &Reading, peer: &Reading) -> Judgement {
     match (reason(own), reason(peer)) {
         (Some(reason), None) => Judgement::OneChannel {
             ill: Node::Own,
@@ -242,13 +250,17 @@ impl CrossCheck {
         peer: impl Into<Observation>,
         now: Instant,
     ) -> Verdict {
-        let (own, peer) = (own.into(), peer.into());
+        self.judge(&own.into(), &peer.into(), now)
+    }
+
+    /// [`CrossCheck::step`] of what stays where it is.
+    pub fn judge(&mut self, own: &Observation, peer: &Observation, now: Instant) -> Verdict {
         match self {
             Self::Paper(check, state) => check.step(state, own.reading, peer.reading, now),
             Self::Product(check, state) => Verdict {
                 own: own.reading,
                 peer: peer.reading,
-                judgement: check.judge(state, &own, &peer, now),
+                judgement: check.judge(state, own, peer, now),
             },
         }
     }

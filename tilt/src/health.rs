@@ -344,12 +344,17 @@ const fn log2_q8(value: u64) -> i32 {
     }
     let mut bits = 63 - zeros as i32;
     // 1 to 2 in 2^-31. Squaring doubles the logarithm, whose next bit is whether 2 is passed.
-    let mut mantissa = (value << zeros) >> 32;
+    let mut mantissa = ((value << zeros) >> 32) as u32;
     let mut left = 8;
     while left > 0 {
-        mantissa = (mantissa * mantissa) >> 31;
-        let carry = mantissa >> 32;
-        mantissa >>= carry;
+        // 1 to 4 in 2^-62.
+        let square = mantissa as u64 * mantissa as u64;
+        let high = (square >> 32) as u32;
+        let carry = high >> 31;
+        mantissa = match carry {
+            0 => high << 1 | square as u32 >> 31,
+            _ => high,
+        };
         bits = 2 * bits + carry as i32;
         left -= 1;
     }

@@ -106,14 +106,13 @@ impl Table {
         if memorised.len() < 2 {
             return Err(TableError::TooFew);
         }
-        let pairs = memorised.iter().zip(memorised.iter().skip(1));
-        if pairs.into_iter().any(|(a, b)| a.angle >= b.angle) {
+        if !memorised.is_sorted_by(|a, b| a.angle < b.angle) {
             return Err(TableError::NotRising);
         }
         // What the first and the last stretch are pooled to; the last is the first of the same
         // points turned round.
-        let lowest = first_pooled(memorised.iter(), 1);
-        let highest = -first_pooled(memorised.iter().rev(), -1);
+        let lowest = first_pooled(memorised, false);
+        let highest = -first_pooled(memorised, true);
         if highest - lowest < i64::from(crate::ONE_G / 100) {
             return Err(TableError::Flat);
         }
@@ -270,12 +269,17 @@ impl Builder<'_> {
     }
 }
 
-/// What [`pool`] makes of the first point, times `sign`: the smallest mean of so many of them.
-fn first_pooled<'a>(points: impl Iterator<Item = &'a Point>, sign: i64) -> i64 {
+/// What [`pool`] makes of the first point: the smallest mean of so many of them. `turned`: of the
+/// last point, times -1.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn first_pooled(points: &[Point], turned: bool) -> i64 {
     let (mut sum, mut smallest) = (0, i64::MAX);
-    for (count, point) in (1..).zip(points) {
-        sum += sign * i64::from(point.accel);
-        smallest = smallest.min(sum / count);
+    for place in 0..points.len() {
+        let back = points.len() - 1 - place;
+        let point = points.get(if turned { back } else { place });
+        let accel = point.map_or(0, |point| i64::from(point.accel));
+        sum += if turned { -accel } else { accel };
+        smallest = smallest.min(sum / (place as i64 + 1));
     }
     smallest
 }
@@ -290,7 +294,7 @@ fn pool(points: &mut [Point]) {
         let mut begin = end;
         while let Some((first, joined)) = falls(points, begin, end) {
             begin = first;
-            for point in points.iter_mut().take(end + 1).skip(begin) {
+            for point in points.get_mut(begin..=end).into_iter().flatten() {
                 point.accel = joined;
             }
         }
@@ -306,13 +310,10 @@ fn falls(points: &[Point], begin: usize, end: usize) -> Option<(usize, i32)> {
     if before <= mean(points, begin, end)? {
         return None;
     }
-    let run = points
-        .iter()
-        .take(begin)
-        .rev()
-        .take_while(|p| p.accel == before)
-        .count();
-    let first = begin.saturating_sub(run);
+    let mut first = last_before;
+    while first > 0 && points.get(first - 1)?.accel == before {
+        first -= 1;
+    }
     Some((first, mean(points, first, end)?))
 }
 

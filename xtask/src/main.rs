@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod campaign;
+mod chip;
 mod command;
 mod difference;
 mod faults;
@@ -33,6 +34,7 @@ usage: cargo xtask COMMAND
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
                       --verbose lists crates, functions and statics, of the firmware too
+  size --instructions instructions of a sample and of a SYNC, function by function
   size --write        the same, written to docs/size.md
   image               bootloader, and application for each slot, to target/images
   program             length of the released plumb, and how soon it answers
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         ["faults", "--write", "--long"] => steps::alone(&steps::FAULTS_WRITE_LONG, &workspace),
         ["size"] => steps::alone(&steps::SIZE, &workspace),
         ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
+        ["size", "--instructions"] => steps::alone(&steps::SIZE_INSTRUCTIONS, &workspace),
         ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
         ["image"] => steps::alone(&steps::IMAGE, &workspace),
         ["program"] => steps::alone(&steps::PROGRAM, &workspace),

@@ -11,6 +11,7 @@ use std::{env, fmt, fs, io, process};
 
 use crate::accuracy::{self, AccuracyError};
 use crate::campaign;
+use crate::chip;
 use crate::command::{self, CommandError, Tally};
 use crate::faults::{self, FaultsError};
 use crate::image::{self, ImageError};
@@ -20,9 +21,6 @@ use crate::program::{self, ProgramError};
 use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
-
-/// The part's target: a Cortex-M3 without an operating system.
-const CHIP: &str = "thumbv7m-none-eabi";
 
 /// Every test of every crate; what a test prints is wanted for the word of those that skip.
 const ALL_TESTS: [&str; 5] = [
@@ -295,6 +293,13 @@ pub const SIZE_VERBOSE: Step = Step {
     run: list_size,
 };
 
+/// Counts what the emulated chip executes, function by function.
+pub const SIZE_INSTRUCTIONS: Step = Step {
+    name: "instructions of a sample and of a SYNC on the emulated chip",
+    advice: "what the emulator says stands above",
+    run: list_instructions,
+};
+
 /// Writes the document of sizes anew.
 pub const SIZE_WRITE: Step = Step {
     name: "writing docs/size.md",
@@ -375,9 +380,9 @@ fn toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     })?;
     provide(
         "the target of the chip",
-        rustup(&["target", "add", CHIP]),
+        rustup(&["target", "add", chip::TARGET]),
         || {
-            let query = workspace.rustc(&["--print", "target-libdir", "--target", CHIP]);
+            let query = workspace.rustc(&["--print", "target-libdir", "--target", chip::TARGET]);
             command::capture(query).is_ok_and(|folder| Path::new(folder.trim()).is_dir())
         },
     )?;
@@ -441,7 +446,7 @@ fn no_std(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
         "-p",
         "flash",
         "--target",
-        CHIP,
+        chip::TARGET,
         "--release",
     ];
     Ok(command::pass(workspace.cargo(&words))?)
@@ -512,6 +517,10 @@ fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 
 fn list_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(size::verbose(workspace)?)
+}
+
+fn list_instructions(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(size::instructions(workspace)?)
 }
 
 fn write_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -11,6 +11,10 @@ use std::process::Command;
 /// The checkout this command belongs to.
 pub struct Workspace {
     root: PathBuf,
+    /// Where cargo puts what it builds, absolute.
+    target: PathBuf,
+    /// Cargo's home, where it is not that of the environment.
+    home: Option<PathBuf>,
 }
 
 impl Workspace {
@@ -20,7 +24,26 @@ impl Workspace {
         let manifest = env::var_os("CARGO_MANIFEST_DIR")
             .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
         let root = manifest.parent().unwrap_or(&manifest).to_path_buf();
-        Self { root }
+        // A relative directory was meant from where the person stands, not from the root.
+        let target = match (env::var_os("CARGO_TARGET_DIR"), env::current_dir()) {
+            (Some(folder), Ok(here)) => here.join(folder),
+            _ => root.join("target"),
+        };
+        Self {
+            root,
+            target,
+            home: None,
+        }
+    }
+
+    /// Another checkout, with a target directory and a home of cargo that are its own.
+    #[cfg(all(test, unix))]
+    pub fn elsewhere(root: PathBuf, target: PathBuf, home: PathBuf) -> Self {
+        Self {
+            root,
+            target,
+            home: Some(home),
+        }
     }
 
     /// The root folder, absolute.
@@ -30,10 +53,7 @@ impl Workspace {
 
     /// Where cargo puts what it builds.
     pub fn target(&self) -> PathBuf {
-        match (env::var_os("CARGO_TARGET_DIR"), env::current_dir()) {
-            (Some(folder), Ok(here)) => here.join(folder),
-            _ => self.root.join("target"),
-        }
+        self.target.clone()
     }
 
     /// A cargo command that will run in the root.
@@ -54,11 +74,9 @@ impl Workspace {
     fn command(&self, program: &OsString, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.root);
-        if let Some(target) = env::var_os("CARGO_TARGET_DIR") {
-            // A relative directory was meant from where the person stands, not from the root.
-            if let Ok(here) = env::current_dir() {
-                command.env("CARGO_TARGET_DIR", here.join(target));
-            }
+        command.env("CARGO_TARGET_DIR", &self.target);
+        if let Some(home) = &self.home {
+            command.env("CARGO_HOME", home);
         }
         command
     }

@@ -43,7 +43,7 @@ impl Node {
             Service::Sync => self.communication.sync.transmit(now),
             Service::Emergency => self.communication.emergency.transmit(now),
             Service::Safety => self.communication.safety.transmit(now),
-            Service::Pdo => self.communication.pdo.transmit(now),
+            Service::Pdo => self.communication.pdo.hand_out(waiting.cob_id, now),
             Service::Sdo => self.response(app, now),
             Service::ErrorControl => {
                 let state = self.communication.state;
@@ -151,17 +151,28 @@ impl Node {
     /// Only then has it been told, and is not told again after bus-off. And only then has this
     /// node's own SYNC happened, at the same instant as for everybody else; true when that was it.
     pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+        let sync = self.told(frame);
+        if sync {
+            self.sync_frame(app, frame, now);
+        }
+        sync
+    }
+
+    /// Notes that a frame from [`Node::transmit`] has gone out, all but the effect of a SYNC; true
+    /// when it was this node's own SYNC, which [`Node::sync_sent`] has to follow.
+    pub fn told(&mut self, frame: &Frame) -> bool {
         if let Some(cob_id) = frame.cob_id() {
             self.communication.emergency.sent(cob_id);
             if cob_id == ERROR_CONTROL + u16::from(self.node_id) {
                 self.error_control_sent(frame);
             }
         }
-        let sync = self.communication.sync.is_own(frame);
-        if sync {
-            self.sync_frame(app, frame, now);
-        }
-        sync
+        self.communication.sync.is_own(frame)
+    }
+
+    /// This node's own SYNC, of which [`Node::told`] has told, has gone out at `now`.
+    pub fn sync_sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
+        self.sync_frame(app, frame, now);
     }
 
     /// A boot-up message, a heartbeat or an answer to guarding has gone out.

@@ -140,4 +140,12 @@ impl<A: Application> Objects for Mapped<'_, A> {
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {
         self.application.write(at, value)
     }
+
+    fn read_adjacent(&mut self, first: Address, length: usize) -> Option<Value> {
+        self.application.read_adjacent(first, length)
+    }
+
+    fn write_adjacent(&mut self, first: Address, values: &Value) -> bool {
+        self.application.write_adjacent(first, values)
+    }
 }

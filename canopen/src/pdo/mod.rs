@@ -242,9 +242,13 @@ impl Pdos {
 
     /// The frame of the lowest identifier that may go out now.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        let id = self.next_cob_id(now)?;
+        self.hand_out(self.next_cob_id(now)?, now)
+    }
+
+    /// The frame of this identifier, which [`Pdos::next_cob_id`] has named at the same instant.
+    pub fn hand_out(&mut self, cob_id: u16, now: Instant) -> Option<Frame> {
         let mut tx = self.tx.iter_mut();
-        tx.find(|pdo| pdo.ready(now) == Some(id))?.take(now)
+        tx.find(|pdo| pdo.ready(now) == Some(cob_id))?.take(now)
     }
 
     /// The identifier of what [`Pdos::transmit`] would give.

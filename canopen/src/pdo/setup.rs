@@ -168,7 +168,7 @@ impl Setup {
         }
         if self.load(part, sub, value) {
             if part == Part::Mapping(Access::RPDO) {
-                self.mapping.look_for_limits(dictionary);
+                self.mapping.look_ahead(dictionary);
             }
             Ok(())
         } else {
@@ -241,7 +241,7 @@ impl Setup {
             self.turned = 0;
             self.mapping.set_count(0);
         }
-        self.mapping.look_for_limits(dictionary);
+        self.mapping.look_ahead(dictionary);
         result
     }
 }

@@ -8,7 +8,7 @@
 //! Left out: which TPDO goes first (`pdo`).
 
 use super::setup::Setup;
-use crate::frame::Frame;
+use crate::frame::{Frame, standard};
 use crate::object::{Objects, Value};
 use crate::time::{Earliest, Instant};
 
@@ -248,6 +248,6 @@ impl Tpdo {
             self.quiet_until = now.after(u64::from(self.setup.inhibit) * 100);
         }
         self.sample
-            .map(|sample| Frame::data_frame(id, sample.bytes()))
+            .map(|sample| Frame::of_number(standard(id), sample.unsigned(), sample.length()))
     }
 }

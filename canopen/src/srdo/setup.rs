@@ -239,11 +239,16 @@ impl Setup {
             Ok(value) => crc::update(sum, value.bytes()),
             Err(_) => sum,
         };
-        let header = [1, 2, 3, 5, 6].map(|sub| (Part::Communication, sub));
-        let header = header.iter().chain(&[(Part::Mapping, 0)]);
-        let sum = header.fold(0, |sum, (part, sub)| feed(sum, *part, *sub));
-        (1..=self.count()).fold(sum, |sum, sub| {
-            feed(crc::update(sum, &[sub]), Part::Mapping, sub)
-        })
+        let mut sum = 0;
+        for sub in [1, 2, 3, 5, 6] {
+            sum = feed(sum, Part::Communication, sub);
+        }
+        for sub in 0..=self.count() {
+            if sub != 0 {
+                sum = crc::update(sum, &[sub]);
+            }
+            sum = feed(sum, Part::Mapping, sub);
+        }
+        sum
     }
 }

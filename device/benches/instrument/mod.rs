@@ -125,7 +125,7 @@ impl Instrument {
             log: &mut self.log,
             black_box: &mut self.black_box,
             work: &mut self.work,
-            identity: Identity {
+            identity: &Identity {
                 channel: Channel::A,
                 serial: 1,
             },

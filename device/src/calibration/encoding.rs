@@ -79,7 +79,7 @@ pub enum DecodeError {
     /// They do not begin with [`MAGIC`].
     Magic,
     /// They are of a later version than [`VERSION`], or of none.
-    Version(u32),
+    Version,
     /// The length they state is impossible, or not that of their content or of the transfer.
     Length,
     /// The check sum is wrong.
@@ -189,7 +189,7 @@ fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
     put(kinds(calibration));
     let words = budget_words(&calibration.budget);
     let count = budget_length(version(calibration));
-    words.into_iter().take(count).for_each(&mut *put);
+    words.iter().take(count).for_each(|word| put(*word));
     let mut all = |numbers: &[i32]| numbers.iter().for_each(|number| put(*number as u32));
     match &calibration.temperature {
         TemperatureModel::None => {}
@@ -205,8 +205,8 @@ fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
                 gain1_q38,
                 gain2_q46,
             } = model;
-            for part in [offset1_q8, offset2_q16, gain1_q38, gain2_q46] {
-                all(part);
+            for part in &[offset1_q8, offset2_q16, gain1_q38, gain2_q46] {
+                all(*part);
             }
         }
     }
@@ -371,7 +371,7 @@ fn envelope(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
     }
     let version = words.next()?;
     if version != VERSION && version != VERSION_WITHOUT_SPAN {
-        return Err(DecodeError::Version(version));
+        return Err(DecodeError::Version);
     }
     let length = words.next()?;
     if !(48..=MAX_LENGTH).contains(&length) || length & 3 != 0 {
@@ -398,13 +398,20 @@ struct Words<'a, 'b> {
 }
 
 impl Words<'_, '_> {
-    fn next(&mut self) -> Result<u32, DecodeError> {
+    /// The next word; `None` where the bytes end. Out of line, and without the error, it comes
+    /// back in two registers.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn word(&mut self) -> Option<u32> {
         let mut bytes = [0; 4];
         if (self.source)(self.at, &mut bytes) < bytes.len() {
-            return Err(DecodeError::Truncated);
+            return None;
         }
         self.at = self.at.saturating_add(4);
-        Ok(u32::from_le_bytes(bytes))
+        Some(u32::from_le_bytes(bytes))
+    }
+
+    fn next(&mut self) -> Result<u32, DecodeError> {
+        self.word().ok_or(DecodeError::Truncated)
     }
 
     fn signed(&mut self) -> Result<i32, DecodeError> {
@@ -529,13 +536,30 @@ const HARMONIC: u32 = 59_652_324;
 /// Whether the volume that the matrix makes of the unit cube is 1/8 at least; in one-axis mode,
 /// which calibrates the plane of x and z only, the area that it makes of the unit square.
 fn tells_directions_apart(matrix: &[[i32; 3]; 3], one_axis: bool) -> bool {
-    // 14 fractional bits are left, so that the products of three stay within 48 bits.
-    let [[a, b, c], [d, e, f], [g, h, i]] = matrix.map(|row| row.map(|v| i64::from(v >> 16)));
+    let [[a, b, c], middle, low] = matrix;
+    let [d, e, f] = middle;
+    let [g, h, i] = low;
     if one_axis {
-        return (a * i - c * g).unsigned_abs() >= 1 << 25;
+        return area([a, c], [g, i]).unsigned_abs() >= 1 << 25;
     }
-    let volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
-    volume.unsigned_abs() >= 1 << 39
+    let parts = [
+        (a, area([e, f], [h, i])),
+        (b, area([f, d], [i, g])),
+        (c, area([d, e], [g, h])),
+    ];
+    let volume = parts
+        .iter()
+        .map(|(n, area)| i64::from(*n >> 16) * i64::from(*area));
+    volume.sum::<i64>().unsigned_abs() >= 1 << 39
+}
+
+/// The area of the parallelogram between two vectors. 14 fractional bits are left of each number,
+/// so both products and their difference stay within 32 bits, and three of them times one more
+/// within 48.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn area(one: [&i32; 2], other: [&i32; 2]) -> i32 {
+    let [[a, b], [c, d]] = [one, other].map(|numbers| numbers.map(|number| *number >> 16));
+    a * d - b * c
 }
 
 #[cfg(test)]

@@ -336,6 +336,7 @@ impl Motor {
     /// `chain` is the one in force. Errors: [`MotorError::NotRunning`],
     /// [`MotorError::Reference`], [`MotorError::NoReading`], [`MotorError::SameAngle`],
     /// [`MotorError::Full`].
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn memorise(
         &mut self,
         reference: i32,

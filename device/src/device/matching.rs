@@ -119,14 +119,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.pair.lost();
         if first && !second {
             // The angles have come and what is behind them has not: they are compared alone.
-            return self.answered(before, false, now);
+            return self.answered(&before, false, now);
         }
         let process = &mut self.values.process;
         process.missed = process.missed.saturating_add(1);
         self.matching.misses = self.matching.misses.saturating_add(1);
         if self.matching.misses > MISSES_ALLOWED {
             let silence = self.pair.silence();
-            self.judge_sync(before.observation, silence, (before.at, now));
+            self.judge_sync(&before.observation, &silence, (before.at, now));
         }
     }
 
@@ -136,31 +136,33 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
     }
 
-    /// Looks whether the peer's exchange is whole.
-    pub(super) fn pair_up(&mut self, now: Instant) {
+    /// Looks whether the peer's exchange is whole; true when it is, and was compared if there was
+    /// anything to compare it with.
+    pub(super) fn pair_up(&mut self, now: Instant) -> bool {
         let news = &mut self.values.news;
         let [first, second] = &mut self.matching.came;
         *first |= core::mem::take(&mut news.exchange);
         *second |= core::mem::take(&mut news.backing);
         if !(*first && *second) {
-            return;
+            return false;
         }
         self.matching.came = [false; 2];
         match news.own.take() {
-            Some(own) => self.answered(own, true, now),
+            Some(own) => self.answered(&own, true, now),
             // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
             None if self.values.process.source == SyncSource::None => {
                 let observation = self.channel.observe(&self.settings, now);
                 let at = now;
-                self.answered(Latched { observation, at }, true, now);
+                self.answered(&Latched { observation, at }, true, now);
             }
             // The peer has heard a SYNC that this node has missed: there is nothing to compare.
             None => self.pair.lost(),
         }
+        true
     }
 
     /// The peer's exchange for the SYNC of `own` has come; `backed` with its second PDO.
-    fn answered(&mut self, own: Latched, backed: bool, now: Instant) {
+    fn answered(&mut self, own: &Latched, backed: bool, now: Instant) {
         self.matching.misses = 0;
         self.pair.hear();
         let process = &self.values.process;
@@ -182,7 +184,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let piece = (received.captured, received.piece());
             self.pair.compare_shown(piece, own_shown, readings, now);
         }
-        self.judge_sync(own.observation, peer, (own.at, now));
+        self.judge_sync(&own.observation, &peer, (own.at, now));
     }
 
     /// A channel that reports a fault itself doesn't wait for a SYNC to say so. The black box does:
@@ -198,21 +200,23 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         }
     }
 
-    fn judge(&mut self, own: Observation, peer: Observation, times: (Instant, Instant)) {
+    fn judge(&mut self, own: &Observation, peer: &Observation, times: (Instant, Instant)) {
         let off = self.values.process.bus.state == BUS_OFF;
-        let own = match (off, self.matching.sending.is_late()) {
-            (true, _) => own.refused(Invalid::Silent),
-            (false, true) => own.refused(Invalid::Late),
-            (false, false) => own,
+        let refused = match (off, self.matching.sending.is_late()) {
+            (true, _) => Some(own.refused(Invalid::Silent)),
+            (false, true) => Some(own.refused(Invalid::Late)),
+            (false, false) => None,
         };
-        let peer = if off { self.matching.peer } else { peer };
-        self.matching.peer = peer;
+        if !off {
+            self.matching.peer = *peer;
+        }
         let policy = self.values.parameters.policy();
-        self.pair.judge(own, peer, times, policy);
+        let own = refused.as_ref().unwrap_or(own);
+        self.pair.judge(own, &self.matching.peer, times, policy);
     }
 
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
-    fn judge_sync(&mut self, own: Observation, peer: Observation, (at, now): (Instant, Instant)) {
+    fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
         let shown = self.shown(now);
         let (blamed, why) = shown.blame();

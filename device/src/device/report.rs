@@ -11,12 +11,12 @@ use canopen::Instant as BusInstant;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::angle::Angle;
-use tilt::chain::{Invalid, Reading};
+use tilt::chain::Invalid;
 use tilt::cross_check::Judgement;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
-use super::{Device, Memory, bus_time};
+use super::{Device, Memory, REFRESH_US, bus_time};
 use crate::calibration::encoding::identity;
 use crate::fault::{Fault, Faults};
 use crate::fault_log::Entry;
@@ -46,20 +46,18 @@ fn outside(slope: Angle, low: i32, high: i32, stood: bool) -> bool {
 }
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
-    /// What every call ends with.
+    /// What every event of the bus ends with: whatever has happened may be due sooner than what was
+    /// known. The poll that follows at once reports it.
     pub(super) fn after(&mut self, now: Instant) {
-        // Whatever has happened may be due sooner than what was known.
         self.next = now;
-        if self.values.news.exchange || self.values.news.backing {
-            self.pair_up(now);
-        }
-        self.report(now);
+        self.exchanged(now);
     }
 
     /// What a PDO of the peer's exchange ends with: hardly ever anything that hurries.
     pub(super) fn exchanged(&mut self, now: Instant) {
-        self.pair_up(now);
-        if self.report(now) {
+        let news = &self.values.news;
+        let may_be_whole = news.exchange || news.backing;
+        if may_be_whole && self.pair_up(now) && self.report(now) {
             self.next = now;
         }
     }
@@ -67,13 +65,16 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
     pub(super) fn refresh(&mut self, now: Instant) {
         self.check_calibration(now);
-        let reading = self.channel.reading(&self.settings, now);
-        self.values.process.measure(&reading);
+        // A reading of a SYNC is as new as any that a refresh leaves.
+        if now.micros_since(self.values.process.measured_at) >= REFRESH_US {
+            let reading = self.channel.reading(&self.settings, now);
+            self.values.process.measure(&reading, now);
+        }
         let unheard = self.values.process.source == SyncSource::None;
         if unheard || self.values.state != State::Operational {
             // Nobody says when to tell the peer, or it is not told: then 2010h is what is so now.
             let own_fault = self.pair.own_fault();
-            let observation = Observation::from(reading);
+            let observation = Observation::from(self.values.process.measured);
             self.values.tell(&observation, own_fault, now);
         }
         let channel = &self.channel;
@@ -89,7 +90,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         process.bus.overruns = self.bus.overruns();
         self.look_for_sync(now);
         self.mend_sensor(now);
-        self.look_for_faults(&reading, now);
+        self.look_for_faults(now);
         self.keep(now);
         let (bus, mut panel) = self.split(now);
         bus.data_changed(&mut panel, bus_time(now));
@@ -145,9 +146,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// What is wrong with this channel and its memory. What is wrong with the pair is derived
     /// whenever it is reported.
-    fn look_for_faults(&mut self, reading: &Reading, now: Instant) {
+    fn look_for_faults(&mut self, now: Instant) {
         let mut found = Faults::default();
-        found.of_reading(reading);
+        found.of_reading(&self.values.process.measured);
         let shown = self.shown(now);
         let [x, y] = [0, 1].map(|axis| shown.slope(axis));
         let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
@@ -187,7 +188,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs; true
     /// when that is something new.
-    fn report(&mut self, now: Instant) -> bool {
+    pub(super) fn report(&mut self, now: Instant) -> bool {
         let judgement = self.pair.judgement(now);
         if self.judged != judgement {
             self.judged = judgement;
@@ -255,9 +256,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
     fn consents(&self, now: Instant) -> Option<BusInstant> {
-        let sound = self.shown(now).measured(0).is_some() && !self.faults.forbid_safety();
         let signed = self.values.parameters.safety_valid == VALID;
-        let checked_at = self.pair.agreed_at().filter(|_| sound && signed);
+        // What is asked most often, and mostly decides, comes first.
+        if !signed || self.faults.forbid_safety() {
+            return None;
+        }
+        let sound = self.shown(now).measured(0).is_some();
+        let checked_at = self.pair.agreed_at().filter(|_| sound);
         checked_at.map(bus_time)
     }
 }

@@ -3,8 +3,8 @@
 //! In: a signature of 64 bytes, header and body of an image in pieces, the public key that the
 //! program was built with. Out: whether the holder of the secret key has signed them.
 //!
-//! `docs/cost.md` counts what `ed25519-compact` takes. `salty`, half as long, was measured as
-//! taking more stack and longer than the watchdog waits.
+//! `docs/design-decisions.md` has what else was measured; `docs/cost.md` counts the check of an
+//! update. On the chip it stands beside the bootloader, once for both slots.
 //!
 //! Left out: keys, and making signatures, which is the host's.
 

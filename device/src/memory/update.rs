@@ -3,7 +3,7 @@
 //! In: the calls of [`ProgramMemory`]. Out: an image in the free slot, judged by its header as soon
 //! as that has come, checked whole, signed as [`Verification`] wants it, and activated when asked.
 //!
-//! The check of a whole image and its signature takes some 20 million instructions for 106 kB
+//! The check of a whole image and its signature takes some 20 million instructions for 90 kB
 //! (`docs/cost.md` counts them), so it must not be done between two samples. On the chip it runs
 //! where everything else interrupts it; elsewhere it takes no time. For the same frames in both,
 //! its outcome is asked for after a time that depends on the image's length alone.

@@ -96,7 +96,7 @@ pub struct Panel<'a, M, S> {
     /// The black box.
     pub black_box: &'a mut BlackBox,
     /// Who this is.
-    pub identity: Identity,
+    pub identity: &'a Identity,
     /// When the call is.
     pub now: Instant,
 }
@@ -154,6 +154,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         Shown::new(self.values, self.pair, self.source.fault(), self.now)
     }
 
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn measured(&mut self, at: Address) -> Option<Value> {
         let process = &self.values.process;
         let shown = self.shown();
@@ -231,6 +232,11 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         number.map(Value::u32).ok_or(Abort::NoSuchSubIndex)
     }
 }
+
+/// Sub-index of 2010h and 2011h at which the objects of the first PDO begin.
+const ANGLES: u8 = 1;
+/// The same of the second PDO.
+const BACKING: u8 = 5;
 
 fn exchange_value(exchange: &crate::exchange::Exchange, sub: u8) -> Option<Value> {
     let [x, y] = exchange.angle;
@@ -313,6 +319,32 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
             0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),
             _ => self.put(at, value),
         }
+    }
+
+    /// The exchange as its two PDOs carry it: at each SYNC eight objects one by one would be a
+    /// tenth of all that the node does.
+    fn read_adjacent(&mut self, first: Address, length: usize) -> Option<Value> {
+        let bytes = self.values.process.sent.bytes();
+        let (pdos, _) = bytes.as_chunks::<8>();
+        let pdo = match (first.index, first.sub, length) {
+            (0x2010, ANGLES, 8) => pdos.first(),
+            (0x2010, BACKING, 8) => pdos.last(),
+            _ => None,
+        };
+        Value::new(pdo?)
+    }
+
+    fn write_adjacent(&mut self, first: Address, values: &Value) -> bool {
+        let received = &mut self.values.process.received;
+        let Ok(bytes) = values.bytes().try_into() else {
+            return false;
+        };
+        match (first.index, first.sub) {
+            (0x2011, ANGLES) => received.take_angles(bytes),
+            (0x2011, BACKING) => received.take_backing(bytes),
+            _ => return false,
+        }
+        true
     }
 
     fn open(&mut self, at: Address) -> Result<u32, Abort> {

@@ -6,7 +6,7 @@
 //!
 //! Left out: defaults, which stand in the rows, and what a write is allowed to do (`panel`).
 
-use canopen::object::{Address, Value};
+use canopen::object::{Address, Place};
 
 use crate::pair::Policy;
 use crate::presentation::Presentation;
@@ -47,45 +47,6 @@ pub struct Parameters {
     pub safety_valid: u8,
     /// 63FFh sub 1.
     pub safety_signature: u16,
-}
-
-/// A number behind a row.
-pub enum Place<'a> {
-    /// UNSIGNED8.
-    U8(&'a mut u8),
-    /// UNSIGNED16.
-    U16(&'a mut u16),
-    /// INTEGER16.
-    I16(&'a mut i16),
-    /// UNSIGNED32.
-    U32(&'a mut u32),
-    /// INTEGER32.
-    I32(&'a mut i32),
-}
-
-impl Place<'_> {
-    /// The number as a value of its row.
-    pub fn get(&self) -> Value {
-        match self {
-            Self::U8(n) => Value::u8(**n),
-            Self::U16(n) => Value::u16(**n),
-            Self::I16(n) => Value::i16(**n),
-            Self::U32(n) => Value::u32(**n),
-            Self::I32(n) => Value::i32(**n),
-        }
-    }
-
-    /// Puts a value of the row's length in place.
-    pub fn set(&mut self, value: Value) {
-        let number = value.unsigned();
-        match self {
-            Self::U8(n) => **n = number as u8,
-            Self::U16(n) => **n = number as u16,
-            Self::I16(n) => **n = number as i16,
-            Self::U32(n) => **n = number as u32,
-            Self::I32(n) => **n = number as i32,
-        }
-    }
 }
 
 impl Parameters {

@@ -59,6 +59,8 @@ pub struct Bus {
 pub struct Process {
     /// What this channel has measured last, whether it may be used or not.
     pub measured: Reading,
+    /// When that was asked for.
+    pub measured_at: Instant,
     /// Its angles a second time, with every bit inverted.
     pub inverted: [i32; 2],
     /// What this node tells its peer, 2010h.
@@ -105,6 +107,7 @@ impl Process {
     /// Nothing measured, nothing heard.
     pub const NOTHING: Self = Self {
         measured: Observation::absent(Invalid::NoSample).reading,
+        measured_at: Instant(0),
         inverted: [-1; 2],
         sent: Exchange::NOTHING,
         received: Exchange::NOTHING,
@@ -127,9 +130,10 @@ impl Process {
         },
     };
 
-    /// Takes in this channel's reading.
-    pub fn measure(&mut self, reading: &Reading) {
+    /// Takes in this channel's reading at `now`.
+    pub fn measure(&mut self, reading: &Reading, now: Instant) {
         self.measured = *reading;
+        self.measured_at = now;
         self.inverted = [reading.x, reading.y].map(|axis| axis.map_or(-1, |m| !m.angle.0));
         if let Ok(m) = reading.x.or(reading.y) {
             self.latency_us = m.latency_us;
@@ -242,11 +246,15 @@ impl<'a> Shown<'a> {
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn validity(&self) -> u8 {
         let Axes { x, y } = self.pair.difference(self.now);
+        let measured = &self.values.process.measured;
+        let may_be_used = self.standing().is_ok();
+        let peer = self.pair.peer(self.now);
+        let peer = peer.map_or((false, false), |peer| (peer.x.is_ok(), peer.y.is_ok()));
         let flags = [
-            self.slope(0).is_some(),
-            self.slope(1).is_some(),
-            self.slope(2).is_some(),
-            self.slope(3).is_some(),
+            may_be_used && measured.x.is_ok(),
+            may_be_used && measured.y.is_ok(),
+            peer.0,
+            peer.1,
             x.is_some(),
             y.is_some(),
             self.values.calibrated,

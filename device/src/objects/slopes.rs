@@ -67,6 +67,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         self.scale_with(correction, slope, resolution)
     }
 
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn scale_with(&self, correction: &Correction, slope: usize, resolution: Resolution) -> Scale {
         let range = self.range(slope & 1);
         let turns = matches!(correction, Correction::OneAxis { .. });
@@ -138,9 +139,11 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let new = Resolution::new(number).map_err(|r| r.abort())?;
         let old = self.resolution(device);
         let mut slopes = self.values.parameters.slopes;
-        for (i, slope) in slopes.iter_mut().enumerate().skip(2 * device).take(2) {
-            let scale = self.scale(i, new);
-            *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
+        for i in 2 * device..2 * device + 2 {
+            if let Some(slope) = slopes.get_mut(i) {
+                let scale = self.scale(i, new);
+                *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
+            }
         }
         self.values.parameters.slopes = slopes;
         if let Some(place) = self.values.parameters.resolution.get_mut(device) {

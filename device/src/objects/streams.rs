@@ -87,23 +87,21 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn create_stream(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
         match at.index {
             0x1F50 => self.values.program.create(size, self.memory),
-            0x2061 => {
+            0x2061 | 0x2063 => {
                 self.may_change_calibration()?;
-                if size.is_some_and(|s| s > encoding::MAX_LENGTH) {
+                let is_hash = at.index == 0x2063;
+                let longest = match is_hash {
+                    true => report::HASH,
+                    false => encoding::MAX_LENGTH,
+                };
+                let length = size.unwrap_or(longest);
+                if length > longest {
                     return Err(Abort::LengthTooHigh);
                 }
-                let length = size.unwrap_or(encoding::MAX_LENGTH);
-                let begun = RecordStore::begin(self.memory, Record::Calibration, length);
-                self.note(begun)?;
-                self.values.receiving = true;
-                Ok(())
-            }
-            0x2063 => {
-                self.may_change_calibration()?;
-                if size.is_some_and(|size| size > report::HASH) {
-                    return Err(Abort::LengthTooHigh);
-                }
-                let begun = report::begin(self.memory, self.values.calibration_sum);
+                let begun = match is_hash {
+                    true => report::begin(self.memory, self.values.calibration_sum),
+                    false => RecordStore::begin(self.memory, Record::Calibration, length),
+                };
                 self.note(begun)?;
                 self.values.receiving = true;
                 Ok(())
@@ -126,13 +124,12 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn commit_stream(&mut self, at: Address) -> Result<(), Abort> {
         match at.index {
             0x1F50 => self.values.program.commit(self.memory),
-            0x2061 => {
+            0x2061 | 0x2063 => {
                 self.values.receiving = false;
-                self.take_calibration()
-            }
-            0x2063 => {
-                self.values.receiving = false;
-                self.take_hash()
+                match at.index {
+                    0x2061 => self.take_calibration(),
+                    _ => self.take_hash(),
+                }
             }
             _ => Err(Abort::NoSuchObject),
         }
@@ -164,7 +161,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let calibration = &mut self.settings.chain.calibration;
         let understood = decode_into(calibration, &mut |offset, into| memory.staged(offset, into));
         let understood = understood.map_err(|_| Abort::CannotStore);
-        self.keep_calibration(understood, |_| Ok(()))
+        self.keep_calibration(understood, true)
     }
 
     /// All bytes of 2063h are staged: stored when they are one hash.
@@ -178,16 +175,14 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     /// The calibration in force was changed by something that ended with `made`: holds it against
-    /// the slopes, has it written and stored, and takes the stored one back when any of it fails.
-    fn keep_calibration(
-        &mut self,
-        made: Result<(), Abort>,
-        write: impl FnOnce(&mut Self) -> Result<(), StoreError>,
-    ) -> Result<(), Abort> {
+    /// the slopes, stages it unless it is staged already, stores it, and takes the stored one back
+    /// when any of it fails.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn keep_calibration(&mut self, made: Result<(), Abort>, is_staged: bool) -> Result<(), Abort> {
         let fits =
             made.and_then(|()| self.slopes_hold(&self.settings.chain.calibration.correction));
         let kept = fits.and_then(|()| {
-            let stored = write(self).and_then(|()| RecordStore::commit(self.memory));
+            let stored = self.store_calibration(is_staged);
             self.note(stored)
         });
         match kept {
@@ -200,6 +195,14 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         }
         self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
         kept
+    }
+
+    fn store_calibration(&mut self, is_staged: bool) -> Result<(), StoreError> {
+        if !is_staged {
+            let made = &self.settings.chain.calibration;
+            stage(self.memory, Record::Calibration, made)?;
+        }
+        RecordStore::commit(self.memory)
     }
 
     pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
@@ -247,10 +250,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let outcome = outcome.map_err(|_| Abort::WrongState)?;
         self.values.command = number;
         if outcome == Outcome::Finished {
-            self.keep_calibration(Ok(()), |panel| {
-                let made = &panel.settings.chain.calibration;
-                stage(panel.memory, Record::Calibration, made)
-            })?;
+            self.keep_calibration(Ok(()), false)?;
         }
         Ok(())
     }

@@ -125,7 +125,7 @@ impl Values {
         if self.news.own.is_some() {
             observation.activity = Activity::GAP;
         }
-        self.process.measure(&observation.reading);
+        self.process.measure(&observation.reading, at);
         self.tell(&observation, own_fault, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
         let latched = Latched { observation, at };
@@ -137,10 +137,10 @@ impl Values {
     /// instead of an angle.
     pub fn tell(&mut self, observation: &Observation, own_fault: Option<Invalid>, at: Instant) {
         let told = match own_fault {
-            Some(reason) if observation.reading.x.is_ok() => observation.refused(reason),
-            _ => *observation,
+            Some(reason) if observation.reading.x.is_ok() => &observation.refused(reason),
+            _ => observation,
         };
-        self.process.sent = exchange::encode(&told, self.parameters.presentation(), at);
+        self.process.sent = exchange::encode(told, self.parameters.presentation(), at);
     }
 }
 

@@ -255,8 +255,8 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
             (Register::FifoCtrl, Fifo::Bypass.control()),
             (Register::FifoCtrl, config.fifo.control()),
         ];
-        for (register, value) in steps {
-            self.write(register, value).map_err(VerifyError::Bus)?;
+        for (register, value) in &steps {
+            self.write(*register, *value).map_err(VerifyError::Bus)?;
         }
         let _stale: [u8; 6] = self.burst(Register::OutXL).map_err(VerifyError::Bus)?;
         self.write(Register::Ctrl1, ctrl1)
@@ -268,11 +268,10 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
     fn check(&mut self, config: &Config) -> Result<Health, VerifyError<SPI::Error>> {
         self.check_identity()?;
         let control: [u8; 6] = self.burst(Register::Ctrl1).map_err(VerifyError::Bus)?;
-        for (register, (expected, found)) in CONTROL
-            .into_iter()
-            .zip(config.control().into_iter().zip(control))
-        {
-            expect(register, expected, found)?;
+        let pairs = config.control();
+        let pairs = pairs.iter().zip(&control);
+        for (register, (expected, found)) in CONTROL.iter().zip(pairs) {
+            expect(*register, *expected, *found)?;
         }
         let upper: [u8; UPPER_BYTES] = self.burst(Register::FifoCtrl).map_err(VerifyError::Bus)?;
         expect(
@@ -285,8 +284,8 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
             CTRL7_DRDY_PULSED,
             upper_byte(&upper, Register::Ctrl7),
         )?;
-        for register in UNUSED {
-            expect(register, 0x00, upper_byte(&upper, register))?;
+        for register in &UNUSED {
+            expect(*register, 0x00, upper_byte(&upper, *register))?;
         }
         let samples = upper_byte(&upper, Register::FifoSamples);
         Ok(Health {
@@ -314,10 +313,15 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
     /// Reads `N` bytes from `first` on, in one transaction.
     fn burst<const N: usize>(&mut self, first: Register) -> Result<[u8; N], SPI::Error> {
         let mut bytes = [0; N];
+        self.fill(first, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// As [`Self::burst`], and once for any number of bytes.
+    fn fill(&mut self, first: Register, bytes: &mut [u8]) -> Result<(), SPI::Error> {
         let command = [first.address() | READ];
         self.spi
-            .transaction(&mut [Operation::Write(&command), Operation::Read(&mut bytes)])?;
-        Ok(bytes)
+            .transaction(&mut [Operation::Write(&command), Operation::Read(bytes)])
     }
 }
 

@@ -12,4 +12,5 @@ mod saving;
 mod store_cuts;
 mod update;
 mod update_cuts;
+mod verifier;
 mod whole_update;

@@ -8,17 +8,26 @@
 //! standing still most of the time. Why nothing was started stands in the RAM ([`trap`]) and is
 //! told by the first application that does start.
 //!
+//! The verifier of signatures stands beside it ([`verifier`](firmware::chip::verifier)); only
+//! applications call it.
+//!
 //! Left out: any protocol. An update is received by the running application.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
 mod boot {
     use cortex_m::peripheral::SCB;
-    use firmware::chip::{board, trap};
+    use firmware::chip::{board, trap, verifier};
     use firmware::crash::Crash;
     use firmware::part::LAYOUT;
     use flash::slots::{Decision, boot};
     use stm32f1xx_hal::pac::Peripherals;
+
+    /// At the end of the bootloader's region, where both applications find the verifier.
+    #[used]
+    // SAFETY: the linker script gives this section a place of its own.
+    #[unsafe(link_section = ".seal")]
+    static SEAL: verifier::Seal = verifier::SEAL;
 
     #[cortex_m_rt::entry]
     fn main() -> ! {

@@ -281,10 +281,10 @@ fn frame(rir: u32, rdtr: u32, low: u32, high: u32) -> Option<Frame> {
     } else {
         StandardId::new((rir >> 21) as u16)?.into()
     };
-    let length = (rdtr as usize & 0xF).min(8);
+    let length = (rdtr as u8 & 0xF).min(8);
     if rir & RTR != 0 {
-        return Frame::remote(id, length);
+        return Frame::remote(id, length.into());
     }
-    let bytes = (u64::from(high) << 32 | u64::from(low)).to_le_bytes();
-    Frame::with(id, bytes.get(..length)?)
+    let data = u64::from(high) << 32 | u64::from(low);
+    Some(Frame::of_number(id, data, length))
 }

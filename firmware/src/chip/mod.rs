@@ -21,4 +21,5 @@ mod register;
 pub mod spi;
 pub mod stack;
 pub mod trap;
+pub mod verifier;
 pub mod watchdog;

@@ -66,7 +66,7 @@ pub(crate) enum Look {
 
 /// Payload bytes that fit behind a chunk header at offset `at` of a page; even.
 pub(crate) const fn room(at: u32) -> u32 {
-    PAGE.saturating_sub(at).saturating_sub(CHUNK_HEAD)
+    (PAGE - CHUNK_HEAD).saturating_sub(at)
 }
 
 impl Chunk {
@@ -120,7 +120,7 @@ impl Chunk {
         at: u32,
     ) -> Result<Look, AccessError> {
         let mut bytes = [0; CHUNK_HEAD as usize];
-        let offset = page.saturating_add(at);
+        let offset = page + at;
         read(flash, offset, &mut bytes)?;
         let (words, _) = bytes.as_chunks::<4>();
         let [[kind, last, low, high], version, offset_in_record, _] = words else {
@@ -137,7 +137,7 @@ impl Chunk {
             return Ok(Look::Cut);
         }
         let mut crc = Crc32::new();
-        let payload = offset.saturating_add(CHUNK_HEAD);
+        let payload = offset + CHUNK_HEAD;
         add_to(&mut crc, flash, payload, chunk.length)?;
         let fitting = chunk.encode(crc);
         if fitting == bytes {
@@ -165,23 +165,19 @@ impl Chunk {
         at: u32,
     ) -> Result<u32, AccessError> {
         let mut length = [0; 2];
-        read(
-            flash,
-            page.saturating_add(at).saturating_add(2),
-            &mut length,
-        )?;
+        read(flash, page + at + 2, &mut length)?;
         let length = u32::from(u16::from_le_bytes(length)).next_multiple_of(2);
-        let head = at.saturating_add(CHUNK_HEAD);
+        let head = at + CHUNK_HEAD;
         Ok(if length > room(at) {
             head
         } else {
-            head.saturating_add(length)
+            head + length
         })
     }
 
     /// Offset in its page behind a chunk that begins at `at`.
     pub(crate) const fn end(&self, at: u32) -> u32 {
         let padded = self.length.next_multiple_of(2);
-        at.saturating_add(CHUNK_HEAD).saturating_add(padded)
+        at + CHUNK_HEAD + padded
     }
 }

@@ -89,7 +89,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
         let mut log = Self {
             pages,
             end: Cursor {
-                sequence: pages.count().saturating_sub(1),
+                sequence: pages.count() - 1,
                 index: Self::PER_PAGE,
             },
             open: false,
@@ -126,8 +126,8 @@ impl<const ENTRY: usize> Log<ENTRY> {
 
     /// Offset in the flash of the place behind `cursor`.
     fn offset(&self, cursor: Cursor) -> u32 {
-        let page = self.pages.offset(cursor.sequence).saturating_add(HEAD);
-        page.saturating_add(cursor.index.saturating_mul(Self::PLACE))
+        let page = self.pages.offset(cursor.sequence) + HEAD;
+        page + cursor.index * Self::PLACE
     }
 
     fn check_sum(sequence: u32, mark: [u8; 2], entry: &[u8]) -> [u8; 4] {
@@ -142,7 +142,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
     pub const fn free(&self) -> u32 {
         let here = Self::PER_PAGE.saturating_sub(self.end.index);
         match self.next_ready {
-            true => here.saturating_add(Self::PER_PAGE),
+            true => here + Self::PER_PAGE,
             false => here,
         }
     }
@@ -150,10 +150,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
     /// Whether [`Log::prepare`] could make room without losing the last `keep` entries.
     pub const fn needs_erase(&self, keep: u32) -> bool {
         let spare = self.pages.count().saturating_sub(2);
-        let kept = self
-            .end
-            .index
-            .saturating_add(spare.saturating_mul(Self::PER_PAGE));
+        let kept = self.end.index.saturating_add(spare * Self::PER_PAGE);
         let enough = !self.open || self.end.index >= Self::PER_PAGE || kept >= keep;
         self.pages.count() > 1 && !self.next_ready && enough
     }
@@ -165,7 +162,7 @@ impl<const ENTRY: usize> Log<ENTRY> {
     /// outside of OPERATIONAL. Errors: [`LogError::Access`].
     pub fn prepare<F: NorFlash>(&mut self, flash: &mut F, keep: u32) -> Result<Progress, LogError> {
         if self.needs_erase(keep) {
-            let next = self.end.sequence.saturating_add(1);
+            let next = self.end.sequence + 1;
             self.pages.renew(flash, next)?;
             self.next_ready = true;
         }
@@ -203,17 +200,17 @@ impl<const ENTRY: usize> Log<ENTRY> {
             self.next_ready = false;
             self.open = true;
             self.end = Cursor {
-                sequence: self.end.sequence.saturating_add(1),
+                sequence: self.end.sequence + 1,
                 index: 0,
             };
         }
         let at = self.offset(self.end);
         // Whatever comes of it, this place has been used.
-        self.end.index = self.end.index.saturating_add(1);
+        self.end.index += 1;
         let crc = Self::check_sum(self.end.sequence, mark, entry);
         program(flash, at, &mark)?;
-        program(flash, at.saturating_add(2), entry)?;
-        program(flash, at.saturating_add(Self::PLACE - 4), &crc)?;
+        program(flash, at + 2, entry)?;
+        program(flash, at + Self::PLACE - 4, &crc)?;
         Ok(())
     }
 
@@ -235,8 +232,8 @@ impl<const ENTRY: usize> Log<ENTRY> {
             let at = self.offset(*cursor);
             let (mut mark, mut entry, mut crc) = ([0; 2], [0; ENTRY], [0; 4]);
             read(flash, at, &mut mark)?;
-            read(flash, at.saturating_add(2), &mut entry)?;
-            read(flash, at.saturating_add(Self::PLACE - 4), &mut crc)?;
+            read(flash, at + 2, &mut entry)?;
+            read(flash, at + Self::PLACE - 4, &mut crc)?;
             let whole = crc == Self::check_sum(cursor.sequence, mark, &entry);
             match mark {
                 EVENT if whole => return Ok(Some(entry)),

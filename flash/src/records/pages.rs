@@ -59,7 +59,7 @@ impl Pages {
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(crate) fn offset(&self, sequence: u32) -> u32 {
         let place = sequence.checked_rem(self.count).unwrap_or(0);
-        self.start.saturating_add(place.saturating_mul(PAGE))
+        self.start + place * PAGE
     }
 
     /// The header of page `sequence`, not retired.
@@ -124,7 +124,7 @@ impl Pages {
         sequence: u32,
         at: u32,
     ) -> Result<bool, AccessError> {
-        let from = self.offset(sequence).saturating_add(at);
+        let from = self.offset(sequence) + at;
         is_blank(flash, from, PAGE.saturating_sub(at))
     }
 
@@ -144,7 +144,7 @@ impl Pages {
         // Where no header is whole there is nothing to retire, or the last erase was cut; what
         // such a page reads as says nothing about what may be programmed.
         if self.number(flash, place)?.is_some() {
-            program(flash, offset.saturating_add(12), &[0; 4])?;
+            program(flash, offset + 12, &[0; 4])?;
         }
         erase(flash, offset)?;
         program(flash, offset, &self.header(sequence))

@@ -27,8 +27,8 @@ pub(super) const fn has_room(at: u32) -> bool {
     room(at) >= WORTH
 }
 
-/// A record whose last chunk has not been met.
-pub(super) type Open = Option<(Chunk, Entry)>;
+/// A record whose last chunk has not been met, and its kind.
+pub(super) type Open = Option<(u8, Entry)>;
 
 impl<const KINDS: usize> Records<KINDS> {
     /// Goes through all pages in their order.
@@ -36,7 +36,7 @@ impl<const KINDS: usize> Records<KINDS> {
         let Some(newest) = self.pages.newest(flash)? else {
             return Ok(());
         };
-        let end = newest.saturating_add(1);
+        let end = newest + 1;
         self.damaged = 0;
         let mut open = None;
         let mut met = false;
@@ -55,9 +55,9 @@ impl<const KINDS: usize> Records<KINDS> {
                 self.at = self.walk(flash, sequence, &mut open)?;
             }
         }
-        self.ready = self.head.saturating_add(1);
+        self.ready = self.head + 1;
         while self.ready < end && self.pages.has(flash, self.ready)? {
-            self.ready = self.ready.saturating_add(1);
+            self.ready += 1;
         }
         Ok(())
     }
@@ -75,7 +75,7 @@ impl<const KINDS: usize> Records<KINDS> {
             let page = self.pages.offset(sequence);
             let look = Chunk::look(flash, page, at)?;
             let Look::Whole(chunk) = look else {
-                self.torn = self.torn.saturating_add(1);
+                self.torn += 1;
                 *open = None;
                 if let Some(end) = self.gap_end(flash, sequence, at)? {
                     at = end;
@@ -86,21 +86,18 @@ impl<const KINDS: usize> Records<KINDS> {
                     return Ok(PAGE);
                 };
                 let mut kind = [0];
-                read(flash, page.saturating_add(at), &mut kind)?;
+                read(flash, page + at, &mut kind)?;
                 self.damaged |= mask::<KINDS>(kind[0]);
                 at = next;
                 continue;
             };
-            *open = self.join(
-                open.take(),
-                chunk,
-                Entry {
-                    sequence,
-                    at,
-                    length: 0,
-                    version: chunk.version,
-                },
-            );
+            let here = Entry {
+                sequence,
+                at,
+                length: 0,
+                version: chunk.version,
+            };
+            self.join(open, &chunk, here);
             at = chunk.end(at);
         }
         Ok(at)
@@ -118,12 +115,12 @@ impl<const KINDS: usize> Records<KINDS> {
         look: &Look,
     ) -> Result<Option<u32>, AccessError> {
         let page = self.pages.offset(sequence);
-        let mut place = at.saturating_add(CHUNK_HEAD);
+        let mut place = at + CHUNK_HEAD;
         while room(place) > 0 {
             if Chunk::read(flash, page, place)?.is_some() {
                 return Ok(Some(place));
             }
-            place = place.saturating_add(2);
+            place += 2;
         }
         if let Look::Damaged(chunk) = look
             && self.pages.is_blank(flash, sequence, chunk.end(at))?
@@ -141,47 +138,42 @@ impl<const KINDS: usize> Records<KINDS> {
         at: u32,
     ) -> Result<Option<u32>, AccessError> {
         let wanted = Chunk::gap(at);
-        let mut place = at.saturating_add(2);
+        let mut place = at + 2;
         while room(place) > 0 {
             let mut bytes = [0; CHUNK_HEAD as usize];
-            read(
-                flash,
-                self.pages.offset(sequence).saturating_add(place),
-                &mut bytes,
-            )?;
+            read(flash, self.pages.offset(sequence) + place, &mut bytes)?;
             if bytes == wanted {
-                return Ok(Some(place.saturating_add(CHUNK_HEAD)));
+                return Ok(Some(place + CHUNK_HEAD));
             }
-            place = place.saturating_add(2);
+            place += 2;
         }
         Ok(None)
     }
 
     /// Adds `chunk`, which is at `here`, to the record that is open.
-    pub(super) fn join(&mut self, open: Open, chunk: Chunk, here: Entry) -> Open {
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub(super) fn join(&mut self, open: &mut Open, chunk: &Chunk, here: Entry) {
         self.version = self.version.max(chunk.version);
-        let follows = |before: &Chunk, entry: &Entry| {
-            chunk.kind == before.kind
-                && chunk.version == before.version
+        let follows = |kind: u8, entry: &Entry| {
+            chunk.kind == kind
+                && chunk.version == entry.version
                 && chunk.offset == entry.length
                 && here.at == HEAD
         };
-        let mut entry = match open {
+        let mut entry = match open.take() {
             _ if chunk.offset == 0 => here,
-            Some((before, entry)) if follows(&before, &entry) => entry,
-            _ => return None,
+            Some((kind, entry)) if follows(kind, &entry) => entry,
+            _ => return,
         };
-        entry.length = entry.length.saturating_add(chunk.length);
+        entry.length += chunk.length;
         if !chunk.last {
-            return Some((chunk, entry));
-        }
-        if let Some(known) = self.index.get_mut(usize::from(chunk.kind))
+            *open = Some((chunk.kind, entry));
+        } else if let Some(known) = self.index.get_mut(usize::from(chunk.kind))
             && known.version < entry.version
         {
             *known = entry;
             self.damaged &= !mask::<KINDS>(chunk.kind);
         }
-        None
     }
 
     /// Whether all chunks of `entry` are whole.
@@ -201,14 +193,14 @@ impl<const KINDS: usize> Records<KINDS> {
             let Some(chunk) = chunk.filter(fits) else {
                 return Ok(false);
             };
-            seen = seen.saturating_add(chunk.length);
+            seen += chunk.length;
             if chunk.last {
                 return Ok(seen == entry.length);
             }
             if chunk.length == 0 {
                 return Ok(false);
             }
-            (sequence, at) = (sequence.saturating_add(1), HEAD);
+            (sequence, at) = (sequence + 1, HEAD);
         }
     }
 
@@ -222,9 +214,10 @@ impl<const KINDS: usize> Records<KINDS> {
     /// Freeing the oldest page stores anew what begins in it: a page of small ones and one of the
     /// longest, before it gives a page back. The half page is for the rests that stay unused.
     pub(super) fn reserve(&self, length: u32) -> u32 {
-        let longest = self.index.iter().map(|entry| entry.length).max();
-        let longest = longest.unwrap_or(0).max(length);
-        longest.saturating_add(PAGE + PAGE / 2)
+        let lengths = self.index.iter().map(|entry| entry.length);
+        lengths
+            .fold(length, u32::max)
+            .saturating_add(PAGE + PAGE / 2)
     }
 
     /// Whether one more record of `length` bytes has a place when all that is old is freed.
@@ -233,8 +226,7 @@ impl<const KINDS: usize> Records<KINDS> {
         let valid = valid.map(|entry| size(entry.length));
         let bytes = valid.fold(size(length), u32::saturating_add);
         let needed = bytes.saturating_add(self.reserve(length));
-        let pages = self.pages.count().saturating_sub(1);
-        needed <= pages.saturating_mul(PAGE - HEAD)
+        needed <= (self.pages.count() - 1) * (PAGE - HEAD)
     }
 
     /// Makes a page ready, or one record less stand in its way.
@@ -245,19 +237,22 @@ impl<const KINDS: usize> Records<KINDS> {
         }
         let in_use = self.ready.saturating_sub(self.tail);
         if in_use >= self.pages.count() {
-            let tail = self.tail;
-            let in_tail = |entry: &Entry| entry.version != 0 && entry.sequence == tail;
-            let waiting = self.index.iter().enumerate();
-            let waiting = waiting.filter(|(_, entry)| in_tail(entry));
             // The longest first: what a cut of it leaves is pages of their own, easy to free.
-            if let Some((kind, _)) = waiting.max_by_key(|(_, entry)| entry.length) {
-                return self.store_anew(flash, kind as u8);
+            let mut longest = None;
+            for (kind, entry) in (0..).zip(&self.index) {
+                let waits = entry.version != 0 && entry.sequence == self.tail;
+                if waits && longest.is_none_or(|(_, length)| length <= entry.length) {
+                    longest = Some((kind, entry.length));
+                }
             }
-            self.tail = tail.saturating_add(1);
+            if let Some((kind, _)) = longest {
+                return self.store_anew(flash, kind);
+            }
+            self.tail += 1;
         }
         self.pages.renew(flash, self.ready)?;
-        self.ready = self.ready.saturating_add(1);
-        self.renewed = self.renewed.saturating_add(1);
+        self.ready += 1;
+        self.renewed += 1;
         Ok(())
     }
 
@@ -279,16 +274,15 @@ impl<const KINDS: usize> Records<KINDS> {
         while offset < entry.length {
             let count = self.copy(flash, &entry, offset, &mut piece)?;
             self.append(flash, piece.get(..count).unwrap_or(&[]))?;
-            offset = offset.saturating_add(count as u32);
+            offset += count as u32;
         }
         self.commit(flash)
     }
 
     /// Whether the head page holds nothing but what was cut or discarded.
     fn head_is_waste(&self) -> bool {
-        let valid = self.index.iter().filter(|entry| entry.version != 0);
-        let last = valid.map(Entry::last_page).max();
-        self.head >= self.tail && last.is_none_or(|last| last < self.head)
+        let before = |entry: &Entry| entry.version == 0 || entry.last_page() < self.head;
+        self.head >= self.tail && self.index.iter().all(before)
     }
 
     /// Makes the head page ready anew, and goes on in the page before it.
@@ -297,7 +291,7 @@ impl<const KINDS: usize> Records<KINDS> {
         self.head = page.saturating_sub(1);
         self.at = PAGE;
         self.cut_at = None;
-        self.renewed = self.renewed.saturating_add(1);
+        self.renewed += 1;
         self.pages.renew(flash, page)?;
         if self.head >= self.tail && self.pages.has(flash, self.head)? {
             self.at = self.walk(flash, self.head, &mut None)?;
@@ -312,13 +306,13 @@ impl<const KINDS: usize> Records<KINDS> {
         kind: u8,
     ) -> Result<(), RecordError> {
         let lost = self.entry(kind).copied();
-        self.index = [Entry::default(); KINDS];
+        self.index = [Entry::NONE; KINDS];
         self.scan(flash)?;
         // Cells that read differently each time could keep this going for ever.
         if self.entry(kind).copied() == lost
             && let Some(entry) = self.index.get_mut(usize::from(kind))
         {
-            *entry = Entry::default();
+            *entry = Entry::NONE;
         }
         Err(RecordError::Damaged(kind))
     }

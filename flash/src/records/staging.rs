@@ -33,6 +33,17 @@ pub(super) struct Staging {
 }
 
 impl Staging {
+    /// Nothing is staged.
+    pub const NONE: Self = Self {
+        kind: 0,
+        entry: Entry::NONE,
+        at: 0,
+        before: 0,
+        crc: Crc32::new(),
+        odd: None,
+        reserve: false,
+    };
+
     /// Bytes in the open chunk.
     const fn in_chunk(&self) -> u32 {
         self.entry.length.saturating_sub(self.before)
@@ -41,7 +52,7 @@ impl Staging {
     /// Offset in the page where the next half-word goes.
     fn next(&self) -> u32 {
         let written = self.in_chunk() & !1;
-        self.at.saturating_add(CHUNK_HEAD).saturating_add(written)
+        self.at + CHUNK_HEAD + written
     }
 
     fn chunk(&self, last: bool) -> Chunk {
@@ -70,22 +81,20 @@ impl<const KINDS: usize> Records<KINDS> {
     /// Errors: [`RecordError::NotBegun`]; [`RecordError::NeedsErase`] and
     /// [`RecordError::Access`] discard what is staged.
     pub fn append<F: NorFlash>(&mut self, flash: &mut F, bytes: &[u8]) -> Result<(), RecordError> {
-        let mut staging = self.staging.take().ok_or(RecordError::NotBegun)?;
+        self.must_be_staged()?;
         let more = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-        let length = staging.entry.length.saturating_add(more);
-        let left = self.space_behind(&staging);
-        if !staging.reserve && left < more.saturating_add(self.reserve(length)) {
-            self.staging = Some(staging);
+        let length = self.staging.entry.length.saturating_add(more);
+        let needed = more.saturating_add(self.reserve(length));
+        if !self.staging.reserve && self.space_behind() < needed {
             self.discard(flash)?;
             return Err(RecordError::NeedsErase);
         }
         for byte in bytes {
-            if let Err(error) = self.push(flash, &mut staging, *byte) {
+            if let Err(error) = self.push(flash, *byte) {
                 self.abandon();
                 return Err(error);
             }
         }
-        self.staging = Some(staging);
         Ok(())
     }
 
@@ -98,9 +107,10 @@ impl<const KINDS: usize> Records<KINDS> {
         offset: u32,
         into: &mut [u8],
     ) -> Result<usize, RecordError> {
-        let Some(staging) = &self.staging else {
+        if !self.is_staged {
             return Ok(0);
-        };
+        }
+        let staging = &self.staging;
         let count = self.copy(flash, &staging.entry, offset, into)?;
         let last = staging.entry.length.saturating_sub(1);
         // The last byte is not in the flash as long as it waits for its other half.
@@ -118,13 +128,9 @@ impl<const KINDS: usize> Records<KINDS> {
     ///
     /// Errors: [`RecordError::NotBegun`], [`RecordError::Access`]; the old version then stays.
     pub fn commit<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), RecordError> {
-        let mut staging = self.staging.take().ok_or(RecordError::NotBegun)?;
-        let chunk = staging.chunk(true);
-        if let Err(error) = self.close(flash, &mut staging, &chunk) {
-            self.abandon();
-            return Err(error);
-        }
-        self.at = chunk.end(staging.at);
+        self.must_be_staged()?;
+        self.end(flash, &self.staging.chunk(true))?;
+        let staging = &self.staging;
         if !staging.reserve {
             self.renewed = 0;
         }
@@ -139,21 +145,17 @@ impl<const KINDS: usize> Records<KINDS> {
     ///
     /// Errors: [`RecordError::Access`]; it is forgotten all the same.
     pub fn discard<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), RecordError> {
-        let Some(mut staging) = self.staging.take() else {
+        if !self.is_staged {
             return Ok(());
-        };
-        let mut chunk = staging.chunk(true);
+        }
+        let mut chunk = self.staging.chunk(true);
         if chunk.length == 0 {
+            self.is_staged = false;
             return Ok(());
         }
         // With a header that says how long it is, the rest of the page stays of use.
         chunk.kind = VOID;
-        if let Err(error) = self.close(flash, &mut staging, &chunk) {
-            self.abandon();
-            return Err(error);
-        }
-        self.at = chunk.end(staging.at);
-        Ok(())
+        self.end(flash, &chunk)
     }
 
     /// Removes `kind`: from now on it reads as never stored.
@@ -181,7 +183,8 @@ impl<const KINDS: usize> Records<KINDS> {
             self.open_page()?;
         }
         self.version = self.version.saturating_add(1);
-        self.staging = Some(Staging {
+        self.is_staged = true;
+        self.staging = Staging {
             kind,
             entry: Entry {
                 sequence: self.head,
@@ -194,7 +197,7 @@ impl<const KINDS: usize> Records<KINDS> {
             crc: Crc32::new(),
             odd: None,
             reserve,
-        });
+        };
         Ok(())
     }
 
@@ -208,12 +211,12 @@ impl<const KINDS: usize> Records<KINDS> {
         // Nothing of the chunk that was cut is written over, neither its header nor its payload,
         // which may look blank: they tell a cut from damage.
         let first = Chunk::cut_end(flash, page, cut)?;
-        while end > first && is_blank(flash, page.saturating_add(end).saturating_sub(2), 2)? {
-            end = end.saturating_sub(2);
+        while end > first && is_blank(flash, page + end - 2, 2)? {
+            end -= 2;
         }
-        if has_room(end.saturating_add(CHUNK_HEAD)) {
+        if has_room(end + CHUNK_HEAD) {
             self.put(flash, end, &Chunk::gap(cut))?;
-            self.at = end.saturating_add(CHUNK_HEAD);
+            self.at = end + CHUNK_HEAD;
         }
         Ok(())
     }
@@ -223,64 +226,79 @@ impl<const KINDS: usize> Records<KINDS> {
         if self.blank_pages() == 0 {
             return Err(RecordError::NeedsErase);
         }
-        self.head = self.head.saturating_add(1);
+        self.head += 1;
         self.at = HEAD;
         self.cut_at = None;
         Ok(())
     }
 
     /// Bytes of payload for which there is room behind what is staged, the reserve included.
-    fn space_behind(&self, staging: &Staging) -> u32 {
-        let here = room(staging.at).saturating_sub(staging.in_chunk());
-        let pages = self.blank_pages().saturating_mul(LONGEST);
-        pages.saturating_add(here)
+    fn space_behind(&self) -> u32 {
+        let here = room(self.staging.at).saturating_sub(self.staging.in_chunk());
+        self.blank_pages() * LONGEST + here
     }
 
-    fn push<F: NorFlash>(
-        &mut self,
-        flash: &mut F,
-        staging: &mut Staging,
-        byte: u8,
-    ) -> Result<(), RecordError> {
-        if staging.in_chunk() >= room(staging.at) {
-            let chunk = staging.chunk(false);
-            self.close(flash, staging, &chunk)?;
+    fn push<F: NorFlash>(&mut self, flash: &mut F, byte: u8) -> Result<(), RecordError> {
+        if self.staging.in_chunk() >= room(self.staging.at) {
+            self.close(flash, &self.staging.chunk(false))?;
             self.open_page()?;
+            let staging = &mut self.staging;
             staging.at = self.at;
             staging.before = staging.entry.length;
             staging.crc = Crc32::new();
         }
+        let staging = &mut self.staging;
         staging.crc.add(&[byte]);
         match staging.odd.take() {
             None => staging.odd = Some(byte),
-            Some(first) => self.put(flash, staging.next(), &[first, byte])?,
+            Some(first) => {
+                let next = staging.next();
+                self.put(flash, next, &[first, byte])?;
+            }
         }
-        staging.entry.length = staging.entry.length.saturating_add(1);
+        let staging = &mut self.staging;
+        staging.entry.length += 1;
         Ok(())
     }
 
-    /// Writes the byte that waits, and the header.
-    fn close<F: NorFlash>(
-        &self,
-        flash: &mut F,
-        staging: &mut Staging,
-        chunk: &Chunk,
-    ) -> Result<(), RecordError> {
-        if let Some(odd) = staging.odd.take() {
-            self.put(flash, staging.next(), &[odd, u8::MAX])?;
+    const fn must_be_staged(&self) -> Result<(), RecordError> {
+        if self.is_staged {
+            Ok(())
+        } else {
+            Err(RecordError::NotBegun)
         }
-        let header = chunk.encode(staging.crc.clone());
-        self.put(flash, staging.at, &header)
+    }
+
+    /// Ends what is staged with its last `chunk`, and goes on behind it.
+    fn end<F: NorFlash>(&mut self, flash: &mut F, chunk: &Chunk) -> Result<(), RecordError> {
+        let closed = self.close(flash, chunk);
+        if closed.is_ok() {
+            self.is_staged = false;
+            self.at = chunk.end(self.staging.at);
+        } else {
+            self.abandon();
+        }
+        closed
+    }
+
+    /// Writes the byte that waits, and the header.
+    fn close<F: NorFlash>(&mut self, flash: &mut F, chunk: &Chunk) -> Result<(), RecordError> {
+        if let Some(odd) = self.staging.odd.take() {
+            let next = self.staging.next();
+            self.put(flash, next, &[odd, u8::MAX])?;
+        }
+        let header = chunk.encode(self.staging.crc.clone());
+        self.put(flash, self.staging.at, &header)
     }
 
     fn put<F: NorFlash>(&self, flash: &mut F, at: u32, bytes: &[u8]) -> Result<(), RecordError> {
-        let offset = self.pages.offset(self.head).saturating_add(at);
+        let offset = self.pages.offset(self.head) + at;
         Ok(program(flash, offset, bytes)?)
     }
 
     /// Gives up what is staged, and the rest of the head page with it.
     pub(super) fn abandon(&mut self) {
-        self.staging = None;
+        self.is_staged = false;
         self.at = PAGE;
     }
 }

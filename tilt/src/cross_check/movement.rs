@@ -255,14 +255,14 @@ impl Movement {
     pub fn step(
         &self,
         state: &mut State,
-        pair: [Corrected; 2],
+        pair: [&Corrected; 2],
         differ: bool,
         elapsed_us: u32,
     ) -> Option<Finding> {
         if elapsed_us > LONGEST_US {
             state.restart();
         }
-        for (channel, vector) in state.channels.iter_mut().zip(&pair) {
+        for (channel, vector) in state.channels.iter_mut().zip(pair) {
             channel.take_in(vector);
         }
         state.pairs += 1;

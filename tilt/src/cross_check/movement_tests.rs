@@ -612,8 +612,8 @@ fn both_nodes_come_to_the_same_answer() {
             .map(|one| one.vector.unwrap_or_default());
         let [one, two] = &mut states;
         let check = Movement::PRODUCT;
-        let of_own = check.step(one, [own, coarse(peer)], true, 20_000);
-        let of_peer = check.step(two, [peer, coarse(own)], true, 20_000);
+        let of_own = check.step(one, [&own, &coarse(peer)], true, 20_000);
+        let of_peer = check.step(two, [&peer, &coarse(own)], true, 20_000);
         assert_eq!(of_own, mirrored(of_peer), "{t} s");
         if let Some(Finding::Moved(node)) = of_own {
             moved[usize::from(node == Node::Peer)] += 1;
@@ -645,7 +645,7 @@ fn extremes_do_not_overflow() {
             let mut state = movement::State::default();
             for n in 0..5_000 {
                 let pair = if n % 7 < 3 { [low, high] } else { [high, low] };
-                check.step(&mut state, pair, n % 2 == 0, elapsed_us);
+                check.step(&mut state, pair.each_ref(), n % 2 == 0, elapsed_us);
             }
         }
     }

@@ -19,7 +19,7 @@
 
 use heapless::Deque;
 
-use super::{Judgement, One, Silence, THRESHOLD, Verdict, difference, reason};
+use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, reason};
 use crate::angle::{Angle, Axes};
 use crate::chain::{Invalid, Reading};
 use crate::sample::Instant;
@@ -239,7 +239,7 @@ impl PaperCheck {
         peer: Reading,
         now: Instant,
     ) -> Judgement {
-        let reasons = [own, peer].map(reason);
+        let reasons = [&own, &peer].map(reason);
         let waiting = state.waiting(reasons, now);
         // At work a standstill is seen from where a channel first measures.
         let first = state.phase == Phase::Working;
@@ -328,8 +328,8 @@ impl PaperCheck {
 
     /// The larger difference of the axes watched, without sign.
     fn largest(&self, own: Reading, peer: Reading) -> u32 {
-        let one = |a: One, b: One| match difference(a, b) {
-            Ok((delta, _)) => delta.magnitude(),
+        let one = |a: One, b: One| match apart(&a, &b) {
+            Ok(delta) => delta.magnitude(),
             Err(Invalid::NotMeasured) => 0,
             Err(_) => u32::MAX,
         };

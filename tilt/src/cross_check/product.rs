@@ -24,7 +24,7 @@ use super::movement::{self, Finding, Movement};
 use super::residual::{self, Residual};
 use super::standstill::{self, Standstill};
 use super::window::{WindowCheck, WindowState};
-use super::{HEARD_US, Judgement, Node, PATIENCE_US, Silence, difference, reason};
+use super::{HEARD_US, Judgement, Node, PATIENCE_US, Silence, combined, reason};
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -204,7 +204,7 @@ impl ProductCheck {
     ) -> Judgement {
         let elapsed_us = pause(state.before.replace(now), now);
         let paused = elapsed_us == LONGEST_PAUSE_US;
-        let absent = [reason(own.reading), reason(peer.reading)];
+        let absent = [reason(&own.reading), reason(&peer.reading)];
         let (mut against, waiting) = state.miss(absent, now);
         let comparison = if absent == [None, None] {
             self.compare(state, own, peer, &mut against, (now, elapsed_us))
@@ -240,12 +240,11 @@ impl ProductCheck {
             .loudness
             .step(&mut state.activity, own.activity, peer.activity, elapsed_us);
         accuse(against, loud);
-        let (own_reading, peer_reading) = (own.reading, peer.reading);
         let angles = self
             .window
-            .compare(&mut state.window, own_reading, peer_reading, now);
+            .compare(&mut state.window, &own.reading, &peer.reading, now);
         let mut differ = angles == Judgement::Disagree;
-        if let (Some(a), Some(b)) = (own.vector, peer.vector) {
+        if let (Some(a), Some(b)) = (&own.vector, &peer.vector) {
             let uncertainty = uncertainty(own, peer);
             let shaken = self.loudness.is_shaken(&state.activity);
             let residual = &mut state.residual;
@@ -267,7 +266,7 @@ impl ProductCheck {
     fn weigh(
         &self,
         state: &mut ProductState,
-        pair: [Corrected; 2],
+        pair: [&Corrected; 2],
         elapsed_us: u32,
         (uncertainty, differ): (u32, bool),
     ) -> Option<Node> {
@@ -313,10 +312,10 @@ fn pause(before: Option<Instant>, now: Instant) -> u32 {
 ///
 /// An angle step is 2 pi / 2^32 rad, so 1 g away it is 2^26 times that: 0.098175 = 6434 / 65536.
 fn uncertainty(own: &Observation, peer: &Observation) -> u32 {
-    let axis = |a, b| difference(a, b).map_or(0, |(_, combined)| combined);
-    let (own, peer) = (own.reading, peer.reading);
+    let axis = |a, b| combined(a, b).unwrap_or(0);
+    let (own, peer) = (&own.reading, &peer.reading);
     // The smaller one: where an axis stands upright its angle is vague, and the vector is not.
-    let (x, y) = (axis(own.x, peer.x), axis(own.y, peer.y));
+    let (x, y) = (axis(&own.x, &peer.x), axis(&own.y, &peer.y));
     let angle = if x == 0 || y == 0 { x.max(y) } else { x.min(y) };
     u32::try_from((u64::from(angle) * 6434) >> 16).unwrap_or(u32::MAX)
 }

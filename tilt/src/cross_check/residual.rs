@@ -130,7 +130,7 @@ impl Residual {
     pub fn step(
         &self,
         state: &mut State,
-        [own, peer]: [Corrected; 2],
+        [own, peer]: [&Corrected; 2],
         uncertainty: u32,
         shaken: bool,
         elapsed_us: u32,
@@ -142,10 +142,10 @@ impl Residual {
         let least = uncertainty.saturating_mul(self.coverage);
         let threshold = self.whole.max(least);
         let counted_us = elapsed_us.min(LONGEST_US);
-        follow(&mut state.shown, &whole, self.whole_us, counted_us);
-        follow(&mut state.whole, &whole, self.whole_us, counted_us);
-        stop(&mut state.whole, threshold);
-        let mut exceeded = length_exceeds(&state.whole, threshold);
+        let share = share_q22(counted_us, self.whole_us);
+        follow(&mut state.shown, &whole, share);
+        follow(&mut state.whole, &whole, share);
+        let mut exceeded = exceeds(&mut state.whole, threshold, threshold);
         // Half for what is steady, half for what changes with the pose; 1 mg of noise on top.
         let half = threshold / 2;
         let least = half.saturating_add(MG);
@@ -155,15 +155,14 @@ impl Residual {
             *rest -= habit;
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
-            follow(low, &rest, stage.tau_us, counted_us);
+            follow(low, &rest, share_q22(counted_us, stage.tau_us));
             let highest = stage.shaken.max(least);
-            stop(low, highest);
             let threshold = if shaken {
                 highest
             } else {
                 stage.calm.max(least)
             };
-            exceeded |= known && length_exceeds(low, threshold);
+            exceeded |= exceeds(low, threshold, highest) && known;
         }
         if !exceeded {
             self.learn(state, &whole, half, elapsed_us);
@@ -174,7 +173,7 @@ impl Residual {
     /// The first pairs count by their time, later ones by the time constant.
     fn learn(&self, state: &mut State, whole: &[i64; 3], limit: u32, elapsed_us: u32) {
         let so_far_us = state.learned_us.min(self.habit_us);
-        follow(&mut state.habit, whole, so_far_us, elapsed_us);
+        follow(&mut state.habit, whole, share_q22(elapsed_us, so_far_us));
         let limit = i64::from(limit) << FRACTION;
         for habit in &mut state.habit {
             *habit = (*habit).clamp(-limit, limit);
@@ -198,9 +197,21 @@ fn stop(low: &mut [i64; 3], threshold: u32) {
     }
 }
 
-fn follow(low: &mut [i64; 3], value: &[i64; 3], tau_us: u32, elapsed_us: u32) {
-    // 2^-22 of the way is the least: a hundred seconds in steps of a millisecond are 2^-17.
-    let share = share_q22(elapsed_us, tau_us);
+/// Whether a low-pass is longer than `threshold`, which is at most `highest`; it is held below
+/// [`CEILING`] times that, 2^-26 g per step.
+fn exceeds(low: &mut [i64; 3], threshold: u32, highest: u32) -> bool {
+    let largest = low.iter().fold(0, |most, c| c.unsigned_abs().max(most));
+    // Three axes of half the threshold each are shorter than it. Mostly that is all.
+    if largest <= u64::from(threshold) << (FRACTION - 1) {
+        return false;
+    }
+    stop(low, highest);
+    length_exceeds(low, threshold)
+}
+
+/// Takes a low-pass a share of the way to the value. 2^-22 is the least share: a hundred seconds
+/// in steps of a millisecond are 2^-17.
+fn follow(low: &mut [i64; 3], value: &[i64; 3], share: u32) {
     for (low, value) in low.iter_mut().zip(value) {
         let way = value - *low;
         // Healthy channels are less than 0.1 g apart, and then one multiplication will do.
@@ -268,8 +279,9 @@ mod tests {
     fn a_pair_was_blind_where_sync_came_every_200_ms_or_slower() {
         for period_us in [200_000, 300_000, 1_000_000, 10_000_000] {
             let mut state = State::default();
-            let mut step =
-                |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, period_us);
+            let mut step = |mg| {
+                Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, period_us)
+            };
             assert!((0..60).all(|_| !step(1.0)));
             let after = [40.0, 10.0].map(|mg| (0..60).position(|_| step(mg)));
             assert_eq!(after[0], Some(0), "{period_us}");
@@ -284,7 +296,7 @@ mod tests {
     fn found_after(habit: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
         let mut state = State::default();
         let mut step =
-            |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 20_000);
+            |mg| Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, 20_000);
         assert!((0..before).all(|_| !step(habit)));
         (0..most).find(|_| step(mg))
     }
@@ -319,7 +331,7 @@ mod tests {
         // 50 ms between pairs, as on a slow bus.
         let mut state = State::default();
         let mut step =
-            |mg| Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 50_000);
+            |mg| Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, 50_000);
         assert!((0..300).all(|_| !step(0.0)));
         assert!((0..200).filter(|_| step(1400.0)).count() > 190);
         let over = (0..1000).find(|_| !step(0.0)).expect("it ends");
@@ -332,7 +344,7 @@ mod tests {
         let mut mg = 0.0;
         let found = (0..10_000).find(|_| {
             mg += 0.2 * 0.02;
-            Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, false, 20_000)
+            Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, 20_000)
         });
         assert!(found.is_some() && mg < 4.3, "{mg} mg");
     }
@@ -342,7 +354,7 @@ mod tests {
         let found = |mg: f64, shaken: bool| {
             let mut state = State::default();
             let mut step = |mg, shaken| {
-                Residual::PRODUCT.step(&mut state, [shifted(mg), LEVEL], 0, shaken, 20_000)
+                Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, shaken, 20_000)
             };
             assert!((0..300).all(|_| !step(0.0, false)));
             step(mg, shaken)
@@ -355,8 +367,9 @@ mod tests {
     fn a_vague_pair_is_allowed_more() {
         let mut state = State::default();
         let check = Residual::PRODUCT;
-        let wide =
-            |state: &mut State, mg| check.step(state, [shifted(mg), LEVEL], 2 * MG, false, 20_000);
+        let wide = |state: &mut State, mg| {
+            check.step(state, [&shifted(mg), &LEVEL], 2 * MG, false, 20_000)
+        };
         assert!(
             (0..200).all(|_| !wide(&mut state, 9.0)),
             "five uncertainties are 10 mg"
@@ -398,13 +411,13 @@ mod tests {
         for elapsed in [0, 1, u32::MAX] {
             for uncertainty in [0, u32::MAX] {
                 let check = Residual::PRODUCT;
-                check.step(&mut state, [low, high], uncertainty, false, elapsed);
-                check.step(&mut state, [high, low], uncertainty, true, elapsed);
+                check.step(&mut state, [&low, &high], uncertainty, false, elapsed);
+                check.step(&mut state, [&high, &low], uncertainty, true, elapsed);
             }
         }
         assert!((0..100).any(|_| Residual::PRODUCT.step(
             &mut state,
-            [high, low],
+            [&high, &low],
             0,
             true,
             u32::MAX

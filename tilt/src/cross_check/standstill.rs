@@ -107,7 +107,7 @@ impl Standstill {
 
 /// The part of `difference` that lies along the vectors of a pair, which are about 1 g long,
 /// 2^-26 g.
-pub fn along(difference: [i32; 3], [vector, _]: [Corrected; 2]) -> i32 {
+pub fn along(difference: [i32; 3], [vector, _]: [&Corrected; 2]) -> i32 {
     let products = difference.iter().zip(&vector.accel);
     let sum = products.fold(0, |sum: i64, (d, v)| sum + i64::from(*d) * i64::from(*v));
     (sum >> 26) as i32

@@ -258,7 +258,7 @@ fn two_pairs_a_second_apart_are_no_standstill() {
         accel: [0, 0, crate::ONE_G],
     };
     let mut weighed = || {
-        let found = Movement::PRODUCT.step(&mut state, [level; 2], false, 1_000_000);
+        let found = Movement::PRODUCT.step(&mut state, [&level; 2], false, 1_000_000);
         matches!(found, Some(Finding::Stood(_)))
     };
     let count = (0..48).filter(|_| weighed()).count();

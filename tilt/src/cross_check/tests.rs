@@ -347,8 +347,8 @@ fn product_threshold_follows_the_uncertainty() {
         unshared: Uncertainty::from_degrees(1.0),
         ..m
     });
-    assert!(!WindowCheck::PRODUCT.exceeds(wide.x, reading(0).x));
-    assert!(WindowCheck::PRODUCT.exceeds(reading(2 * THRESHOLD).x, reading(0).x));
+    assert!(!WindowCheck::PRODUCT.exceeds(&wide.x, &reading(0).x));
+    assert!(WindowCheck::PRODUCT.exceeds(&reading(2 * THRESHOLD).x, &reading(0).x));
 }
 
 #[test]

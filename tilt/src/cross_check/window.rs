@@ -5,7 +5,8 @@
 //!
 //! Left out: everything that is not in the two angles (`product`).
 
-use super::{Judgement, One, Silence, THRESHOLD, Verdict, difference, ill, lasting};
+use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, combined, ill, lasting};
+use crate::angle::Angle;
 use crate::chain::Reading;
 use crate::sample::Instant;
 
@@ -63,12 +64,12 @@ impl WindowCheck {
         peer: Reading,
         now: Instant,
     ) -> Verdict {
-        let judgement = match ill(own, peer) {
-            Some(Judgement::Waiting(_)) if state.silence.lasts(now) => lasting(own, peer),
+        let judgement = match ill(&own, &peer) {
+            Some(Judgement::Waiting(_)) if state.silence.lasts(now) => lasting(&own, &peer),
             Some(judgement) => judgement,
             None => {
                 state.silence.hear(now);
-                self.compare(state, own, peer, now)
+                self.compare(state, &own, &peer, now)
             }
         };
         Verdict {
@@ -82,14 +83,14 @@ impl WindowCheck {
     pub(super) fn compare(
         &self,
         state: &mut WindowState,
-        own: Reading,
-        peer: Reading,
+        own: &Reading,
+        peer: &Reading,
         now: Instant,
     ) -> Judgement {
         if state.disagreed && self.latched {
             return Judgement::Disagree;
         }
-        if !self.exceeds(own.x, peer.x) && !self.exceeds(own.y, peer.y) {
+        if !self.exceeds(&own.x, &peer.x) && !self.exceeds(&own.y, &peer.y) {
             state.excess_since = None;
             return Judgement::Agree;
         }
@@ -102,12 +103,13 @@ impl WindowCheck {
         Judgement::Agree
     }
 
-    pub(super) fn exceeds(&self, own: One, peer: One) -> bool {
-        difference(own, peer).is_ok_and(|(delta, uncertainty)| {
-            delta.magnitude()
-                > self
-                    .threshold
-                    .max(uncertainty.saturating_mul(self.coverage))
-        })
+    pub(super) fn exceeds(&self, own: &One, peer: &One) -> bool {
+        let beyond = |delta: &Angle| delta.magnitude() > self.threshold;
+        // The uncertainty, which takes a root, is asked for only where it decides.
+        let delta = apart(own, peer).ok().filter(beyond);
+        let allowed = |uncertainty: u32| uncertainty.saturating_mul(self.coverage);
+        delta
+            .zip(combined(own, peer))
+            .is_some_and(|(delta, uncertainty)| delta.magnitude() > allowed(uncertainty))
     }
 }

@@ -7,6 +7,7 @@ use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{ElfFile, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
+use super::traces;
 use crate::size::image::{Image, RAM};
 
 /// A program.
@@ -18,7 +19,8 @@ pub struct Linked {
     pub bytes: Vec<u8>,
     /// RAM of its statics, bytes.
     pub ram: u64,
-    /// What no program of ours has: functions for floating point, and calls of panics.
+    /// What no program of ours has: functions for floating point, calls of panics, and the names of
+    /// folders of the machine that built it.
     pub strays: Vec<String>,
     /// The deepest stack along direct calls, bytes: interrupts and calls by pointer come on top.
     pub stack: u32,
@@ -43,10 +45,10 @@ fn is_let_be(call: &str) -> bool {
 }
 
 impl Linked {
-    /// Reads a file.
+    /// Reads a file; none of `places` may be named in it.
     ///
     /// Errors: it is no ELF file, or none for a 32-bit part.
-    pub fn read(file: &[u8]) -> Result<Self, object::Error> {
+    pub fn read(file: &[u8], places: &[String]) -> Result<Self, object::Error> {
         let elf = ElfFile::<FileHeader32<Endianness>>::parse(file)?;
         let order = elf.endian();
         let mut pieces = Vec::new();
@@ -69,9 +71,10 @@ impl Linked {
         let image = Image::read(file)?;
         let panics = image.panics();
         let panics = panics.into_iter().filter(|call| !is_let_be(call));
-        let strays = floats.chain(panics).collect();
         let (stack, _) = image.deepest();
         let (start, bytes) = joined(&pieces);
+        let traces = traces::found(&bytes, places);
+        let strays = floats.chain(panics).chain(traces).collect();
         Ok(Self {
             start,
             bytes,

@@ -14,9 +14,12 @@
 //!
 //! Left out: signatures.
 
+#[cfg(all(test, unix))]
+mod elsewhere;
 mod hex;
 mod keys;
 mod linked;
+mod traces;
 
 use std::path::{Path, PathBuf};
 use std::{env, fmt, fs, io};
@@ -24,18 +27,14 @@ use std::{env, fmt, fs, io};
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
 use flash::layout::{BASE, HEADER, Program, RC, Slot};
+use flash::seal;
 use flash::slots::{MARKS, factory_marks};
 
-use crate::command::{self, CommandError};
+use crate::chip::{self, letter};
+use crate::command::CommandError;
 use crate::workspace::Workspace;
 use linked::Linked;
 
-/// The part's target.
-const CHIP: &str = "thumbv7m-none-eabi";
-/// The profile of the workspace that the firmware is built with.
-const PROFILE: &str = "footprint";
-/// What the bootloader may take of the flash, bytes.
-const BOOT_BUDGET: usize = 8 * 1024;
 /// What statics and the stack along direct calls may take of the RAM, bytes: interrupts and calls
 /// by pointer come on top. A device that is copied on its way to its place is found by this.
 const RAM_BUDGET: usize = 23 * 1024;
@@ -138,20 +137,9 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     }
 }
 
-/// The slot's letter.
-const fn letter(slot: Slot) -> char {
-    match slot {
-        Slot::A => 'a',
-        Slot::B => 'b',
-    }
-}
-
 /// Links both programs, the application for `slot`, and keeps the linked files.
 fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2], ImageError> {
-    let mut cargo = workspace.cargo(&["build", "--quiet", "--package", "firmware"]);
-    cargo.args(["--target", CHIP, "--profile", PROFILE]);
-    cargo.env("PLUMB_SLOT", letter(slot).to_uppercase().to_string());
-    command::pass(cargo)?;
+    chip::firmware(workspace, slot)?;
     let kept = [
         ("boot", "boot.elf".to_string(), Program::Boot),
         (
@@ -160,12 +148,14 @@ fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2
             Program::Application(slot),
         ),
     ];
-    let folder = workspace.target().join(CHIP).join(PROFILE);
+    let folder = chip::folder(workspace);
+    let places = places(workspace)?;
     let [boot, app] = kept.map(|(binary, name, program)| {
         let path = folder.join(binary);
         let bytes = read(&path)?;
         outlet.write(&name, &bytes)?;
-        let linked = Linked::read(&bytes).map_err(|error| ImageError::Elf(path, error))?;
+        let linked = Linked::read(&bytes, &places);
+        let linked = linked.map_err(|error| ImageError::Elf(path, error))?;
         let room = RC.room(program);
         if room.is_some_and(|room| room.address() == linked.start) {
             Ok(linked)
@@ -174,6 +164,18 @@ fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2
         }
     });
     Ok([boot?, app?])
+}
+
+/// Folders of this machine, which no program may name.
+fn places(workspace: &Workspace) -> Result<Vec<String>, ImageError> {
+    let homes = ["HOME", "USERPROFILE", "CARGO_HOME", "RUSTUP_HOME"].map(env::var_os);
+    let homes = homes.into_iter().flatten().map(PathBuf::from);
+    let ours = [workspace.root().to_path_buf(), workspace.target()];
+    let all = chip::registries(workspace)?.into_iter();
+    let all = all.chain(ours).chain(homes);
+    Ok(all
+        .map(|path| path.to_string_lossy().into_owned())
+        .collect())
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
@@ -190,7 +192,7 @@ fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
     println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
     println!("              deepest stack along direct calls {stack:6}");
     let limits = [
-        ("the bootloader", boot, BOOT_BUDGET),
+        ("the bootloader", boot, RC.boot.length as usize),
         ("RAM", ram as usize + stack as usize, RAM_BUDGET),
     ];
     let over = limits.iter().filter(|(_, is, budget)| is > budget);
@@ -245,7 +247,8 @@ fn parse(version: &str) -> Option<Version> {
 /// The flash of a part as it leaves the factory, up to the end of the application.
 fn factory(boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
     let mut whole = boot.bytes.clone();
-    whole.resize(RC.a.start as usize, u8::MAX);
+    whole.resize(RC.boot.end() as usize, u8::MAX);
+    seal::close(&mut whole);
     whole.extend_from_slice(header);
     let marks = (RC.a.start + MARKS) as usize;
     let factory = factory_marks();

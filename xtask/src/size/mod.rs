@@ -8,34 +8,31 @@
 //! The proof is the linker's: its script refuses a binary that holds the panic handler. That the
 //! refusal works is shown each time by a binary that does panic and must not link.
 //!
-//! Figures vary a little with the folder of the checkout, since its name goes into the hashes by
-//! which functions are ordered. So the document is out of date when a figure is off by more than
-//! [`TOLERANCE_PERCENT`], and is only compared for the compiler that it was written with.
+//! The document is out of date when a figure is off by more than [`TOLERANCE_PERCENT`], and is only
+//! compared for the compiler that it was written with.
 //!
-//! Left out: budgets of the firmware's programs (`image`), and time on the part, which the emulator
-//! counts.
+//! Left out: budgets of the firmware's programs (`image`), and instructions on the part, which the
+//! emulator counts: [`instructions`] runs it.
 
 mod frames;
 pub mod image;
-mod instructions;
 mod report;
 mod thumb;
+mod uploads;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{fmt, fs, io};
 
+use crate::chip;
 use crate::command::{self, CommandError};
 use crate::workspace::Workspace;
+use flash::layout::Slot;
 use image::Image;
 use report::Figures;
 
 /// The generated document, from the root.
 const DOCUMENT: &str = "docs/size.md";
-/// The part's target: a Cortex-M3 without an operating system.
-const CHIP: &str = "thumbv7m-none-eabi";
-/// The profile of the workspace that the firmware is built with.
-const PROFILE: &str = "footprint";
 /// Where the binaries are linked, from the root.
 const SCRIPT: &str = "firmware/bus_footprint/footprint.ld";
 /// How far a figure of the document may be off.
@@ -104,7 +101,7 @@ impl From<CommandError> for SizeError {
 pub fn check(workspace: &Workspace) -> Result<(), SizeError> {
     let figures = measure(workspace)?;
     print!("{}", indented(&figures.table()));
-    instructions::print(workspace)?;
+    uploads::print(workspace)?;
     figures.within_budgets().map_err(SizeError::Over)?;
     compare(&workspace.root().join(DOCUMENT), &figures)
 }
@@ -116,14 +113,22 @@ pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
         let image = linked(workspace, binary)?;
         println!("\n{binary}\n{}", report::details(&image));
     }
-    let mut firmware = workspace.cargo(&["build", "--quiet", "--package", "firmware"]);
-    firmware.args(["--target", CHIP, "--profile", PROFILE]);
-    command::pass(firmware)?;
+    chip::firmware(workspace, Slot::A)?;
     for program in PROGRAMS {
         let image = read(workspace, program)?;
         println!("\n{program}\n{}", report::details(&image));
     }
+    println!("`cargo xtask size --instructions` lists what a sample and a SYNC execute");
     check(workspace)
+}
+
+/// Prints the instructions of a sample and of a SYNC on the emulated chip. The emulator runs as a
+/// program of its own: nothing may depend on it.
+pub fn instructions(workspace: &Workspace) -> Result<(), SizeError> {
+    let words = ["run", "--quiet", "--package", "emulator", "--example"];
+    let mut cargo = workspace.cargo(&words);
+    cargo.arg("profile");
+    Ok(command::pass(cargo)?)
 }
 
 /// Writes the document anew, by way of a temporary file so that it is never half written.
@@ -152,10 +157,10 @@ fn measure(workspace: &Workspace) -> Result<Figures, SizeError> {
 
 /// The binary that panics must be refused, and must tell why when it is let through.
 fn canary(workspace: &Workspace) -> Result<(), SizeError> {
-    if command::succeeds(link(workspace, CANARY, false)) {
+    if command::succeeds(link(workspace, CANARY, false)?) {
         return Err(SizeError::Canary);
     }
-    command::pass(link(workspace, CANARY, true))?;
+    command::pass(link(workspace, CANARY, true)?)?;
     if read(workspace, CANARY)?.panics().is_empty() {
         return Err(SizeError::Canary);
     }
@@ -164,9 +169,9 @@ fn canary(workspace: &Workspace) -> Result<(), SizeError> {
 
 /// Links and reads a binary that must not panic.
 fn linked(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
-    if let Err(refused) = command::pass(link(workspace, binary, false)) {
+    if let Err(refused) = command::pass(link(workspace, binary, false)?) {
         // The linker says that there is a panic; who calls it stands in the binary.
-        command::pass(link(workspace, binary, true)).map_err(|_| refused)?;
+        command::pass(link(workspace, binary, true)?).map_err(|_| refused)?;
         return Err(SizeError::Panics(read(workspace, binary)?.panics()));
     }
     let image = read(workspace, binary)?;
@@ -176,30 +181,19 @@ fn linked(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
     }
 }
 
-fn link(workspace: &Workspace, binary: &str, show_panics: bool) -> Command {
-    let mut cargo = workspace.cargo(&[
-        "rustc",
-        "--quiet",
-        "--package",
-        "bus-footprint",
-        "--bin",
-        binary,
-        "--target",
-        CHIP,
-        "--profile",
-        PROFILE,
-        "--",
-    ]);
+fn link(workspace: &Workspace, binary: &str, show_panics: bool) -> Result<Command, CommandError> {
+    let mut cargo = chip::cargo(workspace, "rustc", "bus-footprint")?;
+    cargo.args(["--bin", binary, "--"]);
     let script = workspace.root().join(SCRIPT);
     cargo.arg(format!("-Clink-arg=-T{}", script.display()));
     if show_panics {
         cargo.arg("-Clink-arg=--defsym=panics_shown=1");
     }
-    cargo
+    Ok(cargo)
 }
 
 fn read(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
-    let path = workspace.target().join(CHIP).join(PROFILE).join(binary);
+    let path = chip::folder(workspace).join(binary);
     let bytes = fs::read(&path).map_err(|error| SizeError::File(path.clone(), error))?;
     Image::read(&bytes).map_err(|error| SizeError::Elf(path, error))
 }

@@ -9,8 +9,9 @@ use super::tree::{File, Tree};
 
 const LARGEST: u64 = 1 << 20;
 
-/// Put together from pieces, so that this file doesn't hold what it looks for.
-const MACHINE_PATHS: [&str; 4] = [
+/// Folders that are there on one machine only, with the homes of its users. Put together from
+/// pieces, so that this file doesn't hold what it looks for.
+pub const MACHINE_PATHS: [&str; 4] = [
     concat!("/wo", "rk/"),
     concat!("/ro", "ot/"),
     concat!("/ho", "me/"),

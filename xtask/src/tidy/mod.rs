@@ -5,7 +5,7 @@
 
 mod closed_types;
 mod documents;
-mod hygiene;
+pub mod hygiene;
 mod imports;
 mod links;
 mod mask;

@@ -185,7 +185,7 @@ fn a_worn_page_is_reported() {
     let mut nor = bench(4, 1);
     nor.set_endurance(0);
     let mut log = mounted(&mut nor);
-    let worn = LogError::Access(AccessError::Worn { at: PAGE });
+    let worn = LogError::Access(AccessError::Worn);
     assert_eq!(log.prepare(&mut nor, KEEP), Err(worn));
 }
 
