@@ -247,7 +247,7 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     refused(
         &other,
         2,
-        "no image is for node 1: its hardware is 504C022Ch",
+        "no image is for node 1: its hardware is 504C032Ch",
     );
     let bare = bench.image("3.0.1", &["--unsigned"]);
     refused(&bare, 1, "node 1 refuses the image: it is not signed");

@@ -21,6 +21,8 @@ use sim::supply::BROWN_OUT_BELOW_V;
 use crate::chip::can::{Action, End, Errors, MAILBOXES};
 use crate::chip::rcc::Cause;
 use crate::chip::{Chip, Individual};
+use crate::cortex_m3::CortexM3;
+use crate::cpu::Cpu;
 use crate::image::Image;
 use crate::machine::{Ended, Kept, Machine};
 
@@ -64,8 +66,8 @@ struct Posted {
 
 /// The board.
 #[derive(Debug)]
-pub struct Board {
-    machine: Machine,
+pub struct Board<C = CortexM3> {
+    machine: Machine<C>,
     electronics: Electronics,
     port: Port,
     powered: bool,
@@ -104,7 +106,7 @@ impl fmt::Display for FlashError {
 
 impl std::error::Error for FlashError {}
 
-impl Board {
+impl<C: Cpu> Board<C> {
     /// A board without power, its flash erased, attached to `bus`.
     ///
     /// # Panics
@@ -139,12 +141,12 @@ impl Board {
     }
 
     /// The machine, to look into.
-    pub fn machine(&self) -> &Machine {
+    pub fn machine(&self) -> &Machine<C> {
         &self.machine
     }
 
     /// The machine, to change.
-    pub fn machine_mut(&mut self) -> &mut Machine {
+    pub fn machine_mut(&mut self) -> &mut Machine<C> {
         &mut self.machine
     }
 
@@ -324,7 +326,7 @@ impl Board {
     }
 }
 
-impl Guest for Board {
+impl<C: Cpu + fmt::Debug + 'static> Guest for Board<C> {
     fn electronics(&mut self) -> &mut Electronics {
         &mut self.electronics
     }

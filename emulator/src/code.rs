@@ -1,7 +1,7 @@
-//! How many instructions a block of code has.
+//! How many instructions a block of code has, and how many have run where.
 //!
-//! In: the bytes of a block of Thumb code (ARMv7-M A5.1). Out: the count, and whether there is an
-//! SEV among them; remembered by address, since blocks run often and change seldom.
+//! In: the bytes of a block of Thumb code (ARMv7-M A5.1), and which blocks run. Out: the counts,
+//! and whether there is an SEV among the instructions.
 //!
 //! Left out: what instructions do.
 
@@ -14,10 +14,7 @@ pub const WFE: u16 = 0xBF20;
 /// A hint that others might run (ARMv7-M A7.7.263).
 pub const YIELD: u16 = 0xBF10;
 /// Send event (ARMv7-M A7.7.129).
-const SEV: u16 = 0xBF40;
-
-/// The engine ends a block after 512 instructions: so many half-words at most.
-const LONGEST: u32 = 2 * 512;
+pub const SEV: u16 = 0xBF40;
 
 /// What is known of a block of code.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,53 +42,30 @@ impl Block {
     }
 }
 
-/// The blocks of the code in flash.
+/// How often code has run.
 #[derive(Clone, Debug)]
 pub struct Code {
-    /// The block that begins at each half-word; see [`pack`]. Small, since every block looks here.
-    blocks: Vec<u16>,
-    /// How many instructions have run in each; empty until that is asked for.
+    /// Bytes of the flash.
+    size: u32,
+    /// Instructions that have run in the block that begins at each half-word; empty until that is
+    /// asked for.
     runs: Vec<u64>,
 }
 
-/// Half-words and instructions of a block in one word; 0 for one that is not kept: it is long, or
-/// has an event to send.
-fn pack(size: u32, block: Block) -> u16 {
-    let fits = size < 2 << 8 && block.instructions < 1 << 8 && !block.sends_event;
-    u16::from(fits) * ((size / 2) << 8 | block.instructions) as u16
-}
-
 impl Code {
-    /// Nothing known yet of a flash of `size` bytes.
+    /// Of a flash of `size` bytes.
     pub fn new(size: u32) -> Self {
         Self {
-            blocks: vec![0; size as usize / 2],
+            size,
             runs: Vec::new(),
         }
     }
 
-    /// The instructions of a block that is about to run; 0 when it is not known.
+    /// So many instructions run in the block that begins there.
     #[inline]
-    pub fn run(&mut self, address: u32, size: u32) -> u32 {
-        let place = place(address);
-        let instructions = match self.blocks.get(place) {
-            Some(packed) if u32::from(packed >> 8) == size / 2 => u32::from(packed & 0xFF),
-            _ => return 0,
-        };
-        if let Some(runs) = self.runs.get_mut(place) {
+    pub fn ran(&mut self, address: u32, instructions: u32) {
+        if let Some(runs) = self.runs.get_mut(place(address)) {
             *runs = runs.wrapping_add(instructions.into());
-        }
-        instructions
-    }
-
-    /// Remembers a block, if it is in flash, which is about to run.
-    pub fn learn(&mut self, address: u32, size: u32, block: Block) {
-        let place = place(address);
-        if let Some(packed) = self.blocks.get_mut(place) {
-            *packed = pack(size, block);
-        }
-        if let Some(runs) = self.runs.get_mut(place) {
-            *runs += u64::from(block.instructions);
         }
     }
 
@@ -105,18 +79,7 @@ impl Code {
 
     /// Lets [`Code::profile`] begin anew.
     pub fn start_profile(&mut self) {
-        self.runs = vec![0; self.blocks.len()];
-    }
-
-    /// So many bytes of the flash have changed, from this offset on.
-    pub fn forget(&mut self, offset: u32, length: usize) {
-        // A block before them may reach into them.
-        let from = (offset / 2).saturating_sub(LONGEST) as usize;
-        let to = offset.div_ceil(2) as usize + length.div_ceil(2);
-        let to = to.min(self.blocks.len());
-        if let Some(blocks) = self.blocks.get_mut(from..to) {
-            blocks.fill(0);
-        }
+        self.runs = vec![0; self.size as usize / 2];
     }
 }
 
@@ -142,23 +105,15 @@ mod tests {
     }
 
     #[test]
-    fn a_block_is_known_by_address_and_size() {
+    fn runs_count_from_when_they_are_asked_for() {
         let mut code = Code::new(1024);
-        let block = Block::of(&[0, 0xBF]);
-        code.learn(BASE + 8, 2, block);
-        assert_eq!(code.run(BASE + 8, 2), 1);
-        assert_eq!(code.run(BASE + 8, 4), 0);
-        code.forget(16, 1000);
-        assert_eq!(code.run(BASE + 8, 2), 0);
-        code.learn(BASE + 8, 2, block);
-        code.forget(0, 8);
-        assert_eq!(code.run(BASE + 8, 2), 1);
-        code.forget(8, 1);
-        assert_eq!(code.run(BASE + 8, 2), 0);
-        code.learn(0x2000_0000, 2, block);
-        assert_eq!(code.run(0x2000_0000, 2), 0);
-        // Of 512 half-words, the low bits of which are none.
-        code.learn(BASE, 1024, Block::of(&[0, 0xBF]));
-        assert_eq!(code.run(BASE, 1024), 0);
+        code.ran(BASE + 8, 5);
+        assert_eq!(code.profile().count(), 0);
+        code.start_profile();
+        code.ran(BASE + 8, 5);
+        code.ran(BASE + 8, 3);
+        // Code elsewhere is none of the flash.
+        code.ran(0x2000_0000, 3);
+        assert_eq!(code.profile().collect::<Vec<_>>(), [(BASE + 8, 8)]);
     }
 }

@@ -4,7 +4,7 @@
 //! the core stopped. The core executes instructions and nothing else: exceptions, priorities and
 //! sleep are [`exceptions`](crate::exceptions)' business.
 //!
-//! Left out: everything that depends on which core it is; see [`unicorn`](crate::unicorn).
+//! Left out: everything that depends on which core it is; see [`cortex_m3`](crate::cortex_m3).
 
 use flash::layout::BASE;
 
@@ -44,7 +44,7 @@ pub enum Register {
 /// reason is an instruction that could not be executed: then it is at that one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The chip wanted it ([`Chip::begin_block`]).
+    /// The chip wanted it ([`Chip::wants_stop`]).
     Wanted,
     /// It came to a WFI.
     WaitForInterrupt,
@@ -91,6 +91,9 @@ pub struct NoMemory {
 
 /// A Cortex-M3 with its memory and the chip around it.
 pub trait Cpu {
+    /// A core with empty memories of this part around `chip`.
+    fn new(chip: Chip) -> Self;
+
     /// A register's value.
     fn register(&self, register: Register) -> u32;
 

@@ -4,14 +4,15 @@
 //! the same device or instead of them; counts of instructions; the flash as cuts have left it.
 //!
 //! A [`board::Board`] has a chip, a sensor and a port on the bus. Its [`machine::Machine`] runs a
-//! core ([`cpu`], [`unicorn`]) with a [`chip`] around it and takes exceptions ([`exceptions`]).
+//! core ([`cpu`], [`cortex_m3`]) with a [`chip`] around it and takes exceptions ([`exceptions`]).
 //! One instruction is one cycle: budgets of time cannot be proved so, instructions are counted
-//! exactly. For development only: the core is Unicorn's, which is GPL-2.0.
+//! exactly.
 
 pub mod board;
 pub mod build;
 pub mod chip;
 pub mod code;
+pub mod cortex_m3;
 pub mod cost;
 pub mod cpu;
 pub mod cuts;
@@ -21,4 +22,3 @@ pub mod image;
 pub mod machine;
 pub mod pair;
 pub mod stopwatch;
-pub mod unicorn;

@@ -13,9 +13,9 @@ use crate::chip::Chip;
 use crate::chip::nvic::{HARD_FAULT, SV_CALL, Waiting};
 use crate::chip::rcc::Cause;
 use crate::chip::system::Blame;
+use crate::cortex_m3::CortexM3;
 use crate::cpu::{ALIAS, Cpu, Fault, Register, Stop};
 use crate::exceptions::{self, Masks};
-use crate::unicorn::UnicornCpu;
 
 /// Why a machine has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,8 +75,8 @@ struct Service {
 
 /// A core with its chip.
 #[derive(Debug)]
-pub struct Machine {
-    cpu: UnicornCpu,
+pub struct Machine<C = CortexM3> {
+    cpu: C,
     pause: Pause,
     resets: Vec<Cause>,
     faults: Vec<(u32, Blame)>,
@@ -84,14 +84,11 @@ pub struct Machine {
     costs: BTreeMap<u32, Cost>,
 }
 
-impl Machine {
+impl<C: Cpu> Machine<C> {
     /// A chip without power.
-    ///
-    /// # Panics
-    /// See [`UnicornCpu::new`].
     pub fn new(chip: Chip) -> Self {
         Self {
-            cpu: UnicornCpu::new(chip),
+            cpu: C::new(chip),
             pause: Pause::None,
             resets: Vec::new(),
             faults: Vec::new(),
@@ -101,12 +98,12 @@ impl Machine {
     }
 
     /// The core.
-    pub fn cpu(&self) -> &UnicornCpu {
+    pub fn cpu(&self) -> &C {
         &self.cpu
     }
 
     /// The core, to change.
-    pub fn cpu_mut(&mut self) -> &mut UnicornCpu {
+    pub fn cpu_mut(&mut self) -> &mut C {
         &mut self.cpu
     }
 
@@ -407,7 +404,7 @@ impl Machine {
     }
 }
 
-impl Machine {
+impl<C: Cpu> Machine<C> {
     /// Bytes from `from` on that still hold the paint: of a stack whose end that is, those that
     /// were never used.
     pub fn painted_from(&self, from: u32, paint: u32) -> u32 {

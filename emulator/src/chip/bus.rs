@@ -266,9 +266,7 @@ impl Chip {
 
     /// A piece of the flash that the core's copy has to be put right at: offset and bytes.
     pub fn take_changed_flash(&mut self) -> Option<(u32, Vec<u8>)> {
-        let changed = self.flash.take_changed()?;
-        self.code.forget(changed.0, changed.1.len());
-        Some(changed)
+        self.flash.take_changed()
     }
 }
 

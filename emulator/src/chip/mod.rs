@@ -235,8 +235,6 @@ impl Chip {
 
     /// Watches for code that comes to these addresses, instead of those before.
     pub fn watch(&mut self, addresses: &[u32]) {
-        // What is not known is looked at before it runs.
-        self.code.forget(0, self.layout.flash as usize);
         self.watched = addresses.to_vec();
         self.passed.clear();
     }
@@ -247,8 +245,14 @@ impl Chip {
         &self.passed
     }
 
-    /// Notes the watched addresses in a block that is about to run.
-    fn note_passing(&mut self, address: u32, bytes: &[u8]) {
+    /// Whether [`Chip::note_passing`] is to be told of blocks.
+    #[inline]
+    pub fn watches(&self) -> bool {
+        !self.watched.is_empty()
+    }
+
+    /// Notes the watched addresses in a block that is about to run, before [`Chip::begin`].
+    pub fn note_passing(&mut self, address: u32, bytes: &[u8]) {
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;
@@ -338,25 +342,12 @@ impl Chip {
             || self.bad_store
     }
 
-    /// A block of the flash is about to run; false when nothing is known of it, and then
-    /// [`Chip::begin_block`] has to be told.
+    /// A block that begins at `address` is about to run.
     #[inline]
-    pub fn begin_known(&mut self, address: u32, size: u32) -> bool {
-        let instructions = self.code.run(address, size);
-        // Wrapping, as each check would be made at each block: it does so in 8 000 years.
-        self.cycles = self.cycles.wrapping_add(instructions.into());
-        instructions != 0
-    }
-
-    /// A block of these bytes is about to run.
-    pub fn begin_block(&mut self, address: u32, bytes: &[u8]) {
-        let block = Block::of(bytes);
-        if self.watched.is_empty() {
-            self.code.learn(address, bytes.len() as u32, block);
-        } else {
-            self.note_passing(address, bytes);
-        }
-        self.cycles += u64::from(block.instructions);
+    pub fn begin(&mut self, address: u32, block: Block) {
+        self.code.ran(address, block.instructions);
+        // Wrapping, as a check would be made at each block: it does so in 8 000 years.
+        self.cycles = self.cycles.wrapping_add(block.instructions.into());
         self.event |= block.sends_event;
     }
 

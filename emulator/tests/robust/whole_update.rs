@@ -175,7 +175,7 @@ fn a_whole_image_kept_heartbeats_and_samples_waiting_for_its_signature() {
                 return;
             }
             // Up to the last moment of the check, a step before the reset.
-            for _ in 0..20 {
+            for _ in 0..18 {
                 pair.run(0.05);
                 assert_eq!(pair.read(1, 0x1F57, 1), Ok(1));
             }

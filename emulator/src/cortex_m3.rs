@@ -1,0 +1,320 @@
+//! The core: a Cortex-M3 that executes the code in flash.
+//!
+//! In: flash and RAM, everything else through the [`Chip`]. Out: [`Stop`]. The code of a block is
+//! decoded once and executed as often as it runs. Before each block the chip is told how many
+//! instructions it has and may stop the core there, never inside of it; so the count of
+//! instructions is exact, skipped ones of an IT block included, and an exception comes at most one
+//! block late. An access of a block to the chip happens at the time of the block's end.
+//!
+//! `tests/lockstep` executes the product's image on this core and on Unicorn's at once, and compares
+//! registers, memory and counts.
+//!
+//! Left out: code in the RAM, where a fetch ends in a fault; and cycles, one instruction counts as
+//! one.
+
+mod arithmetic;
+mod decode;
+mod execute;
+mod memory;
+mod op;
+mod registers;
+
+use flash::layout::BASE;
+
+use crate::chip::Chip;
+use crate::code::Block;
+use crate::cpu::{Cpu, Fault, NoMemory, Register, Stop};
+use decode::{Decoder, Place};
+use execute::{Core, EXC_RETURN};
+use memory::Memory;
+use op::Op;
+use registers::Registers;
+
+/// The longest block, bytes: a page, and the half of an instruction behind it.
+const LONGEST: usize = 1026;
+/// Entries of blocks that were thrown away are left where they are, up to so many in all.
+const MOST_ENTRIES: usize = 1 << 20;
+
+/// A block that has been decoded.
+#[derive(Clone, Copy, Debug)]
+struct Decoded {
+    /// Its entries: the first, and how many.
+    first: u32,
+    entries: u32,
+    /// Bytes of its code.
+    size: u32,
+    block: Block,
+}
+
+/// The blocks that are known.
+#[derive(Debug)]
+struct Blocks {
+    /// Number of the block that begins at each half-word, in the flash and then in its alias; 0
+    /// for none, 1 for the first of `decoded`.
+    numbers: Vec<u32>,
+    decoded: Vec<Decoded>,
+    ops: Vec<Op>,
+    places: Vec<Place>,
+}
+
+impl Blocks {
+    fn new(flash: usize) -> Self {
+        Self {
+            numbers: vec![0; flash],
+            decoded: Vec::new(),
+            ops: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+
+    /// The place of an address in `numbers`, and its offset in the flash; `None` outside of it.
+    #[inline(always)]
+    fn place(&self, address: u32) -> Option<(usize, usize)> {
+        let flash = self.numbers.len();
+        let offset = address.wrapping_sub(BASE) as usize;
+        if offset < flash {
+            return Some((offset / 2, offset));
+        }
+        let offset = address as usize;
+        (offset < flash).then_some(((flash + offset) / 2, offset))
+    }
+
+    /// The block that begins there, if it is known.
+    #[inline(always)]
+    fn known(&self, place: usize) -> Option<Decoded> {
+        let number = *self.numbers.get(place)? as usize;
+        self.decoded.get(number.wrapping_sub(1)).copied()
+    }
+
+    /// Takes a block that has just been decoded in.
+    fn add(&mut self, decoder: Decoder<'_>) -> Decoded {
+        if self.ops.len() > MOST_ENTRIES {
+            *self = Self::new(self.numbers.len());
+        }
+        let decoded = Decoded {
+            first: self.ops.len() as u32,
+            entries: decoder.ops.len() as u32,
+            size: decoder.size,
+            block: decoder.block,
+        };
+        self.ops.extend(decoder.ops);
+        self.places.extend(decoder.places);
+        self.decoded.push(decoded);
+        decoded
+    }
+
+    /// So many bytes of the flash have changed, from this offset on.
+    fn forget(&mut self, offset: usize, length: usize) {
+        // A block before them may reach into them.
+        let from = offset.saturating_sub(LONGEST) / 2;
+        let to = (offset + length).div_ceil(2);
+        let half = self.numbers.len() / 2;
+        for begin in [0, half] {
+            let range = begin + from..begin + to.min(half);
+            if let Some(numbers) = self.numbers.get_mut(range) {
+                numbers.fill(0);
+            }
+        }
+    }
+}
+
+/// A Cortex-M3 with a chip around it.
+#[derive(Debug)]
+pub struct CortexM3 {
+    core: Core,
+    blocks: Blocks,
+}
+
+impl CortexM3 {
+    /// The block that begins where the program counter is.
+    ///
+    /// Errors: why there is none.
+    #[inline(always)]
+    fn block(&mut self) -> Result<Decoded, Stop> {
+        let registers = &self.core.registers;
+        let (place, _) = match self.blocks.place(registers.pc) {
+            Some(place) if registers.thumb => place,
+            _ => return Err(self.nowhere()),
+        };
+        match self.blocks.known(place) {
+            Some(decoded) if self.core.registers.it == 0 => Ok(decoded),
+            _ => self.decode(),
+        }
+    }
+
+    /// Why there is no code where the program counter is.
+    #[cold]
+    fn nowhere(&self) -> Stop {
+        let at = self.core.registers.pc;
+        match at | 1 {
+            link @ EXC_RETURN.. => Stop::ExceptionReturn(link),
+            _ if !self.core.registers.thumb => Fault::Undefined.into(),
+            _ => Fault::Fetch { address: at }.into(),
+        }
+    }
+
+    #[cold]
+    fn decode(&mut self) -> Result<Decoded, Stop> {
+        let (at, it) = (self.core.registers.pc, self.core.registers.it);
+        let (place, offset) = self.blocks.place(at).ok_or_else(|| self.nowhere())?;
+        let code = self.core.memory.flash.get(offset..).unwrap_or(&[]);
+        let decoder = Decoder::decode(code, at, it);
+        if decoder.size == 0 {
+            return Err(Fault::Fetch { address: at }.into());
+        }
+        let decoded = self.blocks.add(decoder);
+        // Within an IT block the same code is another block.
+        if it == 0
+            && let Some(number) = self.blocks.numbers.get_mut(place)
+        {
+            *number = self.blocks.decoded.len() as u32;
+        }
+        Ok(decoded)
+    }
+
+    /// Executes until there is a reason to stop.
+    fn execute(&mut self) -> Stop {
+        // The first block is let through, or the chip could keep the core from ever going on.
+        let mut is_first = true;
+        loop {
+            let decoded = match self.block() {
+                Ok(decoded) => decoded,
+                Err(stop) => return stop,
+            };
+            if !is_first && self.core.memory.chip.needs_attention() && self.stops() {
+                return Stop::Wanted;
+            }
+            is_first = false;
+            self.begin(decoded);
+            if let Err(stop) = self.execute_block(decoded) {
+                return stop;
+            }
+        }
+    }
+
+    /// Tells the chip of a block that is about to run.
+    #[inline(always)]
+    fn begin(&mut self, decoded: Decoded) {
+        let at = self.core.registers.pc;
+        let Memory { chip, flash, .. } = &mut self.core.memory;
+        if chip.watches()
+            && let Some((_, offset)) = self.blocks.place(at)
+        {
+            let end = (offset + decoded.size as usize).min(flash.len());
+            chip.note_passing(at, flash.get(offset..end).unwrap_or(&[]));
+        }
+        chip.begin(at, decoded.block);
+        self.core.registers.pc = at.wrapping_add(decoded.size);
+    }
+
+    /// Errors: the reason to stop.
+    #[inline(always)]
+    fn execute_block(&mut self, decoded: Decoded) -> Result<(), Stop> {
+        let first = decoded.first as usize;
+        let range = first..first + decoded.entries as usize;
+        let ops = self.blocks.ops.get(range).unwrap_or(&[]);
+        let mut left = ops.iter();
+        while let Some(op) = left.next() {
+            match self.core.execute(*op) {
+                Ok(0) => {}
+                Ok(skipped) => {
+                    left.nth(usize::from(skipped) - 1);
+                }
+                Err(stop) => {
+                    let number = first + ops.len() - left.len() - 1;
+                    return Err(self.stopped(stop, number, decoded.size));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes back to the instruction that could not be executed: its entry is the one of this
+    /// number, in a block of `size` bytes.
+    #[cold]
+    #[inline(never)]
+    fn stopped(&mut self, stop: Stop, number: usize, size: u32) -> Stop {
+        if let (Stop::Fault(_), Some(place)) = (stop, self.blocks.places.get(number)) {
+            let rest = size - u32::from(place.offset);
+            // A fault is never behind a branch: the program counter still is at the block's end.
+            let at = self.core.registers.pc.wrapping_sub(rest);
+            (self.core.registers.pc, self.core.registers.it) = (at, place.it);
+            let mut bytes = vec![0; rest as usize];
+            if self.core.memory.read(at, &mut bytes).is_ok() {
+                let count = Block::of(&bytes).instructions;
+                self.core.memory.chip.take_back(count);
+            }
+        }
+        stop
+    }
+
+    /// Lets the chip come to now; true when the core stops before the next block.
+    #[cold]
+    #[inline(never)]
+    fn stops(&mut self) -> bool {
+        self.core.memory.chip.attend();
+        self.core.memory.chip.wants_stop() || self.is_interrupted()
+    }
+
+    /// Whether an exception is to be taken here: not within an IT block.
+    fn is_interrupted(&self) -> bool {
+        let registers = &self.core.registers;
+        let nvic = &self.core.memory.chip.nvic;
+        let taken = |waiting| registers.masks().let_through(waiting, nvic);
+        nvic.first().is_some_and(taken) && registers.it == 0
+    }
+}
+
+impl Cpu for CortexM3 {
+    fn new(chip: Chip) -> Self {
+        Self {
+            blocks: Blocks::new(chip.flash_size() as usize),
+            core: Core {
+                registers: Registers::default(),
+                memory: Memory::new(chip),
+            },
+        }
+    }
+
+    fn register(&self, register: Register) -> u32 {
+        self.core.registers.named(register)
+    }
+
+    fn set_register(&mut self, register: Register, value: u32) {
+        self.core.registers.set_named(register, value);
+    }
+
+    fn read(&self, address: u32, into: &mut [u8]) -> Result<(), NoMemory> {
+        self.core.memory.read(address, into)
+    }
+
+    fn write(&mut self, address: u32, bytes: &[u8]) -> Result<(), NoMemory> {
+        if let Some(offset) = self.core.memory.write(address, bytes)? {
+            self.blocks.forget(offset, bytes.len());
+        }
+        Ok(())
+    }
+
+    fn run(&mut self) -> Stop {
+        loop {
+            self.put_flash_right();
+            self.core.memory.chip.call();
+            let stop = self.execute();
+            if stop != Stop::Wanted || self.chip().wants_stop() || self.is_interrupted() {
+                self.put_flash_right();
+                return stop;
+            }
+        }
+    }
+
+    fn chip(&self) -> &Chip {
+        &self.core.memory.chip
+    }
+
+    fn chip_mut(&mut self) -> &mut Chip {
+        &mut self.core.memory.chip
+    }
+}
+
+#[cfg(test)]
+mod tests;

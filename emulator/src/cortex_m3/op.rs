@@ -1,0 +1,187 @@
+//! What an instruction does, decoded once and executed often.
+//!
+//! Registers are numbers: 0 to 15, [`ZERO`] that reads as 0 and [`NOWHERE`] for a result that only
+//! sets flags. Offsets wrap: what is subtracted is added as its complement. Some entries are no
+//! instruction by themselves; they stand before or behind that of another one.
+//!
+//! Sources: ARMv7-M A7.7. Left out: the order of bits in an instruction ([`decode`](super::decode)).
+
+/// A register that reads as 0.
+pub const ZERO: u8 = 16;
+/// A register that nobody reads.
+pub const NOWHERE: u8 = 17;
+/// The stack pointer.
+pub const SP: u8 = 13;
+/// The link register.
+pub const LR: u8 = 14;
+/// The program counter: read after [`Op::SetPc`], written before [`Op::JumpPc`].
+pub const PC: u8 = 15;
+
+/// A register's number.
+type Reg = u8;
+
+/// What two operands become (ARMv7-M A5.3.1, A5.3.11). MOV is ORR of [`ZERO`], MVN its ORN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alu {
+    And,
+    Bic,
+    Orr,
+    Orn,
+    Eor,
+    Add,
+    Adc,
+    Sbc,
+    Sub,
+    Rsb,
+}
+
+/// How a register is shifted (ARMv7-M A7.4.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shift {
+    Lsl,
+    Lsr,
+    Asr,
+    Ror,
+    /// Right by one, the carry coming in.
+    Rrx,
+}
+
+/// What is loaded or stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Word,
+    Half,
+    Byte,
+    SignedHalf,
+    SignedByte,
+}
+
+/// When an address is changed by its offset, and whether the base keeps it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Index {
+    /// Before, and it does not.
+    Offset,
+    /// Before, and it does.
+    Before,
+    /// Behind, and it does.
+    Behind,
+}
+
+/// Products of 64 bits (ARMv7-M A5.3.17).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Long {
+    Smull,
+    Umull,
+    Smlal,
+    Umlal,
+}
+
+/// Bytes and bits of a register in another order (ARMv7-M A5.3.15).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bits {
+    Clz,
+    Rbit,
+    Rev,
+    Rev16,
+    Revsh,
+}
+
+/// An instruction with its operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Op {
+    /// d = immediate.
+    Set { d: Reg, imm: u32 },
+    /// The same, with N and Z.
+    Sets { d: Reg, imm: u32 },
+    Move { d: Reg, m: Reg },
+    AddImm { d: Reg, n: Reg, imm: u32 },
+    AddsImm { d: Reg, n: Reg, imm: u32 },
+    SubsImm { d: Reg, n: Reg, imm: u32 },
+    CmpImm { n: Reg, imm: u32 },
+    Cmp { n: Reg, m: Reg },
+    Add { d: Reg, n: Reg, m: Reg },
+    Sub { d: Reg, n: Reg, m: Reg },
+    /// d = n `alu` immediate.
+    DataImm { alu: Alu, d: Reg, n: Reg, imm: u32 },
+    /// The same with flags.
+    DatasImm { alu: Alu, d: Reg, n: Reg, imm: u32 },
+    /// d = n `alu` (m shifted).
+    Data { alu: Alu, d: Reg, n: Reg, m: Reg, shift: Shift, by: u8 },
+    /// The same with flags.
+    Datas { alu: Alu, d: Reg, n: Reg, m: Reg, shift: Shift, by: u8 },
+    /// d = n shifted by as much as m says.
+    ShiftBy { shift: Shift, d: Reg, n: Reg, m: Reg },
+    /// The same with flags.
+    ShiftsBy { shift: Shift, d: Reg, n: Reg, m: Reg },
+    /// The carry that the immediate of the next instruction has.
+    Carry { set: bool },
+    /// The upper half of d.
+    Movt { d: Reg, imm: u16 },
+    Mul { d: Reg, n: Reg, m: Reg },
+    Muls { d: Reg, n: Reg, m: Reg },
+    Mla { d: Reg, n: Reg, m: Reg, a: Reg },
+    Mls { d: Reg, n: Reg, m: Reg, a: Reg },
+    Long { long: Long, low: Reg, high: Reg, n: Reg, m: Reg },
+    Udiv { d: Reg, n: Reg, m: Reg },
+    Sdiv { d: Reg, n: Reg, m: Reg },
+    Bits { bits: Bits, d: Reg, m: Reg },
+    /// d = m rotated right, of it what `kind` has.
+    Extend { kind: Kind, d: Reg, m: Reg, by: u8 },
+    Ubfx { d: Reg, n: Reg, lsb: u8, width: u8 },
+    Sbfx { d: Reg, n: Reg, lsb: u8, width: u8 },
+    Bfi { d: Reg, n: Reg, lsb: u8, width: u8 },
+    /// To so many bits; `signed`: SSAT.
+    Saturate { signed: bool, d: Reg, n: Reg, to: u8, shift: Shift, by: u8 },
+    /// t = word at n + immediate; the two below are bytes and half-words.
+    Ldr { t: Reg, n: Reg, imm: u32 },
+    Ldrb { t: Reg, n: Reg, imm: u32 },
+    Ldrh { t: Reg, n: Reg, imm: u32 },
+    Str { t: Reg, n: Reg, imm: u32 },
+    Strb { t: Reg, n: Reg, imm: u32 },
+    Strh { t: Reg, n: Reg, imm: u32 },
+    LoadSigned { kind: Kind, t: Reg, n: Reg, imm: u32 },
+    /// At n + (m << by).
+    LoadAt { kind: Kind, t: Reg, n: Reg, m: Reg, by: u8 },
+    StoreAt { kind: Kind, t: Reg, n: Reg, m: Reg, by: u8 },
+    LoadIndexed { kind: Kind, t: Reg, n: Reg, index: Index, by: i16 },
+    StoreIndexed { kind: Kind, t: Reg, n: Reg, index: Index, by: i16 },
+    Ldrd { t: Reg, second: Reg, n: Reg, index: Index, by: i16 },
+    Strd { t: Reg, second: Reg, n: Reg, index: Index, by: i16 },
+    /// From n upwards, or from below n (`down`).
+    Ldm { n: Reg, down: bool, keeps: bool, mask: u16 },
+    Stm { n: Reg, down: bool, keeps: bool, mask: u16 },
+    Ldrex { kind: Kind, t: Reg, n: Reg, imm: u16 },
+    Strex { kind: Kind, d: Reg, t: Reg, n: Reg, imm: u16 },
+    Clrex,
+    Jump { to: u32 },
+    JumpIf { condition: u8, to: u32 },
+    JumpIfZero { n: Reg, to: u32 },
+    JumpIfNot { n: Reg, to: u32 },
+    Call { to: u32 },
+    /// BX, and behind a load of the program counter.
+    JumpTo { m: Reg },
+    CallTo { m: Reg },
+    /// Behind an instruction that has written the program counter.
+    JumpPc,
+    /// TBB, TBH (`by` 1).
+    Table { n: Reg, m: Reg, by: u8 },
+    Mrs { d: Reg, special: u8 },
+    Msr { n: Reg, special: u8 },
+    /// CPSIE and CPSID (`disable`).
+    Cps { disable: bool, primask: bool, faultmask: bool },
+    Nop,
+    Svc,
+    Wfi,
+    Wfe,
+    Bkpt,
+    Undefined,
+    /// So many entries are left out unless the condition holds (IT).
+    SkipUnless { condition: u8, entries: u8 },
+    /// What the program counter reads as.
+    SetPc { to: u32 },
+    /// Where in an IT block the code is.
+    SetIt { it: u8 },
+}
+
+// Every instruction that runs is fetched from here.
+const _: () = assert!(size_of::<Op>() == 8);
