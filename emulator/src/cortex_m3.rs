@@ -25,7 +25,7 @@ use crate::chip::Chip;
 use crate::code::Block;
 use crate::cpu::{Cpu, Fault, NoMemory, Register, Stop};
 use decode::{Decoder, Place};
-use execute::{Core, EXC_RETURN};
+use execute::{Core, EXC_RETURN, Flow};
 use memory::Memory;
 use op::Op;
 use registers::Registers;
@@ -38,11 +38,12 @@ const MOST_ENTRIES: usize = 1 << 20;
 /// A block that has been decoded.
 #[derive(Clone, Copy, Debug)]
 struct Decoded {
-    /// Its entries: the first, and how many.
+    /// Its first entry.
     first: u32,
-    entries: u32,
+    /// How many it has.
+    entries: u16,
     /// Bytes of its code.
-    size: u32,
+    size: u16,
     block: Block,
 }
 
@@ -79,28 +80,28 @@ impl Blocks {
         (offset < flash).then_some(((flash + offset) / 2, offset))
     }
 
-    /// The block that begins there, if it is known.
+    /// The number of the block that begins there, if it is known.
     #[inline(always)]
-    fn known(&self, place: usize) -> Option<Decoded> {
+    fn known(&self, place: usize) -> Option<usize> {
         let number = *self.numbers.get(place)? as usize;
-        self.decoded.get(number.wrapping_sub(1)).copied()
+        number.checked_sub(1)
     }
 
-    /// Takes a block that has just been decoded in.
-    fn add(&mut self, decoder: Decoder<'_>) -> Decoded {
+    /// Takes a block that has just been decoded in; its number.
+    fn add(&mut self, decoder: Decoder<'_>) -> usize {
         if self.ops.len() > MOST_ENTRIES {
             *self = Self::new(self.numbers.len());
         }
         let decoded = Decoded {
             first: self.ops.len() as u32,
-            entries: decoder.ops.len() as u32,
-            size: decoder.size,
+            entries: decoder.ops.len() as u16,
+            size: decoder.size as u16,
             block: decoder.block,
         };
         self.ops.extend(decoder.ops);
         self.places.extend(decoder.places);
         self.decoded.push(decoded);
-        decoded
+        self.decoded.len() - 1
     }
 
     /// So many bytes of the flash have changed, from this offset on.
@@ -126,18 +127,18 @@ pub struct CortexM3 {
 }
 
 impl CortexM3 {
-    /// The block that begins where the program counter is.
+    /// The number of the block that begins where the program counter is.
     ///
     /// Errors: why there is none.
     #[inline(always)]
-    fn block(&mut self) -> Result<Decoded, Stop> {
+    fn block(&mut self) -> Result<usize, Stop> {
         let registers = &self.core.registers;
         let (place, _) = match self.blocks.place(registers.pc) {
             Some(place) if registers.thumb => place,
             _ => return Err(self.nowhere()),
         };
         match self.blocks.known(place) {
-            Some(decoded) if self.core.registers.it == 0 => Ok(decoded),
+            Some(number) if self.core.registers.it == 0 => Ok(number),
             _ => self.decode(),
         }
     }
@@ -154,7 +155,7 @@ impl CortexM3 {
     }
 
     #[cold]
-    fn decode(&mut self) -> Result<Decoded, Stop> {
+    fn decode(&mut self) -> Result<usize, Stop> {
         let (at, it) = (self.core.registers.pc, self.core.registers.it);
         let (place, offset) = self.blocks.place(at).ok_or_else(|| self.nowhere())?;
         let code = self.core.memory.flash.get(offset..).unwrap_or(&[]);
@@ -162,14 +163,14 @@ impl CortexM3 {
         if decoder.size == 0 {
             return Err(Fault::Fetch { address: at }.into());
         }
-        let decoded = self.blocks.add(decoder);
+        let number = self.blocks.add(decoder);
         // Within an IT block the same code is another block.
         if it == 0
-            && let Some(number) = self.blocks.numbers.get_mut(place)
+            && let Some(place) = self.blocks.numbers.get_mut(place)
         {
-            *number = self.blocks.decoded.len() as u32;
+            *place = number as u32 + 1;
         }
-        Ok(decoded)
+        Ok(number)
     }
 
     /// Executes until there is a reason to stop.
@@ -177,65 +178,61 @@ impl CortexM3 {
         // The first block is let through, or the chip could keep the core from ever going on.
         let mut is_first = true;
         loop {
-            let decoded = match self.block() {
-                Ok(decoded) => decoded,
+            let number = match self.block() {
+                Ok(number) => number,
                 Err(stop) => return stop,
             };
             if !is_first && self.core.memory.chip.needs_attention() && self.stops() {
                 return Stop::Wanted;
             }
             is_first = false;
-            self.begin(decoded);
-            if let Err(stop) = self.execute_block(decoded) {
+            if let Err(stop) = self.execute_block(number) {
                 return stop;
             }
         }
     }
 
-    /// Tells the chip of a block that is about to run.
-    #[inline(always)]
-    fn begin(&mut self, decoded: Decoded) {
-        let at = self.core.registers.pc;
-        let Memory { chip, flash, .. } = &mut self.core.memory;
-        if chip.watches()
-            && let Some((_, offset)) = self.blocks.place(at)
-        {
-            let end = (offset + decoded.size as usize).min(flash.len());
-            chip.note_passing(at, flash.get(offset..end).unwrap_or(&[]));
-        }
-        chip.begin(at, decoded.block);
-        self.core.registers.pc = at.wrapping_add(decoded.size);
-    }
-
+    /// Executes the block of this number.
+    ///
     /// Errors: the reason to stop.
     #[inline(always)]
-    fn execute_block(&mut self, decoded: Decoded) -> Result<(), Stop> {
+    fn execute_block(&mut self, number: usize) -> Result<(), Stop> {
+        let Some(decoded) = self.blocks.decoded.get(number) else {
+            return Ok(());
+        };
+        let at = self.core.registers.pc;
+        if self.core.memory.chip.watches() {
+            self.core.memory.note_passing(at, decoded.size);
+        }
+        self.core.memory.chip.begin(at, decoded.block);
+        self.core.registers.pc = at.wrapping_add(decoded.size.into());
         let first = decoded.first as usize;
-        let range = first..first + decoded.entries as usize;
+        let range = first..first + usize::from(decoded.entries);
         let ops = self.blocks.ops.get(range).unwrap_or(&[]);
         let mut left = ops.iter();
         while let Some(op) = left.next() {
             match self.core.execute(*op) {
-                Ok(0) => {}
-                Ok(skipped) => {
-                    left.nth(usize::from(skipped) - 1);
+                Flow::Next => {}
+                Flow::Skip(entries) => {
+                    left.nth(usize::from(entries).wrapping_sub(1));
                 }
-                Err(stop) => {
-                    let number = first + ops.len() - left.len() - 1;
-                    return Err(self.stopped(stop, number, decoded.size));
+                Flow::Stop => {
+                    let entry = first + ops.len() - left.len() - 1;
+                    return Err(self.stopped(entry, decoded.size));
                 }
             }
         }
         Ok(())
     }
 
-    /// Goes back to the instruction that could not be executed: its entry is the one of this
-    /// number, in a block of `size` bytes.
+    /// Goes back to the instruction that could not be executed, to which this entry belongs, in a
+    /// block of `size` bytes.
     #[cold]
     #[inline(never)]
-    fn stopped(&mut self, stop: Stop, number: usize, size: u32) -> Stop {
-        if let (Stop::Fault(_), Some(place)) = (stop, self.blocks.places.get(number)) {
-            let rest = size - u32::from(place.offset);
+    fn stopped(&mut self, entry: usize, size: u16) -> Stop {
+        let stop = self.core.memory.stop;
+        if let (Stop::Fault(_), Some(place)) = (stop, self.blocks.places.get(entry)) {
+            let rest = u32::from(size - place.offset);
             // A fault is never behind a branch: the program counter still is at the block's end.
             let at = self.core.registers.pc.wrapping_sub(rest);
             (self.core.registers.pc, self.core.registers.it) = (at, place.it);

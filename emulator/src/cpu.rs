@@ -82,6 +82,12 @@ pub enum Fault {
     Breakpoint,
 }
 
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
 /// Nothing is mapped there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoMemory {

@@ -7,7 +7,7 @@
 //! Sources: ARMv7-M A7.7. Left out: how long an instruction takes.
 
 use super::arithmetic::{self, add, shifted};
-use super::memory::Memory;
+use super::memory::{Memory, Stopped};
 use super::op::{Alu, Bits, Index, Kind, LR, Long, NOWHERE, Op, PC, Shift, ZERO};
 use super::registers::Registers;
 use crate::cpu::{Fault, Stop};
@@ -15,10 +15,15 @@ use crate::cpu::{Fault, Stop};
 /// From here on a branch is a return from an exception (PM0056 2.3.7).
 pub const EXC_RETURN: u32 = 0xFFFF_FFF0;
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
+/// What comes after an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// The one behind it.
+    Next,
+    /// As many as this are left out.
+    Skip(u8),
+    /// None: [`Memory::stop`] has the reason.
+    Stop,
 }
 
 /// The core while it executes a block.
@@ -39,11 +44,26 @@ impl Core {
         self.registers.put(number, value);
     }
 
-    /// Executes an entry; how many of those behind it are left out.
-    ///
-    /// Errors: the reason to stop, before or behind it as [`Stop`] says.
+    /// Executes an entry.
     #[inline(always)]
-    pub fn execute(&mut self, op: Op) -> Result<u8, Stop> {
+    pub fn execute(&mut self, op: Op) -> Flow {
+        if let Op::SkipUnless { condition, entries } = op {
+            return match self.registers.flags.hold(condition) {
+                true => Flow::Next,
+                false => Flow::Skip(entries),
+            };
+        }
+        match self.execute_often(op) {
+            Ok(()) => Flow::Next,
+            Err(Stopped) => Flow::Stop,
+        }
+    }
+
+    /// What code does most of the time.
+    ///
+    /// Errors: it was not executed, or stops the core, as [`Stop`] says.
+    #[inline(always)]
+    fn execute_often(&mut self, op: Op) -> Result<(), Stopped> {
         match op {
             Op::Set { d, imm } => self.put(d, imm),
             Op::Sets { d, imm } => self.logical(d, imm),
@@ -90,19 +110,17 @@ impl Core {
                 self.registers.pc = to;
             }
             Op::JumpTo { m } => self.jump_to(self.get(m)),
-            Op::SkipUnless { condition, entries } => {
-                return Ok(if self.registers.flags.hold(condition) { 0 } else { entries });
-            }
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
             Op::Nop => {}
             _ => self.execute_rare(op)?,
         }
-        Ok(0)
+        Ok(())
     }
 
-    /// What code does less often.
-    fn execute_rare(&mut self, op: Op) -> Result<(), Stop> {
+    /// What code does less often: out of line, so that the rest has the registers to itself.
+    #[inline(never)]
+    fn execute_rare(&mut self, op: Op) -> Result<(), Stopped> {
         match op {
             Op::ShiftBy { shift, d, n, m } => {
                 let (value, _) = self.shifted_by(shift, n, m);
@@ -160,7 +178,7 @@ impl Core {
             }
             Op::Strd { t, second, n, index, by } => {
                 let (at, base) = self.walked(n, index, by);
-                word_aligned(at)?;
+                self.word_aligned(at)?;
                 self.store(Kind::Word, t, at)?;
                 self.store(Kind::Word, second, at.wrapping_add(4))?;
                 self.put(n, base);
@@ -171,7 +189,7 @@ impl Core {
     }
 
     /// Products and quotients.
-    fn execute_products(&mut self, op: Op) -> Result<(), Stop> {
+    fn execute_products(&mut self, op: Op) -> Result<(), Stopped> {
         let product = |core: &Self, n, m| core.get(n).wrapping_mul(core.get(m));
         match op {
             Op::Mul { d, n, m } => self.put(d, product(self, n, m)),
@@ -209,7 +227,7 @@ impl Core {
     }
 
     /// What code does to the core itself, and branches that are rare.
-    fn execute_system(&mut self, op: Op) -> Result<(), Stop> {
+    fn execute_system(&mut self, op: Op) -> Result<(), Stopped> {
         match op {
             Op::CallTo { m } => {
                 let to = self.get(m);
@@ -247,11 +265,11 @@ impl Core {
                 }
             }
             Op::SetIt { it } => self.registers.it = it,
-            Op::Svc => return Err(Stop::SupervisorCall),
-            Op::Wfi => return Err(Stop::WaitForInterrupt),
-            Op::Wfe => return Err(Stop::WaitForEvent),
-            Op::Bkpt => return Err(Fault::Breakpoint.into()),
-            _ => return Err(Fault::Undefined.into()),
+            Op::Svc => return Err(self.memory.stopped(Stop::SupervisorCall)),
+            Op::Wfi => return Err(self.memory.stopped(Stop::WaitForInterrupt)),
+            Op::Wfe => return Err(self.memory.stopped(Stop::WaitForEvent)),
+            Op::Bkpt => return Err(self.memory.stopped(Fault::Breakpoint.into())),
+            _ => return Err(self.memory.stopped(Fault::Undefined.into())),
         }
         Ok(())
     }
@@ -330,14 +348,14 @@ impl Core {
     }
 
     #[inline(always)]
-    fn load(&mut self, kind: Kind, t: u8, at: u32) -> Result<(), Fault> {
+    fn load(&mut self, kind: Kind, t: u8, at: u32) -> Result<(), Stopped> {
         let value = self.memory.load(kind, at)?;
         self.put(t, value);
         Ok(())
     }
 
     #[inline(always)]
-    fn store(&mut self, kind: Kind, t: u8, at: u32) -> Result<(), Fault> {
+    fn store(&mut self, kind: Kind, t: u8, at: u32) -> Result<(), Stopped> {
         self.memory.store(kind, at, self.get(t))
     }
 
@@ -352,21 +370,21 @@ impl Core {
         }
     }
 
-    fn aligned(&mut self, at: u32) -> Result<u32, Fault> {
-        word_aligned(at)?;
+    fn aligned(&mut self, at: u32) -> Result<u32, Stopped> {
+        self.word_aligned(at)?;
         self.memory.word(at)
     }
 
     /// Where a block of registers begins, and what the base then is.
     #[inline(always)]
-    fn span(&self, n: u8, down: bool, mask: u16) -> Result<(u32, u32), Fault> {
+    fn span(&mut self, n: u8, down: bool, mask: u16) -> Result<(u32, u32), Stopped> {
         let (base, length) = (self.get(n), 4 * mask.count_ones());
         let lowest = if down { base.wrapping_sub(length) } else { base };
-        word_aligned(lowest)?;
+        self.word_aligned(lowest)?;
         Ok((lowest, if down { lowest } else { base.wrapping_add(length) }))
     }
 
-    fn load_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Fault> {
+    fn load_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Stopped> {
         let (mut at, end) = self.span(n, down, mask)?;
         let mut left = mask;
         let mut base = keeps.then_some(end);
@@ -387,7 +405,7 @@ impl Core {
         Ok(())
     }
 
-    fn store_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Fault> {
+    fn store_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Stopped> {
         let (mut at, end) = self.span(n, down, mask)?;
         let mut left = mask;
         while left != 0 {
@@ -399,6 +417,15 @@ impl Core {
             self.put(n, end);
         }
         Ok(())
+    }
+
+    /// Errors: for what LDM, STM, LDRD and STRD do not take (ARMv7-M A3.2.1).
+    #[inline(always)]
+    fn word_aligned(&mut self, address: u32) -> Result<(), Stopped> {
+        match address & 3 {
+            0 => Ok(()),
+            _ => Err(self.memory.stopped(Fault::Unaligned.into())),
+        }
     }
 
     #[inline(always)]
@@ -413,15 +440,6 @@ impl Core {
     fn jump_to(&mut self, to: u32) {
         self.registers.pc = to & !1;
         self.registers.thumb = to & 1 != 0;
-    }
-}
-
-/// Errors: [`Fault::Unaligned`] for what LDM, STM, LDRD and STRD do not take (ARMv7-M A3.2.1).
-#[inline(always)]
-fn word_aligned(address: u32) -> Result<(), Fault> {
-    match address & 3 {
-        0 => Ok(()),
-        _ => Err(Fault::Unaligned),
     }
 }
 

@@ -7,7 +7,7 @@ use flash::layout::{BASE, RAM};
 
 use super::op::Kind;
 use crate::chip::{Chip, bit_band};
-use crate::cpu::{ALIAS, Fault, NoMemory};
+use crate::cpu::{ALIAS, Fault, NoMemory, Stop};
 
 /// Peripherals, the electronic signature, and the bit-band aliases of peripherals and RAM (RM0008
 /// 3.3, 3.3.2); the core's own registers (PM0056 4) and those of the debug unit (RM0008 31).
@@ -19,12 +19,19 @@ const REGISTERS: [(u32, u32); 5] = [
     (0x4200_0000, 0x60_0000),
 ];
 
+/// An instruction has not been executed, or it stops the core: [`Memory::stop`] has the reason.
+/// It is kept there, since a result that fits a register costs less each time there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped;
+
 /// Flash and RAM as the core sees them, and the chip.
 #[derive(Debug)]
 pub struct Memory {
     pub chip: Chip,
     pub flash: Box<[u8]>,
     pub ram: Box<[u8]>,
+    /// Why the core was stopped last.
+    pub stop: Stop,
 }
 
 /// So many bytes of a memory that begins at `base`.
@@ -46,7 +53,15 @@ impl Memory {
             flash: vec![0; chip.flash_size() as usize].into(),
             ram: vec![0; chip.ram_size() as usize].into(),
             chip,
+            stop: Stop::Wanted,
         }
+    }
+
+    /// Stops the core.
+    #[cold]
+    pub fn stopped(&mut self, stop: Stop) -> Stopped {
+        self.stop = stop;
+        Stopped
     }
 
     /// So many bytes of flash or RAM.
@@ -58,7 +73,7 @@ impl Memory {
 
     /// A word.
     #[inline(always)]
-    pub fn word(&mut self, address: u32) -> Result<u32, Fault> {
+    pub fn word(&mut self, address: u32) -> Result<u32, Stopped> {
         match self.bytes(address) {
             Some(bytes) => Ok(u32::from_le_bytes(*bytes)),
             None => self.load_elsewhere(address, 4),
@@ -67,7 +82,7 @@ impl Memory {
 
     /// A half-word, or a byte, as `kind` extends it.
     #[inline(always)]
-    pub fn load(&mut self, kind: Kind, address: u32) -> Result<u32, Fault> {
+    pub fn load(&mut self, kind: Kind, address: u32) -> Result<u32, Stopped> {
         Ok(match kind {
             Kind::Word => self.word(address)?,
             Kind::Half => self.half(address)?,
@@ -78,7 +93,7 @@ impl Memory {
     }
 
     #[inline(always)]
-    fn half(&mut self, address: u32) -> Result<u32, Fault> {
+    fn half(&mut self, address: u32) -> Result<u32, Stopped> {
         match self.bytes(address) {
             Some(bytes) => Ok(u16::from_le_bytes(*bytes).into()),
             None => self.load_elsewhere(address, 2),
@@ -86,7 +101,7 @@ impl Memory {
     }
 
     #[inline(always)]
-    fn byte(&mut self, address: u32) -> Result<u32, Fault> {
+    fn byte(&mut self, address: u32) -> Result<u32, Stopped> {
         match self.bytes::<1>(address) {
             Some([byte]) => Ok((*byte).into()),
             None => self.load_elsewhere(address, 1),
@@ -95,7 +110,7 @@ impl Memory {
 
     /// Stores what `kind` has of `value`.
     #[inline(always)]
-    pub fn store(&mut self, kind: Kind, address: u32, value: u32) -> Result<(), Fault> {
+    pub fn store(&mut self, kind: Kind, address: u32, value: u32) -> Result<(), Stopped> {
         match kind {
             Kind::Word => self.store_bytes(address, value.to_le_bytes(), value),
             Kind::Half | Kind::SignedHalf => {
@@ -111,7 +126,7 @@ impl Memory {
         address: u32,
         bytes: [u8; N],
         value: u32,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), Stopped> {
         match piece_mut(&mut self.ram, RAM, address) {
             Some(place) => {
                 *place = bytes;
@@ -122,11 +137,11 @@ impl Memory {
     }
 
     #[inline(never)]
-    fn load_elsewhere(&mut self, address: u32, size: u32) -> Result<u32, Fault> {
+    fn load_elsewhere(&mut self, address: u32, size: u32) -> Result<u32, Stopped> {
         if let Some(bytes) = self.alias(address, size) {
             return Ok(bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte)));
         }
-        registers(address, size)?;
+        self.registers(address, size)?;
         if let Some((byte, bit)) = bit_band::in_ram(address) {
             let held = self.ram.get(byte.wrapping_sub(RAM) as usize);
             return Ok(held.map_or(0, |held| u32::from(held >> bit & 1)));
@@ -141,7 +156,7 @@ impl Memory {
     }
 
     #[inline(never)]
-    fn store_elsewhere(&mut self, address: u32, size: u32, value: u32) -> Result<(), Fault> {
+    fn store_elsewhere(&mut self, address: u32, size: u32, value: u32) -> Result<(), Stopped> {
         let flash = self.flash.len();
         let offset = address.wrapping_sub(BASE) as usize;
         if (address as usize) < flash || offset < flash {
@@ -149,7 +164,7 @@ impl Memory {
             self.chip.store_in_flash(address, size, value & mask);
             return Ok(());
         }
-        registers(address, size)?;
+        self.registers(address, size)?;
         if let Some((byte, bit)) = bit_band::in_ram(address) {
             if let Some(held) = self.ram.get_mut(byte.wrapping_sub(RAM) as usize) {
                 *held = *held & !(1 << bit) | ((value & 1) as u8) << bit;
@@ -158,6 +173,16 @@ impl Memory {
         }
         self.chip.write(address, size, value);
         Ok(())
+    }
+
+    /// Tells the chip which watched addresses are in the block of `size` bytes at `at`.
+    #[cold]
+    #[inline(never)]
+    pub fn note_passing(&mut self, at: u32, size: u16) {
+        let mut bytes = vec![0; size.into()];
+        if self.read(at, &mut bytes).is_ok() {
+            self.chip.note_passing(at, &bytes);
+        }
     }
 
     /// Reads flash or RAM.
@@ -195,16 +220,16 @@ impl Memory {
         }
         Err(NoMemory { address })
     }
-}
 
-/// Errors: [`Fault`] where there are no registers, or where the access lies across two of them.
-fn registers(address: u32, size: u32) -> Result<(), Fault> {
-    let among = |(base, length): (u32, u32)| address.wrapping_sub(base) < length;
-    if !REGISTERS.into_iter().any(among) {
-        return Err(Fault::Bus { address });
-    }
-    match address % size {
-        0 => Ok(()),
-        _ => Err(Fault::Unaligned),
+    /// Errors: where there are no registers, or where the access lies across two of them.
+    fn registers(&mut self, address: u32, size: u32) -> Result<(), Stopped> {
+        let among = |(base, length): (u32, u32)| address.wrapping_sub(base) < length;
+        if !REGISTERS.into_iter().any(among) {
+            return Err(self.stopped(Fault::Bus { address }.into()));
+        }
+        match address % size {
+            0 => Ok(()),
+            _ => Err(self.stopped(Fault::Unaligned.into())),
+        }
     }
 }
