@@ -32,8 +32,8 @@ use registers::Registers;
 
 /// The longest block, bytes: a page, and the half of an instruction behind it.
 const LONGEST: usize = 1026;
-/// Entries of blocks that were thrown away are left where they are, up to so many in all.
-const MOST_ENTRIES: usize = 1 << 20;
+/// So many blocks are remembered; those that were thrown away count until all are.
+const MOST_BLOCKS: usize = 0xFFFE;
 
 /// A block that has been decoded.
 #[derive(Clone, Copy, Debug)]
@@ -51,8 +51,8 @@ struct Decoded {
 #[derive(Debug)]
 struct Blocks {
     /// Number of the block that begins at each half-word, in the flash and then in its alias; 0
-    /// for none, 1 for the first of `decoded`.
-    numbers: Vec<u32>,
+    /// for none, 1 for the first of `decoded`. Small, since every block looks here.
+    numbers: Vec<u16>,
     decoded: Vec<Decoded>,
     ops: Vec<Op>,
     places: Vec<Place>,
@@ -89,7 +89,7 @@ impl Blocks {
 
     /// Takes a block that has just been decoded in; its number.
     fn add(&mut self, decoder: Decoder<'_>) -> usize {
-        if self.ops.len() > MOST_ENTRIES {
+        if self.decoded.len() >= MOST_BLOCKS {
             *self = Self::new(self.numbers.len());
         }
         let decoded = Decoded {
@@ -168,7 +168,7 @@ impl CortexM3 {
         if it == 0
             && let Some(place) = self.blocks.numbers.get_mut(place)
         {
-            *place = number as u32 + 1;
+            *place = number as u16 + 1;
         }
         Ok(number)
     }

@@ -10,7 +10,7 @@
 mod wide;
 
 use super::op::{Alu, Bits, Kind, LR, NOWHERE, Op, PC, SP, Shift, ZERO};
-use crate::code::{Block, WFE, WFI, YIELD};
+use crate::code::{Block, SEV, WFE, WFI, YIELD};
 
 /// A block does not reach beyond so many bytes that begin at a multiple of it.
 const PAGE: u32 = 1 << 10;
@@ -32,6 +32,8 @@ pub struct Decoder<'a> {
     at: u32,
     /// Where in an IT block it is.
     it: u8,
+    /// The instruction before stands in an IT block.
+    was_in_it: bool,
     /// The last instruction of the block has been found.
     ended: bool,
     pub ops: Vec<Op>,
@@ -48,6 +50,7 @@ impl<'a> Decoder<'a> {
             bytes,
             at: address,
             it,
+            was_in_it: false,
             ended: false,
             ops: Vec::new(),
             places: Vec::new(),
@@ -107,6 +110,7 @@ impl<'a> Decoder<'a> {
             *skip = Op::SkipUnless { condition, entries };
         }
         self.note_places();
+        self.was_in_it = before != 0;
         if before != 0 {
             let left = before << 1 & 0x1F;
             self.it = if before & 7 == 0 { 0 } else { before & 0xE0 | left };
@@ -176,11 +180,21 @@ impl<'a> Decoder<'a> {
     /// d = n `alu` m shifted.
     fn data(&mut self, flags: bool, alu: Alu, [d, n, m]: [u8; 3], (shift, by): (Shift, u8)) {
         let plain = shift != Shift::Rrx && by == 0;
+        let moved = alu == Alu::Orr && n == ZERO;
         self.push(match (flags, alu, plain) {
-            (false, Alu::Orr, true) if n == ZERO => Op::Move { d, m },
+            (false, _, true) if moved => Op::Move { d, m },
+            (false, _, false) if moved && shift == Shift::Lsl => Op::Lsl { d, m, by },
+            (true, _, false) if moved && shift == Shift::Lsl => Op::Lsls { d, m, by },
+            (false, _, _) if moved && shift == Shift::Lsr => Op::Lsr { d, m, by },
+            (true, _, _) if moved && shift == Shift::Lsr => Op::Lsrs { d, m, by },
             (false, Alu::Add, true) => Op::Add { d, n, m },
             (false, Alu::Sub, true) => Op::Sub { d, n, m },
+            (false, Alu::Eor, true) => Op::Eor { d, n, m },
+            (false, Alu::Orr, true) => Op::Orr { d, n, m },
+            (true, Alu::And, true) => Op::Ands { d, n, m },
+            (true, Alu::Add, true) => Op::Adds { d, n, m },
             (true, Alu::Sub, true) if d == NOWHERE => Op::Cmp { n, m },
+            (true, Alu::Sub, true) => Op::Subs { d, n, m },
             (false, ..) => Op::Data { alu, d, n, m, shift, by },
             (true, ..) => Op::Datas { alu, d, n, m, shift, by },
         });
@@ -190,6 +204,7 @@ impl<'a> Decoder<'a> {
     fn data_imm(&mut self, flags: bool, alu: Alu, [d, n]: [u8; 2], imm: u32) {
         self.push(match (flags, alu) {
             (false, Alu::Orr) if n == ZERO => Op::Set { d, imm },
+            (false, Alu::And) => Op::AndImm { d, n, imm },
             (false, Alu::Add) => Op::AddImm { d, n, imm },
             (false, Alu::Sub) => Op::AddImm { d, n, imm: imm.wrapping_neg() },
             (true, Alu::Orr) if n == ZERO => Op::Sets { d, imm },
@@ -414,15 +429,9 @@ impl<'a> Decoder<'a> {
         match code {
             WFI => self.end(Op::Wfi),
             WFE => self.end(Op::Wfe),
-            YIELD => self.end(Op::Nop),
-            _ if code & 15 != 0 => {
-                self.push(Op::Nop);
-                self.it = (code & 0xFF) as u8;
-            }
-            _ => {
-                self.block.sends_event |= code == crate::code::SEV;
-                self.push(Op::Nop);
-            }
+            YIELD => self.ended = true,
+            _ if code & 15 != 0 => self.it = (code & 0xFF) as u8,
+            _ => self.block.sends_event |= code == SEV,
         }
     }
 
@@ -432,7 +441,28 @@ impl<'a> Decoder<'a> {
         match (code >> 8 & 15) as u8 {
             14 => self.end(Op::Undefined),
             15 => self.end(Op::Svc),
-            condition => self.end(Op::JumpIf { condition, to }),
+            condition => self.branch_if(condition, to),
+        }
+    }
+
+    /// A conditional branch, as one with the comparison before it.
+    fn branch_if(&mut self, condition: u8, to: u32) {
+        let (op, alone) = match self.ops.last() {
+            Some(Op::Cmp { n, m }) => (Op::CmpJumpIf { n: *n, m: *m, condition, to }, false),
+            Some(Op::CmpImm { n, imm }) if *imm <= u8::MAX.into() => {
+                let (n, imm) = (*n, *imm as u8);
+                (Op::CmpImmJumpIf { n, imm, condition, to }, false)
+            }
+            _ => (Op::JumpIf { condition, to }, true),
+        };
+        // One that an IT block may leave out stays by itself.
+        match alone || self.was_in_it {
+            true => self.end(Op::JumpIf { condition, to }),
+            false => {
+                self.ops.pop();
+                self.places.pop();
+                self.end(op);
+            }
         }
     }
 }

@@ -75,6 +75,16 @@ impl Core {
             Op::Cmp { n, m } => self.sum(NOWHERE, self.get(n), !self.get(m), true),
             Op::Add { d, n, m } => self.put(d, self.get(n).wrapping_add(self.get(m))),
             Op::Sub { d, n, m } => self.put(d, self.get(n).wrapping_sub(self.get(m))),
+            Op::AndImm { d, n, imm } => self.put(d, self.get(n) & imm),
+            Op::Eor { d, n, m } => self.put(d, self.get(n) ^ self.get(m)),
+            Op::Orr { d, n, m } => self.put(d, self.get(n) | self.get(m)),
+            Op::Ands { d, n, m } => self.logical(d, self.get(n) & self.get(m)),
+            Op::Adds { d, n, m } => self.sum(d, self.get(n), self.get(m), false),
+            Op::Subs { d, n, m } => self.sum(d, self.get(n), !self.get(m), true),
+            Op::Lsl { d, m, by } => self.moved(d, m, Shift::Lsl, by),
+            Op::Lsr { d, m, by } => self.moved(d, m, Shift::Lsr, by),
+            Op::Lsls { d, m, by } => self.moved_with_flags(d, m, Shift::Lsl, by),
+            Op::Lsrs { d, m, by } => self.moved_with_flags(d, m, Shift::Lsr, by),
             Op::DataImm { alu, d, n, imm } => self.data(alu, d, n, imm),
             Op::DatasImm { alu, d, n, imm } => {
                 self.data_with_flags(alu, d, n, imm, self.registers.flags.carry);
@@ -103,6 +113,14 @@ impl Core {
             Op::Stm { n, down, keeps, mask } => self.store_many(n, down, keeps, mask)?,
             Op::Jump { to } => self.registers.pc = to,
             Op::JumpIf { condition, to } => self.jump_if(self.registers.flags.hold(condition), to),
+            Op::CmpImmJumpIf { n, imm, condition, to } => {
+                self.sum(NOWHERE, self.get(n), !u32::from(imm), true);
+                self.jump_if(self.registers.flags.hold(condition), to);
+            }
+            Op::CmpJumpIf { n, m, condition, to } => {
+                self.sum(NOWHERE, self.get(n), !self.get(m), true);
+                self.jump_if(self.registers.flags.hold(condition), to);
+            }
             Op::JumpIfZero { n, to } => self.jump_if(self.get(n) == 0, to),
             Op::JumpIfNot { n, to } => self.jump_if(self.get(n) != 0, to),
             Op::Call { to } => {
@@ -112,7 +130,6 @@ impl Core {
             Op::JumpTo { m } => self.jump_to(self.get(m)),
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
-            Op::Nop => {}
             _ => self.execute_rare(op)?,
         }
         Ok(())
@@ -288,6 +305,21 @@ impl Core {
         let (value, carry, overflow) = add(n, m, carry);
         self.registers.flags.carry = carry;
         self.registers.flags.overflow = overflow;
+        self.logical(d, value);
+    }
+
+    /// d = m shifted.
+    #[inline(always)]
+    fn moved(&mut self, d: u8, m: u8, shift: Shift, by: u8) {
+        let (value, _) = shifted(self.get(m), shift, by, false);
+        self.put(d, value);
+    }
+
+    /// The same with flags.
+    #[inline(always)]
+    fn moved_with_flags(&mut self, d: u8, m: u8, shift: Shift, by: u8) {
+        let (value, carry) = shifted(self.get(m), shift, by, self.registers.flags.carry);
+        self.registers.flags.carry = carry;
         self.logical(d, value);
     }
 

@@ -113,6 +113,17 @@ pub enum Op {
     ShiftBy { shift: Shift, d: Reg, n: Reg, m: Reg },
     /// The same with flags.
     ShiftsBy { shift: Shift, d: Reg, n: Reg, m: Reg },
+    /// The most frequent of these by themselves: AND with an immediate, ANDS, EOR, ORR, shifts.
+    AndImm { d: Reg, n: Reg, imm: u32 },
+    Ands { d: Reg, n: Reg, m: Reg },
+    Eor { d: Reg, n: Reg, m: Reg },
+    Orr { d: Reg, n: Reg, m: Reg },
+    Adds { d: Reg, n: Reg, m: Reg },
+    Subs { d: Reg, n: Reg, m: Reg },
+    Lsl { d: Reg, m: Reg, by: u8 },
+    Lsr { d: Reg, m: Reg, by: u8 },
+    Lsls { d: Reg, m: Reg, by: u8 },
+    Lsrs { d: Reg, m: Reg, by: u8 },
     /// The carry that the immediate of the next instruction has.
     Carry { set: bool },
     /// The upper half of d.
@@ -155,6 +166,9 @@ pub enum Op {
     Clrex,
     Jump { to: u32 },
     JumpIf { condition: u8, to: u32 },
+    /// A comparison and the branch behind it.
+    CmpImmJumpIf { n: Reg, imm: u8, condition: u8, to: u32 },
+    CmpJumpIf { n: Reg, m: Reg, condition: u8, to: u32 },
     JumpIfZero { n: Reg, to: u32 },
     JumpIfNot { n: Reg, to: u32 },
     Call { to: u32 },
@@ -169,7 +183,6 @@ pub enum Op {
     Msr { n: Reg, special: u8 },
     /// CPSIE and CPSID (`disable`).
     Cps { disable: bool, primask: bool, faultmask: bool },
-    Nop,
     Svc,
     Wfi,
     Wfe,

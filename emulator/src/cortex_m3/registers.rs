@@ -52,20 +52,20 @@ impl Flags {
     /// Whether a condition holds (ARMv7-M A7.3).
     #[inline(always)]
     pub fn hold(self, condition: u8) -> bool {
-        let negative = (self.negative as i32) < 0;
-        let holds = match condition >> 1 {
-            0 => self.zero == 0,
-            1 => self.carry,
-            2 => negative,
-            3 => self.overflow,
-            4 => self.carry && self.zero != 0,
-            5 => negative == self.overflow,
-            6 => self.zero != 0 && negative == self.overflow,
-            _ => return true,
-        };
-        holds != (condition & 1 != 0)
+        // Looked up: a branch in the emulator would be as hard to foresee as that of the code.
+        let flags = self.negative >> 31 << 3
+            | u32::from(self.zero == 0) << 2
+            | u32::from(self.carry) << 1
+            | u32::from(self.overflow);
+        HOLDS[usize::from(condition & 15)] >> flags & 1 != 0
     }
 }
+
+/// Bit n of a condition's entry: it holds with flags n, N being bit 3 of n and V bit 0.
+const HOLDS: [u16; 16] = [
+    0xF0F0, 0x0F0F, 0xCCCC, 0x3333, 0xFF00, 0x00FF, 0xAAAA, 0x5555, 0x0C0C, 0xF3F3, 0xAA55, 0x55AA,
+    0x0A05, 0xF5FA, 0xFFFF, 0xFFFF,
+];
 
 /// All of them.
 #[derive(Clone, Debug)]

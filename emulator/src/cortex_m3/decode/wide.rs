@@ -229,7 +229,7 @@ impl Decoder<'_> {
                 let far = signed(upper | u32::from(first & 0x3F) << 12 | low, 21);
                 let to = self.pc().wrapping_add(far);
                 let condition = field(first, 6, 4);
-                self.end(Op::JumpIf { condition, to });
+                self.branch_if(condition, to);
             }
             (0, 0) => return self.control(first, second),
             _ => return None,
@@ -244,15 +244,16 @@ impl Decoder<'_> {
             0x38 | 0x39 => self.end(Op::Msr { n: field(first, 0, 4), special }),
             0x3E | 0x3F => self.push(Op::Mrs { d: field(second, 8, 4), special }),
             0x3A => match special {
-                1 => self.end(Op::Nop),
+                1 => self.ended = true,
                 2 => self.end(Op::Wfe),
                 3 => self.end(Op::Wfi),
-                _ => self.push(Op::Nop),
+                // What does nothing has no entry, but counts.
+                _ => {}
             },
             0x3B => match low {
                 2 => self.push(Op::Clrex),
-                4 | 5 => self.push(Op::Nop),
-                6 => self.end(Op::Nop),
+                4 | 5 => {}
+                6 => self.ended = true,
                 _ => return None,
             },
             _ => return None,
@@ -269,7 +270,6 @@ impl Decoder<'_> {
         let (imm12, imm8) = (u32::from(second & 0xFFF), second & 0xFF);
         if loads && t == PC && kind != Kind::Word {
             // PLD and PLI fetch ahead, of which nothing is seen.
-            self.push(Op::Nop);
             return Some(());
         }
         if n == PC {
