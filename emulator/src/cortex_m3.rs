@@ -25,46 +25,35 @@ use crate::chip::Chip;
 use crate::code::Block;
 use crate::cpu::{Cpu, Fault, NoMemory, Register, Stop};
 use decode::{Decoder, Place};
-use execute::{Core, EXC_RETURN, Flow};
-use memory::Memory;
+use execute::{Core, EXC_RETURN};
+use memory::{Memory, Stopped};
 use op::Op;
 use registers::Registers;
 
 /// The longest block, bytes: a page, and the half of an instruction behind it.
 const LONGEST: usize = 1026;
-/// So many blocks are remembered; those that were thrown away count until all are.
-const MOST_BLOCKS: usize = 0xFFFE;
-
-/// A block that has been decoded.
-#[derive(Clone, Copy, Debug)]
-struct Decoded {
-    /// Its first entry.
-    first: u32,
-    /// How many it has.
-    entries: u16,
-    /// Bytes of its code.
-    size: u16,
-    block: Block,
-}
+/// So many entries are remembered; those of blocks that were thrown away count until all are.
+const MOST_ENTRIES: usize = 1 << 20;
 
 /// The blocks that are known.
 #[derive(Debug)]
 struct Blocks {
-    /// Number of the block that begins at each half-word, in the flash and then in its alias; 0
-    /// for none, 1 for the first of `decoded`. Small, since every block looks here.
-    numbers: Vec<u16>,
-    decoded: Vec<Decoded>,
+    /// Where in `ops` the block is that begins at each half-word, in the flash and then in its
+    /// alias; 0 for none.
+    numbers: Vec<u32>,
+    /// The entries of all of them, each block's behind its [`Op::Begin`].
     ops: Vec<Op>,
     places: Vec<Place>,
 }
 
 impl Blocks {
     fn new(flash: usize) -> Self {
+        let nothing = Op::Undefined;
+        let place = Place { offset: 0, it: 0 };
         Self {
             numbers: vec![0; flash],
-            decoded: Vec::new(),
-            ops: Vec::new(),
-            places: Vec::new(),
+            ops: vec![nothing],
+            places: vec![place],
         }
     }
 
@@ -80,28 +69,22 @@ impl Blocks {
         (offset < flash).then_some(((flash + offset) / 2, offset))
     }
 
-    /// The number of the block that begins there, if it is known.
-    #[inline(always)]
-    fn known(&self, place: usize) -> Option<usize> {
-        let number = *self.numbers.get(place)? as usize;
-        number.checked_sub(1)
-    }
-
     /// Takes a block that has just been decoded in; its number.
-    fn add(&mut self, decoder: Decoder<'_>) -> usize {
-        if self.decoded.len() >= MOST_BLOCKS {
+    fn add(&mut self, decoder: Decoder<'_>) -> u32 {
+        if self.ops.len() > MOST_ENTRIES {
             *self = Self::new(self.numbers.len());
         }
-        let decoded = Decoded {
-            first: self.ops.len() as u32,
-            entries: decoder.ops.len() as u16,
+        let number = self.ops.len();
+        self.ops.push(Op::Begin {
             size: decoder.size as u16,
-            block: decoder.block,
-        };
+            entries: decoder.ops.len() as u16,
+            instructions: decoder.block.instructions as u16,
+            sends_event: decoder.block.sends_event,
+        });
         self.ops.extend(decoder.ops);
+        self.places.push(Place { offset: 0, it: 0 });
         self.places.extend(decoder.places);
-        self.decoded.push(decoded);
-        self.decoded.len() - 1
+        number as u32
     }
 
     /// So many bytes of the flash have changed, from this offset on.
@@ -131,14 +114,14 @@ impl CortexM3 {
     ///
     /// Errors: why there is none.
     #[inline(always)]
-    fn block(&mut self) -> Result<usize, Stop> {
+    fn block(&mut self) -> Result<u32, Stop> {
         let registers = &self.core.registers;
         let (place, _) = match self.blocks.place(registers.pc) {
             Some(place) if registers.thumb => place,
             _ => return Err(self.nowhere()),
         };
-        match self.blocks.known(place) {
-            Some(number) if self.core.registers.it == 0 => Ok(number),
+        match self.blocks.numbers.get(place) {
+            Some(number) if *number != 0 && self.core.registers.it == 0 => Ok(*number),
             _ => self.decode(),
         }
     }
@@ -155,7 +138,7 @@ impl CortexM3 {
     }
 
     #[cold]
-    fn decode(&mut self) -> Result<usize, Stop> {
+    fn decode(&mut self) -> Result<u32, Stop> {
         let (at, it) = (self.core.registers.pc, self.core.registers.it);
         let (place, offset) = self.blocks.place(at).ok_or_else(|| self.nowhere())?;
         let code = self.core.memory.flash.get(offset..).unwrap_or(&[]);
@@ -168,7 +151,7 @@ impl CortexM3 {
         if it == 0
             && let Some(place) = self.blocks.numbers.get_mut(place)
         {
-            *place = number as u16 + 1;
+            *place = number;
         }
         Ok(number)
     }
@@ -196,29 +179,34 @@ impl CortexM3 {
     ///
     /// Errors: the reason to stop.
     #[inline(always)]
-    fn execute_block(&mut self, number: usize) -> Result<(), Stop> {
-        let Some(decoded) = self.blocks.decoded.get(number) else {
+    fn execute_block(&mut self, number: u32) -> Result<(), Stop> {
+        let block = self.blocks.ops.get(number as usize..).unwrap_or(&[]);
+        let Some((Op::Begin { size, entries, instructions, sends_event }, ops)) =
+            block.split_first()
+        else {
             return Ok(());
         };
         let at = self.core.registers.pc;
         if self.core.memory.chip.watches() {
-            self.core.memory.note_passing(at, decoded.size);
+            self.core.memory.note_passing(at, *size);
         }
-        self.core.memory.chip.begin(at, decoded.block);
-        self.core.registers.pc = at.wrapping_add(decoded.size.into());
-        let first = decoded.first as usize;
-        let range = first..first + usize::from(decoded.entries);
-        let ops = self.blocks.ops.get(range).unwrap_or(&[]);
+        let block = Block {
+            instructions: (*instructions).into(),
+            sends_event: *sends_event,
+        };
+        self.core.memory.chip.begin(at, block);
+        self.core.registers.pc = at.wrapping_add((*size).into());
+        let ops = ops.get(..usize::from(*entries)).unwrap_or(ops);
         let mut left = ops.iter();
         while let Some(op) = left.next() {
             match self.core.execute(*op) {
-                Flow::Next => {}
-                Flow::Skip(entries) => {
+                Ok(0) => {}
+                Ok(entries) => {
                     left.nth(usize::from(entries).wrapping_sub(1));
                 }
-                Flow::Stop => {
-                    let entry = first + ops.len() - left.len() - 1;
-                    return Err(self.stopped(entry, decoded.size));
+                Err(Stopped) => {
+                    let entry = number as usize + ops.len() - left.len();
+                    return Err(self.stopped(entry, *size));
                 }
             }
         }

@@ -15,17 +15,6 @@ use crate::cpu::{Fault, Stop};
 /// From here on a branch is a return from an exception (PM0056 2.3.7).
 pub const EXC_RETURN: u32 = 0xFFFF_FFF0;
 
-/// What comes after an entry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flow {
-    /// The one behind it.
-    Next,
-    /// As many as this are left out.
-    Skip(u8),
-    /// None: [`Memory::stop`] has the reason.
-    Stop,
-}
-
 /// The core while it executes a block.
 #[derive(Debug)]
 pub struct Core {
@@ -44,26 +33,11 @@ impl Core {
         self.registers.put(number, value);
     }
 
-    /// Executes an entry.
-    #[inline(always)]
-    pub fn execute(&mut self, op: Op) -> Flow {
-        if let Op::SkipUnless { condition, entries } = op {
-            return match self.registers.flags.hold(condition) {
-                true => Flow::Next,
-                false => Flow::Skip(entries),
-            };
-        }
-        match self.execute_often(op) {
-            Ok(()) => Flow::Next,
-            Err(Stopped) => Flow::Stop,
-        }
-    }
-
-    /// What code does most of the time.
+    /// Executes an entry; how many of those behind it are left out.
     ///
-    /// Errors: it was not executed, or stops the core, as [`Stop`] says.
+    /// Errors: it was not executed, or stops the core, as [`Memory::stop`] says.
     #[inline(always)]
-    fn execute_often(&mut self, op: Op) -> Result<(), Stopped> {
+    pub fn execute(&mut self, op: Op) -> Result<u8, Stopped> {
         match op {
             Op::Set { d, imm } => self.put(d, imm),
             Op::Sets { d, imm } => self.logical(d, imm),
@@ -130,9 +104,13 @@ impl Core {
             Op::JumpTo { m } => self.jump_to(self.get(m)),
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
+            Op::SkipUnless { condition, entries } => {
+                let holds = self.registers.flags.hold(condition);
+                return Ok(if holds { 0 } else { entries });
+            }
             _ => self.execute_rare(op)?,
         }
-        Ok(())
+        Ok(0)
     }
 
     /// What code does less often: out of line, so that the rest has the registers to itself.

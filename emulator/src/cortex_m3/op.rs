@@ -89,6 +89,8 @@ pub enum Bits {
 /// An instruction with its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
+    /// Before the entries of a block: bytes of its code, entries, instructions.
+    Begin { size: u16, entries: u16, instructions: u16, sends_event: bool },
     /// d = immediate.
     Set { d: Reg, imm: u32 },
     /// The same, with N and Z.
