@@ -326,7 +326,7 @@ impl<C: Cpu> Board<C> {
     }
 }
 
-impl<C: Cpu + fmt::Debug + 'static> Guest for Board<C> {
+impl<C: Cpu + 'static> Guest for Board<C> {
     fn electronics(&mut self) -> &mut Electronics {
         &mut self.electronics
     }

@@ -181,8 +181,15 @@ impl CortexM3 {
     #[inline(always)]
     fn execute_block(&mut self, number: u32) -> Result<(), Stop> {
         let block = self.blocks.ops.get(number as usize..).unwrap_or(&[]);
-        let Some((Op::Begin { size, entries, instructions, sends_event }, ops)) =
-            block.split_first()
+        let Some((
+            Op::Begin {
+                size,
+                entries,
+                instructions,
+                sends_event,
+            },
+            ops,
+        )) = block.split_first()
         else {
             return Ok(());
         };

@@ -6,6 +6,8 @@
 //!
 //! Left out: everything that depends on which core it is; see [`cortex_m3`](crate::cortex_m3).
 
+use std::fmt;
+
 use flash::layout::BASE;
 
 use crate::chip::Chip;
@@ -96,7 +98,7 @@ pub struct NoMemory {
 }
 
 /// A Cortex-M3 with its memory and the chip around it.
-pub trait Cpu {
+pub trait Cpu: fmt::Debug {
     /// A core with empty memories of this part around `chip`.
     fn new(chip: Chip) -> Self;
 

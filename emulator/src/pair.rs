@@ -4,6 +4,7 @@
 //! from one seed. Left out: a third party on the bus; the network takes one.
 
 use std::fmt;
+use std::marker::PhantomData;
 
 use canopen::Frame;
 use device::objects::table::Channel;
@@ -21,6 +22,8 @@ use sim::network::instrument::{Delivered, commission};
 use sim::rng::Rng;
 
 use crate::board::{Board, FlashError, Parts};
+use crate::cortex_m3::CortexM3;
+use crate::cpu::Cpu;
 
 /// The watchdog's oscillator as the data sheet has it typically, Hz (RM0008 7.2.5).
 const LSI_HZ: u32 = 40_000;
@@ -51,7 +54,7 @@ pub enum SdoError {
 }
 
 /// The instrument with its bus.
-pub struct Pair {
+pub struct Pair<C = CortexM3> {
     /// The bus with the boards as guests 0 (channel A) and 1 (channel B).
     pub network: Network,
     /// The host's controller.
@@ -60,9 +63,11 @@ pub struct Pair {
     pub hand: Hand,
     /// Frames so far, of nodes and host.
     pub heard: Vec<Heard>,
+    /// The core of its boards.
+    core: PhantomData<C>,
 }
 
-impl fmt::Debug for Pair {
+impl<C> fmt::Debug for Pair<C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Pair")
             .field("heard", &self.heard.len())
@@ -76,13 +81,13 @@ impl fmt::Debug for Pair {
 ///
 /// # Panics
 /// When the bus is full, or for want of memory.
-pub fn board(
+pub fn board<C: Cpu>(
     network: &mut Network,
     electronics: Electronics,
     seed: u64,
     number: usize,
     pieces: Pieces<'_>,
-) -> Result<Board, FlashError> {
+) -> Result<Board<C>, FlashError> {
     let parts = Parts {
         layout: RC,
         electronics,
@@ -112,6 +117,17 @@ pub const AS_BUILT: ([u8; 2], u16) = ([1, 2], 250);
 pub fn deliver(
     network: &mut Network,
     delivered: &Delivered,
+    settings: ([u8; 2], u16),
+    seed: u64,
+    pieces: Pieces<'_>,
+) -> Result<(), FlashError> {
+    deliver_with::<CortexM3>(network, delivered, settings, seed, pieces)
+}
+
+/// [`deliver`], with this core.
+fn deliver_with<C: Cpu + 'static>(
+    network: &mut Network,
+    delivered: &Delivered,
     (ids, kbit_s): ([u8; 2], u16),
     seed: u64,
     pieces: Pieces<'_>,
@@ -122,7 +138,7 @@ pub fn deliver(
     }
     for (number, (channel, mut memory)) in CHANNELS.into_iter().zip(memories).enumerate() {
         let electronics = delivered.electronics(channel);
-        let mut board = board(network, electronics, seed, number, pieces)?;
+        let mut board = board::<C>(network, electronics, seed, number, pieces)?;
         let mut records = vec![0; RC.records.length as usize];
         let read = memory.flash_mut().read(RC.records.start, &mut records);
         read.expect("the records are in the flash");
@@ -173,7 +189,7 @@ impl Pair {
         for number in 0..boards {
             let rng = Rng::stream(seed, &format!("board {number}"));
             let electronics = Electronics::new(model, rng);
-            let board = board(&mut network, electronics, seed, number, pieces)?;
+            let board = board::<CortexM3>(&mut network, electronics, seed, number, pieces)?;
             network.add_guest(Box::new(board));
         }
         Ok(Self::powered(network, host, seed))
@@ -187,9 +203,22 @@ impl Pair {
         seed: u64,
         pieces: Pieces<'_>,
     ) -> Result<Self, FlashError> {
+        Self::delivered_with(delivered, seed, pieces)
+    }
+}
+
+impl<C: Cpu + 'static> Pair<C> {
+    /// [`Pair::delivered`], with the core that the type names.
+    ///
+    /// Errors: see [`FlashError`].
+    pub fn delivered_with(
+        delivered: &Delivered,
+        seed: u64,
+        pieces: Pieces<'_>,
+    ) -> Result<Self, FlashError> {
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
-        deliver(&mut network, delivered, AS_BUILT, seed, pieces)?;
+        deliver_with::<C>(&mut network, delivered, AS_BUILT, seed, pieces)?;
         Ok(Self::powered(network, host, seed))
     }
 
@@ -202,6 +231,7 @@ impl Pair {
             host,
             hand: Hand::new(Rng::stream(seed, "hand")),
             heard: Vec::new(),
+            core: PhantomData,
         }
     }
 
@@ -300,7 +330,7 @@ impl Pair {
     ///
     /// # Panics
     /// When there is no such board.
-    pub fn board(&mut self, number: usize) -> &mut Board {
+    pub fn board(&mut self, number: usize) -> &mut Board<C> {
         let board = self.network.guest_as(number);
         board.expect("its guests are boards: ask for one that there is")
     }

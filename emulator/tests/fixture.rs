@@ -51,7 +51,7 @@ impl Pair {
                 seed: 7,
                 strapped: number == 1,
             };
-            let mut board = Board::new(parts, &mut network.bus);
+            let mut board: Board = Board::new(parts, &mut network.bus);
             board.flash(image()).expect("the image is for the flash");
             let number = network.add_guest(Box::new(board));
             network.switch_guest(number, Switch::On);

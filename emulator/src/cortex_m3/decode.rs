@@ -32,6 +32,8 @@ pub struct Decoder<'a> {
     at: u32,
     /// Where in an IT block it is.
     it: u8,
+    /// Where the last instruction's entries begin, and its code in the block, bytes.
+    last: (usize, u16),
     /// The instruction before stands in an IT block.
     was_in_it: bool,
     /// The last instruction of the block has been found.
@@ -50,6 +52,7 @@ impl<'a> Decoder<'a> {
             bytes,
             at: address,
             it,
+            last: (0, 0),
             was_in_it: false,
             ended: false,
             ops: Vec::new(),
@@ -95,10 +98,14 @@ impl<'a> Decoder<'a> {
     fn instruction(&mut self, size: u32) {
         let [first, second] = [0, 2].map(|offset| self.half_word(offset).unwrap_or(0));
         let begin = self.ops.len();
+        self.last = (begin, self.size as u16);
         let condition = (self.it != 0 && first >> 8 != 0xBE).then_some(self.it >> 4);
         if let Some(condition) = condition {
             // How many there are is not known before.
-            self.push(Op::SkipUnless { condition, entries: 0 });
+            self.push(Op::SkipUnless {
+                condition,
+                entries: 0,
+            });
         }
         let before = self.it;
         match size {
@@ -113,7 +120,11 @@ impl<'a> Decoder<'a> {
         self.was_in_it = before != 0;
         if before != 0 {
             let left = before << 1 & 0x1F;
-            self.it = if before & 7 == 0 { 0 } else { before & 0xE0 | left };
+            self.it = if before & 7 == 0 {
+                0
+            } else {
+                before & 0xE0 | left
+            };
         }
         self.block.instructions += 1;
         self.size += size;
@@ -132,15 +143,12 @@ impl<'a> Decoder<'a> {
     /// The block ends within an IT block: what is left of that is noted before the last
     /// instruction, which may stop the core.
     fn leave_within_it(&mut self) {
-        let Some(last) = self.places.last().copied() else {
-            return;
+        let place = Place {
+            offset: self.last.1,
+            it: self.it,
         };
-        let begin = self.places.partition_point(|place| place.offset < last.offset);
-        // The note on what was left of the block before comes first.
-        let taken = matches!(self.ops.get(begin), Some(Op::SetIt { .. }));
-        let begin = begin + usize::from(taken);
-        self.ops.insert(begin, Op::SetIt { it: self.it });
-        self.places.insert(begin, last);
+        self.ops.insert(self.last.0, Op::SetIt { it: self.it });
+        self.places.insert(self.last.0, place);
     }
 
     fn push(&mut self, op: Op) {
@@ -195,8 +203,22 @@ impl<'a> Decoder<'a> {
             (true, Alu::Add, true) => Op::Adds { d, n, m },
             (true, Alu::Sub, true) if d == NOWHERE => Op::Cmp { n, m },
             (true, Alu::Sub, true) => Op::Subs { d, n, m },
-            (false, ..) => Op::Data { alu, d, n, m, shift, by },
-            (true, ..) => Op::Datas { alu, d, n, m, shift, by },
+            (false, ..) => Op::Data {
+                alu,
+                d,
+                n,
+                m,
+                shift,
+                by,
+            },
+            (true, ..) => Op::Datas {
+                alu,
+                d,
+                n,
+                m,
+                shift,
+                by,
+            },
         });
     }
 
@@ -206,7 +228,11 @@ impl<'a> Decoder<'a> {
             (false, Alu::Orr) if n == ZERO => Op::Set { d, imm },
             (false, Alu::And) => Op::AndImm { d, n, imm },
             (false, Alu::Add) => Op::AddImm { d, n, imm },
-            (false, Alu::Sub) => Op::AddImm { d, n, imm: imm.wrapping_neg() },
+            (false, Alu::Sub) => Op::AddImm {
+                d,
+                n,
+                imm: imm.wrapping_neg(),
+            },
             (true, Alu::Orr) if n == ZERO => Op::Sets { d, imm },
             (true, Alu::Add) => Op::AddsImm { d, n, imm },
             (true, Alu::Sub) if d == NOWHERE => Op::CmpImm { n, imm },
@@ -264,17 +290,30 @@ impl<'a> Decoder<'a> {
             17 => self.load(Kind::Half, field(0, 3), field(3, 3), 2 * far),
             18 => self.store(Kind::Word, t, SP, 4 * imm8),
             19 => self.load(Kind::Word, t, SP, 4 * imm8),
-            20 => self.push(Op::Set { d: t, imm: (self.pc() & !3) + 4 * imm8 }),
+            20 => self.push(Op::Set {
+                d: t,
+                imm: (self.pc() & !3) + 4 * imm8,
+            }),
             21 => self.data_imm(false, Alu::Add, [t, SP], 4 * imm8),
             22 | 23 => self.miscellaneous(code),
             24 => {
                 let mask = code & 0xFF;
-                self.push(Op::Stm { n: t, down: false, keeps: true, mask });
+                self.push(Op::Stm {
+                    n: t,
+                    down: false,
+                    keeps: true,
+                    mask,
+                });
             }
             25 => {
                 let mask = code & 0xFF;
                 let keeps = mask >> t & 1 == 0;
-                self.push(Op::Ldm { n: t, down: false, keeps, mask });
+                self.push(Op::Ldm {
+                    n: t,
+                    down: false,
+                    keeps,
+                    mask,
+                });
             }
             26 | 27 => self.condition_or_call(code),
             _ => {
@@ -353,7 +392,11 @@ impl<'a> Decoder<'a> {
             _ => {
                 self.read_pc(&[m]);
                 let links = code >> 7 & 1 != 0;
-                self.end(if links { Op::CallTo { m } } else { Op::JumpTo { m } });
+                self.end(if links {
+                    Op::CallTo { m }
+                } else {
+                    Op::JumpTo { m }
+                });
             }
         }
     }
@@ -392,19 +435,33 @@ impl<'a> Decoder<'a> {
             11 => self.push(extend(Kind::Byte)),
             16..=23 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << LR;
-                self.push(Op::Stm { n: SP, down: true, keeps: true, mask });
+                self.push(Op::Stm {
+                    n: SP,
+                    down: true,
+                    keeps: true,
+                    mask,
+                });
             }
             25 if code & 0x28 == 0x20 => {
                 let (primask, faultmask) = (code & 2 != 0, code & 1 != 0);
                 let disable = code & 0x10 != 0;
-                self.end(Op::Cps { disable, primask, faultmask });
+                self.end(Op::Cps {
+                    disable,
+                    primask,
+                    faultmask,
+                });
             }
             40 => self.push(reorder(Bits::Rev)),
             41 => self.push(reorder(Bits::Rev16)),
             43 => self.push(reorder(Bits::Revsh)),
             48..=55 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << PC;
-                self.push(Op::Ldm { n: SP, down: false, keeps: true, mask });
+                self.push(Op::Ldm {
+                    n: SP,
+                    down: false,
+                    keeps: true,
+                    mask,
+                });
                 self.written(if mask >> PC != 0 { PC } else { d }, Op::JumpTo { m: PC });
             }
             56..=59 => self.end(Op::Bkpt),
@@ -448,10 +505,26 @@ impl<'a> Decoder<'a> {
     /// A conditional branch, as one with the comparison before it.
     fn branch_if(&mut self, condition: u8, to: u32) {
         let (op, alone) = match self.ops.last() {
-            Some(Op::Cmp { n, m }) => (Op::CmpJumpIf { n: *n, m: *m, condition, to }, false),
+            Some(Op::Cmp { n, m }) => (
+                Op::CmpJumpIf {
+                    n: *n,
+                    m: *m,
+                    condition,
+                    to,
+                },
+                false,
+            ),
             Some(Op::CmpImm { n, imm }) if *imm <= u8::MAX.into() => {
                 let (n, imm) = (*n, *imm as u8);
-                (Op::CmpImmJumpIf { n, imm, condition, to }, false)
+                (
+                    Op::CmpImmJumpIf {
+                        n,
+                        imm,
+                        condition,
+                        to,
+                    },
+                    false,
+                )
             }
             _ => (Op::JumpIf { condition, to }, true),
         };

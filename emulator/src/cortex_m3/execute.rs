@@ -63,11 +63,25 @@ impl Core {
             Op::DatasImm { alu, d, n, imm } => {
                 self.data_with_flags(alu, d, n, imm, self.registers.flags.carry);
             }
-            Op::Data { alu, d, n, m, shift, by } => {
+            Op::Data {
+                alu,
+                d,
+                n,
+                m,
+                shift,
+                by,
+            } => {
                 let (second, _) = shifted(self.get(m), shift, by, self.registers.flags.carry);
                 self.data(alu, d, n, second);
             }
-            Op::Datas { alu, d, n, m, shift, by } => {
+            Op::Datas {
+                alu,
+                d,
+                n,
+                m,
+                shift,
+                by,
+            } => {
                 let carry = self.registers.flags.carry;
                 let (second, carry) = shifted(self.get(m), shift, by, carry);
                 self.data_with_flags(alu, d, n, second, carry);
@@ -83,15 +97,35 @@ impl Core {
             Op::Strh { t, n, imm } => self.store(Kind::Half, t, self.get(n).wrapping_add(imm))?,
             Op::LoadAt { kind, t, n, m, by } => self.load(kind, t, self.indexed(n, m, by))?,
             Op::StoreAt { kind, t, n, m, by } => self.store(kind, t, self.indexed(n, m, by))?,
-            Op::Ldm { n, down, keeps, mask } => self.load_many(n, down, keeps, mask)?,
-            Op::Stm { n, down, keeps, mask } => self.store_many(n, down, keeps, mask)?,
+            Op::Ldm {
+                n,
+                down,
+                keeps,
+                mask,
+            } => self.load_many(n, down, keeps, mask)?,
+            Op::Stm {
+                n,
+                down,
+                keeps,
+                mask,
+            } => self.store_many(n, down, keeps, mask)?,
             Op::Jump { to } => self.registers.pc = to,
             Op::JumpIf { condition, to } => self.jump_if(self.registers.flags.hold(condition), to),
-            Op::CmpImmJumpIf { n, imm, condition, to } => {
+            Op::CmpImmJumpIf {
+                n,
+                imm,
+                condition,
+                to,
+            } => {
                 self.sum(NOWHERE, self.get(n), !u32::from(imm), true);
                 self.jump_if(self.registers.flags.hold(condition), to);
             }
-            Op::CmpJumpIf { n, m, condition, to } => {
+            Op::CmpJumpIf {
+                n,
+                m,
+                condition,
+                to,
+            } => {
                 self.sum(NOWHERE, self.get(n), !self.get(m), true);
                 self.jump_if(self.registers.flags.hold(condition), to);
             }
@@ -144,7 +178,14 @@ impl Core {
                 let mask = arithmetic::ones(width) << lsb;
                 self.put(d, self.get(d) & !mask | self.get(n) << lsb & mask);
             }
-            Op::Saturate { signed, d, n, to, shift, by } => {
+            Op::Saturate {
+                signed,
+                d,
+                n,
+                to,
+                shift,
+                by,
+            } => {
                 let (value, _) = shifted(self.get(n), shift, by, false);
                 let kept = arithmetic::saturated(value as i32, to, signed);
                 self.registers.flags.saturated |= kept != value;
@@ -153,25 +194,49 @@ impl Core {
             Op::LoadSigned { kind, t, n, imm } => {
                 self.load(kind, t, self.get(n).wrapping_add(imm))?;
             }
-            Op::LoadIndexed { kind, t, n, index, by } => {
+            Op::LoadIndexed {
+                kind,
+                t,
+                n,
+                index,
+                by,
+            } => {
                 let (at, base) = self.walked(n, index, by);
                 let value = self.memory.load(kind, at)?;
                 self.put(n, base);
                 self.put(t, value);
             }
-            Op::StoreIndexed { kind, t, n, index, by } => {
+            Op::StoreIndexed {
+                kind,
+                t,
+                n,
+                index,
+                by,
+            } => {
                 let (at, base) = self.walked(n, index, by);
                 self.store(kind, t, at)?;
                 self.put(n, base);
             }
-            Op::Ldrd { t, second, n, index, by } => {
+            Op::Ldrd {
+                t,
+                second,
+                n,
+                index,
+                by,
+            } => {
                 let (at, base) = self.walked(n, index, by);
                 let [low, high] = [self.aligned(at)?, self.aligned(at.wrapping_add(4))?];
                 self.put(n, base);
                 self.put(t, low);
                 self.put(second, high);
             }
-            Op::Strd { t, second, n, index, by } => {
+            Op::Strd {
+                t,
+                second,
+                n,
+                index,
+                by,
+            } => {
                 let (at, base) = self.walked(n, index, by);
                 self.word_aligned(at)?;
                 self.store(Kind::Word, t, at)?;
@@ -200,7 +265,13 @@ impl Core {
                 let quotient = if m == 0 { 0 } else { n.wrapping_div(m) };
                 self.put(d, quotient as u32);
             }
-            Op::Long { long, low, high, n, m } => {
+            Op::Long {
+                long,
+                low,
+                high,
+                n,
+                m,
+            } => {
                 let held = u64::from(self.get(high)) << 32 | u64::from(self.get(low));
                 let product = match long {
                     Long::Smull | Long::Smlal => {
@@ -236,12 +307,12 @@ impl Core {
                 self.registers.pc = self.registers.pc.wrapping_add(2 * far);
             }
             Op::Ldrex { kind, t, n, imm } => {
-                let at = self.get(n).wrapping_add(imm.into());
+                let at = self.exclusive(kind, n, imm)?;
                 self.load(kind, t, at)?;
                 self.registers.exclusive = Some(at);
             }
             Op::Strex { kind, d, t, n, imm } => {
-                let at = self.get(n).wrapping_add(imm.into());
+                let at = self.exclusive(kind, n, imm)?;
                 let holds = self.registers.exclusive.take() == Some(at);
                 if holds {
                     self.store(kind, t, at)?;
@@ -251,7 +322,11 @@ impl Core {
             Op::Clrex => self.registers.exclusive = None,
             Op::Mrs { d, special } => self.put(d, self.registers.special(special)),
             Op::Msr { n, special } => self.registers.set_special(special, self.get(n)),
-            Op::Cps { disable, primask, faultmask } => {
+            Op::Cps {
+                disable,
+                primask,
+                faultmask,
+            } => {
                 if primask {
                     self.registers.primask = disable;
                 }
@@ -389,9 +464,20 @@ impl Core {
     #[inline(always)]
     fn span(&mut self, n: u8, down: bool, mask: u16) -> Result<(u32, u32), Stopped> {
         let (base, length) = (self.get(n), 4 * mask.count_ones());
-        let lowest = if down { base.wrapping_sub(length) } else { base };
+        let lowest = if down {
+            base.wrapping_sub(length)
+        } else {
+            base
+        };
         self.word_aligned(lowest)?;
-        Ok((lowest, if down { lowest } else { base.wrapping_add(length) }))
+        Ok((
+            lowest,
+            if down {
+                lowest
+            } else {
+                base.wrapping_add(length)
+            },
+        ))
     }
 
     fn load_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Stopped> {
@@ -427,6 +513,20 @@ impl Core {
             self.put(n, end);
         }
         Ok(())
+    }
+
+    /// The address of an exclusive access, which is aligned (ARMv7-M A3.2.1).
+    fn exclusive(&mut self, kind: Kind, n: u8, imm: u16) -> Result<u32, Stopped> {
+        let at = self.get(n).wrapping_add(imm.into());
+        let across = match kind {
+            Kind::Word => at & 3,
+            Kind::Half | Kind::SignedHalf => at & 1,
+            Kind::Byte | Kind::SignedByte => 0,
+        };
+        match across {
+            0 => Ok(at),
+            _ => Err(self.memory.stopped(Fault::Unaligned.into())),
+        }
     }
 
     /// Errors: for what LDM, STM, LDRD and STRD do not take (ARMv7-M A3.2.1).

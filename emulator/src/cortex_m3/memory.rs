@@ -37,7 +37,9 @@ pub struct Memory {
 /// So many bytes of a memory that begins at `base`.
 #[inline(always)]
 fn piece<const N: usize>(memory: &[u8], base: u32, address: u32) -> Option<&[u8; N]> {
-    memory.get(address.wrapping_sub(base) as usize..)?.first_chunk()
+    memory
+        .get(address.wrapping_sub(base) as usize..)?
+        .first_chunk()
 }
 
 #[inline(always)]
@@ -139,7 +141,10 @@ impl Memory {
     #[inline(never)]
     fn load_elsewhere(&mut self, address: u32, size: u32) -> Result<u32, Stopped> {
         if let Some(bytes) = self.alias(address, size) {
-            return Ok(bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte)));
+            return Ok(bytes
+                .iter()
+                .rev()
+                .fold(0, |word, byte| word << 8 | u32::from(*byte)));
         }
         self.registers(address, size)?;
         if let Some((byte, bit)) = bit_band::in_ram(address) {

@@ -90,112 +90,428 @@ pub enum Bits {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
     /// Before the entries of a block: bytes of its code, entries, instructions.
-    Begin { size: u16, entries: u16, instructions: u16, sends_event: bool },
+    Begin {
+        size: u16,
+        entries: u16,
+        instructions: u16,
+        sends_event: bool,
+    },
     /// d = immediate.
-    Set { d: Reg, imm: u32 },
+    Set {
+        d: Reg,
+        imm: u32,
+    },
     /// The same, with N and Z.
-    Sets { d: Reg, imm: u32 },
-    Move { d: Reg, m: Reg },
-    AddImm { d: Reg, n: Reg, imm: u32 },
-    AddsImm { d: Reg, n: Reg, imm: u32 },
-    SubsImm { d: Reg, n: Reg, imm: u32 },
-    CmpImm { n: Reg, imm: u32 },
-    Cmp { n: Reg, m: Reg },
-    Add { d: Reg, n: Reg, m: Reg },
-    Sub { d: Reg, n: Reg, m: Reg },
+    Sets {
+        d: Reg,
+        imm: u32,
+    },
+    Move {
+        d: Reg,
+        m: Reg,
+    },
+    AddImm {
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    AddsImm {
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    SubsImm {
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    CmpImm {
+        n: Reg,
+        imm: u32,
+    },
+    Cmp {
+        n: Reg,
+        m: Reg,
+    },
+    Add {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Sub {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
     /// d = n `alu` immediate.
-    DataImm { alu: Alu, d: Reg, n: Reg, imm: u32 },
+    DataImm {
+        alu: Alu,
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
     /// The same with flags.
-    DatasImm { alu: Alu, d: Reg, n: Reg, imm: u32 },
+    DatasImm {
+        alu: Alu,
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
     /// d = n `alu` (m shifted).
-    Data { alu: Alu, d: Reg, n: Reg, m: Reg, shift: Shift, by: u8 },
+    Data {
+        alu: Alu,
+        d: Reg,
+        n: Reg,
+        m: Reg,
+        shift: Shift,
+        by: u8,
+    },
     /// The same with flags.
-    Datas { alu: Alu, d: Reg, n: Reg, m: Reg, shift: Shift, by: u8 },
+    Datas {
+        alu: Alu,
+        d: Reg,
+        n: Reg,
+        m: Reg,
+        shift: Shift,
+        by: u8,
+    },
     /// d = n shifted by as much as m says.
-    ShiftBy { shift: Shift, d: Reg, n: Reg, m: Reg },
+    ShiftBy {
+        shift: Shift,
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
     /// The same with flags.
-    ShiftsBy { shift: Shift, d: Reg, n: Reg, m: Reg },
+    ShiftsBy {
+        shift: Shift,
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
     /// The most frequent of these by themselves: AND with an immediate, ANDS, EOR, ORR, shifts.
-    AndImm { d: Reg, n: Reg, imm: u32 },
-    Ands { d: Reg, n: Reg, m: Reg },
-    Eor { d: Reg, n: Reg, m: Reg },
-    Orr { d: Reg, n: Reg, m: Reg },
-    Adds { d: Reg, n: Reg, m: Reg },
-    Subs { d: Reg, n: Reg, m: Reg },
-    Lsl { d: Reg, m: Reg, by: u8 },
-    Lsr { d: Reg, m: Reg, by: u8 },
-    Lsls { d: Reg, m: Reg, by: u8 },
-    Lsrs { d: Reg, m: Reg, by: u8 },
+    AndImm {
+        d: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Ands {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Eor {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Orr {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Adds {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Subs {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Lsl {
+        d: Reg,
+        m: Reg,
+        by: u8,
+    },
+    Lsr {
+        d: Reg,
+        m: Reg,
+        by: u8,
+    },
+    Lsls {
+        d: Reg,
+        m: Reg,
+        by: u8,
+    },
+    Lsrs {
+        d: Reg,
+        m: Reg,
+        by: u8,
+    },
     /// The carry that the immediate of the next instruction has.
-    Carry { set: bool },
+    Carry {
+        set: bool,
+    },
     /// The upper half of d.
-    Movt { d: Reg, imm: u16 },
-    Mul { d: Reg, n: Reg, m: Reg },
-    Muls { d: Reg, n: Reg, m: Reg },
-    Mla { d: Reg, n: Reg, m: Reg, a: Reg },
-    Mls { d: Reg, n: Reg, m: Reg, a: Reg },
-    Long { long: Long, low: Reg, high: Reg, n: Reg, m: Reg },
-    Udiv { d: Reg, n: Reg, m: Reg },
-    Sdiv { d: Reg, n: Reg, m: Reg },
-    Bits { bits: Bits, d: Reg, m: Reg },
+    Movt {
+        d: Reg,
+        imm: u16,
+    },
+    Mul {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Muls {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Mla {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+        a: Reg,
+    },
+    Mls {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+        a: Reg,
+    },
+    Long {
+        long: Long,
+        low: Reg,
+        high: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Udiv {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Sdiv {
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
+    Bits {
+        bits: Bits,
+        d: Reg,
+        m: Reg,
+    },
     /// d = m rotated right, of it what `kind` has.
-    Extend { kind: Kind, d: Reg, m: Reg, by: u8 },
-    Ubfx { d: Reg, n: Reg, lsb: u8, width: u8 },
-    Sbfx { d: Reg, n: Reg, lsb: u8, width: u8 },
-    Bfi { d: Reg, n: Reg, lsb: u8, width: u8 },
+    Extend {
+        kind: Kind,
+        d: Reg,
+        m: Reg,
+        by: u8,
+    },
+    Ubfx {
+        d: Reg,
+        n: Reg,
+        lsb: u8,
+        width: u8,
+    },
+    Sbfx {
+        d: Reg,
+        n: Reg,
+        lsb: u8,
+        width: u8,
+    },
+    Bfi {
+        d: Reg,
+        n: Reg,
+        lsb: u8,
+        width: u8,
+    },
     /// To so many bits; `signed`: SSAT.
-    Saturate { signed: bool, d: Reg, n: Reg, to: u8, shift: Shift, by: u8 },
+    Saturate {
+        signed: bool,
+        d: Reg,
+        n: Reg,
+        to: u8,
+        shift: Shift,
+        by: u8,
+    },
     /// t = word at n + immediate; the two below are bytes and half-words.
-    Ldr { t: Reg, n: Reg, imm: u32 },
-    Ldrb { t: Reg, n: Reg, imm: u32 },
-    Ldrh { t: Reg, n: Reg, imm: u32 },
-    Str { t: Reg, n: Reg, imm: u32 },
-    Strb { t: Reg, n: Reg, imm: u32 },
-    Strh { t: Reg, n: Reg, imm: u32 },
-    LoadSigned { kind: Kind, t: Reg, n: Reg, imm: u32 },
+    Ldr {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Ldrb {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Ldrh {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Str {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Strb {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    Strh {
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
+    LoadSigned {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        imm: u32,
+    },
     /// At n + (m << by).
-    LoadAt { kind: Kind, t: Reg, n: Reg, m: Reg, by: u8 },
-    StoreAt { kind: Kind, t: Reg, n: Reg, m: Reg, by: u8 },
-    LoadIndexed { kind: Kind, t: Reg, n: Reg, index: Index, by: i16 },
-    StoreIndexed { kind: Kind, t: Reg, n: Reg, index: Index, by: i16 },
-    Ldrd { t: Reg, second: Reg, n: Reg, index: Index, by: i16 },
-    Strd { t: Reg, second: Reg, n: Reg, index: Index, by: i16 },
+    LoadAt {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        m: Reg,
+        by: u8,
+    },
+    StoreAt {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        m: Reg,
+        by: u8,
+    },
+    LoadIndexed {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        index: Index,
+        by: i16,
+    },
+    StoreIndexed {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        index: Index,
+        by: i16,
+    },
+    Ldrd {
+        t: Reg,
+        second: Reg,
+        n: Reg,
+        index: Index,
+        by: i16,
+    },
+    Strd {
+        t: Reg,
+        second: Reg,
+        n: Reg,
+        index: Index,
+        by: i16,
+    },
     /// From n upwards, or from below n (`down`).
-    Ldm { n: Reg, down: bool, keeps: bool, mask: u16 },
-    Stm { n: Reg, down: bool, keeps: bool, mask: u16 },
-    Ldrex { kind: Kind, t: Reg, n: Reg, imm: u16 },
-    Strex { kind: Kind, d: Reg, t: Reg, n: Reg, imm: u16 },
+    Ldm {
+        n: Reg,
+        down: bool,
+        keeps: bool,
+        mask: u16,
+    },
+    Stm {
+        n: Reg,
+        down: bool,
+        keeps: bool,
+        mask: u16,
+    },
+    Ldrex {
+        kind: Kind,
+        t: Reg,
+        n: Reg,
+        imm: u16,
+    },
+    Strex {
+        kind: Kind,
+        d: Reg,
+        t: Reg,
+        n: Reg,
+        imm: u16,
+    },
     Clrex,
-    Jump { to: u32 },
-    JumpIf { condition: u8, to: u32 },
+    Jump {
+        to: u32,
+    },
+    JumpIf {
+        condition: u8,
+        to: u32,
+    },
     /// A comparison and the branch behind it.
-    CmpImmJumpIf { n: Reg, imm: u8, condition: u8, to: u32 },
-    CmpJumpIf { n: Reg, m: Reg, condition: u8, to: u32 },
-    JumpIfZero { n: Reg, to: u32 },
-    JumpIfNot { n: Reg, to: u32 },
-    Call { to: u32 },
+    CmpImmJumpIf {
+        n: Reg,
+        imm: u8,
+        condition: u8,
+        to: u32,
+    },
+    CmpJumpIf {
+        n: Reg,
+        m: Reg,
+        condition: u8,
+        to: u32,
+    },
+    JumpIfZero {
+        n: Reg,
+        to: u32,
+    },
+    JumpIfNot {
+        n: Reg,
+        to: u32,
+    },
+    Call {
+        to: u32,
+    },
     /// BX, and behind a load of the program counter.
-    JumpTo { m: Reg },
-    CallTo { m: Reg },
+    JumpTo {
+        m: Reg,
+    },
+    CallTo {
+        m: Reg,
+    },
     /// Behind an instruction that has written the program counter.
     JumpPc,
     /// TBB, TBH (`by` 1).
-    Table { n: Reg, m: Reg, by: u8 },
-    Mrs { d: Reg, special: u8 },
-    Msr { n: Reg, special: u8 },
+    Table {
+        n: Reg,
+        m: Reg,
+        by: u8,
+    },
+    Mrs {
+        d: Reg,
+        special: u8,
+    },
+    Msr {
+        n: Reg,
+        special: u8,
+    },
     /// CPSIE and CPSID (`disable`).
-    Cps { disable: bool, primask: bool, faultmask: bool },
+    Cps {
+        disable: bool,
+        primask: bool,
+        faultmask: bool,
+    },
     Svc,
     Wfi,
     Wfe,
     Bkpt,
     Undefined,
     /// So many entries are left out unless the condition holds (IT).
-    SkipUnless { condition: u8, entries: u8 },
+    SkipUnless {
+        condition: u8,
+        entries: u8,
+    },
     /// What the program counter reads as.
-    SetPc { to: u32 },
+    SetPc {
+        to: u32,
+    },
     /// Where in an IT block the code is.
-    SetIt { it: u8 },
+    SetIt {
+        it: u8,
+    },
 }
 
 // Every instruction that runs is fetched from here.

@@ -45,7 +45,9 @@ impl Flags {
     /// As they stand in xPSR.
     fn bits(self) -> u32 {
         let low = [self.saturated, self.overflow, self.carry, self.zero == 0];
-        let low = (27..).zip(low).map(|(number, flag)| u32::from(flag) << number);
+        let low = (27..)
+            .zip(low)
+            .map(|(number, flag)| u32::from(flag) << number);
         self.negative & 1 << 31 | low.fold(0, |bits, bit| bits | bit)
     }
 
@@ -215,7 +217,11 @@ impl Registers {
             // APSR, IPSR and both; EPSR reads as 0.
             0..=7 => {
                 let exception = if number & 1 != 0 { self.number } else { 0 };
-                let flags = if number & 4 == 0 { self.flags.bits() } else { 0 };
+                let flags = if number & 4 == 0 {
+                    self.flags.bits()
+                } else {
+                    0
+                };
                 exception | flags
             }
             8 => self.named(Register::Msp),

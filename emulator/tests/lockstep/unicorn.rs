@@ -1,4 +1,4 @@
-//! The core: Unicorn's Cortex-M3, with what it needs to behave as one.
+//! Unicorn's Cortex-M3, with what it needs to behave as one: what the emulator's own is held to.
 //!
 //! In: flash and RAM as memory of the engine, everything else through the [`Chip`]. Out: [`Stop`].
 //! Before each block of code the chip is told how many instructions it has and may stop the core
@@ -27,10 +27,10 @@ use unicorn_engine::{
     uc_error,
 };
 
-use crate::chip::Chip;
-use crate::code::{Block, WFE, WFI, YIELD};
-use crate::cpu::{ALIAS, Cpu, Fault, NoMemory, Register, Stop};
-use crate::exceptions::{IT_STATE, Masks};
+use emulator::chip::{Chip, bit_band};
+use emulator::code::{Block, WFE, WFI, YIELD};
+use emulator::cpu::{ALIAS, Cpu, Fault, NoMemory, Register, Stop};
+use emulator::exceptions::{IT_STATE, Masks};
 
 /// QEMU's numbers of exceptions that the engine reports as interrupts.
 mod number {
@@ -71,13 +71,6 @@ struct Shared {
 }
 
 impl Shared {
-    /// Counts a block, if it is known.
-    #[inline]
-    fn count(&mut self, address: u32, size: u32) -> bool {
-        self.block = (address, size);
-        self.chip.begin_known(address, size)
-    }
-
     /// Notes why the core is to stop, if nothing was noted before.
     fn note(&mut self, stop: Stop) {
         self.stop.get_or_insert(stop);
@@ -134,30 +127,6 @@ impl fmt::Debug for UnicornCpu {
 }
 
 impl UnicornCpu {
-    /// A core with empty memories of this part around `chip`.
-    ///
-    /// # Panics
-    /// When the engine cannot be built, which is for want of memory.
-    pub fn new(chip: Chip) -> Self {
-        let (flash, ram) = (chip.flash_size(), chip.ram_size());
-        let shared = Shared {
-            chip,
-            flash: vec![0; flash as usize].into(),
-            stop: None,
-            block: (0, 0),
-            started: 0,
-        };
-        let engine = build(shared, flash, ram);
-        Self {
-            engine: engine.expect("the engine needs memory, and nothing else can fail"),
-        }
-    }
-
-    /// What the engine says that it is: its number of the model.
-    pub fn model(&self) -> i32 {
-        self.engine.ctl_get_cpu_model().unwrap_or(-1)
-    }
-
     fn stopped(&mut self, ended: Result<(), uc_error>) -> Stop {
         let noted = self.engine.get_data_mut().get_mut().stop.take();
         let at = self.register(Register::Pc);
@@ -301,7 +270,7 @@ fn map_registers(engine: &mut Engine, base: u32, size: u32) -> Result<(), uc_err
         Some(
             move |engine: &mut Unicorn<'_, Keeper>, offset: u64, size: usize| {
                 let address = base.wrapping_add(offset as u32);
-                if let Some((byte, bit)) = crate::chip::bit_band::in_ram(address) {
+                if let Some((byte, bit)) = bit_band::in_ram(address) {
                     let mut value = [0];
                     let _ = engine.mem_read(byte.into(), &mut value);
                     return u64::from(value[0] >> bit & 1);
@@ -318,7 +287,7 @@ fn map_registers(engine: &mut Engine, base: u32, size: u32) -> Result<(), uc_err
         Some(
             move |engine: &mut Unicorn<'_, Keeper>, offset: u64, size: usize, value: u64| {
                 let address = base.wrapping_add(offset as u32);
-                if let Some((byte, bit)) = crate::chip::bit_band::in_ram(address) {
+                if let Some((byte, bit)) = bit_band::in_ram(address) {
                     let mut held = [0];
                     let _ = engine.mem_read(byte.into(), &mut held);
                     let set = ((value & 1) as u8) << bit;
@@ -366,26 +335,18 @@ unsafe extern "C" fn on_block(
     shared: *mut c_void,
 ) {
     // SAFETY: it is what `add_block_hook` has given, and nobody holds it while the engine runs.
-    let counting = unsafe { &mut *shared.cast::<Shared>() };
-    // Nothing is kept beyond this, since each register to be saved would be saved at each block.
-    if counting.chip.needs_attention() || !counting.count(address as u32, size) {
-        // SAFETY: it is what was given here, and no longer held.
-        unsafe { begin_slowly(engine, address as u32, size, shared) };
-    }
-}
-
-/// Does so where there is more to do than to count.
-#[cold]
-#[inline(never)]
-unsafe fn begin_slowly(engine: *mut sys::uc_engine, address: u32, size: u32, shared: *mut c_void) {
-    // SAFETY: as in `on_block`, which has let go of it.
     let shared = unsafe { &mut *shared.cast::<Shared>() };
     if shared.chip.needs_attention() && attend(shared, engine) {
         return;
     }
-    if !shared.count(address, size) {
-        learn_block(shared, engine, address, size);
-    }
+    shared.block = (address as u32, size);
+    let mut bytes = vec![0u8; size as usize];
+    // SAFETY: the engine runs, and there is room for so many bytes.
+    let _ = unsafe {
+        let into = bytes.as_mut_ptr().cast();
+        sys::uc_mem_read(engine, address, into, size.into())
+    };
+    shared.chip.begin(address as u32, Block::of(&bytes));
 }
 
 /// Lets the chip come to now; true when the core stops before the block.
@@ -413,17 +374,6 @@ fn attend(shared: &mut Shared, engine: *mut sys::uc_engine) -> bool {
         let _ = unsafe { sys::uc_emu_stop(engine) };
     }
     stops
-}
-
-/// Counts the instructions of a block that has not run before, or of one that is watched.
-fn learn_block(shared: &mut Shared, engine: *mut sys::uc_engine, address: u32, size: u32) {
-    let mut bytes = vec![0u8; size as usize];
-    // SAFETY: the engine runs, and there is room for so many bytes.
-    let _ = unsafe {
-        let into = bytes.as_mut_ptr().cast();
-        sys::uc_mem_read(engine, address.into(), into, size.into())
-    };
-    shared.chip.begin_block(address, &bytes);
 }
 
 /// Whether an exception is to be taken here.
@@ -475,6 +425,21 @@ fn name(register: Register) -> i32 {
 }
 
 impl Cpu for UnicornCpu {
+    fn new(chip: Chip) -> Self {
+        let (flash, ram) = (chip.flash_size(), chip.ram_size());
+        let shared = Shared {
+            chip,
+            flash: vec![0; flash as usize].into(),
+            stop: None,
+            block: (0, 0),
+            started: 0,
+        };
+        let engine = build(shared, flash, ram);
+        Self {
+            engine: engine.expect("the engine needs memory, and nothing else can fail"),
+        }
+    }
+
     fn register(&self, register: Register) -> u32 {
         self.engine.reg_read(name(register)).unwrap_or(0) as u32
     }
@@ -519,6 +484,3 @@ impl Cpu for UnicornCpu {
         &mut self.engine.get_data_mut().get_mut().chip
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -103,10 +103,20 @@ impl Decoder<'_> {
             _ => return None,
         };
         if field(first, 4, 1) == 0 {
-            self.push(Op::Stm { n, down, keeps, mask });
+            self.push(Op::Stm {
+                n,
+                down,
+                keeps,
+                mask,
+            });
             return Some(());
         }
-        self.push(Op::Ldm { n, down, keeps, mask });
+        self.push(Op::Ldm {
+            n,
+            down,
+            keeps,
+            mask,
+        });
         if mask >> PC != 0 {
             self.end(Op::JumpTo { m: PC });
         }
@@ -115,7 +125,11 @@ impl Decoder<'_> {
 
     /// LDRD, STRD, exclusive ones, TBB and TBH (ARMv7-M table A5-17).
     fn pair_or_table(&mut self, first: u16, second: u16) -> Option<()> {
-        let (n, t, other) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4));
+        let (n, t, other) = (
+            field(first, 0, 4),
+            field(second, 12, 4),
+            field(second, 8, 4),
+        );
         let (loads, keeps) = (field(first, 4, 1) != 0, field(first, 5, 1) != 0);
         let (up, before) = (field(first, 7, 1) != 0, field(first, 8, 1) != 0);
         let imm = (second & 0xFF) << 2;
@@ -130,8 +144,20 @@ impl Decoder<'_> {
                 self.push(Op::SetPc { to: self.pc() & !3 });
             }
             self.push(match loads {
-                true => Op::Ldrd { t, second: other, n, index, by },
-                false => Op::Strd { t, second: other, n, index, by },
+                true => Op::Ldrd {
+                    t,
+                    second: other,
+                    n,
+                    index,
+                    by,
+                },
+                false => Op::Strd {
+                    t,
+                    second: other,
+                    n,
+                    index,
+                    by,
+                },
             });
             return Some(());
         }
@@ -141,7 +167,11 @@ impl Decoder<'_> {
             (true, 5) => (Kind::Half, 0, field(second, 0, 4)),
             (true, by @ (0 | 1)) if loads => {
                 self.read_pc(&[n]);
-                self.end(Op::Table { n, m: field(second, 0, 4), by });
+                self.end(Op::Table {
+                    n,
+                    m: field(second, 0, 4),
+                    by,
+                });
                 return Some(());
             }
             _ => return None,
@@ -191,21 +221,57 @@ impl Decoder<'_> {
             0 => Op::AddImm { d, n, imm },
             4 => Op::Set { d, imm: imm16 },
             10 if n == PC => Op::Set { d, imm: here - imm },
-            10 => Op::AddImm { d, n, imm: imm.wrapping_neg() },
-            12 => Op::Movt { d, imm: imm16 as u16 },
+            10 => Op::AddImm {
+                d,
+                n,
+                imm: imm.wrapping_neg(),
+            },
+            12 => Op::Movt {
+                d,
+                imm: imm16 as u16,
+            },
             16 | 18 => {
                 let (shift, by) = shift;
-                Op::Saturate { signed: true, d, n, to: low + 1, shift, by }
+                Op::Saturate {
+                    signed: true,
+                    d,
+                    n,
+                    to: low + 1,
+                    shift,
+                    by,
+                }
             }
             24 | 26 => {
                 let (shift, by) = shift;
-                Op::Saturate { signed: false, d, n, to: low, shift, by }
+                Op::Saturate {
+                    signed: false,
+                    d,
+                    n,
+                    to: low,
+                    shift,
+                    by,
+                }
             }
-            20 if lsb + low < 32 => Op::Sbfx { d, n, lsb, width: low + 1 },
-            28 if lsb + low < 32 => Op::Ubfx { d, n, lsb, width: low + 1 },
+            20 if lsb + low < 32 => Op::Sbfx {
+                d,
+                n,
+                lsb,
+                width: low + 1,
+            },
+            28 if lsb + low < 32 => Op::Ubfx {
+                d,
+                n,
+                lsb,
+                width: low + 1,
+            },
             22 if low >= lsb => {
                 let n = if n == PC { ZERO } else { n };
-                Op::Bfi { d, n, lsb, width: low - lsb + 1 }
+                Op::Bfi {
+                    d,
+                    n,
+                    lsb,
+                    width: low - lsb + 1,
+                }
             }
             _ => return None,
         });
@@ -241,8 +307,14 @@ impl Decoder<'_> {
     fn control(&mut self, first: u16, second: u16) -> Option<()> {
         let (low, special) = (field(second, 4, 4), field(second, 0, 8));
         match first >> 4 & 0x7F {
-            0x38 | 0x39 => self.end(Op::Msr { n: field(first, 0, 4), special }),
-            0x3E | 0x3F => self.push(Op::Mrs { d: field(second, 8, 4), special }),
+            0x38 | 0x39 => self.end(Op::Msr {
+                n: field(first, 0, 4),
+                special,
+            }),
+            0x3E | 0x3F => self.push(Op::Mrs {
+                d: field(second, 8, 4),
+                special,
+            }),
             0x3A => match special {
                 1 => self.ended = true,
                 2 => self.end(Op::Wfe),
@@ -274,7 +346,11 @@ impl Decoder<'_> {
         }
         if n == PC {
             let here = self.pc() & !3;
-            let at = if up { here + imm12 } else { here.wrapping_sub(imm12) };
+            let at = if up {
+                here + imm12
+            } else {
+                here.wrapping_sub(imm12)
+            };
             self.transfer(loads, kind, t, ZERO, at);
         } else if up {
             self.transfer(loads, kind, t, n, imm12);
@@ -285,7 +361,11 @@ impl Decoder<'_> {
                 false => Op::StoreAt { kind, t, n, m, by },
             });
         } else {
-            let by = if field(second, 9, 1) != 0 { imm8 as i16 } else { -(imm8 as i16) };
+            let by = if field(second, 9, 1) != 0 {
+                imm8 as i16
+            } else {
+                -(imm8 as i16)
+            };
             let index = match (field(second, 10, 1), field(second, 8, 1)) {
                 (1, 0) => Index::Offset,
                 (1, _) => Index::Before,
@@ -294,8 +374,20 @@ impl Decoder<'_> {
             };
             match (index, loads) {
                 (Index::Offset, _) => self.transfer(loads, kind, t, n, i32::from(by) as u32),
-                (_, true) => self.push(Op::LoadIndexed { kind, t, n, index, by }),
-                (_, false) => self.push(Op::StoreIndexed { kind, t, n, index, by }),
+                (_, true) => self.push(Op::LoadIndexed {
+                    kind,
+                    t,
+                    n,
+                    index,
+                    by,
+                }),
+                (_, false) => self.push(Op::StoreIndexed {
+                    kind,
+                    t,
+                    n,
+                    index,
+                    by,
+                }),
             }
         }
         if loads && t == PC {
@@ -319,13 +411,38 @@ impl Decoder<'_> {
             }
             (0 | 1 | 4 | 5, 8..=11) if n == PC => {
                 let kind = kind_of(u8::from(op < 4), op & 1 == 0)?;
-                Op::Extend { kind, d, m, by: 8 * (low & 3) }
+                Op::Extend {
+                    kind,
+                    d,
+                    m,
+                    by: 8 * (low & 3),
+                }
             }
-            (9, 8) => Op::Bits { bits: Bits::Rev, d, m },
-            (9, 9) => Op::Bits { bits: Bits::Rev16, d, m },
-            (9, 10) => Op::Bits { bits: Bits::Rbit, d, m },
-            (9, 11) => Op::Bits { bits: Bits::Revsh, d, m },
-            (11, 8) => Op::Bits { bits: Bits::Clz, d, m },
+            (9, 8) => Op::Bits {
+                bits: Bits::Rev,
+                d,
+                m,
+            },
+            (9, 9) => Op::Bits {
+                bits: Bits::Rev16,
+                d,
+                m,
+            },
+            (9, 10) => Op::Bits {
+                bits: Bits::Rbit,
+                d,
+                m,
+            },
+            (9, 11) => Op::Bits {
+                bits: Bits::Revsh,
+                d,
+                m,
+            },
+            (11, 8) => Op::Bits {
+                bits: Bits::Clz,
+                d,
+                m,
+            },
             _ => return None,
         });
         Some(())
@@ -335,11 +452,27 @@ impl Decoder<'_> {
     fn products(&mut self, first: u16, second: u16) -> Option<()> {
         let (n, m) = (field(first, 0, 4), field(second, 0, 4));
         let (high, d) = (field(second, 8, 4), field(second, 12, 4));
-        let long = |long| Op::Long { long, low: d, high, n, m };
+        let long = |long| Op::Long {
+            long,
+            low: d,
+            high,
+            n,
+            m,
+        };
         self.push(match (field(first, 4, 4), field(second, 4, 4)) {
             (0, 0) if d == PC => Op::Mul { d: high, n, m },
-            (0, 0) => Op::Mla { d: high, n, m, a: d },
-            (0, 1) => Op::Mls { d: high, n, m, a: d },
+            (0, 0) => Op::Mla {
+                d: high,
+                n,
+                m,
+                a: d,
+            },
+            (0, 1) => Op::Mls {
+                d: high,
+                n,
+                m,
+                a: d,
+            },
             (8, 0) => long(Long::Smull),
             (9, 15) => Op::Sdiv { d: high, n, m },
             (10, 0) => long(Long::Umull),
