@@ -6,8 +6,8 @@
 //! instructions is exact, skipped ones of an IT block included, and an exception comes at most one
 //! block late. An access of a block to the chip happens at the time of the block's end.
 //!
-//! `tests/lockstep` executes the product's image on this core and on Unicorn's at once, and compares
-//! registers, memory and counts.
+//! `emulator/lockstep` executes the product's images on this core and on Unicorn's, and compares
+//! frames, registers, memory and counts.
 //!
 //! Left out: code in the RAM, where a fetch ends in a fault; and cycles, one instruction counts as
 //! one.

@@ -46,7 +46,7 @@ pub struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// Decodes the block that begins with `bytes`, at `address` and within an IT block as `it` says.
+    /// Decodes the block that begins with `bytes` at `address`, within an IT block as `it` says.
     pub fn decode(bytes: &'a [u8], address: u32, it: u8) -> Self {
         let mut decoder = Self {
             bytes,

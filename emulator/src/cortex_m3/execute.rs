@@ -86,6 +86,19 @@ impl Core {
                 let (second, carry) = shifted(self.get(m), shift, by, carry);
                 self.data_with_flags(alu, d, n, second, carry);
             }
+            Op::SkipUnless { condition, entries } => {
+                let holds = self.registers.flags.hold(condition);
+                return Ok(if holds { 0 } else { entries });
+            }
+            _ => self.execute_memory(op)?,
+        }
+        Ok(0)
+    }
+
+    /// Loads and stores.
+    #[inline(always)]
+    fn execute_memory(&mut self, op: Op) -> Result<(), Stopped> {
+        match op {
             Op::Ldr { t, n, imm } => {
                 let word = self.memory.word(self.get(n).wrapping_add(imm))?;
                 self.put(t, word);
@@ -109,6 +122,15 @@ impl Core {
                 keeps,
                 mask,
             } => self.store_many(n, down, keeps, mask)?,
+            _ => self.execute_branch(op)?,
+        }
+        Ok(())
+    }
+
+    /// Branches, and what stands before another entry.
+    #[inline(always)]
+    fn execute_branch(&mut self, op: Op) -> Result<(), Stopped> {
+        match op {
             Op::Jump { to } => self.registers.pc = to,
             Op::JumpIf { condition, to } => self.jump_if(self.registers.flags.hold(condition), to),
             Op::CmpImmJumpIf {
@@ -138,13 +160,9 @@ impl Core {
             Op::JumpTo { m } => self.jump_to(self.get(m)),
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
-            Op::SkipUnless { condition, entries } => {
-                let holds = self.registers.flags.hold(condition);
-                return Ok(if holds { 0 } else { entries });
-            }
             _ => self.execute_rare(op)?,
         }
-        Ok(0)
+        Ok(())
     }
 
     /// What code does less often: out of line, so that the rest has the registers to itself.
@@ -191,6 +209,14 @@ impl Core {
                 self.registers.flags.saturated |= kept != value;
                 self.put(d, kept);
             }
+            _ => self.execute_walk(op)?,
+        }
+        Ok(())
+    }
+
+    /// Loads and stores that change their base, or are of two words.
+    fn execute_walk(&mut self, op: Op) -> Result<(), Stopped> {
+        match op {
             Op::LoadSigned { kind, t, n, imm } => {
                 self.load(kind, t, self.get(n).wrapping_add(imm))?;
             }

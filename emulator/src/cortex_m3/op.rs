@@ -4,7 +4,7 @@
 //! sets flags. Offsets wrap: what is subtracted is added as its complement. Some entries are no
 //! instruction by themselves; they stand before or behind that of another one.
 //!
-//! Sources: ARMv7-M A7.7. Left out: the order of bits in an instruction ([`decode`](super::decode)).
+//! Sources: ARMv7-M A7.7. Left out: the bits of an instruction ([`decode`](super::decode)).
 
 /// A register that reads as 0.
 pub const ZERO: u8 = 16;

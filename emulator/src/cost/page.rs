@@ -105,8 +105,8 @@ const SIZES: &str = "
   where its seal stands ([design-decisions.md](design-decisions.md)).
 - **Statics** are the sections of the linked file that are in RAM.
 - **The deepest stack** is read off the paint that is left, on the worse of the two nodes, after
-  start, SDO, SYNC, a store of the parameters, a program's download and the check of its
-  signature. A calibration over the bus was not run for it.
+  start, SDO, SYNC, a store of the parameters, a motor's run that makes both tables, a program's
+  download and the check of its signature.
 ";
 
 /// Why a sample takes more than its target.

@@ -5,20 +5,18 @@
 //! images do not have are drawn by seed ([`drawn`]). Left out: how fast either is.
 
 mod drawn;
-mod unicorn;
 
 use canopen::Frame;
 use emulator::build::Product;
 use emulator::cortex_m3::CortexM3;
 use emulator::cpu::{Cpu, Register};
 use emulator::pair::{Heard, Pair};
+use emulator_lockstep::UnicornCpu;
 use flash::layout::{BASE, RAM, RC};
 use sim::bench::{Mode, World};
 use sim::network::guest::Switch;
 use sim::network::hand::Pose;
 use sim::network::instrument::Delivered;
-
-use unicorn::UnicornCpu;
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;

@@ -13,8 +13,8 @@
 //! - a branch to an EXC_RETURN arrives as an interrupt with the program counter there.
 //!
 //! Left out: code in the RAM, where a fetch ends in a fault; cycles, one instruction counts as
-//! one; and the fault that LDM, STM, LDRD and STRD at
-//! an address that is not aligned end in, which the engine carries out.
+//! one; and the fault that LDM, STM, LDRD and STRD end in at an address that is not aligned, which
+//! the engine carries out.
 
 use std::ffi::{c_int, c_void};
 use std::fmt;

@@ -14,12 +14,12 @@ use emulator::chip::{Chip, Individual};
 use emulator::cortex_m3::CortexM3;
 use emulator::cpu::{Cpu, Fault, Register, Stop};
 use emulator::exceptions::IT_STATE;
+use emulator_lockstep::UnicornCpu;
 use flash::layout::{BASE, RAM, RC};
 use sim::lis2dw12::{self, Traits};
 use sim::rng::Rng;
 
 use super::registers;
-use super::unicorn::UnicornCpu;
 
 /// Bytes of a place: IT, an instruction of 32 bits, WFI.
 const PLACE: usize = 8;
