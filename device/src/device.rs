@@ -34,7 +34,7 @@ use tilt::sample::{Instant, Temperature};
 use crate::calibration::encoding::identity;
 use crate::calibration::motor::{Motor, Terms};
 use crate::calibration::recall;
-use crate::channel::{Channel, Settings};
+use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
 use crate::objects::panel::{Identity, Memory, Panel, Parts, Source, stored_lss};
 use crate::objects::process::{Shown, SyncSource};
@@ -57,9 +57,9 @@ pub struct Factory {
     pub node_id: u8,
     /// Bit rate until LSS stores another, kbit/s.
     pub kbit_s: u16,
-    /// The part and its chain. The calibration in it does not count: it comes from the memory,
-    /// where a factory puts it ([`deliver`](crate::calibration::deliver)).
-    pub settings: Settings,
+    /// The part and its chain. The calibration comes from the memory, where a factory puts it
+    /// ([`deliver`](crate::calibration::deliver)).
+    pub setup: Setup,
     /// What tables made by a motor's run come with.
     pub terms: Terms,
 }
@@ -163,7 +163,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             identity,
             node_id,
             kbit_s,
-            settings,
+            setup,
             terms,
         } = factory;
         Self {
@@ -184,7 +184,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             keeping: Keeping::new(),
             matching: Matching::new(),
             bus: Node::new(),
-            parts: Parts::new(identity, Channel::new(spi), memory, settings, terms, check),
+            parts: Parts::new(identity, Channel::new(spi), memory, &setup, terms, check),
         }
     }
 

@@ -23,7 +23,7 @@ use super::table::{self, Channel};
 use super::values::Values;
 use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, Terms};
-use crate::channel::Settings;
+use crate::channel::{Settings, Setup};
 use crate::fault_log::FaultLog;
 use crate::pair::Pair;
 use crate::program::ProgramMemory;
@@ -109,7 +109,7 @@ impl<M, S: Source> Parts<M, S> {
         identity: Identity,
         channel: S,
         memory: M,
-        settings: Settings,
+        setup: &Setup,
         terms: Terms,
         check: CrossCheck,
     ) -> Self {
@@ -118,7 +118,7 @@ impl<M, S: Source> Parts<M, S> {
             values: Values::new(),
             channel,
             memory,
-            settings,
+            settings: Settings::uncalibrated(setup),
             work: Work::new(terms),
             pair: Pair::new(check),
             log: FaultLog::new(),
