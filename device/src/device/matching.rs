@@ -53,6 +53,7 @@ pub(super) struct Matching {
 
 impl Matching {
     /// Nothing heard.
+    #[inline(never)]
     pub(super) const fn new() -> Self {
         Self {
             clock: PeerClock::new(),
