@@ -17,13 +17,32 @@
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use tilt::chain::{Chain, Invalid, Reading, State};
-use tilt::filter::Filtered;
+use tilt::angle::{Axes, Harmonics};
+use tilt::chain::{
+    Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, State, Timing,
+};
+use tilt::filter::{Filtered, LowPass};
 use tilt::health::{self, Health};
 use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
+use tilt::temperature::TemperatureModel;
+use tilt::uncertainty::Budget;
+use tilt::vector::Vector;
 
 use crate::sensor::{Config, InitError, Lis2dw12, Register, VerifyError};
+
+/// How one channel is set up as long as nothing is known of its part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The part's own configuration.
+    pub part: Config,
+    /// The low-pass.
+    pub filter: LowPass,
+    /// Which instant readings belong to.
+    pub timing: Timing,
+    /// See [`Settings::noise`].
+    pub noise: u32,
+}
 
 /// How one channel is set up: the part and the chain behind it.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +55,60 @@ pub struct Settings {
     /// health is watched; 0: as the calibration's budget has it. Below 0.4 steps of the part its
     /// codes may stand still, as those of a part without noise do.
     pub noise: u32,
+}
+
+impl Settings {
+    /// Of a part of which nothing is known.
+    ///
+    /// The tables that a calibration has room for make it large, so each level is a call, whose
+    /// result is written right into its place: see [`Device::new`](crate::device::Device::new).
+    #[inline(never)]
+    pub fn uncalibrated(setup: &Setup) -> Self {
+        Self {
+            part: setup.part,
+            chain: uncalibrated_chain(setup),
+            noise: setup.noise,
+        }
+    }
+
+    /// What they were before the part was calibrated.
+    pub fn setup(&self) -> Setup {
+        Setup {
+            part: self.part,
+            filter: self.chain.filter.clone(),
+            timing: self.chain.timing,
+            noise: self.noise,
+        }
+    }
+}
+
+#[inline(never)]
+fn uncalibrated_chain(setup: &Setup) -> Chain {
+    Chain {
+        filter: setup.filter.clone(),
+        full_scale: setup.part.full_scale,
+        period_us: setup.part.rate.period_us(),
+        part_delay_q16: PART_DELAY_Q16,
+        timing: setup.timing,
+        calibration: no_calibration(),
+    }
+}
+
+#[inline(never)]
+fn no_calibration() -> Calibration {
+    Calibration {
+        temperature: TemperatureModel::None,
+        correction: no_correction(),
+        budget: Budget::DATA_SHEET,
+    }
+}
+
+#[inline(never)]
+fn no_correction() -> Correction {
+    Correction::TwoAxis {
+        vector: Vector::IDENTITY,
+        harmonics: Axes::<Harmonics>::default(),
+    }
 }
 
 /// Time between two read-backs of the part's registers, each with a temperature reading.

@@ -31,14 +31,12 @@ use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
-use crate::black_box::BlackBox;
 use crate::calibration::encoding::identity;
 use crate::calibration::motor::{Motor, Terms};
 use crate::calibration::recall;
-use crate::channel::{Channel, Settings};
+use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
-use crate::fault_log::FaultLog;
-use crate::objects::panel::{Identity, Memory, Panel, Source, Work, stored_lss};
+use crate::objects::panel::{Identity, Memory, Panel, Parts, Source, stored_lss};
 use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
 use crate::pair::Pair;
@@ -59,9 +57,9 @@ pub struct Factory {
     pub node_id: u8,
     /// Bit rate until LSS stores another, kbit/s.
     pub kbit_s: u16,
-    /// The part and its chain. The calibration in it does not count: it comes from the memory,
-    /// where a factory puts it ([`deliver`](crate::calibration::deliver)).
-    pub settings: Settings,
+    /// The part and its chain. The calibration comes from the memory, where a factory puts it
+    /// ([`deliver`](crate::calibration::deliver)).
+    pub setup: Setup,
     /// What tables made by a motor's run come with.
     pub terms: Terms,
 }
@@ -103,7 +101,6 @@ pub struct Device<SPI, M> {
     record_damaged: bool,
     /// What a program on trial has not shown yet.
     trial: Trial,
-    identity: Identity,
     /// What the bus was told of.
     faults: Faults,
     /// The judgement that the bus was shown last.
@@ -123,15 +120,8 @@ pub struct Device<SPI, M> {
     next: Instant,
     keeping: Keeping,
     matching: Matching,
-    values: Values,
     bus: Node,
-    channel: Channel<SPI>,
-    memory: M,
-    settings: Settings,
-    work: Work,
-    pair: Pair,
-    log: FaultLog,
-    black_box: BlackBox,
+    parts: Parts<M, Channel<SPI>>,
 }
 
 impl<SPI: SpiDevice> Source for Channel<SPI> {
@@ -173,7 +163,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             identity,
             node_id,
             kbit_s,
-            settings,
+            setup,
             terms,
         } = factory;
         Self {
@@ -182,7 +172,6 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             standing_in: false,
             record_damaged: false,
             trial: Trial::OVER,
-            identity,
             faults: Faults::default(),
             judged: None,
             looked: Faults::default(),
@@ -194,34 +183,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             next: Instant(0),
             keeping: Keeping::new(),
             matching: Matching::new(),
-            values: Values::new(),
             bus: Node::new(),
-            channel: Channel::new(spi),
-            memory,
-            settings,
-            work: Work::new(terms),
-            pair: Pair::new(check),
-            log: FaultLog::new(),
-            black_box: BlackBox::new(),
+            parts: Parts::new(identity, Channel::new(spi), memory, &setup, terms, check),
         }
     }
 
     /// The bus's node and what the device lends it.
-    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn split(&mut self, now: Instant) -> (&mut Node, Panel<'_, M, Channel<SPI>>) {
-        let panel = Panel {
-            values: &mut self.values,
-            pair: &mut self.pair,
-            settings: &mut self.settings,
-            memory: &mut self.memory,
-            source: &mut self.channel,
-            work: &mut self.work,
-            log: &mut self.log,
-            black_box: &mut self.black_box,
-            identity: &self.identity,
-            now,
-        };
-        (&mut self.bus, panel)
+        let parts = &mut self.parts;
+        (&mut self.bus, Panel { parts, now })
     }
 
     /// First half of a start or reset: the stored calibration, then the part's set-up.
@@ -233,20 +203,20 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         delay: &mut D,
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
-        self.values = Values::new();
+        self.parts.values = Values::new();
         self.faults = Faults::default();
         self.judged = None;
         self.looked = Faults::default();
         self.matching = Matching::new();
-        self.pair.start(now);
+        self.parts.pair.start(now);
         self.standing_in = false;
-        self.work.motor = Motor::new();
-        self.values.storage_failed = self.memory.start().is_err();
+        self.parts.work.motor = Motor::new();
+        self.parts.values.storage_failed = self.parts.memory.start().is_err();
         self.recall_events();
         self.recall_calibration();
         self.remember_calibration();
         self.sensor_sound = now;
-        self.channel.start(&self.settings, delay, now)
+        self.parts.channel.start(&self.parts.settings, delay, now)
     }
 
     /// Sets the sensor up anew while the bus goes on: what [`Wish::Sensor`] asks for.
@@ -259,33 +229,36 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
         self.sensor_sound = now;
-        self.pair.compare_anew();
-        self.channel.start(&self.settings, delay, now)
+        self.parts.pair.compare_anew();
+        self.parts.channel.start(&self.parts.settings, delay, now)
     }
 
     /// The calibration in memory, or the one delivered where there is none or it is damaged.
     fn recall_calibration(&mut self) {
-        let recalled = recall(&mut self.memory, &mut self.settings.chain.calibration);
-        self.values.calibrated = recalled.calibrated;
+        let recalled = recall(
+            &mut self.parts.memory,
+            &mut self.parts.settings.chain.calibration,
+        );
+        self.parts.values.calibrated = recalled.calibrated;
         // What is lost is told of whichever record was left in its place.
-        let lost = self.memory.damaged();
+        let lost = self.parts.memory.damaged();
         let calibration = 1 << Record::Calibration as u32;
         self.record_damaged = recalled.damaged || lost & calibration != 0;
-        self.values.storage_failed |= lost & !calibration != 0;
+        self.parts.values.storage_failed |= lost & !calibration != 0;
     }
 
     /// Remembers what the calibration in force looks like, to see it change by itself.
     fn remember_calibration(&mut self) {
-        self.values.calibration_sum = identity(&self.settings.chain.calibration);
+        self.parts.values.calibration_sum = identity(&self.parts.settings.chain.calibration);
     }
 
     /// Second half of a start: everything stored comes back, and boot-up is due.
     pub fn start_bus(&mut self, now: Instant) {
-        let (node_id, rate) = stored_lss(&mut self.memory);
-        self.values.bit_rate = rate.unwrap_or(self.kbit_s);
+        let (node_id, rate) = stored_lss(&mut self.parts.memory);
+        self.parts.values.bit_rate = rate.unwrap_or(self.kbit_s);
         let node_id = node_id.unwrap_or(self.node_id);
-        self.trial = Trial::begin(&mut self.memory);
-        self.pair.excuse_sync(now);
+        self.trial = Trial::begin(&mut self.parts.memory);
+        self.parts.pair.excuse_sync(now);
         self.started = now;
         self.next_sum = now;
         self.next_refresh = now;
@@ -299,8 +272,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     // Apart: within the caller's loop it would have that set up what nobody needs between samples.
     #[inline(never)]
     pub fn data_ready(&mut self, captured: Instant) {
-        self.channel.data_ready(&self.settings, captured);
-        if self.pair.own_fault().is_none() && self.channel.reason().is_some() {
+        self.parts
+            .channel
+            .data_ready(&self.parts.settings, captured);
+        if self.parts.pair.own_fault().is_none() && self.parts.channel.reason().is_some() {
             // A channel that knows itself to be ill doesn't wait to say so.
             self.next = self.next.min(captured);
         }
@@ -313,7 +288,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if !bus.receive(&mut panel, frame, bus_time(now)) {
             return;
         }
-        let news = &self.values.news;
+        let news = &self.parts.values.news;
         if news.sync {
             self.synchronised(SyncSource::Bus, now);
         } else if news.exchange || news.backing {
@@ -325,7 +300,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A frame of this device has ended on the bus at `now`.
     pub fn sent(&mut self, frame: &Frame, now: Instant) {
         if frame.cob_id() == Some(SDO_ANSWER + u16::from(self.bus.node_id())) {
-            let news = &mut self.values.news;
+            let news = &mut self.parts.values.news;
             news.reset |= core::mem::take(&mut news.restart);
         }
         self.trial.heard();
@@ -339,7 +314,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             // What else a PDO brings about was known when it was made.
             return;
         }
-        if self.values.news.sync {
+        if self.parts.values.news.sync {
             self.synchronised(SyncSource::Own, now);
         }
         self.after(now);
@@ -391,7 +366,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The sensor is not blamed for that time, nor are nodes whose heartbeats may have been lost,
     /// and the next page waits until what has come up is done.
     pub fn stood_still(&mut self, now: Instant) {
-        self.channel.excuse(&self.settings, now);
+        self.parts.channel.excuse(&self.parts.settings, now);
         // No page is erased in OPERATIONAL: whatever else takes long there, frames are kept.
         if self.bus.state() != State::Operational {
             self.bus.excuse(bus_time(now));
@@ -401,7 +376,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// Everything that is due at `now`; returns when to call again.
     pub fn poll(&mut self, now: Instant) -> Instant {
-        self.channel.poll(&self.settings, now);
+        self.parts.channel.poll(&self.parts.settings, now);
         self.watch_own(now);
         self.matching.sending.expire(now);
         if now >= self.next_refresh {
@@ -420,13 +395,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// When [`Device::poll`] is next due. Frames bring it forward, samples put it off.
     pub fn next_deadline(&self) -> Instant {
-        let channel = self.channel.deadline();
+        let channel = self.parts.channel.deadline();
         self.next.min(channel).min(self.matching.sending.next)
     }
 
     /// What the CAN controller says of itself. At bus-off its mailboxes are to be emptied.
     pub fn bus_state(&mut self, state: BusState, transmit: u8, receive: u8, now: Instant) {
-        let shown = &mut self.values.process.bus;
+        let shown = &mut self.parts.values.process.bus;
         let code = match state {
             BusState::Active => 0,
             BusState::Passive => 1,
@@ -438,12 +413,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if code == 2 {
             // Whatever waited in the controller is gone, and so is what the peer has said. A
             // restart waits no longer for its answer to go out.
-            let news = &mut self.values.news;
+            let news = &mut self.parts.values.news;
             news.reset |= core::mem::take(&mut news.restart);
             self.matching.sending = Sending::new();
             self.matching.misses = 0;
-            self.values.news.own = None;
-            self.pair.lost();
+            self.parts.values.news.own = None;
+            self.parts.pair.lost();
         }
         shown.state = code;
         shown.transmit_errors = transmit;
@@ -455,30 +430,30 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// How busy the bus has been in the last second, per cent.
     pub const fn set_bus_load(&mut self, percent: u8) {
-        self.values.process.bus.load_percent = percent;
+        self.parts.values.process.bus.load_percent = percent;
     }
 
     /// The controller's bit rate is this one now, kbit/s; 0 while it is looked for.
     pub const fn set_bit_rate(&mut self, kbit_s: u16) {
-        self.values.bit_rate = kbit_s;
+        self.parts.values.bit_rate = kbit_s;
     }
 
     /// The bit rate to start with, kbit/s; `None` when it is to be found by listening.
     pub fn bit_rate(&self) -> Option<u16> {
-        let automatic = self.values.parameters.automatic_bit_rate == 1;
-        let known = !automatic && self.values.bit_rate != 0;
-        known.then_some(self.values.bit_rate)
+        let automatic = self.parts.values.parameters.automatic_bit_rate == 1;
+        let known = !automatic && self.parts.values.bit_rate != 0;
+        known.then_some(self.parts.values.bit_rate)
     }
 
     /// The controller has gone bus-off: when to ask it back (2051h); `None`: not by itself.
     pub fn recovery(&self, now: Instant) -> Option<Instant> {
-        let wait_ms = i64::from(self.values.parameters.recovery_ms);
+        let wait_ms = i64::from(self.parts.values.parameters.recovery_ms);
         (wait_ms != 0).then(|| now.offset(wait_ms * 1000))
     }
 
     /// What only the board can do, once.
     pub fn take_wish(&mut self) -> Option<Wish> {
-        let news = &mut self.values.news;
+        let news = &mut self.parts.values.news;
         if core::mem::take(&mut news.reset) {
             self.keep_all(self.next_refresh);
             return Some(Wish::Reset);
@@ -492,22 +467,22 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The channel, for looking at.
     pub const fn channel(&self) -> &Channel<SPI> {
-        &self.channel
+        &self.parts.channel
     }
 
     /// The pair, for looking at.
     pub const fn pair(&self) -> &Pair {
-        &self.pair
+        &self.parts.pair
     }
 
     /// What is shown on the bus at `now`.
-    pub const fn shown(&self, now: Instant) -> Shown<'_> {
-        Shown::new(&self.values, &self.pair, self.channel.fault(), now)
+    pub fn shown(&self, now: Instant) -> Shown<'_> {
+        self.parts.shown(now)
     }
 
     /// The values shown on the bus.
     pub const fn values(&self) -> &Values {
-        &self.values
+        &self.parts.values
     }
 
     /// The node on the bus.
@@ -517,17 +492,17 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The settings in force.
     pub const fn settings(&self) -> &Settings {
-        &self.settings
+        &self.parts.settings
     }
 
     /// The settings in force, for fault injection and tests: nothing else may change them.
     pub const fn settings_mut(&mut self) -> &mut Settings {
-        &mut self.settings
+        &mut self.parts.settings
     }
 
     /// The memory.
     pub const fn memory(&mut self) -> &mut M {
-        &mut self.memory
+        &mut self.parts.memory
     }
 
     /// Faults that stand.

@@ -93,6 +93,7 @@ impl Default for Mailboxes {
 
 impl Mailboxes {
     /// Empty.
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
             ids: [NOTHING; MAILBOXES],

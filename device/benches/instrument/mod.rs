@@ -13,7 +13,7 @@ use device::black_box::BlackBox;
 use device::calibration::motor::{MOTOR, Motor, Terms};
 use device::channel::Settings;
 use device::fault_log::FaultLog;
-use device::objects::panel::{Identity, Panel, Source, Work};
+use device::objects::panel::{Identity, Panel, Parts, Source, Work};
 use device::objects::table::Channel;
 use device::objects::values::Values;
 use device::pair::Pair;
@@ -57,13 +57,7 @@ impl Source for Nothing {
 /// The node and what it works with.
 pub struct Instrument {
     node: Node,
-    values: Values,
-    pair: Pair,
-    settings: Settings,
-    work: Work,
-    memory: Nothing,
-    log: FaultLog,
-    black_box: BlackBox,
+    parts: Parts<Nothing, Nothing>,
 }
 
 fn settings() -> Settings {
@@ -91,7 +85,6 @@ fn settings() -> Settings {
 impl Instrument {
     /// Started, with its boot-up message gone.
     pub fn new() -> Self {
-        let settings = settings();
         let work = Work {
             motor: Motor::new(),
             terms: Terms {
@@ -101,13 +94,20 @@ impl Instrument {
         };
         let mut instrument = Self {
             node: Node::new(),
-            values: Values::new(),
-            pair: Pair::new(CrossCheck::product()),
-            settings,
-            work,
-            memory: Nothing::NEW,
-            log: FaultLog::new(),
-            black_box: BlackBox::new(),
+            parts: Parts {
+                identity: Identity {
+                    channel: Channel::A,
+                    serial: 1,
+                },
+                values: Values::new(),
+                channel: Nothing::NEW,
+                memory: Nothing::NEW,
+                settings: settings(),
+                work,
+                pair: Pair::new(CrossCheck::product()),
+                log: FaultLog::new(),
+                black_box: BlackBox::new(),
+            },
         };
         instrument.with(|node, panel| node.start(panel, NODE_ID, BusInstant(0)));
         instrument.with(|node, panel| node.transmit(panel, BusInstant(0)));
@@ -115,20 +115,8 @@ impl Instrument {
     }
 
     fn with<T>(&mut self, act: impl FnOnce(&mut Node, &mut Panel<'_, Nothing, Nothing>) -> T) -> T {
-        let mut empty = Nothing::NEW;
         let mut panel = Panel {
-            values: &mut self.values,
-            pair: &mut self.pair,
-            settings: &mut self.settings,
-            memory: &mut self.memory,
-            source: &mut empty,
-            log: &mut self.log,
-            black_box: &mut self.black_box,
-            work: &mut self.work,
-            identity: &Identity {
-                channel: Channel::A,
-                serial: 1,
-            },
+            parts: &mut self.parts,
             now: Instant(0),
         };
         act(&mut self.node, &mut panel)

@@ -21,7 +21,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let bits = self.faults.register();
         let (bus, mut panel) = self.split(now);
         bus.report(&mut panel, code, bits, detail, bus_time(now));
-        self.log.add(Entry {
+        self.parts.log.add(Entry {
             code,
             at_ms: self.uptime_ms(now),
             ..Entry::default()
@@ -37,6 +37,6 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// The running program is not what was linked (R9): a fault until the next start.
     pub const fn program_damaged(&mut self) {
-        self.values.program_damaged = true;
+        self.parts.values.program_damaged = true;
     }
 }

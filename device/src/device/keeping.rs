@@ -86,14 +86,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Takes events and boxes back from the memory, as every start does.
     pub(super) fn recall_events(&mut self) {
         self.keeping = Keeping::new();
-        self.log.clear();
-        self.black_box.clear();
-        let log = &mut self.log;
-        self.memory
+        self.parts.log.clear();
+        self.parts.black_box.clear();
+        let log = &mut self.parts.log;
+        self.parts
+            .memory
             .recall_events(&mut |event| log.restore(Entry::decode(event)));
         for number in 1..=BOXES as u8 {
-            let memory = &mut self.memory;
-            self.black_box.restore(number, &mut |offset, into| {
+            let memory = &mut self.parts.memory;
+            self.parts.black_box.restore(number, &mut |offset, into| {
                 memory.read(record(number), offset, into)
             });
         }
@@ -102,19 +103,19 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Writes the next piece of what is not in the memory yet; true when there was something.
     pub(super) fn keep(&mut self, now: Instant) -> bool {
         self.keeping.refill(now);
-        if self.values.receiving {
+        if self.parts.values.receiving {
             // A calibration is staged, and there is one place for that: the box begins anew.
             self.keeping.copying = None;
             return false;
         }
-        let may_erase = self.values.state != State::Operational && !self.keeping.cramped;
+        let may_erase = self.parts.values.state != State::Operational && !self.keeping.cramped;
         let may_erase = may_erase && now >= self.next_erase && self.keeping.copying.is_none();
-        if may_erase && self.memory.needs_room() {
+        if may_erase && self.parts.memory.needs_room() {
             self.next_erase = now.offset(PAGE_PAUSE_US);
             // Nobody stages anything now: a box was left when another event took its place.
-            RecordStore::discard(&mut self.memory);
-            let made = self.memory.make_room();
-            self.values.storage_failed |= made == Err(StoreError::Hardware);
+            RecordStore::discard(&mut self.parts.memory);
+            let made = self.parts.memory.make_room();
+            self.parts.values.storage_failed |= made == Err(StoreError::Hardware);
             self.keeping.cramped = made.is_err();
             return made.is_ok();
         }
@@ -133,19 +134,19 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     fn keep_event(&mut self) -> bool {
-        let Some(entry) = self.log.next_unsaved() else {
+        let Some(entry) = self.parts.log.next_unsaved() else {
             return false;
         };
         if self.keeping.allowance == 0 {
             return false;
         }
-        let kept = self.memory.keep_event(&entry.encode());
+        let kept = self.parts.memory.keep_event(&entry.encode());
         if kept == Err(StoreError::Full) {
             return false;
         }
         self.keeping.allowance -= 1;
-        self.log.saved();
-        self.values.storage_failed |= kept.is_err();
+        self.parts.log.saved();
+        self.parts.values.storage_failed |= kept.is_err();
         true
     }
 
@@ -160,12 +161,15 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             event,
             offset,
         } = copying;
-        let copied = self.black_box.save_at(number, &event, offset, &mut piece);
+        let copied = self
+            .parts
+            .black_box
+            .save_at(number, &event, offset, &mut piece);
         // Another event has taken the box, or another record the place where one is staged.
         let Some(bytes) = copied.and_then(|count| piece.get(..count)) else {
             return true;
         };
-        if RecordStore::append(&mut self.memory, bytes).is_err() {
+        if RecordStore::append(&mut self.parts.memory, bytes).is_err() {
             return true;
         }
         if bytes.len() == PIECE {
@@ -175,25 +179,25 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             });
             return true;
         }
-        let kept = RecordStore::commit(&mut self.memory);
-        self.values.storage_failed |= kept.is_err();
-        self.black_box.saved(number);
+        let kept = RecordStore::commit(&mut self.parts.memory);
+        self.parts.values.storage_failed |= kept.is_err();
+        self.parts.black_box.saved(number);
         true
     }
 
     fn begin_box(&mut self, now: Instant) -> Option<Copying> {
-        let (number, event) = self.black_box.next_unsaved(now)?;
+        let (number, event) = self.parts.black_box.next_unsaved(now)?;
         let allowance = self.keeping.allowance.checked_sub(BOX_COST)?;
         let length = record(number).longest();
         // Room is made page by page, or later, unless there is none to be had.
-        let may_erase = self.values.state != State::Operational && self.keeping.cramped;
-        if !may_erase && self.memory.needs_erase(length) {
+        let may_erase = self.parts.values.state != State::Operational && self.keeping.cramped;
+        if !may_erase && self.parts.memory.needs_erase(length) {
             return None;
         }
         self.keeping.allowance = allowance;
-        if RecordStore::begin(&mut self.memory, record(number), length).is_err() {
-            self.values.storage_failed = true;
-            self.black_box.saved(number);
+        if RecordStore::begin(&mut self.parts.memory, record(number), length).is_err() {
+            self.parts.values.storage_failed = true;
+            self.parts.black_box.saved(number);
             return None;
         }
         Some(Copying {

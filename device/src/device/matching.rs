@@ -53,6 +53,7 @@ pub(super) struct Matching {
 
 impl Matching {
     /// Nothing heard.
+    #[inline(never)]
     pub(super) const fn new() -> Self {
         Self {
             clock: PeerClock::new(),
@@ -67,11 +68,12 @@ impl Matching {
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Takes the check that 2003h asks for, with a fresh memory.
     pub(super) fn choose_check(&mut self) {
-        match self.values.parameters.check {
+        match self.parts.values.parameters.check {
             1 => self
+                .parts
                 .pair
                 .set_check(CrossCheck::Paper(PaperCheck::PAPER, PaperState::default())),
-            2 => self.pair.set_check(CrossCheck::Product(
+            2 => self.parts.pair.set_check(CrossCheck::Product(
                 ProductCheck::PRODUCT,
                 ProductState::default(),
             )),
@@ -82,50 +84,50 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The peer's boot-up tells that what was held against it belongs to its life before, and its
     /// heartbeat that it is not OPERATIONAL.
     pub(super) fn watch_peer(&mut self, frame: &Frame) {
-        let peer = ERROR_CONTROL + u16::from(self.values.parameters.peer);
+        let peer = ERROR_CONTROL + u16::from(self.parts.values.parameters.peer);
         match frame.bytes() {
             _ if frame.cob_id() != Some(peer) => {}
             [0] => {
-                self.pair.peer_restarted();
+                self.parts.pair.peer_restarted();
                 self.matching.clock = PeerClock::new();
                 self.matching.misses = 0;
             }
-            &[state] if state & !TOGGLE != State::Operational as u8 => self.pair.peer_away(),
+            &[state] if state & !TOGGLE != State::Operational as u8 => self.parts.pair.peer_away(),
             _ => {}
         }
     }
 
     /// A SYNC was obeyed, from `source`.
     pub(super) fn synchronised(&mut self, source: SyncSource, now: Instant) {
-        self.values.news.sync = false;
-        self.values.process.source = source;
-        self.pair.synchronised(now);
+        self.parts.values.news.sync = false;
+        self.parts.values.process.source = source;
+        self.parts.pair.synchronised(now);
         self.matching.sending.sync();
         if source == SyncSource::Bus {
             self.end_standing_in(now);
         }
-        if self.values.state != State::Operational {
+        if self.parts.values.state != State::Operational {
             // No PDOs here, so nobody is silent who says nothing.
-            self.values.news.unanswered = None;
+            self.parts.values.news.unanswered = None;
             self.matching.came = [false; 2];
             self.matching.misses = 0;
             return;
         }
         let [first, second] = core::mem::take(&mut self.matching.came);
-        let Some(before) = self.values.news.unanswered.take() else {
+        let Some(before) = self.parts.values.news.unanswered.take() else {
             return;
         };
         // What this channel has heard since the SYNC before has nothing to be held against.
-        self.pair.lost();
+        self.parts.pair.lost();
         if first && !second {
             // The angles have come and what is behind them has not: they are compared alone.
             return self.answered(&before, false, now);
         }
-        let process = &mut self.values.process;
+        let process = &mut self.parts.values.process;
         process.missed = process.missed.saturating_add(1);
         self.matching.misses = self.matching.misses.saturating_add(1);
         if self.matching.misses > MISSES_ALLOWED {
-            let silence = self.pair.silence();
+            let silence = self.parts.pair.silence();
             self.judge_sync(&before.observation, &silence, (before.at, now));
         }
     }
@@ -139,7 +141,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Looks whether the peer's exchange is whole; true when it is, and was compared if there was
     /// anything to compare it with.
     pub(super) fn pair_up(&mut self, now: Instant) -> bool {
-        let news = &mut self.values.news;
+        let news = &mut self.parts.values.news;
         let [first, second] = &mut self.matching.came;
         *first |= core::mem::take(&mut news.exchange);
         *second |= core::mem::take(&mut news.backing);
@@ -150,13 +152,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         match news.own.take() {
             Some(own) => self.answered(&own, true, now),
             // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
-            None if self.values.process.source == SyncSource::None => {
-                let observation = self.channel.observe(&self.settings, now);
+            None if self.parts.values.process.source == SyncSource::None => {
+                let observation = self.parts.channel.observe(&self.parts.settings, now);
                 let at = now;
                 self.answered(&Latched { observation, at }, true, now);
             }
             // The peer has heard a SYNC that this node has missed: there is nothing to compare.
-            None => self.pair.lost(),
+            None => self.parts.pair.lost(),
         }
         true
     }
@@ -164,8 +166,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// The peer's exchange for the SYNC of `own` has come; `backed` with its second PDO.
     fn answered(&mut self, own: &Latched, backed: bool, now: Instant) {
         self.matching.misses = 0;
-        self.pair.hear();
-        let process = &self.values.process;
+        self.parts.pair.hear();
+        let process = &self.parts.values.process;
         let (received, latency_us) = (process.received, process.latency_us);
         let at = own.at.offset(-i64::from(latency_us));
         let mut peer = exchange::decode(&received, at, latency_us, backed);
@@ -174,15 +176,17 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             match self.matching.clock.hear(received.captured, own.at, sound) {
                 Heard::InTime => {}
                 // It belongs to another SYNC, so there is nothing to compare it with.
-                Heard::Other => return self.pair.lost(),
+                Heard::Other => return self.parts.pair.lost(),
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
         if backed {
-            let own_shown = self.values.parameters.presentation();
+            let own_shown = self.parts.values.parameters.presentation();
             let readings = [&own.observation.reading, &peer.reading];
             let piece = (received.captured, received.piece());
-            self.pair.compare_shown(piece, own_shown, readings, now);
+            self.parts
+                .pair
+                .compare_shown(piece, own_shown, readings, now);
         }
         self.judge_sync(&own.observation, &peer, (own.at, now));
     }
@@ -191,17 +195,18 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// its frames are those of SYNCs.
     pub(super) fn watch_own(&mut self, now: Instant) {
         let fault = self
+            .parts
             .channel
             .reason()
             .filter(|reason| !reason.is_transient());
-        if let (Some(reason), None) = (fault, self.pair.own_fault()) {
-            self.pair.own_faulty(reason);
+        if let (Some(reason), None) = (fault, self.parts.pair.own_fault()) {
+            self.parts.pair.own_faulty(reason);
             self.next_refresh = now;
         }
     }
 
     fn judge(&mut self, own: &Observation, peer: &Observation, times: (Instant, Instant)) {
-        let off = self.values.process.bus.state == BUS_OFF;
+        let off = self.parts.values.process.bus.state == BUS_OFF;
         let refused = match (off, self.matching.sending.is_late()) {
             (true, _) => Some(own.refused(Invalid::Silent)),
             (false, true) => Some(own.refused(Invalid::Late)),
@@ -210,9 +215,11 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if !off {
             self.matching.peer = *peer;
         }
-        let policy = self.values.parameters.policy();
+        let policy = self.parts.values.parameters.policy();
         let own = refused.as_ref().unwrap_or(own);
-        self.pair.judge(own, &self.matching.peer, times, policy);
+        self.parts
+            .pair
+            .judge(own, &self.matching.peer, times, policy);
     }
 
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
@@ -220,14 +227,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.judge(own, peer, (at, now));
         let shown = self.shown(now);
         let (blamed, why) = shown.blame();
-        let process = &self.values.process;
+        let process = &self.parts.values.process;
         let frame = black_box::Frame {
             own: process.sent.bytes(),
             peer: process.received.bytes(),
             state: shown.state(),
             blamed_reason: blamed_reason(blamed, why),
         };
-        self.black_box.record(&frame, at);
+        self.parts.black_box.record(&frame, at);
     }
 
     /// Time since the code was started, ms.

@@ -55,7 +55,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// What a PDO of the peer's exchange ends with: hardly ever anything that hurries.
     pub(super) fn exchanged(&mut self, now: Instant) {
-        let news = &self.values.news;
+        let news = &self.parts.values.news;
         let may_be_whole = news.exchange || news.backing;
         if may_be_whole && self.pair_up(now) && self.report(now) {
             self.next = now;
@@ -66,19 +66,19 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     pub(super) fn refresh(&mut self, now: Instant) {
         self.check_calibration(now);
         // A reading of a SYNC is as new as any that a refresh leaves.
-        if now.micros_since(self.values.process.measured_at) >= REFRESH_US {
-            let reading = self.channel.reading(&self.settings, now);
-            self.values.process.measure(&reading, now);
+        if now.micros_since(self.parts.values.process.measured_at) >= REFRESH_US {
+            let reading = self.parts.channel.reading(&self.parts.settings, now);
+            self.parts.values.process.measure(&reading, now);
         }
-        let unheard = self.values.process.source == SyncSource::None;
-        if unheard || self.values.state != State::Operational {
+        let unheard = self.parts.values.process.source == SyncSource::None;
+        if unheard || self.parts.values.state != State::Operational {
             // Nobody says when to tell the peer, or it is not told: then 2010h is what is so now.
-            let own_fault = self.pair.own_fault();
-            let observation = Observation::from(self.values.process.measured);
-            self.values.tell(&observation, own_fault, now);
+            let own_fault = self.parts.pair.own_fault();
+            let observation = Observation::from(self.parts.values.process.measured);
+            self.parts.values.tell(&observation, own_fault, now);
         }
-        let channel = &self.channel;
-        let process = &mut self.values.process;
+        let channel = &self.parts.channel;
+        let process = &mut self.parts.values.process;
         process.samples = channel.samples();
         process.period_q8 = channel.period_q8();
         if let Some((filtered, _)) = channel.filtered() {
@@ -102,41 +102,41 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return;
         }
         self.next_sum = now.offset(SUM_INTERVAL_US);
-        if identity(&self.settings.chain.calibration) != self.values.calibration_sum {
-            self.channel.condemn(Invalid::Corrupt);
+        if identity(&self.parts.settings.chain.calibration) != self.parts.values.calibration_sum {
+            self.parts.channel.condemn(Invalid::Corrupt);
         }
     }
 
     /// A sensor that has lost its set-up gets it again once the latch allows (2004h).
     fn mend_sensor(&mut self, now: Instant) {
         let curable = matches!(
-            self.channel.fault(),
+            self.parts.channel.fault(),
             Some(Invalid::PartReset | Invalid::Bus | Invalid::Thermometer)
         );
-        let wait_us = i64::from(self.values.parameters.latch_s) * 1_000_000;
+        let wait_us = i64::from(self.parts.values.parameters.latch_s) * 1_000_000;
         if !curable {
             self.sensor_sound = now;
         } else if wait_us != 0 && now.micros_since(self.sensor_sound) >= wait_us {
             self.sensor_sound = now;
-            self.values.news.sensor = true;
+            self.parts.values.news.sensor = true;
         }
     }
 
     /// With no SYNC on the bus the lower node-id makes it, the other one if that fails (2050h).
     fn look_for_sync(&mut self, now: Instant) {
-        let parameters = &self.values.parameters;
-        if self.values.state != State::Operational {
+        let parameters = &self.parts.values.parameters;
+        if self.parts.values.state != State::Operational {
             // A node that is stopped or being set up makes no SYNC of its own accord.
-            self.pair.excuse_sync(now);
+            self.parts.pair.excuse_sync(now);
             return self.end_standing_in(now);
         }
         let first = self.bus.node_id() < parameters.peer;
         let patience_ms = i64::from(parameters.fallback_ms) * if first { 1 } else { 2 };
-        let silent_us = now.micros_since(self.pair.last_sync());
+        let silent_us = now.micros_since(self.parts.pair.last_sync());
         if patience_ms == 0 || silent_us <= patience_ms * 1000 {
             return;
         }
-        self.values.process.source = SyncSource::None;
+        self.parts.values.process.source = SyncSource::None;
         if !self.standing_in {
             self.standing_in = true;
             let period_us = Some(parameters.fallback_period_us);
@@ -148,10 +148,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// whenever it is reported.
     fn look_for_faults(&mut self, now: Instant) {
         let mut found = Faults::default();
-        found.of_reading(&self.values.process.measured);
+        found.of_reading(&self.parts.values.process.measured);
         let shown = self.shown(now);
         let [x, y] = [0, 1].map(|axis| shown.slope(axis));
-        let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
+        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
         for (fault, slope, low, high) in [
             (Fault::RangeX, x, low_x, high_x),
             (Fault::RangeY, y, low_y, high_y),
@@ -159,14 +159,14 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let stood = self.faults.has(fault);
             found.set(fault, slope.is_some_and(|a| outside(a, low, high, stood)));
         }
-        let temperature = self.channel.temperature();
+        let temperature = self.parts.channel.temperature();
         let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
         found.set(Fault::Temperature, beyond);
-        found.set(Fault::NotCalibrated, !self.values.calibrated);
-        let corrupt = self.channel.fault() == Some(Invalid::Corrupt);
+        found.set(Fault::NotCalibrated, !self.parts.values.calibrated);
+        let corrupt = self.parts.channel.fault() == Some(Invalid::Corrupt);
         found.set(Fault::CalibrationRecord, self.record_damaged || corrupt);
-        found.set(Fault::Storage, self.values.storage_failed);
-        found.set(Fault::Program, self.values.program_damaged);
+        found.set(Fault::Storage, self.parts.values.storage_failed);
+        found.set(Fault::Program, self.parts.values.program_damaged);
         self.looked = found;
     }
 
@@ -176,10 +176,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if let Some(judgement) = judgement {
             found.of_judgement(judgement);
         }
-        if self.pair.disagree() && judgement != Some(Judgement::PhysicalFault) {
+        if self.parts.pair.disagree() && judgement != Some(Judgement::PhysicalFault) {
             found.insert(Fault::Disagree);
         }
-        if self.values.news.fail_safe {
+        if self.parts.values.news.fail_safe {
             found.insert(Fault::FailSafe);
         }
         found.set(Fault::Unlike, self.shown(now).is_unlike());
@@ -189,10 +189,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Tells the bus what has appeared and what has gone, and withdraws consent to SRDOs; true
     /// when that is something new.
     pub(super) fn report(&mut self, now: Instant) -> bool {
-        let judgement = self.pair.judgement(now);
+        let judgement = self.parts.pair.judgement(now);
         if self.judged != judgement {
             self.judged = judgement;
-            self.values.process.since_ms = self.uptime_ms(now);
+            self.parts.values.process.since_ms = self.uptime_ms(now);
         }
         let (before, found) = (self.faults, self.found(judgement, now));
         let news = before != found;
@@ -238,7 +238,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let (blamed, reason) = shown.blame();
         let mut entry = Entry {
             at_ms: self.uptime_ms(now),
-            sync: self.values.process.syncs,
+            sync: self.parts.values.process.syncs,
             code,
             faults: self.faults.bits(),
             state: shown.state(),
@@ -246,23 +246,23 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             reason,
             ..Entry::default()
         };
-        if !self.log.add(entry) || !keeps_samples {
+        if !self.parts.log.add(entry) || !keeps_samples {
             return;
         }
-        entry.box_number = self.black_box.trigger(entry, now);
-        self.log.in_box(entry.box_number);
+        entry.box_number = self.parts.black_box.trigger(entry, now);
+        self.parts.log.in_box(entry.box_number);
     }
 
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
     fn consents(&self, now: Instant) -> Option<BusInstant> {
-        let signed = self.values.parameters.safety_valid == VALID;
+        let signed = self.parts.values.parameters.safety_valid == VALID;
         // What is asked most often, and mostly decides, comes first.
         if !signed || self.faults.forbid_safety() {
             return None;
         }
         let sound = self.shown(now).measured(0).is_some();
-        let checked_at = self.pair.agreed_at().filter(|_| sound);
+        let checked_at = self.parts.pair.agreed_at().filter(|_| sound);
         checked_at.map(bus_time)
     }
 }

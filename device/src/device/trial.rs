@@ -58,21 +58,26 @@ impl Trial {
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What is due of an update; nothing is erased while others work by the angles.
     pub(super) fn update(&mut self, now: Instant) {
-        if self.values.state != State::Operational && now >= self.next_erase {
+        if self.parts.values.state != State::Operational && now >= self.next_erase {
             self.next_erase = now.offset(PAUSE_US);
-            let effect = self.values.program.step(&mut self.memory);
-            self.values.news.reset |= effect == Effect::Reset;
+            let effect = self.parts.values.program.step(&mut self.parts.memory);
+            self.parts.values.news.reset |= effect == Effect::Reset;
         }
         if !self.trial.running {
             return;
         }
-        let measures = self.channel.reading(&self.settings, now).x.is_ok();
-        let sound = measures && !self.values.program_damaged;
+        let measures = self
+            .parts
+            .channel
+            .reading(&self.parts.settings, now)
+            .x
+            .is_ok();
+        let sound = measures && !self.parts.values.program_damaged;
         // One that can't be confirmed ends as one that can do nothing.
-        if sound && self.trial.heard && self.memory.confirm().is_ok() {
+        if sound && self.trial.heard && self.parts.memory.confirm().is_ok() {
             self.trial.running = false;
         } else if now.micros_since(self.started) > PATIENCE_US {
-            self.values.news.reset = true;
+            self.parts.values.news.reset = true;
         }
     }
 }

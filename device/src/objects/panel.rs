@@ -11,6 +11,7 @@ use canopen::object::{Abort, Address, Dictionary, Objects, Value, at};
 use canopen::storage::Group;
 use canopen::{Instant as BusInstant, nmt};
 use tilt::chain::{Invalid, Reading};
+use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
@@ -22,7 +23,7 @@ use super::table::{self, Channel};
 use super::values::Values;
 use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, Terms};
-use crate::channel::Settings;
+use crate::channel::{Settings, Setup};
 use crate::fault_log::FaultLog;
 use crate::pair::Pair;
 use crate::program::ProgramMemory;
@@ -77,26 +78,64 @@ pub struct Identity {
     pub serial: u32,
 }
 
+/// Everything behind the rows. What is large comes last, as in `Device`.
+#[derive(Clone, Debug)]
+#[repr(C)]
+pub struct Parts<M, S> {
+    /// Who this is.
+    pub identity: Identity,
+    /// The values.
+    pub values: Values,
+    /// The channel.
+    pub channel: S,
+    /// The memory.
+    pub memory: M,
+    /// Settings with the calibration in force.
+    pub settings: Settings,
+    /// Calibration under way.
+    pub work: Work,
+    /// The pair.
+    pub pair: Pair,
+    /// The fault log.
+    pub log: FaultLog,
+    /// The black box.
+    pub black_box: BlackBox,
+}
+
+impl<M, S: Source> Parts<M, S> {
+    /// Nothing measured, nothing kept.
+    #[inline(never)]
+    pub fn new(
+        identity: Identity,
+        channel: S,
+        memory: M,
+        setup: &Setup,
+        terms: Terms,
+        check: CrossCheck,
+    ) -> Self {
+        Self {
+            identity,
+            values: Values::new(),
+            channel,
+            memory,
+            settings: Settings::uncalibrated(setup),
+            work: Work::new(terms),
+            pair: Pair::new(check),
+            log: FaultLog::new(),
+            black_box: BlackBox::new(),
+        }
+    }
+
+    /// What is shown of both channels at `now`.
+    pub fn shown(&self, now: Instant) -> Shown<'_> {
+        Shown::new(&self.values, &self.pair, self.channel.fault(), now)
+    }
+}
+
 /// Everything behind the rows, lent for one call of the stack.
 pub struct Panel<'a, M, S> {
-    /// The values.
-    pub values: &'a mut Values,
-    /// The pair.
-    pub pair: &'a mut Pair,
-    /// Settings with the calibration in force.
-    pub settings: &'a mut Settings,
-    /// The memory.
-    pub memory: &'a mut M,
-    /// The channel.
-    pub source: &'a mut S,
-    /// Calibration under way.
-    pub work: &'a mut Work,
-    /// The fault log.
-    pub log: &'a mut FaultLog,
-    /// The black box.
-    pub black_box: &'a mut BlackBox,
-    /// Who this is.
-    pub identity: &'a Identity,
+    /// What is lent.
+    pub parts: &'a mut Parts<M, S>,
     /// When the call is.
     pub now: Instant,
 }
@@ -151,12 +190,12 @@ pub const fn store_abort(error: StoreError) -> Abort {
 impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// What is shown of both channels now.
     pub(super) fn shown(&self) -> Shown<'_> {
-        Shown::new(self.values, self.pair, self.source.fault(), self.now)
+        self.parts.shown(self.now)
     }
 
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn measured(&mut self, at: Address) -> Option<Value> {
-        let process = &self.values.process;
+        let process = &self.parts.values.process;
         let shown = self.shown();
         let axis = usize::from(at.sub).wrapping_sub(1);
         Some(match (at.index, at.sub) {
@@ -182,7 +221,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             (0x2032, _) => Value::u32(process.samples),
             (0x2033, _) => Value::u32(process.period_q8),
             (0x2052, _) => bus_value(&process.bus, at.sub)?,
-            (0x2053, 1) => Value::u16(self.values.bit_rate),
+            (0x2053, 1) => Value::u16(self.parts.values.bit_rate),
             (0x6511, _) => Value::i8(process.temperature_c),
             _ => return None,
         })
@@ -190,17 +229,17 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// The signature that 63FFh must hold for the parameters as they are.
     fn safety_signature(&self) -> u16 {
-        let resolution = self.values.parameters.safety_resolution;
+        let resolution = self.parts.values.parameters.safety_resolution;
         canopen::crc::update(0, &resolution.to_le_bytes())
     }
 
     fn write_safety(&mut self, at: Address, value: Value) -> Result<(), Abort> {
         // While the node works, SRDOs neither begin nor change what they carry.
-        if self.values.state == nmt::State::Operational {
+        if self.parts.values.state == nmt::State::Operational {
             return Err(Abort::WrongState);
         }
         let signature = self.safety_signature();
-        let parameters = &mut self.values.parameters;
+        let parameters = &mut self.parts.values.parameters;
         match at.index {
             0x6200 => {
                 crate::profile::Resolution::new(value.unsigned() as u16).map_err(|r| r.abort())?;
@@ -221,7 +260,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     fn put(&mut self, at: Address, value: Value) -> Result<(), Abort> {
-        let place = self.values.parameters.place(at);
+        let place = self.parts.values.parameters.place(at);
         place.ok_or(Abort::NoSuchObject)?.set(value);
         Ok(())
     }
@@ -284,7 +323,7 @@ fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value
 
 impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
     fn dictionary(&self) -> Dictionary {
-        table::dictionary(self.identity.channel)
+        table::dictionary(self.parts.identity.channel)
     }
 
     fn read(&mut self, at: Address) -> Result<Value, Abort> {
@@ -298,7 +337,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
             0x6210..=0x6221 => self.read_safe_slope(at),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
             _ => {
-                let place = self.values.parameters.place(at);
+                let place = self.parts.values.parameters.place(at);
                 place.map(|p| p.get()).ok_or(Abort::NoSuchObject)
             }
         }
@@ -308,7 +347,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
         match at.index {
             0x1F51 => self.control_program(value),
             0x2011 => {
-                receive_exchange(&mut self.values.process.received, at, value);
+                receive_exchange(&mut self.parts.values.process.received, at, value);
                 Ok(())
             }
             0x2040 => self.write_range(at, value),
@@ -324,7 +363,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
     /// The exchange as its two PDOs carry it: at each SYNC eight objects one by one would be a
     /// tenth of all that the node does.
     fn read_adjacent(&mut self, first: Address, length: usize) -> Option<Value> {
-        let bytes = self.values.process.sent.bytes();
+        let bytes = self.parts.values.process.sent.bytes();
         let (pdos, _) = bytes.as_chunks::<8>();
         let pdo = match (first.index, first.sub, length) {
             (0x2010, ANGLES, 8) => pdos.first(),
@@ -335,7 +374,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
     }
 
     fn write_adjacent(&mut self, first: Address, values: &Value) -> bool {
-        let received = &mut self.values.process.received;
+        let received = &mut self.parts.values.process.received;
         let Ok(bytes) = values.bytes().try_into() else {
             return false;
         };
@@ -374,15 +413,15 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
 
 impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     fn identity(&self) -> [u32; 4] {
-        let product = match self.identity.channel {
+        let product = match self.parts.identity.channel {
             Channel::A => PRODUCT_CODE_A,
             Channel::B => PRODUCT_CODE_B,
         };
-        [VENDOR_ID, product, REVISION, self.identity.serial]
+        [VENDOR_ID, product, REVISION, self.parts.identity.serial]
     }
 
     fn event(&mut self, event: Event, _now: BusInstant) {
-        let news = &mut self.values.news;
+        let news = &mut self.parts.values.news;
         match event {
             Event::State(state) => self.enter(state),
             Event::ResetNode => {
@@ -396,9 +435,9 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
                 self.mend_slopes();
             }
             Event::Sync => {
-                let observation = self.source.observe(self.settings, self.now);
-                let own_fault = self.pair.own_fault();
-                self.values.latch(observation, own_fault, self.now);
+                let observation = self.parts.channel.observe(&self.parts.settings, self.now);
+                let own_fault = self.parts.pair.own_fault();
+                self.parts.values.latch(observation, own_fault, self.now);
             }
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
@@ -416,7 +455,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
             0x6000..=0x61FF | 0x6800..=0x69FF => self.load_slope(at, value),
             _ => {
                 let value = self.range_of_a_turn(at).unwrap_or(value);
-                if let Some(mut place) = self.values.parameters.place(at) {
+                if let Some(mut place) = self.parts.values.parameters.place(at) {
                     place.set(value);
                 }
             }
@@ -426,38 +465,38 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     fn begin_store(&mut self, group: Group) -> Result<(), Abort> {
         let record = record(group);
         self.may_store(record.longest())?;
-        let begun = RecordStore::begin(self.memory, record, record.longest());
+        let begun = RecordStore::begin(&mut self.parts.memory, record, record.longest());
         self.note(begun)
     }
 
     fn put(&mut self, at: Address, value: Value) -> Result<(), Abort> {
-        let put = parameters::put(self.memory, at, &value);
+        let put = parameters::put(&mut self.parts.memory, at, &value);
         self.note(put)
     }
 
     fn commit_store(&mut self) -> Result<(), Abort> {
-        let committed = RecordStore::commit(self.memory);
+        let committed = RecordStore::commit(&mut self.parts.memory);
         self.note(committed)
     }
 
     fn erase(&mut self, group: Group) -> Result<(), Abort> {
         self.may_store(0)?;
-        let erased = RecordStore::erase(self.memory, record(group));
+        let erased = RecordStore::erase(&mut self.parts.memory, record(group));
         self.note(erased)
     }
 
     fn stored(&mut self, group: Group, at: Address) -> Option<Value> {
-        parameters::get(self.memory, record(group), at)
+        parameters::get(&mut self.parts.memory, record(group), at)
     }
 
     fn store_lss(&mut self, node_id: u8, kbit_s: Option<u16>) -> bool {
         // A download under way is not to be broken by another master's LSS.
-        if self.values.receiving {
+        if self.parts.values.receiving {
             return false;
         }
         // What was stored and is not mentioned stays.
-        let (_, before) = stored_lss(self.memory);
-        let stored = store_lss(self.memory, node_id, kbit_s.or(before));
+        let (_, before) = stored_lss(&mut self.parts.memory);
+        let stored = store_lss(&mut self.parts.memory, node_id, kbit_s.or(before));
         self.note(stored).is_ok()
     }
 }
@@ -465,15 +504,17 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
 impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// The NMT state is another one. Outside OPERATIONAL this node is away from the pair.
     fn enter(&mut self, state: nmt::State) {
-        self.values.state = state;
+        self.parts.values.state = state;
         if state != nmt::State::Operational {
-            self.pair.leave();
+            self.parts.pair.leave();
         }
     }
 
     /// While others work by the angles the processor does not stand still for an erase.
     fn may_store(&self, length: u32) -> Result<(), Abort> {
-        if self.values.state == nmt::State::Operational && self.memory.needs_erase(length) {
+        if self.parts.values.state == nmt::State::Operational
+            && self.parts.memory.needs_erase(length)
+        {
             return Err(Abort::WrongState);
         }
         Ok(())
@@ -482,7 +523,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// Remembers whether the memory did its part, for the fault that tells.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn note(&mut self, outcome: Result<(), StoreError>) -> Result<(), Abort> {
-        self.values.storage_failed = outcome.is_err();
+        self.parts.values.storage_failed = outcome.is_err();
         outcome.map_err(store_abort)
     }
 }

@@ -45,13 +45,13 @@ const fn which(index: u16) -> Option<Which> {
 
 impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn resolution(&self, device: usize) -> Resolution {
-        let number = self.values.parameters.resolution.get(device).copied();
+        let number = self.parts.values.parameters.resolution.get(device).copied();
         let known = number.and_then(|n| Resolution::new(n).ok());
         known.unwrap_or(Resolution::Hundredth)
     }
 
     fn range(&self, axis: usize) -> Range {
-        let [low_x, high_x, low_y, high_y] = self.values.parameters.range;
+        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
         let (low, high) = if axis == 0 {
             (low_x, high_x)
         } else {
@@ -63,7 +63,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// A slope's unit, range and form. One angle of 360 deg counts from 0 where its range begins
     /// there, and from -180 deg otherwise.
     fn scale(&self, slope: usize, resolution: Resolution) -> Scale {
-        let correction = &self.settings.chain.calibration.correction;
+        let correction = &self.parts.settings.chain.calibration.correction;
         self.scale_with(correction, slope, resolution)
     }
 
@@ -92,7 +92,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let Some(which) = which(at.index) else {
             return Ok(Value::u16(self.resolution(device).number()));
         };
-        let parameters = self.values.parameters.slopes.get(which.slope);
+        let parameters = self.parts.values.parameters.slopes.get(which.slope);
         let slope = parameters.ok_or(Abort::NoSuchObject)?;
         let number = match Parameter::new(which.distance) {
             Some(Parameter::Operating) => {
@@ -128,7 +128,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         };
         let scale = self.scale(which.slope, self.resolution(device));
         let angle = self.shown().preset_slope(which.slope);
-        let slope = self.values.parameters.slopes.get_mut(which.slope);
+        let slope = self.parts.values.parameters.slopes.get_mut(which.slope);
         let slope = slope.ok_or(Abort::NoSuchObject)?;
         let set = slope.set(parameter, number, angle, &scale);
         set.map_err(|refused| refused.abort())
@@ -138,15 +138,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn write_resolution(&mut self, device: usize, number: u16) -> Result<(), Abort> {
         let new = Resolution::new(number).map_err(|r| r.abort())?;
         let old = self.resolution(device);
-        let mut slopes = self.values.parameters.slopes;
+        let mut slopes = self.parts.values.parameters.slopes;
         for i in 2 * device..2 * device + 2 {
             if let Some(slope) = slopes.get_mut(i) {
                 let scale = self.scale(i, new);
                 *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
             }
         }
-        self.values.parameters.slopes = slopes;
-        if let Some(place) = self.values.parameters.resolution.get_mut(device) {
+        self.parts.values.parameters.slopes = slopes;
+        if let Some(place) = self.parts.values.parameters.resolution.get_mut(device) {
             *place = number;
         }
         Ok(())
@@ -154,19 +154,19 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// 2040h: every slope must still fit into 16 bit over the new range.
     pub(super) fn write_range(&mut self, at: Address, value: Value) -> Result<(), Abort> {
-        let before = self.values.parameters.range;
+        let before = self.parts.values.parameters.range;
         let member = usize::from(at.sub).wrapping_sub(1);
-        let place = self.values.parameters.range.get_mut(member);
+        let place = self.parts.values.parameters.range.get_mut(member);
         *place.ok_or(Abort::NoSuchSubIndex)? = value.signed() as i32;
         let axis = member >> 1;
         for slope in [axis, axis + 2] {
             let scale = self.scale(slope, self.resolution(slope >> 1));
-            let parameters = self.values.parameters.slopes.get(slope);
+            let parameters = self.parts.values.parameters.slopes.get(slope);
             let held = scale
                 .check()
                 .and(parameters.map_or(Ok(()), |s| s.check(&scale)));
             if let Err(refused) = held {
-                self.values.parameters.range = before;
+                self.parts.values.parameters.range = before;
                 return Err(refused.abort());
             }
         }
@@ -176,7 +176,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// 2040h of X as delivered, where one axis measures the full circle: then that is its range.
     pub(super) fn range_of_a_turn(&mut self, at: Address) -> Option<Value> {
         let turns = matches!(
-            self.settings.chain.calibration.correction,
+            self.parts.settings.chain.calibration.correction,
             Correction::OneAxis { .. }
         );
         let end = match (at.index, at.sub) {
@@ -184,7 +184,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             (0x2040, 2) => HALF_TURN,
             _ => return None,
         };
-        let stored = parameters::get(self.memory, Record::Manufacturer, at);
+        let stored = parameters::get(&mut self.parts.memory, Record::Manufacturer, at);
         (turns && stored.is_none()).then_some(Value::i32(end as i32))
     }
 
@@ -192,7 +192,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     ///
     /// Errors: [`Abort::ParameterIncompatible`].
     pub(super) fn slopes_hold(&self, correction: &Correction) -> Result<(), Abort> {
-        for (i, slope) in self.values.parameters.slopes.iter().enumerate() {
+        for (i, slope) in self.parts.values.parameters.slopes.iter().enumerate() {
             let scale = self.scale_with(correction, i, self.resolution(i >> 1));
             let held = scale.check().and_then(|()| slope.check(&scale));
             held.map_err(|_| Abort::ParameterIncompatible)?;
@@ -204,11 +204,11 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// what is stored, or restored, of the other. Then the slopes have their defaults, which fit
     /// any range, and the fault of the memory tells.
     pub(super) fn mend_slopes(&mut self) {
-        let held = self.slopes_hold(&self.settings.chain.calibration.correction);
+        let held = self.slopes_hold(&self.parts.settings.chain.calibration.correction);
         if held.is_err() {
-            self.values.parameters.resolution = [RESOLUTION; 2];
-            self.values.parameters.slopes = [Slope::new(); 4];
-            self.values.storage_failed = true;
+            self.parts.values.parameters.resolution = [RESOLUTION; 2];
+            self.parts.values.parameters.slopes = [Slope::new(); 4];
+            self.parts.values.storage_failed = true;
         }
     }
 
@@ -217,12 +217,12 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         match which(at.index) {
             None => {
-                if let Some(place) = self.values.parameters.resolution.get_mut(device) {
+                if let Some(place) = self.parts.values.parameters.resolution.get_mut(device) {
                     *place = value.unsigned() as u16;
                 }
             }
             Some(which) => {
-                let slope = self.values.parameters.slopes.get_mut(which.slope);
+                let slope = self.parts.values.parameters.slopes.get_mut(which.slope);
                 if let (Some(slope), Some(parameter)) = (slope, Parameter::new(which.distance)) {
                     slope.load(parameter, value.signed() as i32);
                 }
@@ -236,7 +236,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
         let axis = usize::from(at.index >= 0x6220);
         let (angle, again) = self.shown().measured(axis).ok_or(Abort::NoData)?;
-        let unit = Resolution::new(self.values.parameters.safety_resolution);
+        let unit = Resolution::new(self.parts.values.parameters.safety_resolution);
         let unit = unit.map_err(|refused| refused.abort())?;
         let number = if at.index & 1 == 0 {
             unit.units(angle)

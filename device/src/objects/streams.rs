@@ -46,18 +46,22 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             return Ok(text.len() as u32);
         }
         match at.index {
-            0x2061 => Ok(encoding::length(&self.settings.chain.calibration)),
+            0x2061 => Ok(encoding::length(&self.parts.settings.chain.calibration)),
             0x2063 => {
-                let identity = self.values.calibration_sum;
-                let belongs = report::belongs(self.memory, identity);
+                let identity = self.parts.values.calibration_sum;
+                let belongs = report::belongs(&mut self.parts.memory, identity);
                 if belongs {
                     Ok(report::HASH)
                 } else {
                     Err(Abort::NoData)
                 }
             }
-            0x2070 => Ok(self.log.open()),
-            0x2071 => self.black_box.open(at.sub, self.now).ok_or(Abort::NoData),
+            0x2070 => Ok(self.parts.log.open()),
+            0x2071 => self
+                .parts
+                .black_box
+                .open(at.sub, self.now)
+                .ok_or(Abort::NoData),
             _ => Err(Abort::NoSuchObject),
         }
     }
@@ -73,20 +77,24 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         }
         match at.index {
             0x2061 => Ok(encoding::read_at(
-                &self.settings.chain.calibration,
+                &self.parts.settings.chain.calibration,
                 offset,
                 into,
             )),
-            0x2063 => Ok(report::read_at(self.memory, offset, into)),
-            0x2070 => Ok(self.log.read_at(offset, into)),
-            0x2071 => Ok(self.black_box.read_at(at.sub, offset, into, self.now)),
+            0x2063 => Ok(report::read_at(&mut self.parts.memory, offset, into)),
+            0x2070 => Ok(self.parts.log.read_at(offset, into)),
+            0x2071 => Ok(self.parts.black_box.read_at(at.sub, offset, into, self.now)),
             _ => Err(Abort::NoSuchObject),
         }
     }
 
     pub(super) fn create_stream(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self.values.program.create(size, self.memory),
+            0x1F50 => self
+                .parts
+                .values
+                .program
+                .create(size, &mut self.parts.memory),
             0x2061 | 0x2063 => {
                 self.may_change_calibration()?;
                 let is_hash = at.index == 0x2063;
@@ -99,11 +107,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                     return Err(Abort::LengthTooHigh);
                 }
                 let begun = match is_hash {
-                    true => report::begin(self.memory, self.values.calibration_sum),
-                    false => RecordStore::begin(self.memory, Record::Calibration, length),
+                    true => {
+                        report::begin(&mut self.parts.memory, self.parts.values.calibration_sum)
+                    }
+                    false => {
+                        RecordStore::begin(&mut self.parts.memory, Record::Calibration, length)
+                    }
                 };
                 self.note(begun)?;
-                self.values.receiving = true;
+                self.parts.values.receiving = true;
                 Ok(())
             }
             _ => Err(Abort::NoSuchObject),
@@ -112,9 +124,13 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn append_stream(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self.values.program.append(bytes, self.memory),
+            0x1F50 => self
+                .parts
+                .values
+                .program
+                .append(bytes, &mut self.parts.memory),
             0x2061 | 0x2063 => {
-                let appended = RecordStore::append(self.memory, bytes);
+                let appended = RecordStore::append(&mut self.parts.memory, bytes);
                 self.note(appended)
             }
             _ => Err(Abort::NoSuchObject),
@@ -123,9 +139,9 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn commit_stream(&mut self, at: Address) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self.values.program.commit(self.memory),
+            0x1F50 => self.parts.values.program.commit(&mut self.parts.memory),
             0x2061 | 0x2063 => {
-                self.values.receiving = false;
+                self.parts.values.receiving = false;
                 match at.index {
                     0x2061 => self.take_calibration(),
                     _ => self.take_hash(),
@@ -137,10 +153,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn discard_stream(&mut self, at: Address) {
         match at.index {
-            0x1F50 => self.values.program.discard(),
+            0x1F50 => self.parts.values.program.discard(),
             0x2061 | 0x2063 => {
-                self.values.receiving = false;
-                RecordStore::discard(self.memory);
+                self.parts.values.receiving = false;
+                RecordStore::discard(&mut self.parts.memory);
             }
             _ => {}
         }
@@ -148,7 +164,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// A calibration changes only where nobody works by the angles, and not under a motor's run.
     fn may_change_calibration(&self) -> Result<(), Abort> {
-        if self.values.state == State::Operational || self.work.motor.is_running() {
+        if self.parts.values.state == State::Operational || self.parts.work.motor.is_running() {
             return Err(Abort::WrongState);
         }
         Ok(())
@@ -157,8 +173,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// All bytes of 2061h are staged: put in force, then stored, or all is as it was.
     fn take_calibration(&mut self) -> Result<(), Abort> {
         self.may_change_calibration()?;
-        let memory = &mut *self.memory;
-        let calibration = &mut self.settings.chain.calibration;
+        let memory = &mut self.parts.memory;
+        let calibration = &mut self.parts.settings.chain.calibration;
         let understood = decode_into(calibration, &mut |offset, into| memory.staged(offset, into));
         let understood = understood.map_err(|_| Abort::CannotStore);
         self.keep_calibration(understood, true)
@@ -166,11 +182,11 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// All bytes of 2063h are staged: stored when they are one hash.
     fn take_hash(&mut self) -> Result<(), Abort> {
-        if !report::is_whole(self.memory) {
-            RecordStore::discard(self.memory);
+        if !report::is_whole(&mut self.parts.memory) {
+            RecordStore::discard(&mut self.parts.memory);
             return Err(Abort::CannotStore);
         }
-        let stored = RecordStore::commit(self.memory);
+        let stored = RecordStore::commit(&mut self.parts.memory);
         self.note(stored)
     }
 
@@ -180,39 +196,41 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn keep_calibration(&mut self, made: Result<(), Abort>, is_staged: bool) -> Result<(), Abort> {
         let fits =
-            made.and_then(|()| self.slopes_hold(&self.settings.chain.calibration.correction));
+            made.and_then(|()| self.slopes_hold(&self.parts.settings.chain.calibration.correction));
         let kept = fits.and_then(|()| {
             let stored = self.store_calibration(is_staged);
             self.note(stored)
         });
         match kept {
-            Ok(()) => self.values.calibrated = true,
+            Ok(()) => self.parts.values.calibrated = true,
             Err(_) => {
-                RecordStore::discard(self.memory);
-                let calibration = &mut self.settings.chain.calibration;
-                self.values.calibrated = recall(self.memory, calibration).calibrated;
+                RecordStore::discard(&mut self.parts.memory);
+                let calibration = &mut self.parts.settings.chain.calibration;
+                self.parts.values.calibrated =
+                    recall(&mut self.parts.memory, calibration).calibrated;
             }
         }
-        self.values.calibration_sum = encoding::identity(&self.settings.chain.calibration);
+        self.parts.values.calibration_sum =
+            encoding::identity(&self.parts.settings.chain.calibration);
         kept
     }
 
     fn store_calibration(&mut self, is_staged: bool) -> Result<(), StoreError> {
         if !is_staged {
-            let made = &self.settings.chain.calibration;
-            stage(self.memory, Record::Calibration, made)?;
+            let made = &self.parts.settings.chain.calibration;
+            stage(&mut self.parts.memory, Record::Calibration, made)?;
         }
-        RecordStore::commit(self.memory)
+        RecordStore::commit(&mut self.parts.memory)
     }
 
     pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
-        let correction = &self.settings.chain.calibration.correction;
-        let progress = self.work.motor.progress();
+        let correction = &self.parts.settings.chain.calibration.correction;
+        let progress = self.parts.work.motor.progress();
         Ok(match (at.index, at.sub) {
             // 0: two slopes, 1: one angle of 360 deg.
             (0x2030, _) => Value::u8(u8::from(encoding::kind(correction) == 2)),
-            (0x2060, 1) => Value::u8(self.values.command),
-            (0x2060, 2) => Value::i32(self.values.reference),
+            (0x2060, 1) => Value::u8(self.parts.values.command),
+            (0x2060, 2) => Value::i32(self.parts.values.reference),
             (0x2060, 3) => Value::u8(match progress.axis {
                 None => 0,
                 Some(Axis::X) => 1,
@@ -222,15 +240,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             (0x2060, 5) => Value::u8(progress.points.y),
             (0x2060, 6) => Value::i32(progress.residual.ok_or(Abort::NoData)?),
             (0x2060, 7) => Value::u32(progress.worst),
-            (0x2060, 8) => Value::u8(self.values.result),
-            (0x2062, 1) => Value::u32(encoding::identity(&self.settings.chain.calibration)),
+            (0x2060, 8) => Value::u8(self.parts.values.result),
+            (0x2062, 1) => Value::u32(encoding::identity(&self.parts.settings.chain.calibration)),
             (0x2062, 2) => Value::u8(encoding::kind(correction)),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
 
     pub(super) fn write_calibration(&mut self, at: Address, value: Value) -> Result<(), Abort> {
-        if self.values.state == State::Operational {
+        if self.parts.values.state == State::Operational {
             return Err(Abort::WrongState);
         }
         match at.sub {
@@ -242,13 +260,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     fn command_motor(&mut self, number: u8) -> Result<(), Abort> {
         let command = Command::from_number(number).ok_or(Abort::InvalidValue)?;
-        let work = &mut *self.work;
-        let outcome =
-            work.motor
-                .command(command, &work.terms, &mut self.settings.chain.calibration);
-        self.values.result = outcome.err().map_or(0, |error| error.code());
+        let work = &mut self.parts.work;
+        let outcome = work.motor.command(
+            command,
+            &work.terms,
+            &mut self.parts.settings.chain.calibration,
+        );
+        self.parts.values.result = outcome.err().map_or(0, |error| error.code());
         let outcome = outcome.map_err(|_| Abort::WrongState)?;
-        self.values.command = number;
+        self.parts.values.command = number;
         if outcome == Outcome::Finished {
             self.keep_calibration(Ok(()), false)?;
         }
@@ -257,15 +277,15 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     fn memorise(&mut self, reference: i32) -> Result<(), Abort> {
         let sight = Sight {
-            filtered: self.source.filtered(),
-            temperature: self.source.temperature(),
-            reading: self.source.reading(self.settings, self.now),
+            filtered: self.parts.channel.filtered(),
+            temperature: self.parts.channel.temperature(),
+            reading: self.parts.channel.reading(&self.parts.settings, self.now),
         };
-        let motor = &mut self.work.motor;
-        let taken = motor.memorise(reference, &self.settings.chain, &sight);
-        self.values.result = taken.err().map_or(0, |error| error.code());
+        let motor = &mut self.parts.work.motor;
+        let taken = motor.memorise(reference, &self.parts.settings.chain, &sight);
+        self.parts.values.result = taken.err().map_or(0, |error| error.code());
         taken.map_err(|_| Abort::WrongState)?;
-        self.values.reference = reference;
+        self.parts.values.reference = reference;
         Ok(())
     }
 
@@ -274,37 +294,42 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         if value.unsigned() != u64::from(CLEAR) {
             return Err(Abort::CannotStore);
         }
-        if self.values.state == State::Operational {
+        if self.parts.values.state == State::Operational {
             return Err(Abort::WrongState);
         }
-        self.log.clear();
-        self.black_box.clear();
+        self.parts.log.clear();
+        self.parts.black_box.clear();
         let cleared = self.clear_kept();
         self.note(cleared)
     }
 
     fn clear_kept(&mut self) -> Result<(), StoreError> {
-        if self.memory.clear_events() == Err(StoreError::Full) {
-            self.memory.make_room()?;
-            self.memory.clear_events()?;
+        if self.parts.memory.clear_events() == Err(StoreError::Full) {
+            self.parts.memory.make_room()?;
+            self.parts.memory.clear_events()?;
         }
-        RecordStore::erase(self.memory, Record::Box1)?;
-        RecordStore::erase(self.memory, Record::Box2)
+        RecordStore::erase(&mut self.parts.memory, Record::Box1)?;
+        RecordStore::erase(&mut self.parts.memory, Record::Box2)
     }
 
     pub(super) fn read_program(&mut self, at: Address) -> Result<Value, Abort> {
         Ok(match at.index {
-            0x1F51 => Value::u8(self.values.program.control()),
-            0x1F56 => Value::u32(self.values.program.identification(self.memory)),
-            0x1F57 => Value::u32(self.values.program.status()),
+            0x1F51 => Value::u8(self.parts.values.program.control()),
+            0x1F56 => Value::u32(
+                self.parts
+                    .values
+                    .program
+                    .identification(&mut self.parts.memory),
+            ),
+            0x1F57 => Value::u32(self.parts.values.program.status()),
             0x2080 => return self.read_update(at.sub),
             _ => return Err(Abort::WriteOnly),
         })
     }
 
     fn read_update(&mut self, sub: u8) -> Result<Value, Abort> {
-        let held = self.memory.held();
-        let running = self.memory.running();
+        let held = self.parts.memory.held();
+        let running = self.parts.memory.running();
         Ok(match sub {
             1 => Value::u32(running.hardware),
             2 => Value::u32(running.version),
@@ -319,17 +344,24 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// 2080h sub 6.
     pub(super) fn resume_program(&mut self, value: Value) -> Result<(), Abort> {
         let bytes = value.unsigned() as u32;
-        self.values.program.resume(bytes, self.memory)
+        self.parts
+            .values
+            .program
+            .resume(bytes, &mut self.parts.memory)
     }
 
     /// 1F51h. The program is not changed under a machine that works.
     pub(super) fn control_program(&mut self, value: Value) -> Result<(), Abort> {
-        if self.values.state != State::PreOperational {
+        if self.parts.values.state != State::PreOperational {
             return Err(Abort::WrongState);
         }
         let command = value.unsigned() as u8;
-        let effect = self.values.program.set_control(command, self.memory)?;
-        self.values.news.restart |= effect == Effect::Reset;
+        let effect = self
+            .parts
+            .values
+            .program
+            .set_control(command, &mut self.parts.memory)?;
+        self.parts.values.news.restart |= effect == Effect::Reset;
         Ok(())
     }
 }

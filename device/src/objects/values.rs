@@ -85,6 +85,7 @@ pub struct Values {
 
 impl Values {
     /// Nothing measured and nothing set.
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
             parameters: Parameters::NONE,

@@ -20,7 +20,7 @@ use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
 use nothing::Nothing;
-use part::{Hurry, NOISE, Part, Registers, factory};
+use part::{Hurry, NOISE, Part, Registers, delivered, factory};
 
 /// The two nodes.
 pub const NODES: [usize; 2] = [0, 1];
@@ -80,7 +80,7 @@ impl Node {
         let factory = factory(channel, 1 + number as u32, NOISE);
         let mut memory = Nothing::NEW;
         // There is room for it.
-        let _ = deliver(&mut memory, &factory.settings.chain.calibration);
+        let _ = deliver(&mut memory, &delivered());
         Self {
             device: Device::new(part.clone(), check, factory, memory),
             part,

@@ -3,7 +3,7 @@
 #[path = "../registers/mod.rs"]
 mod registers;
 
-pub use registers::{Hurry, factory};
+pub use registers::{Hurry, delivered, factory};
 
 /// The registers of a part, and what it feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,16 +8,15 @@ use std::convert::Infallible;
 use std::rc::Rc;
 
 use device::calibration::motor::{MOTOR, Terms};
-use device::channel::Settings;
+use device::channel::Setup;
 use device::device::Factory;
 use device::objects::panel::Identity;
 use device::objects::table::Channel;
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
+use tilt::chain::{Calibration, Timing};
 use tilt::filter::LowPass;
-use tilt::sample::FullScale;
 use tilt::table::Rule;
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 
@@ -107,20 +106,16 @@ impl DelayNs for Hurry {
     fn delay_ns(&mut self, _ns: u32) {}
 }
 
+/// The calibration that such an instrument is delivered with: that of a perfect part.
+pub fn delivered() -> Calibration {
+    Calibration {
+        budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+        ..Calibration::NOMINAL
+    }
+}
+
 /// The instrument of a perfect part whose noise has this standard deviation, 2^-26 g.
 pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
-    let part = Config::PRODUCT;
-    let chain = Chain {
-        filter: LowPass::PRODUCT,
-        full_scale: FullScale::G2,
-        period_us: part.rate.period_us(),
-        part_delay_q16: PART_DELAY_Q16,
-        timing: Timing::Aligned { latency_us: 25_000 },
-        calibration: Calibration {
-            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
-            ..Calibration::NOMINAL
-        },
-    };
     Factory {
         identity: Identity { channel, serial },
         node_id: channel.node_id(),
@@ -129,6 +124,11 @@ pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
             rule: Rule::Nearest,
             reference: MOTOR,
         },
-        settings: Settings { part, chain, noise },
+        setup: Setup {
+            part: Config::PRODUCT,
+            filter: LowPass::PRODUCT,
+            timing: Timing::Aligned { latency_us: 25_000 },
+            noise,
+        },
     }
 }

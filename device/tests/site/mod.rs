@@ -15,10 +15,10 @@ use device::sensor::Config;
 use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
-use tilt::chain::Calibration;
 use tilt::cross_check::CrossCheck;
 use tilt::sample::Instant;
 
+pub use registers::delivered;
 use registers::{Hurry, Part};
 
 /// The most frames that one instant can bring; counted in the tests of `canopen::node`, with one
@@ -63,11 +63,6 @@ pub fn blank() -> Memory {
     let mut memory = FlashMemory::new(Nor::new(pages, Seeded(1)), build, Anybody);
     deliver(&mut memory, &delivered()).unwrap();
     memory
-}
-
-/// The calibration that it is delivered with: that of a perfect part.
-pub fn delivered() -> Calibration {
-    factory(Channel::A).settings.chain.calibration
 }
 
 /// This part's codes stand still, as those of one without noise may.

@@ -122,7 +122,6 @@ impl Delivered {
         [(Channel::A, for_a), (Channel::B, for_b)].map(|(channel, mut memory)| {
             let place = channel as usize;
             let electronics = self.electronics(channel);
-            let settings = self.settings[place].clone();
             // As with what is introduced above: a broken memory is a fault for later.
             let _ = self.write_to(channel, &mut memory);
             let factory = Factory {
@@ -136,7 +135,7 @@ impl Delivered {
                     rule: self.rule,
                     reference: MOTOR,
                 },
-                settings,
+                setup: self.settings[place].setup(),
             };
             network.add(electronics, self.check.clone(), factory, memory)
         })

@@ -77,7 +77,7 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
             rule: tilt::table::Rule::Nearest,
             reference: MOTOR,
         },
-        settings,
+        setup: settings.setup(),
     }
 }
 

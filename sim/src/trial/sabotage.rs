@@ -73,7 +73,7 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
             rule: if paper { Rule::Nearest } else { Rule::Linear },
             reference: MOTOR,
         },
-        settings: settings.clone(),
+        setup: settings.setup(),
     };
     let mut memory = setup.memory();
     deliver(&mut memory, &settings.chain.calibration).expect("a new memory");
