@@ -1,5 +1,6 @@
 //! Packages of the distribution: CMake and the library of clang that reads C headers, with which
-//! the emulator's processor core is built, and a browser for the tests of `plumb monitor --web`.
+//! the core is built that the emulator's own is held to, and a browser for the tests of
+//! `plumb monitor --web`.
 //!
 //! In: the workspace. Out: they are there, or one sentence with the line to type. They are
 //! installed where that needs no question answered: as root, or through `sudo` without a

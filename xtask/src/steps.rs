@@ -393,8 +393,8 @@ fn toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     if packages::provide(workspace) {
         return Ok(());
     }
-    let emulator = "what the emulator is built with";
-    Err(StepError::Toolchain(emulator, packages::TYPED.to_owned()))
+    let reference = "what the core beside the emulator's is built with";
+    Err(StepError::Toolchain(reference, packages::TYPED.to_owned()))
 }
 
 /// Adds a part of the toolchain unless it is there.
