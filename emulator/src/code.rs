@@ -61,8 +61,13 @@ impl Code {
         }
     }
 
-    /// So many instructions run in the block that begins there.
+    /// Whether [`Code::profile`] has been asked for.
     #[inline]
+    pub fn is_counted(&self) -> bool {
+        !self.runs.is_empty()
+    }
+
+    /// So many instructions run in the block that begins there.
     pub fn ran(&mut self, address: u32, instructions: u32) {
         if let Some(runs) = self.runs.get_mut(place(address)) {
             *runs = runs.wrapping_add(instructions.into());

@@ -346,7 +346,10 @@ unsafe extern "C" fn on_block(
         let into = bytes.as_mut_ptr().cast();
         sys::uc_mem_read(engine, address, into, size.into())
     };
-    shared.chip.begin(address as u32, Block::of(&bytes));
+    if shared.chip.is_observed() {
+        shared.chip.observe(address as u32, &bytes);
+    }
+    shared.chip.begin(Block::of(&bytes));
 }
 
 /// Lets the chip come to now; true when the core stops before the block.

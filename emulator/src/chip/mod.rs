@@ -245,14 +245,15 @@ impl Chip {
         &self.passed
     }
 
-    /// Whether [`Chip::note_passing`] is to be told of blocks.
+    /// Whether anybody asks where code runs: then [`Chip::observe`] is to be told of blocks.
     #[inline]
-    pub fn watches(&self) -> bool {
-        !self.watched.is_empty()
+    pub fn is_observed(&self) -> bool {
+        !self.watched.is_empty() || self.code.is_counted()
     }
 
-    /// Notes the watched addresses in a block that is about to run, before [`Chip::begin`].
-    pub fn note_passing(&mut self, address: u32, bytes: &[u8]) {
+    /// Notes a block of these bytes that is about to run, before [`Chip::begin`].
+    pub fn observe(&mut self, address: u32, bytes: &[u8]) {
+        self.code.ran(address, Block::of(bytes).instructions);
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;
@@ -342,10 +343,9 @@ impl Chip {
             || self.bad_store
     }
 
-    /// A block that begins at `address` is about to run.
+    /// A block is about to run.
     #[inline]
-    pub fn begin(&mut self, address: u32, block: Block) {
-        self.code.ran(address, block.instructions);
+    pub fn begin(&mut self, block: Block) {
         // Wrapping, as a check would be made at each block: it does so in 8 000 years.
         self.cycles = self.cycles.wrapping_add(block.instructions.into());
         self.event |= block.sends_event;

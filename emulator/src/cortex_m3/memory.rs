@@ -180,13 +180,13 @@ impl Memory {
         Ok(())
     }
 
-    /// Tells the chip which watched addresses are in the block of `size` bytes at `at`.
+    /// Tells the chip of the block of `size` bytes at `at`, for those who ask where code runs.
     #[cold]
     #[inline(never)]
-    pub fn note_passing(&mut self, at: u32, size: u16) {
+    pub fn observe(&mut self, at: u32, size: u16) {
         let mut bytes = vec![0; size.into()];
         if self.read(at, &mut bytes).is_ok() {
-            self.chip.note_passing(at, &bytes);
+            self.chip.observe(at, &bytes);
         }
     }
 
