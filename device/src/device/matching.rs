@@ -14,7 +14,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::Invalid;
-use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductCheck, ProductState};
+use tilt::cross_check::CrossCheck;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
@@ -67,16 +67,12 @@ impl Matching {
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Takes the check that 2003h asks for, with a fresh memory.
+    // Out of line: a check is large, and nothing else of a start needs it on the stack.
+    #[inline(never)]
     pub(super) fn choose_check(&mut self) {
         match self.parts.values.parameters.check {
-            1 => self
-                .parts
-                .pair
-                .set_check(CrossCheck::Paper(PaperCheck::PAPER, PaperState::default())),
-            2 => self.parts.pair.set_check(CrossCheck::Product(
-                ProductCheck::PRODUCT,
-                ProductState::default(),
-            )),
+            1 => self.parts.pair.set_check(CrossCheck::paper()),
+            2 => self.parts.pair.set_check(CrossCheck::product()),
             _ => {}
         }
     }
