@@ -221,13 +221,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
     fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
-        let shown = self.shown(now);
-        let (blamed, why) = shown.blame();
+        let (state, (blamed, why)) = self.shown(now).finding();
         let process = &self.parts.values.process;
         let frame = black_box::Frame {
             own: process.sent.bytes(),
             peer: process.received.bytes(),
-            state: shown.state(),
+            state,
             blamed_reason: blamed_reason(blamed, why),
         };
         self.parts.black_box.record(&frame, at);
