@@ -198,6 +198,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     ///
     /// Takes about 20 ms of `delay`. Errors: see [`Channel::start`]; the device goes on the bus
     /// all the same, with the reason instead of angles.
+    // Out of line: what it makes anew is large, and the second half needs none of it on the stack.
+    #[inline(never)]
     pub fn start_sensor<D: DelayNs>(
         &mut self,
         delay: &mut D,

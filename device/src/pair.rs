@@ -23,7 +23,6 @@ use tilt::cross_check::{CrossCheck, Judgement, Latch, Node, Verdict};
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
-use crate::exchange::reason_code;
 use crate::presentation::{PeerPresentation, Presentation};
 
 /// How long a pair counts once no new one comes, us: at least and at most so long.
@@ -359,23 +358,5 @@ impl Pair {
     /// This channel's acceleration minus the peer's, low-passed, 2^-26 g per step.
     pub fn residual(&self) -> [i32; 3] {
         self.check.residual()
-    }
-
-    /// The channel that is held faulty (0 none, 1 this one, 2 the other, 3 both), and the code of
-    /// why: 2027h sub 1 and 2.
-    pub fn blame(&self, now: Instant) -> (u8, u8) {
-        match self.judgement(now) {
-            Some(Judgement::OneChannel {
-                ill: Node::Own,
-                reason,
-            }) => (1, reason_code(reason)),
-            Some(Judgement::OneChannel {
-                ill: Node::Peer,
-                reason,
-            }) => (2, reason_code(reason)),
-            // Both are; the reason is this channel's.
-            Some(Judgement::NoChannel(reason)) => (3, reason_code(reason)),
-            _ => (0, 0),
-        }
     }
 }

@@ -239,6 +239,8 @@ impl CrossCheck {
     }
 
     /// The product's ladder, fresh.
+    // Out of line: it is made in more than one place, and is large.
+    #[inline(never)]
     pub fn product() -> Self {
         Self::Product(ProductCheck::PRODUCT, ProductState::default())
     }

@@ -14,7 +14,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::Invalid;
-use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductCheck, ProductState};
+use tilt::cross_check::CrossCheck;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 
@@ -67,16 +67,12 @@ impl Matching {
 
 impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Takes the check that 2003h asks for, with a fresh memory.
+    // Out of line: a check is large, and nothing else of a start needs it on the stack.
+    #[inline(never)]
     pub(super) fn choose_check(&mut self) {
         match self.parts.values.parameters.check {
-            1 => self
-                .parts
-                .pair
-                .set_check(CrossCheck::Paper(PaperCheck::PAPER, PaperState::default())),
-            2 => self.parts.pair.set_check(CrossCheck::Product(
-                ProductCheck::PRODUCT,
-                ProductState::default(),
-            )),
+            1 => self.parts.pair.set_check(CrossCheck::paper()),
+            2 => self.parts.pair.set_check(CrossCheck::product()),
             _ => {}
         }
     }
@@ -225,13 +221,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
     fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
-        let shown = self.shown(now);
-        let (blamed, why) = shown.blame();
+        let (state, (blamed, why)) = self.shown(now).finding();
         let process = &self.parts.values.process;
         let frame = black_box::Frame {
             own: process.sent.bytes(),
             peer: process.received.bytes(),
-            state: shown.state(),
+            state,
             blamed_reason: blamed_reason(blamed, why),
         };
         self.parts.black_box.record(&frame, at);

@@ -218,10 +218,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the
     /// state of the pair in byte 7.
     fn tell(&mut self, code: Option<u16>, found: Faults, now: Instant) {
-        let shown = self.shown(now);
         let [a, b, c, _] = found.bits().to_le_bytes();
-        let (blamed, why) = shown.blame();
-        let detail = [a, b, c, blamed << 6 | why & 0x3F, shown.state()];
+        let (state, (blamed, why)) = self.shown(now).finding();
+        let detail = [a, b, c, blamed << 6 | why & 0x3F, state];
         let bits = found.register();
         let (bus, mut panel) = self.split(now);
         match code {
@@ -234,14 +233,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     fn write_down(&mut self, fault: Option<Fault>, now: Instant) {
         let keeps_samples = fault.is_some_and(Fault::keeps_samples);
         let code = fault.map_or(0, |fault| fault.report().0);
-        let shown = self.shown(now);
-        let (blamed, reason) = shown.blame();
+        let (state, (blamed, reason)) = self.shown(now).finding();
         let mut entry = Entry {
             at_ms: self.uptime_ms(now),
             sync: self.parts.values.process.syncs,
             code,
             faults: self.faults.bits(),
-            state: shown.state(),
+            state,
             blamed,
             reason,
             ..Entry::default()

@@ -130,20 +130,23 @@ impl Sending {
         let Some(until) = until else {
             return;
         };
-        let is_known = self.of(cob_id).is_some();
         // A place whose frames have all gone is free for another identifier.
-        let place = if is_known {
-            self.of(cob_id)
-        } else {
-            self.waiting.iter_mut().find(|w| w.is_empty())
+        let mut places = self.waiting.iter();
+        let known = places.position(|w| w.cob_id == cob_id);
+        let place = known.or_else(|| self.waiting.iter().position(Waiting::is_empty));
+        let Some(place) = place.and_then(|place| self.waiting.get_mut(place)) else {
+            return;
         };
-        if let Some(place) = place {
-            place.cob_id = cob_id;
-            place.new = place.new.saturating_add(1);
-            place.until = until;
-            place.course = Course::Free;
+        let was_empty = place.is_empty();
+        place.cob_id = cob_id;
+        place.new = place.new.saturating_add(1);
+        place.until = until;
+        place.course = Course::Free;
+        if was_empty {
+            self.next = self.next.min(until);
+        } else {
+            self.plan();
         }
-        self.plan();
     }
 
     /// The controller has sent a frame.
@@ -181,12 +184,12 @@ impl Sending {
             waits |= place.old != 0;
             place.recall();
         }
-        self.waits = if waits {
-            self.waits.saturating_add(1)
+        if waits {
+            self.waits = self.waits.saturating_add(1);
+            self.plan();
         } else {
-            0
-        };
-        self.plan();
+            self.waits = 0;
+        }
     }
 
     /// Time passes.

@@ -10,7 +10,7 @@
 use canopen::nmt::State;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
-use tilt::cross_check::Judgement;
+use tilt::cross_check::{Judgement, Node};
 use tilt::observation::Observation;
 use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
@@ -274,14 +274,20 @@ impl<'a> Shown<'a> {
             || until_reset && held
     }
 
+    /// What was judged, in numbers: 2021h, and 2027h sub 1 and 2.
+    pub fn finding(&self) -> (u8, (u8, u8)) {
+        let judgement = self.judgement();
+        (judgement.map_or(NOT_JUDGED, state_code), blame(judgement))
+    }
+
     /// The code of 2021h.
     pub fn state(&self) -> u8 {
-        self.judgement().map_or(NOT_JUDGED, state_code)
+        self.finding().0
     }
 
     /// The channel that is held faulty, 2027h sub 1, and the code of why, sub 2.
     pub fn blame(&self) -> (u8, u8) {
-        self.pair.blame(self.now)
+        self.finding().1
     }
 
     /// Reason code of X or Y, 0 when valid.
@@ -323,6 +329,19 @@ impl<'a> Shown<'a> {
     /// This channel's acceleration minus the other's, low-passed, 0.1 mg.
     pub fn residual(&self) -> [i16; 3] {
         self.pair.residual().map(tenths_of_mg)
+    }
+}
+
+/// The channel that is held faulty (0 none, 1 this one, 2 the other, 3 both), and the code of why.
+fn blame(judgement: Option<Judgement>) -> (u8, u8) {
+    match judgement {
+        Some(Judgement::OneChannel { ill, reason }) => {
+            let number = if ill == Node::Own { 1 } else { 2 };
+            (number, exchange::reason_code(reason))
+        }
+        // Both are; the reason is this channel's.
+        Some(Judgement::NoChannel(reason)) => (3, exchange::reason_code(reason)),
+        _ => (0, 0),
     }
 }
 

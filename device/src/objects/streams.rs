@@ -347,7 +347,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         self.parts
             .values
             .program
-            .resume(bytes, &mut self.parts.memory)
+            .resume(bytes, &self.parts.memory)
     }
 
     /// 1F51h. The program is not changed under a machine that works.
