@@ -9,8 +9,8 @@
 //! `emulator/lockstep` executes the product's images on this core and on Unicorn's, and compares
 //! frames, registers, memory and counts.
 //!
-//! Left out: code in the RAM, where a fetch ends in a fault; the traps that CCR can switch on, for a
-//! division by 0 and for every access that is not aligned (PM0056 4.4.7); and cycles, one
+//! Left out: code in the RAM, where a fetch ends in a fault; the traps that CCR can switch on, for
+//! a division by 0 and for every access that is not aligned (PM0056 4.4.7); and cycles, one
 //! instruction counts as one.
 
 mod arithmetic;
@@ -160,18 +160,18 @@ impl CortexM3 {
     /// Executes until there is a reason to stop.
     fn execute(&mut self) -> Stop {
         // The first block is let through, or the chip could keep the core from ever going on.
-        let mut next = self.block();
+        let mut is_first = true;
         loop {
-            let done = match next {
-                Ok(number) => self.execute_block(number),
+            let number = match self.block() {
+                Ok(number) => number,
                 Err(stop) => return stop,
             };
-            if let Err(stop) = done {
-                return stop;
-            }
-            next = self.block();
-            if next.is_ok() && self.core.memory.chip.needs_attention() && self.stops() {
+            if !is_first && self.core.memory.chip.needs_attention() && self.stops() {
                 return Stop::Wanted;
+            }
+            is_first = false;
+            if let Err(stop) = self.execute_block(number) {
+                return stop;
             }
         }
     }
@@ -195,13 +195,13 @@ impl CortexM3 {
             return Ok(());
         };
         let at = self.core.registers.pc;
-        if self.core.memory.chip.is_observed() {
-            self.core.memory.observe(at, *size);
-        }
         let block = Block {
             instructions: (*instructions).into(),
             sends_event: *sends_event,
         };
+        if self.core.memory.chip.is_observed() {
+            self.core.memory.observe(at, block, *size);
+        }
         self.core.memory.chip.begin(block);
         self.core.registers.pc = at.wrapping_add((*size).into());
         let ops = ops.get(..usize::from(*entries)).unwrap_or(ops);

@@ -344,10 +344,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// 2080h sub 6.
     pub(super) fn resume_program(&mut self, value: Value) -> Result<(), Abort> {
         let bytes = value.unsigned() as u32;
-        self.parts
-            .values
-            .program
-            .resume(bytes, &self.parts.memory)
+        self.parts.values.program.resume(bytes, &self.parts.memory)
     }
 
     /// 1F51h. The program is not changed under a machine that works.

@@ -346,10 +346,11 @@ unsafe extern "C" fn on_block(
         let into = bytes.as_mut_ptr().cast();
         sys::uc_mem_read(engine, address, into, size.into())
     };
+    let block = Block::of(&bytes);
     if shared.chip.is_observed() {
-        shared.chip.observe(address as u32, &bytes);
+        shared.chip.observe(address as u32, block, &bytes);
     }
-    shared.chip.begin(Block::of(&bytes));
+    shared.chip.begin(block);
 }
 
 /// Lets the chip come to now; true when the core stops before the block.

@@ -251,9 +251,9 @@ impl Chip {
         !self.watched.is_empty() || self.code.is_counted()
     }
 
-    /// Notes a block of these bytes that is about to run, before [`Chip::begin`].
-    pub fn observe(&mut self, address: u32, bytes: &[u8]) {
-        self.code.ran(address, Block::of(bytes).instructions);
+    /// Notes a block that is about to run, and its bytes, before [`Chip::begin`].
+    pub fn observe(&mut self, address: u32, block: Block, bytes: &[u8]) {
+        self.code.ran(address, block.instructions);
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;

@@ -7,6 +7,7 @@ use flash::layout::{BASE, RAM};
 
 use super::op::Kind;
 use crate::chip::{Chip, bit_band};
+use crate::code::Block;
 use crate::cpu::{ALIAS, Fault, NoMemory, Stop};
 
 /// Peripherals, the electronic signature, and the bit-band aliases of peripherals and RAM (RM0008
@@ -181,13 +182,11 @@ impl Memory {
     }
 
     /// Tells the chip of the block of `size` bytes at `at`, for those who ask where code runs.
-    #[cold]
     #[inline(never)]
-    pub fn observe(&mut self, at: u32, size: u16) {
-        let mut bytes = vec![0; size.into()];
-        if self.read(at, &mut bytes).is_ok() {
-            self.chip.observe(at, &bytes);
-        }
+    pub fn observe(&mut self, at: u32, block: Block, size: u16) {
+        let offset = at.checked_sub(BASE).unwrap_or(at) as usize;
+        let bytes = self.flash.get(offset..offset + usize::from(size));
+        self.chip.observe(at, block, bytes.unwrap_or(&[]));
     }
 
     /// Reads flash or RAM.
