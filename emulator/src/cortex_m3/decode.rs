@@ -9,7 +9,7 @@
 
 mod wide;
 
-use super::op::{Alu, Bits, Kind, LR, NOWHERE, Op, PC, SP, Shift, ZERO};
+use super::op::{Alu, Bits, Kind, LR, Many, NOWHERE, Op, PC, SP, Shift, Shifted, ZERO};
 use crate::code::{Block, SEV, WFE, WFI, YIELD};
 
 /// A block does not reach beyond so many bytes that begin at a multiple of it.
@@ -99,13 +99,10 @@ impl<'a> Decoder<'a> {
         let [first, second] = [0, 2].map(|offset| self.half_word(offset).unwrap_or(0));
         let begin = self.ops.len();
         self.last = (begin, self.size as u16);
-        let condition = (self.it != 0 && first >> 8 != 0xBE).then_some(self.it >> 4);
-        if let Some(condition) = condition {
+        let when = (self.it != 0 && first >> 8 != 0xBE).then_some(self.it >> 4);
+        if let Some(when) = when {
             // How many there are is not known before.
-            self.push(Op::SkipUnless {
-                condition,
-                entries: 0,
-            });
+            self.push(Op::SkipUnless { when, entries: 0 });
         }
         let before = self.it;
         match size {
@@ -113,8 +110,8 @@ impl<'a> Decoder<'a> {
             _ => self.wide(first, second),
         }
         let entries = (self.ops.len() - begin).saturating_sub(1) as u8;
-        if let (Some(condition), Some(skip)) = (condition, self.ops.get_mut(begin)) {
-            *skip = Op::SkipUnless { condition, entries };
+        if let (Some(when), Some(skip)) = (when, self.ops.get_mut(begin)) {
+            *skip = Op::SkipUnless { when, entries };
         }
         self.note_places();
         self.was_in_it = before != 0;
@@ -203,22 +200,22 @@ impl<'a> Decoder<'a> {
             (true, Alu::Add, true) => Op::Adds { d, n, m },
             (true, Alu::Sub, true) if d == NOWHERE => Op::Cmp { n, m },
             (true, Alu::Sub, true) => Op::Subs { d, n, m },
-            (false, ..) => Op::Data {
+            (false, ..) => Op::Data(Shifted {
                 alu,
                 d,
                 n,
                 m,
                 shift,
                 by,
-            },
-            (true, ..) => Op::Datas {
+            }),
+            (true, ..) => Op::Datas(Shifted {
                 alu,
                 d,
                 n,
                 m,
                 shift,
                 by,
-            },
+            }),
         });
     }
 
@@ -298,22 +295,22 @@ impl<'a> Decoder<'a> {
             22 | 23 => self.miscellaneous(code),
             24 => {
                 let mask = code & 0xFF;
-                self.push(Op::Stm {
+                self.push(Op::Stm(Many {
                     n: t,
                     down: false,
                     keeps: true,
                     mask,
-                });
+                }));
             }
             25 => {
                 let mask = code & 0xFF;
                 let keeps = mask >> t & 1 == 0;
-                self.push(Op::Ldm {
+                self.push(Op::Ldm(Many {
                     n: t,
                     down: false,
                     keeps,
                     mask,
-                });
+                }));
             }
             26 | 27 => self.condition_or_call(code),
             _ => {
@@ -435,12 +432,12 @@ impl<'a> Decoder<'a> {
             11 => self.push(extend(Kind::Byte)),
             16..=23 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << LR;
-                self.push(Op::Stm {
+                self.push(Op::Stm(Many {
                     n: SP,
                     down: true,
                     keeps: true,
                     mask,
-                });
+                }));
             }
             25 if code & 0x28 == 0x20 => {
                 let (primask, faultmask) = (code & 2 != 0, code & 1 != 0);
@@ -456,12 +453,12 @@ impl<'a> Decoder<'a> {
             43 => self.push(reorder(Bits::Revsh)),
             48..=55 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << PC;
-                self.push(Op::Ldm {
+                self.push(Op::Ldm(Many {
                     n: SP,
                     down: false,
                     keeps: true,
                     mask,
-                });
+                }));
                 self.written(if mask >> PC != 0 { PC } else { d }, Op::JumpTo { m: PC });
             }
             56..=59 => self.end(Op::Bkpt),
@@ -498,39 +495,31 @@ impl<'a> Decoder<'a> {
         match (code >> 8 & 15) as u8 {
             14 => self.end(Op::Undefined),
             15 => self.end(Op::Svc),
-            condition => self.branch_if(condition, to),
+            when => self.branch_if(when, to),
         }
     }
 
     /// A conditional branch, as one with the comparison before it.
-    fn branch_if(&mut self, condition: u8, to: u32) {
+    fn branch_if(&mut self, when: u8, to: u32) {
         let (op, alone) = match self.ops.last() {
             Some(Op::Cmp { n, m }) => (
                 Op::CmpJumpIf {
                     n: *n,
                     m: *m,
-                    condition,
+                    when,
                     to,
                 },
                 false,
             ),
             Some(Op::CmpImm { n, imm }) if *imm <= u8::MAX.into() => {
                 let (n, imm) = (*n, *imm as u8);
-                (
-                    Op::CmpImmJumpIf {
-                        n,
-                        imm,
-                        condition,
-                        to,
-                    },
-                    false,
-                )
+                (Op::CmpImmJumpIf { n, imm, when, to }, false)
             }
-            _ => (Op::JumpIf { condition, to }, true),
+            _ => (Op::JumpIf { when, to }, true),
         };
         // One that an IT block may leave out stays by itself.
         match alone || self.was_in_it {
-            true => self.end(Op::JumpIf { condition, to }),
+            true => self.end(Op::JumpIf { when, to }),
             false => {
                 self.ops.pop();
                 self.places.pop();

@@ -8,7 +8,7 @@
 
 use super::arithmetic::{self, add, shifted};
 use super::memory::{Memory, Stopped};
-use super::op::{Alu, Bits, Index, Kind, LR, Long, NOWHERE, Op, PC, Shift, ZERO};
+use super::op::{Alu, Bits, Index, Kind, LR, Long, Many, NOWHERE, Op, PC, Shift, Shifted, ZERO};
 use super::registers::Registers;
 use crate::cpu::{Fault, Stop};
 
@@ -63,46 +63,9 @@ impl Core {
             Op::DatasImm { alu, d, n, imm } => {
                 self.data_with_flags(alu, d, n, imm, self.registers.flags.carry);
             }
-            Op::Data {
-                alu,
-                d,
-                n,
-                m,
-                shift,
-                by,
-            } => {
-                let (second, _) = shifted(self.get(m), shift, by, self.registers.flags.carry);
-                self.data(alu, d, n, second);
-            }
-            Op::Datas {
-                alu,
-                d,
-                n,
-                m,
-                shift,
-                by,
-            } => {
-                let carry = self.registers.flags.carry;
-                let (second, carry) = shifted(self.get(m), shift, by, carry);
-                self.data_with_flags(alu, d, n, second, carry);
-            }
-            Op::SkipUnless { condition, entries } => {
-                let holds = self.registers.flags.hold(condition);
-                return Ok(if holds { 0 } else { entries });
-            }
-            _ => self.execute_memory(op)?,
-        }
-        Ok(0)
-    }
-
-    /// Loads and stores.
-    #[inline(always)]
-    fn execute_memory(&mut self, op: Op) -> Result<(), Stopped> {
-        match op {
-            Op::Ldr { t, n, imm } => {
-                let word = self.memory.word(self.get(n).wrapping_add(imm))?;
-                self.put(t, word);
-            }
+            Op::Data(data) => self.data_shifted(data),
+            Op::Datas(data) => self.data_shifted_with_flags(data),
+            Op::Ldr { t, n, imm } => self.load(Kind::Word, t, self.get(n).wrapping_add(imm))?,
             Op::Ldrb { t, n, imm } => self.load(Kind::Byte, t, self.get(n).wrapping_add(imm))?,
             Op::Ldrh { t, n, imm } => self.load(Kind::Half, t, self.get(n).wrapping_add(imm))?,
             Op::Str { t, n, imm } => self.store(Kind::Word, t, self.get(n).wrapping_add(imm))?,
@@ -110,59 +73,25 @@ impl Core {
             Op::Strh { t, n, imm } => self.store(Kind::Half, t, self.get(n).wrapping_add(imm))?,
             Op::LoadAt { kind, t, n, m, by } => self.load(kind, t, self.indexed(n, m, by))?,
             Op::StoreAt { kind, t, n, m, by } => self.store(kind, t, self.indexed(n, m, by))?,
-            Op::Ldm {
-                n,
-                down,
-                keeps,
-                mask,
-            } => self.load_many(n, down, keeps, mask)?,
-            Op::Stm {
-                n,
-                down,
-                keeps,
-                mask,
-            } => self.store_many(n, down, keeps, mask)?,
-            _ => self.execute_branch(op)?,
-        }
-        Ok(())
-    }
-
-    /// Branches, and what stands before another entry.
-    #[inline(always)]
-    fn execute_branch(&mut self, op: Op) -> Result<(), Stopped> {
-        match op {
+            Op::Ldm(many) => self.load_many(many)?,
+            Op::Stm(many) => self.store_many(many)?,
             Op::Jump { to } => self.registers.pc = to,
-            Op::JumpIf { condition, to } => self.jump_if(self.registers.flags.hold(condition), to),
-            Op::CmpImmJumpIf {
-                n,
-                imm,
-                condition,
-                to,
-            } => {
-                self.sum(NOWHERE, self.get(n), !u32::from(imm), true);
-                self.jump_if(self.registers.flags.hold(condition), to);
-            }
-            Op::CmpJumpIf {
-                n,
-                m,
-                condition,
-                to,
-            } => {
-                self.sum(NOWHERE, self.get(n), !self.get(m), true);
-                self.jump_if(self.registers.flags.hold(condition), to);
-            }
+            Op::JumpIf { when, to } => self.jump_if(self.registers.flags.hold(when), to),
+            Op::CmpImmJumpIf { n, imm, when, to } => self.compare_and_jump(n, imm.into(), when, to),
+            Op::CmpJumpIf { n, m, when, to } => self.compare_and_jump(n, self.get(m), when, to),
             Op::JumpIfZero { n, to } => self.jump_if(self.get(n) == 0, to),
             Op::JumpIfNot { n, to } => self.jump_if(self.get(n) != 0, to),
-            Op::Call { to } => {
-                self.put(LR, self.registers.pc | 1);
-                self.registers.pc = to;
-            }
+            Op::Call { to } => self.call(to),
             Op::JumpTo { m } => self.jump_to(self.get(m)),
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
+            Op::SkipUnless { when, entries } => {
+                let holds = self.registers.flags.hold(when);
+                return Ok(if holds { 0 } else { entries });
+            }
             _ => self.execute_rare(op)?,
         }
-        Ok(())
+        Ok(0)
     }
 
     /// What code does less often: out of line, so that the rest has the registers to itself.
@@ -387,6 +316,20 @@ impl Core {
         self.logical(d, value);
     }
 
+    #[inline(always)]
+    fn data_shifted(&mut self, data: Shifted) {
+        let carry = self.registers.flags.carry;
+        let (second, _) = shifted(self.get(data.m), data.shift, data.by, carry);
+        self.data(data.alu, data.d, data.n, second);
+    }
+
+    #[inline(always)]
+    fn data_shifted_with_flags(&mut self, data: Shifted) {
+        let carry = self.registers.flags.carry;
+        let (second, carry) = shifted(self.get(data.m), data.shift, data.by, carry);
+        self.data_with_flags(data.alu, data.d, data.n, second, carry);
+    }
+
     /// d = m shifted.
     #[inline(always)]
     fn moved(&mut self, d: u8, m: u8, shift: Shift, by: u8) {
@@ -488,7 +431,8 @@ impl Core {
 
     /// Where a block of registers begins, and what the base then is.
     #[inline(always)]
-    fn span(&mut self, n: u8, down: bool, mask: u16) -> Result<(u32, u32), Stopped> {
+    fn span(&mut self, many: Many) -> Result<(u32, u32), Stopped> {
+        let Many { n, down, mask, .. } = many;
         let (base, length) = (self.get(n), 4 * mask.count_ones());
         let lowest = if down {
             base.wrapping_sub(length)
@@ -506,8 +450,9 @@ impl Core {
         ))
     }
 
-    fn load_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Stopped> {
-        let (mut at, end) = self.span(n, down, mask)?;
+    fn load_many(&mut self, many: Many) -> Result<(), Stopped> {
+        let Many { n, keeps, mask, .. } = many;
+        let (mut at, end) = self.span(many)?;
         let mut left = mask;
         let mut base = keeps.then_some(end);
         while left != 0 {
@@ -527,8 +472,9 @@ impl Core {
         Ok(())
     }
 
-    fn store_many(&mut self, n: u8, down: bool, keeps: bool, mask: u16) -> Result<(), Stopped> {
-        let (mut at, end) = self.span(n, down, mask)?;
+    fn store_many(&mut self, many: Many) -> Result<(), Stopped> {
+        let Many { n, keeps, mask, .. } = many;
+        let (mut at, end) = self.span(many)?;
         let mut left = mask;
         while left != 0 {
             self.store(Kind::Word, left.trailing_zeros() as u8, at)?;
@@ -562,6 +508,18 @@ impl Core {
             0 => Ok(()),
             _ => Err(self.memory.stopped(Fault::Unaligned.into())),
         }
+    }
+
+    #[inline(always)]
+    fn compare_and_jump(&mut self, n: u8, m: u32, when: u8, to: u32) {
+        self.sum(NOWHERE, self.get(n), !m, true);
+        self.jump_if(self.registers.flags.hold(when), to);
+    }
+
+    #[inline(always)]
+    fn call(&mut self, to: u32) {
+        self.put(LR, self.registers.pc | 1);
+        self.registers.pc = to;
     }
 
     #[inline(always)]

@@ -86,6 +86,29 @@ pub enum Bits {
     Revsh,
 }
 
+/// Two operands, of which the second is shifted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shifted {
+    pub alu: Alu,
+    pub d: Reg,
+    pub n: Reg,
+    pub m: Reg,
+    pub shift: Shift,
+    pub by: u8,
+}
+
+/// Registers that are loaded or stored together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Many {
+    pub n: Reg,
+    /// They end below n, and do not begin at it.
+    pub down: bool,
+    /// The base becomes the other end.
+    pub keeps: bool,
+    /// Bit n for register n.
+    pub mask: u16,
+}
+
 /// An instruction with its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
@@ -158,23 +181,9 @@ pub enum Op {
         imm: u32,
     },
     /// d = n `alu` (m shifted).
-    Data {
-        alu: Alu,
-        d: Reg,
-        n: Reg,
-        m: Reg,
-        shift: Shift,
-        by: u8,
-    },
+    Data(Shifted),
     /// The same with flags.
-    Datas {
-        alu: Alu,
-        d: Reg,
-        n: Reg,
-        m: Reg,
-        shift: Shift,
-        by: u8,
-    },
+    Datas(Shifted),
     /// d = n shifted by as much as m says.
     ShiftBy {
         shift: Shift,
@@ -408,18 +417,8 @@ pub enum Op {
         by: i16,
     },
     /// From n upwards, or from below n (`down`).
-    Ldm {
-        n: Reg,
-        down: bool,
-        keeps: bool,
-        mask: u16,
-    },
-    Stm {
-        n: Reg,
-        down: bool,
-        keeps: bool,
-        mask: u16,
-    },
+    Ldm(Many),
+    Stm(Many),
     Ldrex {
         kind: Kind,
         t: Reg,
@@ -438,20 +437,20 @@ pub enum Op {
         to: u32,
     },
     JumpIf {
-        condition: u8,
+        when: u8,
         to: u32,
     },
     /// A comparison and the branch behind it.
     CmpImmJumpIf {
         n: Reg,
         imm: u8,
-        condition: u8,
+        when: u8,
         to: u32,
     },
     CmpJumpIf {
         n: Reg,
         m: Reg,
-        condition: u8,
+        when: u8,
         to: u32,
     },
     JumpIfZero {
@@ -501,7 +500,7 @@ pub enum Op {
     Undefined,
     /// So many entries are left out unless the condition holds (IT).
     SkipUnless {
-        condition: u8,
+        when: u8,
         entries: u8,
     },
     /// What the program counter reads as.

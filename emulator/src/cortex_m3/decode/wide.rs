@@ -3,7 +3,7 @@
 //! Source: ARMv7-M A5.3. Left out: coprocessors, which end in an undefined instruction as they do
 //! where none answers.
 
-use super::super::op::{Alu, Bits, Index, Kind, Long, NOWHERE, Op, PC, Shift, ZERO};
+use super::super::op::{Alu, Bits, Index, Kind, Long, Many, NOWHERE, Op, PC, Shift, ZERO};
 use super::{Decoder, signed, whole};
 
 /// Bits of a half-word.
@@ -103,20 +103,20 @@ impl Decoder<'_> {
             _ => return None,
         };
         if field(first, 4, 1) == 0 {
-            self.push(Op::Stm {
+            self.push(Op::Stm(Many {
                 n,
                 down,
                 keeps,
                 mask,
-            });
+            }));
             return Some(());
         }
-        self.push(Op::Ldm {
+        self.push(Op::Ldm(Many {
             n,
             down,
             keeps,
             mask,
-        });
+        }));
         if mask >> PC != 0 {
             self.end(Op::JumpTo { m: PC });
         }
@@ -294,8 +294,8 @@ impl Decoder<'_> {
                 let upper = (sign << 2 | j2 << 1 | j1) << 18;
                 let far = signed(upper | u32::from(first & 0x3F) << 12 | low, 21);
                 let to = self.pc().wrapping_add(far);
-                let condition = field(first, 6, 4);
-                self.branch_if(condition, to);
+                let when = field(first, 6, 4);
+                self.branch_if(when, to);
             }
             (0, 0) => return self.control(first, second),
             _ => return None,
