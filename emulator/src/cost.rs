@@ -130,6 +130,8 @@ pub struct Figures {
     pub statics: u32,
     /// The deepest stack of the two nodes, bytes.
     pub stack: u32,
+    /// The same before the signature of a program was checked.
+    pub unchecked_stack: u32,
     /// What interrupts took while there were SYNCs.
     pub interrupts: Vec<Interrupt>,
     /// How many times as fast as time the two emulated nodes ran then, on this machine.
@@ -277,6 +279,7 @@ impl Figures {
         let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
         calibrate(&mut pair)?;
+        let unchecked_stack = stack(&mut pair, product)?;
         let (came, judged) = judged(&mut pair, product)?;
         let longest = came.longest().max(judged.longest());
         let sample = still.own() / still.samples as f64;
@@ -296,6 +299,7 @@ impl Figures {
             app: product.app.flash(),
             statics: product.app.statics,
             stack: stack(&mut pair, product)?,
+            unchecked_stack,
             interrupts: synced.interrupts.clone(),
             chain: Chain::count()?,
             speed,

@@ -501,31 +501,21 @@ impl<'a> Decoder<'a> {
 
     /// A conditional branch, as one with the comparison before it.
     fn branch_if(&mut self, when: u8, to: u32) {
-        let (op, alone) = match self.ops.last() {
-            Some(Op::Cmp { n, m }) => (
-                Op::CmpJumpIf {
-                    n: *n,
-                    m: *m,
-                    when,
-                    to,
-                },
-                false,
-            ),
-            Some(Op::CmpImm { n, imm }) if *imm <= u8::MAX.into() => {
-                let (n, imm) = (*n, *imm as u8);
-                (Op::CmpImmJumpIf { n, imm, when, to }, false)
-            }
-            _ => (Op::JumpIf { when, to }, true),
-        };
         // One that an IT block may leave out stays by itself.
-        match alone || self.was_in_it {
-            true => self.end(Op::JumpIf { when, to }),
-            false => {
-                self.ops.pop();
-                self.places.pop();
-                self.end(op);
+        let before = self.ops.last().copied().filter(|_| !self.was_in_it);
+        let joined = match before {
+            Some(Op::Cmp { n, m }) => Some(Op::CmpJumpIf { n, m, when, to }),
+            Some(Op::CmpImm { n, imm }) => {
+                let imm = u8::try_from(imm).ok();
+                imm.map(|imm| Op::CmpImmJumpIf { n, imm, when, to })
             }
+            _ => None,
+        };
+        if joined.is_some() {
+            self.ops.pop();
+            self.places.pop();
         }
+        self.end(joined.unwrap_or(Op::JumpIf { when, to }));
     }
 }
 
