@@ -153,7 +153,7 @@ pub trait Cpu: fmt::Debug {
         self.put_range(address, bytes, differing);
     }
 
-    /// Whether the memory at `address` is these bytes, at most [`PIECE`] of them.
+    /// Whether the memory at `address` is these bytes, a piece at the most.
     fn holds(&self, address: u32, bytes: &[u8]) -> bool {
         let mut held = [0; PIECE];
         let held = held.get_mut(..bytes.len());
