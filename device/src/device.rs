@@ -83,6 +83,13 @@ pub enum Wish {
 /// Time between two looks at everything that moves without a SYNC.
 pub const REFRESH_US: i64 = 10_000;
 
+/// A reading of a SYNC may grow older than that by so much, so that a SYNC of the same period comes
+/// before the next look.
+const SYNC_FIRST_US: i64 = 1_000;
+
+/// The oldest that a reading gets that SDOs, safety frames and event-driven PDOs show, us.
+pub const OLDEST_READING_US: i64 = REFRESH_US + SYNC_FIRST_US;
+
 /// The SDO server answers with this identifier and the node-id (1200h sub 2).
 const SDO_ANSWER: u16 = 0x580;
 
@@ -384,6 +391,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         if now >= self.next_refresh {
             self.next_refresh = now.offset(REFRESH_US);
             self.refresh(now);
+            // A reading of a SYNC that was left as it is must not grow older than others do.
+            let measured_at = self.parts.values.process.measured_at;
+            let oldest = measured_at.offset(OLDEST_READING_US);
+            self.next_refresh = self.next_refresh.min(oldest);
             self.update(now);
         }
         let (bus, mut panel) = self.split(now);

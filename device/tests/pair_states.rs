@@ -7,7 +7,8 @@
 //! - it was compared since its node was last away;
 //! - one channel alone has agreed with the other one before, and did not differ from it since;
 //! - a disagreement ends with a reset of its node, or as 2004h says;
-//! - a safety frame has a comparison behind it that is no older than its cycle.
+//! - a safety frame has a comparison behind it that is no older than its cycle;
+//! - nobody who was told of a channel's fault reads an angle of it, in whatever state of the node.
 //!
 //! A state is what is connected and OPERATIONAL, what was found and is shown, and what the rules
 //! have seen; each is tried with every event, which is followed by each of three lengths of time.
@@ -21,6 +22,7 @@ use std::collections::{HashSet, VecDeque};
 use std::fmt::Write as _;
 
 use both::{Heard, NODES, Policy, TICK_US, World};
+use device::fault::Fault;
 use tilt::sample::Instant;
 
 /// How long a wrong angle may be marked valid while both can be compared, us.
@@ -34,6 +36,15 @@ const PROMISED_SYNC_US: i64 = 50_000;
 
 /// The most that one pair counts for towards going on alone, us.
 const MOST_CREDIT_US: i64 = 250_000;
+
+/// Faults that the sensor's own node finds, beside which there is no angle.
+const OF_THE_SENSOR: [Fault; 5] = [
+    Fault::SensorSupply,
+    Fault::SensorBus,
+    Fault::SensorSilent,
+    Fault::SensorStuck,
+    Fault::Thermometer,
+];
 
 /// What can happen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -324,6 +335,7 @@ impl Rules<'_> {
             _ if id == 0x80 => self.watch.sync(world, heard.at, self.biased),
             Some(n) if id == 0x101 + 2 * n as u16 => self.safety_frame(n, &heard),
             Some(n) if id == 0x181 + n as u16 => self.slopes(world, n, &heard),
+            Some(n) if id == 0x081 + n as u16 => self.fault_told(world, n, &heard),
             _ => {}
         }
     }
@@ -351,6 +363,21 @@ impl Rules<'_> {
             heard,
             "a safety frame of two that disagree",
         );
+    }
+
+    /// Whoever is told of a fault of the sensor and then reads 6010h finds no angle there, whatever
+    /// the state of the node.
+    fn fault_told(&mut self, world: &World, n: usize, heard: &Heard) {
+        let shown = world.nodes[n].device.shown(world.now);
+        let told = |fault: &&Fault| {
+            heard
+                .frame
+                .bytes()
+                .starts_with(&fault.report().0.to_le_bytes())
+        };
+        let absent = [0, 1].iter().all(|axis| shown.own(*axis).is_err());
+        let sound = OF_THE_SENSOR.iter().find(told).is_none();
+        self.rule(sound || absent, heard, "a fault told of a valid angle");
     }
 
     /// The difference is attributed to the other channel: stuck, noise, spikes, thermometer, bias,

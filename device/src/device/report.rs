@@ -65,8 +65,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// What moves without a SYNC: the angle for SDOs, SRDOs and event-driven PDOs, counters, time.
     pub(super) fn refresh(&mut self, now: Instant) {
         self.check_calibration(now);
-        // A reading of a SYNC is as new as any that a refresh leaves.
-        if now.micros_since(self.parts.values.process.measured_at) >= REFRESH_US {
+        // A reading of a SYNC is left as it is, unless the channel has found a fault since.
+        let age_us = now.micros_since(self.parts.values.process.measured_at);
+        if age_us >= REFRESH_US || self.parts.channel.reason().is_some() {
             let reading = self.parts.channel.reading(&self.parts.settings, now);
             self.parts.values.process.measure(&reading, now);
         }
