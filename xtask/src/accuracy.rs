@@ -1,8 +1,10 @@
-//! `docs/accuracy.md` is generated: this compares the committed file with what the code gives now.
+//! `docs/accuracy.md` is generated, and belongs to what the code gives now.
 //!
 //! The generators are the example `accuracy` of `sim` and, for what the stated uncertainty covers,
-//! `coverage` of `plumb`, which write its parts on standard output. A difference is a failure,
-//! because every figure quoted in prose refers to that file; so is a bound in it that is not kept.
+//! `coverage` of `plumb`, which write its parts on standard output. All units take a quarter of an
+//! hour, so the tests repeat and compare the same page of a few units, which is written together
+//! with the other one and never without it. A difference is a failure, because every figure quoted
+//! in prose refers to that file; so is a bound in it that is not kept.
 
 use std::path::PathBuf;
 use std::{fmt, fs, io};
@@ -14,6 +16,9 @@ use crate::workspace::Workspace;
 /// The generated document, from the root.
 pub const DOCUMENT: &str = "docs/accuracy.md";
 
+/// The same of few units, which every run of the tests repeats.
+const REPEATED: &str = "docs/accuracy-of-few-units.md";
+
 /// Why the document could not be compared or written.
 #[derive(Debug)]
 pub enum AccuracyError {
@@ -23,7 +28,7 @@ pub enum AccuracyError {
     Empty,
     /// The committed file could not be read or written.
     File(PathBuf, io::Error),
-    /// The committed file isn't what the code gives now; with the difference.
+    /// The page of few units isn't what the code gives now; with the difference.
     Stale(String),
     /// Rows of the document that are over their bound.
     NotKept(Vec<String>),
@@ -38,7 +43,7 @@ impl fmt::Display for AccuracyError {
             Self::Stale(difference) => {
                 writeln!(
                     out,
-                    "{DOCUMENT} is not what the code gives now (- file, + code):"
+                    "{REPEATED} is not what the code gives now (- file, + code):"
                 )?;
                 write!(out, "{}", difference.trim_end())
             }
@@ -50,22 +55,26 @@ impl fmt::Display for AccuracyError {
     }
 }
 
-/// Fails with the difference when the committed document is not what the generators write, and
-/// with the rows that are over their bounds.
+/// Fails with the difference when the committed page of few units is not what the generators write,
+/// and with the rows of the document that are over their bounds.
 pub fn compare(workspace: &Workspace) -> Result<(), AccuracyError> {
-    let generated = generate(workspace)?;
-    let path = workspace.root().join(DOCUMENT);
-    let committed = fs::read_to_string(&path).map_err(|error| AccuracyError::File(path, error))?;
+    let generated = generate(workspace, &[])?;
+    let committed = read(workspace, REPEATED)?;
     if committed != generated {
         return Err(AccuracyError::Stale(difference::between(
             &committed, &generated,
         )));
     }
-    let rows = not_kept(&generated);
+    let rows = not_kept(&read(workspace, DOCUMENT)?);
     if rows.is_empty() {
         return Ok(());
     }
     Err(AccuracyError::NotKept(rows))
+}
+
+fn read(workspace: &Workspace, document: &str) -> Result<String, AccuracyError> {
+    let path = workspace.root().join(document);
+    fs::read_to_string(&path).map_err(|error| AccuracyError::File(path, error))
 }
 
 /// The rows of `page` that have a column with NO.
@@ -74,23 +83,31 @@ fn not_kept(page: &str) -> Vec<String> {
     rows.map(String::from).collect()
 }
 
-/// Writes the document anew, by way of a temporary file so that it is never half written.
+/// Writes both pages anew, each by way of a temporary file so that it is never half written. The
+/// page of few units comes last: it is what the tests compare.
 pub fn write(workspace: &Workspace) -> Result<(), AccuracyError> {
-    let generated = generate(workspace)?;
-    let path = workspace.root().join(DOCUMENT);
-    let temporary = path.with_extension("md.new");
-    fs::write(&temporary, generated)
-        .and_then(|()| fs::rename(&temporary, &path))
-        .map_err(|error| AccuracyError::File(path, error))
+    let pages = [
+        (DOCUMENT, generate(workspace, &["--", "--full"])?),
+        (REPEATED, generate(workspace, &[])?),
+    ];
+    for (document, page) in pages {
+        let path = workspace.root().join(document);
+        let temporary = path.with_extension("md.new");
+        fs::write(&temporary, page)
+            .and_then(|()| fs::rename(&temporary, &path))
+            .map_err(|error| AccuracyError::File(path, error))?;
+    }
+    Ok(())
 }
 
 /// Package and example of each part, in their order.
 const PARTS: [(&str, &str); 2] = [("sim", "accuracy"), ("plumb", "coverage")];
 
-fn generate(workspace: &Workspace) -> Result<String, AccuracyError> {
+/// The page that the generators write with these arguments.
+fn generate(workspace: &Workspace, arguments: &[&str]) -> Result<String, AccuracyError> {
     let mut page = String::new();
     for (package, example) in PARTS {
-        let command = workspace.cargo(&[
+        let mut command = workspace.cargo(&[
             "run",
             "--quiet",
             "--release",
@@ -99,6 +116,7 @@ fn generate(workspace: &Workspace) -> Result<String, AccuracyError> {
             "--example",
             example,
         ]);
+        command.args(arguments);
         let text = command::capture(command).map_err(AccuracyError::Generator)?;
         if text.trim().is_empty() {
             return Err(AccuracyError::Empty);

@@ -29,7 +29,8 @@ usage: cargo xtask COMMAND
   test                everything CI runs, in order, stopping at the first failure
   tidy                the house rules alone: imports, sizes, words, documents
   fmt                 format every crate
-  accuracy [--write]  compare docs/accuracy.md with the generator, or write it anew
+  accuracy            repeat the accuracy tables of a few units and compare them
+  accuracy --write    write those and docs/accuracy.md anew, a quarter of an hour
   faults              repeat the last section of docs/faults.md and compare it
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets

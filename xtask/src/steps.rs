@@ -170,11 +170,7 @@ const TEST: [Step; 14] = [
         advice: "the failing tests stand above; `cargo test -p CRATE NAME` repeats one",
         run: tests,
     },
-    Step {
-        name: "plumb serve against python-canopen",
-        advice: INTEROP_ADVICE,
-        run: check_interop,
-    },
+    INTEROP,
     Step {
         name: "the world tries to break the instrument",
         advice: "the failing seed stands above; `cargo sim seed N --trace` shows it frame by frame",
@@ -185,21 +181,9 @@ const TEST: [Step; 14] = [
         advice: "mend the doc comment it names above",
         run: documentation,
     },
-    Step {
-        name: "accuracy tables against docs/accuracy.md",
-        advice: "if the change is meant, run `cargo xtask accuracy --write` and commit the file",
-        run: compare_accuracy,
-    },
-    Step {
-        name: "faults: what is told of them, against docs/faults.md",
-        advice: FAULTS_ADVICE,
-        run: compare_faults,
-    },
-    Step {
-        name: "size of the bus side on the part, and no panic in it",
-        advice: "`cargo xtask size --verbose` lists functions, constants and stack frames",
-        run: check_size,
-    },
+    ACCURACY,
+    FAULTS,
+    SIZE,
     IMAGE,
     Step {
         name: "demo of one day",
@@ -232,14 +216,15 @@ pub const FORMAT: Step = Step {
 
 /// Compares the accuracy document.
 pub const ACCURACY: Step = Step {
-    name: "accuracy tables against docs/accuracy.md",
-    advice: "if the change is meant, run `cargo xtask accuracy --write` and commit the file",
+    name: "accuracy of few units against docs/accuracy-of-few-units.md",
+    advice: "if the change is meant, run `cargo xtask accuracy --write`, which takes a quarter of \
+             an hour, and commit both files",
     run: compare_accuracy,
 };
 
 /// Writes the accuracy document anew.
 pub const ACCURACY_WRITE: Step = Step {
-    name: "writing docs/accuracy.md",
+    name: "writing docs/accuracy.md and the page of few units, which takes a quarter of an hour",
     advice: "the generators are the examples `accuracy` of `sim` and `coverage` of `plumb`",
     run: write_accuracy,
 };

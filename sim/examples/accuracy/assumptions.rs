@@ -13,10 +13,7 @@ use sim::bench::{Bench, BenchError, Mode, World};
 use tilt::table::Rule;
 
 use crate::tables::points_of;
-use crate::{SEED, shared};
-
-/// Units of each row.
-const UNITS: u32 = 20;
+use crate::{SEED, Scale, shared};
 
 const PAPER: Interpretation = Interpretation::REPRODUCED;
 const PRINTED: Interpretation = Interpretation::AS_PRINTED;
@@ -82,13 +79,17 @@ fn world(paper: Interpretation) -> World {
     }
 }
 
-fn figures(paper: Interpretation, lever_arms_cm: &'static [u32]) -> Result<Figures, BenchError> {
+fn figures(
+    count: u32,
+    paper: Interpretation,
+    lever_arms_cm: &'static [u32],
+) -> Result<Figures, BenchError> {
     let world = world(paper);
     let plan = Plan {
         random_angles: 0,
         lever_arms_cm,
     };
-    let units = shared(UNITS, |unit| {
+    let units = shared(count, |unit| {
         run_unit(Mode::Paper, &world, SEED, unit, &plan)
     })?;
     Ok(Figures { units })
@@ -136,11 +137,12 @@ impl Figures {
     }
 }
 
-pub fn section(page: &mut String) -> Result<(), BenchError> {
+pub fn section(page: &mut String, scale: &Scale) -> Result<(), BenchError> {
+    let count = scale.assumed;
     let _ = writeln!(
         page,
         "## What each assumption about the paper moves\n\nEach one switched alone; \
-         [paper.md](paper.md) has the words. {UNITS} units; Table II is the RMSE on knots over \
+         [paper.md](paper.md) has the words. {count} units; Table II is the RMSE on knots over \
          the published one, lowest and highest of the four cells; the day is one healthy day on \
          the machine.\n\n\
          | | switched to | Table III, aligned, deg | its warnings | Table II over published \
@@ -148,14 +150,14 @@ pub fn section(page: &mut String) -> Result<(), BenchError> {
          |---|---|---|---|---|---|---|---|---|---|"
     );
     for (name, words, paper) in switched() {
-        let figures = figures(paper, &[0])?;
+        let figures = figures(count, paper, &[0])?;
         let day = healthy_day(paper)?;
         let (dynamic, warnings) = figures.dynamic();
         let (ratios, difference) = figures.knots();
         let _ = writeln!(
             page,
             "| {name} | {words} | {dynamic:.3} | {warnings} | {} | {difference:.3} \
-             | {} of {UNITS} | {} | {} | {} |",
+             | {} of {count} | {} | {} | {} |",
             range(&ratios),
             figures.accepted(),
             day.warnings,
@@ -163,7 +165,7 @@ pub fn section(page: &mut String) -> Result<(), BenchError> {
             day.faults,
         );
     }
-    averaging(page)
+    averaging(page, count)
 }
 
 fn range(ratios: &[f64; 4]) -> String {
@@ -173,7 +175,7 @@ fn range(ratios: &[f64; 4]) -> String {
 }
 
 /// What averaging Table II takes.
-fn averaging(page: &mut String) -> Result<(), BenchError> {
+fn averaging(page: &mut String, count: u32) -> Result<(), BenchError> {
     page.push_str(
         "\nWhat averaging Table II takes: its RMSE on knots over the published one, lowest and \
          highest cell, by how long the acceleration is averaged at each step of the motor (down) \
@@ -188,7 +190,7 @@ fn averaging(page: &mut String) -> Result<(), BenchError> {
                 read_over_s,
                 ..PAPER
             };
-            let figures = figures(paper, &[])?;
+            let figures = figures(count, paper, &[])?;
             let _ = write!(page, " {} |", range(&figures.knots().0));
         }
         page.push('\n');

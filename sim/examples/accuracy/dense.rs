@@ -15,9 +15,8 @@ use sim::rig::Mount;
 use tilt::chain::Correction;
 use tilt::table::{Point, Table};
 
-use crate::{SEED, shared};
+use crate::{SEED, Scale, shared};
 
-const UNITS: u32 = 20;
 /// Degrees between two points; the last is one sample of the motor's turn.
 const STEPS_DEG: [f64; 5] = [1.0, 0.5, 0.2, 0.1, 1.0 / 75.0];
 /// Speed of the motor, deg/s, and time between two samples, s.
@@ -137,16 +136,17 @@ fn unit(unit: u32) -> Result<Errors, BenchError> {
 }
 
 /// Both readings of table and rule, side by side.
-pub fn section(page: &mut String) -> Result<(), BenchError> {
-    let units = shared(UNITS, unit)?;
+pub fn section(page: &mut String, scale: &Scale) -> Result<(), BenchError> {
+    let units = shared(scale.assumed, unit)?;
     let _ = writeln!(
         page,
-        "### Table and rule (A1): straight lines, or a denser table\n\nSlope X, {UNITS} units. The \
+        "### Table and rule (A1): straight lines, or a denser table\n\nSlope X, {} units. The \
          dense tables are memorised while the motor turns, one sample a point, and read by the \
          nearest point; flash is that of both axes with 16 bits a point. Standstill is random \
          angles up to +-{RANGE_DEG:.0} deg.\n\n\
          | table | flash, kB | standstill, RMSE, deg | Table III, aligned, deg |\n\
-         |---|---|---|---|"
+         |---|---|---|---|",
+        units.len()
     );
     let rms = |row: usize, kind: usize| {
         let mut rms: Vec<_> = units.iter().map(|u| u[row][kind].rms()).collect();

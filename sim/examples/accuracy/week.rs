@@ -6,11 +6,8 @@ use sim::bench::statistics::median;
 use sim::bench::week::{Day, FAULT_DAY};
 use sim::bench::{Bench, BenchError, Mode, World};
 
-use crate::{AS_PRINTED, shared};
+use crate::{AS_PRINTED, Scale, shared};
 
-const SEEDS: u32 = 20;
-/// Read as printed, every day of every seed has warnings; fewer weeks show that as well.
-const PRINTED_SEEDS: u32 = 2;
 const DAYS: u32 = 7;
 
 /// Weeks of every mode, by seed.
@@ -33,27 +30,29 @@ fn week_of(mode: Mode, world: &World, seed: u32) -> Result<Vec<Day>, BenchError>
 }
 
 impl Weeks {
-    pub fn dig() -> Result<Self, BenchError> {
+    pub fn dig(scale: &Scale) -> Result<Self, BenchError> {
         let nominal = World::NOMINAL;
         Ok(Self {
-            paper: shared(SEEDS, |seed| week_of(Mode::Paper, &nominal, seed))?,
-            printed: shared(PRINTED_SEEDS, |seed| {
+            paper: shared(scale.weeks, |seed| week_of(Mode::Paper, &nominal, seed))?,
+            printed: shared(scale.printed_weeks, |seed| {
                 week_of(Mode::Paper, &AS_PRINTED, seed)
             })?,
-            product: shared(SEEDS, |seed| week_of(Mode::Product, &nominal, seed))?,
+            product: shared(scale.weeks, |seed| week_of(Mode::Product, &nominal, seed))?,
         })
     }
 
     pub fn section(&self, page: &mut String) {
         let _ = writeln!(
             page,
-            "## The week on the excavator (R18, Fig 20)\n\n{SEEDS} seeds ({PRINTED_SEEDS} as \
+            "## The week on the excavator (R18, Fig 20)\n\n{} seeds ({} as \
              printed), {DAYS} days of 3 hours, 50 comparisons a second; the supply of node 2 is \
              unstable from the first hour of day {FAULT_DAY} on, until somebody is told. Counts \
              are sums over the seeds. Paper mode works on the paper's machine, whose vibration is \
              set by Fig 21; as printed and product mode work on the harder one.\n\n\
              | mode | day | warnings | stops of 45 s | faults | weeks with a fault that day |\n\
-             |---|---|---|---|---|---|"
+             |---|---|---|---|---|---|",
+            self.paper.len(),
+            self.printed.len(),
         );
         for (name, weeks) in [
             ("paper mode", &self.paper),
