@@ -1,5 +1,5 @@
-//! What a busy or broken bus has kept back doesn't go out once it is too old, and no reading is shown
-//! that is older than its channel's fault.
+//! What a busy or broken bus has kept back doesn't go out once it is too old, and no reading is
+//! shown that is older than its channel's fault.
 
 use super::*;
 
