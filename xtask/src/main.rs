@@ -10,6 +10,7 @@ mod chip;
 mod command;
 mod difference;
 mod faults;
+mod harness;
 mod image;
 mod interop;
 mod packages;

@@ -14,6 +14,7 @@ use crate::campaign;
 use crate::chip;
 use crate::command::{self, CommandError, Tally};
 use crate::faults::{self, FaultsError};
+use crate::harness;
 use crate::image::{self, ImageError};
 use crate::interop::{self, InteropError};
 use crate::packages;
@@ -22,11 +23,12 @@ use crate::size::{self, SizeError};
 use crate::tidy;
 use crate::workspace::Workspace;
 
-/// Every test of every crate; what a test prints is wanted for the word of those that skip.
-const ALL_TESTS: [&str; 5] = [
+/// Tests in documentation comments; what a test prints is wanted for the word of those that skip.
+const DOCUMENTED_TESTS: [&str; 6] = [
     "test",
+    "--quiet",
     "--workspace",
-    "--no-fail-fast",
+    "--doc",
     "--",
     "--show-output",
 ];
@@ -438,24 +440,25 @@ fn no_std(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 }
 
 fn tests(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
-    let words = [
-        "test",
-        "--workspace",
-        "--no-fail-fast",
-        "--",
-        "--show-output",
-    ];
-    command::tests(workspace.cargo(&words), tally)?;
-    if tally.passed == 0 {
-        return Err(StepError::NoTests);
-    }
-    Ok(())
+    all_tests(workspace, &[], tally)
 }
 
 fn fuzz_long(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
-    let mut cargo = workspace.cargo(&ALL_TESTS);
-    cargo.env("PROPTEST_CASES", "100000");
-    Ok(command::tests(cargo, tally)?)
+    all_tests(workspace, &[("PROPTEST_CASES", "100000")], tally)
+}
+
+/// Every test of every crate, and then those in documentation comments.
+fn all_tests(
+    workspace: &Workspace,
+    variables: &[(&str, &str)],
+    tally: &mut Tally,
+) -> Result<(), StepError> {
+    harness::run(workspace, variables, tally)?;
+    if tally.passed == 0 {
+        return Err(StepError::NoTests);
+    }
+    command::tests(workspace.cargo(&DOCUMENTED_TESTS), tally)?;
+    Ok(())
 }
 
 fn documentation(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

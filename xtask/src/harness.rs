@@ -1,0 +1,200 @@
+//! Runs every test binary, two at a time.
+//!
+//! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
+//! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
+//! time, and many compute: one row of binaries begins with those of `plumb`, which wait; the other
+//! one begins at the other end, with those that compute, and leaves the processor to the first.
+//!
+//! Left out: tests in documentation comments, which cargo runs by itself.
+
+use std::cmp::Reverse;
+use std::collections::VecDeque;
+use std::panic::resume_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::command::{self, CommandError, Tally};
+use crate::workspace::Workspace;
+
+/// Builds everything that is tested, and tells each program in a line of JSON.
+const BUILD: [&str; 4] = [
+    "test",
+    "--workspace",
+    "--no-run",
+    "--message-format=json-render-diagnostics",
+];
+
+/// The crate whose tests wait most.
+const WAITS: &str = "cli";
+
+/// How many of the slowest are listed.
+const SLOWEST: usize = 10;
+
+/// One program with tests.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Binary {
+    /// The folder of its crate, where it runs.
+    folder: PathBuf,
+    /// Its target: the crate's name, or that of the file with the tests.
+    name: String,
+    program: PathBuf,
+}
+
+/// The two that run side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Row {
+    Waits,
+    Computes,
+}
+
+/// How one of them has gone.
+struct Ended {
+    binary: Binary,
+    took: Duration,
+    tally: Tally,
+    outcome: Result<(), CommandError>,
+}
+
+/// Runs all of them, whatever fails, with these variables; the first failure is the error.
+///
+/// The count stands in `tally` even then.
+pub fn run(
+    workspace: &Workspace,
+    variables: &[(&str, &str)],
+    tally: &mut Tally,
+) -> Result<(), CommandError> {
+    let binaries = Mutex::new(VecDeque::from(built(workspace)?));
+    let next = |place| {
+        let mut left = binaries.lock().unwrap_or_else(PoisonError::into_inner);
+        match place {
+            Row::Waits => left.pop_front(),
+            Row::Computes => left.pop_back(),
+        }
+    };
+    let all_of = |row| -> Vec<Ended> {
+        let binaries = std::iter::from_fn(|| next(row));
+        binaries
+            .map(|binary| test(workspace, variables, binary, row))
+            .collect()
+    };
+    let mut ended = thread::scope(|scope| {
+        let computing = scope.spawn(|| all_of(Row::Computes));
+        let mut ended = all_of(Row::Waits);
+        ended.extend(
+            computing
+                .join()
+                .unwrap_or_else(|panic| resume_unwind(panic)),
+        );
+        ended
+    });
+    ended.sort_by_key(|one| Reverse(one.took));
+    println!("      the slowest of {}:", ended.len());
+    ended.iter().take(SLOWEST).for_each(print);
+    for one in &ended {
+        *tally = tally.plus(one.tally);
+    }
+    let mut failed = ended.into_iter().filter_map(|one| one.outcome.err());
+    failed.next().map_or(Ok(()), Err)
+}
+
+/// Builds them, those that wait first.
+fn built(workspace: &Workspace) -> Result<Vec<Binary>, CommandError> {
+    let mut binaries = Vec::new();
+    command::watch(workspace.cargo(&BUILD), |line| {
+        binaries.extend(binary(line));
+    })?;
+    binaries.sort_by_key(|binary| (!binary.folder.ends_with(WAITS), binary.clone()));
+    Ok(binaries)
+}
+
+/// The program that a message of cargo is about, when it has tests.
+fn binary(message: &str) -> Option<Binary> {
+    let message: Value = serde_json::from_str(message).ok()?;
+    let is_test = message["profile"]["test"].as_bool()?;
+    let manifest = Path::new(message["manifest_path"].as_str()?);
+    is_test.then_some(Binary {
+        folder: manifest.parent()?.to_path_buf(),
+        name: message["target"]["name"].as_str()?.to_owned(),
+        program: PathBuf::from(message["executable"].as_str()?),
+    })
+}
+
+/// Runs one, and prints how it has gone.
+fn test(workspace: &Workspace, variables: &[(&str, &str)], binary: Binary, row: Row) -> Ended {
+    let program = binary.program.to_string_lossy();
+    let mut command = if row == Row::Computes && cfg!(unix) {
+        workspace.program("nice", &[&program])
+    } else {
+        workspace.program(&program, &[])
+    };
+    command
+        .arg("--show-output")
+        .current_dir(&binary.folder)
+        .env("CARGO_MANIFEST_DIR", &binary.folder)
+        .envs(variables.iter().copied());
+    let (start, mut tally) = (Instant::now(), Tally::default());
+    let outcome = command::tests(command, &mut tally).map_err(|error| match error {
+        CommandError::Status(_, status) => CommandError::Status(title(&binary), status),
+        error => error,
+    });
+    let ended = Ended {
+        took: start.elapsed(),
+        binary,
+        tally,
+        outcome,
+    };
+    print(&ended);
+    ended
+}
+
+/// What a person calls it: the folder of its crate and its target.
+fn title(binary: &Binary) -> String {
+    let folder = binary.folder.file_name().unwrap_or_default();
+    format!("{} {}", folder.to_string_lossy(), binary.name)
+}
+
+fn print(ended: &Ended) {
+    let (title, took_s) = (title(&ended.binary), ended.took.as_secs_f64());
+    let Tally { passed, failed, .. } = ended.tally;
+    let verdict = if ended.outcome.is_ok() {
+        ""
+    } else {
+        ": FAILED"
+    };
+    println!("      {took_s:6.1} s, {passed} passed, {failed} failed: {title}{verdict}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(is_test: bool, executable: &str) -> String {
+        format!(
+            r#"{{"reason":"compiler-artifact","manifest_path":"/plumb/cli/Cargo.toml",
+            "target":{{"kind":["test"],"name":"bench"}},"profile":{{"test":{is_test}}},
+            "executable":{executable}}}"#
+        )
+    }
+
+    #[test]
+    fn a_program_with_tests_is_told_from_what_else_is_built() {
+        let found = binary(&message(true, r#""/plumb/target/debug/deps/bench-0""#));
+        let found = found.expect("a program with tests");
+        assert_eq!(title(&found), "cli bench");
+        assert_eq!(found.program, Path::new("/plumb/target/debug/deps/bench-0"));
+        assert_eq!(
+            binary(&message(false, r#""/plumb/target/debug/plumb""#)),
+            None
+        );
+        assert_eq!(binary(&message(true, "null")), None);
+        assert_eq!(
+            binary(r#"{"reason":"build-finished","success":true}"#),
+            None
+        );
+        assert_eq!(binary("no JSON"), None);
+    }
+}
