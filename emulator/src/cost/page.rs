@@ -91,7 +91,8 @@ The figures of commit bd5be52, and those of this page.
 const ALONE: &str = "
 - **A sample** is the check for gaps and the low-pass of three axes, **a reading** all that follows:
   alignment in time, temperature, matrix, two slopes with their harmonics and uncertainties. The
-  device makes a reading at each SYNC and every 10 ms, so one for about four samples.
+  device makes a reading at each SYNC, and one where the last is 10 ms old: one for about four
+  samples.
 - **Floating point** is the same in 32 bits, by the library that the compiler brings along and
   `libm`, without checks for saturation or absence: [emulator/golden](../emulator/golden). Both run
   in one image on the same samples, counted by the core's counter, with the product's options.
