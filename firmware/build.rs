@@ -1,7 +1,8 @@
-//! Tells the linker where boot and application stand, from the flash map of the STM32F103RC.
+//! Tells the linker where bootloaders and applications stand, from the flash maps of the
+//! STM32F103RC (the product) and the STM32F103C8 (the paper's instrument).
 //!
-//! In: `PLUMB_SLOT`, for which slot the application is linked: `A` (default) or `B`. It changes
-//! addresses, never behaviour. Out: a `memory.x` for each binary.
+//! In: `PLUMB_SLOT`, for which slot the product's application is linked: `A` (default) or `B`. It
+//! changes addresses, never behaviour. Out: a `memory.x` for each binary.
 //!
 //! An image is position dependent, so an update is offered for both slots; `cargo xtask image`
 //! builds them both.
@@ -14,7 +15,7 @@
 use std::path::Path;
 use std::{env, fs};
 
-use flash::layout::{Program, RC, Slot};
+use flash::layout::{C8, Layout, Program, RC, Slot};
 
 fn main() {
     println!("cargo::rerun-if-env-changed=PLUMB_SLOT");
@@ -39,19 +40,21 @@ fn main() {
     println!("cargo::rustc-env=PLUMB_KEY={key}");
     println!("cargo::rustc-env=PLUMB_UNSIGNED={unsigned}");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
-        script("boot", Program::Boot);
-        script("app", Program::Application(slot));
+        script("boot", &RC, Program::Boot);
+        script("app", &RC, Program::Application(slot));
+        script("boot-paper", &C8, Program::Boot);
+        script("app-paper", &C8, Program::Application(Slot::A));
     }
 }
 
-/// Where the bootloader tells of its verifier.
+/// Where a bootloader tells of what it lends to applications.
 const SEAL_SECTION: &str = "SECTIONS { .seal : { KEEP(*(.seal)) } > SEAL } INSERT AFTER .rodata;\n";
 
 /// Writes `memory.x` into a folder of its own and links `binary` with it.
-fn script(binary: &str, program: Program) {
+fn script(binary: &str, layout: &Layout, program: Program) {
     let out = env::var("OUT_DIR").expect("cargo names the folder for what is generated");
     let folder = Path::new(&out).join(binary);
-    let text = RC.memory_x(program).expect("the part has both slots");
+    let text = layout.memory_x(program).expect("the part has the slot");
     // The last bytes of the RAM are no program's: `chip::trap` leaves there why one has ended.
     let text = format!("{text}_stack_start = ORIGIN(RAM) + LENGTH(RAM) - 32;\n");
     let text = match program {

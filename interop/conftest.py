@@ -3,6 +3,7 @@
 Tests marked `virtual` need what only the host's build of a node has, as each says; they are left
 out where `PLUMB` is the program that runs the exact image on emulated boards. Tests marked
 `product` need what the paper's instrument has not; they are left out where `PLUMB_MODE` is paper.
+Tests marked `sheets` need objects that the paper's image has not, and the virtual instrument has.
 """
 
 from __future__ import annotations
@@ -14,12 +15,17 @@ __all__ = ["joined", "master"]
 
 
 # Marks of tests that are left out here.
-LEFT_OUT = [*["virtual"] * EMULATED, *["product"] * (MODE == "paper")]
+LEFT_OUT = [
+    *["virtual"] * EMULATED,
+    *["product"] * (MODE == "paper"),
+    *["sheets"] * (EMULATED and MODE == "paper"),
+]
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "virtual(why): only for the host's build of a node")
     config.addinivalue_line("markers", "product(why): only for product mode")
+    config.addinivalue_line("markers", "sheets(why): not for the paper's image")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -29,6 +29,9 @@ EMULATED = pathlib.Path(PLUMB).stem == "emulate"
 # The instrument that `plumb serve` builds where a test does not say: the product, or the paper's.
 MODE = os.environ.get("PLUMB_MODE", "product")
 
+# The data sheets of what is served: the virtual instrument has the objects of both.
+SHEETS = "plumb-paper" if EMULATED and MODE == "paper" else "plumb"
+
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 
@@ -122,7 +125,7 @@ class Master(can.Listener):
             interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
         )
         self.network.connect(**self.address)
-        sheets = [ROOT / "eds" / "plumb-b.eds", ROOT / "eds" / "plumb-a.eds"]
+        sheets = [ROOT / "eds" / f"{SHEETS}-{channel}.eds" for channel in "ba"]
         self.nodes = {id: self.network.add_node(id, str(sheets[id % 2])) for id in nodes}
         for node in self.nodes.values():
             node.sdo.RESPONSE_TIMEOUT = 5.0

@@ -7,9 +7,8 @@ from typing import Iterator
 
 import canopen
 import pytest
-from master import START, Master, Plumb, until
+from master import ROOT, START, Master, Plumb, until
 
-pytestmark = pytest.mark.virtual("the image has no paper mode")
 
 STORE_REFUSED, WRONG_STATE, TOO_LONG = 0x0800_0020, 0x0800_0022, 0x0607_0012
 START_X, START_Y, FINISH, ABANDON = 1, 2, 3, 4
@@ -23,6 +22,16 @@ SPEED = 5
 def plumb() -> Iterator[Plumb]:
     with Plumb("--mode", "paper", "--speed", str(SPEED)) as plumb:
         yield plumb
+
+
+@pytest.fixture(autouse=True)
+def tables(master: Master) -> None:
+    """The run of 2060h, which the paper's data sheet has and the product's has not."""
+    for node, channel in (1, "a"), (2, "b"):
+        sheet = canopen.import_od(str(ROOT / "eds" / f"plumb-paper-{channel}.eds"), node)
+        objects = master.nodes[node].object_dictionary
+        if 0x2060 not in objects:
+            objects.add_object(sheet[0x2060])
 
 
 @pytest.fixture

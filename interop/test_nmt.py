@@ -56,6 +56,7 @@ def test_the_boot_up_message_has_the_state_byte_zero(master: Master, command: in
     assert INITIALISING not in [f.data[0] for f in master.since(mark, 0x702)]
 
 
+@pytest.mark.sheets("objects of presets")
 @pytest.mark.parametrize("command", [RESET_NODE, RESET_COMMUNICATION])
 def test_a_reset_forgets_what_was_not_stored(beating: Master, command: int) -> None:
     beating.write(1, 0x6014, 0, 77)
@@ -120,6 +121,7 @@ def test_python_canopen_commands_and_follows_a_node(beating: Master) -> None:
     nmt.wait_for_bootup(2)
 
 
+@pytest.mark.sheets("angles come later")
 def test_1f80_starts_a_node_by_itself(beating: Master) -> None:
     assert beating.read(1, 0x1F80) == 0
     beating.write(1, 0x1F80, 0, 8)

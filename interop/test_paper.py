@@ -15,7 +15,6 @@ import pytest
 from master import START, Master, Plumb, signed, until
 from test_pair import fast_sync
 
-pytestmark = pytest.mark.virtual("the image has no paper mode")
 
 AGREE, WARNING, STOP, DELAY, FAULT = 1, 2, 3, 4, 5
 SPEED, HZ = 5, 50

@@ -133,6 +133,7 @@ def test_type_n_is_sent_at_every_nth_sync(master: Master, n: int) -> None:
     assert len(master.since(mark, 0x182)) == 12
 
 
+@pytest.mark.sheets("objects of presets")
 def test_type_0_is_sent_at_the_sync_after_a_change(master: Master) -> None:
     identifier = remap(master, 3, [0x6000_0010], kind=0)
     master.nmt(START, 1)
@@ -146,6 +147,7 @@ def test_type_0_is_sent_at_the_sync_after_a_change(master: Master) -> None:
     assert [bytes(f.data) for f in master.since(mark, identifier)] == [u(100, 2)]
 
 
+@pytest.mark.sheets("objects of presets")
 @pytest.mark.parametrize("kind", [254, 255])
 def test_types_254_and_255_are_sent_at_a_change(master: Master, kind: int) -> None:
     identifier = remap(master, 3, [0x6000_0010], kind=kind)
@@ -164,6 +166,7 @@ def gaps(frames: list[can.Message]) -> list[float]:
     return [b.timestamp - a.timestamp for a, b in zip(frames, frames[1:])]
 
 
+@pytest.mark.sheets("objects of presets")
 def test_the_event_timer_sends_without_a_change(master: Master) -> None:
     identifier = remap(master, 3, [0x6000_0010], kind=255, event=50)
     mark = master.mark()
@@ -214,6 +217,7 @@ UNMAPPABLE = {
 }
 
 
+@pytest.mark.sheets("objects of presets")
 def test_a_non_mappable_object_is_refused_and_named(master: Master) -> None:
     master.write(1, 0x1800, 1, OFF | 0x181)
     master.write(1, 0x1A00, 0, 0)

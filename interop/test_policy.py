@@ -24,7 +24,7 @@ WAITING, AGREE, WARNING, DISAGREE, OWN_ILL, OTHER_ILL = 0, 1, 2, 6, 7, 8
 DISAGREE_CODE, OWN_CODE, OTHER_CODE, SUPPLY = 0xFF13, 0xFF14, 0xFF15, 0x3200
 PEER, SET_UP_LOST, SILENT, UNCONFIRMED, ALONE = 2, 7, 15, 18, 19
 LATCHED = 0x80
-TOO_HIGH = 0x0609_0031
+TOO_HIGH, READ_ONLY = 0x0609_0031, 0x0601_0002
 SPEED = 5
 
 
@@ -89,7 +89,7 @@ def test_as_delivered_faults_stay_and_one_channel_may_do_alone(master: Master) -
 
 
 def test_what_is_no_policy_is_refused(master: Master) -> None:
-    assert master.refusal(1, 0x2003, 0, b"\x03") == TOO_HIGH
+    assert master.refusal(1, 0x2003, 0, b"\x02") == READ_ONLY, "there is one rule"
     assert master.refusal(1, 0x2004, 0, (3601).to_bytes(2, "little")) == TOO_HIGH
     assert master.refusal(1, 0x2005, 0, b"\x02") == TOO_HIGH
     assert [master.read(1, index) for index in (0x2003, 0x2004, 0x2005)] == [0, 0, 1]
@@ -272,25 +272,3 @@ def test_silence_counts_after_three_syncs(plumb: Plumb, pair: Master) -> None:
     syncs = [f for f in pair.since(0, 0x080) if last[-1].timestamp < f.timestamp < told.timestamp]
     # A SYNC tells that the one before it has gone unanswered: the fourth has three behind it.
     assert len(syncs) == 4
-
-
-def test_the_paper_s_rule_is_chosen_from_the_next_reset_on(plumb: Plumb, pair: Master) -> None:
-    """By the paper's rule 1.1 deg are warnings, and only the 111th in ten minutes is more."""
-    pair.nmt(PRE_OPERATIONAL)
-    try:
-        for node in (1, 2):
-            pair.write(node, 0x2003, 0, 1)
-            assert pair.refusal(node, 0x1010, 4, b"save") == 0
-        pair.reset()
-        begin(pair)
-        plumb.type("fault b offset 20")
-        both(pair, WARNING, WARNING)
-        data = newest(pair, 1)
-        assert data[4] & 3 == 3 and INVALID16 not in slopes(data), "a warning takes no angle away"
-        plumb.type("heal b")
-    finally:
-        pair.nmt(PRE_OPERATIONAL)
-        for node in (1, 2):
-            assert pair.refusal(node, 0x1011, 1, b"load") == 0
-        pair.reset()
-    assert [pair.read(node, 0x2003) for node in (1, 2)] == [0, 0]

@@ -132,6 +132,7 @@ def test_another_transfer_gives_the_first_one_up(master: Master) -> None:
 # Refusals.
 
 
+@pytest.mark.sheets("objects of presets and updates")
 @pytest.mark.parametrize(
     "request_, code",
     [
@@ -177,6 +178,7 @@ def test_a_short_frame_is_no_request(master: Master, length: int) -> None:
     unanswered(master, begin(0x40, 0x1000).ljust(8, b"\0")[:length])
 
 
+@pytest.mark.sheets("objects of presets and updates")
 def test_a_refused_write_changes_nothing(master: Master) -> None:
     assert master.refusal(1, 0x6000, 0, b"\x02\0") == BAD_VALUE
     assert master.refusal(1, 0x1017, 0, bytes(4)) == TOO_LONG

@@ -10,10 +10,10 @@
 use crate::emcy::Emergency;
 use crate::error_control::ErrorControl;
 use crate::nmt::{ErrorBehaviour, State};
-use crate::object::{Abort, Address, Dictionary, Place, Value};
+use crate::object::{Abort, Address, Dictionary, Objects, Place, Value};
 use crate::pdo::Pdos;
 use crate::srdo::Safety;
-use crate::sync::Sync;
+use crate::sync::{self, Sync};
 use crate::time::Instant;
 
 /// The services that have objects of their own, and their state.
@@ -100,10 +100,10 @@ impl Communication {
     }
 
     /// The value of an object that a service owns.
-    pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read<O: Objects>(&mut self, at: Address) -> Option<Result<Value, Abort>> {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.read(at),
-            0x1300..=0x13FF => self.safety.read(at),
+            0x1300..=0x13FF if O::SERVICES.safety => self.safety.read(at),
             0x1400..=0x1BFF => self.pdo.read(at),
             _ => self.place(at).map(|place| Ok(place.get())),
         }
@@ -112,7 +112,7 @@ impl Communication {
     /// Writes an object that a service owns, under all the rules that hold for an SDO.
     // Out of line it is less code: what it calls has the registers for itself.
     #[inline(never)]
-    pub fn write(
+    pub fn write<O: Objects>(
         &mut self,
         dictionary: &Dictionary,
         at: Address,
@@ -122,11 +122,18 @@ impl Communication {
         let operational = self.state == State::Operational;
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.write(at, value),
+            0x1005
+                if !O::SERVICES.sync_producer && value.unsigned() as u32 & sync::PRODUCE != 0 =>
+            {
+                Some(Err(Abort::InvalidValue))
+            }
             0x1005..=0x1007 | 0x1019 => self.sync.write(at, value, now),
             0x100C | 0x100D | 0x1016 | 0x1017 => self.error_control.write(at, value, now),
             0x1029 => self.behaviour.write(at, value),
-            0x1300..=0x13FF => self.safety.write(dictionary, at, value, operational),
-            0x1400..=0x1BFF => self.pdo.write(dictionary, at, value),
+            0x1300..=0x13FF if O::SERVICES.safety => {
+                self.safety.write(dictionary, at, value, operational)
+            }
+            0x1400..=0x1BFF => self.pdo.write::<O>(dictionary, at, value),
             // No NMT master here, so bits of its are not taken (CiA 302-2).
             0x1F80 if value.unsigned() & !0b1100 != 0 => Some(Err(Abort::InvalidValue)),
             _ => {
@@ -137,10 +144,10 @@ impl Communication {
     }
 
     /// Puts a default or stored value in place, in any order and without the rules for SDOs.
-    pub fn load(&mut self, at: Address, value: Value) -> bool {
+    pub fn load<O: Objects>(&mut self, at: Address, value: Value) -> bool {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.load(at, value),
-            0x1300..=0x13FF => self.safety.load(at, value),
+            0x1300..=0x13FF if O::SERVICES.safety => self.safety.load(at, value),
             0x1400..=0x1BFF => self.pdo.load(at, value),
             _ => self.place(at).map(|mut place| place.set(value)).is_some(),
         }

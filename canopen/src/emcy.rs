@@ -12,7 +12,7 @@
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Value};
-use crate::time::Instant;
+use crate::time::{Deadline, Instant};
 
 /// Errors kept in 1003h.
 pub const HISTORY: usize = 8;
@@ -139,13 +139,17 @@ impl Emergency {
     }
 
     /// When a message that waits may go.
-    pub fn poll(&self, state: State) -> Option<Instant> {
-        self.waits(state).then_some(self.free_at)
+    pub fn poll(&self, state: State) -> Deadline {
+        if self.waits(state) {
+            Deadline::at(self.free_at)
+        } else {
+            Deadline::NONE
+        }
     }
 
     /// The identifier of a message that may go now.
     pub fn next_cob_id(&self, state: State, now: Instant) -> Option<u16> {
-        let due = self.poll(state).is_some_and(|at| at <= now);
+        let due = self.waits(state) && self.free_at <= now;
         due.then_some(self.id())
     }
 
@@ -158,9 +162,10 @@ impl Emergency {
         Some(Frame::data_frame(self.id(), message))
     }
 
-    /// A frame of this identifier has gone out.
-    pub fn sent(&mut self, cob_id: u16) {
-        if cob_id == self.id() && core::mem::take(&mut self.handed_over) {
+    /// A frame of this identifier has gone out; true when it was a message, and another may go.
+    pub fn sent(&mut self, cob_id: u16) -> bool {
+        let is_told = cob_id == self.id() && core::mem::take(&mut self.handed_over);
+        if is_told {
             let mut next = [0; 8];
             // One place further each; `rotate_left` would bring the library's memmove along.
             for kept in self.waiting.iter_mut().rev() {
@@ -168,6 +173,7 @@ impl Emergency {
             }
             self.count_waiting = self.count_waiting.saturating_sub(1);
         }
+        is_told
     }
 
     /// The controller has lost what it had: that is sent again.
@@ -294,7 +300,7 @@ mod tests {
         e.raise(0x1001, 0x80, [0; 5]);
         assert!(said(&mut e, Instant(100)).is_some());
         assert_eq!(e.next_cob_id(OP, Instant(5_099)), None);
-        assert_eq!(e.poll(OP), Some(Instant(5_100)));
+        assert_eq!(e.poll(OP).get(), Some(Instant(5_100)));
         assert_eq!(e.next_cob_id(OP, Instant(5_100)), Some(0x85));
     }
 
@@ -319,7 +325,10 @@ mod tests {
         e.raise(0x1001, 0x80, [0; 5]);
         let first = e.transmit(Instant(0));
         assert!(first.is_some());
-        assert_eq!((e.next_cob_id(OP, Instant(0)), e.poll(OP)), (None, None));
+        assert_eq!(
+            (e.next_cob_id(OP, Instant(0)), e.poll(OP).get()),
+            (None, None)
+        );
         assert_eq!(e.transmit(Instant(0)), None);
         // What another service sends is no answer to that.
         e.sent(0x181);

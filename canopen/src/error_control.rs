@@ -9,8 +9,8 @@
 
 use crate::frame::{Frame, standard};
 use crate::nmt::State;
-use crate::object::{Abort, Address, Place, Value};
-use crate::time::{Earliest, Instant};
+use crate::object::{Abort, Address, Objects, Place, Value};
+use crate::time::{Deadline, Instant};
 
 /// Nodes that can be supervised (1016h).
 pub const SUPERVISED: usize = 4;
@@ -42,29 +42,20 @@ pub fn boot_up(node_id: u8) -> Frame {
     Frame::data_frame(ERROR_CONTROL + u16::from(node_id), &[0])
 }
 
+/// An entry of 1016h.
 #[derive(Clone, Copy, Debug)]
-struct Consumer {
-    entry: u32,
-    deadline: Option<Instant>,
-    lost: bool,
-}
+struct Consumer(u32);
 
 impl Consumer {
-    const OFF: Self = Self {
-        entry: 0,
-        deadline: None,
-        lost: false,
-    };
-
-    const fn node(&self) -> u8 {
-        (self.entry >> 16) as u8
+    const fn node(self) -> u8 {
+        (self.0 >> 16) as u8
     }
 
-    const fn time_ms(&self) -> u32 {
-        self.entry & 0xFFFF
+    const fn time_ms(self) -> u32 {
+        self.0 & 0xFFFF
     }
 
-    const fn is_on(&self) -> bool {
+    const fn is_on(self) -> bool {
         self.time_ms() != 0 && matches!(self.node(), 1..=127)
     }
 }
@@ -75,16 +66,21 @@ pub struct ErrorControl {
     producer_ms: u16,
     guard_ms: u16,
     life_factor: u8,
-    consumers: [Consumer; SUPERVISED],
-    heartbeat_at: Option<Instant>,
     /// A guarding request waits for its answer.
     asked: bool,
     /// An answer to guarding is in the controller, and has not gone out.
     answered: bool,
     toggle: bool,
-    guarded_until: Option<Instant>,
-    guarding_lost: bool,
+    /// Who is silent: bits 0 to 3 the nodes of 1016h, bit 4 the master that guards.
+    lost: u8,
+    consumers: [Consumer; SUPERVISED],
+    /// When each of the same five is silent for too long; it was heard.
+    silent_at: [Deadline; SUPERVISED + 1],
+    heartbeat_at: Deadline,
 }
+
+/// Place of the master that guards among those who can fall silent.
+const MASTER: usize = SUPERVISED;
 
 impl ErrorControl {
     /// As [`ErrorControl::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
@@ -92,13 +88,13 @@ impl ErrorControl {
         producer_ms: 0,
         guard_ms: 0,
         life_factor: 0,
-        consumers: [Consumer::OFF; SUPERVISED],
-        heartbeat_at: None,
         asked: false,
         answered: false,
         toggle: false,
-        guarded_until: None,
-        guarding_lost: false,
+        lost: 0,
+        consumers: [Consumer(0); SUPERVISED],
+        silent_at: [Deadline::NONE; SUPERVISED + 1],
+        heartbeat_at: Deadline::NONE,
     };
 
     /// Nothing produced, nobody supervised.
@@ -113,20 +109,24 @@ impl ErrorControl {
         self.toggle = false;
         self.asked = false;
         self.answered = false;
-        self.heartbeat_at = self.next_heartbeat(now);
-    }
-
-    fn next_heartbeat(&self, now: Instant) -> Option<Instant> {
-        let period = u32::from(self.producer_ms);
-        (period != 0).then(|| now.after_ms(period))
+        self.heartbeat_at = Deadline::in_ms(now, self.producer_ms.into());
     }
 
     /// Takes a frame of error control; `node_id` is this node's.
-    pub fn receive(&mut self, frame: &Frame, node_id: u8, now: Instant) -> Option<Event> {
+    pub fn receive<O: Objects>(
+        &mut self,
+        frame: &Frame,
+        node_id: u8,
+        now: Instant,
+    ) -> Option<Event> {
         let id = frame.cob_id()?.checked_sub(ERROR_CONTROL)?;
         let node = u8::try_from(id).ok().filter(|n| (1..=127).contains(n))?;
         if frame.is_remote() {
-            return (node == node_id).then(|| self.guarded(now)).flatten();
+            let asked = O::SERVICES.guarding && node == node_id;
+            return asked.then(|| self.guarded(now)).flatten();
+        }
+        if !O::SERVICES.heartbeat_consumer {
+            return None;
         }
         let &[state] = frame.bytes() else {
             return None;
@@ -143,37 +143,44 @@ impl ErrorControl {
             return None;
         }
         self.asked = true;
-        self.guarded_until = self.life_ends(now);
-        let back = core::mem::take(&mut self.guarding_lost);
-        back.then_some(Event::LifeGuarding { alive: true })
+        let was_lost = self.is_back(MASTER, self.life_ms(), now) & 1 << MASTER;
+        (was_lost != 0).then_some(Event::LifeGuarding { alive: true })
     }
 
-    fn life_ends(&self, now: Instant) -> Option<Instant> {
-        let life_ms = u32::from(self.guard_ms) * u32::from(self.life_factor);
-        (life_ms != 0).then(|| now.after_ms(life_ms))
+    const fn life_ms(&self) -> u32 {
+        self.guard_ms as u32 * self.life_factor as u32
+    }
+
+    /// One of the five was heard, and has to be heard again within that time; who was lost before.
+    fn is_back(&mut self, place: usize, within_ms: u32, now: Instant) -> u8 {
+        if let Some(silent_at) = self.silent_at.get_mut(place) {
+            *silent_at = Deadline::in_ms(now, within_ms);
+        }
+        let lost = self.lost;
+        self.lost = lost & !(1 << place);
+        lost
     }
 
     /// Up to `now` frames may have been lost that were sent: whoever is supervised has all of its
     /// time again.
     pub fn excuse(&mut self, now: Instant) {
-        for consumer in &mut self.consumers {
-            let whole = now.after_ms(consumer.time_ms());
-            consumer.deadline = consumer.deadline.and(Some(whole));
-        }
-        if self.guarded_until.is_some() {
-            self.guarded_until = self.life_ends(now);
+        let life_ms = self.life_ms();
+        let times = self.consumers.iter().map(|consumer| consumer.time_ms());
+        for (silent_at, ms) in self.silent_at.iter_mut().zip(times.chain([life_ms])) {
+            if silent_at.is_set() {
+                *silent_at = Deadline::in_ms(now, ms);
+            }
         }
     }
 
     /// Supervision of a node starts at its first heartbeat (CiA 301, 7.2.8.2.2.3).
     fn heard(&mut self, node: u8, now: Instant) -> Option<Event> {
         let mut event = None;
-        for (slot, consumer) in (0..).zip(&mut self.consumers) {
-            if consumer.is_on() && consumer.node() == node {
-                let first = consumer.deadline.is_none();
-                consumer.deadline = Some(now.after_ms(consumer.time_ms()));
-                consumer.lost = false;
-                let alive = true;
+        for (slot, consumer) in self.consumers.into_iter().enumerate() {
+            if consumer.node() == node && consumer.is_on() {
+                let first = self.silent_at.get(slot).is_some_and(|at| !at.is_set());
+                self.is_back(slot, consumer.time_ms(), now);
+                let (slot, alive) = (slot as u8, true);
                 event = first.then_some(Event::Heartbeat { slot, node, alive });
             }
         }
@@ -182,43 +189,41 @@ impl ErrorControl {
 
     /// One silence that has lasted too long by `now`; call until `None`.
     pub fn expired(&mut self, now: Instant) -> Option<Event> {
-        for (slot, consumer) in (0..).zip(&mut self.consumers) {
-            if consumer.deadline.is_some_and(|at| at <= now) {
-                consumer.deadline = None;
-                consumer.lost = true;
-                let (node, alive) = (consumer.node(), false);
-                return Some(Event::Heartbeat { slot, node, alive });
+        let mut all = self.silent_at.iter_mut();
+        let slot = all.position(|at| {
+            let is_due = at.is_due(now);
+            if is_due {
+                *at = Deadline::NONE;
             }
-        }
-        if self.guarded_until.is_some_and(|at| at <= now) {
-            self.guarded_until = None;
-            self.guarding_lost = true;
-            return Some(Event::LifeGuarding { alive: false });
-        }
-        None
+            is_due
+        })?;
+        self.lost |= 1 << slot;
+        let alive = false;
+        Some(match self.consumers.get(slot) {
+            Some(consumer) => Event::Heartbeat {
+                slot: slot as u8,
+                node: consumer.node(),
+                alive,
+            },
+            None => Event::LifeGuarding { alive },
+        })
     }
 
     /// What is lost and still supervised: bits 0 to 3 the nodes of 1016h, bit 4 guarding.
-    pub fn lost(&self) -> u8 {
-        let guarding = u8::from(self.guarding_lost) << SUPERVISED;
-        let nodes = self.consumers.iter().zip(0..);
-        nodes.fold(guarding, |lost, (c, slot)| lost | u8::from(c.lost) << slot)
+    pub const fn lost(&self) -> u8 {
+        self.lost
     }
 
     /// When to look again.
-    pub fn poll(&self) -> Option<Instant> {
-        let mut first = Earliest::NONE;
-        for consumer in &self.consumers {
-            first.add(consumer.deadline);
-        }
-        first.add(self.guarded_until);
-        first.add(self.heartbeat_at);
-        first.get()
+    pub fn poll(&self) -> Deadline {
+        let mut first = self.heartbeat_at;
+        self.silent_at.iter().for_each(|at| first.add(*at));
+        first
     }
 
     /// True when [`ErrorControl::transmit`] has something.
     pub fn is_due(&self, now: Instant) -> bool {
-        self.asked || self.heartbeat_at.is_some_and(|at| at <= now)
+        self.asked || self.heartbeat_at.is_due(now)
     }
 
     /// The heartbeat or the answer to guarding that is due.
@@ -229,13 +234,11 @@ impl ErrorControl {
             self.answered = true;
             return Some(Frame::data_frame(id, &[toggle | state as u8]));
         }
-        let due = self.heartbeat_at.filter(|at| *at <= now)?;
-        let next = due.after_ms(u32::from(self.producer_ms));
-        self.heartbeat_at = if next > now {
-            Some(next)
-        } else {
-            self.next_heartbeat(now)
-        };
+        if !self.heartbeat_at.is_due(now) {
+            return None;
+        }
+        let period_us = u64::from(self.producer_ms) * 1000;
+        self.heartbeat_at = self.heartbeat_at.in_step(period_us, now);
         Some(Frame::data_frame(id, &[state as u8]))
     }
 
@@ -265,7 +268,7 @@ impl ErrorControl {
             0x100C => Place::U16(&mut self.guard_ms),
             0x100D => Place::U8(&mut self.life_factor),
             0x1017 => Place::U16(&mut self.producer_ms),
-            _ => Place::U32(&mut self.consumer(at.sub)?.entry),
+            _ => Place::U32(&mut self.consumer(at.sub)?.0),
         })
     }
 
@@ -287,16 +290,15 @@ impl ErrorControl {
             place.set(value);
         }
         if at.index == 0x1017 {
-            self.heartbeat_at = self.next_heartbeat(now);
+            self.heartbeat_at = Deadline::in_ms(now, self.producer_ms.into());
             self.asked = false;
         }
+        // Supervision with the new times begins at the next heartbeat, guarding at the master's
+        // next request.
         if at.index != 0x1016 {
-            // Guarding with the new times begins at the master's next request.
-            self.guarded_until = None;
-            self.guarding_lost = false;
-        } else if let Some(consumer) = self.consumer(at.sub) {
-            consumer.deadline = None;
-            consumer.lost = false;
+            self.is_back(MASTER, 0, now);
+        } else if let Some(place @ ..MASTER) = usize::from(at.sub).checked_sub(1) {
+            self.is_back(place, 0, now);
         }
         Some(Ok(()))
     }
@@ -304,10 +306,7 @@ impl ErrorControl {
     /// No node twice, and nothing in the reserved bits. An entry without a time, or with a node-id
     /// that no node has, is one that is not used (CiA 301, 7.5.2.19).
     fn refuse_entry(&self, sub: u8, entry: u32) -> Option<Abort> {
-        let new = Consumer {
-            entry,
-            ..Consumer::OFF
-        };
+        let new = Consumer(entry);
         if entry >> 24 != 0 {
             return Some(Abort::InvalidValue);
         }
@@ -329,6 +328,7 @@ impl Default for ErrorControl {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::shelf::Shelf;
     use crate::object::at;
 
     const PRE: State = State::PreOperational;
@@ -358,7 +358,7 @@ mod tests {
         assert!(!control.is_due(ms(106)) && control.is_due(ms(107)));
         let told = control.transmit(5, PRE, ms(110));
         assert_eq!(told, Some(heartbeat(5, 127)));
-        assert_eq!(control.poll(), Some(ms(207)));
+        assert_eq!(control.poll().get(), Some(ms(207)));
         assert_eq!(
             control.transmit(5, State::Operational, ms(207)),
             Some(heartbeat(5, 5))
@@ -370,7 +370,7 @@ mod tests {
         let mut control = ErrorControl::new();
         write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 300)).unwrap();
         write(&mut control, 0x1016, 2, Value::u32(3 << 16 | 300)).unwrap();
-        control.receive(&heartbeat(2, 127), 1, ms(0));
+        control.receive::<Shelf>(&heartbeat(2, 127), 1, ms(0));
         control.excuse(ms(290));
         assert_eq!(control.expired(ms(589)), None);
         // Who was never heard stays so.
@@ -383,7 +383,7 @@ mod tests {
         assert_eq!(control.expired(ms(10_000)), None);
         // One that is lost already does not come back by it.
         control.excuse(ms(600));
-        assert_eq!((control.lost(), control.poll()), (1, None));
+        assert_eq!((control.lost(), control.poll().get()), (1, None));
     }
 
     #[test]
@@ -392,13 +392,13 @@ mod tests {
         write(&mut control, 0x100C, 0, Value::u16(100)).unwrap();
         write(&mut control, 0x100D, 0, Value::u8(3)).unwrap();
         let guard = ErrorControl::request(1).unwrap();
-        control.receive(&guard, 1, ms(0));
+        control.receive::<Shelf>(&guard, 1, ms(0));
         control.excuse(ms(290));
         assert_eq!(control.expired(ms(589)), None);
         let lost = Event::LifeGuarding { alive: false };
         assert_eq!(control.expired(ms(590)), Some(lost));
         control.excuse(ms(600));
-        assert_eq!(control.poll(), None);
+        assert_eq!(control.poll().get(), None);
     }
 
     #[test]
@@ -407,7 +407,7 @@ mod tests {
         write(&mut control, 0x1016, 1, Value::u32(2 << 16 | 300)).unwrap();
         assert_eq!(control.expired(ms(10_000)), None);
         // A boot-up message does not start it.
-        assert_eq!(control.receive(&heartbeat(2, 0), 1, ms(0)), None);
+        assert_eq!(control.receive::<Shelf>(&heartbeat(2, 0), 1, ms(0)), None);
         assert_eq!(control.expired(ms(10_000)), None);
         let node = |alive| {
             Some(Event::Heartbeat {
@@ -416,12 +416,21 @@ mod tests {
                 alive,
             })
         };
-        assert_eq!(control.receive(&heartbeat(2, 127), 1, ms(0)), node(true));
-        assert_eq!(control.receive(&heartbeat(2, 127), 1, ms(200)), None);
+        assert_eq!(
+            control.receive::<Shelf>(&heartbeat(2, 127), 1, ms(0)),
+            node(true)
+        );
+        assert_eq!(
+            control.receive::<Shelf>(&heartbeat(2, 127), 1, ms(200)),
+            None
+        );
         assert_eq!(control.expired(ms(499)), None);
         assert_eq!(control.expired(ms(500)), node(false));
         assert_eq!(control.expired(ms(500)), None);
-        assert_eq!(control.receive(&heartbeat(2, 5), 1, ms(900)), node(true));
+        assert_eq!(
+            control.receive::<Shelf>(&heartbeat(2, 5), 1, ms(900)),
+            node(true)
+        );
     }
 
     #[test]
@@ -450,9 +459,12 @@ mod tests {
         }
         // Nobody is supervised by it, not even what looks like a heartbeat of node 0.
         for id in [0, 127] {
-            assert_eq!(control.receive(&heartbeat(id, 5), 1, ms(0)), None);
+            assert_eq!(control.receive::<Shelf>(&heartbeat(id, 5), 1, ms(0)), None);
         }
-        assert_eq!((control.poll(), control.expired(ms(10_000))), (None, None));
+        assert_eq!(
+            (control.poll().get(), control.expired(ms(10_000))),
+            (None, None)
+        );
     }
 
     #[test]
@@ -461,7 +473,7 @@ mod tests {
         control.start(ms(0));
         let request = ErrorControl::request(5).unwrap();
         for toggle in [0, 0x80, 0] {
-            assert_eq!(control.receive(&request, 5, ms(1)), None);
+            assert_eq!(control.receive::<Shelf>(&request, 5, ms(1)), None);
             assert!(control.is_due(ms(1)));
             let answer = control.transmit(5, PRE, ms(1));
             assert_eq!(answer, Some(heartbeat(5, toggle | 127)));
@@ -469,7 +481,7 @@ mod tests {
         }
         assert!(!control.is_due(ms(1)));
         control.start(ms(2));
-        control.receive(&request, 5, ms(3));
+        control.receive::<Shelf>(&request, 5, ms(3));
         assert_eq!(control.transmit(5, PRE, ms(3)), Some(heartbeat(5, 127)));
     }
 
@@ -485,7 +497,7 @@ mod tests {
             (0x80, false),
             (0, false),
         ] {
-            control.receive(&request, 5, ms(1));
+            control.receive::<Shelf>(&request, 5, ms(1));
             let answer = control.transmit(5, PRE, ms(1)).unwrap();
             assert_eq!(answer, heartbeat(5, toggle | 127));
             if lost {
@@ -500,7 +512,7 @@ mod tests {
     fn a_heartbeat_takes_precedence_over_guarding() {
         let mut control = ErrorControl::new();
         write(&mut control, 0x1017, 0, Value::u16(100)).unwrap();
-        control.receive(&ErrorControl::request(5).unwrap(), 5, ms(1));
+        control.receive::<Shelf>(&ErrorControl::request(5).unwrap(), 5, ms(1));
         assert!(!control.is_due(ms(1)));
     }
 
@@ -511,11 +523,11 @@ mod tests {
         write(&mut control, 0x100D, 0, Value::u8(3)).unwrap();
         let request = ErrorControl::request(5).unwrap();
         assert_eq!(control.expired(ms(1000)), None);
-        control.receive(&request, 5, ms(1000));
+        control.receive::<Shelf>(&request, 5, ms(1000));
         assert_eq!(control.expired(ms(1299)), None);
         let lost = Event::LifeGuarding { alive: false };
         assert_eq!(control.expired(ms(1300)), Some(lost));
         let back = Event::LifeGuarding { alive: true };
-        assert_eq!(control.receive(&request, 5, ms(1400)), Some(back));
+        assert_eq!(control.receive::<Shelf>(&request, 5, ms(1400)), Some(back));
     }
 }

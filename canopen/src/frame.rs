@@ -92,6 +92,17 @@ impl Frame {
         })
     }
 
+    /// A frame of the parts that [`Frame::id`], [`Frame::is_remote`], [`Frame::length`] (rest cut)
+    /// and [`Frame::padded`] give: bytes past the length are zero, as are all of a remote one.
+    pub const fn of_parts(id: Id, remote: bool, length: u8, data: [u8; 8]) -> Self {
+        Self {
+            id,
+            remote,
+            length: if length > 8 { 8 } else { length },
+            data,
+        }
+    }
+
     /// The identifier.
     pub const fn id(&self) -> Id {
         self.id
@@ -160,6 +171,22 @@ impl embedded_can::Frame for Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_frame_is_made_anew_of_its_parts() {
+        let id = Id::Extended(ExtendedId::MAX);
+        let frames = [
+            Frame::data_frame(0x123, &[1, 2, 3]),
+            Frame::of_number(id, u64::MAX, 8),
+            Frame::remote(id, 5).unwrap(),
+        ];
+        for frame in frames {
+            let length = frame.length() as u8;
+            let made = Frame::of_parts(frame.id(), frame.is_remote(), length, frame.padded());
+            assert_eq!(made, frame);
+        }
+        assert_eq!(Frame::of_parts(id, false, 9, [0; 8]).length(), 8);
+    }
 
     #[test]
     fn nine_bytes_are_no_frame() {

@@ -19,6 +19,7 @@ pub mod node;
 pub mod object;
 pub mod pdo;
 pub mod sdo;
+pub mod services;
 pub mod srdo;
 pub mod storage;
 pub mod sync;

@@ -141,6 +141,17 @@ impl Lss {
 
     /// Takes a frame; `None` when it is none of LSS's.
     pub fn receive(&mut self, frame: &Frame, identity: &[u32; 4]) -> Option<Request> {
+        self.serve(frame, identity, true)
+    }
+
+    /// As [`Lss::receive`], with fastscan or without.
+    #[inline]
+    pub(crate) fn serve(
+        &mut self,
+        frame: &Frame,
+        identity: &[u32; 4],
+        fastscan: bool,
+    ) -> Option<Request> {
         if frame.cob_id() != Some(REQUEST) || frame.is_remote() {
             return None;
         }
@@ -161,7 +172,7 @@ impl Lss {
                 }
                 Request::Answered
             }
-            FASTSCAN => self.fastscan(number, e, [f, g], identity),
+            FASTSCAN if fastscan => self.fastscan(number, e, [f, g], identity),
             _ if self.configuring => self.configure(specifier, [a, b], identity),
             _ => Request::Answered,
         })

@@ -11,6 +11,7 @@ pub mod packed;
 mod place;
 
 pub use crate::sdo::abort::Abort;
+use crate::services::Services;
 use packed::{Form, Kind, Row};
 pub use place::Place;
 
@@ -403,6 +404,9 @@ impl Value {
 /// changes nothing when it refuses. Addresses that it does not serve answer
 /// [`Abort::NoSuchObject`].
 pub trait Objects {
+    /// The optional services that the device has. What it leaves out is not linked.
+    const SERVICES: Services = Services::ALL;
+
     /// The table.
     fn dictionary(&self) -> Dictionary;
 

@@ -9,10 +9,10 @@
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Place, Value};
-use crate::time::Instant;
+use crate::time::{Deadline, Instant};
 
 /// Bit 30 of 1005h: this node produces.
-const PRODUCE: u32 = 1 << 30;
+pub(crate) const PRODUCE: u32 = 1 << 30;
 
 /// A SYNC that has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub struct Sync {
     /// Period of a SYNC that this node makes because nobody else does.
     absence_us: Option<u32>,
     counter: u8,
-    due: Option<Instant>,
+    due: Deadline,
     /// This node's SYNC waits for the bus.
     under_way: bool,
 }
@@ -46,7 +46,7 @@ impl Sync {
             overflow: 0,
             absence_us: None,
             counter: 0,
-            due: None,
+            due: Deadline::NONE,
             under_way: false,
         }
     }
@@ -99,7 +99,7 @@ impl Sync {
     }
 
     fn restart(&mut self, now: Instant) {
-        self.due = self.producing().map(|period| now.after(u64::from(period)));
+        self.due = Deadline::in_us(now, self.producing().unwrap_or(0).into());
     }
 
     /// Asks for SYNC at this period although 1005h does not; `None` ends it.
@@ -114,22 +114,27 @@ impl Sync {
     }
 
     /// When the producer wants to send next.
-    pub fn poll(&self, state: State) -> Option<Instant> {
-        self.due.filter(|_| state.allows_sync())
+    pub const fn poll(&self, state: State) -> Deadline {
+        if state.allows_sync() {
+            self.due
+        } else {
+            Deadline::NONE
+        }
     }
 
     /// The identifier of a SYNC that is due.
     pub fn next_cob_id(&self, state: State, now: Instant) -> Option<u16> {
-        let due = self.poll(state).is_some_and(|due| due <= now);
+        let due = self.poll(state).is_due(now);
         due.then_some(self.id())
     }
 
     /// The SYNC that is due. One that is late by more than a period is not made up for.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        let due = self.due.filter(|due| *due <= now)?;
-        let period = u64::from(self.producing()?);
-        let next = due.after(period);
-        self.due = Some(if next > now { next } else { now.after(period) });
+        if !self.due.is_due(now) {
+            return None;
+        }
+        let period_us = u64::from(self.producing()?);
+        self.due = self.due.in_step(period_us, now);
         self.under_way = true;
         if self.overflow == 0 {
             return Some(Frame::data_frame(self.id(), &[]));
@@ -212,20 +217,20 @@ mod tests {
     fn a_producer_keeps_to_absolute_deadlines() {
         let mut sync = Sync::new();
         assert_eq!(write(&mut sync, 0x1006, 10_000), Ok(()));
-        assert_eq!(sync.poll(OP), None);
+        assert_eq!(sync.poll(OP).get(), None);
         assert_eq!(write(&mut sync, 0x1005, PRODUCE | 0x80), Ok(()));
-        assert_eq!(sync.poll(OP), Some(Instant(10_000)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(10_000)));
         assert_eq!(sync.transmit(Instant(9_999)), None);
         // 3 ms late: the next one is due where it was.
         assert_eq!(
             sync.transmit(Instant(13_000)),
             Some(Frame::data_frame(0x80, &[]))
         );
-        assert_eq!(sync.poll(OP), Some(Instant(20_000)));
-        assert_eq!(sync.poll(State::Stopped), None);
+        assert_eq!(sync.poll(OP).get(), Some(Instant(20_000)));
+        assert_eq!(sync.poll(State::Stopped).get(), None);
         // Three periods late: one SYNC, and no burst after it.
         assert!(sync.transmit(Instant(50_000)).is_some());
-        assert_eq!(sync.poll(OP), Some(Instant(60_000)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(60_000)));
     }
 
     #[test]
@@ -284,9 +289,9 @@ mod tests {
     fn it_stands_in_only_while_asked() {
         let mut sync = Sync::new();
         sync.produce_for_absence(Some(20_000), Instant(5));
-        assert_eq!(sync.poll(OP), Some(Instant(20_005)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(20_005)));
         sync.produce_for_absence(None, Instant(6));
-        assert_eq!(sync.poll(OP), None);
+        assert_eq!(sync.poll(OP).get(), None);
     }
 
     #[test]
@@ -295,9 +300,9 @@ mod tests {
         write(&mut sync, 0x1006, 1_000_000).unwrap();
         write(&mut sync, 0x1005, PRODUCE | 0x80).unwrap();
         sync.produce_for_absence(Some(20_000), Instant(500_000));
-        assert_eq!(sync.poll(OP), Some(Instant(1_000_000)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(1_000_000)));
         sync.produce_for_absence(None, Instant(1_000_300));
-        assert_eq!(sync.poll(OP), Some(Instant(1_000_000)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(1_000_000)));
     }
 
     #[test]
@@ -312,7 +317,7 @@ mod tests {
             Some(3)
         );
         sync.start(Instant(10_500));
-        assert_eq!(sync.poll(OP), Some(Instant(11_500)));
+        assert_eq!(sync.poll(OP).get(), Some(Instant(11_500)));
         assert_eq!(counter(&mut sync, 11_500), 1);
     }
 }

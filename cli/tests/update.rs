@@ -319,7 +319,8 @@ fn the_public_key_of_a_key_file_is_what_a_node_is_built_with() {
         key,
         unsigned: false,
     };
-    let mut check = known.begin(image[32..96].try_into().unwrap()).unwrap();
+    let mut check = known.place();
+    assert!(known.begin(&mut check, image[32..96].try_into().unwrap()));
     known.add(&mut check, &image[..32]);
     known.add(&mut check, &image[512..]);
     assert!(known.is_good(&check));

@@ -8,6 +8,14 @@
 //! belongs to the latest. An event while a box is being filled is in that box already. Where no
 //! frame was recorded there is nothing to keep, and no box is taken.
 //!
+//! There is room in the RAM for one box. A complete one goes into the memory
+//! ([`BlackBox::next_unsaved`]) and is read from there; until it is there it is held here:
+//! - Box 2 for as long as it takes, unless a later event takes its place.
+//! - Box 1 gives its place to no other. An event that comes before box 1 is stored waits where
+//!   frames are recorded: its box has the [`AFTER`] frames behind the event, as many before it as
+//!   are left, at least [`BEFORE`] - [`AFTER`] of those that there were, and is read once box 1 is
+//!   stored. While it waits with all of these, or behind a break, no further event finds a box.
+//!
 //! Frames of a box follow one another: where none came for more than [`BREAK_US`] the recording
 //! begins anew, and a box that was being filled stays as short as it is. SYNCs in between that
 //! were not judged, because the peer was late, leave no frame.
@@ -41,8 +49,8 @@
 //! The time from frame to frame is the shorter one of the last two, so that one SYNC that was not
 //! judged doesn't pass for the period.
 //!
-//! A complete box goes into the memory and comes back after a reset or a loss of power
-//! ([`BlackBox::save_at`], [`BlackBox::restore`]); it is in its format there.
+//! In the memory a box is in its format, and is found there after a reset or a loss of power
+//! ([`BlackBox::save_at`], [`BlackBox::restore`]).
 //!
 //! Left out: what is an event, and the memory (`device`).
 
@@ -56,6 +64,9 @@ const VERSION: u8 = 1;
 
 /// Bytes of an encoded frame.
 const FRAME: usize = 34;
+
+/// Where in it the number of frames from after the trigger stands.
+const AFTER_AT: u32 = 3;
 
 /// Bytes before the first frame.
 const HEAD: usize = 8 + ENTRY;
@@ -118,55 +129,91 @@ impl Frame {
 /// array of arrays they would first be made on the stack.
 const NO_FRAMES: [[u8; FRAME]; BEFORE] = [[0; FRAME]; BEFORE];
 
-/// Boxes without an event; see [`NO_FRAMES`].
-const EMPTY_BOXES: [Kept; BOXES] = [Kept::EMPTY; BOXES];
-
-/// One box. It is empty while it has no frame from before the trigger.
+/// The box that is held in the RAM.
 #[derive(Clone, Debug)]
 #[repr(C)]
 struct Kept {
-    before: u8,
-    after: u8,
-    /// The memory has it.
-    saved: bool,
+    /// Which one it is, from 1; 0 for none.
+    number: u8,
+    size: Size,
+    /// The memory does not take it.
+    refused: bool,
     period_us: u32,
     entry: Entry,
     frames: [[u8; FRAME]; BEFORE + AFTER],
 }
 
-impl Kept {
+/// Frames of a box. It is empty while it has none from before the trigger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Size {
+    before: u8,
+    after: u8,
+}
+
+impl Size {
     const EMPTY: Self = Self {
-        entry: Entry::NONE,
-        period_us: 0,
         before: 0,
         after: 0,
-        saved: false,
+    };
+
+    const fn frames(self) -> usize {
+        self.before as usize + self.after as usize
+    }
+
+    /// Length of the box in bytes.
+    const fn length(self) -> u32 {
+        (HEAD + FRAME * self.frames()) as u32
+    }
+}
+
+/// An event whose box waits, among what was recorded, until the first one is stored.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    entry: Entry,
+    period_us: u32,
+    /// Frames from after the trigger.
+    after: u8,
+    /// No more frames are added.
+    closed: bool,
+}
+
+impl Kept {
+    const NONE: Self = Self {
+        number: 0,
+        size: Size::EMPTY,
+        refused: false,
+        period_us: 0,
+        entry: Entry::NONE,
         frames: [[0; FRAME]; BEFORE + AFTER],
     };
 
-    /// Length in bytes while `after` frames from after the trigger count.
-    fn length(&self, after: u8) -> u32 {
-        HEAD as u32 + FRAME as u32 * (u32::from(self.before) + u32::from(after))
-    }
-
-    fn head(&self, after: u8) -> [u8; HEAD] {
+    fn head(&self, size: Size) -> [u8; HEAD] {
         let mut head = [0; HEAD];
         // Whole arrays are copied by words.
         if let Some((sizes, rest)) = head.split_first_chunk_mut()
             && let Some((period, rest)) = rest.split_first_chunk_mut()
             && let Some(entry) = rest.first_chunk_mut()
         {
-            *sizes = [VERSION, FRAME as u8, self.before, after];
+            *sizes = [VERSION, FRAME as u8, size.before, size.after];
             *period = self.period_us.to_le_bytes();
             *entry = self.entry.encode();
         }
         head
     }
 
-    fn read_at(&self, after: u8, offset: u32, into: &mut [u8]) -> usize {
-        let count = usize::from(self.before) + usize::from(after);
-        let frames = self.frames.get(..count).unwrap_or(&[]);
-        copy(&self.head(after), frames.as_flattened(), offset, into)
+    /// Copies from byte `offset` of the box, of which so many frames count.
+    fn read_at(&self, size: Size, offset: u32, into: &mut [u8]) -> usize {
+        let frames = self.frames.get(..size.frames()).unwrap_or(&[]);
+        copy(&self.head(size), frames.as_flattened(), offset, into)
+    }
+
+    /// Adds a frame from after the trigger; true when that was the last.
+    fn push(&mut self, frame: &[u8; FRAME]) -> bool {
+        if let Some(to) = self.frames.get_mut(self.size.frames()) {
+            *to = *frame;
+            self.size.after += 1;
+        }
+        usize::from(self.size.after) >= AFTER
     }
 }
 
@@ -174,8 +221,8 @@ impl Kept {
 #[derive(Clone, Copy, Debug)]
 struct Open {
     number: u8,
-    /// Frames from after the trigger that there were when it was opened.
-    after: u8,
+    /// The frames that there were when it was opened.
+    size: Size,
     last_read: Instant,
 }
 
@@ -185,8 +232,12 @@ struct Open {
 pub struct BlackBox {
     next: u8,
     recorded: u8,
-    /// The box that is being filled; 0 for none.
-    filling: u8,
+    /// The box that is held is being filled.
+    filling: bool,
+    /// It is on its way into the memory.
+    saving: bool,
+    /// The boxes that the memory has.
+    stored: [Size; BOXES],
     /// Between the last two frames, us; `u32::MAX` with fewer than two.
     gap_us: u32,
     /// Time from frame to frame, us; 0 while it is not known.
@@ -194,9 +245,10 @@ pub struct BlackBox {
     /// When the last frame was.
     last: Instant,
     open: Option<Open>,
+    waiting: Option<Waiting>,
     /// The last frames, of which `recorded` count, up to the one before `next`.
     ring: [[u8; FRAME]; BEFORE],
-    kept: [Kept; BOXES],
+    held: Kept,
 }
 
 /// Place of box `number` among the boxes; beyond them for 0.
@@ -209,37 +261,39 @@ impl BlackBox {
     #[inline(never)]
     pub const fn new() -> Self {
         Self {
-            ring: NO_FRAMES,
             next: 0,
             recorded: 0,
-            last: Instant(0),
+            filling: false,
+            saving: false,
+            stored: [Size::EMPTY; BOXES],
             gap_us: u32::MAX,
             period_us: 0,
-            kept: EMPTY_BOXES,
-            filling: 0,
+            last: Instant(0),
             open: None,
+            waiting: None,
+            ring: NO_FRAMES,
+            held: Kept::NONE,
         }
     }
 
     /// Takes what was said at the SYNC of `at`, which was just judged.
     pub fn record(&mut self, frame: &Frame, at: Instant) {
         self.measure(at);
+        if let Some(waiting) = &mut self.waiting {
+            if waiting.closed {
+                return;
+            }
+            waiting.after += 1;
+            waiting.closed = usize::from(waiting.after) >= AFTER;
+        }
         let bytes = frame.encode();
         if let Some(to) = self.ring.get_mut(usize::from(self.next)) {
             *to = bytes;
         }
         self.next = (self.next + 1) % BEFORE as u8;
         self.recorded = (self.recorded + 1).min(BEFORE as u8);
-        let Some(kept) = self.kept.get_mut(place(self.filling)) else {
-            return;
-        };
-        let end = usize::from(kept.before) + usize::from(kept.after);
-        if let Some(to) = kept.frames.get_mut(end) {
-            *to = bytes;
-            kept.after += 1;
-        }
-        if usize::from(kept.after) >= AFTER {
-            self.filling = 0;
+        if self.filling {
+            self.filling = !self.held.push(&bytes);
         }
     }
 
@@ -259,21 +313,33 @@ impl BlackBox {
 
     /// Frames from before a long silence don't belong to what happens now.
     fn break_off(&mut self, now: Instant) {
-        if !(0..=BREAK_US).contains(&now.micros_since(self.last)) {
-            self.recorded = 0;
-            self.filling = 0;
+        if (0..=BREAK_US).contains(&now.micros_since(self.last)) {
+            return;
+        }
+        self.filling = false;
+        match &mut self.waiting {
+            // They belong to the box that waits.
+            Some(waiting) => waiting.closed = true,
+            None => self.recorded = 0,
         }
     }
 
     /// An event: keeps the frames around it. The number of the box that they are in, from 1.
     ///
-    /// 0 where there is none: no frame was recorded, or box 2 is under read.
+    /// 0 where there is none: no frame was recorded, box 2 is under read, or it waits for box 1 to
+    /// be stored.
     pub fn trigger(&mut self, mut entry: Entry, now: Instant) -> u8 {
         self.break_off(now);
-        if self.filling != 0 || self.recorded == 0 {
-            return self.filling;
+        if self.filling {
+            return self.held.number;
         }
-        let number = if self.is_kept(1) { 2 } else { 1 };
+        if let Some(waiting) = &self.waiting {
+            return if waiting.closed { 0 } else { BOXES as u8 };
+        }
+        if self.recorded == 0 {
+            return 0;
+        }
+        let number = if self.size(1).is_some() { 2 } else { 1 };
         if let Some(open) = self.open.filter(|open| open.number == number) {
             if now.micros_since(open.last_read) <= LEASE_US {
                 return 0;
@@ -282,47 +348,73 @@ impl BlackBox {
             self.open = None;
         }
         entry.box_number = number;
-        self.keep(number, entry);
+        let event = Waiting {
+            entry,
+            period_us: self.period_us,
+            after: 0,
+            closed: false,
+        };
+        if self.held.number == 1 {
+            self.waiting = Some(event);
+        } else {
+            self.keep(number, &event);
+        }
         number
     }
 
     /// Copies what the recorder has into box `number`, which is filled from now on.
-    fn keep(&mut self, number: u8, entry: Entry) {
-        let Some(kept) = self.kept.get_mut(place(number)) else {
-            return;
-        };
-        kept.entry = entry;
-        kept.period_us = self.period_us;
-        kept.before = self.recorded;
-        kept.after = 0;
-        kept.saved = false;
+    fn keep(&mut self, number: u8, event: &Waiting) {
+        let held = &mut self.held;
+        held.number = number;
+        held.entry = event.entry;
+        held.period_us = event.period_us;
+        held.size.before = self.recorded.saturating_sub(event.after);
+        held.size.after = event.after;
+        held.refused = false;
         let oldest = usize::from(self.next.wrapping_sub(self.recorded)) % BEFORE;
-        let wanted = kept.frames.iter_mut().take(usize::from(self.recorded));
+        let wanted = held.frames.iter_mut().take(usize::from(self.recorded));
         for (to, place) in wanted.zip(oldest..) {
             if let Some(frame) = self.ring.get(place % BEFORE) {
                 *to = *frame;
             }
         }
-        self.filling = number;
+        self.filling = true;
+        self.saving = false;
     }
 
-    fn kept(&self, number: u8) -> Option<&Kept> {
-        let kept = self.kept.get(place(number))?;
-        (kept.before != 0).then_some(kept)
+    /// The box that waited is held now.
+    fn keep_waiting(&mut self) {
+        let Some(event) = self.waiting.take() else {
+            return;
+        };
+        let number = event.entry.box_number;
+        // Whoever reads the one before gets nothing rather than half of each.
+        self.open = self.open.filter(|open| open.number != number);
+        self.keep(number, &event);
+        if event.closed {
+            self.filling = false;
+            self.recorded = 0;
+        }
     }
 
-    fn is_kept(&self, number: u8) -> bool {
-        self.kept(number).is_some()
+    /// The frames of box `number` as far as they can be read; `None` when it is empty.
+    fn size(&self, number: u8) -> Option<Size> {
+        let size = match number {
+            0 => return None,
+            _ if number == self.held.number => self.held.size,
+            _ => *self.stored.get(place(number))?,
+        };
+        (size.before != 0).then_some(size)
     }
 
     /// How many boxes hold an event, 0 to 2.
     pub fn boxes(&self) -> u8 {
-        u8::from(self.is_kept(1)) + u8::from(self.is_kept(2))
+        (1..=BOXES as u8).filter_map(|n| self.size(n)).count() as u8
     }
 
     /// Length in bytes of box `number`, from 1, as [`BlackBox::open`] would find it; 0 if empty.
     pub fn length(&self, number: u8) -> u32 {
-        self.kept(number).map_or(0, |kept| kept.length(kept.after))
+        self.size(number).map_or(0, Size::length)
     }
 
     /// Opens box `number`, from 1, for [`BlackBox::read_at`]; its length in bytes.
@@ -330,27 +422,44 @@ impl BlackBox {
     /// `None`: it is empty. A box that was open is closed.
     pub fn open(&mut self, number: u8, now: Instant) -> Option<u32> {
         self.open = None;
-        let kept = self.kept(number)?;
-        let (after, length) = (kept.after, kept.length(kept.after));
+        let size = self.size(number)?;
         self.open = Some(Open {
             number,
-            after,
+            size,
             last_read: now,
         });
-        Some(length)
+        Some(size.length())
     }
 
     /// Reads box `number` from byte `offset` on; how many bytes, fewer only at the end.
     ///
-    /// None when it is not the open one, or was taken for another event since.
-    pub fn read_at(&mut self, number: u8, offset: u32, into: &mut [u8], now: Instant) -> usize {
+    /// `stored` reads the box from the memory: offset and room in, the number of bytes out. None
+    /// when it is not the open one, or was taken for another event since.
+    pub fn read_at(
+        &mut self,
+        number: u8,
+        offset: u32,
+        into: &mut [u8],
+        now: Instant,
+        stored: &mut dyn FnMut(u32, &mut [u8]) -> usize,
+    ) -> usize {
         let Some(open) = self.open.as_mut().filter(|open| open.number == number) else {
             return 0;
         };
         open.last_read = now;
-        let after = open.after;
-        let kept = self.kept.get(place(number));
-        kept.map_or(0, |kept| kept.read_at(after, offset, into))
+        let size = open.size;
+        if self.held.number == number {
+            return self.held.read_at(size, offset, into);
+        }
+        let rest = size.length().saturating_sub(offset) as usize;
+        let wanted = rest.min(into.len());
+        let count = stored(offset, into.get_mut(..wanted).unwrap_or_default());
+        // It may have grown since it was opened.
+        let after = AFTER_AT.checked_sub(offset).map(|at| at as usize);
+        if let Some(after) = after.and_then(|at| into.get_mut(at)) {
+            *after = size.after;
+        }
+        count
     }
 
     /// Closes the box under read, if there is one.
@@ -358,69 +467,63 @@ impl BlackBox {
         self.open = None;
     }
 
-    /// A box that is complete and not in the memory yet, with the event that it was kept for.
-    pub fn next_unsaved(&mut self, now: Instant) -> Option<(u8, Entry)> {
+    /// The number of a box that is complete and not in the memory yet: [`BlackBox::save_at`] copies
+    /// it from now on.
+    pub fn next_unsaved(&mut self, now: Instant) -> Option<u8> {
         self.break_off(now);
-        let complete = |number: &u8| *number != self.filling;
-        (1..=BOXES as u8).filter(complete).find_map(|number| {
-            let kept = self.kept(number).filter(|kept| !kept.saved)?;
-            Some((number, kept.entry))
-        })
+        let held = &self.held;
+        self.saving = held.number != 0 && !self.filling && !held.refused;
+        self.saving.then_some(held.number)
     }
 
-    /// Copies bytes of box `number` from `offset` on for the memory; how many, fewer only at the
-    /// end. `None` when it is not the box of `event` any more.
-    pub fn save_at(
-        &self,
-        number: u8,
-        event: &Entry,
-        offset: u32,
-        into: &mut [u8],
-    ) -> Option<usize> {
-        let kept = self.kept(number).filter(|kept| kept.entry == *event)?;
-        Some(kept.read_at(kept.after, offset, into))
+    /// Copies bytes of that box from `offset` on for the memory; how many, fewer only at the end.
+    /// `None` when another event has taken its place.
+    pub fn save_at(&self, offset: u32, into: &mut [u8]) -> Option<usize> {
+        let held = &self.held;
+        self.saving.then(|| held.read_at(held.size, offset, into))
     }
 
-    /// The memory has box `number` now, or never will.
-    pub fn saved(&mut self, number: u8) {
-        if let Some(kept) = self.kept.get_mut(place(number)) {
-            kept.saved = true;
+    /// The memory has that box now, or, if not `taken`, never will: then it stays here.
+    pub fn saved(&mut self, taken: bool) {
+        if !core::mem::take(&mut self.saving) {
+            return;
+        }
+        self.held.refused = !taken;
+        if taken && let Some(stored) = self.stored.get_mut(place(self.held.number)) {
+            *stored = self.held.size;
+            self.held.number = 0;
+            self.keep_waiting();
         }
     }
 
-    /// Fills the empty box `number` with what `source` gives: offset and room in, the number of
-    /// bytes out. It stays empty where that is no box.
+    /// The memory has box `number`, of which `source` gives offset and room in, the number of bytes
+    /// out. It is empty where that is no box.
     pub fn restore(&mut self, number: u8, source: &mut dyn FnMut(u32, &mut [u8]) -> usize) {
-        let Some(kept) = self.kept.get_mut(place(number)) else {
+        let Some(stored) = self.stored.get_mut(place(number)) else {
             return;
         };
-        let (mut sizes, mut entry) = ([0; 8], [0; ENTRY]);
-        if source(0, &mut sizes) < sizes.len() || source(8, &mut entry) < ENTRY {
+        let mut sizes = [0; 4];
+        if source(0, &mut sizes) < sizes.len() {
             return;
         }
-        let [version, size, before, after, period @ ..] = sizes;
-        let known = version == VERSION && usize::from(size) == FRAME;
+        let [version, frame, before, after] = sizes;
+        let known = version == VERSION && usize::from(frame) == FRAME;
         let fits = (1..=BEFORE).contains(&usize::from(before)) && usize::from(after) <= AFTER;
-        let count = usize::from(before) + usize::from(after);
-        let Some(frames) = kept.frames.get_mut(..count).filter(|_| known && fits) else {
-            return;
-        };
-        if source(HEAD as u32, frames.as_flattened_mut()) < FRAME * count {
-            return;
+        let size = Size { before, after };
+        let last = size.length().saturating_sub(1);
+        if known && fits && source(last, &mut [0]) == 1 {
+            *stored = size;
         }
-        kept.period_us = u32::from_le_bytes(period);
-        kept.entry = Entry::decode(&entry);
-        (kept.before, kept.after, kept.saved) = (before, after, true);
     }
 
     /// Empties both boxes and begins the recording anew, as a reset does.
-    pub fn clear(&mut self) {
-        for kept in &mut self.kept {
-            kept.before = 0;
-            kept.after = 0;
-        }
+    pub const fn clear(&mut self) {
+        self.stored = [Size::EMPTY; BOXES];
+        self.held.number = 0;
+        self.waiting = None;
         self.recorded = 0;
-        self.filling = 0;
+        self.filling = false;
+        self.saving = false;
         self.open = None;
     }
 }

@@ -17,17 +17,14 @@
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use tilt::angle::{Axes, Harmonics};
-use tilt::chain::{
-    Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, State, Timing,
-};
+use tilt::chain::{Calibration, Chain, Invalid, PART_DELAY_Q16, Reading, State, Timing};
+use tilt::composition::{Composition, Whole};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::{self, Health};
 use tilt::observation::Observation;
 use tilt::sample::{FullScale, Instant, Temperature};
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::Budget;
-use tilt::vector::Vector;
 
 use crate::sensor::{Config, InitError, Lis2dw12, Register, VerifyError};
 
@@ -46,18 +43,18 @@ pub struct Setup {
 
 /// How one channel is set up: the part and the chain behind it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub struct Settings<C: Composition = Whole> {
     /// The part's own configuration.
     pub part: Config,
     /// The signal chain.
-    pub chain: Chain,
+    pub chain: Chain<C>,
     /// Standard deviation of a single sample of one axis, 2^-26 g, against which the channel's
     /// health is watched; 0: as the calibration's budget has it. Below 0.4 steps of the part its
     /// codes may stand still, as those of a part without noise do.
     pub noise: u32,
 }
 
-impl Settings {
+impl<C: Composition> Settings<C> {
     /// Of a part of which nothing is known.
     ///
     /// The tables that a calibration has room for make it large, so each level is a call, whose
@@ -83,7 +80,7 @@ impl Settings {
 }
 
 #[inline(never)]
-fn uncalibrated_chain(setup: &Setup) -> Chain {
+fn uncalibrated_chain<C: Composition>(setup: &Setup) -> Chain<C> {
     Chain {
         filter: setup.filter.clone(),
         full_scale: setup.part.full_scale,
@@ -95,19 +92,11 @@ fn uncalibrated_chain(setup: &Setup) -> Chain {
 }
 
 #[inline(never)]
-fn no_calibration() -> Calibration {
+fn no_calibration<C: Composition>() -> Calibration<C> {
     Calibration {
         temperature: TemperatureModel::None,
-        correction: no_correction(),
+        correction: C::uncalibrated(),
         budget: Budget::DATA_SHEET,
-    }
-}
-
-#[inline(never)]
-fn no_correction() -> Correction {
-    Correction::TwoAxis {
-        vector: Vector::IDENTITY,
-        harmonics: Axes::<Harmonics>::default(),
     }
 }
 
@@ -207,9 +196,9 @@ impl<SPI: SpiDevice> Channel<SPI> {
     ///
     /// Takes about 20 ms of `delay`. On an error the channel stays invalid for that reason, and
     /// may be started again.
-    pub fn start<D: DelayNs>(
+    pub fn start<D: DelayNs, C: Composition>(
         &mut self,
-        settings: &Settings,
+        settings: &Settings<C>,
         delay: &mut D,
         now: Instant,
     ) -> Result<(), InitError<SPI::Error>> {
@@ -236,7 +225,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// The part has raised data-ready at `captured`: reads the sample and runs the filter.
-    pub fn data_ready(&mut self, settings: &Settings, captured: Instant) {
+    pub fn data_ready<C: Composition>(&mut self, settings: &Settings<C>, captured: Instant) {
         match self.part.read() {
             Ok(Some(sample)) => {
                 self.samples = self.samples.wrapping_add(1);
@@ -259,7 +248,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
 
     /// Remembers when the sample after the newest will be missed: deadlines are asked for far more
     /// often than there are samples.
-    fn await_next(&mut self, settings: &Settings) {
+    fn await_next<C: Composition>(&mut self, settings: &Settings<C>) {
         if let Some((_, newest)) = self.state.filtered() {
             self.overdue_at = newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1);
         }
@@ -270,7 +259,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     ///
     /// Two such excuses in a row do not count without a sample between them, so that a part that
     /// really is silent is found while a memory is erased page by page.
-    pub fn excuse(&mut self, settings: &Settings, now: Instant) {
+    pub fn excuse<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) {
         if now >= self.overdue_at && self.excused_until == Instant(0) {
             self.excused_until = now.offset(i64::from(settings.chain.period_us));
         }
@@ -290,7 +279,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// Housekeeping that is due at `now`; returns when to call again.
-    pub fn poll(&mut self, settings: &Settings, now: Instant) -> Instant {
+    pub fn poll<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) -> Instant {
         let overdue = now >= self.overdue_at;
         if (now >= self.next_check || overdue) && self.fault.is_none() {
             self.check(settings, now, overdue);
@@ -305,7 +294,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.deadline()
     }
 
-    fn check(&mut self, settings: &Settings, now: Instant, overdue: bool) {
+    fn check<C: Composition>(&mut self, settings: &Settings<C>, now: Instant, overdue: bool) {
         match self.part.verify() {
             Ok(_) => self.nameless = None,
             Err(VerifyError::Bus(_)) => return self.latch(Invalid::Bus),
@@ -332,7 +321,12 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// A temperature that jumps is not used; one that stays where it jumped is a fault.
-    fn take_temperature(&mut self, settings: &Settings, reading: Temperature, now: Instant) {
+    fn take_temperature<C: Composition>(
+        &mut self,
+        settings: &Settings<C>,
+        reading: Temperature,
+        now: Instant,
+    ) {
         if self.thermometer.believes(reading, now) {
             self.thermometer = Thermometer {
                 believed: Some(reading),
@@ -365,7 +359,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// What the channel says at `now`.
-    pub fn reading(&self, settings: &Settings, now: Instant) -> Reading {
+    pub fn reading<C: Composition>(&self, settings: &Settings<C>, now: Instant) -> Reading {
         match self.reason_at(now) {
             Some(reason) => Observation::absent(reason).reading,
             None => settings.chain.reading(&self.state, now),
@@ -373,7 +367,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
-    pub fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+    pub fn observe<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         let activity = self.health.take_activity(&mut self.watch);
         let (reading, vector) = match self.reason_at(now) {
             Some(reason) => (Observation::absent(reason).reading, None),

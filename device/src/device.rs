@@ -26,16 +26,18 @@ use canopen::node::{BusState, Node, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::{Invalid, Reading};
+use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
 use tilt::sample::{Instant, Temperature};
 
 use crate::calibration::encoding::identity;
-use crate::calibration::motor::{Motor, Terms};
+use crate::calibration::motor::Terms;
 use crate::calibration::recall;
 use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
+use crate::instrument::Instrument;
 use crate::objects::panel::{Identity, Memory, Panel, Parts, Source, stored_lss};
 use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
@@ -43,7 +45,7 @@ use crate::pair::Pair;
 use crate::records::Record;
 use crate::sensor::InitError;
 
-use keeping::Keeping;
+use keeping::{Keeping, PIECE_US};
 use matching::Matching;
 use sending::{PDOS, Sending};
 use trial::{PAUSE_US, Trial};
@@ -99,7 +101,7 @@ const SDO_ANSWER: u16 = 0x580;
 /// (ARMv7-M, LDR immediate), so what is large comes last. That alone saves 0.5 kB of code.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Device<SPI, M> {
+pub struct Device<SPI, M, I: Instrument = Whole> {
     /// Until LSS stores another.
     node_id: u8,
     /// Until LSS stores another.
@@ -128,15 +130,15 @@ pub struct Device<SPI, M> {
     keeping: Keeping,
     matching: Matching,
     bus: Node,
-    parts: Parts<M, Channel<SPI>>,
+    parts: Parts<M, Channel<SPI>, I>,
 }
 
-impl<SPI: SpiDevice> Source for Channel<SPI> {
-    fn reading(&self, settings: &Settings, now: Instant) -> Reading {
+impl<SPI: SpiDevice, C: Composition> Source<C> for Channel<SPI> {
+    fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading {
         self.reading(settings, now)
     }
 
-    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+    fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         self.observe(settings, now)
     }
 
@@ -157,7 +159,7 @@ const fn bus_time(now: Instant) -> BusInstant {
     BusInstant(now.0)
 }
 
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// A device that has not been started.
     ///
     /// It is larger than all the stack that its work takes, so it must not be made on the stack
@@ -165,7 +167,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// the calls come in the order of the fields: that is why this is never inlined, nor are the
     /// constructors of its large parts. `cargo xtask image` finds a copy by its budget for RAM.
     #[inline(never)]
-    pub fn new(spi: SPI, check: CrossCheck, factory: Factory, memory: M) -> Self {
+    pub fn new(spi: SPI, check: CrossCheck<I>, factory: Factory, memory: M) -> Self {
         let Factory {
             identity,
             node_id,
@@ -196,7 +198,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The bus's node and what the device lends it.
-    fn split(&mut self, now: Instant) -> (&mut Node, Panel<'_, M, Channel<SPI>>) {
+    fn split(&mut self, now: Instant) -> (&mut Node, Panel<'_, M, Channel<SPI>, I>) {
         let parts = &mut self.parts;
         (&mut self.bus, Panel { parts, now })
     }
@@ -219,7 +221,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         self.matching = Matching::new();
         self.parts.pair.start(now);
         self.standing_in = false;
-        self.parts.work.motor = Motor::new();
+        self.parts.work.abandon();
         self.parts.values.storage_failed = self.parts.memory.start().is_err();
         self.recall_events();
         self.recall_calibration();
@@ -336,7 +338,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// What [`Device::transmit`] would give.
     pub fn waiting(&self, now: Instant) -> Option<Waiting> {
-        self.bus.waiting(bus_time(now))
+        self.bus
+            .waiting::<Panel<'_, M, Channel<SPI>, I>>(bus_time(now))
     }
 
     /// The frame that [`Device::waiting`] has named at the same instant.
@@ -344,12 +347,10 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     #[inline(never)]
     pub fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        let frame = bus.hand_out(&mut panel, waiting, bus_time(now));
-        if let Some(id) = frame.as_ref().and_then(Frame::cob_id) {
-            let until = self.bus.expires(id).map(|until| Instant(until.0));
-            self.matching.sending.hand_over(id, until);
-        }
-        frame
+        let out = bus.hand_out(&mut panel, waiting, bus_time(now))?;
+        let until = out.until.map(|until| Instant(until.0));
+        self.matching.sending.hand_over(waiting.cob_id, until);
+        Some(out.frame)
     }
 
     /// The identifier of a frame that the controller may still have and that may not go out any
@@ -395,6 +396,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             let measured_at = self.parts.values.process.measured_at;
             let oldest = measured_at.offset(OLDEST_READING_US);
             self.next_refresh = self.next_refresh.min(oldest);
+            if self.keeping.is_copying() {
+                self.next_refresh = self.next_refresh.min(now.offset(PIECE_US));
+            }
             self.update(now);
         }
         let (bus, mut panel) = self.split(now);
@@ -484,12 +488,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The pair, for looking at.
-    pub const fn pair(&self) -> &Pair {
+    pub const fn pair(&self) -> &Pair<I> {
         &self.parts.pair
     }
 
     /// What is shown on the bus at `now`.
-    pub fn shown(&self, now: Instant) -> Shown<'_> {
+    pub fn shown(&self, now: Instant) -> Shown<'_, I> {
         self.parts.shown(now)
     }
 
@@ -504,12 +508,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     /// The settings in force.
-    pub const fn settings(&self) -> &Settings {
+    pub const fn settings(&self) -> &Settings<I> {
         &self.parts.settings
     }
 
     /// The settings in force, for fault injection and tests: nothing else may change them.
-    pub const fn settings_mut(&mut self) -> &mut Settings {
+    pub const fn settings_mut(&mut self) -> &mut Settings<I> {
         &mut self.parts.settings
     }
 

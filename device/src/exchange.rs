@@ -202,15 +202,12 @@ const OCTAVES: u32 = 14;
 /// The last of [`OCTAVE`].
 const OCTAVE_TOP: u32 = 22_848;
 
-/// Standard uncertainty of an angle of which nothing is known: 360 deg / sqrt(12).
-const KNOWS_NOTHING: Uncertainty = Uncertainty::from_degrees(103.923_048_454_132_6);
-
 /// The uncertainty that a quality of 32 or more stands for.
 fn uncertainty(quality: u8) -> Uncertainty {
     let code = quality.saturating_sub(FIRST_ANGLE);
     match OCTAVE.get(usize::from(code % 16)) {
         Some(step) if quality < u8::MAX => Uncertainty(step << (code / 16)),
-        _ => KNOWS_NOTHING,
+        _ => Uncertainty::UNKNOWN,
     }
 }
 
@@ -373,8 +370,8 @@ mod tests {
     fn the_range_is_a_thousandth_to_fifteen_degrees() {
         assert!((uncertainty(32).degrees() - 0.001).abs() < 1e-7);
         assert!((uncertainty(254).degrees() - 15.02).abs() < 0.01);
-        assert_eq!(uncertainty(255), KNOWS_NOTHING);
-        assert_eq!(KNOWS_NOTHING, Uncertainty(1_239_850_262));
+        assert_eq!(uncertainty(255), Uncertainty::UNKNOWN);
+        assert_eq!(Uncertainty::UNKNOWN, Uncertainty(1_239_850_262));
         assert_eq!(quality(Uncertainty(0)), 32);
         assert_eq!(quality(Uncertainty::from_degrees(15.1)), 255);
         assert_eq!(quality(Uncertainty(u32::MAX)), 255);

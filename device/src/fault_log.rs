@@ -44,7 +44,7 @@
 /// The version written.
 const VERSION: u8 = 1;
 
-/// Events kept.
+/// Events kept; each has a bit of a `u16` in [`FaultLog`].
 pub const ENTRIES: usize = 16;
 
 /// Bytes of an encoded entry.
@@ -155,8 +155,6 @@ pub(crate) fn copy(head: &[u8], body: &[u8], offset: u32, into: &mut [u8]) -> us
 struct Kept {
     entry: Entry,
     last_ms: u32,
-    /// Made before the last reset, when times were others.
-    before_reset: bool,
 }
 
 /// The log: its state. What is large comes last, as in `Device`.
@@ -171,6 +169,8 @@ pub struct FaultLog {
     total: u8,
     /// How many of the newest ones are not in the memory yet.
     unsaved: u8,
+    /// Bit n: the entry at place n was made before the last reset, when times were others.
+    before_reset: u16,
     /// The copy under read.
     head: [u8; HEAD],
     kept: [Kept; ENTRIES],
@@ -179,12 +179,12 @@ pub struct FaultLog {
 
 impl FaultLog {
     /// An empty log.
+    #[inline(never)]
     pub const fn new() -> Self {
         // As constants both are cleared where they stand, and not made on the stack first.
         const NOTHING: [Kept; ENTRIES] = [Kept {
             entry: Entry::NONE,
             last_ms: 0,
-            before_reset: false,
         }; ENTRIES];
         const NO_COPY: [[u8; ENTRY]; ENTRIES] = [[0; ENTRY]; ENTRIES];
         Self {
@@ -193,6 +193,7 @@ impl FaultLog {
             count: 0,
             total: 0,
             unsaved: 0,
+            before_reset: 0,
             head: [VERSION, ENTRY as u8, 0, 0],
             body: NO_COPY,
         }
@@ -209,7 +210,8 @@ impl FaultLog {
                 continue;
             }
             let since = entry.at_ms.wrapping_sub(kept.last_ms);
-            if !kept.before_reset && since <= REPEAT_MS && kept.entry.is_same(&entry) {
+            let before_reset = self.before_reset >> place & 1 != 0;
+            if !before_reset && since <= REPEAT_MS && kept.entry.is_same(&entry) {
                 kept.last_ms = entry.at_ms;
                 kept.entry.repeats = kept.entry.repeats.saturating_add(1);
                 return false;
@@ -219,8 +221,8 @@ impl FaultLog {
             *kept = Kept {
                 entry,
                 last_ms: entry.at_ms,
-                before_reset: false,
             };
+            self.before_reset &= !(1 << (self.next % ENTRIES as u8));
         }
         self.next = (self.next + 1) % ENTRIES as u8;
         self.count = (self.count + 1).min(ENTRIES as u8);
@@ -288,12 +290,14 @@ impl FaultLog {
     /// added. What comes after the start is no repetition of it, since times were others then.
     pub fn restore(&mut self, entry: Entry) {
         let place = ENTRIES.checked_sub(usize::from(self.count) + 1);
-        if let Some(kept) = place.and_then(|place| self.kept.get_mut(place)) {
+        if let Some(place) = place
+            && let Some(kept) = self.kept.get_mut(place)
+        {
             *kept = Kept {
                 entry,
                 last_ms: entry.at_ms,
-                before_reset: true,
             };
+            self.before_reset |= 1 << (place % ENTRIES);
             self.count += 1;
         }
         self.total = self.total.saturating_add(1);

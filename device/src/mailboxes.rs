@@ -17,6 +17,7 @@ use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
 use crate::device::Device;
+use crate::instrument::Instrument;
 use crate::objects::panel::Memory;
 
 /// Mailboxes of the controller (RM0008 24.3.3).
@@ -111,9 +112,9 @@ impl Mailboxes {
 
     /// Takes back what may not go out any more, and moves what waits into mailboxes; nothing while
     /// the node has to be `silent`.
-    pub fn fill<SPI: SpiDevice, M: Memory>(
+    pub fn fill<SPI: SpiDevice, M: Memory, I: Instrument>(
         &mut self,
-        device: &mut Device<SPI, M>,
+        device: &mut Device<SPI, M, I>,
         can: &mut impl Transmitter,
         silent: bool,
         now: Instant,
@@ -126,9 +127,9 @@ impl Mailboxes {
     }
 
     /// Posts the frame of the highest priority, or makes room for it; false when there is none.
-    fn fill_one<SPI: SpiDevice, M: Memory>(
+    fn fill_one<SPI: SpiDevice, M: Memory, I: Instrument>(
         &mut self,
-        device: &mut Device<SPI, M>,
+        device: &mut Device<SPI, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) -> bool {
@@ -235,10 +236,10 @@ impl Mailboxes {
     }
 
     /// The device takes back what is here of this identifier.
-    fn withdraw<SPI: SpiDevice, M: Memory>(
+    fn withdraw<SPI: SpiDevice, M: Memory, I: Instrument>(
         &mut self,
         id: u16,
-        device: &mut Device<SPI, M>,
+        device: &mut Device<SPI, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) {
@@ -251,11 +252,11 @@ impl Mailboxes {
     }
 
     /// Takes a frame out of its mailbox, unless it is on the wire.
-    fn take_back<SPI: SpiDevice, M: Memory>(
+    fn take_back<SPI: SpiDevice, M: Memory, I: Instrument>(
         &mut self,
         mailbox: u8,
         fate: Fate,
-        device: &mut Device<SPI, M>,
+        device: &mut Device<SPI, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) {
@@ -275,10 +276,10 @@ impl Mailboxes {
     }
 
     /// The frame in a mailbox is out of it and has not gone out.
-    pub fn given_up<SPI: SpiDevice, M: Memory>(
+    pub fn given_up<SPI: SpiDevice, M: Memory, I: Instrument>(
         &mut self,
         mailbox: u8,
-        device: &mut Device<SPI, M>,
+        device: &mut Device<SPI, M, I>,
         now: Instant,
     ) {
         let Some((id, fate, frame)) = self.empty(mailbox) else {

@@ -19,6 +19,7 @@
 
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Reading};
+use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement, Latch, Node, Verdict};
 use tilt::observation::Observation;
 use tilt::sample::Instant;
@@ -62,7 +63,7 @@ struct Newest {
 
 /// State of the pair, as one of its nodes has it.
 #[derive(Clone, Debug)]
-pub struct Pair {
+pub struct Pair<C: Composition = Whole> {
     newest: Option<Newest>,
     /// When SYNC was last obeyed.
     last_sync: Instant,
@@ -72,7 +73,7 @@ pub struct Pair {
     heard: bool,
     /// How the peer shows its angles.
     shown: PeerPresentation,
-    check: CrossCheck,
+    check: CrossCheck<C>,
 }
 
 /// Time from one instant to another, us; stops at 71 minutes.
@@ -83,10 +84,10 @@ fn between(from: Instant, to: Instant) -> u32 {
 /// The peer has not been heard yet, so it may still be starting.
 const STARTING: Judgement = Judgement::Waiting(Invalid::Unconfirmed);
 
-impl Pair {
+impl<C: Composition> Pair<C> {
     /// Nothing heard and nothing found.
     #[inline(never)]
-    pub const fn new(check: CrossCheck) -> Self {
+    pub const fn new(check: CrossCheck<C>) -> Self {
         Self {
             newest: None,
             last_sync: Instant(0),
@@ -113,7 +114,7 @@ impl Pair {
     }
 
     /// Judges by another check from now on.
-    pub fn set_check(&mut self, check: CrossCheck) {
+    pub fn set_check(&mut self, check: CrossCheck<C>) {
         self.check = check;
     }
 
@@ -320,7 +321,7 @@ impl Pair {
     }
 
     /// The cross-check with its memory, for looking at.
-    pub const fn check(&self) -> &CrossCheck {
+    pub const fn check(&self) -> &CrossCheck<C> {
         &self.check
     }
 

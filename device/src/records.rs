@@ -52,6 +52,14 @@ impl Record {
         Self::Report,
     ];
 
+    /// That of the black box's box `number`, from 1.
+    pub const fn of_box(number: u8) -> Self {
+        match number {
+            1 => Self::Box1,
+            _ => Self::Box2,
+        }
+    }
+
     /// Bytes that it takes at most.
     pub const fn longest(self) -> u32 {
         match self {

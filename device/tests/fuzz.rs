@@ -22,7 +22,7 @@ use proptest::test_runner::TestRunner;
 
 use device::device::Wish;
 use device::objects::row::{Default, Row};
-use device::objects::table::{Channel, rows};
+use device::objects::table::{Channel, Models, rows};
 use site::Site;
 use tilt::sample::Instant;
 
@@ -288,7 +288,7 @@ fn check(site: &mut Site) {
             .unwrap();
         value.unwrap().unsigned()
     };
-    let dictionary = device::objects::table::dictionary(site.channel);
+    let dictionary = device::objects::table::dictionary(Models::WHOLE, site.channel);
     for (base, access) in [(0x1400, Access::RPDO), (0x1800, Access::TPDO)] {
         for index in (base..base + 4).filter(|index| read(*index, 1) >> 31 == 0) {
             let count = read(index + 0x200, 0) as u8;

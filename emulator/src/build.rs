@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fmt, io};
 
-use flash::layout::BASE;
+use flash::layout::{BASE, Slot};
 use sim::memory::development_key;
 
 use crate::image::{Image, ImageError};
@@ -91,6 +91,11 @@ pub struct Product {
     pub boot: Image,
     /// The application for slot A, with its symbols.
     pub app: Image,
+    /// The files of an update for slots A and B.
+    ///
+    /// Read at once: another process may build into the same folder later, and takes them away
+    /// before it does.
+    updates: [Vec<u8>; 2],
 }
 
 impl Product {
@@ -102,65 +107,34 @@ impl Product {
     ///
     /// Errors: see [`BuildError`].
     pub fn build() -> Result<Self, BuildError> {
-        let target = target_folder();
-        // Tests and servers that build at the same time would read each other's half of it. The
-        // lock ends with its file.
-        let lock = target.join("images.lock");
-        let lock = fs::create_dir_all(&target)
-            .and_then(|()| File::create(&lock))
-            .and_then(|file| file.lock().map(|()| file))
-            .map_err(|error| BuildError::Read(lock, error))?;
-        let mut cargo = cargo();
-        cargo
-            .args([
-                "run",
-                "--quiet",
-                "--locked",
-                "--package",
-                "xtask",
-                "--",
-                "image",
-            ])
-            .env("CARGO_TARGET_DIR", &target)
-            .env("PLUMB_IMAGES", images_folder());
-        if env::var_os("PLUMB_KEY").is_none() {
-            let digits = development_key().map(|byte| format!("{byte:02x}"));
-            cargo.env("PLUMB_KEY", digits.concat());
-        }
-        let output = cargo.output().map_err(BuildError::Cargo)?;
-        if !output.status.success() {
-            let said = [output.stdout, output.stderr].concat();
-            let said = String::from_utf8_lossy(&said).into_owned();
-            return Err(BuildError::Failed(said));
-        }
-        let built = Self::read(&images_folder())?;
-        drop(lock);
-        Ok(built)
+        built(Self::read)
     }
 
     /// What `cargo xtask image` has left in `folder`.
     ///
     /// Errors: [`BuildError::Read`], [`BuildError::Image`].
     pub fn read(folder: &Path) -> Result<Self, BuildError> {
-        let name = concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin");
-        let program = |name: &str| {
-            let bytes = read(&folder.join(name))?;
-            Image::read(&bytes).map_err(BuildError::Image)
-        };
+        const NAMES: [&str; 3] = [
+            concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin"),
+            concat!("plumb-", env!("CARGO_PKG_VERSION"), "-slot-a.img"),
+            concat!("plumb-", env!("CARGO_PKG_VERSION"), "-slot-b.img"),
+        ];
+        let [factory, a, b] = NAMES.map(|name| read(&folder.join(name)));
         Ok(Self {
-            factory: read(&folder.join(name))?,
-            boot: program("boot.elf")?,
-            app: program("app-a.elf")?,
+            factory: factory?,
+            boot: program(folder, "boot.elf")?,
+            app: program(folder, "app-a.elf")?,
+            updates: [a?, b?],
         })
     }
 
-    /// The file of an update for slot `a` or `b`: header and body.
-    ///
-    /// Errors: [`BuildError::Read`].
-    pub fn update(&self, slot: &str) -> Result<Vec<u8>, BuildError> {
-        let version = env!("CARGO_PKG_VERSION");
-        let name = format!("plumb-{version}-slot-{slot}.img");
-        read(&images_folder().join(name))
+    /// The file of an update for `slot`: header and body.
+    pub fn update(&self, slot: Slot) -> &[u8] {
+        let [a, b] = &self.updates;
+        match slot {
+            Slot::A => a,
+            Slot::B => b,
+        }
     }
 
     /// What goes into an erased flash.
@@ -169,9 +143,82 @@ impl Product {
     }
 }
 
-/// Where the product's images for emulation are.
+/// The paper's instrument: what leaves the factory, and the programs in it with their symbols.
+#[derive(Clone, Debug)]
+pub struct Paper {
+    /// Bootloader and application, from the start of the flash.
+    pub factory: Vec<u8>,
+    /// The bootloader.
+    pub boot: Image,
+    /// The application, with its symbols.
+    pub app: Image,
+}
+
+impl Paper {
+    /// Builds it with `cargo xtask image`, or finds it built, as [`Product::build`] does.
+    ///
+    /// Errors: see [`BuildError`].
+    pub fn build() -> Result<Self, BuildError> {
+        built(Self::read)
+    }
+
+    /// What `cargo xtask image` has left in `folder`.
+    ///
+    /// Errors: [`BuildError::Read`], [`BuildError::Image`].
+    pub fn read(folder: &Path) -> Result<Self, BuildError> {
+        const FACTORY: &str = concat!("plumb-paper-", env!("CARGO_PKG_VERSION"), ".bin");
+        Ok(Self {
+            factory: read(&folder.join(FACTORY))?,
+            boot: program(folder, "boot-paper.elf")?,
+            app: program(folder, "app-paper.elf")?,
+        })
+    }
+
+    /// What goes into an erased flash.
+    pub fn pieces(&self) -> Vec<(u32, Vec<u8>)> {
+        vec![(BASE, self.factory.clone())]
+    }
+}
+
+/// Lets `cargo xtask image` build, and reads what it has left.
+fn built<T>(found: impl FnOnce(&Path) -> Result<T, BuildError>) -> Result<T, BuildError> {
+    let target = target_folder();
+    // Tests and servers that build at the same time would read each other's half of it. The lock
+    // ends with its file.
+    let lock = target.join("images.lock");
+    let lock = fs::create_dir_all(&target)
+        .and_then(|()| File::create(&lock))
+        .and_then(|file| file.lock().map(|()| file))
+        .map_err(|error| BuildError::Read(lock, error))?;
+    let mut cargo = cargo();
+    cargo
+        .args(["run", "--quiet", "--locked", "--package", "xtask"])
+        .args(["--", "image"])
+        .env("CARGO_TARGET_DIR", &target)
+        .env("PLUMB_IMAGES", images_folder());
+    if env::var_os("PLUMB_KEY").is_none() {
+        let digits = development_key().map(|byte| format!("{byte:02x}"));
+        cargo.env("PLUMB_KEY", digits.concat());
+    }
+    let output = cargo.output().map_err(BuildError::Cargo)?;
+    if !output.status.success() {
+        let said = [output.stdout, output.stderr].concat();
+        let said = String::from_utf8_lossy(&said).into_owned();
+        return Err(BuildError::Failed(said));
+    }
+    let built = found(&images_folder())?;
+    drop(lock);
+    Ok(built)
+}
+
+/// Where images for emulation are.
 fn images_folder() -> PathBuf {
     target_folder().join("emulated").join("images")
+}
+
+fn program(folder: &Path, name: &str) -> Result<Image, BuildError> {
+    let bytes = read(&folder.join(name))?;
+    Image::read(&bytes).map_err(BuildError::Image)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, BuildError> {

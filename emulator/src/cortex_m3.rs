@@ -20,13 +20,15 @@ mod memory;
 mod op;
 mod registers;
 
+use std::iter;
+
 use flash::layout::BASE;
 
 use crate::chip::Chip;
-use crate::code::Block;
+use crate::code::{self, Block};
 use crate::cpu::{Cpu, Fault, NoMemory, Register, Stop};
 use decode::{Decoder, Place};
-use execute::{Core, EXC_RETURN};
+use execute::{Core, EXC_RETURN, Next};
 use memory::{Memory, Stopped};
 use op::Op;
 use registers::Registers;
@@ -39,51 +41,69 @@ const MOST_ENTRIES: usize = 1 << 20;
 /// The blocks that are known.
 #[derive(Debug)]
 struct Blocks {
-    /// Where in `ops` the block is that begins at each half-word, in the flash and then in its
-    /// alias; 0 for none.
+    /// Where in `ops` the block is that begins at each half-word of the flash; 0 for none.
     numbers: Vec<u32>,
+    /// The same in the flash's alias.
+    alias: Vec<u32>,
     /// The entries of all of them, each block's behind its [`Op::Begin`].
     ops: Vec<Op>,
+    /// What they belong to; of a block's begin its size.
     places: Vec<Place>,
 }
 
 impl Blocks {
     fn new(flash: usize) -> Self {
-        let nothing = Op::Undefined;
-        let place = Place { offset: 0, it: 0 };
         Self {
-            numbers: vec![0; flash],
-            ops: vec![nothing],
-            places: vec![place],
+            numbers: vec![0; flash / 2],
+            alias: vec![0; flash / 2],
+            ops: vec![Op::Undefined],
+            places: vec![Place { offset: 0, it: 0 }],
         }
     }
 
-    /// The place of an address in `numbers`, and its offset in the flash; `None` outside of it.
+    /// The number of the block that begins at this address of the flash; 0 if none is known.
     #[inline(always)]
-    fn place(&self, address: u32) -> Option<(usize, usize)> {
-        let flash = self.numbers.len();
-        let offset = address.wrapping_sub(BASE) as usize;
-        if offset < flash {
-            return Some((offset / 2, offset));
-        }
-        let offset = address as usize;
-        (offset < flash).then_some(((flash + offset) / 2, offset))
+    fn find(&self, address: u32) -> u32 {
+        let number = self.numbers.get(code::place(address));
+        number.copied().unwrap_or(0)
     }
 
-    /// Takes a block that has just been decoded in; its number.
-    fn add(&mut self, decoder: Decoder<'_>) -> u32 {
+    /// The place of the number of the block that begins at this address of the flash or of its
+    /// alias, and its offset in the flash; `None` outside of them.
+    fn place(&mut self, address: u32) -> Option<(&mut u32, usize)> {
+        let offset = match address.checked_sub(BASE) {
+            Some(offset) => offset as usize,
+            None => return Some((self.alias.get_mut(address as usize / 2)?, address as usize)),
+        };
+        Some((self.numbers.get_mut(offset / 2)?, offset))
+    }
+
+    /// Takes the block at `address` in that has just been decoded; its number.
+    fn add(&mut self, decoder: Decoder<'_>, address: u32) -> u32 {
         if self.ops.len() > MOST_ENTRIES {
-            *self = Self::new(self.numbers.len());
+            *self = Self::new(2 * self.numbers.len());
         }
         let number = self.ops.len();
-        self.ops.push(Op::Begin {
-            size: decoder.size as u16,
-            entries: decoder.ops.len() as u16,
-            instructions: decoder.block.instructions as u16,
-            sends_event: decoder.block.sends_event,
+        let all = decoder.block.instructions;
+        let instructions = u8::try_from(all).unwrap_or(u8::MAX);
+        let more = (all - u32::from(instructions)) as u16;
+        let more = (more > 0).then_some(Op::More {
+            instructions: more,
+            at: address,
         });
+        let event = decoder.block.sends_event.then_some(Op::SendEvent);
+        let first = more.into_iter().chain(event);
+        let entries = first.clone().count() + decoder.ops.len();
+        let begin = Op::Begin {
+            instructions,
+            entries: entries as u16,
+            end: decoder.to.unwrap_or(address.wrapping_add(decoder.size)),
+        };
+        self.ops.extend(iter::once(begin).chain(first.clone()));
+        let (offset, it) = (decoder.size as u16, 0);
+        self.places.push(Place { offset, it });
+        self.places.extend(first.map(|_| Place { offset: 0, it }));
         self.ops.extend(decoder.ops);
-        self.places.push(Place { offset: 0, it: 0 });
         self.places.extend(decoder.places);
         number as u32
     }
@@ -93,10 +113,9 @@ impl Blocks {
         // A block before them may reach into them.
         let from = offset.saturating_sub(LONGEST) / 2;
         let to = (offset + length).div_ceil(2);
-        let half = self.numbers.len() / 2;
-        for begin in [0, half] {
-            let range = begin + from..begin + to.min(half);
-            if let Some(numbers) = self.numbers.get_mut(range) {
+        for numbers in [&mut self.numbers, &mut self.alias] {
+            let to = to.min(numbers.len());
+            if let Some(numbers) = numbers.get_mut(from..to) {
                 numbers.fill(0);
             }
         }
@@ -116,62 +135,67 @@ impl CortexM3 {
     /// Errors: why there is none.
     #[inline(always)]
     fn block(&mut self) -> Result<u32, Stop> {
-        let registers = &self.core.registers;
-        let (place, _) = match self.blocks.place(registers.pc) {
-            Some(place) if registers.thumb => place,
-            _ => return Err(self.nowhere()),
-        };
-        match self.blocks.numbers.get(place) {
-            Some(number) if *number != 0 && self.core.registers.it == 0 => Ok(*number),
-            _ => self.decode(),
+        match self.blocks.find(self.core.registers.pc) {
+            number @ 1.. if self.core.registers.it == 0 => Ok(number),
+            _ => self.block_anywhere(),
         }
     }
 
     /// Why there is no code where the program counter is.
     #[cold]
     fn nowhere(&self) -> Stop {
-        let at = self.core.registers.pc;
+        let at = self.core.registers.pc & !1;
         match at | 1 {
             link @ EXC_RETURN.. => Stop::ExceptionReturn(link),
-            _ if !self.core.registers.thumb => Fault::Undefined.into(),
+            _ if !self.core.registers.is_thumb() => Fault::Undefined.into(),
             _ => Fault::Fetch { address: at }.into(),
         }
     }
 
+    /// The number of the block that begins where the program counter is, decoded if it has to be.
+    ///
+    /// Errors: why there is none.
     #[cold]
-    fn decode(&mut self) -> Result<u32, Stop> {
+    fn block_anywhere(&mut self) -> Result<u32, Stop> {
         let (at, it) = (self.core.registers.pc, self.core.registers.it);
-        let (place, offset) = self.blocks.place(at).ok_or_else(|| self.nowhere())?;
+        let is_thumb = self.core.registers.is_thumb();
+        let place = self.blocks.place(at).filter(|_| is_thumb);
+        let Some((number, offset)) = place else {
+            return Err(self.nowhere());
+        };
+        // Within an IT block the same code is another block.
+        if it == 0 && *number != 0 {
+            return Ok(*number);
+        }
         let code = self.core.memory.flash.get(offset..).unwrap_or(&[]);
         let decoder = Decoder::decode(code, at, it);
         if decoder.size == 0 {
             return Err(Fault::Fetch { address: at }.into());
         }
-        let number = self.blocks.add(decoder);
-        // Within an IT block the same code is another block.
-        if it == 0
-            && let Some(place) = self.blocks.numbers.get_mut(place)
-        {
-            *place = number;
+        let added = self.blocks.add(decoder, at);
+        if let Some((number, _)) = self.blocks.place(at).filter(|_| it == 0) {
+            *number = added;
         }
-        Ok(number)
+        Ok(added)
     }
 
     /// Executes until there is a reason to stop.
     fn execute(&mut self) -> Stop {
+        let mut number = match self.block_anywhere() {
+            Ok(number) => number,
+            Err(stop) => return stop,
+        };
         // The first block is let through, or the chip could keep the core from ever going on.
-        let mut is_first = true;
         loop {
-            let number = match self.block() {
+            if let Err(stop) = self.execute_block(number) {
+                return stop;
+            }
+            number = match self.block() {
                 Ok(number) => number,
                 Err(stop) => return stop,
             };
-            if !is_first && self.core.memory.chip.needs_attention() && self.stops() {
+            if self.core.memory.chip.needs_attention() && self.stops() {
                 return Stop::Wanted;
-            }
-            is_first = false;
-            if let Err(stop) = self.execute_block(number) {
-                return stop;
             }
         }
     }
@@ -181,58 +205,69 @@ impl CortexM3 {
     /// Errors: the reason to stop.
     #[inline(always)]
     fn execute_block(&mut self, number: u32) -> Result<(), Stop> {
-        let block = self.blocks.ops.get(number as usize..).unwrap_or(&[]);
-        let Some((
-            Op::Begin {
-                size,
-                entries,
-                instructions,
-                sends_event,
-            },
-            ops,
-        )) = block.split_first()
+        let at = self.core.registers.pc;
+        if self.core.memory.chip.is_watched() {
+            self.watch(at, number);
+        }
+        let Some(
+            &[
+                Op::Begin {
+                    instructions,
+                    entries,
+                    end,
+                },
+                ref ops @ ..,
+            ],
+        ) = self.blocks.ops.get(number as usize..)
         else {
             return Ok(());
         };
-        let at = self.core.registers.pc;
-        let block = Block {
-            instructions: (*instructions).into(),
-            sends_event: *sends_event,
-        };
-        if self.core.memory.chip.is_observed() {
-            self.core.memory.observe(at, block, *size);
-        }
-        self.core.memory.chip.begin(block);
-        self.core.registers.pc = at.wrapping_add((*size).into());
-        let ops = ops.get(..usize::from(*entries)).unwrap_or(ops);
-        let mut left = ops.iter();
+        self.core.memory.chip.count(at, instructions.into());
+        self.core.registers.pc = end;
+        let mut left = ops.get(..usize::from(entries)).unwrap_or(&[]).iter();
         while let Some(op) = left.next() {
-            match self.core.execute(*op) {
-                Ok(0) => {}
-                Ok(entries) => {
-                    left.nth(usize::from(entries).wrapping_sub(1));
+            match self.core.execute(op) {
+                Ok(Next::Entry) => {}
+                Ok(Next::Skip(entries)) => {
+                    let behind = left.as_slice().get(usize::from(entries)..);
+                    left = behind.unwrap_or(&[]).iter();
                 }
+                Ok(Next::Block) => return Ok(()),
                 Err(Stopped) => {
-                    let entry = number as usize + ops.len() - left.len();
-                    return Err(self.stopped(entry, *size));
+                    let entry = usize::from(entries) - left.len();
+                    return Err(self.stopped(at, number, entry));
                 }
             }
         }
         Ok(())
     }
 
-    /// Goes back to the instruction that could not be executed, to which this entry belongs, in a
-    /// block of `size` bytes.
+    /// Bytes of a block.
+    fn size(&self, number: u32) -> u16 {
+        let place = self.blocks.places.get(number as usize);
+        place.map_or(0, |place| place.offset)
+    }
+
+    /// Notes that this block at `at` is about to run, for those who watch addresses.
     #[cold]
     #[inline(never)]
-    fn stopped(&mut self, entry: usize, size: u16) -> Stop {
+    fn watch(&mut self, at: u32, number: u32) {
+        let size = self.size(number);
+        self.core.memory.observe(at, size);
+    }
+
+    /// Goes back to the instruction that could not be executed, to which this entry of the block
+    /// at `at` belongs; its first one has number 1.
+    #[cold]
+    #[inline(never)]
+    fn stopped(&mut self, at: u32, number: u32, entry: usize) -> Stop {
         let stop = self.core.memory.stop;
-        if let (Stop::Fault(_), Some(place)) = (stop, self.blocks.places.get(entry)) {
-            let rest = u32::from(size - place.offset);
-            // A fault is never behind a branch: the program counter still is at the block's end.
-            let at = self.core.registers.pc.wrapping_sub(rest);
+        let place = self.blocks.places.get(number as usize + entry);
+        if let (Stop::Fault(_), Some(place)) = (stop, place) {
+            let rest = self.size(number) - place.offset;
+            let at = at.wrapping_add(place.offset.into());
             (self.core.registers.pc, self.core.registers.it) = (at, place.it);
-            let mut bytes = vec![0; rest as usize];
+            let mut bytes = vec![0; rest.into()];
             if self.core.memory.read(at, &mut bytes).is_ok() {
                 let count = Block::of(&bytes).instructions;
                 self.core.memory.chip.take_back(count);

@@ -14,12 +14,14 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use canopen::Frame;
+use device::calibration::encoding;
 use flash::image::Version;
 use flash::layout::Slot;
 use sim::bench::{BenchError, Mode, World};
 use sim::memory;
-use sim::network::hand::Pose;
 use sim::network::instrument::Delivered;
+use tilt::chain::Calibration;
+use tilt::temperature::{Quadratic, TemperatureModel};
 
 use crate::board::FlashError;
 use crate::build::{BuildError, FLOAT, Product};
@@ -48,8 +50,6 @@ const REFUSED: u32 = 7 << 1 | 5 << 16;
 const WAIT: [&str; 2] = ["3spi", "4wait"];
 /// Polls of 1F57h before a check counts as one without end, ten a second.
 const POLLS: u32 = 50;
-/// How fast the motor turns for a calibration, deg/s.
-const MOTOR_DEG_S: f64 = 60.0;
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
 
@@ -62,8 +62,6 @@ pub enum CostError {
     Flash(FlashError),
     /// The instrument does not leave the bench.
     Bench(BenchError),
-    /// New tables were refused, for this reason in 2060h sub 8.
-    Calibration(u32),
     /// The bus took no more frames.
     BusFull,
     /// An SDO was not answered as it should be.
@@ -82,7 +80,6 @@ impl fmt::Display for CostError {
             Self::Build(error) => error.fmt(f),
             Self::Flash(error) => write!(f, "the image does not go into the flash: {error:?}"),
             Self::Bench(error) => write!(f, "the instrument does not leave the bench: {error}"),
-            Self::Calibration(reason) => write!(f, "2060h refused new tables: sub 8 is {reason}"),
             Self::BusFull => f.write_str("the bus is full"),
             Self::Sdo(error) => write!(f, "an SDO was not answered as it should be: {error:?}"),
             Self::NoSymbol(name) => write!(f, "nothing in the image is called {name}"),
@@ -360,33 +357,18 @@ fn store(pair: &mut Pair) -> Result<(), CostError> {
     Ok(())
 }
 
-/// Node A gets new tables by a motor's run: how deep in the stack they are made. Every tenth degree
-/// is enough, since a run has room for all of its points from the start.
+/// Node A gets another calibration (2061h), as a fit on the host leaves it: understood, put in
+/// force and stored.
 fn calibrate(pair: &mut Pair) -> Result<(), CostError> {
-    pair.hand.set_rate(MOTOR_DEG_S);
-    for axis in [1, 2] {
-        pair.write(1, (0x2060, 1), 1, axis)?;
-        for angle in (-80..=80).step_by(10) {
-            let (along, level) = (f64::from(angle), 0.0);
-            let [roll_deg, pitch_deg] = if axis == 1 {
-                [along, level]
-            } else {
-                [level, along]
-            };
-            pair.hand.go(Pose {
-                pitch_deg,
-                roll_deg,
-            });
-            pair.run(0.8);
-            pair.write(1, (0x2060, 2), 4, (1000 * angle) as u32)?;
-        }
-    }
-    pair.write(1, (0x2060, 1), 1, 3)?;
+    let fitted = Calibration {
+        temperature: TemperatureModel::Quadratic(Quadratic::default()),
+        ..Calibration::NOMINAL
+    };
+    let mut bytes = vec![0; encoding::length(&fitted) as usize];
+    encoding::read_at(&fitted, 0, &mut bytes);
+    pair.download(1, (0x2061, 0), &bytes)?;
     pair.run(1.0);
-    match pair.read(1, 0x2060, 8)? {
-        0 => Ok(()),
-        reason => Err(CostError::Calibration(reason)),
-    }
+    Ok(())
 }
 
 /// Node A gets a program as long as its own that somebody else has signed and is told to start it:

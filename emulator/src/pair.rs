@@ -1,16 +1,21 @@
 //! Two boards in one housing, on one bus with a host: an instrument as it is built.
 //!
-//! In: an image for both, time, frames of the host. Out: what was on the bus. Everything is drawn
-//! from one seed. Left out: a third party on the bus; the network takes one.
+//! In: the part and an image for both, time, frames of the host. Out: what was on the bus.
+//! Everything is drawn from one seed. Left out: a third party on the bus; the network takes one.
 
 use std::fmt;
 use std::marker::PhantomData;
 
 use canopen::Frame;
+use device::calibration::stage;
+use device::memory::Build;
+use device::memory::records_only::RecordMemory;
 use device::objects::table::Channel;
-use device::records::RecordStore;
+use device::records::{Record, RecordStore};
 use embedded_storage::nor_flash::ReadNorFlash;
-use flash::layout::RC;
+use flash::layout::{C8, Layout, PAGE, RC, Region, Slot};
+use flash::nor::medium::Medium;
+use flash::nor::{Nor, Page};
 use sim::can_bus::{Busy, Event, Port};
 use sim::electronics::Electronics;
 use sim::error_model::ErrorModel;
@@ -22,6 +27,7 @@ use sim::network::instrument::{Delivered, commission};
 use sim::rng::Rng;
 
 use crate::board::{Board, FlashError, Parts};
+use crate::chip::flash_controller::Dice;
 use crate::cortex_m3::CortexM3;
 use crate::cpu::Cpu;
 
@@ -30,6 +36,40 @@ const LSI_HZ: u32 = 40_000;
 
 /// What is to be flashed: pieces with their addresses.
 pub type Pieces<'a> = &'a [(u32, Vec<u8>)];
+
+/// A part, and what is to be flashed into it. Pieces alone are for the product's part.
+#[derive(Clone, Copy, Debug)]
+pub struct Outfit<'a> {
+    /// The map of the part.
+    pub layout: Layout,
+    /// What is to be flashed.
+    pub pieces: Pieces<'a>,
+}
+
+impl<'a> Outfit<'a> {
+    /// The paper's part with these pieces.
+    pub const fn paper(pieces: Pieces<'a>) -> Self {
+        Self { layout: C8, pieces }
+    }
+}
+
+impl<'a> From<Pieces<'a>> for Outfit<'a> {
+    fn from(pieces: Pieces<'a>) -> Self {
+        Self { layout: RC, pieces }
+    }
+}
+
+impl<'a> From<&'a Vec<(u32, Vec<u8>)>> for Outfit<'a> {
+    fn from(pieces: &'a Vec<(u32, Vec<u8>)>) -> Self {
+        Self::from(pieces.as_slice())
+    }
+}
+
+impl<'a, const N: usize> From<&'a [(u32, Vec<u8>); N]> for Outfit<'a> {
+    fn from(pieces: &'a [(u32, Vec<u8>); N]) -> Self {
+        Self::from(pieces.as_slice())
+    }
+}
 
 /// A frame that was on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +115,7 @@ impl<C> fmt::Debug for Pair<C> {
     }
 }
 
-/// A board of channel A (0) or B (1), without power, with these pieces in its flash.
+/// A board of channel A (0) or B (1), without power, with what is to be in its flash.
 ///
 /// Errors: see [`FlashError`].
 ///
@@ -86,10 +126,10 @@ pub fn board<C: Cpu>(
     electronics: Electronics,
     seed: u64,
     number: usize,
-    pieces: Pieces<'_>,
+    outfit: Outfit<'_>,
 ) -> Result<Board<C>, FlashError> {
     let parts = Parts {
-        layout: RC,
+        layout: outfit.layout,
         electronics,
         identity: [seed as u32, (seed >> 32) as u32, number as u32],
         lsi_hz: LSI_HZ,
@@ -97,7 +137,7 @@ pub fn board<C: Cpu>(
         strapped: number % 2 == 1,
     };
     let mut board = Board::new(parts, &mut network.bus);
-    for (address, bytes) in pieces {
+    for (address, bytes) in outfit.pieces {
         board.flash_at(*address, bytes)?;
     }
     Ok(board)
@@ -106,8 +146,8 @@ pub fn board<C: Cpu>(
 /// Node-ids and bit rate (kbit/s) that the image has by itself (`firmware::factory`).
 pub const AS_BUILT: ([u8; 2], u16) = ([1, 2], 250);
 
-/// Puts both boards of an instrument on the bus, without power: its parts, these pieces in their
-/// flash, and behind them the records that they leave the bench with. Node-ids and bit rate other
+/// Puts both boards of an instrument on the bus, without power: its parts, this outfit, and in the
+/// flash behind it the records that they leave the bench with. Node-ids and bit rate other
 /// than [`AS_BUILT`] are stored as LSS does it.
 ///
 /// Errors: see [`FlashError`].
@@ -119,30 +159,24 @@ pub fn deliver(
     delivered: &Delivered,
     settings: ([u8; 2], u16),
     seed: u64,
-    pieces: Pieces<'_>,
+    outfit: Outfit<'_>,
 ) -> Result<(), FlashError> {
-    deliver_with::<CortexM3>(network, delivered, settings, seed, pieces)
+    deliver_with::<CortexM3>(network, delivered, settings, seed, outfit)
 }
 
 /// [`deliver`], with this core.
 fn deliver_with<C: Cpu + 'static>(
     network: &mut Network,
     delivered: &Delivered,
-    (ids, kbit_s): ([u8; 2], u16),
+    settings: ([u8; 2], u16),
     seed: u64,
-    pieces: Pieces<'_>,
+    outfit: Outfit<'_>,
 ) -> Result<(), FlashError> {
-    let mut memories = CHANNELS.map(|channel| left_bench(delivered, channel));
-    if (ids, kbit_s) != AS_BUILT {
-        commission(&mut memories, ids, kbit_s).expect(ROOM);
-    }
-    for (number, (channel, mut memory)) in CHANNELS.into_iter().zip(memories).enumerate() {
+    let records = records(delivered, settings, &outfit.layout);
+    for (number, (channel, records)) in CHANNELS.into_iter().zip(records).enumerate() {
         let electronics = delivered.electronics(channel);
-        let mut board = board::<C>(network, electronics, seed, number, pieces)?;
-        let mut records = vec![0; RC.records.length as usize];
-        let read = memory.flash_mut().read(RC.records.start, &mut records);
-        read.expect("the records are in the flash");
-        board.flash_at(RC.records.address(), &records)?;
+        let mut board = board::<C>(network, electronics, seed, number, outfit)?;
+        board.flash_at(outfit.layout.records.address(), &records)?;
         network.add_guest(Box::new(board));
     }
     Ok(())
@@ -152,44 +186,95 @@ const CHANNELS: [Channel; 2] = [Channel::A, Channel::B];
 
 const ROOM: &str = "a blank flash has room for a few records";
 
-/// A node's memory as the bench leaves it, written by the same code on the host.
-fn left_bench(delivered: &Delivered, channel: Channel) -> Memory {
+/// The records that both nodes leave the bench with, written by the same code on the host.
+fn records(delivered: &Delivered, settings: ([u8; 2], u16), layout: &Layout) -> [Vec<u8>; 2] {
+    let region = layout.records;
+    if layout.b.is_none() {
+        let mut memories = CHANNELS.map(|channel| of_paper(delivered, channel));
+        settle(&mut memories, settings);
+        return memories.map(|mut memory| held(memory.flash_mut(), region));
+    }
+    let mut memories = CHANNELS.map(|channel| of_product(delivered, channel));
+    settle(&mut memories, settings);
+    memories.map(|mut memory| held(memory.flash_mut(), region))
+}
+
+/// A node's memory as the bench leaves it.
+fn of_product(delivered: &Delivered, channel: Channel) -> Memory {
     let mut memory = memory::blank();
-    RecordStore::start(&mut memory).expect("a blank flash has no records to trip over");
+    RecordStore::start(&mut memory).expect(ROOM);
     delivered.write_to(channel, &mut memory).expect(ROOM);
     memory
+}
+
+/// The same of a node of the paper's instrument: it keeps one calibration, its own.
+fn of_paper(delivered: &Delivered, channel: Channel) -> RecordMemory<Medium<Vec<Page>, Dice>> {
+    let pages = vec![Page::new(); (C8.flash / PAGE) as usize];
+    let build = Build {
+        layout: &C8,
+        running: Slot::A,
+        hardware: C8.hardware,
+    };
+    let mut memory = RecordMemory::new(Medium(Nor::new(pages, Dice::new(0))), build);
+    RecordStore::start(&mut memory).expect(ROOM);
+    if let Some(calibration) = delivered.calibration(channel) {
+        let staged = stage(&mut memory, Record::Calibration, calibration);
+        let kept = staged.and_then(|()| RecordStore::commit(&mut memory));
+        kept.expect(ROOM);
+    }
+    memory
+}
+
+/// Tells both who they are, where that is not what they are built with.
+fn settle<M: RecordStore>(memories: &mut [M; 2], (ids, kbit_s): ([u8; 2], u16)) {
+    if (ids, kbit_s) != AS_BUILT {
+        commission(memories, ids, kbit_s).expect(ROOM);
+    }
+}
+
+/// What a region holds.
+fn held<F: ReadNorFlash>(flash: &mut F, region: Region) -> Vec<u8> {
+    let mut bytes = vec![0; region.length as usize];
+    let read = flash.read(region.start, &mut bytes);
+    assert!(read.is_ok(), "the records are in the flash");
+    bytes
 }
 
 impl Pair {
     /// Both boards with power, at 250 kbit/s.
     ///
     /// Errors: see [`FlashError`].
-    pub fn new(seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
-        Self::of(2, seed, pieces)
+    pub fn new<'a>(seed: u64, outfit: impl Into<Outfit<'a>>) -> Result<Self, FlashError> {
+        Self::of(2, seed, outfit)
     }
 
     /// So many boards with power, of nominal parts.
     ///
     /// Errors: see [`FlashError`].
-    pub fn of(boards: usize, seed: u64, pieces: Pieces<'_>) -> Result<Self, FlashError> {
-        Self::with(&ErrorModel::NOMINAL, boards, seed, pieces)
+    pub fn of<'a>(
+        boards: usize,
+        seed: u64,
+        outfit: impl Into<Outfit<'a>>,
+    ) -> Result<Self, FlashError> {
+        Self::with(&ErrorModel::NOMINAL, boards, seed, outfit)
     }
 
     /// So many boards with power, of parts drawn from this model.
     ///
     /// Errors: see [`FlashError`].
-    pub fn with(
+    pub fn with<'a>(
         model: &ErrorModel,
         boards: usize,
         seed: u64,
-        pieces: Pieces<'_>,
+        outfit: impl Into<Outfit<'a>>,
     ) -> Result<Self, FlashError> {
+        let outfit = outfit.into();
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
         for number in 0..boards {
             let rng = Rng::stream(seed, &format!("board {number}"));
             let electronics = Electronics::new(model, rng);
-            let board = board::<CortexM3>(&mut network, electronics, seed, number, pieces)?;
+            let board = board::<CortexM3>(&mut network, electronics, seed, number, outfit)?;
             network.add_guest(Box::new(board));
         }
         Ok(Self::powered(network, host, seed))
@@ -198,12 +283,12 @@ impl Pair {
     /// Both boards with power, as they come from the bench: calibrated.
     ///
     /// Errors: see [`FlashError`].
-    pub fn delivered(
+    pub fn delivered<'a>(
         delivered: &Delivered,
         seed: u64,
-        pieces: Pieces<'_>,
+        outfit: impl Into<Outfit<'a>>,
     ) -> Result<Self, FlashError> {
-        Self::delivered_with(delivered, seed, pieces)
+        Self::delivered_with(delivered, seed, outfit)
     }
 }
 
@@ -211,14 +296,14 @@ impl<C: Cpu + 'static> Pair<C> {
     /// [`Pair::delivered`], with the core that the type names.
     ///
     /// Errors: see [`FlashError`].
-    pub fn delivered_with(
+    pub fn delivered_with<'a>(
         delivered: &Delivered,
         seed: u64,
-        pieces: Pieces<'_>,
+        outfit: impl Into<Outfit<'a>>,
     ) -> Result<Self, FlashError> {
         let mut network = Network::new(250_000, seed);
         let host = network.attach_host();
-        deliver_with::<C>(&mut network, delivered, AS_BUILT, seed, pieces)?;
+        deliver_with::<C>(&mut network, delivered, AS_BUILT, seed, outfit.into())?;
         Ok(Self::powered(network, host, seed))
     }
 

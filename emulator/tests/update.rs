@@ -10,7 +10,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Instant;
 
 use emulator::build::Product;
-use flash::layout::HEADER;
+use flash::layout::{HEADER, Slot};
 
 /// Two emulated nodes on a bus; ended when dropped.
 struct Served {
@@ -64,10 +64,9 @@ fn plumb(arguments: &[&str]) -> Output {
 /// The file of an update: the product's own bodies with another version.
 fn file(folder: &Path, version: &str, more: &[&str]) -> PathBuf {
     let product = Product::build().expect("the image builds");
-    let bodies = ["a", "b"].map(|slot| {
-        let image = product.update(slot).expect("it is there");
-        let path = folder.join(format!("body-{slot}"));
-        fs::write(&path, &image[HEADER as usize..]).expect("written");
+    let bodies = [("a", Slot::A), ("b", Slot::B)].map(|(name, slot)| {
+        let path = folder.join(format!("body-{name}"));
+        fs::write(&path, &product.update(slot)[HEADER as usize..]).expect("written");
         path
     });
     let file = folder.join(format!("{version}.img"));

@@ -1,41 +1,40 @@
 //! What a node is before anything was stored in it.
 //!
 //! In: the channel that the board straps to this chip, and the serial number. Out: the device's
-//! [`Factory`]: product mode, uncalibrated, 250 kbit/s.
+//! [`Factory`]: uncalibrated, 250 kbit/s, set up as `device::factory` says for the mode.
 
 use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Setup;
 use device::device::Factory;
+use device::factory;
 use device::objects::panel::Identity;
-use device::objects::table::Channel;
-use device::sensor::Config;
-use tilt::chain::Timing;
-use tilt::filter::LowPass;
-use tilt::table::Rule;
-
-/// Latency that the product declares, us: 22.4 ms of filter and 1.1 ms of part (LIS2DW12), and
-/// what the interpolation to a common instant needs.
-const LATENCY_US: u32 = 25_000;
+use device::objects::table::{Channel, Models};
 
 /// Bit rate as delivered, kbit/s.
 const KBIT_S: u16 = 250;
 
-/// A node as it leaves the soldering line.
-pub fn factory(channel: Channel, serial: u32) -> Factory {
+/// A node of the product as it leaves the soldering line.
+pub fn product(channel: Channel, serial: u32) -> Factory {
+    of(channel, serial, Models::PRODUCT, factory::product())
+}
+
+/// A node of the paper's instrument as it leaves the soldering line.
+pub fn paper(channel: Channel, serial: u32) -> Factory {
+    of(channel, serial, Models::PAPER, factory::paper())
+}
+
+fn of(channel: Channel, serial: u32, models: Models, setup: Setup) -> Factory {
     Factory {
-        identity: Identity { channel, serial },
+        identity: Identity {
+            channel,
+            serial,
+            models,
+        },
         node_id: channel.node_id(),
         kbit_s: KBIT_S,
-        setup: Setup {
-            part: Config::PRODUCT,
-            filter: LowPass::PRODUCT,
-            timing: Timing::Aligned {
-                latency_us: LATENCY_US,
-            },
-            noise: 0,
-        },
+        setup,
         terms: Terms {
-            rule: Rule::Linear,
+            rule: factory::RULE,
             reference: MOTOR,
         },
     }

@@ -24,6 +24,8 @@ pub enum NorError {
     Protected,
     /// The operation has not ended (BSY), or not with EOP.
     Stuck,
+    /// The bootloader lends nothing to erase with, or what it lends has refused.
+    Eraser,
 }
 
 impl NorFlashError for NorError {
@@ -31,7 +33,7 @@ impl NorFlashError for NorError {
         match self {
             Self::Alignment => NorFlashErrorKind::NotAligned,
             Self::Bounds => NorFlashErrorKind::OutOfBounds,
-            Self::Forbidden | Self::NotBlank | Self::Protected | Self::Stuck => {
+            Self::Forbidden | Self::NotBlank | Self::Protected | Self::Stuck | Self::Eraser => {
                 NorFlashErrorKind::Other
             }
         }
@@ -51,6 +53,14 @@ pub fn inside(layout: &Layout, offset: u32, length: usize, step: u32) -> Result<
         return Err(NorError::Bounds);
     }
     Ok(end)
+}
+
+/// Whether a page of the chip begins at `offset` that belongs to the records: the only one that a
+/// bootloader erases for whoever calls it.
+pub fn is_of_records(layout: &Layout, offset: u32) -> bool {
+    let page = layout.chip_page;
+    let end = inside(layout, offset, page as usize, page);
+    end.is_ok_and(|end| offset >= layout.records.start && end <= layout.records.end())
 }
 
 /// Which flash is whose.
@@ -96,7 +106,7 @@ impl Guard {
 
 #[cfg(test)]
 mod tests {
-    use flash::layout::{PAGE, RC};
+    use flash::layout::{C8, PAGE, RC};
 
     use super::*;
 
@@ -144,6 +154,18 @@ mod tests {
         assert_eq!(APP.erase(b.start, b.end(), PAGE), Ok(()));
         assert_eq!(APP.erase(RC.records.start, RC.flash, PAGE), Ok(()));
         assert_eq!(APP.program(RC.flash - 2, 2), Ok(()));
+    }
+
+    #[test]
+    fn what_a_bootloader_erases_for_others_is_a_page_of_records() {
+        for layout in [C8, RC] {
+            let page = layout.chip_page as usize;
+            let whole = (0..u32::MAX - PAGE).step_by(page / 4);
+            let erased = whole.filter(|offset| is_of_records(&layout, *offset));
+            let records = layout.records.start..layout.records.end();
+            assert!(erased.eq(records.step_by(page)));
+            assert!(!is_of_records(&layout, u32::MAX));
+        }
     }
 
     #[test]

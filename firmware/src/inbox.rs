@@ -6,6 +6,8 @@
 //! The room kept free for what frames must not push out is never used up: each mailbox has one
 //! event at a time, and a new error state is taken only when there is room.
 
+use canopen::Frame;
+use canopen::frame::{ExtendedId, Id, standard};
 use device::mailboxes::MAILBOXES;
 use heapless::Deque;
 use tilt::sample::Instant;
@@ -33,12 +35,83 @@ pub enum Input {
     Bus(Event),
 }
 
+/// Bits of an event's time that are kept, in us: they are unmistakable for 268 s, and nothing waits
+/// for more than seconds.
+const TIME_BITS: u32 = 28;
+/// [`Waiting::what`] is no identifier but one of the events below, with its numbers.
+const OTHER: u32 = 1 << 31;
+/// The identifier has 29 bits.
+const EXTENDED: u32 = 1 << 30;
+/// The frame is a remote one.
+const REMOTE: u32 = 1 << 29;
+/// The number of [`Event::Sent`] among others.
+const SENT: u8 = 0;
+/// The same of [`Event::GivenUp`].
+const GIVEN_UP: u8 = 1;
+/// The same of [`Event::Changed`].
+const CHANGED: u8 = 2;
+
+/// An event as it waits: 16 bytes, of which there are many, instead of 32 with its whole time.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    /// The identifier with its flags; of another event three numbers above [`OTHER`]'s kind.
+    what: u32,
+    /// The lower [`TIME_BITS`] of its time, us, and above them the length of the frame.
+    at: u32,
+    data: [u8; 8],
+}
+
+const _: () = assert!(size_of::<Waiting>() == 16);
+
+impl Waiting {
+    fn new(event: Event, at: Instant) -> Self {
+        let other = |kind, a, b, c| (OTHER | u32::from_le_bytes([a, b, c, kind]), 0, [0; 8]);
+        let (what, length, data) = match event {
+            Event::Received(frame) => {
+                let id = match frame.id() {
+                    Id::Standard(id) => u32::from(id.as_raw()),
+                    Id::Extended(id) => id.as_raw() | EXTENDED,
+                };
+                let remote = if frame.is_remote() { REMOTE } else { 0 };
+                (id | remote, frame.length() as u32, frame.padded())
+            }
+            Event::Sent(place) => other(SENT, place, 0, 0),
+            Event::GivenUp(place) => other(GIVEN_UP, place, 0, 0),
+            Event::Changed(state, transmit, receive) => {
+                other(CHANGED, state as u8, transmit, receive)
+            }
+        };
+        let at = at.0 as u32 & !(u32::MAX << TIME_BITS) | length << TIME_BITS;
+        Self { what, at, data }
+    }
+
+    fn event(&self) -> Event {
+        if self.what & OTHER == 0 {
+            return Event::Received(self.frame());
+        }
+        let [a, b, c, kind] = (self.what & !OTHER).to_le_bytes();
+        match kind {
+            SENT => Event::Sent(a),
+            GIVEN_UP => Event::GivenUp(a),
+            _ => Event::Changed(State::from_number(a), b, c),
+        }
+    }
+
+    fn frame(&self) -> Frame {
+        let number = self.what & !(EXTENDED | REMOTE);
+        let id = match ExtendedId::new(number) {
+            Some(id) if self.what & EXTENDED != 0 => Id::Extended(id),
+            _ => Id::Standard(standard(number as u16)),
+        };
+        let is_remote = self.what & REMOTE != 0;
+        Frame::of_parts(id, is_remote, (self.at >> TIME_BITS) as u8, self.data)
+    }
+}
+
 /// Events and edges that nobody has looked at.
 #[derive(Debug)]
 pub struct Inbox {
-    /// Each with the lower 32 bits of its time, which saves 8 bytes of 32: they are unmistakable
-    /// for 71 minutes, and nothing waits for more than seconds.
-    events: Deque<(Event, u32), EVENTS>,
+    events: Deque<Waiting, EVENTS>,
     /// The time of the newest event, from which those of the others follow.
     newest: Instant,
     edge: Option<Instant>,
@@ -76,12 +149,12 @@ impl Inbox {
     /// Appends an event; false without room.
     fn push(&mut self, event: Event, at: Instant) -> bool {
         self.newest = self.newest.max(at);
-        self.events.push_back((event, at.0 as u32)).is_ok()
+        self.events.push_back(Waiting::new(event, at)).is_ok()
     }
 
-    /// The whole time of an event, by its lower half.
-    const fn whole(&self, at: u32) -> Instant {
-        let age = (self.newest.0 as u32).wrapping_sub(at);
+    /// The whole time of an event, by its lower bits.
+    const fn whole(&self, waiting: &Waiting) -> Instant {
+        let age = (self.newest.0 as u32).wrapping_sub(waiting.at) & !(u32::MAX << TIME_BITS);
         Instant(self.newest.0.saturating_sub(age as u64))
     }
 
@@ -123,7 +196,7 @@ impl Inbox {
     /// Takes the earliest out, if it is not after `until`; of the same instant the bus comes first.
     #[inline(never)]
     pub fn take(&mut self, until: Instant) -> Option<(Input, Instant)> {
-        let event = self.events.front().map(|(_, at)| self.whole(*at));
+        let event = self.events.front().map(|waiting| self.whole(waiting));
         let edge = self.edge;
         let is_event = match (event, edge) {
             (Some(event), Some(edge)) => event <= edge,
@@ -131,8 +204,8 @@ impl Inbox {
         };
         if is_event {
             let at = event.filter(|at| *at <= until)?;
-            let (event, _) = self.events.pop_front()?;
-            Some((Input::Bus(event), at))
+            let waiting = self.events.pop_front()?;
+            Some((Input::Bus(waiting.event()), at))
         } else {
             edge.filter(|at| *at <= until)?;
             self.edge.take().map(|at| (Input::Edge, at))
@@ -210,8 +283,8 @@ mod tests {
     }
 
     #[test]
-    fn events_keep_their_time_when_its_lower_half_begins_anew() {
-        const ROUND: u64 = 1 << 32;
+    fn events_keep_their_time_when_its_lower_bits_begin_anew() {
+        const ROUND: u64 = 1 << TIME_BITS;
         let mut inbox = Inbox::new();
         let times = [ROUND - 2, ROUND - 1, ROUND, 2 * ROUND - 3].map(Instant);
         for at in times {
@@ -220,6 +293,37 @@ mod tests {
         for at in times {
             assert_eq!(inbox.take(Instant(at.0 - 1)), None);
             assert_eq!(inbox.take(at), Some((Input::Bus(received(1)), at)));
+        }
+    }
+
+    #[test]
+    fn every_event_comes_out_as_it_went_in() {
+        let ids = [
+            Id::Standard(standard(0)),
+            Id::Standard(standard(0x7FF)),
+            Id::Extended(ExtendedId::ZERO),
+            Id::Extended(ExtendedId::MAX),
+        ];
+        let mut events = std::vec![
+            Event::Sent(2),
+            Event::GivenUp(1),
+            Event::Changed(State::Active, 0, 127),
+            Event::Changed(State::Warning, 96, 0),
+            Event::Changed(State::Passive, 128, 255),
+            Event::Changed(State::Off, 255, 1),
+        ];
+        for (id, length) in ids.iter().flat_map(|id| (0..=8).map(move |n| (*id, n))) {
+            let bytes = [0xFF, 1, 2, 3, 4, 5, 6, 0x80];
+            let frames = [Frame::with(id, &bytes[..length]), Frame::remote(id, length)];
+            events.extend(frames.map(|frame| Event::Received(frame.unwrap())));
+        }
+        for event in events {
+            let mut inbox = Inbox::new();
+            inbox.put(event, Instant(u64::MAX - 3));
+            assert_eq!(
+                inbox.take(LATE),
+                Some((Input::Bus(event), Instant(u64::MAX - 3)))
+            );
         }
     }
 

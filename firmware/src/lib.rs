@@ -2,8 +2,9 @@
 //!
 //! In: interrupts. Out: what `device` wants done, at the time it wants it. Modules of the root
 //! know no register and are tested on the host; `chip` is everything that does, and exists in the
-//! linked images only, as `node` and `self_check` do, which use it. The binaries are `boot` and
-//! `app`.
+//! linked images only, as what uses it does: `composition`, `node`, `self_check`, `new_program`.
+//! The binaries are `boot` and `app`, the product's, and `boot-paper` and `app-paper`, those of the
+//! paper's instrument on the paper's part.
 //!
 //! Left out: every decision about angles, faults and the bus, which is the device's.
 #![no_std]
@@ -14,14 +15,19 @@ extern crate std;
 pub mod bit_timing;
 #[cfg(target_os = "none")]
 pub mod chip;
+#[cfg(target_os = "none")]
+pub mod composition;
 pub mod crash;
 pub mod factory;
 pub mod guard;
 pub mod inbox;
 #[cfg(target_os = "none")]
+pub mod new_program;
+#[cfg(target_os = "none")]
 pub mod node;
 pub mod part;
 #[cfg(target_os = "none")]
 pub mod self_check;
+mod shell;
 pub mod ticks;
 pub mod unit;

@@ -7,24 +7,18 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
-use device::memory::{Build, FlashMemory};
 use rtic::Mutex;
-use tilt::cross_check::CrossCheck;
+use tilt::composition::Composition as _;
 
 use crate::chip::board::{Board, Select};
 use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
-use crate::chip::nor::Nor;
 use crate::chip::spi::Sensor;
+use crate::composition::Composition;
 use crate::crash::Crash;
-use crate::factory::factory;
 use crate::inbox::Inbox;
-use crate::part::LAYOUT;
-use crate::self_check::{self, Background};
+use crate::self_check;
 use crate::unit::{At, Order, Unit};
-
-/// Records and programs, in the chip's own flash.
-type Memory = FlashMemory<Nor, Background>;
 
 /// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
@@ -36,31 +30,25 @@ pub fn was_served() -> bool {
     served
 }
 
-/// The device with all that it needs.
-pub struct Node {
+/// The device with all that it needs, as `C` composes it.
+pub struct Node<C: Composition> {
     unit: Unit,
-    device: Device<Sensor<Select>, Memory>,
+    device: Device<Sensor<Select>, C::Memory, C::Instrument>,
     can: Can,
     alarm: Alarm,
     crash: Option<Crash>,
     running: bool,
 }
 
-impl Node {
+impl<C: Composition> Node<C> {
     /// A device that has not been started.
     #[inline(never)]
-    pub fn new(board: Board) -> Self {
-        let factory = factory(board.channel, board.serial);
-        let check = CrossCheck::product();
-        let build = Build {
-            layout: &LAYOUT,
-            running: self_check::running_slot(),
-            hardware: LAYOUT.hardware,
-        };
-        let memory = FlashMemory::new(board.nor, build, Background);
+    pub fn new(board: Board<C::Eraser>) -> Self {
+        let factory = C::factory(board.channel, board.serial);
+        let memory = C::memory(board.nor);
         Self {
             unit: Unit::new(),
-            device: Device::new(board.sensor, check, factory, memory),
+            device: Device::new(board.sensor, C::Instrument::check(), factory, memory),
             can: board.can,
             alarm: board.alarm,
             crash: board.crash,
@@ -68,7 +56,7 @@ impl Node {
         }
     }
 
-    fn at(&mut self) -> At<'_, Sensor<Select>, Memory, Can> {
+    fn at(&mut self) -> At<'_, Sensor<Select>, C::Memory, Can, C::Instrument> {
         self.unit.at(&mut self.device, &mut self.can)
     }
 

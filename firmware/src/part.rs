@@ -1,12 +1,15 @@
-//! The part that the firmware is for.
+//! The parts that the firmware is for.
 //!
-//! Out: its map, which the linker has too, and whose updates it believes (`build.rs`).
+//! Out: their maps, which the linker has too, and whose updates the product believes (`build.rs`).
 
 use device::memory::ed25519::{Ed25519, KEY};
-use flash::layout::{Layout, RC};
+use flash::layout::{C8, Layout, RC};
 
-/// The map that the image was linked with.
+/// The map that the product's images are linked with.
 pub const LAYOUT: Layout = RC;
+
+/// The map that the paper's image is linked with.
+pub const PAPER: Layout = C8;
 
 /// Whose updates are believed (`build.rs`).
 pub const SIGNATURES: Ed25519 = Ed25519 {

@@ -14,6 +14,7 @@ use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
 use device::device::{Device, Wish};
+use device::instrument::Instrument;
 use device::mailboxes::{Mailboxes, Transmitter};
 use device::objects::panel::Memory;
 use embedded_hal::spi::SpiDevice;
@@ -45,6 +46,18 @@ pub enum State {
     Passive,
     /// Bus-off.
     Off,
+}
+
+impl State {
+    /// By its number, as `as u8` gives it; bus-off for any beyond.
+    pub const fn from_number(number: u8) -> Self {
+        match number {
+            0 => Self::Active,
+            1 => Self::Warning,
+            2 => Self::Passive,
+            _ => Self::Off,
+        }
+    }
 }
 
 /// The CAN controller as a unit uses it. What is in its mailboxes stays there but for
@@ -104,9 +117,9 @@ fn overdue(next: Instant, now: Instant) -> Instant {
 }
 
 /// A device and what surrounds it, for one call.
-pub struct At<'a, SPI, M, C> {
+pub struct At<'a, SPI, M, C, I: Instrument> {
     unit: &'a mut Unit,
-    device: &'a mut Device<SPI, M>,
+    device: &'a mut Device<SPI, M, I>,
     can: &'a mut C,
 }
 
@@ -131,11 +144,11 @@ impl Unit {
     }
 
     /// Joins device and controller for a call.
-    pub const fn at<'a, SPI, M, C>(
+    pub const fn at<'a, SPI, M, C, I: Instrument>(
         &'a mut self,
-        device: &'a mut Device<SPI, M>,
+        device: &'a mut Device<SPI, M, I>,
         can: &'a mut C,
-    ) -> At<'a, SPI, M, C> {
+    ) -> At<'a, SPI, M, C, I> {
         At {
             unit: self,
             device,
@@ -169,7 +182,7 @@ impl Unit {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, C: Controller> At<'_, SPI, M, C> {
+impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, I> {
     /// The bus begins: the sensor has been set up.
     pub fn start(&mut self, now: Instant) {
         let now = self.unit.reach(now);

@@ -2,7 +2,7 @@
 //!
 //! In: a flash, an offset from its start in bytes, bytes. Out: nothing, or an [`AccessError`].
 //! Programs and erases whole half-words and pages of [`PAGE`]; a flash with other sizes does not
-//! compile.
+//! compile, but for [`erase_unit`].
 //!
 //! Left out: what the bytes mean.
 
@@ -115,8 +115,17 @@ pub fn program<F: NorFlash>(flash: &mut F, at: u32, bytes: &[u8]) -> Result<(), 
 /// Errors: any of [`AccessError`].
 pub fn erase<F: NorFlash>(flash: &mut F, at: u32) -> Result<(), AccessError> {
     const { assert!(F::ERASE_SIZE == PAGE as usize) };
-    flash.erase(at, at + PAGE).map_err(refused)?;
-    if is_blank(flash, at, PAGE)? {
+    erase_unit(flash, at)
+}
+
+/// Erases what the flash erases at once ([`NorFlash::ERASE_SIZE`]) from offset `at` on and looks it
+/// through.
+///
+/// Errors: any of [`AccessError`].
+pub fn erase_unit<F: NorFlash>(flash: &mut F, at: u32) -> Result<(), AccessError> {
+    let size = F::ERASE_SIZE as u32;
+    flash.erase(at, at + size).map_err(refused)?;
+    if is_blank(flash, at, size)? {
         Ok(())
     } else {
         Err(AccessError::Worn)

@@ -3,8 +3,8 @@
 //! Out: a [`Layout`] for each part, and the linker's `memory.x` made from it
 //! ([`Layout::memory_x`]). Offsets count from the start of the flash ([`BASE`]) in bytes. What a
 //! map has to obey (whole pages, no gap, no overlap, the part's size) is asserted when this
-//! compiles. The images are built for [`RC`]: the whole instrument is more than a slot of [`CB`]
-//! or [`C8`] holds.
+//! compiles. The product's images are built for [`RC`]: the whole instrument is more than a slot of
+//! [`CB`] holds. The paper's image is built for [`C8`].
 //!
 //! Left out: what is inside a region ([`image`](crate::image), [`records`](crate::records)).
 //!
@@ -22,9 +22,13 @@ pub const RAM: u32 = 0x2000_0000;
 
 /// The smallest part that is erased, bytes: one page of the chip where it is of high density.
 ///
-/// A medium-density part has pages of 1 kB, and its driver erases two of them for one of these,
-/// the lower first. A cut may then come between the two; [`nor`](crate::nor) draws that state too.
+/// A medium-density part has pages of 1 kB ([`Layout::chip_page`]). Whoever keeps records in a ring
+/// there erases two of them for one of these, the lower first. A cut may then come between the two;
+/// [`nor`](crate::nor) draws that state too. The paper's part erases its own pages.
 pub const PAGE: u32 = 2048;
+
+/// A page of the chip where it is of medium density, bytes.
+pub const HALF_PAGE: u32 = PAGE / 2;
 
 /// Bytes before the vector table of an application, which the image's header has.
 ///
@@ -32,8 +36,8 @@ pub const PAGE: u32 = 2048;
 /// 128, in words: 512 bytes (PM0056 4.4.4).
 pub const HEADER: u32 = 512;
 
-/// Bytes at the end of the bootloader's region that tell where its verifier is
-/// ([`seal`](crate::seal)).
+/// Bytes at the end of the bootloader's region that tell where the functions are that it lends to
+/// applications ([`seal`](crate::seal)).
 pub const SEAL: u32 = 24;
 
 /// Pages that the event log has for itself, where a part has room for one: it needs two.
@@ -103,19 +107,22 @@ pub struct Layout {
     pub flash: u32,
     /// RAM, bytes.
     pub ram: u32,
-    /// The bootloader, with the verifier of signatures beside it and the [`SEAL`] at its end.
+    /// What the chip erases in one operation, bytes: [`PAGE`] or [`HALF_PAGE`].
+    pub chip_page: u32,
+    /// The bootloader, with what it lends to applications and the [`SEAL`] at its end.
     pub boot: Region,
     /// Slot A.
     pub a: Region,
     /// Slot B; a part without one is not updated in the field.
     pub b: Option<Region>,
-    /// Calibration and parameters ([`Records`](crate::records::Records)).
+    /// Calibration and parameters ([`Records`](crate::records::Records), and where there is no slot
+    /// B [`Banks`](crate::banks::Banks)).
     pub records: Region,
     /// The event log ([`Log`](crate::records::log::Log)); no bytes where there is no room for one.
     pub log: Region,
 }
 
-/// STM32F103RC: 256 kB, two slots. The images are built for it.
+/// STM32F103RC: 256 kB, two slots. The product's images are built for it.
 ///
 /// Its records take a calibration of up to 7132 bytes beside parameters of 1.5 kB.
 pub const RC: Layout = Layout {
@@ -124,6 +131,7 @@ pub const RC: Layout = Layout {
     hardware: u32::from_le_bytes([0x2C, 3, b'L', b'P']),
     flash: 256 * 1024,
     ram: 48 * 1024,
+    chip_page: PAGE,
     boot: Region::kilobytes(0, 20),
     a: Region::kilobytes(20, 102),
     b: Some(Region::kilobytes(122, 102)),
@@ -131,7 +139,8 @@ pub const RC: Layout = Layout {
     log: Region::kilobytes(252, LOG_PAGES * PAGE / 1024),
 };
 
-/// STM32F103CB: 128 kB, two slots; the paper's part. A map only: the instrument is too long for it.
+/// STM32F103CB: 128 kB, two slots; the range that the paper shows. A map only: the instrument is
+/// too long for it.
 ///
 /// Its records take a calibration of up to 1761 bytes beside parameters of 1.5 kB: one by
 /// harmonics, but not two full tables. Storing those answers
@@ -141,6 +150,7 @@ pub const CB: Layout = Layout {
     hardware: u32::from_le_bytes([0xCB, 1, b'L', b'P']),
     flash: 128 * 1024,
     ram: 20 * 1024,
+    chip_page: HALF_PAGE,
     boot: Region::kilobytes(0, 8),
     a: Region::kilobytes(8, 52),
     b: Some(Region::kilobytes(60, 52)),
@@ -148,18 +158,22 @@ pub const CB: Layout = Layout {
     log: Region::kilobytes(124, LOG_PAGES * PAGE / 1024),
 };
 
-/// STM32F103C8: 64 kB, one slot, no update in the field. A map only, as [`CB`].
+/// STM32F103C8: 64 kB, one slot, no update in the field. The part that the paper names; its image
+/// is built for it.
 ///
-/// A ring of two pages takes no record at all, since one page is always kept back, so the records
-/// have all four that are left and the event log has none. They take a calibration of up to 656
-/// bytes, one by harmonics, beside parameters of 0.8 kB.
+/// The records are two banks of 4 kB ([`Banks`](crate::banks::Banks)), each with 4048 bytes for all
+/// of them: a calibration of two tables of 181 points with a piecewise temperature model, 3092
+/// bytes, and 0.9 kB beside it. There is no room for a second calibration, as delivered, and none
+/// for an event log.
 pub const C8: Layout = Layout {
     part: "STM32F103C8",
-    hardware: u32::from_le_bytes([0xC8, 1, b'L', b'P']),
+    // The 4 is of this map.
+    hardware: u32::from_le_bytes([0xC8, 4, b'L', b'P']),
     flash: 64 * 1024,
     ram: 20 * 1024,
-    boot: Region::kilobytes(0, 8),
-    a: Region::kilobytes(8, 48),
+    chip_page: HALF_PAGE,
+    boot: Region::kilobytes(0, 2),
+    a: Region::kilobytes(2, 54),
     b: None,
     records: Region::kilobytes(56, 8),
     log: Region::kilobytes(64, 0),
@@ -178,6 +192,7 @@ const _: () = {
 };
 const _: () = assert!(RC.records.length + RC.log.length == 32 * 1024);
 const _: () = assert!(CB.records.length + CB.log.length == 16 * 1024);
+const _: () = assert!(C8.records.length.is_multiple_of(2 * C8.chip_page));
 
 /// Which program a linker script is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,7 +231,8 @@ impl Layout {
             end = order[at].end();
             at += 1;
         }
-        end == self.flash && self.a.length > HEADER
+        let pages = self.chip_page == PAGE || self.chip_page == HALF_PAGE;
+        end == self.flash && self.a.length > HEADER && pages
     }
 
     /// Where `program` is linked to and how much room it has, header and seal left out.
@@ -322,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn the_vector_table_is_aligned_and_the_budget_of_48_kb_fits() {
+    fn the_vector_table_is_aligned_and_the_budget_fits() {
         for layout in ALL {
             for slot in [Slot::A, Slot::B] {
                 let Some(room) = layout.room(Program::Application(slot)) else {
@@ -330,8 +346,8 @@ mod tests {
                     continue;
                 };
                 assert_eq!(room.address() % 512, 0);
-                // With its header an application has 48 kB at least.
-                assert!(room.length + HEADER >= 48 * 1024);
+                // With its header an application has 52 kB at least.
+                assert!(room.length + HEADER >= 52 * 1024);
                 // Where the images are built for, it has more than twice as much.
                 assert!(layout.part != RC.part || room.length >= 101 * 1024);
             }
@@ -355,8 +371,8 @@ mod tests {
         assert!(text.contains("FLASH : ORIGIN = 0x0801EA00, LENGTH = 103936"));
         assert!(text.contains("RAM : ORIGIN = 0x20000000, LENGTH = 49152"));
         let text = C8.memory_x(Program::Boot).unwrap().to_string();
-        assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 8168"));
-        assert!(text.contains("SEAL : ORIGIN = 0x08001FE8, LENGTH = 24"));
+        assert!(text.contains("FLASH : ORIGIN = 0x08000000, LENGTH = 2024"));
+        assert!(text.contains("SEAL : ORIGIN = 0x080007E8, LENGTH = 24"));
         assert_eq!(C8.memory_x(Program::Application(Slot::B)), None);
     }
 }

@@ -18,6 +18,7 @@
 extern crate std;
 
 pub mod access;
+pub mod banks;
 pub mod check_sum;
 pub mod image;
 pub mod install;

@@ -13,7 +13,8 @@
 //!   page refuses programs until it was erased whole, also one that looks blank or untouched.
 //! - Where the chip's own pages are half of [`PAGE`], an erase is cut in the first half, between
 //!   the two or in the second: one half then is blank or torn, the other untouched or blank. Every
-//!   model draws these too, since what bears them bears the pages of all parts.
+//!   model draws these too, since what bears them bears the pages of all parts. Whoever has such a
+//!   part's flash controller erases its own pages ([`Nor::erase_half`], [`medium`]).
 //! - Wear is counted per page; behind the endurance a page keeps a bit that does not erase.
 //! - Whatever was broken is counted, so that a test sees it even where the code under test hides
 //!   the error.
@@ -24,13 +25,13 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use crate::layout::PAGE;
+use crate::layout::{HALF_PAGE, PAGE};
 
 /// Half-words of a page.
 const HALF_WORDS: usize = PAGE as usize / 2;
 
 /// Bytes of half a page: a page of the medium-density parts (RM0008 table 5).
-const HALF: usize = PAGE as usize / 2;
+const HALF: usize = HALF_PAGE as usize;
 
 /// Erases that the data sheets promise for a page (STM32F103x8/xB and xC/xD/xE, 5.3.9).
 pub const ENDURANCE: u32 = 10_000;
@@ -46,9 +47,10 @@ pub trait Draw {
 pub struct Page {
     bytes: [u8; PAGE as usize],
     programmed: [bool; HALF_WORDS],
-    erases: u32,
-    /// How far its last erase came in each half, if that was cut.
-    torn: Option<[Torn; 2]>,
+    /// Of each half.
+    erases: [u32; 2],
+    /// How far the last erase of each half came, if that was cut.
+    torn: [Option<Torn>; 2],
 }
 
 /// How many bits an erase has done when it was cut.
@@ -84,11 +86,6 @@ impl Torn {
         }
     }
 
-    /// That of the half in which the byte at `place` of the page lies.
-    const fn at([first, second]: [Self; 2], place: usize) -> Self {
-        if place < HALF { first } else { second }
-    }
-
     /// 32 bits of which as many are 1: an eighth are few, seven eighths most.
     fn bits(self, draw: &mut impl Draw) -> u32 {
         let [a, b, c] = [draw.draw(), draw.draw(), draw.draw()];
@@ -114,8 +111,37 @@ impl Page {
         Self {
             bytes: [u8::MAX; PAGE as usize],
             programmed: [false; HALF_WORDS],
-            erases: 0,
-            torn: None,
+            erases: [0; 2],
+            torn: [None; 2],
+        }
+    }
+
+    /// How far the last erase of the half came in which the byte at `place` lies, if it was cut.
+    const fn torn_at(&self, place: usize) -> Option<Torn> {
+        let [first, second] = self.torn;
+        if place < HALF { first } else { second }
+    }
+
+    /// The half of this number was erased, or as much of that as `cut` says.
+    fn erase_half(&mut self, half: usize, cut: Option<Torn>, draw: &mut impl Draw) {
+        let bytes = self.bytes.chunks_mut(HALF).nth(half).unwrap_or_default();
+        match cut {
+            None => bytes.fill(u8::MAX),
+            Some(torn) => bytes.chunks_mut(4).for_each(|bytes| {
+                let done = torn.bits(draw).to_le_bytes();
+                bytes
+                    .iter_mut()
+                    .zip(done)
+                    .for_each(|(byte, done)| *byte |= done);
+            }),
+        }
+        if cut.is_none()
+            && let Some(programmed) = self.programmed.chunks_mut(HALF / 2).nth(half)
+        {
+            programmed.fill(false);
+        }
+        if let Some(held) = self.torn.get_mut(half) {
+            *held = cut;
         }
     }
 
@@ -125,9 +151,10 @@ impl Page {
         half_word.is_some_and(|bytes| bytes == [u8::MAX; 2])
     }
 
-    /// How often it was erased.
+    /// How often it was erased: of its halves the one that was more often.
     pub const fn erases(&self) -> u32 {
-        self.erases
+        let [first, second] = self.erases;
+        if first < second { second } else { first }
     }
 
     /// What it holds; of a page whose erase was cut, one of the things that it may read as.
@@ -281,7 +308,7 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         let Some(page) = self.pages.as_ref().get(number) else {
             return self.broken(NorError::OutOfBounds);
         };
-        if page.torn.is_some() {
+        if page.torn_at(place).is_some() {
             return self.broken(NorError::NotErased);
         }
         let programmed = page.programmed.get(place / 2) != Some(&false);
@@ -318,10 +345,10 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
         into.iter_mut()
             .zip(held)
             .for_each(|(byte, held)| *byte = *held);
-        if let Some(torn) = page.torn {
-            // Its cells stand between 0 and 1.
-            for (place, byte) in (at..).zip(into) {
-                *byte |= Torn::at(torn, place).bits(&mut self.draw) as u8;
+        for (place, byte) in (at..).zip(into) {
+            // The cells of a torn half stand between 0 and 1.
+            if let Some(torn) = page.torn_at(place) {
+                *byte |= torn.bits(&mut self.draw) as u8;
             }
         }
         Ok(())
@@ -329,32 +356,52 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> Nor<P, D> {
 
     fn erase_page(&mut self, number: usize) -> Result<(), NorError> {
         let cut = self.fails_now();
+        let torn = cut.then(|| Torn::halves(&mut self.draw));
+        let [first, second] = match torn {
+            Some([first, second]) => [Some(first), Some(second)],
+            None => [None; 2],
+        };
+        self.wear(number, [(0, first), (1, second)])
+    }
+
+    /// Erases one page of a part whose pages are half of a [`PAGE`]: one operation.
+    ///
+    /// Errors: those of an erase.
+    pub fn erase_half(&mut self, offset: u32) -> Result<(), NorError> {
+        self.admit(offset, HALF, HALF_PAGE)?;
+        let cut = self.fails_now();
+        let torn = cut.then(|| Torn::any(&mut self.draw));
+        let half = (offset % PAGE / HALF_PAGE) as usize;
+        self.wear((offset / PAGE) as usize, [(half, torn)])
+    }
+
+    /// Erases these halves of a page, each as far as it came if that was cut.
+    fn wear<const N: usize>(
+        &mut self,
+        number: usize,
+        halves: [(usize, Option<Torn>); N],
+    ) -> Result<(), NorError> {
         let endurance = self.endurance;
         let Some(page) = self.pages.as_mut().get_mut(number) else {
             return Err(NorError::OutOfBounds);
         };
-        page.erases = page.erases.saturating_add(1);
-        if cut {
-            let torn = Torn::halves(&mut self.draw);
-            page.torn = Some(torn);
-            for (place, bytes) in (0..).step_by(4).zip(page.bytes.chunks_mut(4)) {
-                let done = Torn::at(torn, place).bits(&mut self.draw).to_le_bytes();
-                bytes
-                    .iter_mut()
-                    .zip(done)
-                    .for_each(|(byte, done)| *byte |= done);
+        for (half, cut) in halves {
+            page.erase_half(half, cut, &mut self.draw);
+            let Some(erases) = page.erases.get_mut(half) else {
+                return Err(NorError::OutOfBounds);
+            };
+            *erases = erases.saturating_add(1);
+            if *erases > endurance
+                && cut.is_none()
+                && let Some(byte) = page.bytes.get_mut(half * HALF)
+            {
+                *byte = 0xFE;
             }
-            return Err(NorError::NoPower);
         }
-        let erases = page.erases;
-        *page = Page {
-            erases,
-            ..Page::new()
-        };
-        if erases > endurance {
-            page.bytes[0] = 0xFE;
+        match self.powered {
+            true => Ok(()),
+            false => Err(NorError::NoPower),
         }
-        Ok(())
     }
 }
 
@@ -409,6 +456,8 @@ impl<P: AsRef<[Page]> + AsMut<[Page]>, D: Draw> NorFlash for Nor<P, D> {
         Ok(())
     }
 }
+
+pub mod medium;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -1,15 +1,18 @@
-//! The end of the bootloader's region: its check sum, and where its verifier of signatures is.
+//! The end of the bootloader's region: its check sum, and where the functions are that it lends.
 //!
-//! In: the flash. Out: the addresses of three functions, if every byte of the region is as it was
-//! linked. Both applications call the one verifier that stands beside the bootloader; so neither
-//! carries its own, and an update cannot change it.
+//! In: the flash, and what is looked for. Out: the addresses of its functions, if every byte of
+//! the region is as it was linked. The product's bootloader lends its verifier of signatures, so
+//! that neither application carries its own and an update cannot change it. The paper's lends what
+//! erases a page of records (R10), so that its application has nothing that erases.
 //!
 //! | offset from the end | bytes | is |
 //! |---:|---:|---|
-//! | -24 | 4 | [`MAGIC`], with the version of the calls in its lowest byte |
-//! | -20 | 12 | addresses of `begin`, `add` and `is_good`, with the Thumb bit |
+//! | -24 | 4 | [`VERIFIER`] or [`ERASER`], the version of the calls in its lowest byte |
+//! | -20 | 12 | addresses of three functions, with the Thumb bit |
 //! | -8 | 4 | bytes of the state that the caller lends |
 //! | -4 | 4 | [`Crc32`] of all before it in the region |
+//!
+//! The functions are `begin`, `add` and `is_good` of a verifier; of an eraser all are `erase`.
 //!
 //! The linker fills in the first 20 bytes, `cargo xtask image` the last four.
 //!
@@ -21,29 +24,31 @@ use crate::access::{AccessError, for_each, read};
 use crate::check_sum::Crc32;
 use crate::layout::{Region, SEAL};
 
-/// "PLV" and the version of the calls.
-pub const MAGIC: u32 = u32::from_le_bytes([1, b'V', b'L', b'P']);
+/// "PLV" and the version of the calls: a verifier of signatures.
+pub const VERIFIER: u32 = u32::from_le_bytes([1, b'V', b'L', b'P']);
+
+/// "PLE" and the version of the calls: what erases a page of records.
+pub const ERASER: u32 = u32::from_le_bytes([1, b'E', b'L', b'P']);
+
+/// Functions that are told of.
+pub const CALLS: usize = 3;
 
 /// Where the check sum is, from the end of the region.
 pub const CHECK_SUM: u32 = 4;
 
-/// The verifier that was found.
+/// The functions that were found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seal {
-    /// Address of the function that begins a check.
-    pub begin: u32,
-    /// Address of the function that takes in bytes.
-    pub add: u32,
-    /// Address of the function that judges.
-    pub is_good: u32,
-    /// Bytes of state that it needs.
+    /// Their addresses, in the order of their kind.
+    pub calls: [u32; CALLS],
+    /// Bytes of state that they need.
     pub state: u32,
 }
 
-/// Why there is no verifier to be used.
+/// Why there are no functions to be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SealError {
-    /// There is none, or one with other calls.
+    /// There are none, others, or some with other calls.
     Magic(u32),
     /// The region is not as it was linked.
     Damaged,
@@ -60,20 +65,25 @@ impl From<AccessError> for SealError {
 }
 
 impl Seal {
-    /// Finds the verifier in the bootloader's region, all of which is read.
+    /// Finds what `wanted` names, [`VERIFIER`] or [`ERASER`], in the bootloader's region, all of
+    /// which is read.
     ///
     /// Errors: see [`SealError`].
-    pub fn find<F: ReadNorFlash>(flash: &mut F, boot: Region) -> Result<Self, SealError> {
+    pub fn find<F: ReadNorFlash>(
+        flash: &mut F,
+        boot: Region,
+        wanted: u32,
+    ) -> Result<Self, SealError> {
         let mut bytes = [0; SEAL as usize];
         read(flash, boot.end().saturating_sub(SEAL), &mut bytes)?;
         let (words, _) = bytes.as_chunks::<4>();
         let mut words = words.iter().map(|word| u32::from_le_bytes(*word));
         let mut next = || words.next().unwrap_or(u32::MAX);
         let magic = next();
-        if magic != MAGIC {
+        if magic != wanted {
             return Err(SealError::Magic(magic));
         }
-        let (begin, add, is_good) = (next(), next(), next());
+        let calls = [next(), next(), next()];
         let (state, check_sum) = (next(), next());
         let mut crc = Crc32::new();
         let length = boot.length.saturating_sub(CHECK_SUM);
@@ -83,15 +93,10 @@ impl Seal {
         }
         let code = boot.address()..boot.address().saturating_add(boot.length);
         let outside = |at: &u32| at & 1 == 0 || !code.contains(at);
-        if let Some(at) = [begin, add, is_good].into_iter().find(outside) {
+        if let Some(at) = calls.into_iter().find(outside) {
             return Err(SealError::Address(at));
         }
-        Ok(Self {
-            begin,
-            add,
-            is_good,
-            state,
-        })
+        Ok(Self { calls, state })
     }
 }
 
@@ -142,20 +147,19 @@ mod tests {
         let pages = vec![Page::new(); (RC.boot.length / PAGE) as usize];
         let mut nor = Nor::new(pages, Zeros);
         nor.write(0, region).unwrap();
-        Seal::find(&mut nor, RC.boot)
+        Seal::find(&mut nor, RC.boot, VERIFIER)
     }
 
     #[test]
     fn what_was_closed_is_found() {
-        let seal = found(&region([MAGIC, CODE, CODE + 2, CODE + 4, 640])).unwrap();
-        let calls = [seal.begin, seal.add, seal.is_good];
-        assert_eq!(calls, [CODE, CODE + 2, CODE + 4]);
+        let seal = found(&region([VERIFIER, CODE, CODE + 2, CODE + 4, 640])).unwrap();
+        assert_eq!(seal.calls, [CODE, CODE + 2, CODE + 4]);
         assert_eq!(seal.state, 640);
     }
 
     #[test]
     fn any_flipped_bit_of_the_region_leaves_no_verifier() {
-        let whole = region([MAGIC, CODE, CODE, CODE, 640]);
+        let whole = region([VERIFIER, CODE, CODE, CODE, 640]);
         let end = whole.len();
         for at in (0..end - 32).step_by(509).chain(end - 32..end) {
             for bit in [0, 7] {
@@ -170,11 +174,13 @@ mod tests {
     fn an_erased_region_other_calls_and_addresses_elsewhere_are_told_apart() {
         let erased = vec![u8::MAX; RC.boot.length as usize];
         assert_eq!(found(&erased), Err(SealError::Magic(u32::MAX)));
-        let other = region([MAGIC + 1, CODE, CODE, CODE, 640]);
-        assert_eq!(found(&other), Err(SealError::Magic(MAGIC + 1)));
+        let other = region([VERIFIER + 1, CODE, CODE, CODE, 640]);
+        assert_eq!(found(&other), Err(SealError::Magic(VERIFIER + 1)));
+        let eraser = region([ERASER, CODE, CODE, CODE, 0]);
+        assert_eq!(found(&eraser), Err(SealError::Magic(ERASER)));
         let end = RC.boot.address() + RC.boot.length + 1;
         for wrong in [CODE - 1, 0, end, 0x2000_0001] {
-            let elsewhere = region([MAGIC, CODE, wrong, CODE, 640]);
+            let elsewhere = region([VERIFIER, CODE, wrong, CODE, 640]);
             assert_eq!(found(&elsewhere), Err(SealError::Address(wrong)));
         }
     }

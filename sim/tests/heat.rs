@@ -11,6 +11,7 @@ use tilt::ONE_G;
 use tilt::angle::Axes;
 use tilt::calibration::motor::VectorFit;
 use tilt::chain::{Calibration, Chain, Correction, Found, Invalid, Measurement, Timing};
+use tilt::composition::Whole;
 use tilt::cross_check::{CrossCheck, Judgement, Node};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::Activity;
@@ -62,7 +63,7 @@ impl Channel {
             let accel = channel.feel(up);
             fit.add(
                 up,
-                TemperatureModel::None.apply(Filtered { accel }, Temperature(0)),
+                TemperatureModel::<Whole>::None.apply(Filtered { accel }, Temperature(0)),
             );
         }
         let vector = fit.solve().expect("a fit").vector;
@@ -108,7 +109,9 @@ impl Channel {
                 x: measured(found.x),
                 y: measured(found.y),
             },
-            vector: Some(vector.apply(TemperatureModel::None.apply(filtered, temperature))),
+            vector: Some(
+                vector.apply(TemperatureModel::<Whole>::None.apply(filtered, temperature)),
+            ),
             activity: Activity::OWN,
         }
     }

@@ -19,6 +19,7 @@
 
 use crate::ONE_G;
 use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
+use crate::composition::{Composition, Place, Whole};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
 use crate::root::root;
 use crate::sample::{Counts, FullScale, Instant, Temperature};
@@ -151,29 +152,25 @@ impl Found {
 
 /// How the compensated acceleration becomes an angle.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "lives in flash or on a host; there is no heap"
-)]
-pub enum Correction {
+pub enum Correction<C: Composition = Whole> {
     /// Paper mode: a table for each axis, z ignored (R5, R6).
     Tables {
         /// One table per axis.
-        tables: Axes<Table>,
+        tables: C::Tables,
         /// How they are read.
         rule: Rule,
     },
     /// Product mode, two axes: twelve parameters, three harmonics per axis.
     TwoAxis {
         /// The affine correction.
-        vector: Vector,
+        vector: C::Vector,
         /// Harmonics of slope X and slope Y.
         harmonics: Axes<Harmonics>,
     },
     /// Product mode, one axis over 360 deg: reported as axis X, axis Y is not measured.
     OneAxis {
         /// The affine correction.
-        vector: Vector,
+        vector: C::Vector,
         /// Harmonics of the turn.
         harmonics: Harmonics,
     },
@@ -181,11 +178,11 @@ pub enum Correction {
 
 /// What a calibration leaves behind: the part of the configuration that belongs to one sensor.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Calibration {
+pub struct Calibration<C: Composition = Whole> {
     /// Temperature compensation.
-    pub temperature: TemperatureModel,
+    pub temperature: TemperatureModel<C>,
     /// Acceleration to angle.
-    pub correction: Correction,
+    pub correction: Correction<C>,
     /// Where the uncertainty comes from.
     pub budget: Budget,
 }
@@ -198,17 +195,16 @@ impl Calibration {
         correction: Correction::NOMINAL,
         budget: Budget::DATA_SHEET,
     };
+}
 
+impl<C: Composition> Calibration<C> {
     /// Back to [`Calibration::NOMINAL`], in its place.
     ///
     /// Field by field: a copy of the constant would be 3 kB of the part's flash, most of it zeros
     /// in the place of tables.
     pub fn reset(&mut self) {
         self.temperature = TemperatureModel::None;
-        self.correction = Correction::TwoAxis {
-            vector: Vector::IDENTITY,
-            harmonics: Axes::default(),
-        };
+        self.correction = C::uncalibrated();
         self.budget = Budget::DATA_SHEET;
     }
 }
@@ -244,7 +240,7 @@ pub enum Timing {
 
 /// The configuration of one channel's signal chain.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Chain {
+pub struct Chain<C: Composition = Whole> {
     /// The low-pass.
     pub filter: LowPass,
     /// Range of the part.
@@ -256,7 +252,7 @@ pub struct Chain {
     /// Which instant readings belong to.
     pub timing: Timing,
     /// Correction for this part.
-    pub calibration: Calibration,
+    pub calibration: Calibration<C>,
 }
 
 /// Delay of the part's internal second-order low-pass at ODR/2: sqrt(2) / pi sample \[ASSUME\].
@@ -316,7 +312,7 @@ impl State {
     }
 }
 
-impl Chain {
+impl<C: Composition> Chain<C> {
     /// Takes in one temperature reading; smoothed over about eight readings.
     pub fn temperature(&self, state: &mut State, reading: Temperature) {
         let new = reading.0.clamp(-128 * 256, 127 * 256) << 8;
@@ -424,10 +420,12 @@ impl Chain {
                 let latency_us = u32::try_from(now.micros_since(at)).unwrap_or(0);
                 let (found, vector) = self.correct(filtered, temperature);
                 let of_x = found.x.ok();
+                let of_x = of_x.filter(|_| C::UNCERTAINTY);
                 let of_x = of_x.map(|x| (x, x.unshared.combined_with(x.motion)));
                 let reading = found.map(|found| Measurement {
                     angle: found.angle,
                     uncertainty: match of_x {
+                        _ if !C::UNCERTAINTY => Uncertainty::UNKNOWN,
                         // As a rule both axes are worth the same, and a root is dear.
                         Some((x, whole)) if x.spread() == found.spread() => whole,
                         _ => found.unshared.combined_with(found.motion),
@@ -484,7 +482,10 @@ impl Chain {
 
     fn correct(&self, filtered: Filtered, temperature: Temperature) -> (Sight, Option<Corrected>) {
         let compensated = self.calibration.temperature.apply(filtered, temperature);
-        let accel = self.calibration.budget.accel(&self.filter, temperature);
+        let accel = match C::UNCERTAINTY {
+            true => self.calibration.budget.accel(&self.filter, temperature),
+            false => 0,
+        };
         self.calibration.correct(compensated, accel)
     }
 }
@@ -502,20 +503,27 @@ impl<T, E> Axes<Result<T, E>> {
 /// What is found on each axis.
 type Sight = Axes<Result<Found, Invalid>>;
 
-impl Calibration {
+impl<C: Composition> Calibration<C> {
     fn correct(&self, input: Compensated, accel: u32) -> (Sight, Option<Corrected>) {
         let budget = &self.budget;
         match &self.correction {
             Correction::Tables { tables, rule } => {
                 let read = |table: &Table, a, across| {
-                    let accel = with_leakage(accel, across);
+                    if table.points().is_empty() {
+                        return Err(Invalid::NotMeasured);
+                    }
+                    let unshared = || budget.of_table(table, *rule, a, with_leakage(accel, across));
                     Ok(Found {
                         angle: table.look_up(a, *rule),
-                        unshared: budget.of_table(table, *rule, a, accel),
+                        unshared: match C::UNCERTAINTY {
+                            true => unshared(),
+                            false => Uncertainty::UNKNOWN,
+                        },
                         motion: Uncertainty(0),
                     })
                 };
                 let [x, y, _] = input.accel;
+                let tables = tables.get();
                 let sight = Axes {
                     x: read(&tables.x, x, y),
                     y: read(&tables.y, y, x),
@@ -523,7 +531,7 @@ impl Calibration {
                 (sight, None)
             }
             Correction::TwoAxis { vector, harmonics } => {
-                let v = vector.apply(input);
+                let v = vector.get().apply(input);
                 let beside = beside(v);
                 let raw = slopes_beside(v, beside);
                 let unshared = budget.of_vectors(beside, accel);
@@ -542,7 +550,7 @@ impl Calibration {
                 (sight, Some(v))
             }
             Correction::OneAxis { vector, harmonics } => {
-                let v = vector.apply(input);
+                let v = vector.get().apply(input);
                 // Nothing was calibrated about y, so only the plane of the turn is looked at.
                 let [x, _, z] = v.accel;
                 let plane = Corrected { accel: [x, 0, z] };

@@ -36,6 +36,7 @@ pub use window::{WindowCheck, WindowState};
 
 use crate::angle::{Angle, Axes};
 use crate::chain::{Invalid, Measurement, Reading};
+use crate::composition::{Composition, Place, Whole};
 use crate::observation::Observation;
 use crate::sample::Instant;
 
@@ -225,11 +226,11 @@ fn lasting(own: &Reading, peer: &Reading) -> Judgement {
 
 /// A check with its state: what an instrument holds one of. The window alone is for recordings.
 #[derive(Clone, Debug)]
-pub enum CrossCheck {
+pub enum CrossCheck<C: Composition = Whole> {
     /// The paper's rule.
-    Paper(PaperCheck, PaperState),
+    Paper(PaperCheck, C::PaperRule),
     /// The product's ladder.
-    Product(ProductCheck, ProductState),
+    Product(ProductCheck, C::Ladder),
 }
 
 impl CrossCheck {
@@ -243,6 +244,22 @@ impl CrossCheck {
     #[inline(never)]
     pub fn product() -> Self {
         Self::Product(ProductCheck::PRODUCT, ProductState::default())
+    }
+}
+
+impl<C: Composition> CrossCheck<C> {
+    /// The paper's rule, fresh; `None` where this instrument has none.
+    pub fn by_paper() -> Option<Self> {
+        let state = C::PaperRule::put(PaperState::default)?;
+        Some(Self::Paper(PaperCheck::PAPER, state))
+    }
+
+    /// The product's ladder, fresh; `None` where this instrument has none.
+    // Out of line: it is made in more than one place, and is large.
+    #[inline(never)]
+    pub fn by_ladder() -> Option<Self> {
+        let state = C::Ladder::put(ProductState::default)?;
+        Some(Self::Product(ProductCheck::PRODUCT, state))
     }
 
     /// Judges one pair taken at `now`.
@@ -258,11 +275,13 @@ impl CrossCheck {
     /// [`CrossCheck::step`] of what stays where it is.
     pub fn judge(&mut self, own: &Observation, peer: &Observation, now: Instant) -> Verdict {
         match self {
-            Self::Paper(check, state) => check.step(state, own.reading, peer.reading, now),
+            Self::Paper(check, state) => {
+                check.step(state.get_mut(), own.reading, peer.reading, now)
+            }
             Self::Product(check, state) => Verdict {
                 own: own.reading,
                 peer: peer.reading,
-                judgement: check.judge(state, own, peer, now),
+                judgement: check.judge(state.get_mut(), own, peer, now),
             },
         }
     }
@@ -270,8 +289,8 @@ impl CrossCheck {
     /// Forgets everything, as a reset does.
     pub fn reset(&mut self) {
         match self {
-            Self::Paper(_, state) => *state = PaperState::default(),
-            Self::Product(_, state) => *state = ProductState::default(),
+            Self::Paper(_, state) => *state.get_mut() = PaperState::default(),
+            Self::Product(_, state) => *state.get_mut() = ProductState::default(),
         }
     }
 
@@ -279,15 +298,15 @@ impl CrossCheck {
     /// since the instant before has nothing to be held against.
     pub fn pair_lost(&mut self) {
         if let Self::Product(_, state) = self {
-            state.pair_lost();
+            state.get_mut().pair_lost();
         }
     }
 
     /// What was found and still counts, whatever the newest pair shows.
     pub fn found(&self) -> Option<Judgement> {
         match self {
-            Self::Paper(_, state) => state.is_faulted().then_some(Judgement::PhysicalFault),
-            Self::Product(_, state) => state.findings().judgement(),
+            Self::Paper(_, state) => state.get().is_faulted().then_some(Judgement::PhysicalFault),
+            Self::Product(_, state) => state.get().findings().judgement(),
         }
     }
 
@@ -300,7 +319,7 @@ impl CrossCheck {
     /// them is held faulty for another reason.
     pub fn disagree(&self) -> bool {
         match self {
-            Self::Product(_, state) => state.findings().disagree(),
+            Self::Product(_, state) => state.get().findings().disagree(),
             Self::Paper(..) => self.found().is_some(),
         }
     }
@@ -308,15 +327,15 @@ impl CrossCheck {
     /// True when the channels have agreed so that one may go on without the other.
     pub fn have_agreed(&self) -> bool {
         match self {
-            Self::Paper(_, state) => state.has_agreed(),
-            Self::Product(_, state) => state.findings().have_agreed(),
+            Self::Paper(_, state) => state.get().has_agreed(),
+            Self::Product(_, state) => state.get().findings().have_agreed(),
         }
     }
 
     /// True for what lasts until a reset, or as long as the [`Latch`] says.
     pub fn is_latched(&self) -> bool {
         match self {
-            Self::Product(_, state) => state.findings().is_latched(),
+            Self::Product(_, state) => state.get().findings().is_latched(),
             Self::Paper(..) => self.found().is_some(),
         }
     }
@@ -324,7 +343,7 @@ impl CrossCheck {
     /// The product's findings; other checks have none.
     pub fn findings(&self) -> Option<&Findings> {
         match self {
-            Self::Product(_, state) => Some(state.findings()),
+            Self::Product(_, state) => Some(state.get().findings()),
             Self::Paper(..) => None,
         }
     }
@@ -333,8 +352,8 @@ impl CrossCheck {
     /// again.
     pub fn own_away(&mut self) {
         match self {
-            Self::Paper(_, state) => state.forget_agreement(),
-            Self::Product(_, state) => state.own_away(),
+            Self::Paper(_, state) => state.get_mut().forget_agreement(),
+            Self::Product(_, state) => state.get_mut().own_away(),
         }
     }
 
@@ -343,15 +362,15 @@ impl CrossCheck {
         if let Self::Product(_, state) = self {
             let told = false;
             let against = findings::Against { reason, told };
-            state.findings_mut().hold(Node::Own, against);
+            state.get_mut().findings_mut().hold(Node::Own, against);
         }
     }
 
     /// The peer has been started anew.
     pub fn peer_restarted(&mut self) {
         match self {
-            Self::Paper(_, state) => state.peer_away(),
-            Self::Product(_, state) => state.peer_restarted(),
+            Self::Paper(_, state) => state.get_mut().peer_away(),
+            Self::Product(_, state) => state.get_mut().peer_restarted(),
         }
     }
 
@@ -359,14 +378,14 @@ impl CrossCheck {
     /// all the same, since it names the channel and goes on with the other one.
     pub fn peer_away(&mut self) {
         if let Self::Paper(_, state) = self {
-            state.peer_away();
+            state.get_mut().peer_away();
         }
     }
 
     /// Own minus peer, low-passed, 2^-26 g per step; zero where vectors are not compared.
     pub fn residual(&self) -> [i32; 3] {
         match self {
-            Self::Product(_, state) => state.residual(),
+            Self::Product(_, state) => state.get().residual(),
             Self::Paper(..) => [0; 3],
         }
     }

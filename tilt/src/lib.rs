@@ -20,6 +20,7 @@ extern crate std;
 pub mod angle;
 pub mod calibration;
 pub mod chain;
+pub mod composition;
 pub mod cross_check;
 pub mod filter;
 pub mod health;

@@ -14,6 +14,7 @@
 //!
 //! Left out: fitting (see `calibration::thermal`) and smoothing of the thermometer (the chain).
 
+use crate::composition::{Composition, Place, Whole};
 use crate::filter::Filtered;
 use crate::sample::Temperature;
 
@@ -25,17 +26,16 @@ pub struct Compensated {
 }
 
 /// Which compensation runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum TemperatureModel {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TemperatureModel<C: Composition = Whole> {
     /// Nothing is removed.
-    #[default]
     None,
     /// Eq 5: bias = TCO (T - 25 degC).
     DataSheet(DataSheet),
     /// Eq 6 summed up: slopes between the chamber's temperatures.
     Piecewise(Piecewise),
     /// Product mode: quadratics of offset and gain.
-    Quadratic(Quadratic),
+    Quadratic(C::Quadratic),
 }
 
 /// The data-sheet model of R3.
@@ -81,14 +81,14 @@ fn saturate(value: i64) -> i32 {
     value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
 
-impl TemperatureModel {
+impl<C: Composition> TemperatureModel<C> {
     /// Removes the model's error at `t`.
     pub fn apply(&self, input: Filtered, t: Temperature) -> Compensated {
         match self {
             Self::None => Compensated { accel: input.accel },
             Self::DataSheet(model) => subtract(input, model.bias(t)),
             Self::Piecewise(model) => subtract(input, model.bias(t)),
-            Self::Quadratic(model) => model.apply(input, t),
+            Self::Quadratic(model) => model.get().apply(input, t),
         }
     }
 }
@@ -248,8 +248,8 @@ mod tests {
             for t in [Temperature(i32::MIN), Temperature(i32::MAX), at(25.0)] {
                 for x in [i32::MIN, i32::MAX] {
                     let input = Filtered { accel: [x; 3] };
-                    let _ = TemperatureModel::Quadratic(q).apply(input, t);
-                    let _ = TemperatureModel::Piecewise(p).apply(input, t);
+                    let _ = TemperatureModel::<Whole>::Quadratic(q).apply(input, t);
+                    let _ = TemperatureModel::<Whole>::Piecewise(p).apply(input, t);
                 }
             }
         }

@@ -21,6 +21,7 @@
 
 use crate::ONE_G;
 use crate::angle::{Angle, Axes, hypot};
+use crate::composition::Composition;
 use crate::filter::LowPass;
 use crate::sample::Temperature;
 use crate::table::{Rule, Table};
@@ -41,6 +42,9 @@ impl Uncertainty {
     pub const fn from_degrees(degrees: f64) -> Self {
         Self((degrees * crate::angle::STEPS_PER_DEGREE + 0.5) as u32)
     }
+
+    /// That of an angle of which nothing is known: 360 deg / sqrt(12).
+    pub const UNKNOWN: Self = Self(KNOWS_NOTHING);
 
     /// Root of the sum of two squares.
     pub fn combined_with(self, other: Self) -> Self {
@@ -97,7 +101,7 @@ impl Span {
     /// The span that a calibration was made with before its format told one.
     ///
     /// The coefficients of a model come from a chamber run, and there was that of R4 alone.
-    pub const fn implied_by(model: &TemperatureModel) -> Self {
+    pub const fn implied_by<C: Composition>(model: &TemperatureModel<C>) -> Self {
         match model {
             TemperatureModel::None => Self::REFERENCE,
             _ => Self::CHAMBER,
@@ -249,7 +253,7 @@ impl Budget {
 
     /// Becomes that of a fit at the temperatures of `run`. A temperature model, if there is one,
     /// keeps what it leaves and where it holds; without one that is where the fit was made.
-    pub fn take_run(&mut self, run: Span, temperature: &TemperatureModel) {
+    pub fn take_run<C: Composition>(&mut self, run: Span, temperature: &TemperatureModel<C>) {
         self.fitted_at = run.middle();
         if matches!(temperature, TemperatureModel::None) {
             self.hysteresis = HYSTERESIS;

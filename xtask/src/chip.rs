@@ -28,9 +28,12 @@ const PROFILE: &str = "footprint";
 /// What stands between two flags for the compiler (cargo, `CARGO_ENCODED_RUSTFLAGS`).
 const BETWEEN: &str = "\u{1f}";
 
-/// Builds what is flashed, the application for `slot`; the results are in [`folder`].
-pub fn firmware(workspace: &Workspace, slot: Slot) -> Result<(), CommandError> {
+/// Builds these programs of the firmware, the application for `slot`; the results are in
+/// [`folder`].
+pub fn firmware(workspace: &Workspace, programs: &[&str], slot: Slot) -> Result<(), CommandError> {
     let mut cargo = cargo(workspace, "build", "firmware")?;
+    let wanted = programs.iter().flat_map(|program| ["--bin", program]);
+    cargo.args(wanted);
     cargo.env("PLUMB_SLOT", letter(slot).to_uppercase().to_string());
     command::pass(cargo)
 }

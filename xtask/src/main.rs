@@ -38,7 +38,7 @@ usage: cargo xtask COMMAND
                       --verbose lists crates, functions and statics, of the firmware too
   size --instructions instructions of a sample and of a SYNC, function by function
   size --write        the same, written to docs/size.md
-  image               bootloader, and application for each slot, to target/images
+  image               bootloaders and applications of product and paper, to target/images
   program             length of the released plumb, and how soon it answers
   interop             plumb serve against python-canopen, in an environment made for it
   fuzz-long           the property tests with 100 000 cases each

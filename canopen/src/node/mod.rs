@@ -10,6 +10,7 @@
 //!
 //! Left out: the dictionary above 1FFFh and everything it means.
 
+mod due;
 mod transmit;
 mod view;
 
@@ -21,14 +22,14 @@ use crate::communication::Communication;
 use crate::emcy;
 use crate::error_control::{ERROR_CONTROL, Event as Control};
 use crate::frame::Frame;
-use crate::lss::{Lss, Request};
+use crate::lss::{self, Lss, Request};
 use crate::nmt::{self, Command, State};
 use crate::object::{Abort, Address, Objects, Value, at};
 use crate::pdo::Received;
 use crate::sdo::Server;
-use crate::srdo::SafetyReceived;
+use crate::srdo::{self, SafetyReceived};
 use crate::storage::{self, Group};
-use crate::time::{Earliest, Instant};
+use crate::time::{Deadline, Instant};
 
 /// The node-id of a device that has none (CiA 305).
 pub const UNCONFIGURED: u8 = 255;
@@ -114,6 +115,9 @@ pub enum BusState {
     Off,
 }
 
+/// The last identifier of SDO answers: above it there are none of PDOs (CiA 301, 7.3.5).
+const LAST_TRANSMITTED: u16 = 0x5FF;
+
 /// Error register bit 4: communication.
 const COMMUNICATION: u8 = 0x10;
 
@@ -131,6 +135,9 @@ pub struct Node {
     /// Communication errors that are present: nodes not heard (0 to 3), guarding, bus.
     present: u8,
     overruns: u16,
+    /// Nothing has changed since the last [`Node::poll`], which said when there is more to do.
+    settled: bool,
+    next: Deadline,
 }
 
 /// Nodes not heard and guarding, as [`ErrorControl::lost`](crate::error_control::ErrorControl).
@@ -171,18 +178,13 @@ pub struct Waiting {
     service: Service,
 }
 
-/// The earliest of the instants after `now`.
-struct Next {
-    now: Instant,
-    first: Earliest,
-}
-
-impl Next {
-    /// What is due already waits for the controller and needs no further call.
-    #[inline]
-    fn not_after(&mut self, at: Option<Instant>) {
-        self.first.add(at.filter(|at| *at > self.now));
-    }
+/// A frame for the controller.
+#[derive(Clone, Copy, Debug)]
+pub struct Outgoing {
+    /// The frame.
+    pub frame: Frame,
+    /// From when on it may not go out any more, as [`Node::expires`] says; `None`: at any time.
+    pub until: Option<Instant>,
 }
 
 impl Node {
@@ -199,6 +201,8 @@ impl Node {
             device_bits: 0,
             present: 0,
             overruns: 0,
+            settled: false,
+            next: Deadline::NONE,
         }
     }
 
@@ -206,6 +210,7 @@ impl Node {
     ///
     /// `node_id` is 1 to 127, or [`UNCONFIGURED`]: then only LSS is served.
     pub fn start<A: Application>(&mut self, app: &mut A, node_id: u8, now: Instant) {
+        self.settled = false;
         self.lss = Lss::new();
         self.lss.start(node_id);
         self.device_bits = 0;
@@ -235,14 +240,22 @@ impl Node {
             for entry in storage::rows(&dictionary, *group) {
                 for sub in entry.sub..=entry.last {
                     let address = at(entry.index, sub);
-                    let kept = app.stored(*group, address);
+                    if A::SERVICES.serve(address).is_err() {
+                        continue;
+                    }
+                    let storage = A::SERVICES.storage;
+                    let kept = if storage {
+                        app.stored(*group, address)
+                    } else {
+                        None
+                    };
                     // A value of a former version that no longer fits is not taken.
                     let kept = kept.filter(|v| dictionary.admits(&entry, v).is_ok());
                     let Some(value) = kept.or_else(|| dictionary.default(&entry, self.node_id))
                     else {
                         continue;
                     };
-                    if !self.communication.load(address, value) {
+                    if !self.communication.load::<A>(address, value) {
                         app.load(address, value);
                     }
                 }
@@ -276,7 +289,7 @@ impl Node {
         self.bring_back(app, &[Group::Communication]);
         let dictionary = app.dictionary();
         let sound = self.communication.pdo.check(&dictionary).is_ok()
-            & self.communication.safety.check(&dictionary).is_ok();
+            & (!A::SERVICES.safety || self.communication.safety.check(&dictionary).is_ok());
         self.communication.pdo.window_us = self.communication.sync.window_us();
         app.event(Event::ResetCommunication, now);
         if !sound {
@@ -291,35 +304,65 @@ impl Node {
         let Some(id) = frame.cob_id() else {
             return false;
         };
-        if let Some(request) = self.lss_frame(app, frame) {
-            self.lss_request(app, request, now);
-            return true;
+        // Most frames are process data, of this node's or of others.
+        if (id == 0 || id > LAST_TRANSMITTED)
+            && let Some(taken) = self.command_frame(app, frame, id, now)
+        {
+            self.settled &= !taken;
+            return taken;
         }
         if self.node_id == UNCONFIGURED {
             return false;
         }
-        if let Some(command) = nmt::command(frame, self.node_id) {
-            self.command(app, command, now);
+        if self.communication.sync.recognises(frame) {
+            self.sync_frame(app, frame, now);
             return true;
         }
-        let state = self.communication.state;
-        if let Some(event) = self
-            .communication
-            .error_control
-            .receive(frame, self.node_id, now)
+        // Error control may have taken it without anything to tell.
+        let taken = self.process_data(app, frame, id, now) || id >= ERROR_CONTROL;
+        self.settled &= !taken;
+        taken
+    }
+
+    /// Services whose identifiers no PDO has: LSS, NMT, error control, SDO. Whether somebody here
+    /// has taken it; `None` when it may be another's.
+    // Apart, because most calls are for process data, which would set up what only these need.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn command_frame<A: Application>(
+        &mut self,
+        app: &mut A,
+        frame: &Frame,
+        id: u16,
+        now: Instant,
+    ) -> Option<bool> {
+        if A::SERVICES.lss
+            && id == lss::REQUEST
+            && let Some(request) = self.lss_frame(app, frame)
         {
+            self.lss_request(app, request, now);
+            return Some(true);
+        }
+        if self.node_id == UNCONFIGURED {
+            return Some(false);
+        }
+        if let Some(command) = nmt::command(frame, self.node_id) {
+            self.command(app, command, now);
+            return Some(true);
+        }
+        let services = &mut self.communication;
+        let event = services
+            .error_control
+            .receive::<A>(frame, self.node_id, now);
+        if let Some(event) = event {
             self.control(app, event, now);
         } else if id == 0x600 + u16::from(self.node_id) && !frame.is_remote() {
-            if state.allows_sdo() {
+            if services.state.allows_sdo() {
                 self.request(app, frame, now);
             }
-        } else if self.communication.sync.recognises(frame) {
-            self.sync_frame(app, frame, now);
         } else {
-            // Error control may have taken it without anything to tell.
-            return self.process_data(app, frame, now) || id >= ERROR_CONTROL;
+            return None;
         }
-        true
+        Some(true)
     }
 
     fn request<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) {
@@ -335,9 +378,18 @@ impl Node {
     }
 
     /// True when somebody here has taken it.
-    fn process_data<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
+    fn process_data<A: Application>(
+        &mut self,
+        app: &mut A,
+        frame: &Frame,
+        id: u16,
+        now: Instant,
+    ) -> bool {
         if !self.communication.state.allows_pdo() {
             return false;
+        }
+        if !A::SERVICES.safety || id > srdo::LAST_ID {
+            return self.pdo_frame(app, frame, now);
         }
         let register = self.communication.emergency.register();
         let mut mapped = Mapped {
@@ -378,6 +430,7 @@ impl Node {
         if !self.communication.state.allows_sync() {
             return;
         }
+        self.settled = false;
         match self.communication.sync.receive(frame) {
             Ok(sync) => {
                 app.event(Event::Sync, now);
@@ -388,13 +441,20 @@ impl Node {
                         register,
                     };
                     let applied = self.communication.pdo.sync(&mut mapped, sync.counter, now);
-                    for rpdo in (0..8).filter(|n| applied >> n & 1 != 0) {
-                        app.event(Event::Received(rpdo), now);
+                    if applied != 0 {
+                        Self::tell_applied(app, applied, now);
                     }
                 }
             }
             // 8240h: a SYNC of a length that does not fit 1019h is not obeyed.
             Err(length) => self.emergency(0x8240, [length, 0, 0, 0, 0]),
+        }
+    }
+
+    /// RPDOs that waited for SYNC were applied, bit n for number n.
+    fn tell_applied<A: Application>(app: &mut A, applied: u8, now: Instant) {
+        for rpdo in (0..8).filter(|n| applied >> n & 1 != 0) {
+            app.event(Event::Received(rpdo), now);
         }
     }
 
@@ -415,7 +475,9 @@ impl Node {
         }
         if self.communication.state == State::Operational {
             self.communication.pdo.stop();
-            self.communication.safety.stop();
+            if A::SERVICES.safety {
+                self.communication.safety.stop();
+            }
         }
         if self.communication.state == State::Stopped {
             // The counter begins anew (CiA 301, SYNC protocol), and nothing missed is made up for.
@@ -426,7 +488,9 @@ impl Node {
             // LSS ends here; its slave begins by waiting when it is served again.
             self.lss.wait();
             self.communication.pdo.start(now);
-            self.communication.safety.start(now);
+            if A::SERVICES.safety {
+                self.communication.safety.start(now);
+            }
         }
         if state == State::Stopped {
             self.end_transfer(app, now);
@@ -488,6 +552,7 @@ impl Node {
 
     /// A communication error that is told once and leaves no state.
     fn emergency(&mut self, code: u16, detail: [u8; 5]) {
+        self.settled = false;
         let register = self.register();
         self.communication.emergency.raise(code, register, detail);
     }
@@ -514,6 +579,7 @@ impl Node {
 
     /// Something has gone again; `bits` is what is left. EMCY 0000h with the register that remains.
     pub fn cleared(&mut self, bits: u8, detail: [u8; 5]) {
+        self.settled = false;
         self.device_bits = bits;
         let register = self.register();
         self.communication.emergency.clear(register, detail);
@@ -526,6 +592,7 @@ impl Node {
         if before == state {
             return;
         }
+        self.settled = false;
         if state == BusState::Off {
             // Nobody hears that it is no longer passive, and it is no better for that.
             self.present = self.present & !PASSIVE | OFF;
@@ -570,6 +637,7 @@ impl Node {
     /// The processor stood still until `now`, so frames may have been lost that were sent: nobody
     /// is held to be silent for that time.
     pub fn excuse(&mut self, now: Instant) {
+        self.settled = false;
         self.communication.error_control.excuse(now);
     }
 
@@ -582,6 +650,7 @@ impl Node {
     /// The device's data have changed by themselves: event-driven PDOs are due.
     pub fn data_changed<A: Application>(&mut self, app: &mut A, now: Instant) {
         if self.communication.state.allows_pdo() {
+            self.settled = false;
             let register = self.communication.emergency.register();
             let mut mapped = Mapped {
                 application: app,
@@ -591,15 +660,19 @@ impl Node {
         }
     }
 
-    /// Asks for SYNC by this node although 1005h does not: there is none on the bus.
+    /// Asks for SYNC by this node although 1005h does not: there is none on the bus. Without effect
+    /// where [`Services::sync_producer`](crate::services::Services) is left out.
     pub fn stand_in_for_sync(&mut self, period_us: Option<u32>, now: Instant) {
+        self.settled = false;
         self.communication.sync.produce_for_absence(period_us, now);
     }
 
     /// Whether the device consents to SRDOs, and when it has checked last what they carry. Without
     /// consent the producer stops: the safe state. True when consent begins or ends.
     pub fn consent_to_safety(&mut self, checked: Option<Instant>) -> bool {
-        self.communication.safety.release(checked)
+        let has_changed = self.communication.safety.release(checked);
+        self.settled &= !has_changed;
+        has_changed
     }
 
     fn lss_frame<A: Application>(&mut self, app: &A, frame: &Frame) -> Option<Request> {
@@ -607,7 +680,8 @@ impl Node {
         if !self.communication.state.allows_lss() && self.node_id != UNCONFIGURED {
             return None;
         }
-        self.lss.receive(frame, &app.identity())
+        let fastscan = A::SERVICES.fastscan;
+        self.lss.serve(frame, &app.identity(), fastscan)
     }
 
     fn lss_request<A: Application>(&mut self, app: &mut A, request: Request, now: Instant) {
@@ -622,43 +696,6 @@ impl Node {
             }
             Request::Initialise => self.reset_communication(app, now),
         }
-    }
-
-    /// What is due by `now`; returns when to call again, always later than `now`.
-    pub fn poll<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Instant> {
-        if self.node_id == UNCONFIGURED || self.communication.state == State::Initialising {
-            return None;
-        }
-        let mut silence = self.communication.error_control.poll();
-        if silence.is_some_and(|at| at <= now) {
-            while let Some(event) = self.communication.error_control.expired(now) {
-                self.control(app, event, now);
-            }
-            silence = self.communication.error_control.poll();
-        }
-        let (server, mut view) = self.serving(app, now);
-        let first = Earliest::NONE;
-        let mut next = Next { now, first };
-        next.not_after(server.poll(&mut view, now));
-        let services = &mut self.communication;
-        next.not_after(silence);
-        next.not_after(services.sync.poll(services.state));
-        next.not_after(services.emergency.poll(services.state));
-        if services.state.allows_pdo() {
-            let mut mapped = Mapped {
-                application: app,
-                register: services.emergency.register(),
-            };
-            next.not_after(services.pdo.poll(&mut mapped, now));
-            next.not_after(services.safety.poll(&mut mapped, now));
-            if let Some(srdo) = services.safety.take_lost() {
-                app.event(Event::SafetyLost(srdo), now);
-            }
-            if let Some(rpdo) = services.pdo.take_missed() {
-                self.emergency(0x8250, [rpdo + 1, 0, 0, 0, 0]);
-            }
-        }
-        next.first.get()
     }
 }
 

@@ -7,6 +7,7 @@ mod errors;
 mod fuzz;
 mod memory;
 mod plant;
+mod services;
 
 use std::vec::Vec;
 

@@ -5,7 +5,7 @@
 //!
 //! Left out: the mailboxes.
 
-use super::{Application, BootUp, Event, Node, Service, UNCONFIGURED, Waiting};
+use super::{Application, BootUp, Event, Node, Outgoing, Service, UNCONFIGURED, Waiting};
 use crate::error_control::{ERROR_CONTROL, boot_up};
 use crate::frame::Frame;
 use crate::nmt::{self, State};
@@ -17,8 +17,8 @@ impl Node {
     /// Hand it to the controller, and call [`Node::sent`] when it has gone out, or
     /// [`Node::withdrawn`] when it was taken back because it [`expires`](Node::expires).
     pub fn transmit<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Frame> {
-        let waiting = self.waiting(now)?;
-        self.hand_out(app, waiting, now)
+        let waiting = self.waiting::<A>(now)?;
+        Some(self.hand_out(app, waiting, now)?.frame)
     }
 
     /// The frame of a service that [`Node::waiting`] has named at the same instant.
@@ -27,30 +27,50 @@ impl Node {
         app: &mut A,
         waiting: Waiting,
         now: Instant,
+    ) -> Option<Outgoing> {
+        self.settled = false;
+        let services = &mut self.communication;
+        let timely = match waiting.service {
+            Service::Pdo => services.pdo.hand_out(waiting.cob_id, now),
+            Service::Safety if A::SERVICES.safety => services.safety.hand_out(now),
+            _ => {
+                let frame = self.lasting(app, waiting, now)?;
+                return Some(Outgoing { frame, until: None });
+            }
+        };
+        let (frame, until) = timely?;
+        let until = Some(until);
+        Some(Outgoing { frame, until })
+    }
+
+    /// The frame of a service whose frames do not grow old.
+    fn lasting<A: Application>(
+        &mut self,
+        app: &mut A,
+        waiting: Waiting,
+        now: Instant,
     ) -> Option<Frame> {
+        let services = &mut self.communication;
         match waiting.service {
-            Service::Lss => {
+            Service::Lss if A::SERVICES.lss => {
                 let answer = self.lss.transmit()?;
                 Some(Frame::data_frame(waiting.cob_id, &answer))
             }
             Service::BootUp => {
                 self.boot_up = BootUp::HandedOver;
-                if self.communication.state == State::Initialising {
+                if services.state == State::Initialising {
                     self.booted(app, now);
                 }
                 Some(boot_up(self.node_id))
             }
-            Service::Sync => self.communication.sync.transmit(now),
-            Service::Emergency => self.communication.emergency.transmit(now),
-            Service::Safety => self.communication.safety.transmit(now),
-            Service::Pdo => self.communication.pdo.hand_out(waiting.cob_id, now),
+            Service::Sync if A::SERVICES.sync_producer => services.sync.transmit(now),
+            Service::Emergency => services.emergency.transmit(now),
             Service::Sdo => self.response(app, now),
             Service::ErrorControl => {
-                let state = self.communication.state;
-                self.communication
-                    .error_control
-                    .transmit(self.node_id, state, now)
+                let state = services.state;
+                services.error_control.transmit(self.node_id, state, now)
             }
+            Service::Lss | Service::Sync | Service::Safety | Service::Pdo => None,
         }
     }
 
@@ -63,27 +83,28 @@ impl Node {
     /// The identifier of what [`Node::transmit`] would give now.
     ///
     /// For a driver with few mailboxes: it keeps one free for what outranks all that wait there.
-    pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        self.waiting(now).map(|waiting| waiting.cob_id)
+    pub fn next_cob_id<A: Application>(&self, now: Instant) -> Option<u16> {
+        self.waiting::<A>(now).map(|waiting| waiting.cob_id)
     }
 
     /// From when on the frame of this identifier that was handed over last may not go out any
     /// more; `None` when it may at any time. Process data and safety frames grow old, the others do
     /// not.
-    pub fn expires(&self, cob_id: u16) -> Option<Instant> {
+    pub fn expires<A: Application>(&self, cob_id: u16) -> Option<Instant> {
         let services = &self.communication;
-        let safety = services.safety.expires(cob_id);
-        safety.or_else(|| services.pdo.expires(cob_id))
+        let safety = A::SERVICES.safety.then(|| services.safety.expires(cob_id));
+        safety.flatten().or_else(|| services.pdo.expires(cob_id))
     }
 
     /// A frame from [`Node::transmit`] was taken back from the controller.
     pub fn withdrawn(&mut self, cob_id: u16) {
+        self.settled = false;
         self.communication.pdo.withdrawn(cob_id);
     }
 
     /// What [`Node::transmit`] would give: its identifier and whose it is.
-    pub fn waiting(&self, now: Instant) -> Option<Waiting> {
-        if self.lss.is_pending() {
+    pub fn waiting<A: Application>(&self, now: Instant) -> Option<Waiting> {
+        if A::SERVICES.lss && self.lss.is_pending() {
             return Some(Waiting {
                 cob_id: crate::lss::RESPONSE,
                 service: Service::Lss,
@@ -95,42 +116,44 @@ impl Node {
                 cob_id: ERROR_CONTROL + u16::from(self.node_id),
                 service: Service::BootUp,
             }),
-            _ => self.first(now),
+            _ => self.first::<A>(now),
         }
     }
 
     /// Which service holds the lowest identifier.
-    fn first(&self, now: Instant) -> Option<Waiting> {
+    fn first<A: Application>(&self, now: Instant) -> Option<Waiting> {
         let services = &self.communication;
-        let id = u16::from(self.node_id);
-        let sdo = self.server.is_pending() && services.state.allows_sdo();
-        let error_control = services.error_control.is_due(now);
-        let mut lowest = u16::MAX;
-        let mut first = None;
+        let state = services.state;
+        let error_control = ERROR_CONTROL + u16::from(self.node_id);
+        let mut first = Waiting {
+            cob_id: u16::MAX,
+            service: Service::Lss,
+        };
         let mut waits = |cob_id: Option<u16>, service| {
-            if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < lowest) {
-                lowest = cob_id;
-                first = Some(Waiting { cob_id, service });
+            if let Some(cob_id) = cob_id.filter(|cob_id| *cob_id < first.cob_id) {
+                first = Waiting { cob_id, service };
             }
         };
+        if A::SERVICES.sync_producer {
+            waits(services.sync.next_cob_id(state, now), Service::Sync);
+        }
         waits(
-            services.sync.next_cob_id(services.state, now),
-            Service::Sync,
-        );
-        waits(
-            services.emergency.next_cob_id(services.state, now),
+            services.emergency.next_cob_id(state, now),
             Service::Emergency,
         );
-        waits(services.safety.next_cob_id(now), Service::Safety);
+        if A::SERVICES.safety {
+            waits(services.safety.next_cob_id(now), Service::Safety);
+        }
         waits(services.pdo.next_cob_id(now), Service::Pdo);
-        waits(sdo.then_some(0x580 + id), Service::Sdo);
-        let boot_up = self.boot_up == BootUp::Due;
-        waits(boot_up.then_some(ERROR_CONTROL + id), Service::BootUp);
-        waits(
-            error_control.then_some(ERROR_CONTROL + id),
-            Service::ErrorControl,
-        );
-        first
+        if self.server.is_pending() && state.allows_sdo() {
+            waits(Some(0x580 + u16::from(self.node_id)), Service::Sdo);
+        }
+        if self.boot_up == BootUp::Due {
+            waits(Some(error_control), Service::BootUp);
+        } else if services.error_control.is_due(now) {
+            waits(Some(error_control), Service::ErrorControl);
+        }
+        (first.cob_id != u16::MAX).then_some(first)
     }
 
     /// The boot-up message is handed over: the node is pre-operational, or starts itself (1F80h).
@@ -162,7 +185,7 @@ impl Node {
     /// when it was this node's own SYNC, which [`Node::sync_sent`] has to follow.
     pub fn told(&mut self, frame: &Frame) -> bool {
         if let Some(cob_id) = frame.cob_id() {
-            self.communication.emergency.sent(cob_id);
+            self.settled &= !self.communication.emergency.sent(cob_id);
             if cob_id == ERROR_CONTROL + u16::from(self.node_id) {
                 self.error_control_sent(frame);
             }

@@ -10,6 +10,7 @@ use crate::communication::Communication;
 use crate::nmt::State;
 use crate::node::Application;
 use crate::object::{Abort, Access, Address, Dictionary, Objects, Value, at};
+use crate::services::Services;
 use crate::storage::{self, Group, LOAD, ON_COMMAND, SAVE, signed};
 use crate::time::Instant;
 
@@ -28,6 +29,9 @@ impl<A: Application> View<'_, A> {
         for entry in storage::rows(&dictionary, group) {
             for sub in entry.sub..=entry.last {
                 let address = at(entry.index, sub);
+                if A::SERVICES.serve(address).is_err() {
+                    continue;
+                }
                 let value = self.read(address)?;
                 self.application.put(address, value)?;
             }
@@ -56,6 +60,8 @@ impl<A: Application> View<'_, A> {
 }
 
 impl<A: Application> Objects for View<'_, A> {
+    const SERVICES: Services = A::SERVICES;
+
     fn dictionary(&self) -> Dictionary {
         self.application.dictionary()
     }
@@ -68,22 +74,25 @@ impl<A: Application> Objects for View<'_, A> {
         {
             return Ok(value);
         }
-        if matches!(at.index, 0x1010 | 0x1011) {
+        if A::SERVICES.storage && matches!(at.index, 0x1010 | 0x1011) {
             return Ok(Value::u32(ON_COMMAND));
         }
-        match self.communication.read(at) {
+        match self.communication.read::<A>(at) {
             Some(result) => result,
             None => self.application.read(at),
         }
     }
 
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {
-        if matches!(at.index, 0x1010 | 0x1011) {
+        if A::SERVICES.storage && matches!(at.index, 0x1010 | 0x1011) {
             return self.memory(at, &value);
         }
         let dictionary = self.application.dictionary();
         let stored = dictionary.entry(at)?.access.has(Access::STORED);
-        match self.communication.write(&dictionary, at, value, self.now) {
+        let taken = self
+            .communication
+            .write::<A>(&dictionary, at, value, self.now);
+        match taken {
             Some(result) => result?,
             None => self.application.write(at, value)?,
         }
@@ -126,6 +135,8 @@ pub(super) struct Mapped<'a, A> {
 }
 
 impl<A: Application> Objects for Mapped<'_, A> {
+    const SERVICES: Services = A::SERVICES;
+
     fn dictionary(&self) -> Dictionary {
         self.application.dictionary()
     }

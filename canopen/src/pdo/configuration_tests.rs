@@ -2,6 +2,7 @@
 
 use super::tests::{Bench, KNOB, OFF, PERCENT, X, Y, ms};
 use super::*;
+use crate::mapping::shelf::Shelf;
 use crate::object::{Access, at};
 use proptest::prelude::*;
 
@@ -12,7 +13,12 @@ fn an_index_of_somebody_else_is_left_alone() {
     for index in [0x13FF, 0x1404, 0x1604, 0x1804, 0x1A04, 0x1C00, 0x2000] {
         let address = at(index, 1);
         assert_eq!(bench.pdo.read(address), None);
-        assert_eq!(bench.pdo.write(&dictionary, address, Value::u32(0)), None);
+        assert_eq!(
+            bench
+                .pdo
+                .write::<Shelf>(&dictionary, address, Value::u32(0)),
+            None
+        );
         assert!(!bench.pdo.load(address, Value::u32(0)));
     }
 }

@@ -18,7 +18,7 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Access, Address, Dictionary, Objects, Value};
-use crate::time::{Earliest, Instant};
+use crate::time::{Deadline, Instant};
 use rpdo::Rpdo;
 use setup::{Part, Setup};
 use tpdo::Tpdo;
@@ -52,6 +52,8 @@ pub struct Pdos {
     rx: [Rpdo; PDOS],
     /// The node is OPERATIONAL.
     running: bool,
+    /// A TPDO that is due has not been sampled.
+    again: bool,
     overruns: u16,
 }
 
@@ -82,6 +84,7 @@ impl Pdos {
         tx: [const { Tpdo::new() }; PDOS],
         rx: [const { Rpdo::new() }; PDOS],
         running: false,
+        again: false,
         overruns: 0,
     };
 
@@ -110,14 +113,14 @@ impl Pdos {
     ///
     /// The PDO begins anew with its new parameters. Errors: the abort code of the rule that is
     /// broken; nothing has changed then.
-    pub fn write(
+    pub fn write<O: Objects>(
         &mut self,
         dictionary: &Dictionary,
         at: Address,
         value: Value,
     ) -> Option<Result<(), Abort>> {
         let (setup, part) = self.setup(at)?;
-        let result = setup.write(dictionary, part, at.sub, value);
+        let result = setup.write::<O>(dictionary, part, at.sub, value);
         if result.is_ok() {
             match place(at)? {
                 Place::Receive(n, _) => self.rx.get_mut(n)?.restart(),
@@ -196,8 +199,11 @@ impl Pdos {
         now: Instant,
     ) -> Option<Received> {
         let id = frame.cob_id().filter(|_| self.running)?;
-        let is_named = |setup: &Setup| setup.is_active() && setup.id() == id;
+        let is_named = |setup: &Setup| setup.id() == id && setup.is_active();
         if frame.is_remote() {
+            if !O::SERVICES.pdo_remote {
+                return None;
+            }
             let named = |pdo: &&mut Tpdo| is_named(&pdo.setup) && pdo.setup.answers_remote();
             let lost = self.tx.iter_mut().find(named)?.request(objects, now);
             self.count(usize::from(lost));
@@ -210,21 +216,29 @@ impl Pdos {
 
     /// Serves event timers, the end of the synchronous window and the deadlines of RPDOs; when to
     /// call again, or when a frame that is held back may go.
-    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Deadline {
+        let mut next = Deadline::NONE;
         if !self.running {
-            return None;
+            return next;
         }
-        let mut next = Earliest::NONE;
         let mut lost = 0;
+        self.again = false;
         for pdo in &mut self.tx {
-            lost += usize::from(pdo.poll(objects, now));
+            lost += usize::from(pdo.poll(objects, &mut self.again, now));
             pdo.deadlines(now, &mut next);
         }
-        for pdo in &mut self.rx {
-            next.add(pdo.poll(now));
+        if O::SERVICES.pdo_timers {
+            for pdo in &mut self.rx {
+                next.add(pdo.poll(now));
+            }
         }
         self.count(lost);
-        next.get()
+        next
+    }
+
+    /// True when the last [`Pdos::poll`] has left something to be tried again at the next.
+    pub(crate) const fn tries_again(&self) -> bool {
+        self.again
     }
 
     /// The application's data have changed. TPDOs of types 254 and 255 that carry any of it are
@@ -242,18 +256,22 @@ impl Pdos {
 
     /// The frame of the lowest identifier that may go out now.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
-        self.hand_out(self.next_cob_id(now)?, now)
+        Some(self.hand_out(self.next_cob_id(now)?, now)?.0)
     }
 
-    /// The frame of this identifier, which [`Pdos::next_cob_id`] has named at the same instant.
-    pub fn hand_out(&mut self, cob_id: u16, now: Instant) -> Option<Frame> {
+    /// The frame of this identifier, which [`Pdos::next_cob_id`] has named at the same instant, and
+    /// from when on it may not go out any more.
+    pub fn hand_out(&mut self, cob_id: u16, now: Instant) -> Option<(Frame, Instant)> {
         let mut tx = self.tx.iter_mut();
-        tx.find(|pdo| pdo.ready(now) == Some(cob_id))?.take(now)
+        let pdo = tx.find(|pdo| pdo.setup.id() == cob_id && pdo.is_ready(now))?;
+        let frame = pdo.take(now)?;
+        Some((frame, pdo.stale))
     }
 
     /// The identifier of what [`Pdos::transmit`] would give.
     pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        self.tx.iter().filter_map(|pdo| pdo.ready(now)).min()
+        let ready = self.tx.iter().filter(|pdo| pdo.is_ready(now));
+        ready.map(|pdo| pdo.setup.id()).min()
     }
 
     /// From when on a frame of this identifier may not go out any more; `None` when no TPDO has it.
@@ -261,7 +279,7 @@ impl Pdos {
         let pdo = self
             .tx
             .iter()
-            .find(|pdo| pdo.setup.is_active() && pdo.setup.id() == cob_id)?;
+            .find(|pdo| pdo.setup.id() == cob_id && pdo.setup.is_active())?;
         Some(pdo.stale)
     }
 

@@ -9,7 +9,7 @@ use super::Received;
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::Objects;
-use crate::time::Instant;
+use crate::time::{Deadline, Instant};
 
 /// An RPDO: configuration and state.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct Rpdo {
     /// Data that wait for SYNC.
     waiting: Option<u64>,
     /// When the next frame is overdue; `None` before the first one.
-    deadline: Option<Instant>,
+    deadline: Deadline,
     /// A frame is overdue and nobody has been told.
     missed: bool,
 }
@@ -30,7 +30,7 @@ impl Rpdo {
         Self {
             setup: Setup::new(),
             waiting: None,
-            deadline: None,
+            deadline: Deadline::NONE,
             missed: false,
         }
     }
@@ -38,7 +38,7 @@ impl Rpdo {
     /// Forgets what waits, and begins anew.
     pub fn restart(&mut self) {
         self.waiting = None;
-        self.deadline = None;
+        self.deadline = Deadline::NONE;
         self.missed = false;
     }
 
@@ -57,8 +57,9 @@ impl Rpdo {
         if frame.length() < mapped {
             return Received::TooShort(n);
         }
-        let event_ms = u32::from(self.setup.event_ms);
-        self.deadline = (event_ms != 0).then(|| now.after_ms(event_ms));
+        if O::SERVICES.pdo_timers {
+            self.deadline = Deadline::in_ms(now, self.setup.event_ms.into());
+        }
         let data = u64::from_le_bytes(frame.padded());
         let synchronous = self.setup.is_synchronous();
         if synchronous {
@@ -80,9 +81,9 @@ impl Rpdo {
     }
 
     /// Watches over the event timer; when to look again.
-    pub fn poll(&mut self, now: Instant) -> Option<Instant> {
-        if self.deadline.is_some_and(|t| t <= now) {
-            self.deadline = None;
+    pub fn poll(&mut self, now: Instant) -> Deadline {
+        if self.deadline.is_due(now) {
+            self.deadline = Deadline::NONE;
             self.missed = true;
         }
         self.deadline

@@ -8,7 +8,7 @@
 
 use crate::frame::is_restricted;
 use crate::mapping::{self, ENTRIES, Mapping};
-use crate::object::{Abort, Access, Dictionary, Value};
+use crate::object::{Abort, Access, Dictionary, Objects, Value};
 
 /// Bit 31 of a COB-ID: the PDO does not exist.
 pub const INVALID: u32 = 1 << 31;
@@ -149,7 +149,7 @@ impl Setup {
     /// Takes a value under all the rules.
     ///
     /// Errors: the abort code of the rule that it breaks; nothing has changed then.
-    pub fn write(
+    pub fn write<O: Objects>(
         &mut self,
         dictionary: &Dictionary,
         part: Part,
@@ -163,6 +163,12 @@ impl Setup {
         }
         let number = value.unsigned() as u32;
         match part {
+            Part::Mapping(_) if !O::SERVICES.dynamic_mapping => return Err(Abort::ReadOnly),
+            Part::Communication(Access::TPDO)
+                if !O::SERVICES.pdo_remote && sub == 1 && number & NO_REMOTE == 0 =>
+            {
+                return Err(Abort::InvalidValue);
+            }
             Part::Mapping(access) => self.may_map(dictionary, access, sub, number)?,
             Part::Communication(_) => self.may_set(part, sub, number)?,
         }

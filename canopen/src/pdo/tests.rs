@@ -32,7 +32,9 @@ impl Bench {
     pub fn write(&mut self, index: u16, sub: u8, number: u32) -> Result<(), Abort> {
         let dictionary = self.shelf.dictionary();
         let value = Value::u32(number);
-        self.pdo.write(&dictionary, at(index, sub), value).unwrap()
+        self.pdo
+            .write::<Shelf>(&dictionary, at(index, sub), value)
+            .unwrap()
     }
 
     pub fn read(&self, index: u16, sub: u8) -> u64 {
@@ -87,7 +89,7 @@ impl Bench {
     }
 
     pub fn poll(&mut self, now: Instant) -> Option<Instant> {
-        self.pdo.poll(&mut self.shelf, now)
+        self.pdo.poll(&mut self.shelf, now).get()
     }
 
     pub fn event(&mut self, now: Instant) {

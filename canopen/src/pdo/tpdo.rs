@@ -10,7 +10,7 @@
 use super::setup::Setup;
 use crate::frame::{Frame, standard};
 use crate::object::{Objects, Value};
-use crate::time::{Earliest, Instant};
+use crate::time::{Deadline, Instant};
 
 const NEVER: Instant = Instant(u64::MAX);
 
@@ -24,6 +24,14 @@ struct Window {
     until: Instant,
 }
 
+impl Window {
+    /// Nothing waits. No window ends at the start of the clock.
+    const NONE: Self = Self {
+        from: Instant(0),
+        until: Instant(0),
+    };
+}
+
 /// A TPDO: configuration and state.
 #[derive(Clone, Debug)]
 pub struct Tpdo {
@@ -32,7 +40,7 @@ pub struct Tpdo {
     /// The newest sample, sent or waiting.
     sample: Option<Value>,
     /// The sample waits for the bus.
-    waiting: Option<Window>,
+    waiting: Window,
     /// From when on the newest sample of a SYNC, or the one handed over, may not be sent any more.
     pub stale: Instant,
     /// The event has come: type 0 waits for SYNC, types 254 and 255 for the next poll.
@@ -42,7 +50,7 @@ pub struct Tpdo {
     /// End of the inhibit time.
     quiet_until: Instant,
     /// When the event timer runs out.
-    timer: Option<Instant>,
+    timer: Deadline,
 }
 
 impl Tpdo {
@@ -51,23 +59,23 @@ impl Tpdo {
         Self {
             setup: Setup::new(),
             sample: None,
-            waiting: None,
+            waiting: Window::NONE,
             stale: Instant(0),
             due: false,
             left: None,
             quiet_until: Instant(0),
-            timer: None,
+            timer: Deadline::NONE,
         }
     }
 
     /// Forgets what waits, and begins anew: event-driven types are due once.
     pub fn restart(&mut self) {
         self.sample = None;
-        self.waiting = None;
+        self.waiting = Window::NONE;
         self.due = !self.setup.is_synchronous();
         self.left = None;
         self.quiet_until = Instant(0);
-        self.timer = None;
+        self.timer = Deadline::NONE;
     }
 
     /// Keeps a sample to be sent in `window`; true when it takes the place of one that was free
@@ -75,29 +83,34 @@ impl Tpdo {
     // Four callers, each of which would hold a copy of it.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn keep(&mut self, sample: Value, window: Window, now: Instant) -> bool {
-        let lost = self.waiting.is_some_and(|old| old.from <= now);
+        let lost = self.is_waiting() && self.waiting.from <= now;
         self.sample = Some(sample);
-        self.waiting = Some(window);
+        self.waiting = window;
         lost
     }
 
     /// Keeps a sample of an event-driven type, which the inhibit time may hold back.
-    fn keep_event(&mut self, sample: Value, now: Instant) -> bool {
+    fn keep_event<O: Objects>(&mut self, sample: Value, now: Instant) -> bool {
         let window = Window {
             from: self.quiet_until,
             until: NEVER,
         };
         self.due = false;
-        self.wind(now);
+        self.wind::<O>(now);
         self.keep(sample, window, now)
     }
 
     /// Sets the event timer. It keeps its own rhythm while nothing else starts it anew.
-    fn wind(&mut self, now: Instant) {
-        let period = u32::from(self.setup.event_ms);
-        let on_time = self.timer.filter(|t| *t <= now).map(|t| t.after_ms(period));
-        let next = on_time.filter(|t| *t > now).unwrap_or(now.after_ms(period));
-        self.timer = (period != 0).then_some(next);
+    fn wind<O: Objects>(&mut self, now: Instant) {
+        if !O::SERVICES.pdo_timers {
+            return;
+        }
+        let period_us = u64::from(self.setup.event_ms) * 1000;
+        self.timer = if self.timer.is_due(now) {
+            self.timer.in_step(period_us, now)
+        } else {
+            Deadline::in_us(now, period_us)
+        };
     }
 
     /// SYNC: samples when it is this PDO's turn; true when a sample was lost by that.
@@ -163,7 +176,7 @@ impl Tpdo {
             self.due = true;
             return false;
         }
-        self.keep_event(sample, now)
+        self.keep_event::<O>(sample, now)
     }
 
     /// A remote frame asks for it. Synchronous types answer with what SYNC has sampled last, while
@@ -187,24 +200,25 @@ impl Tpdo {
     }
 
     /// Drops a synchronous sample whose window has ended, and samples when the event timer has;
-    /// true when a sample was lost by that.
-    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> bool {
+    /// true when a sample was lost by that. `again`: more may be due already.
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, again: &mut bool, now: Instant) -> bool {
         if !self.setup.is_active() {
             return false;
         }
-        if self.waiting.is_some_and(|window| window.until < now) {
-            self.waiting = None;
+        if self.is_waiting() && self.waiting.until < now {
+            self.waiting = Window::NONE;
             self.withdrawn();
+            *again = true;
             return true;
         }
-        let expired = self.timer.is_some_and(|t| t <= now);
-        if self.setup.is_synchronous() || !(self.due || expired) {
+        if self.setup.is_synchronous() || !(self.due || self.timer.is_due(now)) {
             return false;
         }
         match self.setup.mapping.pack(objects) {
-            Ok(sample) => self.keep_event(sample, now),
+            Ok(sample) => self.keep_event::<O>(sample, now),
             Err(_) => {
-                self.wind(now);
+                self.wind::<O>(now);
+                *again = true;
                 false
             }
         }
@@ -212,42 +226,42 @@ impl Tpdo {
 
     /// The sample did not get onto the bus: types 0, 254 and 255 owe it still.
     pub fn withdrawn(&mut self) {
-        if self.waiting.is_none() {
+        if !self.is_waiting() {
             self.sample = None;
             self.due = true;
         }
     }
 
+    const fn is_waiting(&self) -> bool {
+        self.waiting.until.0 != 0
+    }
+
     /// When [`Tpdo::poll`] or the bus has to look again.
-    pub fn deadlines(&self, now: Instant, next: &mut Earliest) {
-        if let Some(window) = self.waiting {
-            let opens = window.from > now;
-            // The end of the clock stays there.
-            let end = if opens {
-                window.from
-            } else {
-                window.until.after(1)
-            };
-            next.add(Some(end));
-        }
+    pub fn deadlines(&self, now: Instant, next: &mut Deadline) {
         next.add(self.timer);
+        if !self.is_waiting() {
+            return;
+        }
+        let Window { from, until } = self.waiting;
+        // The end of the clock stays there.
+        next.add(Deadline::at(if from > now { from } else { until.after(1) }));
     }
 
-    /// The identifier of the frame that may go out now.
-    pub fn ready(&self, now: Instant) -> Option<u16> {
-        let window = self.waiting?;
-        (window.from <= now && now <= window.until).then(|| self.setup.id())
+    /// True when its frame may go out now.
+    pub fn is_ready(&self, now: Instant) -> bool {
+        let Window { from, until } = self.waiting;
+        self.is_waiting() && from <= now && now <= until
     }
 
-    /// The frame that [`Tpdo::ready`] told of; the inhibit time begins with it.
+    /// The frame, when [`Tpdo::is_ready`] tells of one; the inhibit time begins with it.
     pub fn take(&mut self, now: Instant) -> Option<Frame> {
-        let id = self.ready(now)?;
-        self.waiting = None;
+        self.waiting = Window::NONE;
         if !self.setup.is_synchronous() {
             self.stale = now.after(LIFE_US);
             self.quiet_until = now.after(u64::from(self.setup.inhibit) * 100);
         }
+        let id = standard(self.setup.id());
         self.sample
-            .map(|sample| Frame::of_number(standard(id), sample.unsigned(), sample.length()))
+            .map(|sample| Frame::of_number(id, sample.unsigned(), sample.length()))
     }
 }

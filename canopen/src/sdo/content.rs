@@ -43,6 +43,7 @@ fn permitted<O: Objects>(
     wanted: Access,
     refusal: Abort,
 ) -> Result<Entry, Abort> {
+    O::SERVICES.serve(at)?;
     let entry = objects.dictionary().entry(at)?;
     if entry.access.has(wanted) {
         return Ok(entry);

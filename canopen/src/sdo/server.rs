@@ -7,7 +7,7 @@
 
 use crate::frame::Frame;
 use crate::object::{Abort, Address, Objects, at};
-use crate::time::Instant;
+use crate::time::{Deadline, Instant};
 
 use super::block_download::Incoming;
 use super::block_upload::Outgoing;
@@ -107,7 +107,7 @@ impl Server {
             return None;
         }
         self.deadline = now.after_ms(TIMEOUT_MS);
-        if self.response.is_none() {
+        if O::SERVICES.block_upload && self.response.is_none() {
             match self.upload_block_segment(objects) {
                 Ok(segment) => return Some(segment),
                 Err(reason) => self.abort(objects, reason),
@@ -117,15 +117,15 @@ impl Server {
     }
 
     /// Ends a transfer whose client has been silent for [`TIMEOUT_MS`]; when to call again.
-    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Deadline {
         if self.phase == Phase::Idle {
-            return None;
+            return Deadline::NONE;
         }
         if now < self.deadline {
-            return Some(self.deadline);
+            return Deadline::at(self.deadline);
         }
         self.abort(objects, Abort::TimedOut);
-        None
+        Deadline::NONE
     }
 
     /// Forgets the transfer and any response; an open download is discarded. Nothing is sent.
@@ -142,10 +142,11 @@ impl Server {
 
     fn serve<O: Objects>(&mut self, objects: &mut O, data: [u8; 8]) -> Result<(), Abort> {
         let [command, rest @ ..] = data;
-        if self.phase == Phase::BlockDownload && command != ABORT {
+        let blocks = O::SERVICES.block_download;
+        if blocks && self.phase == Phase::BlockDownload && command != ABORT {
             return self.download_block_segment(objects, data);
         }
-        if self.is_repeated_segment(data) {
+        if blocks && self.is_repeated_segment(data) {
             return Ok(());
         }
         match (command >> 5, command & 3) {
@@ -157,6 +158,8 @@ impl Server {
                 self.reset(objects);
                 Ok(())
             }
+            (5, _) if !O::SERVICES.block_upload => Err(Abort::InvalidCommand),
+            (6, _) if !blocks => Err(Abort::InvalidCommand),
             (5, 0) => self.block_upload(objects, data),
             (5, 1) => self.end_block_upload(),
             (5, 2) => self.acknowledge_block(rest),

@@ -9,7 +9,7 @@ use super::SrdoState;
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::{Abort, Objects, Value};
-use crate::time::{Earliest, Instant};
+use crate::time::{Deadline, Instant};
 
 /// State of a consumer.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct Consumer {
     /// The plain half that waits for its twin, and when it came.
     half: Option<(u64, Instant)>,
     /// When the next pair is overdue; `None` after a loss.
-    deadline: Option<Instant>,
+    deadline: Deadline,
     /// The pair was lost by time and nobody has been told.
     lost: bool,
 }
@@ -42,7 +42,7 @@ impl Consumer {
         Self {
             state: SrdoState::Waiting,
             half: None,
-            deadline: Some(now.after_ms(setup.sct_ms as u32)),
+            deadline: Deadline::at(now.after_ms(setup.sct_ms as u32)),
             lost: false,
         }
     }
@@ -54,7 +54,7 @@ impl Consumer {
         let news = matches!(self.state, SrdoState::Waiting | SrdoState::Running);
         self.state = state;
         self.half = None;
-        self.deadline = None;
+        self.deadline = Deadline::NONE;
         news
     }
 
@@ -89,27 +89,26 @@ impl Consumer {
             return self.lose(SrdoState::Inconsistent);
         }
         self.state = SrdoState::Running;
-        self.deadline = Some(now.after_ms(u32::from(setup.sct_ms)));
+        self.deadline = Deadline::at(now.after_ms(u32::from(setup.sct_ms)));
         false
     }
 
     /// Watches over both times; when to look again.
-    pub fn poll(&mut self, setup: &Setup, now: Instant) -> Option<Instant> {
-        let twin = self
-            .half
-            .map(|(_, came)| came.after_ms(u32::from(setup.srvt_ms)));
-        if twin.is_some_and(|end| end < now) {
-            self.lost |= self.lose(SrdoState::Unpaired);
-            return None;
+    pub fn poll(&mut self, setup: &Setup, now: Instant) -> Deadline {
+        let mut first = self.deadline;
+        let mut why = SrdoState::TimedOut;
+        if let Some((_, came)) = self.half {
+            let twin = Deadline::at(came.after_ms(u32::from(setup.srvt_ms)));
+            if twin.instant() < now {
+                why = SrdoState::Unpaired;
+            }
+            first.add(twin);
         }
-        if self.deadline.is_some_and(|end| end < now) {
-            self.lost |= self.lose(SrdoState::TimedOut);
-            return None;
+        if first.is_set() && first.instant() < now {
+            self.lost |= self.lose(why);
+            return Deadline::NONE;
         }
-        let mut first = Earliest::NONE;
-        first.add(twin);
-        first.add(self.deadline);
-        first.get().map(|end| end.after(1))
+        Deadline::at(first.instant().after(1))
     }
 
     /// True once after a pair was lost by time.

@@ -17,7 +17,7 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Address, Dictionary, Objects, Value};
-use crate::time::{Earliest, Instant};
+use crate::time::{Deadline, Instant};
 use consumer::Consumer;
 use producer::Producer;
 use setup::{CONSUME, OFF, PRODUCE, Part, Setup};
@@ -28,6 +28,8 @@ pub const SRDOS: usize = 2;
 const VALID: u8 = 0xA5;
 /// Identifier of the global fail-safe command.
 const GFC_ID: u16 = 0x001;
+/// The last identifier that a safety frame can have.
+pub(crate) const LAST_ID: u16 = 0x180;
 
 /// What became of a frame of CANopen Safety; SRDOs are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -326,27 +328,35 @@ impl Safety {
     }
 
     /// Samples producers that are due, watches over consumers; when to call again.
-    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Option<Instant> {
-        let mut next = Earliest::NONE;
+    pub fn poll<O: Objects>(&mut self, objects: &mut O, now: Instant) -> Deadline {
+        let mut next = Deadline::NONE;
         for Srdo { setup, role } in &mut self.srdos {
             let deadline = match (role, self.checked) {
                 (Role::Produce(producer), Some(checked)) => {
-                    Some(producer.poll(setup, objects, checked, now))
+                    Deadline::at(producer.poll(setup, objects, checked, now))
                 }
                 (Role::Consume(consumer), _) => consumer.poll(setup, now),
-                (Role::Produce(_) | Role::Off, _) => None,
+                (Role::Produce(_) | Role::Off, _) => Deadline::NONE,
             };
             next.add(deadline);
         }
-        next.get()
+        next
     }
 
     /// The frame of the lowest identifier that waits: the plain one first, then its twin.
     pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+        Some(self.hand_out(now)?.0)
+    }
+
+    /// As [`Safety::transmit`], and from when on the frame may not go out any more.
+    pub(crate) fn hand_out(&mut self, now: Instant) -> Option<(Frame, Instant)> {
         let id = self.next_cob_id(now)?;
         let srdo = self.srdos.iter_mut().find(|s| s.ready(now) == Some(id))?;
         match &mut srdo.role {
-            Role::Produce(producer) => producer.take(&srdo.setup, now),
+            Role::Produce(producer) => {
+                let frame = producer.take(&srdo.setup, now)?;
+                Some((frame, producer.stale))
+            }
             Role::Consume(_) | Role::Off => None,
         }
     }

@@ -108,7 +108,7 @@ impl Bench {
         if self.checks {
             self.safety.release(Some(now));
         }
-        self.safety.poll(&mut self.shelf, now)
+        self.safety.poll(&mut self.shelf, now).get()
     }
 
     /// Identifier and first two bytes of the frame that goes out now.

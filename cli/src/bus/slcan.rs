@@ -20,8 +20,12 @@ use crate::serve::slcan::{Form, RATES, frame};
 const ANSWER: Duration = Duration::from_secs(1);
 
 /// How often the opening is tried: an adapter may have been left in the middle of a line, and
-/// some restart when their port is opened.
+/// some restart when their port is opened. An answer to a client before may come late, so that the
+/// refusal to close what is closed is read as the answer to the next command.
 const OPENINGS: usize = 3;
+
+/// After which errors the opening is tried again: no answer in time, and a refusal.
+const AGAIN: [io::ErrorKind; 2] = [io::ErrorKind::TimedOut, io::ErrorKind::InvalidData];
 
 /// Status flags (CAN232 manual, `F`): error warning, error passive, bus error.
 const BAD: u8 = 1 << 2 | 1 << 5 | 1 << 7;
@@ -93,7 +97,7 @@ impl Client {
         for _ in 0..OPENINGS {
             match self.open_once(rate) {
                 Ok(()) => return Ok(()),
-                Err(error) if error.kind() == io::ErrorKind::TimedOut => failed = error,
+                Err(error) if AGAIN.contains(&error.kind()) => failed = error,
                 Err(error) => return Err(error),
             }
         }
@@ -237,9 +241,10 @@ mod tests {
     use std::net::TcpListener;
 
     /// An adapter that answers each line with what `answers` has for it, and hangs up after that.
-    fn adapter(answers: &'static [&'static str]) -> (String, std::thread::JoinHandle<Vec<String>>) {
+    fn adapter(answers: &[&'static str]) -> (String, std::thread::JoinHandle<Vec<String>>) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let at = listener.local_addr().unwrap().to_string();
+        let answers = answers.to_vec();
         let server = std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();
             let mut lines = BufReader::new(stream.try_clone().unwrap()).split(b'\r');
@@ -280,9 +285,20 @@ mod tests {
 
     #[test]
     fn an_adapter_that_refuses_is_told_of() {
-        let (at, _server) = adapter(&["\r", "\r", "\x07"]);
+        let once = ["\r", "\r", "\x07"];
+        let (at, server) = adapter([once, once, once].as_flattened());
         let refused = Client::join_tcp(&at, None).unwrap_err();
         assert!(refused.to_string().contains("refuses to open"), "{refused}");
+        assert_eq!(server.join().unwrap().len(), 9);
+    }
+
+    /// The refusal to close what is closed was read as the answer to the opening.
+    #[test]
+    fn a_late_answer_to_the_client_before_shifted_all_others() {
+        let answers = &["\r\r", "\x07", "\r", "\r", "\r", "\r"];
+        let (at, server) = adapter(answers);
+        Client::join_tcp(&at, None).unwrap();
+        assert_eq!(server.join().unwrap(), ["", "C", "O", "", "C", "O"]);
     }
 
     #[test]

@@ -21,11 +21,13 @@ pub const BIT_RATE: u16 = 250;
 struct Configured {
     channel: Channel,
     node_id: u8,
+    /// The name of the data sheet.
+    sheet: String,
 }
 
 impl Extra for Configured {
     fn file_info(&self, file: &mut File) {
-        file.key("LastEDS", eds::file_name(self.channel, "eds"));
+        file.key("LastEDS", &self.sheet);
     }
 
     fn entry(&self, file: &mut File, row: &Row) {
@@ -42,13 +44,17 @@ impl Extra for Configured {
 /// The configuration of a channel under this node-id, 1 to 127.
 pub fn configuration(rows: &[Row], channel: Channel, node_id: u8) -> String {
     let mut file = File::default();
-    let name = eds::file_name(channel, "dcf");
+    let name = eds::file_name(rows, channel, "dcf");
     eds::write(
         &mut file,
         rows,
         channel,
         &name,
-        &Configured { channel, node_id },
+        &Configured {
+            channel,
+            node_id,
+            sheet: eds::file_name(rows, channel, "eds"),
+        },
     );
     // The format spells this section with one m.
     file.section("DeviceComissioning");

@@ -7,8 +7,10 @@
 //! Left out: compact storage, modules, units (the format has no key for them).
 
 use canopen::object::{Access, DataType};
+use canopen::services::Services;
+use device::instrument::PAPER_SERVICES;
 use device::objects::row::{Row, Shape};
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models, rows_of};
 
 use super::dictionary::{self, Entry, Object};
 
@@ -77,15 +79,34 @@ impl File {
 /// The data sheet of a channel.
 pub fn sheet(rows: &[Row], channel: Channel) -> String {
     let mut file = File::default();
-    let name = file_name(channel, "eds");
+    let name = file_name(rows, channel, "eds");
     write(&mut file, rows, channel, &name, &Nothing);
     file.into_text()
 }
 
+/// An instrument is known by its rows.
+fn is_paper(rows: &[Row]) -> bool {
+    std::ptr::eq(rows, rows_of(Models::PAPER))
+}
+
+/// What the instrument with these rows has of what the standards leave to the device.
+fn services(rows: &[Row]) -> Services {
+    if is_paper(rows) {
+        PAPER_SERVICES
+    } else {
+        Services::ALL
+    }
+}
+
 /// The name under which a document of a channel is known.
-pub fn file_name(channel: Channel, ending: &str) -> String {
+pub fn file_name(rows: &[Row], channel: Channel, ending: &str) -> String {
+    let instrument = if is_paper(rows) {
+        "plumb-paper"
+    } else {
+        "plumb"
+    };
     let letter = dictionary::letter(channel).to_ascii_lowercase();
-    format!("plumb-{letter}.{ending}")
+    format!("{instrument}-{letter}.{ending}")
 }
 
 /// Writes all sections that data sheet and configuration share.
@@ -166,8 +187,9 @@ fn device_info(file: &mut File, rows: &[Row], channel: Channel) {
     file.key("GroupMessaging", 0);
     file.key("NrOfRXPDO", heads(rows, 0x1400, 0x15FF));
     file.key("NrOfTXPDO", heads(rows, 0x1800, 0x19FF));
-    file.key("LSS_Supported", 1);
-    file.key("CANopenSafetySupported", 1);
+    let services = services(rows);
+    file.key("LSS_Supported", u8::from(services.lss));
+    file.key("CANopenSafetySupported", u8::from(services.safety));
 }
 
 /// Number of objects between two indices, both included.

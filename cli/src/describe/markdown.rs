@@ -8,15 +8,26 @@ use std::fmt::Write as _;
 
 use canopen::object::Access;
 use device::objects::row::{Default, Row, Shape};
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 
 use super::dictionary;
 
-const OPENING: &str = "\
+const PRODUCT: &str = "\
 # Objects
 
 This page is printed by `plumb describe objects`, which a test compares with what is committed
-here. It comes from the same rows as the table inside the device, the data sheets (`eds/*.eds`),
+here. Those of the paper's instrument stand in [objects-paper.md](objects-paper.md).
+";
+
+const PAPER: &str = "\
+# Objects of the paper's instrument
+
+This page is printed by `plumb describe objects --instrument paper`, which a test compares with
+what is committed here. Those of the product stand in [objects.md](objects.md).
+";
+
+const OPENING: &str = "\
+It comes from the same rows as the table inside the device, the data sheets (`eds/*.eds`),
 the configurations (`eds/*.dcf`) and the CAN database (`eds/plumb.dbc`).
 
 A CANopen device is a list of numbered objects. A tool reads and writes them one by one with SDO;
@@ -116,8 +127,13 @@ const HEADINGS: [&str; 12] = [
 ];
 
 /// The page.
-pub fn page(rows: &[Row]) -> String {
-    let mut text = String::from(OPENING);
+pub fn page(models: Models, rows: &[Row]) -> String {
+    let heading = if models == Models::PAPER {
+        PAPER
+    } else {
+        PRODUCT
+    };
+    let mut text = [heading, OPENING].concat();
     for area in &AREAS {
         let inside = |row: &&Row| (area.first..=area.last).contains(&row.index);
         let mut listed = rows.iter().filter(inside).peekable();

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use device::objects::table::{self, Channel};
+use device::objects::table::{self, Channel, Models};
 
 use crate::stdout;
 
@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Which document
     #[arg(value_enum)]
     pub document: Document,
+    /// Whose objects: those of the product, or of the paper's instrument
+    #[arg(long, value_enum, default_value = "product")]
+    pub instrument: InstrumentName,
     /// Channel of an EDS or DCF; a when not given
     #[arg(long, value_enum)]
     pub channel: Option<ChannelName>,
@@ -54,6 +57,24 @@ pub enum Document {
     Dbc,
     /// Every object, as a page for people
     Objects,
+}
+
+/// An instrument that there is an image of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum InstrumentName {
+    /// The product, for the STM32F103RC
+    Product,
+    /// The paper's instrument, for the STM32F103C8
+    Paper,
+}
+
+impl From<InstrumentName> for Models {
+    fn from(name: InstrumentName) -> Self {
+        match name {
+            InstrumentName::Product => Self::PRODUCT,
+            InstrumentName::Paper => Self::PAPER,
+        }
+    }
 }
 
 /// A channel by the letter on its plug.
@@ -133,7 +154,8 @@ fn text(arguments: &Arguments) -> Result<String, DescribeError> {
         return Err(DescribeError::NoNodeId);
     }
     let channel = arguments.channel.map_or(Channel::A, Channel::from);
-    let rows = table::rows();
+    let models = Models::from(arguments.instrument);
+    let rows = table::rows_of(models);
     Ok(match arguments.document {
         Document::Eds => eds::sheet(rows, channel),
         Document::Dcf => {
@@ -141,6 +163,6 @@ fn text(arguments: &Arguments) -> Result<String, DescribeError> {
             dcf::configuration(rows, channel, node_id)
         }
         Document::Dbc => dbc::database(rows),
-        Document::Objects => markdown::page(rows),
+        Document::Objects => markdown::page(models, rows),
     })
 }

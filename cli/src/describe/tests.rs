@@ -3,7 +3,7 @@
 use canopen::object::{Access, DataType};
 use device::exchange::{reason, reason_code};
 use device::objects::row::{Default, Row, Shape};
-use device::objects::table::{Channel, rows};
+use device::objects::table::{Channel, Models, rows_of};
 use device::profile::state::state_code;
 use tilt::chain::Invalid;
 use tilt::cross_check::{Judgement, Node};
@@ -62,6 +62,10 @@ fn record(last: u8) -> Row {
         default: Default::Value(i64::from(last)),
         ..member(0, 0, Access::READ.and(Access::CONST))
     }
+}
+
+fn rows() -> &'static [Row] {
+    rows_of(Models::PRODUCT)
 }
 
 #[test]
@@ -234,7 +238,7 @@ fn a_sheet_holds_formulas_and_a_configuration_their_values() {
 
 #[test]
 fn every_row_has_its_line_on_the_page() {
-    let page = markdown::page(rows());
+    let page = markdown::page(Models::PRODUCT, rows());
     assert!(page.is_ascii() && !page.contains('\r'));
     let lines: Vec<&str> = page.lines().filter(|line| line.ends_with(". |")).collect();
     for row in rows() {
@@ -421,6 +425,7 @@ fn signal_names_fit_the_format() {
 fn options_that_say_nothing_about_a_document_are_refused() {
     let ask = |document, channel, node_id| {
         super::text(&Arguments {
+            instrument: super::InstrumentName::Product,
             document,
             channel,
             node_id,

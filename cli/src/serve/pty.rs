@@ -76,13 +76,16 @@ mod unix {
         }
 
         /// What the last client left unread is not for the next one. Only the client's end can
-        /// throw it away, so that end is opened for a moment; what a new client writes stays.
+        /// throw away what has arrived there, so that end is opened for a moment; what a new
+        /// client writes stays.
         fn forget_unread(&self, now_left: u32) {
             let mut left = self.left();
             *left = now_left;
             let Ok(path) = ptsname(&self.end, Vec::new()) else {
                 return;
             };
+            // What the kernel has not yet carried to the client's end is thrown away at ours.
+            let _ = tcflush(&self.end, QueueSelector::OFlush);
             let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
             if let Ok(end) = rustix::fs::open(path, flags, Mode::empty()) {
                 // A terminal that can't forget shows old frames, which is no reason to end.

@@ -277,19 +277,48 @@ fn tables_too_coarse_to_be_of_use_are_refused_before_the_motor_turns() {
     }
 }
 
+/// The errors as left of both nodes and slopes at +-77.5 deg; positive where a straight line sags.
+fn steepest_deg(report: &serde_json::Value) -> Vec<f64> {
+    let channels = report["channels"].as_array().unwrap();
+    let points = channels
+        .iter()
+        .flat_map(|c| c["as_left"].as_array().unwrap());
+    let both = points.map(|point| ["reference_deg", "error_deg"].map(|key| point[key].as_f64()));
+    let both = both.map(|both| both.map(Option::unwrap));
+    let steep = both.filter(|[reference, _]| reference.abs() > 77.0);
+    steep.map(|[at, error]| error * at.signum()).collect()
+}
+
 /// The tables as the paper's section III asks for them: what is left between the points is their
-/// straight line's sag, 0.157 deg at 77.5 deg with steps of 4.
+/// straight line's sag, at most 0.157 deg with steps of 4 and 0.148 deg at 77.5 deg.
+///
+/// A point is one reading (R7), whose noise of 0.3 mg is 0.08 deg there. So the largest of eight
+/// errors is beyond the tolerance, sag and 0.2 deg, in some runs: those take the tables back. Of 65
+/// runs 11 were such, and this test failed with them.
 #[test]
 fn the_paper_s_tables_are_read_along_straight_lines() {
     let bench = bench(&["--mode", "paper"]);
+    let before = bench.kept();
     let run = by_motor(&bench, &["--step", "4", "--json"]).output();
     let (status, out, err) = said(&run.unwrap());
-    assert_eq!(status, Some(0), "{out} {err}");
     let report: serde_json::Value = serde_json::from_str(&out).unwrap();
-    assert_eq!(report["decision"]["tolerance_deg"], 0.357);
-    let largest = report["decision"]["largest_error_deg"].as_f64().unwrap();
-    println!("largest error of tables in steps of 4 deg: {largest:.3} deg");
-    assert!((0.1..0.357).contains(&largest), "{largest}");
+    let decision = &report["decision"];
+    assert_eq!(decision["tolerance_deg"], 0.357);
+    let errors = steepest_deg(&report);
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let scatter = errors.iter().map(|deg| (deg - mean).powi(2)).sum::<f64>();
+    let scatter = (scatter / (errors.len() - 1) as f64).sqrt();
+    println!("tables in steps of 4 deg err by {mean:.3} deg at 77.5 deg, scatter {scatter:.3} deg");
+    assert_eq!(errors.len(), 8, "{errors:?}");
+    // Eight errors that scatter by 0.08 deg have a mean that scatters by 0.03 deg.
+    assert!((mean - 0.148).abs() < 0.13, "{errors:?}");
+    assert!(scatter < 0.16, "{errors:?}");
+    let largest = decision["largest_error_deg"].as_f64().unwrap();
+    let accepted = decision["accepted"].as_bool().unwrap();
+    assert!(largest < 0.357 || !accepted, "{largest}");
+    assert!(largest > 0.3 || accepted, "{largest}");
+    assert_eq!(status, Some(i32::from(!accepted)), "{err}");
+    assert_eq!(bench.kept() == before, !accepted, "{err}");
 }
 
 #[test]

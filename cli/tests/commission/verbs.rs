@@ -106,7 +106,7 @@ fn a_value_is_checked_written_once_read_back_and_told_to_be_unsaved() {
         "{done}"
     );
     assert!(done.contains("plumb save --node 1"), "{done}");
-    let set = bench.json(&["set", "cross-check", "1", "--node", "2"]);
+    let set = bench.json(&["set", "nmt-startup", "8", "--node", "2"]);
     assert_eq!(set["nodes"][0]["counts_from"], "reset");
     assert_eq!(set["nodes"][0]["to_be_saved"], true);
     // The unit of the slopes is the one that the node has.

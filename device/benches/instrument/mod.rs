@@ -14,7 +14,7 @@ use device::calibration::motor::{MOTOR, Motor, Terms};
 use device::channel::Settings;
 use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Parts, Source, Work};
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use device::objects::values::Values;
 use device::pair::Pair;
 use device::sensor::Config;
@@ -86,7 +86,7 @@ impl Instrument {
     /// Started, with its boot-up message gone.
     pub fn new() -> Self {
         let work = Work {
-            motor: Motor::new(),
+            motor: Some(Motor::new()),
             terms: Terms {
                 rule: Rule::Linear,
                 reference: MOTOR,
@@ -98,6 +98,7 @@ impl Instrument {
                 identity: Identity {
                     channel: Channel::A,
                     serial: 1,
+                    models: Models::WHOLE,
                 },
                 values: Values::new(),
                 channel: Nothing::NEW,

@@ -1,4 +1,5 @@
-//! What a box holds after an event, and that its reader sees one event and never parts of two.
+//! What a box holds after an event, and that its reader sees one event and never parts of two,
+//! wherever the box is.
 
 extern crate std;
 
@@ -11,10 +12,15 @@ use super::*;
 const PERIOD_US: u64 = 10_000;
 
 /// A recorder at work: numbers its frames by SYNC, as its clock goes.
+#[derive(Clone)]
 struct Bench {
     recorder: BlackBox,
     now: Instant,
     sync: u32,
+    /// What the memory has.
+    memory: [Vec<u8>; 2],
+    /// A complete box is in the memory before the next frame.
+    stores: bool,
 }
 
 /// A box as a host reads it.
@@ -67,6 +73,16 @@ impl Bench {
             recorder: BlackBox::new(),
             now: Instant(1_000_000),
             sync: 0,
+            memory: [Vec::new(), Vec::new()],
+            stores: true,
+        }
+    }
+
+    /// One whose memory has no room until [`Bench::store`].
+    fn without_room() -> Self {
+        Self {
+            stores: false,
+            ..Self::new()
         }
     }
 
@@ -75,6 +91,29 @@ impl Bench {
             self.wait(PERIOD_US);
             self.sync += 1;
             self.recorder.record(&frame(self.sync), self.now);
+            if self.stores {
+                self.store();
+            }
+        }
+    }
+
+    /// The memory takes whatever is complete.
+    fn store(&mut self) {
+        while let Some(number) = self.recorder.next_unsaved(self.now) {
+            let mut bytes = std::vec![0; BOX_LENGTH as usize + 1];
+            let count = self.recorder.save_at(0, &mut bytes);
+            bytes.truncate(count.unwrap());
+            self.memory[place(number)] = bytes;
+            self.recorder.saved(true);
+        }
+    }
+
+    /// A reset: what the memory has is what there is.
+    fn reset(&mut self) {
+        self.recorder.clear();
+        for number in 1..=2 {
+            let memory = &self.memory[place(number)];
+            self.recorder.restore(number, &mut stored(memory));
         }
     }
 
@@ -89,7 +128,9 @@ impl Bench {
     fn read_on(&mut self, number: u8, bytes: &mut Vec<u8>, piece: usize) -> bool {
         let mut into = std::vec![0; piece];
         let offset = bytes.len() as u32;
-        let count = self.recorder.read_at(number, offset, &mut into, self.now);
+        let memory = self.memory.get(place(number)).map_or(&[][..], |m| m);
+        let now = self.now;
+        let count = (self.recorder).read_at(number, offset, &mut into, now, &mut stored(memory));
         bytes.extend_from_slice(&into[..count]);
         count == piece
     }
@@ -108,6 +149,11 @@ impl Bench {
     fn seen(&mut self, number: u8) -> Seen {
         decode(&self.read(number).unwrap())
     }
+}
+
+/// A box in the memory, to read from an offset.
+fn stored(memory: &[u8]) -> impl FnMut(u32, &mut [u8]) -> usize {
+    |offset, into| copy(memory, &[], offset, into)
 }
 
 fn syncs(range: core::ops::RangeInclusive<u32>) -> Vec<u32> {
@@ -129,7 +175,10 @@ fn each_field_stands_where_the_table_says() {
     recorder.record(&told, Instant(0x4_0007));
     let mut bytes = [0; 200];
     assert_eq!(recorder.open(1, Instant(0)), Some(28 + 3 * 34));
-    assert_eq!(recorder.read_at(1, 0, &mut bytes, Instant(0)), 130);
+    assert_eq!(
+        recorder.read_at(1, 0, &mut bytes, Instant(0), &mut stored(&[])),
+        130
+    );
     let head = [
         1, 34, 2, 1, 0, 0, 2, 0, 0, 0, 0, 0, 1, 2, 3, 4, 0x14, 0xFF, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0,
     ];
@@ -244,7 +293,7 @@ fn a_box_is_empty_after_it_was_cleared_and_takes_the_next_event() {
     bench.run(5);
     bench.recorder.open(1, bench.now);
     bench.recorder.clear();
-    assert_eq!(bench.recorder.read_at(1, 0, &mut [0; 8], bench.now), 0);
+    assert!(!bench.read_on(1, &mut Vec::new(), 8));
     assert_eq!((bench.recorder.boxes(), bench.recorder.length(1)), (0, 0));
     assert_eq!(bench.read(1), None);
     bench.run(4);
@@ -260,7 +309,7 @@ fn a_number_that_is_no_box_is_empty() {
     for number in [0, 2, 3, 255] {
         assert_eq!(bench.recorder.open(number, bench.now), None);
         assert_eq!(bench.recorder.length(number), 0);
-        assert_eq!(bench.recorder.read_at(number, 0, &mut [0; 8], bench.now), 0);
+        assert!(!bench.read_on(number, &mut Vec::new(), 8));
     }
 }
 
@@ -316,9 +365,129 @@ fn a_box_that_is_being_filled_is_read_as_it_was_when_opened() {
 }
 
 #[test]
-fn log_and_boxes_take_no_more_than_5_5_kb() {
+fn log_and_boxes_take_no_more_than_3_6_kb() {
     let both = size_of::<BlackBox>() + size_of::<crate::fault_log::FaultLog>();
-    assert!(both <= 5500, "{both}");
+    assert!(both <= 3600, "{both}");
+}
+
+#[test]
+fn a_box_in_the_memory_is_the_same_and_comes_back_after_a_reset() {
+    let mut bench = Bench::without_room();
+    let mut held = Vec::new();
+    for _ in 0..2 {
+        bench.run(40);
+        bench.trigger();
+        bench.run(20);
+        held.push(bench.read(held.len() as u8 + 1).unwrap());
+        bench.store();
+    }
+    for _ in 0..2 {
+        assert_eq!([1, 2].map(|n| bench.read(n).unwrap())[..], held);
+        bench.reset();
+    }
+    // What is no box, or not a whole one, is none.
+    bench.memory[0].pop();
+    bench.memory[1][2] = 33;
+    bench.reset();
+    assert_eq!(bench.recorder.boxes(), 0);
+}
+
+#[test]
+fn the_latest_event_is_held_where_the_memory_has_no_room() {
+    let mut bench = Bench::new();
+    bench.run(40);
+    bench.trigger();
+    bench.run(20);
+    bench.stores = false;
+    for last in [60, 100, 140] {
+        assert_eq!(bench.trigger(), 2);
+        bench.run(40);
+        assert_eq!(bench.seen(2).syncs, syncs(last - 31..=last + 16));
+    }
+    assert_eq!(bench.seen(1).syncs, syncs(9..=56));
+    bench.store();
+    bench.reset();
+    assert_eq!(bench.seen(2).syncs, syncs(109..=156));
+}
+
+#[test]
+fn an_event_before_the_first_box_is_stored_has_half_of_what_was_before_it_at_least() {
+    for frames in 0..60 {
+        let mut bench = Bench::without_room();
+        bench.run(40);
+        assert_eq!(bench.trigger(), 1);
+        bench.run(30);
+        let first = bench.read(1);
+        assert_eq!(bench.trigger(), 2);
+        bench.run(frames);
+        assert_eq!(bench.trigger(), if frames < 16 { 2 } else { 0 });
+        assert_eq!((bench.read(1), bench.read(2)), (first.clone(), None));
+        bench.store();
+        bench.run(60);
+        bench.store();
+        let until = frames.min(16);
+        assert_eq!(bench.seen(2).syncs, syncs(39 + until..=86), "{frames}");
+        assert_eq!(u32::from(bench.seen(2).before), 32 - until);
+        assert_eq!(bench.read(1), first);
+        assert_eq!(bench.trigger(), 2);
+        bench.run(16);
+        let end = bench.sync;
+        assert_eq!(bench.seen(2).syncs, syncs(end - 47..=end));
+    }
+}
+
+#[test]
+fn a_silence_closes_a_box_that_waits() {
+    let mut bench = Bench::without_room();
+    bench.run(40);
+    bench.trigger();
+    bench.run(16);
+    assert_eq!(bench.trigger(), 2);
+    bench.run(5);
+    bench.wait(BREAK_US as u64 + 1);
+    assert_eq!(bench.trigger(), 0);
+    bench.run(5);
+    bench.store();
+    assert_eq!(bench.seen(2).syncs, syncs(30..=61));
+    assert_eq!(bench.trigger(), 0, "nothing is recorded while it waits");
+    bench.run(3);
+    assert_eq!(bench.trigger(), 2);
+    assert_eq!(bench.seen(2).syncs, syncs(67..=69));
+}
+
+#[test]
+fn a_memory_that_takes_nothing_leaves_the_first_event_and_no_room_for_others() {
+    let mut bench = Bench::without_room();
+    bench.run(40);
+    bench.trigger();
+    bench.run(16);
+    assert_eq!(bench.recorder.next_unsaved(bench.now), Some(1));
+    bench.recorder.saved(false);
+    let first = bench.read(1);
+    assert_eq!(bench.recorder.next_unsaved(bench.now), None);
+    assert_eq!(bench.trigger(), 2);
+    bench.run(60);
+    assert_eq!(bench.trigger(), 0);
+    assert_eq!((bench.read(1), bench.read(2)), (first, None));
+}
+
+#[test]
+fn a_box_goes_into_the_memory_under_its_reader() {
+    for when in 0..1661 {
+        let mut bench = Bench::without_room();
+        bench.run(40);
+        bench.trigger();
+        bench.run(7);
+        let whole = bench.read(1).unwrap();
+        bench.recorder.open(1, bench.now);
+        let mut bytes = Vec::new();
+        bench.read_on(1, &mut bytes, when % whole.len());
+        bench.run(9);
+        bench.store();
+        while bench.read_on(1, &mut bytes, 100) {}
+        assert_eq!(bytes, whole, "{when}");
+        assert_eq!(bench.seen(1).syncs, syncs(9..=56));
+    }
 }
 
 /// What may happen to a recorder.
@@ -329,6 +498,8 @@ enum Step {
     Trigger,
     Open(u8),
     Read(u8, usize),
+    Store,
+    Stores(bool),
     Clear,
 }
 
@@ -339,6 +510,8 @@ fn step() -> impl Strategy<Value = Step> {
         5 => Just(Step::Trigger),
         2 => (0..4_u8).prop_map(Step::Open),
         6 => ((0..4_u8), (1..900_usize)).prop_map(|(number, piece)| Step::Read(number, piece)),
+        3 => Just(Step::Store),
+        2 => any::<bool>().prop_map(Step::Stores),
         1 => Just(Step::Clear),
     ]
 }
@@ -397,18 +570,20 @@ proptest! {
                 Step::Wait(us) => bench.wait(us),
                 Step::Trigger => {
                     let number = bench.trigger();
-                    prop_assert!(number == 0 || bench.recorder.length(number) > 28);
+                    let waits = bench.recorder.waiting.is_some();
+                    prop_assert!(number == 0 || waits || bench.recorder.length(number) > 28);
                 }
                 Step::Open(number) => reader = Reader::open(&mut bench, number),
                 Step::Read(number, piece) => match &mut reader {
                     Some(reader) => reader.read(&mut bench, piece),
                     None => prop_assert!(!bench.read_on(number, &mut Vec::new(), piece)),
                 },
+                Step::Store => bench.store(),
+                Step::Stores(stores) => bench.stores = stores,
                 Step::Clear => bench.recorder.clear(),
             }
             // The recorder is looked into by a second bench, so that the reader isn't disturbed.
-            let recorder = bench.recorder.clone();
-            let mut other = Bench { recorder, ..bench };
+            let mut other = bench.clone();
             for number in 1..=2 {
                 other.read(number).iter().for_each(|bytes| is_whole(&decode(bytes), &times));
             }

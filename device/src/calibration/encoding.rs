@@ -41,6 +41,7 @@
 use flash::check_sum::Crc32;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Correction};
+use tilt::composition::{Composition, Place};
 use tilt::sample::Temperature;
 use tilt::table::{MAX_POINTS, Point, Rule, Table, TableError};
 use tilt::temperature::{DataSheet, KNOTS, Piecewise, Quadratic, TemperatureModel};
@@ -99,7 +100,7 @@ pub enum DecodeError {
 }
 
 /// Length of the encoding in bytes.
-pub fn length(calibration: &Calibration) -> u32 {
+pub fn length<C: Composition>(calibration: &Calibration<C>) -> u32 {
     let mut words = HEAD;
     content(calibration, &mut |_| words += 1);
     // The check sum is one more.
@@ -109,7 +110,11 @@ pub fn length(calibration: &Calibration) -> u32 {
 /// Writes the encoding from byte `offset` on into `into`; how many bytes, fewer only at the end.
 ///
 /// Goes through all of it each time, since a machine reads its calibration once in a while.
-pub fn read_at(calibration: &Calibration, offset: u32, into: &mut [u8]) -> usize {
+pub fn read_at<C: Composition>(
+    calibration: &Calibration<C>,
+    offset: u32,
+    into: &mut [u8],
+) -> usize {
     let end = length(calibration);
     let size = (into.len() as u32).min(end.saturating_sub(offset));
     let mut at = 0_u32;
@@ -130,14 +135,14 @@ pub fn read_at(calibration: &Calibration, offset: u32, into: &mut [u8]) -> usize
 }
 
 /// The CRC-32 at the end of the encoding: what tells one calibration from another.
-pub fn identity(calibration: &Calibration) -> u32 {
+pub fn identity<C: Composition>(calibration: &Calibration<C>) -> u32 {
     let mut crc = Crc32::new();
     words(calibration, &mut |word| crc.add(&word.to_le_bytes()));
     crc.value()
 }
 
 /// Every word but the check sum, in order.
-fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
+fn words<C: Composition>(calibration: &Calibration<C>, put: &mut dyn FnMut(u32)) {
     put(MAGIC);
     put(version(calibration));
     put(length(calibration));
@@ -145,7 +150,7 @@ fn words(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
 }
 
 /// The version that holds all of it in the fewest words.
-fn version(calibration: &Calibration) -> u32 {
+fn version<C: Composition>(calibration: &Calibration<C>) -> u32 {
     let budget = &calibration.budget;
     let implied = with_implied(*budget, &calibration.temperature);
     if *budget == implied {
@@ -156,7 +161,7 @@ fn version(calibration: &Calibration) -> u32 {
 }
 
 /// `budget` with what version 1 does not tell.
-fn with_implied(budget: Budget, temperature: &TemperatureModel) -> Budget {
+fn with_implied<C: Composition>(budget: Budget, temperature: &TemperatureModel<C>) -> Budget {
     Budget {
         fitted_at: Temperature::REFERENCE,
         tco: TCO,
@@ -185,7 +190,7 @@ const fn budget_length(version: u32) -> usize {
 }
 
 /// Every word from the kinds on.
-fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
+fn content<C: Composition>(calibration: &Calibration<C>, put: &mut dyn FnMut(u32)) {
     put(kinds(calibration));
     let words = budget_words(&calibration.budget);
     let count = budget_length(version(calibration));
@@ -204,27 +209,30 @@ fn content(calibration: &Calibration, put: &mut dyn FnMut(u32)) {
                 offset2_q16,
                 gain1_q38,
                 gain2_q46,
-            } = model;
+            } = model.get();
             for part in &[offset1_q8, offset2_q16, gain1_q38, gain2_q46] {
                 all(*part);
             }
         }
     }
     match &calibration.correction {
-        Correction::Tables { tables, .. } => [&tables.x, &tables.y].into_iter().for_each(|table| {
-            all(&[table.points().len() as i32]);
-            table
-                .points()
-                .iter()
-                .for_each(|point| all(&[point.accel, point.angle.0]));
-        }),
+        Correction::Tables { tables, .. } => {
+            let Axes { x, y } = tables.get();
+            [x, y].into_iter().for_each(|table| {
+                all(&[table.points().len() as i32]);
+                table
+                    .points()
+                    .iter()
+                    .for_each(|point| all(&[point.accel, point.angle.0]));
+            });
+        }
         Correction::TwoAxis { vector, harmonics } => {
-            affine(vector, &mut all);
+            affine(vector.get(), &mut all);
             wave(&harmonics.x, &mut all);
             wave(&harmonics.y, &mut all);
         }
         Correction::OneAxis { vector, harmonics } => {
-            affine(vector, &mut all);
+            affine(vector.get(), &mut all);
             wave(harmonics, &mut all);
         }
     }
@@ -240,7 +248,7 @@ fn wave(harmonics: &Harmonics, all: &mut dyn FnMut(&[i32])) {
     all(&harmonics.sine);
 }
 
-fn kinds(calibration: &Calibration) -> u32 {
+fn kinds<C: Composition>(calibration: &Calibration<C>) -> u32 {
     let temperature = match calibration.temperature {
         TemperatureModel::None => 0,
         TemperatureModel::DataSheet(_) => 1,
@@ -256,7 +264,7 @@ fn kinds(calibration: &Calibration) -> u32 {
 }
 
 /// The kind of correction by its number: 0 tables, 1 two axes, 2 one axis.
-pub const fn kind(correction: &Correction) -> u8 {
+pub const fn kind<C: Composition>(correction: &Correction<C>) -> u8 {
     match correction {
         Correction::Tables { .. } => 0,
         Correction::TwoAxis { .. } => 1,
@@ -279,7 +287,10 @@ pub type Source<'a> = dyn FnMut(u32, &mut [u8]) -> usize + 'a;
 ///
 /// Accelerations that fall within a table are pooled, as [`Table::new`] does. Errors: see
 /// [`DecodeError`]; `result` is then worth nothing, unless the envelope was refused already.
-pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<(), DecodeError> {
+pub fn decode_into<C: Composition>(
+    result: &mut Calibration<C>,
+    source: &mut Source<'_>,
+) -> Result<(), DecodeError> {
     let (end, version) = envelope(source)?;
     let mut words = Words { source, at: 12 };
     let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
@@ -303,7 +314,10 @@ pub fn decode_into(result: &mut Calibration, source: &mut Source<'_>) -> Result<
 
 /// Tables that a node made by itself came with a budget of zeros once, which no part keeps: they
 /// get the one that their points tell, and anything else without one that of the data sheet.
-fn give_budget(calibration: &mut Calibration) {
+fn give_budget<C: Composition>(calibration: &mut Calibration<C>) {
+    if !C::UNCERTAINTY {
+        return;
+    }
     let Budget {
         repeatability,
         reference,
@@ -317,13 +331,17 @@ fn give_budget(calibration: &mut Calibration) {
     budget.noise = Budget::DATA_SHEET.noise;
     budget.hysteresis = Budget::DATA_SHEET.hysteresis;
     match &calibration.correction {
-        Correction::Tables { tables, .. } => budget.take_tables(tables, MOTOR),
+        Correction::Tables { tables, .. } => budget.take_tables(tables.get(), MOTOR),
         _ => *budget = Budget::DATA_SHEET,
     }
 }
 
 /// A budget from its words; what version 1 does not tell is implied.
-fn budget(words: [u32; 9], version: u32, temperature: &TemperatureModel) -> Budget {
+fn budget<C: Composition>(
+    words: [u32; 9],
+    version: u32,
+    temperature: &TemperatureModel<C>,
+) -> Budget {
     let [
         noise,
         repeatability,
@@ -426,12 +444,18 @@ impl Words<'_, '_> {
     }
 
     /// Each kind is put in its place blank and then filled there, which takes no room of its own.
-    fn temperature(&mut self, kind: u8, model: &mut TemperatureModel) -> Result<(), DecodeError> {
+    fn temperature<C: Composition>(
+        &mut self,
+        kind: u8,
+        model: &mut TemperatureModel<C>,
+    ) -> Result<(), DecodeError> {
         *model = match kind {
             0 => TemperatureModel::None,
             1 => TemperatureModel::DataSheet(DataSheet::default()),
             2 => TemperatureModel::Piecewise(Piecewise::default()),
-            3 => TemperatureModel::Quadratic(Quadratic::default()),
+            3 => TemperatureModel::Quadratic(
+                C::Quadratic::put(Quadratic::default).ok_or(DecodeError::Kind)?,
+            ),
             _ => return Err(DecodeError::Kind),
         };
         match model {
@@ -439,6 +463,7 @@ impl Words<'_, '_> {
             TemperatureModel::DataSheet(model) => self.fill(&mut model.tco_q8),
             TemperatureModel::Piecewise(model) => self.piecewise(model),
             TemperatureModel::Quadratic(model) => {
+                let model = model.get_mut();
                 self.fill(&mut model.offset1_q8)?;
                 self.fill(&mut model.offset2_q16)?;
                 self.fill(&mut model.gain1_q38)?;
@@ -457,37 +482,38 @@ impl Words<'_, '_> {
         self.fill(model.slopes_q8.as_flattened_mut())
     }
 
-    fn correction(
+    fn correction<C: Composition>(
         &mut self,
         kind: u8,
         rule: Rule,
-        correction: &mut Correction,
+        correction: &mut Correction<C>,
     ) -> Result<(), DecodeError> {
-        let vector = Vector::IDENTITY;
+        let blank = || C::Vector::put(|| Vector::IDENTITY).ok_or(DecodeError::Kind);
         match kind {
-            0 => drop(tables_in(correction, rule)),
+            0 => drop(tables_in(correction, rule).ok_or(DecodeError::Kind)?),
             1 => {
-                let harmonics = Axes::default();
+                let (vector, harmonics) = (blank()?, Axes::default());
                 *correction = Correction::TwoAxis { vector, harmonics };
             }
             2 => {
-                let harmonics = Harmonics::default();
+                let (vector, harmonics) = (blank()?, Harmonics::default());
                 *correction = Correction::OneAxis { vector, harmonics };
             }
             _ => return Err(DecodeError::Kind),
         }
         match correction {
             Correction::Tables { tables, .. } => {
+                let tables = tables.get_mut();
                 self.table(&mut tables.x, Axis::X)?;
                 self.table(&mut tables.y, Axis::Y)
             }
             Correction::TwoAxis { vector, harmonics } => {
-                self.vector(vector, false)?;
+                self.vector(vector.get_mut(), false)?;
                 self.harmonics(&mut harmonics.x)?;
                 self.harmonics(&mut harmonics.y)
             }
             Correction::OneAxis { vector, harmonics } => {
-                self.vector(vector, true)?;
+                self.vector(vector.get_mut(), true)?;
                 self.harmonics(harmonics)
             }
         }

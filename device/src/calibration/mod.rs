@@ -17,6 +17,7 @@ pub use recall::{Recalled, deliver, recall, stage};
 use heapless::Vec;
 use tilt::angle::Axes;
 use tilt::chain::Correction;
+use tilt::composition::{Composition, Place};
 use tilt::table::{MAX_POINTS, Point, Rule, Table};
 
 /// Working room for the points of one axis: 1452 bytes on the chip.
@@ -64,19 +65,23 @@ impl Points {
     }
 }
 
-/// The two tables of `correction` with `rule` set; without points where it had none.
-fn tables_in(correction: &mut Correction, rule: Rule) -> Option<&mut Axes<Table>> {
+/// The two tables of `correction` with `rule` set; without points where it had none. `None` where
+/// the instrument has no tables.
+fn tables_in<C: Composition>(
+    correction: &mut Correction<C>,
+    rule: Rule,
+) -> Option<&mut Axes<Table>> {
     if !matches!(correction, Correction::Tables { .. }) {
-        let tables = Axes {
+        let tables = C::Tables::put(|| Axes {
             x: Table::default(),
             y: Table::default(),
-        };
+        })?;
         *correction = Correction::Tables { tables, rule };
     }
     match correction {
         Correction::Tables { tables, rule: kept } => {
             *kept = rule;
-            Some(tables)
+            Some(tables.get_mut())
         }
         _ => None,
     }

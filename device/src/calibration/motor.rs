@@ -27,6 +27,7 @@
 
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, Reading};
+use tilt::composition::Composition;
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table, TableError};
@@ -248,11 +249,11 @@ impl Motor {
     /// [`Outcome::Finished`] only. Starting an axis anew drops its points; a run of one axis
     /// keeps the other's table. Errors: [`MotorError::NotRunning`], [`MotorError::Table`],
     /// [`MotorError::Missing`].
-    pub fn command(
+    pub fn command<C: Composition>(
         &mut self,
         command: Command,
         terms: &Terms,
-        in_force: &mut Calibration,
+        in_force: &mut Calibration<C>,
     ) -> Result<Outcome, MotorError> {
         match command {
             Command::StartX => self.start(Axis::X, in_force.budget.span),
@@ -302,7 +303,11 @@ impl Motor {
     }
 
     /// Everything is checked first, so that the calibration in force changes altogether.
-    fn finish(&mut self, terms: &Terms, in_force: &mut Calibration) -> Result<Outcome, MotorError> {
+    fn finish<C: Composition>(
+        &mut self,
+        terms: &Terms,
+        in_force: &mut Calibration<C>,
+    ) -> Result<Outcome, MotorError> {
         let axis = self.axis.ok_or(MotorError::NotRunning)?;
         let has_tables = matches!(in_force.correction, Correction::Tables { .. });
         if self.points_of(axis.other()).is_empty() && !has_tables {
@@ -318,6 +323,10 @@ impl Motor {
                 made.map_err(|error| MotorError::Table(axis, error))?;
             }
         }
+        self.axis = None;
+        if !C::UNCERTAINTY {
+            return Ok(Outcome::Finished);
+        }
         let kept = self.points_of(axis.other()).is_empty();
         let budget = &mut in_force.budget;
         let before = if kept {
@@ -327,7 +336,6 @@ impl Motor {
         };
         budget.take_tables(tables, terms.reference.max(before));
         budget.take_run(self.spans.x.and(self.spans.y), &in_force.temperature);
-        self.axis = None;
         Ok(Outcome::Finished)
     }
 
@@ -337,10 +345,10 @@ impl Motor {
     /// [`MotorError::Reference`], [`MotorError::NoReading`], [`MotorError::SameAngle`],
     /// [`MotorError::Full`].
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    pub fn memorise(
+    pub fn memorise<C: Composition>(
         &mut self,
         reference: i32,
-        chain: &Chain,
+        chain: &Chain<C>,
         sight: &Sight,
     ) -> Result<(), MotorError> {
         let axis = self.axis.ok_or(MotorError::NotRunning)?;
@@ -372,13 +380,15 @@ impl Motor {
 /// The filtered acceleration, if the channel stands behind it.
 ///
 /// An axis that the calibration in force does not measure can still be calibrated: then the other
-/// one tells whether the channel works.
+/// one tells whether the channel works, and where neither is measured yet the chain's own reason.
 fn trusted(axis: Axis, sight: &Sight) -> Result<Filtered, Invalid> {
     let own = match axis.of(&sight.reading) {
         Err(Invalid::NotMeasured) => axis.other().of(&sight.reading),
         reading => reading,
     };
-    own?;
+    if own != Err(Invalid::NotMeasured) {
+        own?;
+    }
     sight.filtered.ok_or(Invalid::NoSample)
 }
 

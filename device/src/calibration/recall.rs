@@ -7,6 +7,7 @@
 //! Left out: when a calibration may change, and what follows for the readings.
 
 use tilt::chain::Calibration;
+use tilt::composition::Composition;
 
 use super::encoding::{decode_into, length, read_at};
 use crate::records::{Record, RecordStore, StoreError};
@@ -26,7 +27,10 @@ pub struct Recalled {
 /// Reads the calibration of this part into `calibration`.
 ///
 /// Takes the place of what was there; errors are all in the answer.
-pub fn recall<M: RecordStore>(memory: &mut M, calibration: &mut Calibration) -> Recalled {
+pub fn recall<M: RecordStore, C: Composition>(
+    memory: &mut M,
+    calibration: &mut Calibration<C>,
+) -> Recalled {
     let stored = memory.read(Record::Calibration, 0, &mut [0]) != 0;
     let whole = stored && decode(memory, Record::Calibration, calibration);
     let calibrated = whole || decode(memory, Record::Delivered, calibration);
@@ -39,7 +43,11 @@ pub fn recall<M: RecordStore>(memory: &mut M, calibration: &mut Calibration) -> 
     }
 }
 
-fn decode<M: RecordStore>(memory: &mut M, record: Record, calibration: &mut Calibration) -> bool {
+fn decode<M: RecordStore, C: Composition>(
+    memory: &mut M,
+    record: Record,
+    calibration: &mut Calibration<C>,
+) -> bool {
     decode_into(calibration, &mut |offset, into| {
         memory.read(record, offset, into)
     })
@@ -49,10 +57,10 @@ fn decode<M: RecordStore>(memory: &mut M, record: Record, calibration: &mut Cali
 /// Stages `calibration` for `record`; [`RecordStore::commit`] makes it count.
 ///
 /// Errors: those of the store.
-pub fn stage<M: RecordStore>(
+pub fn stage<M: RecordStore, C: Composition>(
     memory: &mut M,
     record: Record,
-    calibration: &Calibration,
+    calibration: &Calibration<C>,
 ) -> Result<(), StoreError> {
     memory.begin(record, length(calibration))?;
     let mut offset = 0;
@@ -70,9 +78,9 @@ pub fn stage<M: RecordStore>(
 /// Stores `calibration` as the one that the part is delivered with: what a factory does once.
 ///
 /// Errors: those of the store.
-pub fn deliver<M: RecordStore>(
+pub fn deliver<M: RecordStore, C: Composition>(
     memory: &mut M,
-    calibration: &Calibration,
+    calibration: &Calibration<C>,
 ) -> Result<(), StoreError> {
     stage(memory, Record::Delivered, calibration)?;
     memory.commit()

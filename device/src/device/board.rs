@@ -10,8 +10,9 @@ use tilt::sample::Instant;
 
 use super::{Device, Memory, bus_time};
 use crate::fault_log::Entry;
+use crate::instrument::Instrument;
 
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// The program before this start has ended by itself; call it after [`Device::start_bus`].
     ///
     /// `code` is one of CiA 301's 61xxh, internal software, and `detail` goes into bytes 3 to 7 of
@@ -21,11 +22,13 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         let bits = self.faults.register();
         let (bus, mut panel) = self.split(now);
         bus.report(&mut panel, code, bits, detail, bus_time(now));
-        self.parts.log.add(Entry {
-            code,
-            at_ms: self.uptime_ms(now),
-            ..Entry::default()
-        });
+        if I::HISTORY {
+            self.parts.log.add(Entry {
+                code,
+                at_ms: self.uptime_ms(now),
+                ..Entry::default()
+            });
+        }
         self.after(now);
     }
 

@@ -3,7 +3,7 @@
 //! In: the fault log and the black box. Out: the same in the memory, from where a start takes them
 //! back, since a reset empties the chip's RAM. Writing goes on beside measuring, a millisecond at
 //! a time, and never erases in OPERATIONAL: room is made ahead, outside of it, a page at a time
-//! with a pause behind each. What finds no room waits in the RAM.
+//! with a pause behind each. What finds no room waits in the RAM, the latest box alone.
 //!
 //! A contact that is loose for weeks must not wear the flash out: after [`ALLOWANCE`] events at
 //! once there is one more each [`PAUSE_US`]; others stay in the RAM, where the newest are. At that
@@ -19,6 +19,7 @@ use super::trial::PAUSE_US as PAGE_PAUSE_US;
 use super::{Device, Memory};
 use crate::black_box::BOXES;
 use crate::fault_log::Entry;
+use crate::instrument::Instrument;
 use crate::records::{Record, RecordStore, StoreError};
 
 /// Events that may be written at once.
@@ -33,23 +34,20 @@ const BOX_COST: u8 = 4;
 /// Bytes of a box that are written at a time: about 1 ms on the chip.
 const PIECE: usize = 32;
 
+/// Time between two pieces of a box, us: all of it is in the memory a quarter of a second after it
+/// is full.
+pub(super) const PIECE_US: i64 = 5_000;
+
 /// Pieces in all that a reset waits for, and some events.
 const MOST_STEPS: u16 = 256;
-
-/// A box on its way into the memory.
-#[derive(Clone, Copy, Debug)]
-struct Copying {
-    number: u8,
-    event: Entry,
-    offset: u32,
-}
 
 /// State of the writing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Keeping {
     allowance: u8,
     next_allowance: Instant,
-    copying: Option<Copying>,
+    /// Where in the box that is on its way into the memory the next piece begins.
+    copying: Option<u32>,
     /// Room could not be made, which another try would only wear the flash for.
     cramped: bool,
 }
@@ -64,6 +62,11 @@ impl Keeping {
         }
     }
 
+    /// A box is on its way into the memory.
+    pub(super) const fn is_copying(&self) -> bool {
+        self.copying.is_some()
+    }
+
     fn refill(&mut self, now: Instant) {
         if self.allowance >= ALLOWANCE {
             self.next_allowance = now.offset(PAUSE_US);
@@ -74,18 +77,13 @@ impl Keeping {
     }
 }
 
-/// The record of box `number`, from 1.
-const fn record(number: u8) -> Record {
-    match number {
-        1 => Record::Box1,
-        _ => Record::Box2,
-    }
-}
-
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// Takes events and boxes back from the memory, as every start does.
     pub(super) fn recall_events(&mut self) {
         self.keeping = Keeping::new();
+        if !I::HISTORY {
+            return;
+        }
         self.parts.log.clear();
         self.parts.black_box.clear();
         let log = &mut self.parts.log;
@@ -95,14 +93,16 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         for number in 1..=BOXES as u8 {
             let memory = &mut self.parts.memory;
             self.parts.black_box.restore(number, &mut |offset, into| {
-                memory.read(record(number), offset, into)
+                memory.read(Record::of_box(number), offset, into)
             });
         }
     }
 
     /// Writes the next piece of what is not in the memory yet; true when there was something.
     pub(super) fn keep(&mut self, now: Instant) -> bool {
-        self.keeping.refill(now);
+        if I::HISTORY {
+            self.keeping.refill(now);
+        }
         if self.parts.values.receiving {
             // A calibration is staged, and there is one place for that: the box begins anew.
             self.keeping.copying = None;
@@ -119,7 +119,7 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             self.keeping.cramped = made.is_err();
             return made.is_ok();
         }
-        self.keep_event() || self.keep_box(now)
+        I::HISTORY && (self.keep_event() || self.keep_box(now))
     }
 
     /// Writes all of it, because the RAM is about to be emptied.
@@ -151,20 +151,12 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     }
 
     fn keep_box(&mut self, now: Instant) -> bool {
-        let Some(copying) = self.keeping.copying.or_else(|| self.begin_box(now)) else {
+        let Some(offset) = self.keeping.copying.or_else(|| self.begin_box(now)) else {
             return false;
         };
         self.keeping.copying = None;
         let mut piece = [0; PIECE];
-        let Copying {
-            number,
-            event,
-            offset,
-        } = copying;
-        let copied = self
-            .parts
-            .black_box
-            .save_at(number, &event, offset, &mut piece);
+        let copied = self.parts.black_box.save_at(offset, &mut piece);
         // Another event has taken the box, or another record the place where one is staged.
         let Some(bytes) = copied.and_then(|count| piece.get(..count)) else {
             return true;
@@ -173,37 +165,36 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             return true;
         }
         if bytes.len() == PIECE {
-            self.keeping.copying = Some(Copying {
-                offset: offset.saturating_add(PIECE as u32),
-                ..copying
-            });
+            self.keeping.copying = Some(offset.saturating_add(PIECE as u32));
             return true;
         }
         let kept = RecordStore::commit(&mut self.parts.memory);
         self.parts.values.storage_failed |= kept.is_err();
-        self.parts.black_box.saved(number);
+        self.parts.black_box.saved(kept.is_ok());
         true
     }
 
-    fn begin_box(&mut self, now: Instant) -> Option<Copying> {
-        let (number, event) = self.parts.black_box.next_unsaved(now)?;
-        let allowance = self.keeping.allowance.checked_sub(BOX_COST)?;
-        let length = record(number).longest();
+    /// Begins to write a box; the offset of its first piece.
+    fn begin_box(&mut self, now: Instant) -> Option<u32> {
+        let number = self.parts.black_box.next_unsaved(now)?;
+        let allowance = match number {
+            // It is written once until somebody clears it, and the next event waits for it.
+            1 => self.keeping.allowance.saturating_sub(BOX_COST),
+            _ => self.keeping.allowance.checked_sub(BOX_COST)?,
+        };
+        let record = Record::of_box(number);
+        let length = record.longest();
         // Room is made page by page, or later, unless there is none to be had.
         let may_erase = self.parts.values.state != State::Operational && self.keeping.cramped;
         if !may_erase && self.parts.memory.needs_erase(length) {
             return None;
         }
         self.keeping.allowance = allowance;
-        if RecordStore::begin(&mut self.parts.memory, record(number), length).is_err() {
+        if RecordStore::begin(&mut self.parts.memory, record, length).is_err() {
             self.parts.values.storage_failed = true;
-            self.parts.black_box.saved(number);
+            self.parts.black_box.saved(false);
             return None;
         }
-        Some(Copying {
-            number,
-            event,
-            offset: 0,
-        })
+        Some(0)
     }
 }

@@ -14,6 +14,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
 use tilt::chain::Invalid;
+use tilt::composition::Place;
 use tilt::cross_check::CrossCheck;
 use tilt::observation::Observation;
 use tilt::sample::Instant;
@@ -22,6 +23,7 @@ use super::sending::Sending;
 use super::{Device, Memory, bus_time};
 use crate::black_box::{self, blamed_reason};
 use crate::exchange;
+use crate::instrument::Instrument;
 use crate::objects::process::SyncSource;
 use crate::objects::values::Latched;
 use crate::peer_clock::{Heard, PeerClock};
@@ -65,15 +67,22 @@ impl Matching {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// Takes the check that 2003h asks for, with a fresh memory.
     // Out of line: a check is large, and nothing else of a start needs it on the stack.
     #[inline(never)]
     pub(super) fn choose_check(&mut self) {
-        match self.parts.values.parameters.check {
-            1 => self.parts.pair.set_check(CrossCheck::paper()),
-            2 => self.parts.pair.set_check(CrossCheck::product()),
-            _ => {}
+        if !(I::PaperRule::FITTED && I::Ladder::FITTED) {
+            // There is one check, and the device was built with it.
+            return;
+        }
+        let check = match self.parts.values.parameters.check {
+            1 => CrossCheck::by_paper(),
+            2 => CrossCheck::by_ladder(),
+            _ => None,
+        };
+        if let Some(check) = check {
+            self.parts.pair.set_check(check);
         }
     }
 
@@ -176,8 +185,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
                 Heard::Late => peer = peer.refused(Invalid::Late),
             }
         }
-        if backed {
-            let own_shown = self.parts.values.parameters.presentation();
+        if backed && I::PRESETS {
+            let own_shown = self.parts.presentation();
             let readings = [&own.observation.reading, &peer.reading];
             let piece = (received.captured, received.piece());
             self.parts
@@ -221,6 +230,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
     fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
+        if !I::HISTORY {
+            return;
+        }
         let (state, (blamed, why)) = self.shown(now).finding();
         let process = &self.parts.values.process;
         let frame = black_box::Frame {

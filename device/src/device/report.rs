@@ -20,6 +20,7 @@ use super::{Device, Memory, REFRESH_US, bus_time};
 use crate::calibration::encoding::identity;
 use crate::fault::{Fault, Faults};
 use crate::fault_log::Entry;
+use crate::instrument::Instrument;
 use crate::objects::process::SyncSource;
 use crate::objects::safety::VALID;
 use crate::profile::Resolution;
@@ -45,7 +46,7 @@ fn outside(slope: Angle, low: i32, high: i32, stood: bool) -> bool {
     !inside.contains(&Resolution::Thousandth.units(slope))
 }
 
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// What every event of the bus ends with: whatever has happened may be due sooner than what was
     /// known. The poll that follows at once reports it.
     pub(super) fn after(&mut self, now: Instant) {
@@ -76,7 +77,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
             // Nobody says when to tell the peer, or it is not told: then 2010h is what is so now.
             let own_fault = self.parts.pair.own_fault();
             let observation = Observation::from(self.parts.values.process.measured);
-            self.parts.values.tell(&observation, own_fault, now);
+            let shown = self.parts.presentation();
+            self.parts.values.tell(&observation, own_fault, shown, now);
         }
         let channel = &self.parts.channel;
         let process = &mut self.parts.values.process;
@@ -150,15 +152,8 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     fn look_for_faults(&mut self, now: Instant) {
         let mut found = Faults::default();
         found.of_reading(&self.parts.values.process.measured);
-        let shown = self.shown(now);
-        let [x, y] = [0, 1].map(|axis| shown.slope(axis));
-        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
-        for (fault, slope, low, high) in [
-            (Fault::RangeX, x, low_x, high_x),
-            (Fault::RangeY, y, low_y, high_y),
-        ] {
-            let stood = self.faults.has(fault);
-            found.set(fault, slope.is_some_and(|a| outside(a, low, high, stood)));
+        if I::PRESETS {
+            self.look_at_range(&mut found, now);
         }
         let temperature = self.parts.channel.temperature();
         let beyond = temperature.is_some_and(|t| !(COLDEST..=HOTTEST).contains(&t.0));
@@ -169,6 +164,20 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
         found.set(Fault::Storage, self.parts.values.storage_failed);
         found.set(Fault::Program, self.parts.values.program_damaged);
         self.looked = found;
+    }
+
+    /// Whether slopes are outside the measuring range (2040h).
+    fn look_at_range(&self, found: &mut Faults, now: Instant) {
+        let shown = self.shown(now);
+        let [x, y] = [0, 1].map(|axis| shown.slope(axis));
+        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
+        for (fault, slope, low, high) in [
+            (Fault::RangeX, x, low_x, high_x),
+            (Fault::RangeY, y, low_y, high_y),
+        ] {
+            let stood = self.faults.has(fault);
+            found.set(fault, slope.is_some_and(|a| outside(a, low, high, stood)));
+        }
     }
 
     /// Everything that is wrong now.
@@ -232,6 +241,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
 
     /// An event for the log; a new fault keeps the samples around it.
     fn write_down(&mut self, fault: Option<Fault>, now: Instant) {
+        if !I::HISTORY {
+            return;
+        }
         let keeps_samples = fault.is_some_and(Fault::keeps_samples);
         let code = fault.map_or(0, |fault| fault.report().0);
         let (state, (blamed, reason)) = self.shown(now).finding();
@@ -255,6 +267,9 @@ impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
     fn consents(&self, now: Instant) -> Option<BusInstant> {
+        if !I::SERVICES.safety {
+            return None;
+        }
         let signed = self.parts.values.parameters.safety_valid == VALID;
         // What is asked most often, and mostly decides, comes first.
         if !signed || self.faults.forbid_safety() {

@@ -17,6 +17,7 @@ use embedded_hal::spi::SpiDevice;
 use tilt::sample::Instant;
 
 use super::{Device, Memory};
+use crate::instrument::Instrument;
 use crate::program::{Effect, ProgramMemory, Standing};
 
 /// After so long without having shown what it can, a program on trial gives up, us.
@@ -55,9 +56,12 @@ impl Trial {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory> Device<SPI, M> {
+impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// What is due of an update; nothing is erased while others work by the angles.
     pub(super) fn update(&mut self, now: Instant) {
+        if !I::UPDATE {
+            return;
+        }
         if self.parts.values.state != State::Operational && now >= self.next_erase {
             self.next_erase = now.offset(PAUSE_US);
             let effect = self.parts.values.program.step(&mut self.parts.memory);

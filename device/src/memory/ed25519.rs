@@ -8,7 +8,10 @@
 //!
 //! Left out: keys, and making signatures, which is the host's.
 
-use ed25519_compact::{Error, PublicKey, Signature, VerifyingState};
+use core::mem::MaybeUninit;
+
+pub use ed25519_compact::{Error, VerifyingState};
+use ed25519_compact::{PublicKey, Signature};
 use flash::image::SIGNATURE;
 
 use super::update::Signatures;
@@ -32,17 +35,23 @@ pub struct Ed25519 {
 
 /// Out of line, so that the library's arithmetic doesn't spread into its callers: they keep small
 /// frames, and whoever looks for panics knows where these come from.
-impl Signatures for Ed25519 {
-    type Check = VerifyingState;
-    /// The library's, so that its result is passed on as it is and not copied: it is 0.6 kB.
-    type Refusal = Error;
-
-    fn unsigned(&self) -> bool {
-        self.unsigned
+impl Ed25519 {
+    /// Makes the check of a signature in its place, before the first byte; false when the key or
+    /// the signature can't be good for any.
+    ///
+    /// What is made is the library's result: to take the check out of it would copy 0.6 kB.
+    #[inline(never)]
+    pub fn check(
+        &self,
+        place: &mut MaybeUninit<Result<VerifyingState, Error>>,
+        signature: &[u8; SIGNATURE],
+    ) -> bool {
+        place.write(self.made(signature)).is_ok()
     }
 
-    #[inline(never)]
-    fn begin(&self, signature: &[u8; SIGNATURE]) -> Result<VerifyingState, Error> {
+    /// Inlined where it is made, which spares a copy.
+    #[inline(always)]
+    fn made(&self, signature: &[u8; SIGNATURE]) -> Result<VerifyingState, Error> {
         if self.key == BLANK {
             return Err(Error::InvalidPublicKey);
         }
@@ -50,14 +59,43 @@ impl Signatures for Ed25519 {
         key.verify_incremental(&Signature::new(*signature))
     }
 
+    /// Takes in the next bytes of what is signed.
     #[inline(never)]
-    fn add(&self, check: &mut VerifyingState, bytes: &[u8]) {
+    pub fn take_in(check: &mut VerifyingState, bytes: &[u8]) {
         check.absorb(bytes);
     }
 
+    /// Whether the signature is of the bytes taken in.
     #[inline(never)]
-    fn is_good(&self, check: &VerifyingState) -> bool {
+    pub fn fits(check: &VerifyingState) -> bool {
         check.verify().is_ok()
+    }
+}
+
+impl Signatures for Ed25519 {
+    type Check = Option<VerifyingState>;
+
+    fn unsigned(&self) -> bool {
+        self.unsigned
+    }
+
+    fn place(&self) -> Self::Check {
+        None
+    }
+
+    fn begin(&self, check: &mut Self::Check, signature: &[u8; SIGNATURE]) -> bool {
+        *check = self.made(signature).ok();
+        check.is_some()
+    }
+
+    fn add(&self, check: &mut Self::Check, bytes: &[u8]) {
+        if let Some(check) = check {
+            Self::take_in(check, bytes);
+        }
+    }
+
+    fn is_good(&self, check: &Self::Check) -> bool {
+        check.as_ref().is_some_and(Self::fits)
     }
 }
 
@@ -81,9 +119,10 @@ mod tests {
     }
 
     fn is_good(known: &Ed25519, message: &[u8], signature: &[u8; 64], piece: usize) -> bool {
-        let Ok(mut check) = known.begin(signature) else {
+        let mut check = known.place();
+        if !known.begin(&mut check, signature) {
             return false;
-        };
+        }
         for bytes in message.chunks(piece) {
             known.add(&mut check, bytes);
         }

@@ -3,6 +3,8 @@
 //! In: a flash as [`NorFlash`], which begins with the bootloader, and its map. Out: [`RecordStore`]
 //! over the records' ring, [`EventStore`] over the log's pages and
 //! [`ProgramMemory`](crate::program::ProgramMemory) over the slot that does not run (`update`).
+//! A part that keeps nothing but records has a [`RecordMemory`](records_only::RecordMemory), over
+//! two banks.
 //!
 //! Room for a record is made when its storing begins: each page that has to be erased for it makes
 //! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
@@ -12,18 +14,20 @@
 //! Left out: the flash controller.
 
 pub mod ed25519;
+pub mod records_only;
+mod ring;
 pub mod update;
 
 use embedded_storage::nor_flash::NorFlash;
-use flash::Progress;
 use flash::access::AccessError;
 use flash::layout::{Layout, Slot};
+use flash::records::RecordError;
 use flash::records::log::{Log, LogError};
-use flash::records::{RecordError, Records};
 
 use crate::black_box::BOX_LENGTH;
 use crate::fault_log::{ENTRIES, ENTRY};
 use crate::records::{EventStore, Record, RecordStore, StoreError};
+use ring::RingMemory;
 use update::{Anybody, Place};
 
 /// Kinds of records: those of [`Record`].
@@ -43,9 +47,7 @@ pub struct Build {
 /// Records and programs in the flash `F`; `V` checks new programs.
 #[derive(Clone, Debug)]
 pub struct FlashMemory<F, V = Anybody> {
-    flash: F,
-    build: Build,
-    records: Records<KINDS>,
+    kept: RingMemory<F>,
     /// The events; `None` until they are looked for, and where they cannot be read.
     events: Option<Log<ENTRY>>,
     verification: V,
@@ -77,9 +79,7 @@ impl<F: NorFlash, V> FlashMemory<F, V> {
     /// A memory in which nothing was looked for ([`RecordStore::start`]).
     pub fn new(flash: F, build: Build, verification: V) -> Self {
         Self {
-            flash,
-            build,
-            records: Records::unmounted(build.layout.records),
+            kept: RingMemory::new(flash, build),
             events: None,
             verification,
             place: None,
@@ -88,37 +88,22 @@ impl<F: NorFlash, V> FlashMemory<F, V> {
 
     /// The flash.
     pub const fn flash(&self) -> &F {
-        &self.flash
+        &self.kept.flash
     }
 
     /// The flash, for whoever breaks it or looks after it.
     pub const fn flash_mut(&mut self) -> &mut F {
-        &mut self.flash
+        &mut self.kept.flash
     }
 
     /// What the program was told of itself.
     pub const fn build(&self) -> Build {
-        self.build
+        self.kept.build
     }
 
     /// Another program was chosen at the last start.
     pub const fn set_running(&mut self, slot: Slot) {
-        self.build.running = slot;
-    }
-
-    /// Makes room for a record of `length` bytes.
-    fn prepare(&mut self, length: u32) -> Result<(), StoreError> {
-        while self.prepare_step(length)? == Progress::More {}
-        Ok(())
-    }
-
-    /// A step of making that room: one page at most is erased.
-    fn prepare_step(&mut self, length: u32) -> Result<Progress, StoreError> {
-        match self.records.prepare(&mut self.flash, length) {
-            // A record that has lost a bit says so once; what is left of it counts then.
-            Err(RecordError::Damaged(_)) => Ok(Progress::More),
-            prepared => Ok(prepared?),
-        }
+        self.kept.build.running = slot;
     }
 }
 
@@ -137,32 +122,33 @@ impl<F: NorFlash, V> EventStore for FlashMemory<F, V> {
             return;
         };
         let mut cursor = log.end();
-        while let Ok(Some(event)) = log.before(&mut self.flash, &mut cursor) {
+        while let Ok(Some(event)) = log.before(&mut self.kept.flash, &mut cursor) {
             each(&event);
         }
     }
 
     fn keep_event(&mut self, event: &[u8; ENTRY]) -> Result<(), StoreError> {
         let log = self.events.as_mut().ok_or(StoreError::Hardware)?;
-        Ok(log.append(&mut self.flash, event)?)
+        Ok(log.append(&mut self.kept.flash, event)?)
     }
 
     fn clear_events(&mut self) -> Result<(), StoreError> {
         let log = self.events.as_mut().ok_or(StoreError::Hardware)?;
-        Ok(log.clear(&mut self.flash)?)
+        Ok(log.clear(&mut self.kept.flash)?)
     }
 
     fn needs_room(&self) -> bool {
         let log = self.events.as_ref();
-        log.is_some_and(|log| log.needs_erase(ENTRIES as u32))
-            || self.records.needs_erase(BOX_LENGTH)
+        log.is_some_and(|log| log.needs_erase(ENTRIES as u32)) || self.kept.needs_erase(BOX_LENGTH)
     }
 
     fn make_room(&mut self) -> Result<(), StoreError> {
         let keep = ENTRIES as u32;
         match &mut self.events {
-            Some(log) if log.needs_erase(keep) => log.prepare(&mut self.flash, keep).map(drop)?,
-            _ => self.prepare_step(BOX_LENGTH).map(drop)?,
+            Some(log) if log.needs_erase(keep) => {
+                log.prepare(&mut self.kept.flash, keep).map(drop)?
+            }
+            _ => self.kept.prepare_step(BOX_LENGTH).map(drop)?,
         }
         Ok(())
     }
@@ -170,58 +156,45 @@ impl<F: NorFlash, V> EventStore for FlashMemory<F, V> {
 
 impl<F: NorFlash, V> RecordStore for FlashMemory<F, V> {
     fn start(&mut self) -> Result<(), StoreError> {
-        let region = self.build.layout.records;
         self.place = None;
-        self.records = Records::unmounted(region);
-        self.events = Log::mount(&mut self.flash, self.build.layout.log).ok();
-        self.records = Records::mount(&mut self.flash, region)?;
-        Ok(())
+        let log = self.kept.build.layout.log;
+        self.events = Log::mount(&mut self.kept.flash, log).ok();
+        self.kept.start()
     }
 
     fn read(&mut self, record: Record, offset: u32, into: &mut [u8]) -> usize {
-        let read = self
-            .records
-            .read(&mut self.flash, record as u8, offset, into);
-        read.unwrap_or(0)
+        self.kept.read(record, offset, into)
     }
 
     fn damaged(&self) -> u32 {
-        self.records.damaged()
+        self.kept.damaged()
     }
 
     fn needs_erase(&self, length: u32) -> bool {
-        self.records.needs_erase(length)
+        self.kept.needs_erase(length)
     }
 
     fn begin(&mut self, record: Record, length: u32) -> Result<(), StoreError> {
-        self.records.discard(&mut self.flash)?;
-        self.prepare(length)?;
-        Ok(self.records.begin(&mut self.flash, record as u8)?)
+        RecordStore::begin(&mut self.kept, record, length)
     }
 
     fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        Ok(self.records.append(&mut self.flash, bytes)?)
+        RecordStore::append(&mut self.kept, bytes)
     }
 
     fn staged(&mut self, offset: u32, into: &mut [u8]) -> usize {
-        let staged = self.records.staged(&mut self.flash, offset, into);
-        staged.unwrap_or(0)
+        self.kept.staged(offset, into)
     }
 
     fn commit(&mut self) -> Result<(), StoreError> {
-        Ok(self.records.commit(&mut self.flash)?)
+        RecordStore::commit(&mut self.kept)
     }
 
     fn discard(&mut self) {
-        // What is staged is forgotten whatever becomes of its place.
-        let _ = self.records.discard(&mut self.flash);
+        RecordStore::discard(&mut self.kept);
     }
 
     fn erase(&mut self, record: Record) -> Result<(), StoreError> {
-        if self.records.length(record as u8) == 0 {
-            return Ok(());
-        }
-        self.begin(record, 0)?;
-        self.commit()
+        RecordStore::erase(&mut self.kept, record)
     }
 }

@@ -89,31 +89,32 @@ fn is_signed<F: ReadNorFlash, S: Signatures>(
     let mut signature = [0; SIGNATURE];
     let at = slot.start.saturating_add(SIGNATURE_AT);
     read(flash, at, &mut signature)?;
-    // Looked at where it is: to take the check out would copy it.
-    let mut begun = signatures.begin(&signature);
-    let Ok(check) = &mut begun else {
+    let mut check = signatures.place();
+    if !signatures.begin(&mut check, &signature) {
         return Ok(false);
-    };
+    }
     for (offset, length) in header.signed() {
         let at = slot.start.saturating_add(offset);
-        for_each(flash, at, length, &mut |bytes| signatures.add(check, bytes))?;
+        for_each(flash, at, length, &mut |bytes| {
+            signatures.add(&mut check, bytes);
+        })?;
     }
-    Ok(signatures.is_good(check))
+    Ok(signatures.is_good(&check))
 }
 
 /// The arithmetic of signatures.
 pub trait Signatures {
-    /// The check of one signature under way.
+    /// The check of one signature under way. It is large, so it stays in its place.
     type Check;
-
-    /// Why a signature can't be good for anything.
-    type Refusal;
 
     /// Whether an image without a signature is let in.
     fn unsigned(&self) -> bool;
 
-    /// Before the first byte. Errors: this signature can't be good for any.
-    fn begin(&self, signature: &[u8; SIGNATURE]) -> Result<Self::Check, Self::Refusal>;
+    /// The place of a check, which [`Signatures::begin`] fills in.
+    fn place(&self) -> Self::Check;
+
+    /// Before the first byte; false: this signature can't be good for any, and the check is over.
+    fn begin(&self, check: &mut Self::Check, signature: &[u8; SIGNATURE]) -> bool;
 
     /// Takes in the next bytes of what is signed.
     fn add(&self, check: &mut Self::Check, bytes: &[u8]);
@@ -128,14 +129,15 @@ pub struct Anybody;
 
 impl Signatures for Anybody {
     type Check = ();
-    type Refusal = ();
 
     fn unsigned(&self) -> bool {
         true
     }
 
-    fn begin(&self, _signature: &[u8; SIGNATURE]) -> Result<(), ()> {
-        Ok(())
+    fn place(&self) {}
+
+    fn begin(&self, (): &mut (), _signature: &[u8; SIGNATURE]) -> bool {
+        true
     }
 
     fn add(&self, (): &mut (), _bytes: &[u8]) {}
@@ -209,19 +211,19 @@ pub(super) struct Place {
 
 impl<F: NorFlash, V> FlashMemory<F, V> {
     fn running_header(&mut self) -> Option<Header> {
-        let slot = self.build.layout.slot(self.build.running)?;
-        header(&mut self.flash, slot, self.build.hardware).ok()
+        let slot = self.kept.build.layout.slot(self.kept.build.running)?;
+        header(&mut self.kept.flash, slot, self.kept.build.hardware).ok()
     }
 
     /// How the program in the running slot came to run.
     fn standing(&mut self) -> Result<Standing, AccessError> {
-        let (layout, running) = (self.build.layout, self.build.running);
+        let (layout, running) = (self.kept.build.layout, self.kept.build.running);
         let [Some(runs), Some(other)] = [layout.slot(running), layout.slot(running.other())] else {
             return Ok(Standing::Confirmed);
         };
         let (runs, other) = (
-            marks(&mut self.flash, runs)?,
-            marks(&mut self.flash, other)?,
+            marks(&mut self.kept.flash, runs)?,
+            marks(&mut self.kept.flash, other)?,
         );
         let failed = other.generation > runs.generation && !other.confirmed && other.left == 0;
         Ok(match runs.confirmed {
@@ -237,13 +239,13 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
     fn clear(&mut self) -> Result<(), ProgramError> {
         let running = self.running_header();
         let rules = Rules {
-            hardware: self.build.hardware,
+            hardware: self.kept.build.hardware,
             running: running.map_or(Version(0), |header| header.version),
             downgrade: false,
             unsigned: self.verification.unsigned(),
         };
-        let build = self.build;
-        let install = Install::new(&mut self.flash, build.layout, build.running, rules)?;
+        let build = self.kept.build;
+        let install = Install::new(&mut self.kept.flash, build.layout, build.running, rules)?;
         self.place = Some(Place {
             install,
             whole: false,
@@ -254,7 +256,7 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
 
     fn erase(&mut self) -> Result<Progress, ProgramError> {
         let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
-        Ok(place.install.erase(&mut self.flash)?)
+        Ok(place.install.erase(&mut self.kept.flash)?)
     }
 
     fn begin(&mut self, size: Option<u32>) -> Result<(), ProgramError> {
@@ -269,7 +271,7 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
 
     fn append(&mut self, bytes: &[u8]) -> Result<(), ProgramError> {
         let place = self.place.as_mut().ok_or(ProgramError::NotCleared)?;
-        Ok(place.install.append(&mut self.flash, bytes)?)
+        Ok(place.install.append(&mut self.kept.flash, bytes)?)
     }
 
     fn commit(&mut self) -> Result<(), ProgramError> {
@@ -308,10 +310,10 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
                 return Ok(Progress::More);
             }
         }
-        let (build, slot) = (self.build, place.install.slot());
+        let (build, slot) = (self.kept.build, place.install.slot());
         let found = self
             .verification
-            .outcome(&mut self.flash, slot, build.hardware);
+            .outcome(&mut self.kept.flash, slot, build.hardware);
         let Some(sound) = found else {
             return Ok(Progress::More);
         };
@@ -322,25 +324,25 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
                 Signature::Ed25519 => ProgramError::Signature,
             });
         }
-        put_on_trial(&mut self.flash, build.layout, build.running.other())?;
+        put_on_trial(&mut self.kept.flash, build.layout, build.running.other())?;
         Ok(Progress::Done)
     }
 
     fn running(&mut self) -> Running {
         let header = self.running_header();
         Running {
-            hardware: self.build.hardware,
+            hardware: self.kept.build.hardware,
             version: header.map_or(0, |header| header.version.0),
             crc: header.map_or(0, |header| header.crc),
-            slot: self.build.running as u8,
+            slot: self.kept.build.running as u8,
             // Who can't read the marks can't confirm either.
             standing: self.standing().unwrap_or(Standing::Trial),
         }
     }
 
     fn confirm(&mut self) -> Result<(), ProgramError> {
-        let build = self.build;
-        confirm(&mut self.flash, build.layout, build.running)?;
+        let build = self.kept.build;
+        confirm(&mut self.kept.flash, build.layout, build.running)?;
         Ok(())
     }
 }

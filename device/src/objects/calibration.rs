@@ -12,6 +12,47 @@ use super::row::Row;
 
 /// The rows.
 pub const CALIBRATION: &[Row] = &[
+    var(
+        0x2061,
+        "Calibration data",
+        Domain,
+        "The calibration in force, to be kept by a tool or carried to another piece. A new one \
+         counts once it is complete, and is refused when its check sum is wrong.",
+    )
+    .rw(),
+    record(
+        0x2062,
+        2,
+        "Calibration identity",
+        "Which calibration is in force.",
+    ),
+    member(
+        0x2062,
+        1,
+        "Check sum",
+        Unsigned32,
+        "CRC-32 of 2061h without its last \
+         four bytes, which hold the same number.",
+    ),
+    member(
+        0x2062,
+        2,
+        "Kind",
+        Unsigned8,
+        "0: a table per axis. 1: two slopes by vector. 2: one angle of 360 deg by vector.",
+    ),
+    var(
+        0x2063,
+        "Calibration report hash",
+        Domain,
+        "SHA-256 of the report of the calibration in force, 32 bytes that a tool writes behind \
+         2061h. Without one, or with one of another calibration, it reads as no data.",
+    )
+    .rw(),
+];
+
+/// 2060h, the run that makes tables.
+pub const MOTOR_RUN: &[Row] = &[
     record(
         0x2060,
         8,
@@ -74,41 +115,4 @@ pub const CALIBRATION: &[Row] = &[
          run is open, 33 reference beyond +-90 deg, 34 this angle has a point already, 35 too many \
          points, 36 and 37 no table of X or Y, from 40 (X) and 48 (Y): the points make no table.",
     ),
-    var(
-        0x2061,
-        "Calibration data",
-        Domain,
-        "The calibration in force, to be kept by a tool or carried to another piece. A new one \
-         counts once it is complete, and is refused when its check sum is wrong.",
-    )
-    .rw(),
-    record(
-        0x2062,
-        2,
-        "Calibration identity",
-        "Which calibration is in force.",
-    ),
-    member(
-        0x2062,
-        1,
-        "Check sum",
-        Unsigned32,
-        "CRC-32 of 2061h without its last \
-         four bytes, which hold the same number.",
-    ),
-    member(
-        0x2062,
-        2,
-        "Kind",
-        Unsigned8,
-        "0: a table per axis. 1: two slopes by vector. 2: one angle of 360 deg by vector.",
-    ),
-    var(
-        0x2063,
-        "Calibration report hash",
-        Domain,
-        "SHA-256 of the report of the calibration in force, 32 bytes that a tool writes behind \
-         2061h. Without one, or with one of another calibration, it reads as no data.",
-    )
-    .rw(),
 ];

@@ -347,6 +347,20 @@ pub const COMMUNICATION: &[Row] = &[
     )
     .constant()
     .node_id(0x580),
+    var(
+        0x1F80,
+        "NMT startup",
+        Unsigned32,
+        "What this node does after boot-up: 0 waits for a master, 8 enters OPERATIONAL by itself \
+         (CiA 302-2).",
+    )
+    .rw()
+    .stored()
+    .value(0),
+];
+
+/// 1F50h to 1F57h, program download (CiA 302-3).
+pub const PROGRAM: &[Row] = &[
     array(
         0x1F50,
         1,
@@ -397,16 +411,6 @@ pub const COMMUNICATION: &[Row] = &[
         Unsigned32,
         "Bit 0: in progress. Bits 1 to 7: the last error, 0 for none.",
     ),
-    var(
-        0x1F80,
-        "NMT startup",
-        Unsigned32,
-        "What this node does after boot-up: 0 waits for a master, 8 enters OPERATIONAL by itself \
-         (CiA 302-2).",
-    )
-    .rw()
-    .stored()
-    .value(0),
 ];
 
 const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; a time of 0, and a \

@@ -52,17 +52,6 @@ pub const MANUFACTURER: &[Row] = &[
     .constant()
     .channel(0, 1),
     var(
-        0x2003,
-        "Cross-check",
-        Unsigned8,
-        "How the two channels are judged. 0: as the instrument was built, 1: the paper's rule, 2: \
-         the product's ladder. Counts from the next reset.",
-    )
-    .rw()
-    .stored()
-    .limits(0, 2)
-    .value(0),
-    var(
         0x2004,
         "Latch time",
         Unsigned16,
@@ -80,17 +69,6 @@ pub const MANUFACTURER: &[Row] = &[
         Unsigned8,
         "1: while the other channel is ill, this one's angles stay valid and 2021h shows 8. 0: \
          they become invalid.",
-    )
-    .rw()
-    .stored()
-    .limits(0, 1)
-    .value(1),
-    var(
-        0x2006,
-        "Presentation check",
-        Unsigned8,
-        "1: where presets, offsets or inversion make the two channels show different angles, \
-         neither is valid. 0: that is meant so.",
     )
     .rw()
     .stored()
@@ -140,37 +118,6 @@ pub const MANUFACTURER: &[Row] = &[
         .rpdo()
         .unit("2 ms"),
     member(0x2011, 9, "Activity", Unsigned8, ACTIVITY).rpdo(),
-    record(
-        0x2012,
-        4,
-        "Safe slopes received",
-        "What a received SRDO carries, in the sender's unit; for a machine that wants this node \
-         to take the other channel's SRDO 1.",
-    ),
-    member(0x2012, 1, "Slope X", Integer16, "Plain.")
-        .rw()
-        .srdo(),
-    member(
-        0x2012,
-        2,
-        "Inverted slope X",
-        Integer16,
-        "Every bit inverted.",
-    )
-    .rw()
-    .srdo(),
-    member(0x2012, 3, "Slope Y", Integer16, "Plain.")
-        .rw()
-        .srdo(),
-    member(
-        0x2012,
-        4,
-        "Inverted slope Y",
-        Integer16,
-        "Every bit inverted.",
-    )
-    .rw()
-    .srdo(),
     var(
         0x2020,
         "Validity",
@@ -306,22 +253,6 @@ pub const MANUFACTURER: &[Row] = &[
         "When the state of the pair became what it is, since the start.",
     )
     .unit("ms"),
-    array(
-        0x2028,
-        3,
-        "Residual",
-        "This channel's calibrated acceleration minus the other's, low-passed with 0.5 s.",
-    ),
-    member(
-        0x2028,
-        1,
-        "Residual X",
-        Integer16,
-        "Along the housing's axes X, Y, Z.",
-    )
-    .to(3)
-    .tpdo()
-    .unit("0.1 mg"),
     var(
         0x2030,
         "Mode of measurement",
@@ -356,17 +287,6 @@ pub const MANUFACTURER: &[Row] = &[
         "Time between two samples, as this device's clock sees it.",
     )
     .unit("1/256 us"),
-    record(
-        0x2040,
-        4,
-        "Measuring range",
-        "Outside it EMCY 5010h (X) or 5020h (Y) is sent. Refused where it would not fit into 16 \
-         bit at the resolution of 6000h.",
-    ),
-    range(1, "Lowest X", -RANGE),
-    range(2, "Highest X", RANGE),
-    range(3, "Lowest Y", -RANGE),
-    range(4, "Highest Y", RANGE),
     record(
         0x2050,
         2,
@@ -482,6 +402,106 @@ pub const MANUFACTURER: &[Row] = &[
     .stored()
     .limits(0, 1)
     .value(0),
+];
+
+/// 2003h where it can be chosen.
+pub const CHECK: &[Row] = &[var(
+    0x2003,
+    "Cross-check",
+    Unsigned8,
+    "How the two channels are judged. 0: as the instrument was built, 1: the paper's rule, 2: \
+         the product's ladder. Counts from the next reset.",
+)
+.rw()
+.stored()
+.limits(0, 2)
+.value(0)];
+
+/// 2006h, where both channels can be set to show different angles.
+pub const PRESENTATION: &[Row] = &[var(
+    0x2006,
+    "Presentation check",
+    Unsigned8,
+    "1: where presets, offsets or inversion make the two channels show different angles, \
+         neither is valid. 0: that is meant so.",
+)
+.rw()
+.stored()
+.limits(0, 1)
+.value(1)];
+
+/// 2040h.
+pub const RANGES: &[Row] = &[
+    record(
+        0x2040,
+        4,
+        "Measuring range",
+        "Outside it EMCY 5010h (X) or 5020h (Y) is sent. Refused where it would not fit into 16 \
+         bit at the resolution of 6000h.",
+    ),
+    range(1, "Lowest X", -RANGE),
+    range(2, "Highest X", RANGE),
+    range(3, "Lowest Y", -RANGE),
+    range(4, "Highest Y", RANGE),
+];
+
+/// 2012h, which a received SRDO writes.
+pub const SAFE_SLOPES: &[Row] = &[
+    record(
+        0x2012,
+        4,
+        "Safe slopes received",
+        "What a received SRDO carries, in the sender's unit; for a machine that wants this node \
+         to take the other channel's SRDO 1.",
+    ),
+    member(0x2012, 1, "Slope X", Integer16, "Plain.")
+        .rw()
+        .srdo(),
+    member(
+        0x2012,
+        2,
+        "Inverted slope X",
+        Integer16,
+        "Every bit inverted.",
+    )
+    .rw()
+    .srdo(),
+    member(0x2012, 3, "Slope Y", Integer16, "Plain.")
+        .rw()
+        .srdo(),
+    member(
+        0x2012,
+        4,
+        "Inverted slope Y",
+        Integer16,
+        "Every bit inverted.",
+    )
+    .rw()
+    .srdo(),
+];
+
+/// 2028h, where the accelerations of both channels are compared.
+pub const VECTORS: &[Row] = &[
+    array(
+        0x2028,
+        3,
+        "Residual",
+        "This channel's calibrated acceleration minus the other's, low-passed with 0.5 s.",
+    ),
+    member(
+        0x2028,
+        1,
+        "Residual X",
+        Integer16,
+        "Along the housing's axes X, Y, Z.",
+    )
+    .to(3)
+    .tpdo()
+    .unit("0.1 mg"),
+];
+
+/// 2070h to 2072h, what has happened.
+pub const HISTORY: &[Row] = &[
     var(
         0x2070,
         "Fault log",
@@ -538,3 +558,13 @@ const ACTIVITY: &str = "Energy above 150 Hz since the SYNC before, 8 steps per d
      channel's own noise, 0: too few samples, 255: samples are missing.";
 const UNKNOWN: &str = "65535: not known, or larger than that.";
 const NONE: &str = "-32768: there is none. Larger ones stop at 32767.";
+
+/// 2003h of an instrument that has one check.
+pub const CHECK_AS_BUILT: &[Row] = &[var(
+    0x2003,
+    "Cross-check",
+    Unsigned8,
+    "How the two channels are judged. 0: as the instrument was built.",
+)
+.constant()
+.value(0)];

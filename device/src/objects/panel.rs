@@ -8,9 +8,11 @@
 
 use canopen::node::{Application, Event};
 use canopen::object::{Abort, Address, Dictionary, Objects, Value, at};
+use canopen::services::Services;
 use canopen::storage::Group;
 use canopen::{Instant as BusInstant, nmt};
 use tilt::chain::{Invalid, Reading};
+use tilt::composition::{Composition, Place, Whole};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
@@ -19,22 +21,24 @@ use tilt::sample::{Instant, Temperature};
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
 use super::process::Shown;
 use super::safety::VALID;
-use super::table::{self, Channel};
+use super::table::{Channel, Models};
 use super::values::Values;
 use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, Terms};
 use crate::channel::{Settings, Setup};
 use crate::fault_log::FaultLog;
+use crate::instrument::Instrument;
 use crate::pair::Pair;
+use crate::presentation::Presentation;
 use crate::program::ProgramMemory;
 use crate::records::{EventStore, Record, RecordStore, StoreError, parameters};
 
 /// Where readings come from: the channel, or anything that stands in for it.
-pub trait Source {
+pub trait Source<C: Composition = Whole> {
     /// The reading at `now`.
-    fn reading(&self, settings: &Settings, now: Instant) -> Reading;
+    fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading;
     /// All that the channel says at `now`, a SYNC.
-    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation;
+    fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation;
     /// The newest filtered acceleration.
     fn filtered(&self) -> Option<Filtered>;
     /// The part's temperature.
@@ -51,20 +55,36 @@ impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 /// What a calibration over the bus works with.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Work {
+pub struct Work<I: Instrument = Whole> {
     /// What new tables come with.
     pub terms: Terms,
-    /// The motor's run.
-    pub motor: Motor,
+    /// The motor's run, where the instrument has one.
+    pub motor: Option<I::Motor>,
 }
 
-impl Work {
+impl<I: Instrument> Work<I> {
     /// No run.
     #[inline(never)]
-    pub const fn new(terms: Terms) -> Self {
+    pub fn new(terms: Terms) -> Self {
         Self {
-            motor: Motor::new(),
+            motor: I::Motor::put(Motor::new),
             terms,
+        }
+    }
+}
+
+impl<I: Instrument> Work<I> {
+    /// A run is open.
+    pub fn is_running(&self) -> bool {
+        self.motor
+            .as_ref()
+            .is_some_and(|motor| motor.get().is_running())
+    }
+
+    /// Ends whatever is under way.
+    pub fn abandon(&mut self) {
+        if let Some(motor) = &mut self.motor {
+            *motor.get_mut() = Motor::new();
         }
     }
 }
@@ -76,12 +96,14 @@ pub struct Identity {
     pub channel: Channel,
     /// 1018h sub 4.
     pub serial: u32,
+    /// Whose rows are shown by a device that could be either instrument.
+    pub models: Models,
 }
 
 /// Everything behind the rows. What is large comes last, as in `Device`.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Parts<M, S> {
+pub struct Parts<M, S, I: Instrument = Whole> {
     /// Who this is.
     pub identity: Identity,
     /// The values.
@@ -91,18 +113,18 @@ pub struct Parts<M, S> {
     /// The memory.
     pub memory: M,
     /// Settings with the calibration in force.
-    pub settings: Settings,
+    pub settings: Settings<I>,
     /// Calibration under way.
-    pub work: Work,
+    pub work: Work<I>,
     /// The pair.
-    pub pair: Pair,
+    pub pair: Pair<I>,
     /// The fault log.
     pub log: FaultLog,
     /// The black box.
     pub black_box: BlackBox,
 }
 
-impl<M, S: Source> Parts<M, S> {
+impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
     /// Nothing measured, nothing kept.
     #[inline(never)]
     pub fn new(
@@ -111,7 +133,7 @@ impl<M, S: Source> Parts<M, S> {
         memory: M,
         setup: &Setup,
         terms: Terms,
-        check: CrossCheck,
+        check: CrossCheck<I>,
     ) -> Self {
         Self {
             identity,
@@ -126,16 +148,25 @@ impl<M, S: Source> Parts<M, S> {
         }
     }
 
+    /// How this channel's angles are shown.
+    pub fn presentation(&self) -> Presentation {
+        if I::PRESETS {
+            self.values.parameters.presentation()
+        } else {
+            Presentation::AS_MEASURED
+        }
+    }
+
     /// What is shown of both channels at `now`.
-    pub fn shown(&self, now: Instant) -> Shown<'_> {
+    pub fn shown(&self, now: Instant) -> Shown<'_, I> {
         Shown::new(&self.values, &self.pair, self.channel.fault(), now)
     }
 }
 
 /// Everything behind the rows, lent for one call of the stack.
-pub struct Panel<'a, M, S> {
+pub struct Panel<'a, M, S, I: Instrument = Whole> {
     /// What is lent.
-    pub parts: &'a mut Parts<M, S>,
+    pub parts: &'a mut Parts<M, S, I>,
     /// When the call is.
     pub now: Instant,
 }
@@ -187,9 +218,9 @@ pub const fn store_abort(error: StoreError) -> Abort {
     }
 }
 
-impl<M: Memory, S: Source> Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     /// What is shown of both channels now.
-    pub(super) fn shown(&self) -> Shown<'_> {
+    pub(super) fn shown(&self) -> Shown<'_, I> {
         self.parts.shown(self.now)
     }
 
@@ -321,9 +352,11 @@ fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value
     }
 }
 
-impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Objects for Panel<'_, M, S, I> {
+    const SERVICES: Services = I::SERVICES;
+
     fn dictionary(&self) -> Dictionary {
-        table::dictionary(self.parts.identity.channel)
+        I::dictionary(self.parts.identity)
     }
 
     fn read(&mut self, at: Address) -> Result<Value, Abort> {
@@ -332,9 +365,9 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
         }
         match at.index {
             0x1018 => self.identity_value(at),
-            0x1F50..=0x1F57 | 0x2080 => self.read_program(at),
+            0x1F50..=0x1F57 | 0x2080 if I::UPDATE => self.read_program(at),
             0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
-            0x6210..=0x6221 => self.read_safe_slope(at),
+            0x6210..=0x6221 if I::SERVICES.safety => self.read_safe_slope(at),
             0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
             _ => {
                 let place = self.parts.values.parameters.place(at);
@@ -345,17 +378,17 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
 
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {
         match at.index {
-            0x1F51 => self.control_program(value),
+            0x1F51 if I::UPDATE => self.control_program(value),
             0x2011 => {
                 receive_exchange(&mut self.parts.values.process.received, at, value);
                 Ok(())
             }
-            0x2040 => self.write_range(at, value),
+            0x2040 if I::PRESETS => self.write_range(at, value),
             0x2060 => self.write_calibration(at, value),
-            0x2072 => self.clear_history(value),
-            0x2080 => self.resume_program(value),
-            0x6200 | 0x63FE | 0x63FF => self.write_safety(at, value),
-            0x6000..=0x61FF | 0x6800..=0x69FF => self.write_slope(at, value),
+            0x2072 if I::HISTORY => self.clear_history(value),
+            0x2080 if I::UPDATE => self.resume_program(value),
+            0x6200 | 0x63FE | 0x63FF if I::SERVICES.safety => self.write_safety(at, value),
+            0x6000..=0x61FF | 0x6800..=0x69FF if I::PRESETS => self.write_slope(at, value),
             _ => self.put(at, value),
         }
     }
@@ -411,7 +444,7 @@ impl<M: Memory, S: Source> Objects for Panel<'_, M, S> {
     }
 }
 
-impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> {
     fn identity(&self) -> [u32; 4] {
         let product = match self.parts.identity.channel {
             Channel::A => PRODUCT_CODE_A,
@@ -437,7 +470,10 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
             Event::Sync => {
                 let observation = self.parts.channel.observe(&self.parts.settings, self.now);
                 let own_fault = self.parts.pair.own_fault();
-                self.parts.values.latch(observation, own_fault, self.now);
+                let shown = self.parts.presentation();
+                self.parts
+                    .values
+                    .latch(observation, own_fault, shown, self.now);
             }
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
@@ -452,9 +488,10 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
 
     fn load(&mut self, at: Address, value: Value) {
         match at.index {
-            0x6000..=0x61FF | 0x6800..=0x69FF => self.load_slope(at, value),
+            0x6000..=0x61FF | 0x6800..=0x69FF if I::PRESETS => self.load_slope(at, value),
             _ => {
-                let value = self.range_of_a_turn(at).unwrap_or(value);
+                let turn = I::PRESETS.then(|| self.range_of_a_turn(at)).flatten();
+                let value = turn.unwrap_or(value);
                 if let Some(mut place) = self.parts.values.parameters.place(at) {
                     place.set(value);
                 }
@@ -501,7 +538,7 @@ impl<M: Memory, S: Source> Application for Panel<'_, M, S> {
     }
 }
 
-impl<M: Memory, S: Source> Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     /// The NMT state is another one. Outside OPERATIONAL this node is away from the pair.
     fn enter(&mut self, state: nmt::State) {
         self.parts.values.state = state;

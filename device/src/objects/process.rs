@@ -10,6 +10,7 @@
 use canopen::nmt::State;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{Judgement, Node};
 use tilt::observation::Observation;
 use tilt::sample::Instant;
@@ -149,19 +150,19 @@ impl Process {
 
 /// What the dictionary shows of both channels at an instant. Nothing of it is stored.
 #[derive(Clone, Copy, Debug)]
-pub struct Shown<'a> {
+pub struct Shown<'a, C: Composition = Whole> {
     values: &'a Values,
-    pair: &'a Pair,
+    pair: &'a Pair<C>,
     /// The fault that this channel has latched.
     fault: Option<Invalid>,
     now: Instant,
 }
 
-impl<'a> Shown<'a> {
+impl<'a, C: Composition> Shown<'a, C> {
     /// What is shown at `now` of a channel that has latched `fault`.
     pub const fn new(
         values: &'a Values,
-        pair: &'a Pair,
+        pair: &'a Pair<C>,
         fault: Option<Invalid>,
         now: Instant,
     ) -> Self {
@@ -297,6 +298,9 @@ impl<'a> Shown<'a> {
 
     /// Standard uncertainty of X or Y, 0.001 deg, or [`UNKNOWN_UNCERTAINTY`].
     pub fn uncertainty(&self, axis: usize) -> u16 {
+        if !C::UNCERTAINTY {
+            return UNKNOWN_UNCERTAINTY;
+        }
         let measured = self.own(axis);
         measured.map_or(UNKNOWN_UNCERTAINTY, |m| thousandths(m.uncertainty))
     }

@@ -51,6 +51,23 @@ pub const LOGICAL: [[[Row; 5]; 4]; 2] = [
 /// 6000h and 6800h.
 pub const RESOLUTIONS: [Row; 2] = [resolution(0x6000), resolution(0x6000 + LOGICAL_DEVICE)];
 
+/// Unit and slopes of an instrument on which none of it can be set.
+pub const AS_MEASURED: [Row; 5] = [
+    var(
+        0x6000,
+        "Resolution",
+        Unsigned16,
+        "Unit of the slopes (CiA 410).",
+    )
+    .constant()
+    .unit("0.001 deg")
+    .value(RESOLUTION as i64),
+    LOGICAL[0][0][0],
+    LOGICAL[0][1][0],
+    LOGICAL[0][2][0],
+    LOGICAL[0][3][0],
+];
+
 const fn resolution(index: u16) -> Row {
     var(
         index,

@@ -14,6 +14,7 @@ use tilt::chain::Correction;
 use super::manufacturer::HALF_TURN;
 use super::panel::{Memory, Panel, Source};
 use super::profile::{LOGICAL_DEVICE, RESOLUTION};
+use crate::instrument::Instrument;
 use crate::profile::{Form, Parameter, Range, Resolution, Scale, Slope, narrow};
 use crate::records::{Record, parameters};
 
@@ -43,7 +44,7 @@ const fn which(index: u16) -> Option<Which> {
     })
 }
 
-impl<M: Memory, S: Source> Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     fn resolution(&self, device: usize) -> Resolution {
         let number = self.parts.values.parameters.resolution.get(device).copied();
         let known = number.and_then(|n| Resolution::new(n).ok());
@@ -68,7 +69,12 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     }
 
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn scale_with(&self, correction: &Correction, slope: usize, resolution: Resolution) -> Scale {
+    fn scale_with(
+        &self,
+        correction: &Correction<I>,
+        slope: usize,
+        resolution: Resolution,
+    ) -> Scale {
         let range = self.range(slope & 1);
         let turns = matches!(correction, Correction::OneAxis { .. });
         let form = match (turns && slope & 1 == 0, range.low >= 0) {
@@ -92,6 +98,9 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
         let Some(which) = which(at.index) else {
             return Ok(Value::u16(self.resolution(device).number()));
         };
+        if !I::PRESETS {
+            return Ok(self.as_measured(which));
+        }
         let parameters = self.parts.values.parameters.slopes.get(which.slope);
         let slope = parameters.ok_or(Abort::NoSuchObject)?;
         let number = match Parameter::new(which.distance) {
@@ -113,6 +122,16 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             }
         };
         Ok(sized(number, which.wide))
+    }
+
+    /// A slope whose unit, sign and zero nobody can set.
+    fn as_measured(&self, which: Which) -> Value {
+        let angle = self.angle(which.slope);
+        let number = angle.map(|angle| Resolution::Hundredth.units(angle));
+        match which.wide {
+            true => Value::i32(number.unwrap_or(i32::MIN)),
+            false => Value::i16(number.map_or(i16::MIN, narrow)),
+        }
     }
 
     pub(super) fn write_slope(&mut self, at: Address, value: Value) -> Result<(), Abort> {
@@ -191,8 +210,9 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     /// Whether every slope fits into 16 bit, with a calibration that corrects like this.
     ///
     /// Errors: [`Abort::ParameterIncompatible`].
-    pub(super) fn slopes_hold(&self, correction: &Correction) -> Result<(), Abort> {
-        for (i, slope) in self.parts.values.parameters.slopes.iter().enumerate() {
+    pub(super) fn slopes_hold(&self, correction: &Correction<I>) -> Result<(), Abort> {
+        let slopes = &self.parts.values.parameters.slopes;
+        for (i, slope) in slopes.iter().enumerate().filter(|_| I::PRESETS) {
             let scale = self.scale_with(correction, i, self.resolution(i >> 1));
             let held = scale.check().and_then(|()| slope.check(&scale));
             held.map_err(|_| Abort::ParameterIncompatible)?;

@@ -13,9 +13,12 @@ use canopen::object::{Abort, Address, Value};
 
 use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
 use super::panel::{Memory, Panel, Source};
+use tilt::composition::Place;
+
 use crate::calibration::encoding::{self, decode_into};
 use crate::calibration::motor::{Axis, Command, Outcome, Sight};
 use crate::calibration::{recall, report, stage};
+use crate::instrument::Instrument;
 use crate::program::Effect;
 use crate::records::{Record, RecordStore, StoreError};
 
@@ -40,7 +43,7 @@ fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
     })
 }
 
-impl<M: Memory, S: Source> Panel<'_, M, S> {
+impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     pub(super) fn open_stream(&mut self, at: Address) -> Result<u32, Abort> {
         if let Some(text) = text(at.index) {
             return Ok(text.len() as u32);
@@ -56,8 +59,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                     Err(Abort::NoData)
                 }
             }
-            0x2070 => Ok(self.parts.log.open()),
-            0x2071 => self
+            0x2070 if I::HISTORY => Ok(self.parts.log.open()),
+            0x2071 if I::HISTORY => self
                 .parts
                 .black_box
                 .open(at.sub, self.now)
@@ -82,15 +85,23 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
                 into,
             )),
             0x2063 => Ok(report::read_at(&mut self.parts.memory, offset, into)),
-            0x2070 => Ok(self.parts.log.read_at(offset, into)),
-            0x2071 => Ok(self.parts.black_box.read_at(at.sub, offset, into, self.now)),
+            0x2070 if I::HISTORY => Ok(self.parts.log.read_at(offset, into)),
+            0x2071 if I::HISTORY => Ok(self.read_box(at.sub, offset, into)),
             _ => Err(Abort::NoSuchObject),
         }
     }
 
+    fn read_box(&mut self, number: u8, offset: u32, into: &mut [u8]) -> usize {
+        let memory = &mut self.parts.memory;
+        let mut stored =
+            |offset, into: &mut [u8]| memory.read(Record::of_box(number), offset, into);
+        let black_box = &mut self.parts.black_box;
+        black_box.read_at(number, offset, into, self.now, &mut stored)
+    }
+
     pub(super) fn create_stream(&mut self, at: Address, size: Option<u32>) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self
+            0x1F50 if I::UPDATE => self
                 .parts
                 .values
                 .program
@@ -124,7 +135,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn append_stream(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self
+            0x1F50 if I::UPDATE => self
                 .parts
                 .values
                 .program
@@ -139,7 +150,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn commit_stream(&mut self, at: Address) -> Result<(), Abort> {
         match at.index {
-            0x1F50 => self.parts.values.program.commit(&mut self.parts.memory),
+            0x1F50 if I::UPDATE => self.parts.values.program.commit(&mut self.parts.memory),
             0x2061 | 0x2063 => {
                 self.parts.values.receiving = false;
                 match at.index {
@@ -153,7 +164,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn discard_stream(&mut self, at: Address) {
         match at.index {
-            0x1F50 => self.parts.values.program.discard(),
+            0x1F50 if I::UPDATE => self.parts.values.program.discard(),
             0x2061 | 0x2063 => {
                 self.parts.values.receiving = false;
                 RecordStore::discard(&mut self.parts.memory);
@@ -164,7 +175,7 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     /// A calibration changes only where nobody works by the angles, and not under a motor's run.
     fn may_change_calibration(&self) -> Result<(), Abort> {
-        if self.parts.values.state == State::Operational || self.parts.work.motor.is_running() {
+        if self.parts.values.state == State::Operational || self.parts.work.is_running() {
             return Err(Abort::WrongState);
         }
         Ok(())
@@ -225,24 +236,34 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
 
     pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
         let correction = &self.parts.settings.chain.calibration.correction;
-        let progress = self.parts.work.motor.progress();
+        if at.index == 0x2060 {
+            return self.read_motor(at.sub);
+        }
         Ok(match (at.index, at.sub) {
             // 0: two slopes, 1: one angle of 360 deg.
             (0x2030, _) => Value::u8(u8::from(encoding::kind(correction) == 2)),
-            (0x2060, 1) => Value::u8(self.parts.values.command),
-            (0x2060, 2) => Value::i32(self.parts.values.reference),
-            (0x2060, 3) => Value::u8(match progress.axis {
+            (0x2062, 1) => Value::u32(encoding::identity(&self.parts.settings.chain.calibration)),
+            (0x2062, 2) => Value::u8(encoding::kind(correction)),
+            _ => return Err(Abort::NoSuchSubIndex),
+        })
+    }
+
+    fn read_motor(&self, sub: u8) -> Result<Value, Abort> {
+        let motor = self.parts.work.motor.as_ref().ok_or(Abort::NoSuchObject)?;
+        let progress = motor.get().progress();
+        Ok(match sub {
+            1 => Value::u8(self.parts.values.command),
+            2 => Value::i32(self.parts.values.reference),
+            3 => Value::u8(match progress.axis {
                 None => 0,
                 Some(Axis::X) => 1,
                 Some(Axis::Y) => 2,
             }),
-            (0x2060, 4) => Value::u8(progress.points.x),
-            (0x2060, 5) => Value::u8(progress.points.y),
-            (0x2060, 6) => Value::i32(progress.residual.ok_or(Abort::NoData)?),
-            (0x2060, 7) => Value::u32(progress.worst),
-            (0x2060, 8) => Value::u8(self.parts.values.result),
-            (0x2062, 1) => Value::u32(encoding::identity(&self.parts.settings.chain.calibration)),
-            (0x2062, 2) => Value::u8(encoding::kind(correction)),
+            4 => Value::u8(progress.points.x),
+            5 => Value::u8(progress.points.y),
+            6 => Value::i32(progress.residual.ok_or(Abort::NoData)?),
+            7 => Value::u32(progress.worst),
+            8 => Value::u8(self.parts.values.result),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -261,7 +282,8 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
     fn command_motor(&mut self, number: u8) -> Result<(), Abort> {
         let command = Command::from_number(number).ok_or(Abort::InvalidValue)?;
         let work = &mut self.parts.work;
-        let outcome = work.motor.command(
+        let motor = work.motor.as_mut().ok_or(Abort::NoSuchObject)?;
+        let outcome = motor.get_mut().command(
             command,
             &work.terms,
             &mut self.parts.settings.chain.calibration,
@@ -281,8 +303,10 @@ impl<M: Memory, S: Source> Panel<'_, M, S> {
             temperature: self.parts.channel.temperature(),
             reading: self.parts.channel.reading(&self.parts.settings, self.now),
         };
-        let motor = &mut self.parts.work.motor;
-        let taken = motor.memorise(reference, &self.parts.settings.chain, &sight);
+        let motor = self.parts.work.motor.as_mut().ok_or(Abort::NoSuchObject)?;
+        let taken = motor
+            .get_mut()
+            .memorise(reference, &self.parts.settings.chain, &sight);
         self.parts.values.result = taken.err().map_or(0, |error| error.code());
         taken.map_err(|_| Abort::WrongState)?;
         self.parts.values.reference = reference;

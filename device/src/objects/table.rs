@@ -2,21 +2,24 @@
 //!
 //! In: the rows of this folder. Out: [`rows`] for the host, [`dictionary`] for the stack. The
 //! table is computed while compiling, which fails when a row contradicts itself or another one;
-//! names, units and texts stay out of the chip because nothing there refers to [`ROWS`].
+//! names, units and texts stay out of the chip because nothing there refers to [`rows`].
 //!
 //! Left out: values that change.
 
 use canopen::object::packed::Packed;
-use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table};
+use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table, at};
 
-use super::calibration::CALIBRATION;
-use super::communication::COMMUNICATION;
-use super::manufacturer::MANUFACTURER;
+use super::calibration::{CALIBRATION, MOTOR_RUN};
+use super::communication::{COMMUNICATION, PROGRAM};
+use super::manufacturer::{
+    CHECK, CHECK_AS_BUILT, HISTORY, MANUFACTURER, PRESENTATION, RANGES, SAFE_SLOPES, VECTORS,
+};
 use super::pdo;
-use super::profile::{LOGICAL, PROFILE, RESOLUTIONS};
+use super::profile::{AS_MEASURED, LOGICAL, PROFILE, RESOLUTIONS};
 use super::row::{Default, Row, Shape};
 use super::safety::{SAFETY, SRDO, SRDO_1_MAPPING, SRDO_2_MAPPING};
 use super::update::UPDATE;
+use crate::instrument::PAPER_SERVICES;
 
 /// The two channels of an instrument; each is a node of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,67 +38,159 @@ impl Channel {
     }
 }
 
-/// Where the rows come from, in any order.
-const PARTS: &[&[Row]] = &[
-    COMMUNICATION,
-    pdo::RPDO.as_flattened(),
-    &pdo::RPDO_1_MAPPING,
-    &pdo::RPDO_2_MAPPING,
-    &pdo::RPDO_3_MAPPING,
-    &pdo::RPDO_4_MAPPING,
-    pdo::TPDO.as_flattened(),
-    &pdo::TPDO_1_MAPPING,
-    &pdo::TPDO_2_MAPPING,
-    &pdo::TPDO_3_MAPPING,
-    &pdo::TPDO_4_MAPPING,
-    SRDO.as_flattened(),
-    &SRDO_1_MAPPING,
-    &SRDO_2_MAPPING,
-    SAFETY,
-    MANUFACTURER,
-    CALIBRATION,
-    &UPDATE,
-    PROFILE,
-    &RESOLUTIONS,
-    LOGICAL.as_flattened().as_flattened(),
-];
+/// Which instruments have a row, as a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Models(u8);
 
-/// Number of rows.
-pub const COUNT: usize = count();
+impl Models {
+    /// The device that is either instrument, and so has the rows of both.
+    pub const WHOLE: Self = Self(1);
+    /// The product.
+    pub const PRODUCT: Self = Self(2);
+    /// The paper's instrument.
+    pub const PAPER: Self = Self(4);
 
-/// Every row, sorted by index and sub-index.
-pub const ROWS: &[Row] = &sorted();
+    const ALL: Self = Self(7);
+    const BUT_PAPER: Self = Self(3);
+    const BUT_PRODUCT: Self = Self(5);
+    const BUT_WHOLE: Self = Self(6);
 
-/// Every row, sorted by index and sub-index, with names and texts.
-pub fn rows() -> &'static [Row] {
-    ROWS
+    const fn share(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+
+    /// Whether a row of `of` is one of theirs, as far as their services go.
+    const fn have(self, of: Self, row: &Row) -> bool {
+        let serves = match self {
+            Self::PAPER => PAPER_SERVICES.serve(at(row.index, row.sub)).is_ok(),
+            _ => true,
+        };
+        self.share(of) && serves
+    }
 }
 
-/// The table as the stack uses it, for one channel.
-pub fn dictionary(channel: Channel) -> Dictionary {
+/// Where the rows come from, in any order, and which instruments have them.
+const PARTS: &[(Models, &[Row])] = &[
+    (Models::ALL, COMMUNICATION),
+    (Models::ALL, pdo::RPDO.split_at(2).0.as_flattened()),
+    (Models::BUT_PAPER, pdo::RPDO.split_at(2).1.as_flattened()),
+    (Models::ALL, &pdo::RPDO_1_MAPPING),
+    (Models::ALL, &pdo::RPDO_2_MAPPING),
+    (Models::BUT_PAPER, &pdo::RPDO_3_MAPPING),
+    (Models::BUT_PAPER, &pdo::RPDO_4_MAPPING),
+    (Models::ALL, pdo::TPDO.as_flattened()),
+    (Models::ALL, &pdo::TPDO_1_MAPPING),
+    (Models::ALL, &pdo::TPDO_2_MAPPING),
+    (Models::ALL, &pdo::TPDO_3_MAPPING),
+    (Models::ALL, &pdo::TPDO_4_MAPPING),
+    (Models::ALL, MANUFACTURER),
+    (Models::ALL, CALIBRATION),
+    (Models::ALL, PROFILE),
+    (Models::BUT_PAPER, &RESOLUTIONS),
+    (Models::BUT_PAPER, LOGICAL.as_flattened().as_flattened()),
+    (Models::PAPER, &AS_MEASURED),
+    (Models::BUT_PAPER, PRESENTATION),
+    (Models::WHOLE, CHECK),
+    (Models::BUT_WHOLE, CHECK_AS_BUILT),
+    (Models::BUT_PAPER, RANGES),
+    (Models::BUT_PAPER, PROGRAM),
+    (Models::BUT_PAPER, SRDO.as_flattened()),
+    (Models::BUT_PAPER, &SRDO_1_MAPPING),
+    (Models::BUT_PAPER, &SRDO_2_MAPPING),
+    (Models::BUT_PAPER, SAFETY),
+    (Models::BUT_PAPER, SAFE_SLOPES),
+    (Models::BUT_PAPER, VECTORS),
+    (Models::BUT_PAPER, HISTORY),
+    (Models::BUT_PAPER, &UPDATE),
+    (Models::BUT_PRODUCT, MOTOR_RUN),
+];
+
+/// Every row of any instrument, sorted by index and sub-index, with names and texts.
+pub fn rows() -> &'static [Row] {
+    rows_of(Models::WHOLE)
+}
+
+/// The rows that any of these instruments has.
+pub fn rows_of(models: Models) -> &'static [Row] {
+    match models {
+        Models::PRODUCT => product::ROWS,
+        Models::PAPER => paper::ROWS,
+        _ => whole::ROWS,
+    }
+}
+
+/// The table as the stack uses it, for one channel of any of these instruments.
+pub fn dictionary(models: Models, channel: Channel) -> Dictionary {
+    match models {
+        Models::PRODUCT => product(channel),
+        Models::PAPER => paper(channel),
+        _ => of(whole::TABLE, channel),
+    }
+}
+
+/// The same of the product.
+pub fn product(channel: Channel) -> Dictionary {
+    of(product::TABLE, channel)
+}
+
+/// The same of the paper's instrument.
+pub fn paper(channel: Channel) -> Dictionary {
+    of(paper::TABLE, channel)
+}
+
+fn of(table: &'static Table, channel: Channel) -> Dictionary {
     Dictionary {
-        table: &TABLE,
+        table,
         variant: channel as u8,
     }
 }
 
-/// A reference to it is one place in memory, since nothing in it can change.
-const TABLE: Table = Table {
-    rows: &first::<_, COUNT>(&PACKED.rows),
-    kinds: &first::<_, { PACKED.kinds.1 }>(&PACKED.kinds.0),
-    forms: &first::<_, { PACKED.forms.1 }>(&PACKED.forms.0),
-    defaults: &first::<_, { PACKED.defaults.1 }>(&PACKED.defaults.0),
-    limits: &NARROW,
-    variants: &VARIANTS,
-};
-const PACKED: Packed<COUNT, 256> = Packed::of(&ENTRIES);
-const NARROW: [(i32, u32); DISTINCT_LIMITS] = narrow();
+/// The table of some models, made while compiling: each constant has the size that the one before
+/// it tells.
+macro_rules! table {
+    ($module:ident, $models:expr) => {
+        mod $module {
+            use super::*;
 
-const fn count() -> usize {
+            const COUNT: usize = count($models);
+            /// The rows in their order.
+            pub const ROWS: &[Row] = &SORTED;
+            const SORTED: [Row; COUNT] = sorted($models);
+            const LIMITS: [(i64, i64); distinct(&SORTED).1] = first(&distinct(&SORTED).0);
+            const NARROW: [(i32, u32); LIMITS.len()] = narrow(&LIMITS);
+            const VARIANTS: [[u32; 2]; variants(&SORTED).1] = first(&variants(&SORTED).0);
+            const PACKED: Packed<COUNT, 256> = Packed::of(&entries(&SORTED, &LIMITS));
+            /// A reference to it is one place in memory, since nothing in it can change.
+            pub const TABLE: &Table = &Table {
+                rows: &first::<_, COUNT>(&PACKED.rows),
+                kinds: &first::<_, { PACKED.kinds.1 }>(&PACKED.kinds.0),
+                forms: &first::<_, { PACKED.forms.1 }>(&PACKED.forms.0),
+                defaults: &first::<_, { PACKED.defaults.1 }>(&PACKED.defaults.0),
+                limits: &NARROW,
+                variants: &VARIANTS,
+            };
+            /// Every rule that a table has to keep. A broken one stops the build here, and the
+            /// size that the compiler finds in place of 0 is the row: its index times 256, plus
+            /// its sub-index.
+            const _: [(); 0] = [(); first_unsound(&SORTED, LIMITS.len())];
+        }
+    };
+}
+
+table!(whole, Models::WHOLE);
+table!(product, Models::PRODUCT);
+table!(paper, Models::PAPER);
+
+const fn count(models: Models) -> usize {
     let mut sum = 0;
     let mut part = 0;
     while part < PARTS.len() {
-        sum += PARTS[part].len();
+        let (of, rows) = PARTS[part];
+        let mut i = 0;
+        while i < rows.len() {
+            sum += models.have(of, &rows[i]) as usize;
+            i += 1;
+        }
         part += 1;
     }
     sum
@@ -106,14 +201,17 @@ const fn key(row: &Row) -> u32 {
     (row.index as u32) << 8 | row.sub as u32
 }
 
-const fn sorted() -> [Row; COUNT] {
-    let mut rows = [PARTS[0][0]; COUNT];
+const fn sorted<const COUNT: usize>(models: Models) -> [Row; COUNT] {
+    let mut rows = [COMMUNICATION[0]; COUNT];
     let (mut part, mut filled) = (0, 0);
     while part < PARTS.len() {
+        let (of, more) = PARTS[part];
         let mut i = 0;
-        while i < PARTS[part].len() {
-            insert(&mut rows, filled, PARTS[part][i]);
-            filled += 1;
+        while i < more.len() {
+            if models.have(of, &more[i]) {
+                insert(&mut rows, filled, more[i]);
+                filled += 1;
+            }
             i += 1;
         }
         part += 1;
@@ -122,7 +220,7 @@ const fn sorted() -> [Row; COUNT] {
 }
 
 /// Puts `row` in its place among the first `filled` rows.
-const fn insert(rows: &mut [Row; COUNT], filled: usize, row: Row) {
+const fn insert(rows: &mut [Row], filled: usize, row: Row) {
     let mut place = filled;
     while place > 0 && key(&rows[place - 1]) > key(&row) {
         rows[place] = rows[place - 1];
@@ -133,12 +231,6 @@ const fn insert(rows: &mut [Row; COUNT], filled: usize, row: Row) {
 
 /// Stands in [`Entry::limits`] for the whole range of the type.
 const WHOLE: u8 = u8::MAX;
-
-const DISTINCT_LIMITS: usize = distinct().1;
-const LIMITS: [(i64, i64); DISTINCT_LIMITS] = first(&distinct().0);
-const CHANNEL_DEFAULTS: usize = variants().1;
-const VARIANTS: [[u32; 2]; CHANNEL_DEFAULTS] = first(&variants().0);
-const ENTRIES: [Entry; COUNT] = entries();
 
 /// The first `N` of many.
 const fn first<T: Copy, const N: usize>(many: &[T]) -> [T; N] {
@@ -152,10 +244,10 @@ const fn first<T: Copy, const N: usize>(many: &[T]) -> [T; N] {
 }
 
 /// Limits that occur, each once, and how many there are.
-const fn distinct() -> ([(i64, i64); COUNT], usize) {
+const fn distinct<const COUNT: usize>(rows: &[Row; COUNT]) -> ([(i64, i64); COUNT], usize) {
     let (mut found, mut used, mut i) = ([(0, 0); COUNT], 0, 0);
     while i < COUNT {
-        if let Some(limits) = ROWS[i].limits
+        if let Some(limits) = rows[i].limits
             && position(&found, used, limits) == used
         {
             found[used] = limits;
@@ -176,10 +268,10 @@ const fn position(found: &[(i64, i64)], used: usize, wanted: (i64, i64)) -> usiz
 }
 
 /// Defaults that depend on the channel, one per row that has one, and how many there are.
-const fn variants() -> ([[u32; 2]; COUNT], usize) {
+const fn variants<const COUNT: usize>(rows: &[Row; COUNT]) -> ([[u32; 2]; COUNT], usize) {
     let (mut found, mut used, mut i) = ([[0; 2]; COUNT], 0, 0);
     while i < COUNT {
-        if let Default::Channel(a, b) = ROWS[i].default {
+        if let Default::Channel(a, b) = rows[i].default {
             found[used] = [a as u32, b as u32];
             used += 1;
         }
@@ -189,21 +281,21 @@ const fn variants() -> ([[u32; 2]; COUNT], usize) {
 }
 
 /// The limits as the chip holds them; [`sound_limits`] sees to it that nothing is cut.
-const fn narrow() -> [(i32, u32); DISTINCT_LIMITS] {
-    let (mut narrow, mut i) = ([(0, 0); DISTINCT_LIMITS], 0);
-    while i < DISTINCT_LIMITS {
-        narrow[i] = (LIMITS[i].0 as i32, LIMITS[i].1 as u32);
+const fn narrow<const COUNT: usize>(limits: &[(i64, i64); COUNT]) -> [(i32, u32); COUNT] {
+    let (mut narrow, mut i) = ([(0, 0); COUNT], 0);
+    while i < COUNT {
+        narrow[i] = (limits[i].0 as i32, limits[i].1 as u32);
         i += 1;
     }
     narrow
 }
 
-const fn entries() -> [Entry; COUNT] {
-    let mut entries = [entry(&ROWS[0], 0); COUNT];
+const fn entries<const COUNT: usize>(rows: &[Row; COUNT], limits: &[(i64, i64)]) -> [Entry; COUNT] {
+    let mut entries = [entry(&rows[0], limits, 0); COUNT];
     let (mut i, mut variant) = (0, 0);
     while i < COUNT {
-        entries[i] = entry(&ROWS[i], variant);
-        if matches!(ROWS[i].default, Default::Channel(..)) {
+        entries[i] = entry(&rows[i], limits, variant);
+        if matches!(rows[i].default, Default::Channel(..)) {
             variant += 1;
         }
         i += 1;
@@ -211,8 +303,8 @@ const fn entries() -> [Entry; COUNT] {
     entries
 }
 
-/// `variant` is the place of the row's default in [`VARIANTS`], if it has one there.
-const fn entry(row: &Row, variant: u32) -> Entry {
+/// `variant` is the place of the row's default in [`Table::variants`], if it has one there.
+const fn entry(row: &Row, different: &[(i64, i64)], variant: u32) -> Entry {
     let (default_kind, default) = match row.default {
         Default::None | Default::Text(_) => (DefaultKind::Plain, 0),
         Default::Value(number) => (DefaultKind::Plain, number as u32),
@@ -221,7 +313,7 @@ const fn entry(row: &Row, variant: u32) -> Entry {
     };
     let limits = match row.limits {
         None => WHOLE,
-        Some(limits) => position(&LIMITS, DISTINCT_LIMITS, limits) as u8,
+        Some(limits) => position(different, different.len(), limits) as u8,
     };
     Entry {
         index: row.index,
@@ -235,27 +327,19 @@ const fn entry(row: &Row, variant: u32) -> Entry {
     }
 }
 
-/// Every rule that a table has to keep. A broken one stops the build here, and the size that the
-/// compiler finds in place of 0 is the row: its index times 256, plus its sub-index.
-const _: [(); 0] = [(); first_unsound()];
-
 /// The key of the first row that breaks a rule; 0 when there is none.
-const fn first_unsound() -> usize {
+const fn first_unsound(rows: &[Row], limits: usize) -> usize {
     let mut i = 0;
-    while i < COUNT {
-        let row = &ROWS[i];
+    while i < rows.len() {
+        let row = &rows[i];
         let alone = sound_shape(row) && sound_access(row) && sound_values(row);
-        if !alone || i + 1 < COUNT && !sound_order(row, &ROWS[i + 1]) {
+        if !alone || i + 1 < rows.len() && !sound_order(row, &rows[i + 1]) {
             return key(row) as usize;
         }
         i += 1;
     }
     // One number has to be left over for "the whole range".
-    if DISTINCT_LIMITS < WHOLE as usize {
-        0
-    } else {
-        1
-    }
+    if limits < WHOLE as usize { 0 } else { 1 }
 }
 
 /// Rows do not overlap, an object begins at sub-index 0, and a VAR has no members.

@@ -14,6 +14,7 @@ use tilt::sample::Instant;
 use super::parameters::Parameters;
 use super::process::Process;
 use crate::exchange;
+use crate::presentation::Presentation;
 use crate::program::Program;
 
 /// What belongs to one SYNC.
@@ -121,13 +122,19 @@ impl Values {
     /// Where the SYNC before has no answer the peer may never have been told what this channel
     /// heard until then (a SYNC that comes twice within a millisecond): its activity is not known.
     ///
-    /// `own_fault` is what this channel is held faulty for.
-    pub fn latch(&mut self, mut observation: Observation, own_fault: Option<Invalid>, at: Instant) {
+    /// `own_fault` is what this channel is held faulty for, and `shown` how its angles are shown.
+    pub fn latch(
+        &mut self,
+        mut observation: Observation,
+        own_fault: Option<Invalid>,
+        shown: Presentation,
+        at: Instant,
+    ) {
         if self.news.own.is_some() {
             observation.activity = Activity::GAP;
         }
         self.process.measure(&observation.reading, at);
-        self.tell(&observation, own_fault, at);
+        self.tell(&observation, own_fault, shown, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
         let latched = Latched { observation, at };
         self.news.unanswered = self.news.own.replace(latched);
@@ -136,12 +143,18 @@ impl Values {
 
     /// Puts into the exchange what the peer is to know: a channel that is held faulty says so
     /// instead of an angle.
-    pub fn tell(&mut self, observation: &Observation, own_fault: Option<Invalid>, at: Instant) {
+    pub fn tell(
+        &mut self,
+        observation: &Observation,
+        own_fault: Option<Invalid>,
+        shown: Presentation,
+        at: Instant,
+    ) {
         let told = match own_fault {
             Some(reason) if observation.reading.x.is_ok() => &observation.refused(reason),
             _ => observation,
         };
-        self.process.sent = exchange::encode(told, self.parameters.presentation(), at);
+        self.process.sent = exchange::encode(told, shown, at);
     }
 }
 
@@ -162,13 +175,13 @@ mod tests {
             activity: Activity(121),
             ..Observation::absent(Invalid::Settling)
         };
-        values.latch(heard, None, Instant(0));
+        values.latch(heard, None, Presentation::AS_MEASURED, Instant(0));
         assert_eq!(values.process.sent.activity, 121);
         let nothing = Observation::absent(Invalid::Settling);
-        values.latch(nothing, None, Instant(200));
+        values.latch(nothing, None, Presentation::AS_MEASURED, Instant(200));
         assert_eq!(values.process.sent.activity, Activity::GAP.0);
         values.news.own = None;
-        values.latch(nothing, None, Instant(20_000));
+        values.latch(nothing, None, Presentation::AS_MEASURED, Instant(20_000));
         assert_eq!(values.process.sent.activity, Activity::NONE.0);
     }
 }

@@ -11,7 +11,7 @@ use device::calibration::motor::{MOTOR, Terms};
 use device::channel::Setup;
 use device::device::Factory;
 use device::objects::panel::Identity;
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
@@ -117,7 +117,11 @@ pub fn delivered() -> Calibration {
 /// The instrument of a perfect part whose noise has this standard deviation, 2^-26 g.
 pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
     Factory {
-        identity: Identity { channel, serial },
+        identity: Identity {
+            channel,
+            serial,
+            models: Models::WHOLE,
+        },
         node_id: channel.node_id(),
         kbit_s: 250,
         terms: Terms {

@@ -1,16 +1,16 @@
-//! `cargo emulate`: the product's exact images, run on emulated boards.
+//! `cargo emulate`: the exact images, the product's or the paper's, run on emulated boards.
 //!
 //! In: a verb and its arguments; images, unless they are to be built. Out: `serve` puts two
 //! emulated nodes on a bus that other programs can join, exactly as `plumb serve` does with
 //! virtual ones. Errors are one sentence on stderr and exit status 2.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use emulator::build::Product;
-use emulator::pair::deliver;
+use emulator::build::{BuildError, Paper, Product};
+use emulator::pair::{Outfit, deliver};
 use plumb::serve;
 use sim::bench::{Mode, World};
 use sim::network::Network;
@@ -55,20 +55,32 @@ fn run(serve: &Serve) -> Result<ExitCode, Box<dyn Error>> {
     let arguments = &serve.bus;
     refuse(arguments)?;
     let named = arguments.node_ids()?;
-    let product = serve.images.as_deref();
-    let pieces = product.map_or_else(Product::build, Product::read)?.pieces();
+    let mode = Mode::from(arguments.mode);
+    let pieces = pieces(mode, serve.images.as_deref())?;
+    let outfit = match mode {
+        Mode::Paper => Outfit::paper(&pieces),
+        Mode::Product | Mode::OneAxis => Outfit::from(&pieces),
+    };
     let bit_rate = u32::from(arguments.bit_rate) * 1000;
     let mut network = Network::new(bit_rate, arguments.seed);
     let (world, seed) = (&World::NOMINAL, arguments.seed);
     let delivered = if arguments.uncalibrated {
-        Delivered::bare(Mode::Product, world, seed, 0)
+        Delivered::bare(mode, world, seed, 0)
     } else {
-        Delivered::calibrated(Mode::Product, world, seed, 0)?
+        Delivered::calibrated(mode, world, seed, 0)?
     };
     let ids = [0, 1].map(|number| named[number].unwrap_or(UNCONFIGURED));
     let fitting = (ids, arguments.bit_rate);
-    deliver(&mut network, &delivered, fitting, seed, &pieces)?;
+    deliver(&mut network, &delivered, fitting, seed, outfit)?;
     Ok(serve::run_network(arguments, network, &named)?)
+}
+
+/// What is flashed into an instrument of this mode: built anew, or found in a folder.
+fn pieces(mode: Mode, found: Option<&Path>) -> Result<Vec<(u32, Vec<u8>)>, BuildError> {
+    Ok(match mode {
+        Mode::Paper => found.map_or_else(Paper::build, Paper::read)?.pieces(),
+        Mode::Product | Mode::OneAxis => found.map_or_else(Product::build, Product::read)?.pieces(),
+    })
 }
 
 /// What the image decides by itself cannot be asked for.
@@ -80,8 +92,8 @@ fn refuse(arguments: &serve::Arguments) -> Result<(), &'static str> {
         serve::Arguments { state: Some(_), .. } => {
             Err("emulated nodes keep what they store in their flash, which is not kept in files")
         }
-        arguments if Mode::from(arguments.mode) != Mode::Product => {
-            Err("the image is the product's; for another mode use `plumb serve`")
+        arguments if Mode::from(arguments.mode) == Mode::OneAxis => {
+            Err("no image is for one axis; use `plumb serve`")
         }
         _ => Ok(()),
     }

@@ -44,6 +44,11 @@ impl Clock {
         self.at(cycle).div_ceil(NS) as u64
     }
 
+    /// Whether `ns` has come at `cycle`, as [`Clock::cycle`] has it, but without its division.
+    pub fn has_come(&self, ns: u64, cycle: u64) -> bool {
+        cycle >= self.base_cycle && u128::from(ns) * NS <= self.at(cycle)
+    }
+
     /// The first cycle that begins at `ns` or later.
     pub fn cycle(&self, ns: u64) -> u64 {
         let Some(after) = (u128::from(ns) * NS).checked_sub(self.base) else {
@@ -75,6 +80,10 @@ mod tests {
             assert!((cycle..=cycle + 1).contains(&found), "{cycle} {found}");
         }
         assert_eq!(clock.cycle(0), 8);
+        for ns in [0, 1_999, 2_000, 2_013, 2_014, 2_015, 1_000_000_000] {
+            let first = clock.cycle(ns);
+            assert!(clock.has_come(ns, first) && !clock.has_come(ns, first - 1));
+        }
     }
 
     #[test]

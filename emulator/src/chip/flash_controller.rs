@@ -9,8 +9,7 @@
 //! operation lasts (PM0075 2.3); code in RAM would not, and does here. BSY and EOP are as before
 //! at the first access after STRT (ST's errata, "BSY bit delay versus STRT bit setting"): on the
 //! chip a cycle is enough, here it has to be an access.
-//! Left out: pages of 1 kB as the smaller parts have; option bytes but for reading, mass erase,
-//! read protection.
+//! Left out: option bytes but for reading, mass erase, read protection.
 //!
 //! | offset | register | section |
 //! |---|---|---|
@@ -23,7 +22,7 @@
 //! | 20h | WRPR | 3.8 |
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use flash::layout::PAGE;
+use flash::layout::{Layout, PAGE};
 use flash::nor::{Draw, Nor, NorError, Page};
 
 /// Programming a half-word, ns.
@@ -88,8 +87,10 @@ pub type Cells = Nor<Vec<Page>, Dice>;
 pub enum Operation {
     /// The half-word at this offset is programmed with these bytes.
     Program(u32, [u8; 2]),
-    /// The page that begins at this offset is erased.
+    /// The page of 2 kB that begins at this offset is erased.
     Erase(u32),
+    /// The page of 1 kB that begins at this offset is erased, of a part of medium density.
+    EraseHalf(u32),
 }
 
 impl Operation {
@@ -98,13 +99,14 @@ impl Operation {
         match self {
             Self::Program(offset, bytes) => cells.write(offset, &bytes),
             Self::Erase(offset) => cells.erase(offset, offset.saturating_add(PAGE)),
+            Self::EraseHalf(offset) => cells.erase_half(offset),
         }
     }
 
     /// The first byte that it changes, from the start of the flash.
     pub const fn offset(self) -> u32 {
         match self {
-            Self::Program(offset, _) | Self::Erase(offset) => offset,
+            Self::Program(offset, _) | Self::Erase(offset) | Self::EraseHalf(offset) => offset,
         }
     }
 }
@@ -124,6 +126,8 @@ pub enum Outcome {
 #[derive(Clone, Debug)]
 pub struct FlashController {
     cells: Cells,
+    /// Bytes of a page.
+    page: u32,
     /// What the code has done since the journal was begun, if it was.
     journal: Option<Vec<Operation>>,
     acr: u32,
@@ -141,11 +145,12 @@ pub struct FlashController {
 }
 
 impl FlashController {
-    /// An erased flash of so many bytes; `seed` for what a cut leaves.
-    pub fn new(size: u32, seed: u64) -> Self {
-        let pages = vec![Page::new(); (size / PAGE) as usize];
+    /// The erased flash of a part with this map; `seed` for what a cut leaves.
+    pub fn new(layout: &Layout, seed: u64) -> Self {
+        let pages = vec![Page::new(); (layout.flash / PAGE) as usize];
         Self {
             cells: Nor::new(pages, Dice(seed)),
+            page: layout.chip_page,
             journal: None,
             acr: 0x30,
             sr: 0,
@@ -315,9 +320,14 @@ impl FlashController {
         if self.cr & cr::PER == 0 || self.cr & cr::MER != 0 {
             return Outcome::Refused;
         }
-        let first = self.ar.wrapping_sub(flash::layout::BASE) / PAGE * PAGE;
-        self.changed.push((first.min(self.size() - PAGE), PAGE));
-        match self.perform(Operation::Erase(first)) {
+        let page = self.page;
+        let first = self.ar.wrapping_sub(flash::layout::BASE) / page * page;
+        self.changed.push((first.min(self.size() - page), page));
+        let erase = match page {
+            PAGE => Operation::Erase(first),
+            _ => Operation::EraseHalf(first),
+        };
+        match self.perform(erase) {
             Ok(()) => {
                 self.sr |= sr::EOP;
                 self.starting = true;
@@ -359,10 +369,19 @@ impl FlashController {
 
 #[cfg(test)]
 mod tests {
+    use flash::layout::{C8, HALF_PAGE, RC};
+
     use super::*;
 
+    fn of(layout: Layout) -> FlashController {
+        FlashController::new(&layout, 1)
+    }
+
     fn open() -> FlashController {
-        let mut flash = FlashController::new(4 * PAGE, 1);
+        opened(of(RC))
+    }
+
+    fn opened(mut flash: FlashController) -> FlashController {
         flash.write(0x04, 0x4567_0123);
         flash.write(0x04, 0xCDEF_89AB);
         flash
@@ -376,7 +395,7 @@ mod tests {
 
     #[test]
     fn a_wrong_key_locks_until_the_next_reset() {
-        let mut flash = FlashController::new(4 * PAGE, 1);
+        let mut flash = of(RC);
         flash.write(0x04, 1);
         flash.write(0x04, 0x4567_0123);
         flash.write(0x04, 0xCDEF_89AB);
@@ -407,6 +426,25 @@ mod tests {
     }
 
     #[test]
+    fn a_part_of_medium_density_erases_a_page_of_1_kb() {
+        let mut flash = opened(of(C8));
+        flash.write(0x10, cr::PG);
+        for at in [PAGE, PAGE + HALF_PAGE] {
+            assert_eq!(flash.program(at, 2, 0), Some(Outcome::Held(PROGRAM_NS)));
+        }
+        while flash.take_changed().is_some() {}
+        flash.write(0x10, cr::PER);
+        flash.write(0x14, flash::layout::BASE + PAGE + HALF_PAGE + 5);
+        let erased = flash.write(0x10, cr::PER | cr::STRT);
+        assert!(matches!(erased, Some(Outcome::Held(_))));
+        let blank = vec![0xFF; HALF_PAGE as usize];
+        assert_eq!(flash.take_changed(), Some((PAGE + HALF_PAGE, blank)));
+        let [low, high] = [0, HALF_PAGE as usize];
+        let page = flash.cells().pages()[1].bytes();
+        assert_eq!((page[low], page[high]), (0, 0xFF));
+    }
+
+    #[test]
     fn the_first_look_after_the_start_of_an_erase_finds_nothing_done() {
         let mut flash = open();
         for _ in 0..2 {
@@ -424,7 +462,7 @@ mod tests {
     #[test]
     fn erases_take_from_20_to_40_ms_as_drawn_from_the_seed() {
         let times = |seed| {
-            let mut flash = FlashController::new(4 * PAGE, seed);
+            let mut flash = FlashController::new(&RC, seed);
             flash.write(0x04, 0x4567_0123);
             flash.write(0x04, 0xCDEF_89AB);
             let erases = (0..200).map(|_| match erase(&mut flash, 1) {
@@ -444,7 +482,7 @@ mod tests {
 
     #[test]
     fn locked_nothing_is_programmed() {
-        let mut flash = FlashController::new(4 * PAGE, 1);
+        let mut flash = of(RC);
         flash.write(0x10, cr::PG);
         assert_eq!(flash.program(0, 2, 0), None);
         assert_eq!(flash.take_changed(), Some((0, vec![0xFF; 4])));

@@ -154,8 +154,8 @@ impl Chip {
             code: Code::new(layout.flash),
             nvic: Nvic::default(),
             can: Can::default(),
-            flash: FlashController::new(layout.flash, individual.seed),
-            system: System::default(),
+            flash: FlashController::new(&layout, individual.seed),
+            system: System::of(&layout),
             layout,
             individual,
             clock: Clock::new(now_ns, 8_000_000, individual.crystal),
@@ -195,7 +195,7 @@ impl Chip {
         self.rcc = Rcc::reset(cause, before);
         self.clock.set_hz(self.cycles, self.rcc.frequencies().hclk);
         self.nvic = Nvic::default();
-        self.system = System::default();
+        self.system = System::of(&self.layout);
         match cause {
             Cause::Power => self.flash.power_up(),
             _ => self.flash.reset(),
@@ -251,9 +251,20 @@ impl Chip {
         !self.watched.is_empty() || self.code.is_counted()
     }
 
+    /// Whether [`Chip::watch`] has addresses to watch.
+    #[inline(always)]
+    pub fn is_watched(&self) -> bool {
+        !self.watched.is_empty()
+    }
+
     /// Notes a block that is about to run, and its bytes, before [`Chip::begin`].
     pub fn observe(&mut self, address: u32, block: Block, bytes: &[u8]) {
         self.code.ran(address, block.instructions);
+        self.pass_watched(address, bytes);
+    }
+
+    /// Notes which of the watched addresses are in a block that is about to run.
+    pub fn pass_watched(&mut self, address: u32, bytes: &[u8]) {
         for watched in &self.watched {
             let Some(before) = watched.checked_sub(address).map(|offset| offset as usize) else {
                 continue;
@@ -351,6 +362,14 @@ impl Chip {
         self.event |= block.sends_event;
     }
 
+    /// A block at `address` is about to run that sends no event, or does so by itself: what
+    /// [`Chip::observe`] and [`Chip::begin`] do without addresses that are watched.
+    #[inline(always)]
+    pub fn count(&mut self, address: u32, instructions: u32) {
+        self.code.ran(address, instructions);
+        self.cycles = self.cycles.wrapping_add(instructions.into());
+    }
+
     /// Instructions of the block under way that were not executed.
     pub fn take_back(&mut self, instructions: u32) {
         self.cycles -= u64::from(instructions);
@@ -370,6 +389,11 @@ impl Chip {
     /// Takes the event that ends a WFE, if there is one.
     pub fn take_event(&mut self) -> bool {
         std::mem::take(&mut self.event)
+    }
+
+    /// The code sends an event (SEV).
+    pub fn send_event(&mut self) {
+        self.event = true;
     }
 
     /// An exception begins or ends: an event for WFE (PM0056 2.5.3).
@@ -463,14 +487,12 @@ impl Chip {
 
     /// Cycles of HCLK in one of PCLK2.
     fn per_pclk2(&self) -> u32 {
-        let at = self.rcc.frequencies();
-        at.hclk / at.pclk2.max(1)
+        self.rcc.ratios().pclk2
     }
 
-    /// Cycles of HCLK in one of the timers' clock: twice PCLK1 unless that is HCLK (RM0008 7.2).
+    /// Cycles of HCLK in one of the timers' clock.
     fn timer_step(&self) -> u32 {
-        let at = self.rcc.frequencies();
-        (at.hclk / at.pclk1.max(1) / 2).max(1)
+        self.rcc.ratios().timers
     }
 }
 
@@ -498,10 +520,10 @@ impl Chip {
 
     fn take_edges(&mut self) {
         while let Some(edge) = self.edges.front().copied() {
-            let cycle = self.clock.cycle(edge.at_ns);
-            if cycle > self.cycles {
+            if !self.clock.has_come(edge.at_ns, self.cycles) {
                 return;
             }
+            let cycle = self.clock.cycle(edge.at_ns);
             self.edges.pop_front();
             let before = self.level(0, 0);
             if !edge.level {

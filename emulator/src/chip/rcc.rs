@@ -63,6 +63,32 @@ pub struct Frequencies {
     pub pclk2: u32,
 }
 
+/// Cycles of HCLK in one of the clocks of peripherals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ratios {
+    /// In one of PCLK2.
+    pub pclk2: u32,
+    /// In one of the timers' clock: twice PCLK1 unless that is HCLK (RM0008 7.2).
+    pub timers: u32,
+}
+
+impl Ratios {
+    fn of(at: Frequencies) -> Self {
+        Self {
+            pclk2: at.hclk / at.pclk2.max(1),
+            timers: (at.hclk / at.pclk1.max(1) / 2).max(1),
+        }
+    }
+}
+
+/// Undivided, as after a reset.
+impl Default for Ratios {
+    fn default() -> Self {
+        let (pclk2, timers) = (1, 1);
+        Self { pclk2, timers }
+    }
+}
+
 /// The registers.
 #[derive(Clone, Debug)]
 pub struct Rcc {
@@ -74,6 +100,8 @@ pub struct Rcc {
     csr: u32,
     hse_ready_ns: u64,
     pll_ready_ns: u64,
+    /// What CFGR says, kept since it is asked at every access to a peripheral.
+    ratios: Ratios,
 }
 
 impl Rcc {
@@ -88,6 +116,7 @@ impl Rcc {
             csr: before & 0xFC00_0000 | cause.flags(),
             hse_ready_ns: 0,
             pll_ready_ns: 0,
+            ratios: Ratios::default(),
         }
     }
 
@@ -114,6 +143,11 @@ impl Rcc {
             pclk1: hclk / self.divider(8),
             pclk2: hclk / self.divider(11),
         }
+    }
+
+    /// How they stand to each other.
+    pub fn ratios(&self) -> Ratios {
+        self.ratios
     }
 
     /// PPRE1 at bit 8, PPRE2 at bit 11 (RM0008 7.3.2).
@@ -229,6 +263,7 @@ impl Rcc {
         };
         let free = 0x077F_FFF3 & !fixed;
         self.cfgr = value & free | self.cfgr & fixed | switched << 2;
+        self.ratios = Ratios::of(self.frequencies());
     }
 }
 
@@ -251,6 +286,7 @@ mod tests {
         assert_eq!(rcc.frequencies().hclk, 8_000_000);
         rcc.write(0x04, times_9 | 2, 2_200_000);
         let at = rcc.frequencies();
+        assert_eq!((rcc.ratios().pclk2, rcc.ratios().timers), (1, 1));
         assert_eq!(
             [at.hclk, at.pclk1, at.pclk2],
             [72_000_000, 36_000_000, 72_000_000]

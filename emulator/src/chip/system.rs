@@ -32,6 +32,8 @@
 //! | E0042000h | DBGMCU_IDCODE | RM0008 31.6.1 |
 //! | E0042004h | DBGMCU_CR | RM0008 31.16.3 |
 
+use flash::layout::{Layout, PAGE};
+
 use super::nvic::{self, Nvic};
 
 /// What the part says that it is: Cortex-M3 r1p1 (PM0056 4.4.2).
@@ -50,6 +52,8 @@ pub struct System {
     bfar: u32,
     demcr: u32,
     dbgmcu: u32,
+    /// DBGMCU_IDCODE.
+    identity: u32,
     systick: SysTick,
     /// CYCCNT counts from here, while it is on.
     counter: Option<u64>,
@@ -68,8 +72,9 @@ struct SysTick {
     rest: u32,
 }
 
-impl Default for System {
-    fn default() -> Self {
+impl System {
+    /// As after a reset, of the part with this map.
+    pub fn of(layout: &Layout) -> Self {
         Self {
             vtor: 0,
             scr: 0,
@@ -82,6 +87,11 @@ impl Default for System {
             bfar: 0,
             demcr: 0,
             dbgmcu: 0,
+            // RM0008 31.6.1: of high density, revision A; of medium density, revision X.
+            identity: match layout.chip_page {
+                PAGE => 0x1001_6414,
+                _ => 0x2003_6410,
+            },
             systick: SysTick::default(),
             counter: None,
             counted: 0,
@@ -260,7 +270,7 @@ impl System {
             0xE000_ED38 => self.bfar,
             0xE000_EDFC => self.demcr,
             // RM0008 31.6.1: high density, revision X.
-            0xE004_2000 => 0x1001_6414,
+            0xE004_2000 => self.identity,
             0xE004_2004 => self.dbgmcu,
             _ => 0,
         })
@@ -360,11 +370,13 @@ fn write_icsr(value: u32, nvic: &mut Nvic) {
 
 #[cfg(test)]
 mod tests {
+    use flash::layout::RC;
+
     use super::*;
 
     #[test]
     fn the_tick_comes_every_load_plus_one() {
-        let (mut system, mut nvic) = (System::default(), Nvic::default());
+        let (mut system, mut nvic) = (System::of(&RC), Nvic::default());
         system.write(0xE000_E014, 71_999, 0, &mut nvic);
         system.write(0xE000_E010, 7, 1000, &mut nvic);
         assert_eq!(system.next_event(), Some(73_000));
@@ -379,7 +391,7 @@ mod tests {
 
     #[test]
     fn the_cycle_counter_runs_with_tracing_on() {
-        let (mut system, mut nvic) = (System::default(), Nvic::default());
+        let (mut system, mut nvic) = (System::of(&RC), Nvic::default());
         system.write(0xE000_1000, 1, 5, &mut nvic);
         assert_eq!(system.read(0xE000_1004, 100, &nvic), Some(0));
         system.write(0xE000_EDFC, 1 << 24, 100, &mut nvic);
@@ -391,7 +403,7 @@ mod tests {
 
     #[test]
     fn a_reset_needs_its_key() {
-        let (mut system, mut nvic) = (System::default(), Nvic::default());
+        let (mut system, mut nvic) = (System::of(&RC), Nvic::default());
         system.write(0xE000_ED0C, 0x0000_0004, 0, &mut nvic);
         assert!(!system.wants_reset());
         system.write(0xE000_ED0C, 0x05FA_0304, 0, &mut nvic);
@@ -401,7 +413,7 @@ mod tests {
 
     #[test]
     fn a_bus_fault_without_its_handler_is_a_hard_fault() {
-        let (mut system, nvic) = (System::default(), Nvic::default());
+        let (mut system, nvic) = (System::of(&RC), Nvic::default());
         assert_eq!(system.blame(Blame::Data(0x6000_0000)), nvic::HARD_FAULT);
         assert_eq!(system.read(0xE000_ED28, 0, &nvic), Some(0x8200));
         assert_eq!(system.read(0xE000_ED2C, 0, &nvic), Some(1 << 30));

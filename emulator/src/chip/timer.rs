@@ -157,6 +157,9 @@ impl Timer {
 
     /// Compare flags of all values up to `count` that were not passed before in this round.
     fn compare(&mut self, count: u32) {
+        if count < self.compared {
+            return;
+        }
         for channel in 0..CHANNELS {
             let passed = (self.compared..=count).contains(&self.ccr[channel]);
             if self.is_output(channel) && passed {

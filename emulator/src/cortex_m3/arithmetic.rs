@@ -14,6 +14,22 @@ pub fn add(a: u32, b: u32, carry: bool) -> (u32, bool, bool) {
     (sum, first | second, overflow >> 31 != 0)
 }
 
+/// The same without a carry that comes in.
+#[inline(always)]
+pub fn sum(a: u32, b: u32) -> (u32, bool, bool) {
+    let (sum, carry) = a.overflowing_add(b);
+    let (_, overflow) = (a as i32).overflowing_add(b as i32);
+    (sum, carry, overflow)
+}
+
+/// a - b, as a + !b + 1: the carry is that there is no borrow.
+#[inline(always)]
+pub fn difference(a: u32, b: u32) -> (u32, bool, bool) {
+    let (difference, borrow) = a.overflowing_sub(b);
+    let (_, overflow) = (a as i32).overflowing_sub(b as i32);
+    (difference, !borrow, overflow)
+}
+
 /// `value` shifted, and the bit that has come out last; the carry before where none has.
 ///
 /// By 0 to 255 places; [`Shift::Ror`] by 0 to 31.
@@ -68,6 +84,15 @@ mod tests {
         // 5 - 7: no carry is a borrow.
         assert_eq!(add(5, !7, true), (0xFFFF_FFFE, false, false));
         assert_eq!(add(0x8000_0000, 0x8000_0000, false), (0, true, true));
+    }
+
+    #[test]
+    fn sums_without_a_carry_are_those_with_it() {
+        let values = [0, 1, 5, 0x7FFF_FFFF, 0x8000_0000, 0x8000_0001, u32::MAX];
+        for (a, b) in values.iter().flat_map(|a| values.map(|b| (*a, b))) {
+            assert_eq!(sum(a, b), add(a, b, false));
+            assert_eq!(difference(a, b), add(a, !b, true));
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@
 
 mod wide;
 
-use super::op::{Alu, Bits, Kind, LR, Many, NOWHERE, Op, PC, SP, Shift, Shifted, ZERO};
+use super::op::{Alu, Bits, Kind, LR, Many, NOWHERE, Op, PC, Placed, SP, Shift, Shifted, ZERO};
 use crate::code::{Block, SEV, WFE, WFI, YIELD};
 
 /// A block does not reach beyond so many bytes that begin at a multiple of it.
@@ -38,6 +38,8 @@ pub struct Decoder<'a> {
     was_in_it: bool,
     /// The last instruction of the block has been found.
     ended: bool,
+    /// Where the block goes on by its last instruction, which has no entry then.
+    pub to: Option<u32>,
     pub ops: Vec<Op>,
     pub places: Vec<Place>,
     pub block: Block,
@@ -55,6 +57,7 @@ impl<'a> Decoder<'a> {
             last: (0, 0),
             was_in_it: false,
             ended: false,
+            to: None,
             ops: Vec::new(),
             places: Vec::new(),
             block: Block::default(),
@@ -110,8 +113,8 @@ impl<'a> Decoder<'a> {
             _ => self.wide(first, second),
         }
         let entries = (self.ops.len() - begin).saturating_sub(1) as u8;
-        if let (Some(when), Some(skip)) = (when, self.ops.get_mut(begin)) {
-            *skip = Op::SkipUnless { when, entries };
+        if let Some(when) = when {
+            self.set_condition(begin, when, entries);
         }
         self.note_places();
         self.was_in_it = before != 0;
@@ -126,6 +129,24 @@ impl<'a> Decoder<'a> {
         self.block.instructions += 1;
         self.size += size;
         self.at += size;
+    }
+
+    /// The instruction whose entries begin there, so many, has this condition.
+    fn set_condition(&mut self, begin: usize, when: u8, entries: u8) {
+        let condition = match self.ops.get(begin + 1..) {
+            Some([Op::Move { d, m }]) => Op::MoveIf { when, d: *d, m: *m },
+            Some([Op::Set { d, imm }]) => {
+                let (d, imm) = (*d, *imm);
+                Op::SetIf { when, d, imm }
+            }
+            _ => Op::SkipUnless { when, entries },
+        };
+        if !matches!(condition, Op::SkipUnless { .. }) {
+            self.ops.truncate(begin + 1);
+        }
+        if let Some(first) = self.ops.get_mut(begin) {
+            *first = condition;
+        }
     }
 
     /// The entries without a place belong to this instruction.
@@ -149,13 +170,26 @@ impl<'a> Decoder<'a> {
     }
 
     fn push(&mut self, op: Op) {
-        self.ops.push(op);
+        let joined = self.before().and_then(|before| joined(before, op));
+        match (joined, self.ops.last_mut()) {
+            (Some(joined), Some(before)) => *before = joined,
+            _ => self.ops.push(op),
+        }
+    }
+
+    /// The entry before, if none of both stands in an IT block.
+    fn before(&self) -> Option<Op> {
+        let is_free = !self.was_in_it && self.it == 0;
+        self.ops.last().copied().filter(|_| is_free)
     }
 
     /// The last instruction of the block.
     fn end(&mut self, op: Op) {
-        self.push(op);
         self.ended = true;
+        match op {
+            Op::Jump { to } if self.it == 0 => self.to = Some(to),
+            _ => self.push(op),
+        }
     }
 
     /// What the program counter reads as, in this instruction.
@@ -200,6 +234,12 @@ impl<'a> Decoder<'a> {
             (true, Alu::Add, true) => Op::Adds { d, n, m },
             (true, Alu::Sub, true) if d == NOWHERE => Op::Cmp { n, m },
             (true, Alu::Sub, true) => Op::Subs { d, n, m },
+            (false, _, false) if shift == Shift::Lsl && by < 32 => {
+                Op::DataLsl(Placed { alu, d, n, m, by })
+            }
+            (false, _, false) if shift == Shift::Lsr && by < 32 => {
+                Op::DataLsr(Placed { alu, d, n, m, by })
+            }
             (false, ..) => Op::Data(Shifted {
                 alu,
                 d,
@@ -208,6 +248,7 @@ impl<'a> Decoder<'a> {
                 shift,
                 by,
             }),
+            (true, _, true) => Op::DatasPlain { alu, d, n, m },
             (true, ..) => Op::Datas(Shifted {
                 alu,
                 d,
@@ -225,11 +266,10 @@ impl<'a> Decoder<'a> {
             (false, Alu::Orr) if n == ZERO => Op::Set { d, imm },
             (false, Alu::And) => Op::AndImm { d, n, imm },
             (false, Alu::Add) => Op::AddImm { d, n, imm },
-            (false, Alu::Sub) => Op::AddImm {
-                d,
-                n,
-                imm: imm.wrapping_neg(),
-            },
+            (false, Alu::Sub) => {
+                let imm = imm.wrapping_neg();
+                Op::AddImm { d, n, imm }
+            }
             (true, Alu::Orr) if n == ZERO => Op::Sets { d, imm },
             (true, Alu::Add) => Op::AddsImm { d, n, imm },
             (true, Alu::Sub) if d == NOWHERE => Op::CmpImm { n, imm },
@@ -241,6 +281,7 @@ impl<'a> Decoder<'a> {
 
     fn load(&mut self, kind: Kind, t: u8, n: u8, imm: u32) {
         self.push(match kind {
+            Kind::Word if n == ZERO => Op::Literal { t, at: imm },
             Kind::Word => Op::Ldr { t, n, imm },
             Kind::Half => Op::Ldrh { t, n, imm },
             Kind::Byte => Op::Ldrb { t, n, imm },
@@ -517,6 +558,27 @@ impl<'a> Decoder<'a> {
         }
         self.end(joined.unwrap_or(Op::JumpIf { when, to }));
     }
+}
+
+/// Two entries as one. Of the two only the first can be refused, since both have its place.
+fn joined(before: Op, op: Op) -> Option<Op> {
+    Some(match (before, op) {
+        (Op::Move { d, m }, Op::Move { d: second, m: from }) if second != PC => {
+            Op::Moves { d, m, second, from }
+        }
+        (Op::Move { d, m }, Op::Call { to }) => Op::MoveCall { d, m, to },
+        (Op::Ldm(many), Op::JumpTo { m: PC }) => Op::LdmJump(many),
+        (Op::Stm(many), Op::AddImm { d: SP, n: SP, imm }) if is_push(many) => {
+            let mask = many.mask;
+            Op::Push { mask, imm }
+        }
+        _ => return None,
+    })
+}
+
+/// Whether it is a PUSH, of whatever registers.
+fn is_push(many: Many) -> bool {
+    many.n == SP && many.down && many.keeps
 }
 
 /// A shift to the right by no places is one by 32.

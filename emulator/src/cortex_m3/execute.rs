@@ -1,19 +1,33 @@
 //! Executes decoded instructions.
 //!
 //! In: entries of a block, one after the other. Out: registers, loads and stores, and a reason to
-//! stop where there is one. The program counter is set to the end of the block before its first
-//! entry; a branch is its last one and changes that.
+//! stop where there is one. Before its first entry the program counter is set to where the block
+//! goes on; a branch that depends on anything is its last entry and changes that.
 //!
 //! Sources: ARMv7-M A7.7. Left out: how long an instruction takes.
 
-use super::arithmetic::{self, add, shifted};
+use super::arithmetic::{self, add, difference, shifted, sum};
 use super::memory::{Memory, Stopped};
-use super::op::{Alu, Bits, Index, Kind, LR, Long, Many, NOWHERE, Op, PC, Shift, Shifted, ZERO};
+use super::op::{
+    Alu, Bits, Index, Indexed, Kind, LR, Long, Many, NOWHERE, Op, PC, Placed, Product, SP, Shift,
+    Shifted, Two, ZERO,
+};
 use super::registers::Registers;
 use crate::cpu::{Fault, Stop};
 
 /// From here on a branch is a return from an exception (PM0056 2.3.7).
 pub const EXC_RETURN: u32 = 0xFFFF_FFF0;
+
+/// What comes behind an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// The entry behind it.
+    Entry,
+    /// So many of those are left out.
+    Skip(u8),
+    /// Another block.
+    Block,
+}
 
 /// The core while it executes a block.
 #[derive(Debug)]
@@ -33,71 +47,107 @@ impl Core {
         self.registers.put(number, value);
     }
 
-    /// Executes an entry; how many of those behind it are left out.
+    /// Executes an entry; what comes behind it.
     ///
     /// Errors: it was not executed, or stops the core, as [`Memory::stop`] says.
     #[inline(always)]
-    pub fn execute(&mut self, op: Op) -> Result<u8, Stopped> {
-        match op {
+    pub fn execute(&mut self, op: &Op) -> Result<Next, Stopped> {
+        match *op {
             Op::Set { d, imm } => self.put(d, imm),
             Op::Sets { d, imm } => self.logical(d, imm),
             Op::Move { d, m } => self.put(d, self.get(m)),
+            Op::MoveIf { when, d, m } => self.set_if(when, d, self.get(m)),
+            Op::SetIf { when, d, imm } => self.set_if(when, d, imm),
             Op::AddImm { d, n, imm } => self.put(d, self.get(n).wrapping_add(imm)),
-            Op::AddsImm { d, n, imm } => self.sum(d, self.get(n), imm, false),
-            Op::SubsImm { d, n, imm } => self.sum(d, self.get(n), !imm, true),
-            Op::CmpImm { n, imm } => self.sum(NOWHERE, self.get(n), !imm, true),
-            Op::Cmp { n, m } => self.sum(NOWHERE, self.get(n), !self.get(m), true),
+            Op::AddsImm { d, n, imm } => self.flagged(d, sum(self.get(n), imm)),
+            Op::SubsImm { d, n, imm } => self.flagged(d, difference(self.get(n), imm)),
+            Op::CmpImm { n, imm } => self.flagged(NOWHERE, difference(self.get(n), imm)),
+            Op::Cmp { n, m } => self.flagged(NOWHERE, difference(self.get(n), self.get(m))),
             Op::Add { d, n, m } => self.put(d, self.get(n).wrapping_add(self.get(m))),
-            Op::Sub { d, n, m } => self.put(d, self.get(n).wrapping_sub(self.get(m))),
             Op::AndImm { d, n, imm } => self.put(d, self.get(n) & imm),
-            Op::Eor { d, n, m } => self.put(d, self.get(n) ^ self.get(m)),
-            Op::Orr { d, n, m } => self.put(d, self.get(n) | self.get(m)),
             Op::Ands { d, n, m } => self.logical(d, self.get(n) & self.get(m)),
-            Op::Adds { d, n, m } => self.sum(d, self.get(n), self.get(m), false),
-            Op::Subs { d, n, m } => self.sum(d, self.get(n), !self.get(m), true),
-            Op::Lsl { d, m, by } => self.moved(d, m, Shift::Lsl, by),
-            Op::Lsr { d, m, by } => self.moved(d, m, Shift::Lsr, by),
-            Op::Lsls { d, m, by } => self.moved_with_flags(d, m, Shift::Lsl, by),
-            Op::Lsrs { d, m, by } => self.moved_with_flags(d, m, Shift::Lsr, by),
+            Op::Adds { d, n, m } => self.flagged(d, sum(self.get(n), self.get(m))),
+            Op::Subs { d, n, m } => self.flagged(d, difference(self.get(n), self.get(m))),
+            Op::Lsls { d, m, by } => self.moved_left(d, m, by),
+            Op::Lsrs { d, m, by } => self.moved_right(d, m, by),
             Op::DataImm { alu, d, n, imm } => self.data(alu, d, n, imm),
-            Op::DatasImm { alu, d, n, imm } => {
-                self.data_with_flags(alu, d, n, imm, self.registers.flags.carry);
-            }
-            Op::Data(data) => self.data_shifted(data),
-            Op::Datas(data) => self.data_shifted_with_flags(data),
+            Op::DatasPlain { alu, d, n, m } => self.data_with_flags(alu, d, n, self.get(m)),
+            Op::DatasImm { alu, d, n, imm } => self.data_with_flags(alu, d, n, imm),
+            Op::DataLsl(data) => self.data(data.alu, data.d, data.n, self.placed_left(data)),
+            Op::DataLsr(data) => self.data(data.alu, data.d, data.n, self.placed_right(data)),
+            Op::Ubfx { d, n, lsb, width } => self.field(d, n, lsb, width),
+            Op::Extend { kind, d, m, by } => self.extend(kind, d, m, by),
+            Op::Long(product) => self.product(product),
+            Op::Literal { t, at } => self.literal(t, at)?,
             Op::Ldr { t, n, imm } => self.load(Kind::Word, t, self.get(n).wrapping_add(imm))?,
             Op::Ldrb { t, n, imm } => self.load(Kind::Byte, t, self.get(n).wrapping_add(imm))?,
             Op::Ldrh { t, n, imm } => self.load(Kind::Half, t, self.get(n).wrapping_add(imm))?,
+            Op::LoadSigned { kind, t, n, imm } => {
+                self.load(kind, t, self.get(n).wrapping_add(imm))?
+            }
             Op::Str { t, n, imm } => self.store(Kind::Word, t, self.get(n).wrapping_add(imm))?,
             Op::Strb { t, n, imm } => self.store(Kind::Byte, t, self.get(n).wrapping_add(imm))?,
             Op::Strh { t, n, imm } => self.store(Kind::Half, t, self.get(n).wrapping_add(imm))?,
             Op::LoadAt { kind, t, n, m, by } => self.load(kind, t, self.indexed(n, m, by))?,
             Op::StoreAt { kind, t, n, m, by } => self.store(kind, t, self.indexed(n, m, by))?,
+            Op::LoadIndexed(indexed) => self.load_indexed(indexed)?,
+            Op::StoreIndexed(indexed) => self.store_indexed(indexed)?,
             Op::Ldm(many) => self.load_many(many)?,
             Op::Stm(many) => self.store_many(many)?,
-            Op::Jump { to } => self.registers.pc = to,
-            Op::JumpIf { when, to } => self.jump_if(self.registers.flags.hold(when), to),
-            Op::CmpImmJumpIf { n, imm, when, to } => self.compare_and_jump(n, imm.into(), when, to),
-            Op::CmpJumpIf { n, m, when, to } => self.compare_and_jump(n, self.get(m), when, to),
-            Op::JumpIfZero { n, to } => self.jump_if(self.get(n) == 0, to),
-            Op::JumpIfNot { n, to } => self.jump_if(self.get(n) != 0, to),
-            Op::Call { to } => self.call(to),
-            Op::JumpTo { m } => self.jump_to(self.get(m)),
+            Op::Push { mask, imm } => self.store_many_and_add(mask, imm)?,
+            Op::Ldrd(two) => self.load_two(two)?,
+            Op::Strd(two) => self.store_two(two)?,
+            Op::JumpIf { when, to } => return Ok(self.jump_if(self.registers.flags.hold(when), to)),
+            Op::JumpIfZero { n, to } => return Ok(self.jump_if(self.get(n) == 0, to)),
+            Op::JumpIfNot { n, to } => return Ok(self.jump_if(self.get(n) != 0, to)),
+            Op::CmpImmJumpIf { n, imm, when, to } => {
+                return Ok(self.compare_and_jump(n, imm.into(), when, to));
+            }
+            Op::CmpJumpIf { n, m, when, to } => {
+                return Ok(self.compare_and_jump(n, self.get(m), when, to));
+            }
+            Op::Call { to } => return Ok(self.call(to)),
+            Op::JumpTo { m } => return Ok(self.jump_to(self.get(m))),
             Op::Carry { set } => self.registers.flags.carry = set,
             Op::SetPc { to } => self.put(PC, to),
-            Op::SkipUnless { when, entries } => {
-                let holds = self.registers.flags.hold(when);
-                return Ok(if holds { 0 } else { entries });
-            }
+            Op::SkipUnless { when, entries } => return Ok(self.skip_unless(when, entries)),
+            Op::Moves { d, m, second, from } => self.move_twice([d, m], [second, from]),
+            Op::MoveCall { d, m, to } => return Ok(self.move_and_call(d, m, to)),
+            Op::LdmJump(many) => return self.load_many_and_jump(many),
             _ => self.execute_rare(op)?,
         }
-        Ok(0)
+        Ok(Next::Entry)
+    }
+
+    #[inline(always)]
+    fn move_and_call(&mut self, d: u8, m: u8, to: u32) -> Next {
+        self.put(d, self.get(m));
+        self.call(to)
+    }
+
+    #[inline(always)]
+    fn load_many_and_jump(&mut self, many: Many) -> Result<Next, Stopped> {
+        self.load_many(many)?;
+        Ok(self.jump_to(self.get(PC)))
+    }
+
+    #[inline(always)]
+    fn move_twice(&mut self, [d, m]: [u8; 2], [second, from]: [u8; 2]) {
+        self.put(d, self.get(m));
+        self.put(second, self.get(from));
     }
 
     /// What code does less often: out of line, so that the rest has the registers to itself.
     #[inline(never)]
-    fn execute_rare(&mut self, op: Op) -> Result<(), Stopped> {
-        match op {
+    fn execute_rare(&mut self, op: &Op) -> Result<(), Stopped> {
+        match *op {
+            Op::Sub { d, n, m } => self.put(d, self.get(n).wrapping_sub(self.get(m))),
+            Op::Eor { d, n, m } => self.put(d, self.get(n) ^ self.get(m)),
+            Op::Orr { d, n, m } => self.put(d, self.get(n) | self.get(m)),
+            Op::Lsl { d, m, by } => self.put(d, self.get(m) << (by & 31)),
+            Op::Lsr { d, m, by } => self.put(d, (u64::from(self.get(m)) >> (by & 63)) as u32),
+            Op::Data(data) => self.data_shifted(data),
+            Op::Datas(data) => self.data_shifted_with_flags(data),
             Op::ShiftBy { shift, d, n, m } => {
                 let (value, _) = self.shifted_by(shift, n, m);
                 self.put(d, value);
@@ -109,14 +159,6 @@ impl Core {
             }
             Op::Movt { d, imm } => self.put(d, self.get(d) & 0xFFFF | u32::from(imm) << 16),
             Op::Bits { bits, d, m } => self.put(d, reordered(bits, self.get(m))),
-            Op::Extend { kind, d, m, by } => {
-                let value = self.get(m).rotate_right(by.into());
-                self.put(d, extended(kind, value));
-            }
-            Op::Ubfx { d, n, lsb, width } => {
-                let field = self.get(n) >> lsb & arithmetic::ones(width);
-                self.put(d, field);
-            }
             Op::Sbfx { d, n, lsb, width } => {
                 let left = self.get(n) << (32 - u32::from(lsb + width));
                 self.put(d, (left as i32 >> (32 - u32::from(width))) as u32);
@@ -138,75 +180,15 @@ impl Core {
                 self.registers.flags.saturated |= kept != value;
                 self.put(d, kept);
             }
-            _ => self.execute_walk(op)?,
-        }
-        Ok(())
-    }
-
-    /// Loads and stores that change their base, or are of two words.
-    fn execute_walk(&mut self, op: Op) -> Result<(), Stopped> {
-        match op {
-            Op::LoadSigned { kind, t, n, imm } => {
-                self.load(kind, t, self.get(n).wrapping_add(imm))?;
-            }
-            Op::LoadIndexed {
-                kind,
-                t,
-                n,
-                index,
-                by,
-            } => {
-                let (at, base) = self.walked(n, index, by);
-                let value = self.memory.load(kind, at)?;
-                self.put(n, base);
-                self.put(t, value);
-            }
-            Op::StoreIndexed {
-                kind,
-                t,
-                n,
-                index,
-                by,
-            } => {
-                let (at, base) = self.walked(n, index, by);
-                self.store(kind, t, at)?;
-                self.put(n, base);
-            }
-            Op::Ldrd {
-                t,
-                second,
-                n,
-                index,
-                by,
-            } => {
-                let (at, base) = self.walked(n, index, by);
-                let [low, high] = [self.aligned(at)?, self.aligned(at.wrapping_add(4))?];
-                self.put(n, base);
-                self.put(t, low);
-                self.put(second, high);
-            }
-            Op::Strd {
-                t,
-                second,
-                n,
-                index,
-                by,
-            } => {
-                let (at, base) = self.walked(n, index, by);
-                self.word_aligned(at)?;
-                self.store(Kind::Word, t, at)?;
-                self.store(Kind::Word, second, at.wrapping_add(4))?;
-                self.put(n, base);
-            }
             _ => self.execute_products(op)?,
         }
         Ok(())
     }
 
-    /// Products and quotients.
-    fn execute_products(&mut self, op: Op) -> Result<(), Stopped> {
+    /// Products and quotients of 32 bits.
+    fn execute_products(&mut self, op: &Op) -> Result<(), Stopped> {
         let product = |core: &Self, n, m| core.get(n).wrapping_mul(core.get(m));
-        match op {
+        match *op {
             Op::Mul { d, n, m } => self.put(d, product(self, n, m)),
             Op::Muls { d, n, m } => self.logical(d, product(self, n, m)),
             Op::Mla { d, n, m, a } => self.put(d, self.get(a).wrapping_add(product(self, n, m))),
@@ -220,40 +202,18 @@ impl Core {
                 let quotient = if m == 0 { 0 } else { n.wrapping_div(m) };
                 self.put(d, quotient as u32);
             }
-            Op::Long {
-                long,
-                low,
-                high,
-                n,
-                m,
-            } => {
-                let held = u64::from(self.get(high)) << 32 | u64::from(self.get(low));
-                let product = match long {
-                    Long::Smull | Long::Smlal => {
-                        let [n, m] = [n, m].map(|number| i64::from(self.get(number) as i32));
-                        (n * m) as u64
-                    }
-                    Long::Umull | Long::Umlal => u64::from(self.get(n)) * u64::from(self.get(m)),
-                };
-                let sum = match long {
-                    Long::Smull | Long::Umull => product,
-                    Long::Smlal | Long::Umlal => held.wrapping_add(product),
-                };
-                self.put(low, sum as u32);
-                self.put(high, (sum >> 32) as u32);
-            }
             _ => self.execute_system(op)?,
         }
         Ok(())
     }
 
     /// What code does to the core itself, and branches that are rare.
-    fn execute_system(&mut self, op: Op) -> Result<(), Stopped> {
-        match op {
+    fn execute_system(&mut self, op: &Op) -> Result<(), Stopped> {
+        match *op {
             Op::CallTo { m } => {
                 let to = self.get(m);
                 self.put(LR, self.registers.pc | 1);
-                self.jump_to(to);
+                let _ = self.jump_to(to);
             }
             Op::JumpPc => self.registers.pc = self.get(PC) & !1,
             Op::Table { n, m, by } => {
@@ -290,6 +250,11 @@ impl Core {
                 }
             }
             Op::SetIt { it } => self.registers.it = it,
+            Op::More { instructions, at } => self.memory.chip.count(at, instructions.into()),
+            Op::Jump { to } => {
+                let _ = self.jump(to);
+            }
+            Op::SendEvent => self.memory.chip.send_event(),
             Op::Svc => return Err(self.memory.stopped(Stop::SupervisorCall)),
             Op::Wfi => return Err(self.memory.stopped(Stop::WaitForInterrupt)),
             Op::Wfe => return Err(self.memory.stopped(Stop::WaitForEvent)),
@@ -307,10 +272,36 @@ impl Core {
         self.put(d, value);
     }
 
-    /// A sum that sets all four flags.
+    /// d = value, if a condition holds. It is written in any case: a branch in the emulator would
+    /// be as hard to foresee as that of the code.
     #[inline(always)]
-    fn sum(&mut self, d: u8, n: u32, m: u32, carry: bool) {
-        let (value, carry, overflow) = add(n, m, carry);
+    fn set_if(&mut self, when: u8, d: u8, value: u32) {
+        let held = self.get(d);
+        let holds = self.registers.flags.hold(when);
+        self.put(d, std::hint::select_unpredictable(holds, value, held));
+    }
+
+    #[inline(always)]
+    fn skip_unless(&self, when: u8, entries: u8) -> Next {
+        match self.registers.flags.hold(when) {
+            true => Next::Entry,
+            false => Next::Skip(entries),
+        }
+    }
+
+    #[inline(always)]
+    fn placed_left(&self, data: Placed) -> u32 {
+        self.get(data.m) << (data.by & 31)
+    }
+
+    #[inline(always)]
+    fn placed_right(&self, data: Placed) -> u32 {
+        self.get(data.m) >> (data.by & 31)
+    }
+
+    /// A sum or a difference with its carry and its overflow, which sets all four flags.
+    #[inline(always)]
+    fn flagged(&mut self, d: u8, (value, carry, overflow): (u32, bool, bool)) {
         self.registers.flags.carry = carry;
         self.registers.flags.overflow = overflow;
         self.logical(d, value);
@@ -326,23 +317,58 @@ impl Core {
     #[inline(always)]
     fn data_shifted_with_flags(&mut self, data: Shifted) {
         let carry = self.registers.flags.carry;
-        let (second, carry) = shifted(self.get(data.m), data.shift, data.by, carry);
-        self.data_with_flags(data.alu, data.d, data.n, second, carry);
+        let (second, shifted) = shifted(self.get(data.m), data.shift, data.by, carry);
+        match data.alu {
+            // Their carry goes in, and another one comes out.
+            Alu::Adc | Alu::Sbc => {}
+            _ => self.registers.flags.carry = shifted,
+        }
+        self.data_with_flags(data.alu, data.d, data.n, second);
     }
 
-    /// d = m shifted.
+    /// d = m shifted to the left by 1 to 31 places, with flags.
     #[inline(always)]
-    fn moved(&mut self, d: u8, m: u8, shift: Shift, by: u8) {
-        let (value, _) = shifted(self.get(m), shift, by, false);
-        self.put(d, value);
+    fn moved_left(&mut self, d: u8, m: u8, by: u8) {
+        let wide = u64::from(self.get(m)) << (by & 31);
+        self.registers.flags.carry = wide >> 32 & 1 != 0;
+        self.logical(d, wide as u32);
     }
 
-    /// The same with flags.
+    /// d = m shifted to the right by 1 to 32 places, with flags.
     #[inline(always)]
-    fn moved_with_flags(&mut self, d: u8, m: u8, shift: Shift, by: u8) {
-        let (value, carry) = shifted(self.get(m), shift, by, self.registers.flags.carry);
-        self.registers.flags.carry = carry;
-        self.logical(d, value);
+    fn moved_right(&mut self, d: u8, m: u8, by: u8) {
+        let wide = u64::from(self.get(m)) << 1 >> (by & 63);
+        self.registers.flags.carry = wide & 1 != 0;
+        self.logical(d, (wide >> 1) as u32);
+    }
+
+    #[inline(always)]
+    fn field(&mut self, d: u8, n: u8, lsb: u8, width: u8) {
+        let field = self.get(n) >> (lsb & 31) & arithmetic::ones(width);
+        self.put(d, field);
+    }
+
+    #[inline(always)]
+    fn extend(&mut self, kind: Kind, d: u8, m: u8, by: u8) {
+        let value = self.get(m).rotate_right(by.into());
+        self.put(d, extended(kind, value));
+    }
+
+    #[inline(always)]
+    fn product(&mut self, product: Product) {
+        let Product { low, high, .. } = product;
+        let (n, m) = (self.get(product.n), self.get(product.m));
+        let held = u64::from(self.get(high)) << 32 | u64::from(self.get(low));
+        let signed = || (i64::from(n as i32) * i64::from(m as i32)) as u64;
+        let unsigned = || u64::from(n) * u64::from(m);
+        let sum = match product.long {
+            Long::Smull => signed(),
+            Long::Umull => unsigned(),
+            Long::Smlal => held.wrapping_add(signed()),
+            Long::Umlal => held.wrapping_add(unsigned()),
+        };
+        self.put(low, sum as u32);
+        self.put(high, (sum >> 32) as u32);
     }
 
     #[inline(always)]
@@ -364,23 +390,22 @@ impl Core {
         self.put(d, value);
     }
 
-    /// The same with flags; `shifted` is the carry that the second operand has got.
+    /// The same with flags; the carry is the one that the second operand has got.
     #[inline(always)]
-    fn data_with_flags(&mut self, alu: Alu, d: u8, n: u8, m: u32, shifted: bool) {
+    fn data_with_flags(&mut self, alu: Alu, d: u8, n: u8, m: u32) {
         let (n, carry) = (self.get(n), self.registers.flags.carry);
         let value = match alu {
-            Alu::Add => return self.sum(d, n, m, false),
-            Alu::Adc => return self.sum(d, n, m, carry),
-            Alu::Sbc => return self.sum(d, n, !m, carry),
-            Alu::Sub => return self.sum(d, n, !m, true),
-            Alu::Rsb => return self.sum(d, !n, m, true),
+            Alu::Add => return self.flagged(d, sum(n, m)),
+            Alu::Adc => return self.flagged(d, add(n, m, carry)),
+            Alu::Sbc => return self.flagged(d, add(n, !m, carry)),
+            Alu::Sub => return self.flagged(d, difference(n, m)),
+            Alu::Rsb => return self.flagged(d, difference(m, n)),
             Alu::And => n & m,
             Alu::Bic => n & !m,
             Alu::Orr => n | m,
             Alu::Orn => n | !m,
             Alu::Eor => n ^ m,
         };
-        self.registers.flags.carry = shifted;
         self.logical(d, value);
     }
 
@@ -413,7 +438,15 @@ impl Core {
         self.memory.store(kind, at, self.get(t))
     }
 
+    #[inline(always)]
+    fn literal(&mut self, t: u8, at: u32) -> Result<(), Stopped> {
+        let value = self.memory.literal(at)?;
+        self.put(t, value);
+        Ok(())
+    }
+
     /// Where to load or store, and what the base then is.
+    #[inline(always)]
     fn walked(&self, n: u8, index: Index, by: i16) -> (u32, u32) {
         let base = self.get(n);
         let there = base.wrapping_add(i32::from(by) as u32);
@@ -424,9 +457,53 @@ impl Core {
         }
     }
 
-    fn aligned(&mut self, at: u32) -> Result<u32, Stopped> {
+    #[inline(never)]
+    fn load_indexed(&mut self, indexed: Indexed) -> Result<(), Stopped> {
+        let (at, base) = self.walked(indexed.n, indexed.index, indexed.by);
+        let value = self.memory.load(indexed.kind, at)?;
+        self.put(indexed.n, base);
+        self.put(indexed.t, value);
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn store_indexed(&mut self, indexed: Indexed) -> Result<(), Stopped> {
+        let (at, base) = self.walked(indexed.n, indexed.index, indexed.by);
+        self.store(indexed.kind, indexed.t, at)?;
+        self.put(indexed.n, base);
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn load_two(&mut self, two: Two) -> Result<(), Stopped> {
+        let (at, base) = self.walked(two.n, two.index, two.by);
         self.word_aligned(at)?;
-        self.memory.word(at)
+        let [low, high] = match self.memory.words(at, 2) {
+            Some([low, high]) => [*low, *high].map(u32::from_le_bytes),
+            _ => [self.memory.word(at)?, self.memory.word(at.wrapping_add(4))?],
+        };
+        self.put(two.n, base);
+        self.put(two.t, low);
+        self.put(two.second, high);
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn store_two(&mut self, two: Two) -> Result<(), Stopped> {
+        let (at, base) = self.walked(two.n, two.index, two.by);
+        self.word_aligned(at)?;
+        let [low, high] = [two.t, two.second].map(|number| self.get(number));
+        match self.memory.words(at, 2) {
+            Some([first, second]) => {
+                (*first, *second) = (low.to_le_bytes(), high.to_le_bytes());
+            }
+            _ => {
+                self.memory.store(Kind::Word, at, low)?;
+                self.memory.store(Kind::Word, at.wrapping_add(4), high)?;
+            }
+        }
+        self.put(two.n, base);
+        Ok(())
     }
 
     /// Where a block of registers begins, and what the base then is.
@@ -450,10 +527,31 @@ impl Core {
         ))
     }
 
+    #[inline(never)]
     fn load_many(&mut self, many: Many) -> Result<(), Stopped> {
         let Many { n, keeps, mask, .. } = many;
-        let (mut at, end) = self.span(many)?;
+        let (at, end) = self.span(many)?;
+        let Some(words) = self.memory.words(at, mask.count_ones()) else {
+            return self.load_many_elsewhere(many, at, end);
+        };
         let mut left = mask;
+        for word in words {
+            let number = left.trailing_zeros() as u8;
+            self.registers.put(number, u32::from_le_bytes(*word));
+            left &= left.wrapping_sub(1);
+        }
+        // What was loaded into the base stays.
+        if keeps && mask >> (n & 15) & 1 == 0 {
+            self.put(n, end);
+        }
+        Ok(())
+    }
+
+    /// The same where a load may be refused.
+    #[inline(never)]
+    fn load_many_elsewhere(&mut self, many: Many, at: u32, end: u32) -> Result<(), Stopped> {
+        let Many { n, keeps, mask, .. } = many;
+        let (mut at, mut left) = (at, mask);
         let mut base = keeps.then_some(end);
         while left != 0 {
             let number = left.trailing_zeros() as u8;
@@ -472,10 +570,19 @@ impl Core {
         Ok(())
     }
 
+    #[inline(never)]
     fn store_many(&mut self, many: Many) -> Result<(), Stopped> {
         let Many { n, keeps, mask, .. } = many;
         let (mut at, end) = self.span(many)?;
         let mut left = mask;
+        if let Some(words) = self.memory.words(at, mask.count_ones()) {
+            for word in words {
+                let number = left.trailing_zeros() as u8;
+                *word = self.registers.get(number).to_le_bytes();
+                left &= left.wrapping_sub(1);
+            }
+        }
+        // Elsewhere a store may be refused.
         while left != 0 {
             self.store(Kind::Word, left.trailing_zeros() as u8, at)?;
             at = at.wrapping_add(4);
@@ -484,6 +591,19 @@ impl Core {
         if keeps {
             self.put(n, end);
         }
+        Ok(())
+    }
+
+    /// PUSH, and then a change of the stack pointer.
+    #[inline(always)]
+    fn store_many_and_add(&mut self, mask: u16, imm: u32) -> Result<(), Stopped> {
+        self.store_many(Many {
+            n: SP,
+            down: true,
+            keeps: true,
+            mask,
+        })?;
+        self.put(SP, self.get(SP).wrapping_add(imm));
         Ok(())
     }
 
@@ -511,29 +631,36 @@ impl Core {
     }
 
     #[inline(always)]
-    fn compare_and_jump(&mut self, n: u8, m: u32, when: u8, to: u32) {
-        self.sum(NOWHERE, self.get(n), !m, true);
-        self.jump_if(self.registers.flags.hold(when), to);
+    fn compare_and_jump(&mut self, n: u8, m: u32, when: u8, to: u32) -> Next {
+        self.flagged(NOWHERE, difference(self.get(n), m));
+        self.jump_if(self.registers.flags.hold(when), to)
     }
 
     #[inline(always)]
-    fn call(&mut self, to: u32) {
+    fn call(&mut self, to: u32) -> Next {
         self.put(LR, self.registers.pc | 1);
-        self.registers.pc = to;
+        self.jump(to)
     }
 
     #[inline(always)]
-    fn jump_if(&mut self, holds: bool, to: u32) {
+    fn jump(&mut self, to: u32) -> Next {
+        self.registers.pc = to;
+        Next::Block
+    }
+
+    #[inline(always)]
+    fn jump_if(&mut self, holds: bool, to: u32) -> Next {
         if holds {
             self.registers.pc = to;
         }
+        Next::Block
     }
 
     /// A branch that may leave Thumb code, or an exception.
     #[inline(always)]
-    fn jump_to(&mut self, to: u32) {
-        self.registers.pc = to & !1;
-        self.registers.thumb = to & 1 != 0;
+    fn jump_to(&mut self, to: u32) -> Next {
+        self.registers.pc = to ^ 1;
+        Next::Block
     }
 }
 

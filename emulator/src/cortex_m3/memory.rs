@@ -7,7 +7,6 @@ use flash::layout::{BASE, RAM};
 
 use super::op::Kind;
 use crate::chip::{Chip, bit_band};
-use crate::code::Block;
 use crate::cpu::{ALIAS, Fault, NoMemory, Stop};
 
 /// Peripherals, the electronic signature, and the bit-band aliases of peripherals and RAM (RM0008
@@ -38,15 +37,14 @@ pub struct Memory {
 /// So many bytes of a memory that begins at `base`.
 #[inline(always)]
 fn piece<const N: usize>(memory: &[u8], base: u32, address: u32) -> Option<&[u8; N]> {
-    memory
-        .get(address.wrapping_sub(base) as usize..)?
-        .first_chunk()
+    let from = address.wrapping_sub(base) as usize;
+    memory.get(from..from + N)?.first_chunk()
 }
 
 #[inline(always)]
 fn piece_mut<const N: usize>(memory: &mut [u8], base: u32, address: u32) -> Option<&mut [u8; N]> {
-    let bytes = memory.get_mut(address.wrapping_sub(base) as usize..)?;
-    bytes.first_chunk_mut()
+    let from = address.wrapping_sub(base) as usize;
+    memory.get_mut(from..from + N)?.first_chunk_mut()
 }
 
 impl Memory {
@@ -72,6 +70,23 @@ impl Memory {
     fn bytes<const N: usize>(&self, address: u32) -> Option<&[u8; N]> {
         let ram = piece(&self.ram, RAM, address);
         ram.or_else(|| piece(&self.flash, BASE, address))
+    }
+
+    /// So many words of the RAM.
+    #[inline(always)]
+    pub fn words(&mut self, address: u32, count: u32) -> Option<&mut [[u8; 4]]> {
+        let from = address.wrapping_sub(RAM) as usize;
+        let bytes = self.ram.get_mut(from..from + 4 * count as usize)?;
+        Some(bytes.as_chunks_mut().0)
+    }
+
+    /// A word of the flash, where it most likely is.
+    #[inline(always)]
+    pub fn literal(&mut self, address: u32) -> Result<u32, Stopped> {
+        match piece(&self.flash, BASE, address) {
+            Some(bytes) => Ok(u32::from_le_bytes(*bytes)),
+            None => self.word(address),
+        }
     }
 
     /// A word.
@@ -181,12 +196,13 @@ impl Memory {
         Ok(())
     }
 
-    /// Tells the chip of the block of `size` bytes at `at`, for those who ask where code runs.
+    /// Tells the chip of the block of `size` bytes at `at`, for those who watch addresses.
+    #[cold]
     #[inline(never)]
-    pub fn observe(&mut self, at: u32, block: Block, size: u16) {
+    pub fn observe(&mut self, at: u32, size: u16) {
         let offset = at.checked_sub(BASE).unwrap_or(at) as usize;
         let bytes = self.flash.get(offset..offset + usize::from(size));
-        self.chip.observe(at, block, bytes.unwrap_or(&[]));
+        self.chip.pass_watched(at, bytes.unwrap_or(&[]));
     }
 
     /// Reads flash or RAM.

@@ -2,7 +2,8 @@
 //!
 //! Registers are numbers: 0 to 15, [`ZERO`] that reads as 0 and [`NOWHERE`] for a result that only
 //! sets flags. Offsets wrap: what is subtracted is added as its complement. Some entries are no
-//! instruction by themselves; they stand before or behind that of another one.
+//! instruction by themselves; they stand before or behind that of another one. Others are two
+//! instructions that often stand side by side, since each entry costs a branch of the host.
 //!
 //! Sources: ARMv7-M A7.7. Left out: the bits of an instruction ([`decode`](super::decode)).
 
@@ -97,6 +98,46 @@ pub struct Shifted {
     pub by: u8,
 }
 
+/// Two operands, of which the second is shifted in a way that is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placed {
+    pub alu: Alu,
+    pub d: Reg,
+    pub n: Reg,
+    pub m: Reg,
+    pub by: u8,
+}
+
+/// A product of 64 bits: what it becomes, and its factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Product {
+    pub long: Long,
+    pub low: Reg,
+    pub high: Reg,
+    pub n: Reg,
+    pub m: Reg,
+}
+
+/// A load or store that changes its base.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Indexed {
+    pub kind: Kind,
+    pub t: Reg,
+    pub n: Reg,
+    pub index: Index,
+    pub by: i16,
+}
+
+/// A load or store of two words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Two {
+    pub t: Reg,
+    pub second: Reg,
+    pub n: Reg,
+    pub index: Index,
+    pub by: i16,
+}
+
 /// Registers that are loaded or stored together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Many {
@@ -112,12 +153,16 @@ pub struct Many {
 /// An instruction with its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
-    /// Before the entries of a block: bytes of its code, entries, instructions.
+    /// Before the entries of a block: how many these are, its instructions, and where it goes on.
     Begin {
-        size: u16,
+        instructions: u8,
         entries: u16,
+        end: u32,
+    },
+    /// So many instructions more than fit there, and where their block is; at its begin.
+    More {
         instructions: u16,
-        sends_event: bool,
+        at: u32,
     },
     /// d = immediate.
     Set {
@@ -184,6 +229,16 @@ pub enum Op {
     Data(Shifted),
     /// The same with flags.
     Datas(Shifted),
+    /// d = n `alu` (m shifted by 1 to 31 places), one way and the other.
+    DataLsl(Placed),
+    DataLsr(Placed),
+    /// d = n `alu` m, with flags.
+    DatasPlain {
+        alu: Alu,
+        d: Reg,
+        n: Reg,
+        m: Reg,
+    },
     /// d = n shifted by as much as m says.
     ShiftBy {
         shift: Shift,
@@ -280,13 +335,7 @@ pub enum Op {
         m: Reg,
         a: Reg,
     },
-    Long {
-        long: Long,
-        low: Reg,
-        high: Reg,
-        n: Reg,
-        m: Reg,
-    },
+    Long(Product),
     Udiv {
         d: Reg,
         n: Reg,
@@ -335,6 +384,11 @@ pub enum Op {
         to: u8,
         shift: Shift,
         by: u8,
+    },
+    /// t = word at an address, which is in the flash.
+    Literal {
+        t: Reg,
+        at: u32,
     },
     /// t = word at n + immediate; the two below are bytes and half-words.
     Ldr {
@@ -388,34 +442,10 @@ pub enum Op {
         m: Reg,
         by: u8,
     },
-    LoadIndexed {
-        kind: Kind,
-        t: Reg,
-        n: Reg,
-        index: Index,
-        by: i16,
-    },
-    StoreIndexed {
-        kind: Kind,
-        t: Reg,
-        n: Reg,
-        index: Index,
-        by: i16,
-    },
-    Ldrd {
-        t: Reg,
-        second: Reg,
-        n: Reg,
-        index: Index,
-        by: i16,
-    },
-    Strd {
-        t: Reg,
-        second: Reg,
-        n: Reg,
-        index: Index,
-        by: i16,
-    },
+    LoadIndexed(Indexed),
+    StoreIndexed(Indexed),
+    Ldrd(Two),
+    Strd(Two),
     /// From n upwards, or from below n (`down`).
     Ldm(Many),
     Stm(Many),
@@ -498,6 +528,36 @@ pub enum Op {
     Wfe,
     Bkpt,
     Undefined,
+    /// What an IT block most often has: one of these alone, if the condition holds.
+    MoveIf {
+        when: u8,
+        d: Reg,
+        m: Reg,
+    },
+    SetIf {
+        when: u8,
+        d: Reg,
+        imm: u32,
+    },
+    /// Two that stand side by side.
+    Moves {
+        d: Reg,
+        m: Reg,
+        second: Reg,
+        from: Reg,
+    },
+    MoveCall {
+        d: Reg,
+        m: Reg,
+        to: u32,
+    },
+    /// Registers onto the stack, and so much added to its pointer.
+    Push {
+        mask: u16,
+        imm: u32,
+    },
+    /// LDM, and the branch to the program counter that was among it.
+    LdmJump(Many),
     /// So many entries are left out unless the condition holds (IT).
     SkipUnless {
         when: u8,
@@ -511,6 +571,8 @@ pub enum Op {
     SetIt {
         it: u8,
     },
+    /// An event (SEV); at the begin of its block.
+    SendEvent,
 }
 
 // Every instruction that runs is fetched from here.

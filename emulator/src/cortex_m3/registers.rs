@@ -73,15 +73,14 @@ const HOLDS: [u16; 16] = [
 #[derive(Clone, Debug)]
 pub struct Registers {
     /// R0 to R14, the program counter for those who asked for it, 0, and one that nobody reads;
-    /// a power of two, so that a number needs no check.
-    r: [u32; 32],
+    /// as many as a byte can tell apart, so that a number needs no check.
+    r: [u32; 256],
     pub flags: Flags,
-    /// The next instruction.
+    /// The next instruction; odd behind a branch to an even address, where this core has no
+    /// instructions. So one look tells whether there is code.
     pub pc: u32,
     /// Where in an IT block the code is (ARMv7-M A7.3.3); 0 outside of any.
     pub it: u8,
-    /// False after a branch to an even address, where this core has no instructions.
-    pub thumb: bool,
     /// The number of the exception that is handled, 0 in thread mode.
     number: u32,
     pub primask: bool,
@@ -97,11 +96,10 @@ pub struct Registers {
 impl Default for Registers {
     fn default() -> Self {
         Self {
-            r: [0; 32],
+            r: [0; 256],
             flags: Flags::default(),
             pc: 0,
             it: 0,
-            thumb: true,
             number: 0,
             primask: false,
             faultmask: false,
@@ -117,14 +115,19 @@ impl Registers {
     /// A register by its number.
     #[inline(always)]
     pub fn get(&self, number: u8) -> u32 {
-        self.r[usize::from(number & 31)]
+        self.r[usize::from(number)]
     }
 
     /// Writes a register by its number; [`ZERO`](super::op::ZERO) is never written.
     #[inline(always)]
     pub fn put(&mut self, number: u8, value: u32) {
         debug_assert!(number != super::op::ZERO && number <= NOWHERE);
-        self.r[usize::from(number & 31)] = value;
+        self.r[usize::from(number)] = value;
+    }
+
+    /// The Thumb bit.
+    pub fn is_thumb(&self) -> bool {
+        self.pc & 1 == 0
     }
 
     fn is_on_process_stack(&self) -> bool {
@@ -161,7 +164,7 @@ impl Registers {
     fn xpsr(&self) -> u32 {
         let it = u32::from(self.it);
         let it = (it & 3) << 25 | (it >> 2) << 10;
-        let thumb = if self.thumb { THUMB } else { 0 };
+        let thumb = if self.is_thumb() { THUMB } else { 0 };
         self.flags.bits() | it | thumb | self.number
     }
 
@@ -169,7 +172,7 @@ impl Registers {
         self.flags = Flags::of(value);
         let it = value & IT_STATE;
         self.it = (it >> 25 & 3 | it >> 8 & 0xFC) as u8;
-        self.thumb = value & THUMB != 0;
+        self.pc = self.pc & !1 | u32::from(value & THUMB == 0);
         // An exception begins or ends: what another has read may be stale (ARMv7-M A3.4.4).
         self.exclusive = None;
         self.change_mode(value & NUMBER, self.control);
@@ -182,7 +185,7 @@ impl Registers {
             Register::R(number) => self.get(number.min(12)),
             Register::Sp => self.get(SP),
             Register::Lr => self.get(super::op::LR),
-            Register::Pc => self.pc,
+            Register::Pc => self.pc & !1,
             Register::Xpsr => self.xpsr(),
             Register::Msp if process => self.other_stack,
             Register::Psp if !process => self.other_stack,
@@ -200,7 +203,7 @@ impl Registers {
             Register::R(number) => self.put(number.min(12), value),
             Register::Sp => self.put(SP, value & !3),
             Register::Lr => self.put(super::op::LR, value),
-            Register::Pc => (self.pc, self.thumb) = (value & !1, value & 1 != 0),
+            Register::Pc => self.pc = value ^ 1,
             Register::Xpsr => self.set_xpsr(value),
             Register::Msp => *self.stack(false) = value & !3,
             Register::Psp => *self.stack(true) = value & !3,

@@ -106,7 +106,7 @@ const SIZES: &str = "
   where its seal stands ([design-decisions.md](design-decisions.md)).
 - **Statics** are the sections of the linked file that are in RAM.
 - **The deepest stack** is read off the paint that is left, on the worse of the two nodes, after
-  start, SDO, SYNC, a store of the parameters, a motor's run that makes both tables, a program's
+  start, SDO, SYNC, a store of the parameters, a calibration's download, a program's
   download and the check of its signature.
 ";
 
@@ -132,9 +132,9 @@ carry, and with the last frame of the other node the judgement of the pair.
 /// Why the application takes more than its target.
 const APP_MISSED: &str = "
 The target for the application is missed: there are the whole object dictionary, the safety
-functions, the update, the calibration over the bus, and the checks of both modes. The bus side
-alone takes nearly all of 48 kB ([size.md](size.md)). So the images are for the part with 256 kB of
-flash.
+functions, the update, the calibration over the bus, and the ladder that names the faulty channel.
+The bus side alone takes most of 48 kB ([size.md](size.md)). So the images are for the part with
+256 kB of flash.
 ";
 
 /// What it means that RAM takes more than its target.

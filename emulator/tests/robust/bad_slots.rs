@@ -65,7 +65,7 @@ impl Watched {
     fn new() -> Self {
         let mut bench = Bench::new();
         let b = body();
-        let a = &product().update("a").expect("built")[HEADER as usize..];
+        let a = &product().update(Slot::A)[HEADER as usize..];
         let start = |body: &[u8]| u32::from_le_bytes([body[4], body[5], body[6], body[7]]) & !1;
         let starts = [start(a), start(&b)];
         bench.pair.board(0).machine_mut().chip_mut().watch(&starts);

@@ -17,8 +17,7 @@ pub const RENEWED: [u32; 3] = [NEW.0, 1, 0];
 
 /// The product's own body for slot B.
 pub fn body() -> Vec<u8> {
-    let file = product().update("b").expect("it was built");
-    file[HEADER as usize..].to_vec()
+    product().update(Slot::B)[HEADER as usize..].to_vec()
 }
 
 /// The file of an image for slot B with this body, signed.

@@ -33,7 +33,7 @@ fn is_edge(operation: &Operation) -> bool {
     let b = RC.b.expect("two slots");
     let body = b.start + HEADER..b.end();
     match operation {
-        Operation::Erase(_) => true,
+        Operation::Erase(_) | Operation::EraseHalf(_) => true,
         Operation::Program(at, _) => !body.contains(at) || at % PAGE == 0,
     }
 }

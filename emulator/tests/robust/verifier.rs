@@ -6,7 +6,7 @@
 //! without a signature by the test `update`.
 
 use flash::layout::{RC, SEAL};
-use flash::seal::{MAGIC, close};
+use flash::seal::{VERIFIER, close};
 
 use crate::bench::Bench;
 use crate::update::{begin, file, send};
@@ -76,12 +76,12 @@ fn a_verifier_that_is_not_whole_lets_no_program_in() {
 fn a_verifier_with_other_calls_is_not_called_and_the_right_one_is() {
     let mut bench = Bench::new();
     change(&mut bench, |region| {
-        magic(region).copy_from_slice(&(MAGIC + 1).to_le_bytes());
+        magic(region).copy_from_slice(&(VERIFIER + 1).to_le_bytes());
         close(region);
     });
     assert!(!takes_a_signed_program(&mut bench));
     change(&mut bench, |region| {
-        magic(region).copy_from_slice(&MAGIC.to_le_bytes());
+        magic(region).copy_from_slice(&VERIFIER.to_le_bytes());
         close(region);
     });
     assert!(takes_a_signed_program(&mut bench));

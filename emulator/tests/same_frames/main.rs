@@ -1,24 +1,22 @@
 //! The chip's image and the host's build of the same code come to the same frames, bit for bit.
 //!
 //! Two emulated nodes run on a bus, calibrated, on a board that tilts, in changing warmth, with a
-//! fault; then parameters are stored, and a new program comes and is found to be signed by nobody
-//! whom they know. All that the code of each sees is written down: the sensor's bytes, the time of
-//! each edge, what the CAN controller had to tell, and each look at the clock. The host's build
-//! then gets the same, and has to do the same at each step: send the same bytes to the sensor and
-//! put the same frames into the same mailboxes, in the same order.
+//! fault; then parameters are stored, and to the product a new program comes and is found to be
+//! signed by nobody whom they know. All that the code of each sees is written down: the sensor's
+//! bytes, the time of each edge, what the CAN controller had to tell, and each look at the clock.
+//! The host's build then gets the same, and has to do the same at each step: send the same bytes to
+//! the sensor and put the same frames into the same mailboxes, in the same order.
 
+mod composition;
 mod log;
 mod node;
 
 use std::collections::BTreeSet;
 
 use canopen::Frame;
-use device::calibration::deliver;
 use device::objects::table::Channel;
-use emulator::build::Product;
 use emulator::chip::tap::{Deed, Entry};
 use emulator::pair::{Heard, Pair};
-use emulator_golden::calibration;
 use flash::check_sum::Crc32;
 use flash::image::Version;
 use flash::layout::Slot;
@@ -26,11 +24,9 @@ use sim::error_model::ErrorModel;
 use sim::memory;
 use sim::network::guest::Switch;
 use sim::network::hand::Pose;
-use tilt::chain::{Calibration, Correction};
 use tilt::sample::Instant;
-use tilt::temperature::TemperatureModel;
-use tilt::vector::Vector;
 
+use composition::Composition;
 use log::Log;
 use node::{Cells, follow};
 
@@ -59,10 +55,10 @@ impl Run {
     }
 
     /// The host's build after the chip of channel A (0) or B (1).
-    fn follow(&self, number: usize) -> Log {
+    fn follow<C: Composition>(&self, number: usize) -> Log {
         let channel = [Channel::A, Channel::B][number];
         let (entries, cells) = (self.entries[number].clone(), self.cells[number].clone());
-        follow(entries, cells, channel, self.serials[number])
+        follow::<C>(entries, cells, channel, self.serials[number])
     }
 }
 
@@ -76,39 +72,16 @@ const PARTS: ErrorModel = ErrorModel {
     ..ErrorModel::PERFECT
 };
 
-/// A calibration that parts without errors bear: a hundredth of the terms that are not theirs.
-fn mild() -> Calibration {
-    let mut calibration = calibration();
-    if let TemperatureModel::Quadratic(terms) = &mut calibration.temperature {
-        let small = |terms: &mut [i32; 3]| terms.iter_mut().for_each(|term| *term /= 100);
-        small(&mut terms.offset1_q8);
-        small(&mut terms.offset2_q16);
-        small(&mut terms.gain1_q38);
-        small(&mut terms.gain2_q46);
-    }
-    if let Correction::TwoAxis { vector, .. } = &mut calibration.correction {
-        let ideal = Vector::IDENTITY;
-        let both = vector.matrix.iter_mut().flatten();
-        for (term, ideal) in both.zip(ideal.matrix.into_iter().flatten()) {
-            *term = ideal + (*term - ideal) / 100;
-        }
-        vector.offset.iter_mut().for_each(|term| *term /= 100);
-    }
-    calibration
-}
-
 /// Two nodes with power off, which have been on once and have their calibration since.
-fn calibrated(seed: u64) -> (Pair, [Cells; 2]) {
-    let product = Product::build().expect("the images build");
-    let pair = Pair::with(&PARTS, 2, seed, &product.pieces());
+fn calibrated<C: Composition>(seed: u64) -> (Pair, [Cells; 2]) {
+    let pieces = C::pieces();
+    let pair = Pair::with(&PARTS, 2, seed, C::outfit(&pieces));
     let mut pair = pair.expect("the images are for the flash");
     pair.run(1.5);
     let cells = [0, 1].map(|number| {
         pair.network.switch_guest(number, Switch::Off);
         let held = pair.board(number).machine_mut().chip_mut().flash.cells();
-        let mut memory = node::memory(held.clone());
-        deliver(&mut memory, &mild()).expect("there is room in the records");
-        *held = memory.flash().clone();
+        *held = C::calibrated(held.clone());
         held.clone()
     });
     (pair, cells)
@@ -140,9 +113,9 @@ fn refused(pair: &mut Pair, node: u8) {
 }
 
 /// So many seconds of it, in the middle of which a sensor loses its supply for a moment.
-fn run(seconds: u32) -> Run {
+fn run<C: Composition>(seconds: u32) -> Run {
     let seed = 3;
-    let (mut pair, cells) = calibrated(seed);
+    let (mut pair, cells) = calibrated::<C>(seed);
     for number in [0, 1] {
         pair.board(number).machine_mut().chip_mut().tap().start();
         pair.network.switch_guest(number, Switch::On);
@@ -174,11 +147,7 @@ fn run(seconds: u32) -> Run {
         stored.expect("the node stores");
     }
     pair.run(1.0);
-    for (node, erase_ns) in [(1, Some(40_000_000)), (2, None)] {
-        let chip = pair.board(node - 1).machine_mut().chip_mut();
-        chip.flash.set_erase_ns(erase_ns);
-        refused(&mut pair, node as u8);
-    }
+    C::end(&mut pair);
     let mut entries = [0, 1].map(|n| pair.board(n).machine_mut().chip_mut().tap().take());
     entries
         .iter_mut()
@@ -213,17 +182,24 @@ fn misdated(edges: &[Instant]) -> Vec<[Instant; 2]> {
 
 #[test]
 fn the_chip_and_the_host_send_the_same_frames_bit_for_bit() {
-    let mut run = run(30);
+    alike::<composition::Product>();
+}
+
+#[test]
+fn the_paper_s_chip_and_the_host_send_the_same_frames_bit_for_bit() {
+    alike::<composition::Paper>();
+}
+
+fn alike<C: Composition>() {
+    let mut run = run::<C>(30);
     // Angles that were compared, of a board that tilts; and the fault of node 2's sensor.
-    assert!(
-        run.different(0x181).len() > 1_000,
-        "{}",
-        run.different(0x181).len()
-    );
-    let supply = |frame: &[u8; 8]| frame.starts_with(&[0x02, 0xFF]);
-    assert!(run.different(0x82).iter().any(supply));
+    let angles = run.different(0x181).len();
+    assert!(angles > C::ANGLES, "{angles}");
+    let supply = |frame: &[u8; 8]| frame.starts_with(&C::FAULT.to_le_bytes());
+    let told = run.different(0x82);
+    assert!(told.iter().any(supply), "{told:02X?}");
     for number in [0, 1] {
-        let log = run.follow(number);
+        let log = run.follow::<C>(number);
         assert_eq!(log.difference(), None, "node {number}");
         assert_eq!(log.back(), None, "node {number}");
         let misdated = misdated(log.edges());
@@ -242,5 +218,5 @@ fn the_chip_and_the_host_send_the_same_frames_bit_for_bit() {
         panic!("{entry:?} is no byte of a sample");
     };
     *answer ^= 1;
-    assert!(run.follow(0).difference().is_some());
+    assert!(run.follow::<C>(0).difference().is_some());
 }

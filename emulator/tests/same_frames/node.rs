@@ -10,40 +10,23 @@ use canopen::Frame;
 use canopen::frame::Id;
 use device::device::Device;
 use device::mailboxes::{Abort, Transmitter};
-use device::memory::ed25519::Ed25519;
-use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use emulator::chip::flash_controller::Dice;
 use emulator::chip::tap::Entry;
 use firmware::bit_timing;
-use firmware::factory::factory;
-use firmware::part::{LAYOUT, SIGNATURES};
 use firmware::unit::{Controller, Order, Unit};
-use flash::layout::Slot;
 use flash::nor::{Nor, Page};
-use tilt::cross_check::CrossCheck;
+use tilt::composition::Composition as _;
 use tilt::sample::Instant;
 
+use crate::composition::Composition;
 use crate::log::register::*;
 use crate::log::{Log, error_state};
 
 /// The flash that both begin with.
 pub type Cells = Nor<Vec<Page>, Dice>;
-/// What the device keeps in it.
-pub type Memory = FlashMemory<Cells, Ed25519>;
-
-/// A memory over these cells, as the chip's program makes it.
-pub fn memory(cells: Cells) -> Memory {
-    let build = Build {
-        layout: &LAYOUT,
-        running: Slot::A,
-        hardware: LAYOUT.hardware,
-    };
-    FlashMemory::new(cells, build, SIGNATURES)
-}
-
 /// The log, as whoever is on its ends has it.
 #[derive(Clone, Debug)]
 struct Wire(Rc<RefCell<Log>>);
@@ -171,12 +154,16 @@ impl Controller for Wire {
 
 /// Follows the chip of this channel and serial number to the end of what was written down, or to
 /// where the host does something else; what it has come to.
-pub fn follow(entries: Vec<Entry>, cells: Cells, channel: Channel, serial: u32) -> Log {
+pub fn follow<C: Composition>(
+    entries: Vec<Entry>,
+    cells: Cells,
+    channel: Channel,
+    serial: u32,
+) -> Log {
     let log = Rc::new(RefCell::new(Log::new(entries)));
     let mut wire = Wire(Rc::clone(&log));
-    let memory = memory(cells);
-    let factory = factory(channel, serial);
-    let mut device = Device::new(wire.clone(), CrossCheck::product(), factory, memory);
+    let (factory, memory) = (C::factory(channel, serial), C::memory(cells));
+    let mut device = Device::new(wire.clone(), C::Instrument::check(), factory, memory);
     let mut unit = Unit::new();
     let now = wire.now();
     // A part that does not answer is one on the chip, too.
@@ -185,14 +172,18 @@ pub fn follow(entries: Vec<Entry>, cells: Cells, channel: Channel, serial: u32) 
     unit.at(&mut device, &mut wire).start(now);
     log.borrow_mut().inbox().forget_edge();
     while !log.borrow().has_ended() {
-        serve(&mut unit, &mut device, &mut wire);
+        serve::<C>(&mut unit, &mut device, &mut wire);
     }
     drop((device, wire));
     Rc::into_inner(log).expect("the device had it").into_inner()
 }
 
 /// `firmware::node::Node::serve`, once.
-fn serve(unit: &mut Unit, device: &mut Device<Wire, Memory>, wire: &mut Wire) {
+fn serve<C: Composition>(
+    unit: &mut Unit,
+    device: &mut Device<Wire, C::Memory, C::Instrument>,
+    wire: &mut Wire,
+) {
     let log = Rc::clone(&wire.0);
     let state = error_state(wire.load(ESR));
     if log.borrow_mut().inbox().is_another(state.0) {

@@ -10,6 +10,7 @@ use canopen::object::{Abort, Address, Dictionary, Objects, Value};
 use canopen::storage::Group;
 use device::channel::Settings;
 use device::fault_log::ENTRY;
+use device::instrument::Product;
 use device::objects::panel::Source;
 use device::objects::table::{self, Channel};
 use device::program::{Held, ProgramError, ProgramMemory, Running};
@@ -132,19 +133,19 @@ impl ProgramMemory for Memory {
 
 /// A channel that measures.
 pub struct Measuring {
-    reading: fn(&Settings, Instant) -> Reading,
-    observe: fn(&Settings, Instant) -> Observation,
+    reading: fn(&Settings<Product>, Instant) -> Reading,
+    observe: fn(&Settings<Product>, Instant) -> Observation,
     filtered: fn() -> Option<Filtered>,
     temperature: fn() -> Option<Temperature>,
     fault: fn() -> Option<Invalid>,
 }
 
-impl Source for Measuring {
-    fn reading(&self, settings: &Settings, now: Instant) -> Reading {
+impl Source<Product> for Measuring {
+    fn reading(&self, settings: &Settings<Product>, now: Instant) -> Reading {
         (self.reading)(settings, now)
     }
 
-    fn observe(&mut self, settings: &Settings, now: Instant) -> Observation {
+    fn observe(&mut self, settings: &Settings<Product>, now: Instant) -> Observation {
         (self.observe)(settings, now)
     }
 
@@ -181,7 +182,7 @@ pub struct Hidden {
 
 impl Objects for Hidden {
     fn dictionary(&self) -> Dictionary {
-        table::dictionary(self.channel)
+        table::product(self.channel)
     }
 
     fn read(&mut self, at: Address) -> Result<Value, Abort> {

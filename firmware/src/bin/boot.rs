@@ -3,10 +3,9 @@
 //! In: both slots. Out: a jump, with the vector table of the image in force. An image on trial has
 //! used up one attempt by then, so one that hangs is rolled back by the watchdog's resets.
 //!
-//! When nothing can be started the chip is left to the watchdog, which resets it after a second:
-//! a slot that reads wrongly once may read right then, and a debug probe finds the processor
-//! standing still most of the time. Why nothing was started stands in the RAM ([`trap`]) and is
-//! told by the first application that does start.
+//! When nothing can be started the chip is left to the watchdog, which resets it after a second.
+//! Why nothing was started stands in the RAM (`chip::trap`) and is told by the first application
+//! that does start.
 //!
 //! The verifier of signatures stands beside it ([`verifier`](firmware::chip::verifier)); only
 //! applications call it.
@@ -16,9 +15,7 @@
 
 #[cfg(target_os = "none")]
 mod boot {
-    use cortex_m::peripheral::SCB;
-    use firmware::chip::{board, trap, verifier};
-    use firmware::crash::Crash;
+    use firmware::chip::{board, handover, verifier};
     use firmware::part::LAYOUT;
     use flash::slots::{Decision, boot};
     use stm32f1xx_hal::pac::Peripherals;
@@ -34,22 +31,10 @@ mod boot {
         // SAFETY: nothing has run before, so these are the only handles.
         let mut nor = board::start_boot(unsafe { Peripherals::steal() });
         match boot(&mut nor, &LAYOUT, LAYOUT.hardware) {
-            Decision::Run(_, header, _) => start(header.address),
-            Decision::Stay(why) => {
-                trap::leave(Crash::Stay(why as u8));
-                loop {
-                    cortex_m::asm::wfi();
-                }
-            }
-        }
-    }
-
-    fn start(vectors: u32) -> ! {
-        // SAFETY: `boot` has found the image whole and linked to its slot, so that a vector table
-        // stands at this address, aligned to 512. No interrupt was switched on before.
-        unsafe {
-            (*SCB::PTR).vtor.write(vectors);
-            cortex_m::asm::bootload(vectors as *const u32)
+            // SAFETY: `boot` has found the image whole and linked to its slot. No interrupt was
+            // switched on before.
+            Decision::Run(_, header, _) => unsafe { handover::start(header.address) },
+            Decision::Stay(why) => handover::stay(why),
         }
     }
 }

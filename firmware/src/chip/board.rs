@@ -13,7 +13,7 @@
 
 use device::objects::table::Channel;
 use flash::check_sum::Crc32;
-use flash::layout::Slot;
+use flash::layout::Region;
 use stm32f1xx_hal::flash::ACR;
 use stm32f1xx_hal::gpio::{Output, Pin, PinState, PushPull};
 use stm32f1xx_hal::pac::{CAN, Peripherals, RCC, SPI1, TIM2};
@@ -22,12 +22,10 @@ use stm32f1xx_hal::rcc::{Config, Enable, Rcc};
 
 use super::can::Can;
 use super::clock::{self, Alarm};
-use super::nor::Nor;
+use super::nor::{Erase, Nor};
 use super::spi::Sensor;
 use super::{trap, watchdog};
 use crate::crash::Crash;
-use crate::guard::Guard;
-use crate::part::LAYOUT;
 
 /// CSR: the watchdog has reset the chip; forget all causes (RM0008 7.3.10).
 const IWDGRSTF: u32 = 1 << 29;
@@ -41,7 +39,7 @@ const UNIQUE_ID: *const [u8; 12] = 0x1FFF_F7E8 as *const [u8; 12];
 pub type Select = Pin<'A', 4, Output<PushPull>>;
 
 /// What the application has of the board.
-pub struct Board {
+pub struct Board<E> {
     /// The sensor.
     pub sensor: Sensor<Select>,
     /// The CAN controller.
@@ -49,7 +47,7 @@ pub struct Board {
     /// The alarm clock.
     pub alarm: Alarm,
     /// The flash.
-    pub nor: Nor,
+    pub nor: Nor<E>,
     /// Which channel the strap says.
     pub channel: Channel,
     /// A number that tells this chip from any other.
@@ -67,19 +65,16 @@ pub fn start_clocks(rcc: RCC, acr: &mut ACR) -> Rcc {
     rcc.freeze(config, acr)
 }
 
-/// What the bootloader needs: the clocks, the watchdog, which nothing stops again, and the flash.
+/// What a bootloader needs: the clocks, the watchdog, which nothing stops again, and the flash.
 pub fn start_boot(peripherals: Peripherals) -> Nor {
     let mut acr = peripherals.FLASH.constrain().acr;
     watchdog::start(peripherals.IWDG);
     start_clocks(peripherals.RCC, &mut acr);
-    Nor::new(Guard {
-        layout: &LAYOUT,
-        running: None,
-    })
+    Nor::new(None)
 }
 
-/// Sets everything up for the application, which runs in this slot; interrupts are off.
-pub fn start(peripherals: Peripherals, running: Slot) -> Board {
+/// Sets everything up for the application, which runs in the slot `running`; interrupts are off.
+pub fn start<E: Erase>(peripherals: Peripherals, running: Option<Region>) -> Board<E> {
     let mut acr = peripherals.FLASH.constrain().acr;
     let mut rcc = start_clocks(peripherals.RCC, &mut acr);
     watchdog::feed();
@@ -105,10 +100,7 @@ pub fn start(peripherals: Peripherals, running: Slot) -> Board {
         sensor: Sensor::start(peripherals.SPI1, select),
         can: Can::start(peripherals.CAN),
         alarm: clock::start(peripherals.TIM2),
-        nor: Nor::new(Guard {
-            layout: &LAYOUT,
-            running: LAYOUT.slot(running),
-        }),
+        nor: Nor::new(running),
         channel: if strap.is_high() {
             Channel::A
         } else {

@@ -15,6 +15,9 @@
 pub mod board;
 pub mod can;
 pub mod clock;
+mod division;
+pub mod eraser;
+pub mod handover;
 mod memory_functions;
 pub mod nor;
 mod register;

@@ -1,4 +1,4 @@
-//! The chip's own flash as a `NorFlash`: pages of 2 kB, half-words (RM0008 3.3, PM0075 2.3 and 3).
+//! The chip's own flash as a `NorFlash`: pages, half-words (RM0008 3.3, PM0075 2.3 and 3).
 //!
 //! In: offsets from the start of the flash, bytes. Out: nothing, or a [`NorError`]. What was
 //! written is not read back here; `flash::access` does that.
@@ -9,12 +9,15 @@
 //! The watchdog is fed after each page, so that the erase of a slot, two seconds in all, is no end;
 //! a single page that took longer than a second would be.
 //!
-//! What may be written at all is [`Guard`]'s to say.
+//! What is erased at once is a page of the chip ([`Layout::chip_page`]).
+//!
+//! What may be written at all is [`Guard`]'s to say; what erases is [`Erase`]'s.
 
+use core::marker::PhantomData;
 use core::ptr::{read_volatile, write_volatile};
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use flash::layout::{BASE, PAGE};
+use flash::layout::{BASE, Layout, Region};
 use stm32f1xx_hal::pac::FLASH;
 use stm32f1xx_hal::pac::flash::RegisterBlock;
 
@@ -45,18 +48,54 @@ const EOP: u32 = 1 << 5;
 /// Looks at BSY before an operation counts as lost: more than 100 ms.
 const PATIENCE: u32 = 1_000_000;
 
-/// The flash. To write it one needs the controller; a [`Reader`] needs nothing.
-pub struct Nor(Guard);
+/// What erases.
+pub trait Erase {
+    /// The map of the part.
+    const LAYOUT: &'static Layout;
 
-impl Nor {
-    /// The flash, to read and write. There is one: nobody else may have it.
-    pub(super) const fn new(guard: Guard) -> Self {
-        Self(guard)
+    /// Erases the pages of the chip from `from` to `to`, which the guard has let through.
+    ///
+    /// Errors: see [`NorError`].
+    fn erase(from: u32, to: u32) -> Result<(), NorError>;
+}
+
+/// Erases by itself, with the flash controller: the product's part.
+pub struct Controller;
+
+impl Erase for Controller {
+    const LAYOUT: &'static Layout = &LAYOUT;
+
+    fn erase(from: u32, to: u32) -> Result<(), NorError> {
+        erase(&LAYOUT, from, to)
     }
 }
 
-/// The flash, to read only.
-pub struct Reader;
+/// Erases with the flash controller of the part with this map.
+pub(super) fn erase(layout: &Layout, from: u32, to: u32) -> Result<(), NorError> {
+    let mut pages = (from..to).step_by(layout.chip_page as usize);
+    unlocked(|| pages.try_for_each(erase_page))
+}
+
+/// The flash. To write it one needs the controller; a [`Reader`] needs nothing.
+pub struct Nor<E = Controller> {
+    guard: Guard,
+    eraser: PhantomData<E>,
+}
+
+impl<E: Erase> Nor<E> {
+    /// The flash, to read and write, of the program that runs in this slot. There is one: nobody
+    /// else may have it.
+    pub(super) const fn new(running: Option<Region>) -> Self {
+        let layout = E::LAYOUT;
+        Self {
+            guard: Guard { layout, running },
+            eraser: PhantomData,
+        }
+    }
+}
+
+/// The flash of a part with this map, to read only.
+pub struct Reader(pub &'static Layout);
 
 fn registers() -> &'static RegisterBlock {
     // SAFETY: the block of FLASH is at this address for ever, and its registers are cells that
@@ -110,6 +149,8 @@ fn program(offset: u32, half_word: u16) -> Result<(), NorError> {
     finish()
 }
 
+// Out of line, so that an image without it can be told from one with it.
+#[inline(never)]
 fn erase_page(offset: u32) -> Result<(), NorError> {
     let flash = registers();
     write(flash.cr(), PER);
@@ -124,8 +165,8 @@ fn erase_page(offset: u32) -> Result<(), NorError> {
     done
 }
 
-fn read(offset: u32, into: &mut [u8]) -> Result<(), NorError> {
-    inside(&LAYOUT, offset, into.len(), 1)?;
+fn read(layout: &Layout, offset: u32, into: &mut [u8]) -> Result<(), NorError> {
+    inside(layout, offset, into.len(), 1)?;
     for (at, byte) in (BASE + offset..).zip(into) {
         // SAFETY: the address was checked to be in the flash, which can be read byte by byte.
         // Volatile, because the controller changes it behind the compiler's back.
@@ -134,7 +175,7 @@ fn read(offset: u32, into: &mut [u8]) -> Result<(), NorError> {
     Ok(())
 }
 
-impl ErrorType for Nor {
+impl<E> ErrorType for Nor<E> {
     type Error = NorError;
 }
 
@@ -146,37 +187,37 @@ impl ReadNorFlash for Reader {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
-        read(offset, bytes)
+        read(self.0, offset, bytes)
     }
 
     fn capacity(&self) -> usize {
-        LAYOUT.flash as usize
+        self.0.flash as usize
     }
 }
 
-impl ReadNorFlash for Nor {
+impl<E: Erase> ReadNorFlash for Nor<E> {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorError> {
-        read(offset, bytes)
+        read(E::LAYOUT, offset, bytes)
     }
 
     fn capacity(&self) -> usize {
-        LAYOUT.flash as usize
+        E::LAYOUT.flash as usize
     }
 }
 
-impl NorFlash for Nor {
+impl<E: Erase> NorFlash for Nor<E> {
     const WRITE_SIZE: usize = 2;
-    const ERASE_SIZE: usize = PAGE as usize;
+    const ERASE_SIZE: usize = E::LAYOUT.chip_page as usize;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorError> {
-        self.0.erase(from, to, PAGE)?;
-        unlocked(|| (from..to).step_by(PAGE as usize).try_for_each(erase_page))
+        self.guard.erase(from, to, Self::ERASE_SIZE as u32)?;
+        E::erase(from, to)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorError> {
-        self.0.program(offset, bytes.len())?;
+        self.guard.program(offset, bytes.len())?;
         let (half_words, _) = bytes.as_chunks::<2>();
         let mut places = (offset..).step_by(2).zip(half_words);
         unlocked(|| places.try_for_each(|(at, bytes)| program(at, u16::from_le_bytes(*bytes))))

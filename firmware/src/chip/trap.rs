@@ -9,16 +9,19 @@ use core::ptr::{read_volatile, write_volatile};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use flash::layout::RAM;
 
 use crate::crash::{Crash, WORDS, hash};
-use crate::part::LAYOUT;
 
-/// Bytes at the end of the RAM that the linker scripts leave free; see `build.rs`.
-const CORNER: u32 = 32;
+unsafe extern "C" {
+    /// The end of the stack. The 32 bytes behind it are the last of the RAM and nobody's; see
+    /// `build.rs`.
+    static _stack_start: u32;
+}
 
 /// Where the words stand.
-const CELL: *mut [u32; WORDS] = (RAM + LAYOUT.ram - CORNER) as *mut [u32; WORDS];
+fn cell() -> *mut [u32; WORDS] {
+    (&raw const _stack_start).cast_mut().cast()
+}
 
 /// Keeps the reason and resets the chip.
 pub fn end(crash: Crash) -> ! {
@@ -29,15 +32,15 @@ pub fn end(crash: Crash) -> ! {
 /// Keeps the reason for the next program.
 pub fn leave(crash: Crash) {
     // SAFETY: these bytes are RAM of the part, aligned, and nothing else is placed there.
-    unsafe { write_volatile(CELL, crash.encode()) };
+    unsafe { write_volatile(cell(), crash.encode()) };
 }
 
 /// Takes out why the program before has ended; `None` when it was not by itself.
 pub fn take() -> Option<Crash> {
     // SAFETY: as above; any bits are words.
-    let words = unsafe { read_volatile(CELL) };
+    let words = unsafe { read_volatile(cell()) };
     // SAFETY: as above.
-    unsafe { write_volatile(CELL, [0; WORDS]) };
+    unsafe { write_volatile(cell(), [0; WORDS]) };
     Crash::decode(words)
 }
 

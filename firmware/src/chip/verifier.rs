@@ -9,16 +9,16 @@
 
 use core::mem::MaybeUninit;
 
-use device::memory::ed25519::{Ed25519, KEY};
+use device::memory::ed25519::{Ed25519, Error, KEY, VerifyingState};
 use device::memory::update::Signatures;
 use flash::image::SIGNATURE;
-use flash::seal::{self, SealError};
+use flash::seal;
 
 use super::nor::Reader;
 use crate::part::{LAYOUT, SIGNATURES};
 
-/// What a check remembers between its calls, as the library has it.
-type Inner = <Ed25519 as Signatures>::Check;
+/// What a check remembers between its calls, as the library gives it.
+type Inner = Result<VerifyingState, Error>;
 
 /// Room for [`Inner`], which the application does not look into.
 #[repr(C, align(8))]
@@ -45,7 +45,7 @@ pub struct Seal {
 
 /// The bootloader's seal.
 pub const SEAL: Seal = Seal {
-    magic: seal::MAGIC,
+    magic: seal::VERIFIER,
     begin,
     add,
     is_good,
@@ -53,24 +53,20 @@ pub const SEAL: Seal = Seal {
 };
 
 /// # Safety
-/// The pointers are valid; the state is filled in when this returns true.
+/// The pointers are valid; the state is filled in when this has returned.
 unsafe extern "C" fn begin(
     state: *mut State,
     key: *const [u8; KEY],
     signature: *const [u8; SIGNATURE],
 ) -> bool {
-    // SAFETY: the caller's promise.
-    let (key, signature) = unsafe { (*key, &*signature) };
+    // SAFETY: the caller's promise; there is room for it, aligned.
+    let (state, key, signature) = unsafe {
+        let state = &mut *state.cast::<MaybeUninit<Inner>>();
+        (state, *key, &*signature)
+    };
     let unsigned = false;
-    match (Ed25519 { key, unsigned }).begin(signature) {
-        Ok(check) => {
-            // SAFETY: there is room for it, aligned; it is never dropped, as nothing in it is a
-            // secret or somebody else's.
-            unsafe { state.cast::<Inner>().write(check) };
-            true
-        }
-        Err(_) => false,
-    }
+    // It is never dropped, as nothing in it is a secret or somebody else's.
+    (Ed25519 { key, unsigned }).check(state, signature)
 }
 
 /// # Safety
@@ -81,90 +77,81 @@ unsafe extern "C" fn add(state: *mut State, bytes: *const u8, length: usize) {
         let check = &mut *state.cast::<Inner>();
         (check, core::slice::from_raw_parts(bytes, length))
     };
-    SIGNATURES.add(check, bytes);
+    if let Ok(check) = check {
+        Ed25519::take_in(check, bytes);
+    }
 }
 
 /// # Safety
 /// `begin` has filled in the state.
 unsafe extern "C" fn is_good(state: *const State) -> bool {
     // SAFETY: the caller's promise.
-    SIGNATURES.is_good(unsafe { &*state.cast::<Inner>() })
+    let check = unsafe { &*state.cast::<Inner>() };
+    check.as_ref().is_ok_and(Ed25519::fits)
 }
 
 /// Lets images in that the holder of [`SIGNATURES`]' key has signed, by the bootloader's verifier.
 pub struct Verifier;
 
-/// A check under way.
+/// A check under way; its place as long as there are no calls.
 pub struct Check {
-    add: Add,
-    is_good: IsGood,
+    calls: Option<(Add, IsGood)>,
     state: State,
-}
-
-/// Why a signature is not looked at.
-pub enum Refusal {
-    /// There is no verifier to ask.
-    Verifier,
-    /// The verifier refuses the signature, whatever it is of.
-    Signature,
-}
-
-impl From<SealError> for Refusal {
-    fn from(_: SealError) -> Self {
-        Self::Verifier
-    }
 }
 
 /// The functions of a seal that was found whole.
 fn calls(seal: flash::seal::Seal) -> (Begin, Add, IsGood) {
+    let [begin, add, is_good] = seal.calls;
     // SAFETY: the region's check sum is right, so these are the functions that were linked into
     // the seal, of the types that its version stands for.
     unsafe {
         (
-            core::mem::transmute::<usize, Begin>(seal.begin as usize),
-            core::mem::transmute::<usize, Add>(seal.add as usize),
-            core::mem::transmute::<usize, IsGood>(seal.is_good as usize),
+            core::mem::transmute::<usize, Begin>(begin as usize),
+            core::mem::transmute::<usize, Add>(add as usize),
+            core::mem::transmute::<usize, IsGood>(is_good as usize),
         )
     }
 }
 
 impl Signatures for Verifier {
     type Check = Check;
-    type Refusal = Refusal;
 
     fn unsigned(&self) -> bool {
         SIGNATURES.unsigned
     }
 
-    fn begin(&self, signature: &[u8; SIGNATURE]) -> Result<Check, Refusal> {
-        let seal = flash::seal::Seal::find(&mut Reader, LAYOUT.boot)?;
+    fn place(&self) -> Check {
+        Check {
+            calls: None,
+            state: State([MaybeUninit::uninit(); _]),
+        }
+    }
+
+    fn begin(&self, check: &mut Check, signature: &[u8; SIGNATURE]) -> bool {
+        let Ok(seal) = flash::seal::Seal::find(&mut Reader(&LAYOUT), LAYOUT.boot, seal::VERIFIER)
+        else {
+            return false;
+        };
         if seal.state as usize > size_of::<State>() {
-            return Err(Refusal::Verifier);
+            return false;
         }
         let (begin, add, is_good) = calls(seal);
-        let state = State([MaybeUninit::uninit(); _]);
-        let mut check = Check {
-            add,
-            is_good,
-            state,
-        };
         // SAFETY: all three are there, and the state has as much room as it needs.
         let begun = unsafe { begin(&raw mut check.state, &SIGNATURES.key, signature) };
-        // The state has nothing in it that points to itself: it may move.
-        if begun {
-            Ok(check)
-        } else {
-            Err(Refusal::Signature)
-        }
+        check.calls = begun.then_some((add, is_good));
+        begun
     }
 
     fn add(&self, check: &mut Check, bytes: &[u8]) {
-        // SAFETY: `begin` has made the check.
-        unsafe { (check.add)(&raw mut check.state, bytes.as_ptr(), bytes.len()) };
+        if let Some((add, _)) = check.calls {
+            // SAFETY: `begin` has filled in the state.
+            unsafe { add(&raw mut check.state, bytes.as_ptr(), bytes.len()) };
+        }
     }
 
     fn is_good(&self, check: &Check) -> bool {
-        // SAFETY: `begin` has made the check.
-        unsafe { (check.is_good)(&raw const check.state) }
+        // SAFETY: `begin` has filled in the state.
+        let is_good = |(_, is_good): (Add, IsGood)| unsafe { is_good(&raw const check.state) };
+        check.calls.is_some_and(is_good)
     }
 }

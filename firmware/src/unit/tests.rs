@@ -13,10 +13,11 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation};
 use flash::layout::{PAGE, Slot};
 use flash::nor::{Draw, Nor, Page};
+use tilt::composition::Whole;
 use tilt::cross_check::CrossCheck;
 
 use super::*;
-use crate::factory::factory;
+use crate::factory::product;
 use crate::inbox::Inbox;
 use crate::part::LAYOUT;
 
@@ -147,7 +148,7 @@ impl Bench {
     fn booting() -> Self {
         let mut registers = [0; 64];
         (registers[0x0F], registers[0x27], registers[0x2D]) = (0x44, 0x01, 0x40);
-        let factory = factory(Channel::A, 7);
+        let factory = product(Channel::A, 7);
         let check = CrossCheck::product();
         let mut bench = Self {
             unit: Unit::new(),
@@ -184,7 +185,7 @@ impl Bench {
         bench
     }
 
-    fn at(&mut self) -> At<'_, Part, Memory, Notes> {
+    fn at(&mut self) -> At<'_, Part, Memory, Notes, Whole> {
         self.unit.at(&mut self.device, &mut self.can)
     }
 

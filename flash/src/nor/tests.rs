@@ -178,6 +178,28 @@ fn an_erase_is_cut_in_either_half_and_between_the_two() {
 }
 
 #[test]
+fn a_page_of_1_kb_is_erased_alone_and_its_cut_leaves_the_other_alone() {
+    for seed in 0..50 {
+        let mut nor = bench(1, seed);
+        nor.write(0, &[0; PAGE as usize]).unwrap();
+        nor.erase_half(HALF_PAGE).unwrap();
+        let [low, high] = [held(&mut nor, HALF_PAGE - 2), held(&mut nor, HALF_PAGE)];
+        assert_eq!((low, high), ([0, 0], [0xFF, 0xFF]));
+        assert_eq!(nor.write(HALF_PAGE, &[1, 2]), Ok(()));
+        nor.cut_after(0);
+        assert_eq!(nor.erase_half(0), Err(NorError::NoPower));
+        nor.power_up();
+        assert_eq!(nor.write(0, &[0, 0]), Err(NorError::NotErased));
+        assert_eq!(nor.write(HALF_PAGE + 2, &[3, 4]), Ok(()));
+        assert_eq!(held(&mut nor, HALF_PAGE), [1, 2]);
+        nor.erase_half(0).unwrap();
+        assert_eq!(nor.write(0, &[1, 0]), Ok(()));
+        assert_eq!(nor.pages()[0].erases(), 2);
+        assert_eq!(nor.erase_half(2), Err(NorError::NotAligned));
+    }
+}
+
+#[test]
 fn a_worn_page_keeps_a_bit() {
     let mut nor = bench(1, 3);
     nor.set_endurance(2);

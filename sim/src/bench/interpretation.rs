@@ -8,6 +8,7 @@
 //! Left out: the errata that are no choice (a formula that is wrong is mended where it is built),
 //! and what the paper states once and plainly.
 
+use device::factory::{PAPER_LATENCY_US, RULE};
 use tilt::chain::Timing;
 use tilt::table::Rule;
 
@@ -68,14 +69,13 @@ impl Fixture {
     }
 }
 
-/// Latency that paper mode declares when both nodes report one instant: the delays of the pole
-/// (8.0 ms) and of the part (9.0 ms), and up to one period of the slowest part (20.6 ms).
-pub const LATENCY_US: u32 = 40_000;
+/// Latency of paper mode, us.
+pub const LATENCY_US: u32 = PAPER_LATENCY_US;
 
 impl Interpretation {
     /// The reading under which the paper's results hold.
     pub const REPRODUCED: Self = Self {
-        rule: Rule::Linear,
+        rule: RULE,
         timing: Timing::Aligned {
             latency_us: LATENCY_US,
         },

@@ -21,12 +21,11 @@ pub mod thermal_test;
 pub mod unit;
 pub mod week;
 
-use device::channel::Settings;
-use device::sensor::Config;
+use device::channel::{Settings, Setup};
+use device::factory;
 use tilt::calibration::FitError;
 use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
 use tilt::cross_check::CrossCheck;
-use tilt::filter::LowPass;
 use tilt::sample::FullScale;
 use tilt::table::Rule;
 use tilt::uncertainty::Budget;
@@ -50,37 +49,24 @@ pub enum Mode {
     OneAxis,
 }
 
-/// Latency that the product declares: delay of filter (22.4 ms) and part (1.1 ms), and what the
-/// interpolation to a common instant needs.
-pub const PRODUCT_LATENCY_US: u32 = 25_000;
-
 impl Mode {
     /// Part and chain of this mode, not yet calibrated; the paper's as printed, which
     /// [`World::settings`] reads as its world does.
     pub fn settings(self) -> Settings {
-        let paper = self == Self::Paper;
-        let part = if paper {
-            Config::PAPER
-        } else {
-            Config::PRODUCT
-        };
-        let timing = if paper {
-            Timing::AsItArrives
-        } else {
-            Timing::Aligned {
-                latency_us: PRODUCT_LATENCY_US,
-            }
-        };
-        let chain = Chain {
-            filter: if paper {
-                LowPass::PAPER
-            } else {
-                LowPass::PRODUCT
+        let setup = match self {
+            Self::Paper => Setup {
+                timing: Timing::AsItArrives,
+                ..factory::paper()
             },
+            Self::Product | Self::OneAxis => factory::product(),
+        };
+        let part = setup.part;
+        let chain = Chain {
+            filter: setup.filter,
             full_scale: FullScale::G2,
             period_us: part.rate.period_us(),
             part_delay_q16: PART_DELAY_Q16,
-            timing,
+            timing: setup.timing,
             calibration: Calibration {
                 budget: Budget {
                     noise: tilt::health::noise(part.rate.period_us()),
@@ -92,7 +78,7 @@ impl Mode {
         Settings {
             part,
             chain,
-            noise: 0,
+            noise: setup.noise,
         }
     }
 
@@ -151,7 +137,7 @@ impl World {
     pub const fn rule(&self, mode: Mode) -> Rule {
         match mode {
             Mode::Paper => self.paper.rule,
-            Mode::Product | Mode::OneAxis => Rule::Linear,
+            Mode::Product | Mode::OneAxis => factory::RULE,
         }
     }
 }

@@ -14,8 +14,9 @@ use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
 use device::objects::panel::{Identity, store_lss};
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use device::records::{Record, RecordStore, StoreError, parameters};
+use tilt::chain::Calibration;
 use tilt::cross_check::CrossCheck;
 use tilt::table::Rule;
 
@@ -50,6 +51,7 @@ pub struct Delivered {
     unit: u32,
     settings: [Settings; 2],
     calibrated: bool,
+    models: Models,
 }
 
 impl Delivered {
@@ -80,6 +82,11 @@ impl Delivered {
             unit,
             settings: [settings.clone(), settings],
             calibrated: false,
+            models: match mode {
+                Mode::Product | Mode::OneAxis => Models::PRODUCT,
+                // The simulated one has the product's services beside.
+                _ => Models::WHOLE,
+            },
         }
     }
 
@@ -95,16 +102,21 @@ impl Delivered {
         Electronics::new(&self.parts, rng)
     }
 
+    /// The calibration that the node of `channel` leaves the bench with, if it was calibrated.
+    pub fn calibration(&self, channel: Channel) -> Option<&Calibration> {
+        let settings = &self.settings[channel as usize];
+        self.calibrated.then_some(&settings.chain.calibration)
+    }
+
     /// Writes what the node of `channel` leaves the bench with into its memory: its calibration,
     /// if it was calibrated.
     ///
     /// Errors: those of the store.
     pub fn write_to(&self, channel: Channel, memory: &mut Memory) -> Result<(), StoreError> {
-        if !self.calibrated {
-            return Ok(());
+        match self.calibration(channel) {
+            Some(calibration) => deliver(memory, calibration),
+            None => Ok(()),
         }
-        let settings = &self.settings[channel as usize];
-        deliver(memory, &settings.chain.calibration)
     }
 
     /// Puts both nodes on the bus, without power; their numbers. The serial numbers are those of
@@ -128,6 +140,7 @@ impl Delivered {
                 identity: Identity {
                     channel,
                     serial: 2 * unit + channel as u32 + 1,
+                    models: self.models,
                 },
                 node_id: ids[place],
                 kbit_s: rates[place],
@@ -146,7 +159,11 @@ impl Delivered {
 /// their first start: node-ids ([`UNCONFIGURED`] for none) and the bit rate, kbit/s.
 ///
 /// Errors: those of the store.
-pub fn commission(memories: &mut [Memory; 2], ids: [u8; 2], kbit_s: u16) -> Result<(), StoreError> {
+pub fn commission<M: RecordStore>(
+    memories: &mut [M; 2],
+    ids: [u8; 2],
+    kbit_s: u16,
+) -> Result<(), StoreError> {
     acquaint(memories, ids);
     for (memory, id) in memories.iter_mut().zip(ids) {
         store_lss(memory, id, Some(kbit_s))?;
@@ -155,7 +172,7 @@ pub fn commission(memories: &mut [Memory; 2], ids: [u8; 2], kbit_s: u16) -> Resu
 }
 
 /// Nodes with other node-ids than they are delivered with are told those of their peers.
-fn acquaint([for_a, for_b]: &mut [Memory; 2], [a, b]: [u8; 2]) {
+fn acquaint<M: RecordStore>([for_a, for_b]: &mut [M; 2], [a, b]: [u8; 2]) {
     if [a, b] != [Channel::A.node_id(), Channel::B.node_id()] {
         introduce(for_a, b);
         introduce(for_b, a);
@@ -164,7 +181,7 @@ fn acquaint([for_a, for_b]: &mut [Memory; 2], [a, b]: [u8; 2]) {
 
 /// Writes a peer's node-id where a commissioning tool would, unless something is stored there or
 /// the peer has none yet: peer, its heartbeat, its exchange.
-fn introduce(memory: &mut Memory, peer: u8) {
+fn introduce<M: RecordStore>(memory: &mut M, peer: u8) {
     let mut nothing = |record| memory.read(record, 0, &mut [0]) == 0;
     let free = nothing(Record::Manufacturer) && nothing(Record::Communication);
     if peer == UNCONFIGURED || !free {
@@ -183,8 +200,8 @@ fn introduce(memory: &mut Memory, peer: u8) {
     }
 }
 
-fn store(
-    memory: &mut Memory,
+fn store<M: RecordStore>(
+    memory: &mut M,
     record: Record,
     told: &[(Record, Address, Value)],
 ) -> Result<(), StoreError> {

@@ -16,7 +16,7 @@ use device::calibration::motor::{MOTOR, Terms};
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::process::SyncSource;
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use device::records::{Record, RecordStore, parameters};
 use tilt::chain::Calibration;
 use tilt::uncertainty::{Budget, Span, Uncertainty};
@@ -70,6 +70,7 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
         identity: Identity {
             channel,
             serial: 100 + channel as u32,
+            models: Models::WHOLE,
         },
         node_id: channel.node_id(),
         kbit_s,

@@ -6,7 +6,7 @@ use device::calibration::deliver;
 use device::calibration::motor::{MOTOR, Terms};
 use device::device::{Device, Factory};
 use device::objects::panel::Identity;
-use device::objects::table::Channel;
+use device::objects::table::{Channel, Models};
 use tilt::cross_check::residual::{Residual, STAGES, Stage};
 use tilt::cross_check::{CrossCheck, ProductCheck, ProductState, WindowCheck};
 use tilt::table::Rule;
@@ -66,6 +66,7 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
         identity: Identity {
             channel,
             serial: 2 * setup.unit + node as u32 + 1,
+            models: Models::WHOLE,
         },
         node_id: channel.node_id(),
         kbit_s: setup.kbit_s,

@@ -108,6 +108,7 @@ fn put(target: &mut [i32; 3], axis: usize, value: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::composition::Whole;
     use crate::filter::Filtered;
     use crate::temperature::TemperatureModel;
 
@@ -132,7 +133,7 @@ mod tests {
             let input = Filtered {
                 accel: raw.accel.map(|a| a as i32),
             };
-            let out = TemperatureModel::Piecewise(model)
+            let out = TemperatureModel::<Whole>::Piecewise(model)
                 .apply(input, raw.temperature)
                 .accel[0];
             assert!((f64::from(out) - 0.017 * G).abs() < 0.0001 * G, "{c}");
@@ -152,7 +153,7 @@ mod tests {
                 fit.add(i, share, reading(share, -10.0 + 10.0 * f64::from(step)));
             }
         }
-        let model = TemperatureModel::Quadratic(fit.solve().unwrap());
+        let model: TemperatureModel = TemperatureModel::Quadratic(fit.solve().unwrap());
         for share in [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.6, 0.0, -0.8]] {
             let at_25 = reading(share, 25.0).accel;
             for c in [-10.0, 0.0, 30.0, 70.0] {

@@ -8,9 +8,12 @@
 //! | `plumb-VERSION.bin`, `.hex` | bootloader and confirmed application, for a probe |
 //! | `plumb-VERSION-slot-a.img`, `-slot-b.img` | an application with its header, for an update |
 //! | `boot.elf`, `app-a.elf`, `app-b.elf` | what was linked, for a debugger and for the emulator |
+//! | `plumb-paper-VERSION.bin`, `.hex` | the same of the paper's instrument, for its own part |
+//! | `boot-paper.elf`, `app-paper.elf` | what was linked of it |
 //!
-//! An image runs in one slot only, since its addresses are fixed, so there is one for each. What
-//! is larger than its budget is an error, but its files are there to be looked at.
+//! The product's are for an STM32F103RC, the paper's for an STM32F103C8. An image runs in one slot
+//! only, since its addresses are fixed, so there is one for each; the paper's part has one. What is
+//! larger than its budget is an error, but its files are there to be looked at.
 //!
 //! Left out: signatures.
 
@@ -19,6 +22,7 @@ mod elsewhere;
 mod hex;
 mod keys;
 mod linked;
+mod set;
 mod traces;
 
 use std::path::{Path, PathBuf};
@@ -26,7 +30,7 @@ use std::{env, fmt, fs, io};
 
 use flash::check_sum::Crc32;
 use flash::image::{FIELDS, Header, Signature, Version};
-use flash::layout::{BASE, HEADER, Program, RC, Slot};
+use flash::layout::{BASE, HEADER, Layout, Program, Slot};
 use flash::seal;
 use flash::slots::{MARKS, factory_marks};
 
@@ -34,13 +38,20 @@ use crate::chip::{self, letter};
 use crate::command::CommandError;
 use crate::workspace::Workspace;
 use linked::Linked;
-
-/// What statics and the stack along direct calls may take of the RAM, bytes: interrupts and calls
-/// by pointer come on top. A device that is copied on its way to its place is found by this.
-const RAM_BUDGET: usize = 23 * 1024;
+use set::Set;
+pub use set::sets;
 
 /// How the names of our files end.
-const OURS: [&str; 6] = ["boot.elf", "app-a.elf", "app-b.elf", ".img", ".bin", ".hex"];
+const OURS: [&str; 8] = [
+    "boot.elf",
+    "app-a.elf",
+    "app-b.elf",
+    "boot-paper.elf",
+    "app-paper.elf",
+    ".img",
+    ".bin",
+    ".hex",
+];
 
 /// Why there are no images.
 #[derive(Debug)]
@@ -123,10 +134,12 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     let believed = keys::believed(|name| env::var(name).ok()).map_err(ImageError::Keys)?;
     let outlet = Outlet::clear(folder, version)?;
     let mut over = Vec::new();
-    for slot in [Slot::A, Slot::B] {
-        let [boot, app] = link(workspace, &outlet, slot)?;
-        over.extend(judge(slot, &boot, &app));
-        offer(&outlet, slot, &boot, &app)?;
+    for set in sets() {
+        for slot in set.slots() {
+            let [boot, app] = link(workspace, &outlet, set, slot)?;
+            over.extend(judge(set, slot, &boot, &app));
+            offer(&outlet, set, slot, &boot, &app)?;
+        }
     }
     println!("      {believed}");
     println!("      {}", outlet.folder.display());
@@ -137,14 +150,19 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     }
 }
 
-/// Links both programs, the application for `slot`, and keeps the linked files.
-fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2], ImageError> {
-    chip::firmware(workspace, slot)?;
+/// Links both programs of a set, the application for `slot`, and keeps the linked files.
+fn link(
+    workspace: &Workspace,
+    outlet: &Outlet,
+    set: &Set,
+    slot: Slot,
+) -> Result<[Linked; 2], ImageError> {
+    chip::firmware(workspace, &set.programs(), slot)?;
     let kept = [
-        ("boot", "boot.elf".to_string(), Program::Boot),
+        (set.boot, format!("{}.elf", set.boot), Program::Boot),
         (
-            "app",
-            format!("app-{}.elf", letter(slot)),
+            set.app,
+            format!("{}.elf", set.name_of_app(slot)),
             Program::Application(slot),
         ),
     ];
@@ -156,7 +174,7 @@ fn link(workspace: &Workspace, outlet: &Outlet, slot: Slot) -> Result<[Linked; 2
         outlet.write(&name, &bytes)?;
         let linked = Linked::read(&bytes, &places);
         let linked = linked.map_err(|error| ImageError::Elf(path, error))?;
-        let room = RC.room(program);
+        let room = set.layout.room(program);
         if room.is_some_and(|room| room.address() == linked.start) {
             Ok(linked)
         } else {
@@ -184,44 +202,52 @@ fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
 
 /// Prints the sizes; what is too much, or must not be there. The application's limit is its slot,
 /// and the linker's.
-fn judge(slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
-    let (slot, ram, stack) = (letter(slot), app.ram, app.stack);
+fn judge(set: &Set, slot: Slot, boot: &Linked, app: &Linked) -> Vec<String> {
+    let (name, ram, stack) = (set.name_of_app(slot), app.ram, app.stack);
     let strays = boot.strays.iter().chain(&app.strays);
-    let strays = strays.map(|name| format!("slot {slot}: {name} is in it"));
+    let strays = strays.map(|stray| format!("{name}: {stray} is in it"));
     let [boot, app] = [boot, app].map(|linked| linked.bytes.len());
-    println!("      slot {slot}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
-    println!("              deepest stack along direct calls {stack:6}");
+    println!("      {name:9}  boot {boot:6}  application {app:6}  static RAM {ram:6}");
+    println!("                 deepest stack along direct calls {stack:6}");
     let limits = [
-        ("the bootloader", boot, RC.boot.length as usize),
-        ("RAM", ram as usize + stack as usize, RAM_BUDGET),
+        ("the bootloader", boot, set.layout.boot.length as usize),
+        ("RAM", ram as usize + stack as usize, set.ram),
     ];
     let over = limits.iter().filter(|(_, is, budget)| is > budget);
-    over.map(|(what, is, budget)| format!("slot {slot}: {what} takes {is} of {budget} bytes"))
+    over.map(|(what, is, budget)| format!("{name}: {what} takes {is} of {budget} bytes"))
         .chain(strays)
         .collect()
 }
 
 /// Writes the files that people use.
-fn offer(outlet: &Outlet, slot: Slot, boot: &Linked, app: &Linked) -> Result<(), ImageError> {
-    let version = &outlet.version;
-    let header = header(version, app)?;
-    let update = [header.as_slice(), &app.bytes].concat();
-    let letter = letter(slot);
-    outlet.write(&format!("plumb-{version}-slot-{letter}.img"), &update)?;
+fn offer(
+    outlet: &Outlet,
+    set: &Set,
+    slot: Slot,
+    boot: &Linked,
+    app: &Linked,
+) -> Result<(), ImageError> {
+    let (name, version) = (set.name, &outlet.version);
+    let header = header(version, set.layout, app)?;
+    if set.layout.b.is_some() {
+        let update = [header.as_slice(), &app.bytes].concat();
+        let letter = letter(slot);
+        outlet.write(&format!("{name}-{version}-slot-{letter}.img"), &update)?;
+    }
     if slot == Slot::A {
-        let whole = factory(boot, &header, app);
-        outlet.write(&format!("plumb-{version}.bin"), &whole)?;
+        let whole = factory(set.layout, boot, &header, app);
+        outlet.write(&format!("{name}-{version}.bin"), &whole)?;
         let text = hex::encode(BASE, &whole);
-        outlet.write(&format!("plumb-{version}.hex"), text.as_bytes())?;
+        outlet.write(&format!("{name}-{version}.hex"), text.as_bytes())?;
     }
     Ok(())
 }
 
 /// The header of an application, with blank marks.
-fn header(version: &str, app: &Linked) -> Result<Vec<u8>, ImageError> {
+fn header(version: &str, layout: &Layout, app: &Linked) -> Result<Vec<u8>, ImageError> {
     let header = Header {
         signature: Signature::None,
-        hardware: RC.hardware,
+        hardware: layout.hardware,
         version: parse(version).ok_or_else(|| ImageError::Version(version.to_string()))?,
         address: app.start,
         length: app.bytes.len() as u32,
@@ -245,12 +271,12 @@ fn parse(version: &str) -> Option<Version> {
 }
 
 /// The flash of a part as it leaves the factory, up to the end of the application.
-fn factory(boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
+fn factory(layout: &Layout, boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
     let mut whole = boot.bytes.clone();
-    whole.resize(RC.boot.end() as usize, u8::MAX);
+    whole.resize(layout.boot.end() as usize, u8::MAX);
     seal::close(&mut whole);
     whole.extend_from_slice(header);
-    let marks = (RC.a.start + MARKS) as usize;
+    let marks = (layout.a.start + MARKS) as usize;
     let factory = factory_marks();
     whole[marks..marks + factory.len()].copy_from_slice(&factory);
     whole.extend_from_slice(&app.bytes);
@@ -260,7 +286,8 @@ fn factory(boot: &Linked, header: &[u8], app: &Linked) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use flash::access::program;
-    use flash::layout::PAGE;
+    use flash::image::verify;
+    use flash::layout::{C8, PAGE, RC};
     use flash::nor::{Draw, Nor, Page};
     use flash::slots::{Decision, Why, boot};
 
@@ -287,8 +314,8 @@ mod tests {
     #[test]
     fn the_bootloader_starts_what_leaves_the_factory() {
         let app = linked(RC.a.address() + HEADER, 4000);
-        let header = header("1.2.3", &app).unwrap();
-        let whole = factory(&linked(BASE, 3000), &header, &app);
+        let header = header("1.2.3", &RC, &app).unwrap();
+        let whole = factory(&RC, &linked(BASE, 3000), &header, &app);
         let pages = vec![Page::new(); (RC.flash / PAGE) as usize];
         let mut nor = Nor::new(pages, Zeros);
         program(&mut nor, 0, &whole).unwrap();
@@ -297,6 +324,18 @@ mod tests {
         };
         assert_eq!((slot, why), (Slot::A, Why::Confirmed));
         assert_eq!(found.version, Version::new(1, 2, 3));
+    }
+
+    #[test]
+    fn the_paper_s_part_leaves_the_factory_with_an_image_that_is_whole() {
+        let app = linked(C8.a.address() + HEADER, 4000);
+        let header = header("1.2.3", &C8, &app).unwrap();
+        let whole = factory(&C8, &linked(BASE, 1800), &header, &app);
+        let pages = vec![Page::new(); (C8.flash / PAGE) as usize];
+        let mut nor = Nor::new(pages, Zeros);
+        program(&mut nor, 0, &whole).unwrap();
+        let found = verify(&mut nor, C8.a, C8.hardware).map(|header| header.version);
+        assert_eq!(found, Ok(Version::new(1, 2, 3)));
     }
 
     #[test]

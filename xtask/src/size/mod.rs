@@ -26,6 +26,7 @@ use std::{fmt, fs, io};
 
 use crate::chip;
 use crate::command::{self, CommandError};
+use crate::image::sets;
 use crate::workspace::Workspace;
 use flash::layout::Slot;
 use image::Image;
@@ -42,8 +43,6 @@ const TOLERANCE_PERCENT: u64 = 2;
 const STACK: &str = "footprint-stack";
 /// The same with everything behind the rows.
 const INSTRUMENT: &str = "footprint-instrument";
-/// The programs that are flashed.
-const PROGRAMS: [&str; 2] = ["boot", "app"];
 /// What must not link.
 const CANARY: &str = "footprint-canary";
 
@@ -113,10 +112,12 @@ pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
         let image = linked(workspace, binary)?;
         println!("\n{binary}\n{}", report::details(&image));
     }
-    chip::firmware(workspace, Slot::A)?;
-    for program in PROGRAMS {
-        let image = read(workspace, program)?;
-        println!("\n{program}\n{}", report::details(&image));
+    for set in sets() {
+        chip::firmware(workspace, &set.programs(), Slot::A)?;
+        for program in set.programs() {
+            let image = read(workspace, program)?;
+            println!("\n{program}\n{}", report::details(&image));
+        }
     }
     println!("`cargo xtask size --instructions` lists what a sample and a SYNC execute");
     check(workspace)

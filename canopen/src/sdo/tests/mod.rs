@@ -194,7 +194,7 @@ impl Bench {
 
     fn wait_ms(&mut self, millis: u32) -> Option<Instant> {
         self.now = self.now.after_ms(millis);
-        self.server.poll(&mut self.objects, self.now)
+        self.server.poll(&mut self.objects, self.now).get()
     }
 
     /// Plays a conversation and compares the server's side of it.

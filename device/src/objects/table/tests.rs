@@ -10,7 +10,7 @@ use std::vec::Vec;
 use super::*;
 
 fn default(channel: Channel, address: Address) -> i64 {
-    let dictionary = dictionary(channel);
+    let dictionary = dictionary(Models::WHOLE, channel);
     let entry = dictionary.entry(address).unwrap();
     let value = dictionary.default(&entry, channel.node_id()).unwrap();
     value.number(entry.data_type)
@@ -24,7 +24,7 @@ fn mapped(channel: Channel, index: u16) -> Vec<u32> {
 
 #[test]
 fn every_row_is_found_at_each_of_its_addresses() {
-    let dictionary = dictionary(Channel::A);
+    let dictionary = dictionary(Models::WHOLE, Channel::A);
     for row in rows() {
         for sub in row.sub..=row.last {
             let entry = dictionary.entry(at(row.index, sub)).unwrap();
@@ -64,7 +64,7 @@ fn sub_index_0_of_a_constant_size_is_the_highest_sub_index() {
 
 #[test]
 fn gaps_answer_with_the_right_abort_code() {
-    let dictionary = dictionary(Channel::B);
+    let dictionary = dictionary(Models::WHOLE, Channel::B);
     let missing = |address| dictionary.entry(address).unwrap_err();
     assert_eq!(missing(at(0x1002, 0)), Abort::NoSuchObject);
     assert_eq!(missing(at(0x1800, 4)), Abort::NoSuchSubIndex);
@@ -92,7 +92,7 @@ fn pdos_as_delivered_map_what_exists_and_fit_into_a_frame() {
     let pdos = full.into_iter().chain([(0x1A00, 48, Access::TPDO)]);
     let empty = [0x1602, 0x1603].map(|index| (index, 0, Access::RPDO));
     for channel in [Channel::A, Channel::B] {
-        let dictionary = dictionary(channel);
+        let dictionary = dictionary(Models::WHOLE, channel);
         for (index, bits, access) in pdos.clone().chain(received).chain(empty) {
             let mut sum = 0;
             for object in mapped(channel, index) {
@@ -182,7 +182,7 @@ fn signatures_as_delivered_are_the_computed_ones() {
 
 #[test]
 fn limits_refuse_at_the_write() {
-    let dictionary = dictionary(Channel::A);
+    let dictionary = dictionary(Models::WHOLE, Channel::A);
     let admits = |address, value| dictionary.admits(&dictionary.entry(address).unwrap(), &value);
     assert_eq!(admits(at(0x2001, 0), Value::u8(0)), Err(Abort::ValueTooLow));
     assert_eq!(
@@ -209,7 +209,7 @@ fn limits_refuse_at_the_write() {
 #[test]
 fn every_twin_of_32_bit_is_stored_and_none_of_16_bit() {
     for base in [0x6010, 0x6020, 0x6810, 0x6820] {
-        let dictionary = dictionary(Channel::A);
+        let dictionary = dictionary(Models::WHOLE, Channel::A);
         for offset in 1..=4 {
             let stored = |index| dictionary.entry(at(index, 0)).unwrap().access;
             assert!(!stored(base + offset).has(Access::STORED));
@@ -220,7 +220,7 @@ fn every_twin_of_32_bit_is_stored_and_none_of_16_bit() {
 
 #[test]
 fn the_table_is_small() {
-    let dictionary = dictionary(Channel::A);
+    let dictionary = dictionary(Models::WHOLE, Channel::A);
     let table = dictionary.table;
     let bytes = size_of_val(table.rows)
         + size_of_val(table.kinds)

@@ -3,7 +3,9 @@
 //! Source: ARMv7-M A5.3. Left out: coprocessors, which end in an undefined instruction as they do
 //! where none answers.
 
-use super::super::op::{Alu, Bits, Index, Kind, Long, Many, NOWHERE, Op, PC, Shift, ZERO};
+use super::super::op::{
+    Alu, Bits, Index, Indexed, Kind, Long, Many, NOWHERE, Op, PC, Product, Shift, Two, ZERO,
+};
 use super::{Decoder, signed, whole};
 
 /// Bits of a half-word.
@@ -143,21 +145,16 @@ impl Decoder<'_> {
             if n == PC {
                 self.push(Op::SetPc { to: self.pc() & !3 });
             }
+            let two = Two {
+                t,
+                second: other,
+                n,
+                index,
+                by,
+            };
             self.push(match loads {
-                true => Op::Ldrd {
-                    t,
-                    second: other,
-                    n,
-                    index,
-                    by,
-                },
-                false => Op::Strd {
-                    t,
-                    second: other,
-                    n,
-                    index,
-                    by,
-                },
+                true => Op::Ldrd(two),
+                false => Op::Strd(two),
             });
             return Some(());
         }
@@ -372,22 +369,17 @@ impl Decoder<'_> {
                 (_, 0) => return None,
                 _ => Index::Behind,
             };
+            let indexed = Indexed {
+                kind,
+                t,
+                n,
+                index,
+                by,
+            };
             match (index, loads) {
                 (Index::Offset, _) => self.transfer(loads, kind, t, n, i32::from(by) as u32),
-                (_, true) => self.push(Op::LoadIndexed {
-                    kind,
-                    t,
-                    n,
-                    index,
-                    by,
-                }),
-                (_, false) => self.push(Op::StoreIndexed {
-                    kind,
-                    t,
-                    n,
-                    index,
-                    by,
-                }),
+                (_, true) => self.push(Op::LoadIndexed(indexed)),
+                (_, false) => self.push(Op::StoreIndexed(indexed)),
             }
         }
         if loads && t == PC {
@@ -452,12 +444,14 @@ impl Decoder<'_> {
     fn products(&mut self, first: u16, second: u16) -> Option<()> {
         let (n, m) = (field(first, 0, 4), field(second, 0, 4));
         let (high, d) = (field(second, 8, 4), field(second, 12, 4));
-        let long = |long| Op::Long {
-            long,
-            low: d,
-            high,
-            n,
-            m,
+        let long = |long| {
+            Op::Long(Product {
+                long,
+                low: d,
+                high,
+                n,
+                m,
+            })
         };
         self.push(match (field(first, 4, 4), field(second, 4, 4)) {
             (0, 0) if d == PC => Op::Mul { d: high, n, m },

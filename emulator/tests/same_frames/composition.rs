@@ -1,0 +1,194 @@
+//! What an image is composed of, on the host: the same as `firmware::composition` on the chip.
+//!
+//! In: what the flash holds. Out: instrument, memory and factory setting for the device; the
+//! images, and a calibration that suits parts without errors.
+
+use device::calibration::{deliver, stage};
+use device::device::Factory;
+use device::instrument::{self, Instrument};
+use device::memory::ed25519::Ed25519;
+use device::memory::records_only::RecordMemory;
+use device::memory::{Build, FlashMemory};
+use device::objects::panel;
+use device::objects::table::Channel;
+use device::records::{Record, RecordStore};
+use emulator::build;
+use emulator::chip::flash_controller::Dice;
+use emulator::pair::{Outfit, Pair};
+use emulator_golden::calibration;
+use firmware::factory;
+use firmware::part::{LAYOUT, PAPER, SIGNATURES};
+use flash::layout::{Layout, Slot};
+use flash::nor::Page;
+use flash::nor::medium::Medium;
+use tilt::ONE_G;
+use tilt::angle::{Angle, Axes};
+use tilt::chain::{Calibration, Correction};
+use tilt::table::{Point, Table};
+use tilt::temperature::TemperatureModel;
+use tilt::vector::Vector;
+
+use crate::node::Cells;
+use crate::refused;
+
+/// An image with the device in it.
+pub trait Composition {
+    /// The stages and services of the device.
+    type Instrument: Instrument;
+    /// What the device keeps.
+    type Memory: panel::Memory;
+    /// Different frames of TPDO 1 in half a minute, at least.
+    const ANGLES: usize;
+    /// The error code by which a node tells that its sensor's supply was away for a moment.
+    const FAULT: u16;
+
+    /// What is flashed.
+    fn pieces() -> Vec<(u32, Vec<u8>)>;
+    /// The part, with these pieces.
+    fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_>;
+    /// A memory over these cells, as the chip's program makes it.
+    fn memory(cells: Cells) -> Self::Memory;
+    /// These cells with a calibration in them.
+    fn calibrated(cells: Cells) -> Cells;
+    /// The node as it is delivered.
+    fn factory(channel: Channel, serial: u32) -> Factory;
+    /// What else the nodes do at the end.
+    fn end(pair: &mut Pair);
+}
+
+const ROOM: &str = "there is room in the records";
+
+fn build(layout: &'static Layout) -> Build {
+    Build {
+        layout,
+        running: Slot::A,
+        hardware: layout.hardware,
+    }
+}
+
+/// The product.
+pub struct Product;
+
+impl Composition for Product {
+    type Instrument = instrument::Product;
+    type Memory = FlashMemory<Cells, Ed25519>;
+    const ANGLES: usize = 1_000;
+    /// It gives no samples: the set-up is looked at less often than they come.
+    const FAULT: u16 = 0xFF02;
+
+    fn pieces() -> Vec<(u32, Vec<u8>)> {
+        let images = build::Product::build();
+        images.expect("the images build").pieces()
+    }
+
+    fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_> {
+        Outfit::from(pieces)
+    }
+
+    fn memory(cells: Cells) -> Self::Memory {
+        FlashMemory::new(cells, build(&LAYOUT), SIGNATURES)
+    }
+
+    fn calibrated(cells: Cells) -> Cells {
+        let mut memory = Self::memory(cells);
+        deliver(&mut memory, &mild()).expect(ROOM);
+        memory.flash().clone()
+    }
+
+    fn factory(channel: Channel, serial: u32) -> Factory {
+        factory::product(channel, serial)
+    }
+
+    /// A new program comes and is found to be signed by nobody whom they know.
+    fn end(pair: &mut Pair) {
+        for (node, erase_ns) in [(1, Some(40_000_000)), (2, None)] {
+            let chip = pair.board(node - 1).machine_mut().chip_mut();
+            chip.flash.set_erase_ns(erase_ns);
+            refused(pair, node as u8);
+        }
+    }
+}
+
+/// The paper's instrument.
+pub struct Paper;
+
+impl Composition for Paper {
+    type Instrument = instrument::Paper;
+    type Memory = RecordMemory<Medium<Vec<Page>, Dice>>;
+    const ANGLES: usize = 500;
+    /// Its set-up is lost, which is seen before the next sample is missed.
+    const FAULT: u16 = 0x3200;
+
+    fn pieces() -> Vec<(u32, Vec<u8>)> {
+        let images = build::Paper::build();
+        images.expect("the images build").pieces()
+    }
+
+    fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_> {
+        Outfit::paper(pieces)
+    }
+
+    fn memory(cells: Cells) -> Self::Memory {
+        RecordMemory::new(Medium(cells), build(&PAPER))
+    }
+
+    fn calibrated(cells: Cells) -> Cells {
+        let mut memory = Self::memory(cells);
+        RecordStore::start(&mut memory).expect(ROOM);
+        stage(&mut memory, Record::Calibration, &tables()).expect(ROOM);
+        RecordStore::commit(&mut memory).expect(ROOM);
+        memory.flash().0.clone()
+    }
+
+    fn factory(channel: Channel, serial: u32) -> Factory {
+        factory::paper(channel, serial)
+    }
+
+    fn end(_: &mut Pair) {}
+}
+
+/// A calibration that parts without errors bear: a hundredth of the terms that are not theirs.
+fn mild() -> Calibration {
+    let mut calibration = calibration();
+    if let TemperatureModel::Quadratic(terms) = &mut calibration.temperature {
+        let small = |terms: &mut [i32; 3]| terms.iter_mut().for_each(|term| *term /= 100);
+        small(&mut terms.offset1_q8);
+        small(&mut terms.offset2_q16);
+        small(&mut terms.gain1_q38);
+        small(&mut terms.gain2_q46);
+    }
+    if let Correction::TwoAxis { vector, .. } = &mut calibration.correction {
+        let ideal = Vector::IDENTITY;
+        let both = vector.matrix.iter_mut().flatten();
+        for (term, ideal) in both.zip(ideal.matrix.into_iter().flatten()) {
+            *term = ideal + (*term - ideal) / 100;
+        }
+        vector.offset.iter_mut().for_each(|term| *term /= 100);
+    }
+    calibration
+}
+
+/// Two full tables, of parts without errors.
+fn tables() -> Calibration {
+    let point = |deg: i32| {
+        let angle = f64::from(deg);
+        Point {
+            accel: (angle.to_radians().sin() * f64::from(ONE_G)).round() as i32,
+            angle: Angle::from_degrees(angle),
+        }
+    };
+    let points: Vec<_> = (-90..=90).map(point).collect();
+    let table = Table::new(&points).expect("a table");
+    let mut calibration = Calibration {
+        correction: Correction::Tables {
+            tables: Axes {
+                x: table.clone(),
+                y: table,
+            },
+            rule: device::factory::RULE,
+        },
+        ..Calibration::NOMINAL
+    };
+    calibration.temperature = TemperatureModel::None;
+    calibration
+}

@@ -1,0 +1,85 @@
+//! What an image is composed of, beside what all images share: the product's and the paper's.
+//!
+//! In: what the board has. Out: instrument, memory and factory setting for the device, and
+//! what is done in the background.
+
+use device::device::Factory;
+use device::instrument::{self, Instrument};
+use device::memory::records_only::RecordMemory;
+use device::memory::{Build, FlashMemory};
+use device::objects::panel;
+use device::objects::table::Channel;
+use flash::layout::Layout;
+
+use crate::chip::eraser::Lent;
+use crate::chip::nor::{Controller, Erase, Nor};
+use crate::factory;
+use crate::new_program::{Background, check_new};
+use crate::part::{LAYOUT, PAPER};
+use crate::self_check::running_slot;
+
+/// An image's own choices.
+pub trait Composition {
+    /// The stages and services of its device.
+    type Instrument: Instrument;
+    /// What erases its flash.
+    type Eraser: Erase;
+    /// Where the device keeps what outlives a reset.
+    type Memory: panel::Memory;
+    /// The memory over the chip's flash.
+    fn memory(nor: Nor<Self::Eraser>) -> Self::Memory;
+    /// What the node is before anything was stored in it.
+    fn factory(channel: Channel, serial: u32) -> Factory;
+    /// What else is done when nothing else is to be done; everything interrupts it.
+    fn background();
+}
+
+/// What a program linked with this map says of itself.
+fn build(layout: &'static Layout) -> Build {
+    Build {
+        layout,
+        running: running_slot(layout),
+        hardware: layout.hardware,
+    }
+}
+
+/// The product: two slots with signed updates, records, an event log.
+pub struct Product;
+
+impl Composition for Product {
+    type Instrument = instrument::Product;
+    type Eraser = Controller;
+    type Memory = FlashMemory<Nor, Background>;
+
+    fn memory(nor: Nor) -> Self::Memory {
+        FlashMemory::new(nor, build(&LAYOUT), Background)
+    }
+
+    fn factory(channel: Channel, serial: u32) -> Factory {
+        factory::product(channel, serial)
+    }
+
+    fn background() {
+        check_new();
+    }
+}
+
+/// The paper's instrument on the paper's part: one slot, records, and nothing in the application
+/// that erases.
+pub struct Paper;
+
+impl Composition for Paper {
+    type Instrument = instrument::Paper;
+    type Eraser = Lent;
+    type Memory = RecordMemory<Nor<Lent>>;
+
+    fn memory(nor: Nor<Lent>) -> Self::Memory {
+        RecordMemory::new(nor, build(&PAPER))
+    }
+
+    fn factory(channel: Channel, serial: u32) -> Factory {
+        factory::paper(channel, serial)
+    }
+
+    fn background() {}
+}
