@@ -14,8 +14,8 @@ use crate::chip::board::{Board, Select};
 use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
 use crate::chip::spi::Sensor;
-use crate::composition::Composition;
 use crate::crash::Crash;
+use crate::image::Image;
 use crate::inbox::Inbox;
 use crate::self_check;
 use crate::unit::{At, Order, Unit};
@@ -31,7 +31,7 @@ pub fn was_served() -> bool {
 }
 
 /// The device with all that it needs, as `C` composes it.
-pub struct Node<C: Composition> {
+pub struct Node<C: Image> {
     unit: Unit,
     device: Device<Sensor<Select>, C::Memory, C::Instrument>,
     can: Can,
@@ -40,7 +40,7 @@ pub struct Node<C: Composition> {
     running: bool,
 }
 
-impl<C: Composition> Node<C> {
+impl<C: Image> Node<C> {
     /// A device that has not been started.
     #[inline(never)]
     pub fn new(board: Board<C::Eraser>) -> Self {

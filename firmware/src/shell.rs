@@ -1,7 +1,7 @@
 //! The shell of every application: interrupts bring events, one task runs the device, and the rest
 //! of the time is for checking the program and for sleep.
 //!
-//! In: a [`Composition`](crate::composition::Composition). Out: by
+//! In: an [`Image`](crate::image::Image). Out: by
 //! [`application`](crate::application) the RTIC application around it, which has to be in the
 //! binary itself.
 //!
@@ -14,7 +14,7 @@
 //! The task has a hardware vector of its own that no timer uses: a software task of RTIC would
 //! bring an executor for futures along, and nothing here waits for one.
 
-/// The application that the named composition makes; once in a binary, at its root.
+/// The application of the named image; once in a binary, at its root.
 #[macro_export]
 macro_rules! application {
     ($image:ty) => {
@@ -25,28 +25,28 @@ macro_rules! application {
             use $crate::chip::board::{self, Board};
             use $crate::chip::nor::Erase;
             use $crate::chip::{can, clock};
-            use $crate::composition::Composition;
+            use $crate::image::Image;
             use $crate::inbox::Inbox;
             use $crate::node::Node;
             use $crate::self_check::{SelfCheck, running_slot};
 
-            type Image = $image;
+            type Chosen = $image;
 
             #[shared]
             struct Shared {
                 inbox: Inbox,
-                node: Option<&'static mut Node<Image>>,
+                node: Option<&'static mut Node<Chosen>>,
             }
 
             #[local]
             struct Local {
-                board: Option<Board<<Image as Composition>::Eraser>>,
+                board: Option<Board<<Chosen as Image>::Eraser>>,
                 check: SelfCheck,
             }
 
             #[init]
             fn init(cx: init::Context) -> (Shared, Local) {
-                let layout = <Image as Composition>::Eraser::LAYOUT;
+                let layout = <Chosen as Image>::Eraser::LAYOUT;
                 let running = layout.slot(running_slot(layout));
                 let board = Some(board::start(cx.device, running));
                 let (inbox, node) = (Inbox::new(), None);
@@ -70,7 +70,7 @@ macro_rules! application {
                 rtic::pend(Interrupt::TIM3);
                 loop {
                     cx.local.check.step();
-                    Image::background();
+                    Chosen::background();
                     cortex_m::asm::wfi();
                 }
             }

@@ -1,4 +1,4 @@
-//! What an image is composed of, on the host: the same as `firmware::composition` on the chip.
+//! What an image is composed of, on the host: the same as `firmware::image` on the chip.
 //!
 //! In: what the flash holds. Out: instrument, memory and factory setting for the device; the
 //! images, and a calibration that suits parts without errors.

@@ -1,4 +1,4 @@
-//! What an image is composed of, beside what all images share: the product's and the paper's.
+//! What an image is made of, beside what all images share: the product's and the paper's.
 //!
 //! In: what the board has. Out: instrument, memory and factory setting for the device, and
 //! what is done in the background.
@@ -19,7 +19,7 @@ use crate::part::{LAYOUT, PAPER};
 use crate::self_check::running_slot;
 
 /// An image's own choices.
-pub trait Composition {
+pub trait Image {
     /// The stages and services of its device.
     type Instrument: Instrument;
     /// What erases its flash.
@@ -46,7 +46,7 @@ fn build(layout: &'static Layout) -> Build {
 /// The product: two slots with signed updates, records, an event log.
 pub struct Product;
 
-impl Composition for Product {
+impl Image for Product {
     type Instrument = instrument::Product;
     type Eraser = Controller;
     type Memory = FlashMemory<Nor, Background>;
@@ -68,7 +68,7 @@ impl Composition for Product {
 /// that erases.
 pub struct Paper;
 
-impl Composition for Paper {
+impl Image for Paper {
     type Instrument = instrument::Paper;
     type Eraser = Lent;
     type Memory = RecordMemory<Nor<Lent>>;
