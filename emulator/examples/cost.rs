@@ -1,11 +1,11 @@
-//! What the product's image costs: `cargo run -p emulator --example cost`.
+//! What the images cost: `cargo run -p emulator --example cost`.
 //!
 //! In: nothing, or `--write`. Out: the page `docs/cost.md`, printed or written.
 
 use std::error::Error;
 use std::{env, fs};
 
-use emulator::build::Product;
+use emulator::build::{Paper, Product};
 use emulator::cost::{Figures, document};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         [only] if only == "--write" => true,
         _ => return Err("usage: cost [--write]".into()),
     };
-    let page = Figures::count(&Product::build()?)?.page();
+    let page = Figures::count(&Product::build()?, &Paper::build()?)?.page();
     if write {
         fs::write(document(), page)?;
     } else {

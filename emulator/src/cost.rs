@@ -24,16 +24,18 @@ use tilt::chain::Calibration;
 use tilt::temperature::{Quadratic, TemperatureModel};
 
 use crate::board::FlashError;
-use crate::build::{BuildError, FLOAT, Product};
+use crate::build::{self, BuildError, FLOAT, Product};
 use crate::cpu::Cpu;
-use crate::image::readable;
+use crate::image::{Image, readable};
 use crate::pair::{Pair, SdoError};
 use crate::stopwatch::Stopwatch;
 
 mod page;
+mod paper;
 mod shares;
 
 pub use page::differences;
+pub use paper::PaperFigures;
 pub use shares::Share;
 
 /// Requests that are counted.
@@ -135,6 +137,8 @@ pub struct Figures {
     pub speed: f64,
     /// The chain alone.
     pub chain: Chain,
+    /// The paper's image.
+    pub paper: PaperFigures,
     /// Of a sample and of a SYNC, in which functions they are.
     pub shares: [Share; 2],
 }
@@ -257,13 +261,14 @@ pub fn document() -> PathBuf {
 }
 
 impl Figures {
-    /// Runs the product for half a minute of its time and counts.
+    /// Runs both instruments, each for half a minute of its time, and counts.
     ///
     /// Errors: see [`CostError`].
-    pub fn count(product: &Product) -> Result<Self, CostError> {
+    pub fn count(product: &Product, paper: &build::Paper) -> Result<Self, CostError> {
         let mut pair = delivered(product)?;
-        let still = still(&mut pair, product)?;
-        let asked = span(&mut pair, product, |pair| {
+        let app = &product.app;
+        let still = still(&mut pair, app)?;
+        let asked = span(&mut pair, app, |pair| {
             for _ in 0..REQUESTS {
                 pair.read(1, 0x1000, 0)?;
             }
@@ -272,16 +277,15 @@ impl Figures {
         command(&mut pair, 0x01)?;
         synced(&mut pair, 10)?;
         let watch = Stopwatch::start();
-        let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
+        let synced = span(&mut pair, app, |pair| synced(pair, SYNCS))?;
         let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
         calibrate(&mut pair)?;
-        let unchecked_stack = stack(&mut pair, product)?;
+        let unchecked_stack = stack(&mut pair, app)?;
         let (came, judged) = judged(&mut pair, product)?;
         let longest = came.longest().max(judged.longest());
         let sample = still.own() / still.samples as f64;
-        let hclk_hz = f64::from(pair.board(0).machine().chip().hclk_hz());
-        let per_cent = |instructions: f64| instructions / SPAN_S / hclk_hz * 100.0;
+        let hclk_hz = hclk_hz(&mut pair);
         Ok(Self {
             sample,
             wait: still.waiting as f64 / still.samples as f64,
@@ -290,15 +294,16 @@ impl Figures {
             check: judged.background - still.background / SPAN_S * judged.idle_s(hclk_hz),
             longest: longest as f64,
             rate: still.samples as f64 / SPAN_S,
-            load: per_cent(synced.own()),
-            whole: per_cent(synced.all as f64),
+            load: per_cent(synced.own(), hclk_hz),
+            whole: per_cent(synced.all as f64, hclk_hz),
             boot: product.boot.flash(),
             app: product.app.flash(),
             statics: product.app.statics,
-            stack: stack(&mut pair, product)?,
+            stack: stack(&mut pair, app)?,
             unchecked_stack,
             interrupts: synced.interrupts.clone(),
             chain: Chain::count()?,
+            paper: PaperFigures::count(paper)?,
             speed,
             shares: shares::shares(&still, &synced, SYNCS),
         })
@@ -310,10 +315,10 @@ impl Figures {
 /// Errors: see [`CostError`].
 pub fn each_by_function(product: &Product) -> Result<[Share; 2], CostError> {
     let mut pair = delivered(product)?;
-    let still = still(&mut pair, product)?;
+    let still = still(&mut pair, &product.app)?;
     command(&mut pair, 0x01)?;
     synced(&mut pair, 10)?;
-    let synced = span(&mut pair, product, |pair| synced(pair, SYNCS))?;
+    let synced = span(&mut pair, &product.app, |pair| synced(pair, SYNCS))?;
     Ok(shares::shares(&still, &synced, SYNCS))
 }
 
@@ -328,11 +333,21 @@ fn delivered(product: &Product) -> Result<Pair, CostError> {
 }
 
 /// Nothing but samples.
-fn still(pair: &mut Pair, product: &Product) -> Result<Span, CostError> {
-    span(pair, product, |pair| {
+fn still(pair: &mut Pair, app: &Image) -> Result<Span, CostError> {
+    span(pair, app, |pair| {
         pair.run(SPAN_S);
         Ok(())
     })
+}
+
+/// The clock of node A's core, Hz.
+fn hclk_hz(pair: &mut Pair) -> f64 {
+    f64::from(pair.board(0).machine().chip().hclk_hz())
+}
+
+/// Instructions of a span as a part of what the core could have executed, %.
+fn per_cent(instructions: f64, hclk_hz: f64) -> f64 {
+    instructions / SPAN_S / hclk_hz * 100.0
 }
 
 /// The host tells all nodes where to go (CiA 301 7.2.8.3.1).
@@ -384,10 +399,10 @@ fn judged(pair: &mut Pair, product: &Product) -> Result<(Span, Span), CostError>
     while pair.read(1, 0x1F57, 1)? & 1 == 1 {
         pair.run(0.1);
     }
-    let came = span(pair, product, |pair| {
+    let came = span(pair, &product.app, |pair| {
         Ok(pair.download(1, (0x1F50, 1), &file)?)
     })?;
-    let judged = span(pair, product, |pair| {
+    let judged = span(pair, &product.app, |pair| {
         pair.write(1, (0x1F51, 1), 1, 1)?;
         for _ in 0..POLLS {
             pair.run(0.1);
@@ -405,7 +420,7 @@ fn judged(pair: &mut Pair, product: &Product) -> Result<(Span, Span), CostError>
 /// Lets `act` run and counts what node A executes meanwhile.
 fn span(
     pair: &mut Pair,
-    product: &Product,
+    app: &Image,
     act: impl FnOnce(&mut Pair) -> Result<(), CostError>,
 ) -> Result<Span, CostError> {
     let machine = pair.board(0).machine_mut();
@@ -418,11 +433,11 @@ fn span(
     let seconds = (pair.network.now_ns() - begun_ns) as f64 * 1e-9;
     let samples = pair.board(0).samples() - samples;
     let machine = pair.board(0).machine();
-    let by_symbol = product.app.by_symbol(machine.chip().code.profile());
+    let by_symbol = app.by_symbol(machine.chip().code.profile());
     let waits = |name: &str| WAIT.iter().all(|word| name.contains(word));
     let waiting = by_symbol.iter().filter(|(name, _)| waits(name));
     let waiting = waiting.map(|(_, count)| count).sum();
-    if product.app.symbols_with(&WAIT).is_empty() {
+    if app.symbols_with(&WAIT).is_empty() {
         // The compiler has put it into its caller, and a sample would seem to cost more.
         return Err(CostError::NoSymbol("spi::wait"));
     }
@@ -456,8 +471,8 @@ fn span(
 }
 
 /// The deepest stack of the two nodes since their reset, bytes.
-fn stack(pair: &mut Pair, product: &Product) -> Result<u32, CostError> {
-    let symbol = |name| product.app.symbol(name).ok_or(CostError::NoSymbol(name));
+fn stack(pair: &mut Pair, app: &Image) -> Result<u32, CostError> {
+    let symbol = |name| app.symbol(name).ok_or(CostError::NoSymbol(name));
     let (end, start) = (symbol("_stack_end")?, symbol("_stack_start")?);
     let used = [0, 1].map(|number| {
         let unused = pair.board(number).machine().painted_from(end, PAINT);

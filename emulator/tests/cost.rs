@@ -2,13 +2,14 @@
 
 use std::fs;
 
-use emulator::build::Product;
+use emulator::build::{Paper, Product};
 use emulator::cost::{Figures, differences, document};
 
 #[test]
 fn the_page_on_costs_is_what_the_image_costs() {
     let product = Product::build().expect("the images build");
-    let counted = Figures::count(&product).expect("it runs");
+    let paper = Paper::build().expect("the images build");
+    let counted = Figures::count(&product, &paper).expect("it runs");
     let committed = fs::read_to_string(document()).unwrap_or_default();
     let found = differences(&committed, &counted);
     assert!(
