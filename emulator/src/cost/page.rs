@@ -530,7 +530,7 @@ mod tests {
         let page = figures().page();
         assert_eq!(differences(&page, &figures()), [""; 0]);
         let rows = rows(&page);
-        assert_eq!(rows.len(), 20);
+        assert_eq!(rows.len(), 29);
         assert_eq!(
             rows.get("a sample, without the wait for SPI"),
             Some(&1480.0)
@@ -574,9 +574,18 @@ mod tests {
                 reading: [3000.0, 10_000.0],
                 apart: 300.0,
             },
+            paper: PaperFigures {
+                boot: 2200,
+                app: 58_000,
+                statics: 1300,
+                stack: 16_000,
+                sync: 17_000.0,
+                longest: 110_000,
+                load: [1.5, 3.8],
+            },
             ..figures()
         };
-        assert_eq!(differences(&page, &grown).len(), 20);
+        assert_eq!(differences(&page, &grown).len(), 29);
     }
 
     #[test]
@@ -618,6 +627,6 @@ mod tests {
                 "highest heap: in the page, but not counted"
             ]
         );
-        assert_eq!(differences("", &figures()).len(), 20 + 7);
+        assert_eq!(differences("", &figures()).len(), 29 + 7);
     }
 }
