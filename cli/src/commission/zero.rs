@@ -198,7 +198,10 @@ struct Zeroed {
     before_deg: Option<f64>,
     after_deg: Option<f64>,
     offset_deg: Option<f64>,
+    /// 6111h or 6121h has scaling on now, as a preset needs it.
     scaling_enabled: bool,
+    /// It was off before.
+    scaling_was_off: bool,
     #[serde(skip)]
     step_deg: f64,
 }
@@ -346,7 +349,8 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
         before_deg: before,
         after_deg: None,
         offset_deg: None,
-        scaling_enabled: plan.operating.is_some(),
+        scaling_enabled: true,
+        scaling_was_off: plan.operating.is_some(),
         step_deg: value::scale(row, resolution).factor,
     })
 }
@@ -404,7 +408,7 @@ fn line(done: &Zeroed) -> String {
         Some(angle) => format!("{} deg", decimal(angle, done.step_deg)),
         None => "no angle".to_owned(),
     };
-    let scaling = if done.scaling_enabled {
+    let scaling = if done.scaling_was_off {
         ", scaling is on now"
     } else {
         ""

@@ -75,6 +75,18 @@ pub struct Arguments {
     pub json: bool,
 }
 
+/// Warns where a program that may be for a board is signed without a key of its own.
+const SIGNED_FOR_ALL: &str = "plumb: warning: signed with the public development key, which only \
+    simulated and emulated nodes accept: give --key to sign for a board";
+
+impl Arguments {
+    /// The signature is by the key that everybody has, and the program may be for a board.
+    const fn is_signed_for_all(&self) -> bool {
+        let is_for_boards = self.a.is_some() || !self.from.is_empty();
+        is_for_boards && self.key.is_none() && !self.unsigned
+    }
+}
+
 /// What was done, for `--json`.
 #[derive(Debug, Serialize)]
 struct Done {
@@ -203,6 +215,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     let length = file.len();
     let written = fs::write(out, file);
     written.map_err(|error| ImageError::File(out.clone(), error))?;
+    if arguments.is_signed_for_all() {
+        eprintln!("{SIGNED_FOR_ALL}");
+    }
     if arguments.json {
         let done = Done {
             file: Some(out.display().to_string()),

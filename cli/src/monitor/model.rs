@@ -326,7 +326,7 @@ impl Model {
                     extra.detail.take(now_ns);
                 }
             }
-            News::Exchange(place) => self.exchanged(place),
+            News::Exchange(place, _) => self.exchanged(place),
             News::Emergency(place, emergency) => self.emergency(place, &emergency),
             News::Heartbeat(place, state) => self.heartbeat(place, state),
             News::Malformed(place) => self.malformed(place, frame),

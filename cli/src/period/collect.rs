@@ -113,8 +113,7 @@ impl Collector {
                     instrument.detail(now_ns, side, detail);
                 }
             }
-            // TPDO 4 comes with the angles of the TPDO 3 before it.
-            News::Exchange(_) if frame.cob_id().is_none_or(|id| id & 0x780 != 0x480) => {
+            News::Exchange(_, part) if part.has_angles() => {
                 if let Some(told) = told.told {
                     instrument.measured(now_ns, side, Measured::of(&told.exchange));
                 }
@@ -205,7 +204,7 @@ fn place_of(news: &News) -> Option<Place> {
     match news {
         News::Slopes(place, _)
         | News::Detail(place)
-        | News::Exchange(place)
+        | News::Exchange(place, _)
         | News::Emergency(place, _)
         | News::Heartbeat(place, _)
         | News::Malformed(place) => Some(*place),

@@ -9,6 +9,7 @@ use super::collect::{Collector, Window};
 use super::data::PeriodReport;
 use super::*;
 use crate::report::html::check;
+use crate::watch::NodePlan;
 
 /// Two hours' worth of what can happen, in half a minute: motion, a loose board on channel B that
 /// is mended, channel A without supply, a gap.
@@ -116,6 +117,36 @@ fn angles_are_those_of_the_housing() {
         difference.told_off_mean_deg.unwrap() < 0.02,
         "{difference:?}"
     );
+}
+
+#[test]
+fn a_pdo_of_the_exchange_with_another_cob_id_was_taken_for_the_other_one() {
+    let mut plan = Plan {
+        nodes: [1, 2].map(NodePlan::as_delivered).into(),
+        ..Plan::default()
+    };
+    // TPDO 3 and TPDO 4 change their identifiers.
+    for pdo in plan.nodes.iter_mut().flat_map(|node| &mut node.pdos) {
+        pdo.cob_id = swapped(pdo.cob_id);
+    }
+    let mut collector = Collector::new(&plan, Window::default());
+    for (at_ns, frame) in frames() {
+        let cob_id = frame.cob_id().expect("11 bit");
+        let frame = Frame::data_frame(swapped(cob_id), frame.bytes());
+        collector.take(START_NS + at_ns, &frame);
+    }
+    let other = finished(collector, None);
+    let [one, other] = [report(), &other].map(|report| report.instruments[0].difference.clone());
+    assert_eq!(other.syncs_measured, one.syncs_measured);
+    assert_eq!((other.judged, other.above), (one.judged, one.above));
+}
+
+fn swapped(cob_id: u16) -> u16 {
+    match cob_id & 0x780 {
+        0x380 => cob_id + 0x100,
+        0x480 => cob_id - 0x100,
+        _ => cob_id,
+    }
 }
 
 #[test]

@@ -33,6 +33,29 @@ pub struct Place {
     pub side: u8,
 }
 
+/// What a PDO of the exchange carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The angles and their quality (TPDO 3).
+    Angles,
+    /// The vector behind them (TPDO 4).
+    Vector,
+    /// Both: a PDO that was mapped so.
+    Both,
+}
+
+impl Part {
+    /// Whether the angles are in it.
+    pub const fn has_angles(self) -> bool {
+        !matches!(self, Self::Vector)
+    }
+
+    /// Whether the vector is in it.
+    pub const fn has_vector(self) -> bool {
+        !matches!(self, Self::Angles)
+    }
+}
+
 /// What a frame has told. The values are in the [`Watch`] by then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum News {
@@ -40,8 +63,8 @@ pub enum News {
     Slopes(Place, Option<Delta>),
     /// TPDO 2: uncertainty, latency, difference, temperature.
     Detail(Place),
-    /// TPDO 3 or 4: what the channels tell each other.
-    Exchange(Place),
+    /// TPDO 3 or 4: what the channels tell each other, with the part of it that has come.
+    Exchange(Place, Part),
     /// A fault has come or gone.
     Emergency(Place, Emergency),
     /// A heartbeat, with the state when it is another one than before; boot-up is `Nmt::BootUp`.
@@ -290,11 +313,12 @@ impl Watch {
                 pair.detail(usize::from(at.side), time_ns);
                 News::Detail(at)
             }
-            Kind::Angles | Kind::Exchange => {
-                pair.exchange(usize::from(at.side));
-                News::Exchange(at)
+            Kind::Exchange(part) => {
+                if part.has_angles() {
+                    pair.exchange(usize::from(at.side));
+                }
+                News::Exchange(at, part)
             }
-            Kind::Behind => News::Exchange(at),
             Kind::Other => {
                 self.counts.unplanned += 1;
                 News::Other

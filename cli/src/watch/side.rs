@@ -7,10 +7,10 @@
 use device::exchange::{self, Exchange, NO_VECTOR};
 use device::fault::Fault;
 
-use super::Emergency;
 use super::checks::{Check, Checks};
 use super::decode::Values;
 use super::plan::{NodePlan, PdoPlan, What};
+use super::{Emergency, Part};
 
 /// The NMT state of a node (CiA 301, 7.2.8.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,12 +109,7 @@ pub struct Side {
 pub(super) enum Kind {
     Slopes,
     Detail,
-    /// The angles of the exchange.
-    Angles,
-    /// What is behind them.
-    Behind,
-    /// Both in one.
-    Exchange,
+    Exchange(Part),
     Other,
 }
 
@@ -188,9 +183,7 @@ impl Side {
                     temperature_degc: values.temperature_degc,
                 });
             }
-            Kind::Angles | Kind::Behind | Kind::Exchange => {
-                self.take_exchange(time_ns, kind, values);
-            }
+            Kind::Exchange(part) => self.take_exchange(time_ns, part, values),
             Kind::Other => {}
         }
         kind
@@ -230,9 +223,9 @@ impl Side {
         }
     }
 
-    fn take_exchange(&mut self, time_ns: u64, kind: Kind, values: &Values) {
+    fn take_exchange(&mut self, time_ns: u64, part: Part, values: &Values) {
         let mut told = self.told.map_or(Exchange::NOTHING, |told| told.exchange);
-        if kind != Kind::Behind {
+        if part.has_angles() {
             (told.angle, told.quality) = (values.exchange.angle, values.exchange.quality);
             let is_reserved = |quality: &u8| {
                 let is_reason = (1..32).contains(quality);
@@ -242,7 +235,7 @@ impl Side {
                 self.checks.add(Check::Reserved, time_ns);
             }
         }
-        if kind != Kind::Angles {
+        if part.has_vector() {
             told.vector = values.exchange.vector;
             told.captured = values.exchange.captured;
             told.activity = values.exchange.activity;
@@ -344,18 +337,18 @@ impl Side {
 
 fn kind_of(pdo: &PdoPlan) -> Kind {
     let has_angles = pdo.has(|what| matches!(what, What::Angle(_) | What::Quality(_)));
-    let has_behind = pdo.has(|what| matches!(what, What::Vector(_) | What::Activity));
+    let has_vector = pdo.has(|what| matches!(what, What::Vector(_) | What::Activity));
     let has_detail = pdo.has(|what| {
         matches!(
             what,
             What::Uncertainty | What::Difference | What::Temperature
         )
     });
-    match (has_angles, has_behind) {
+    match (has_angles, has_vector) {
         _ if pdo.has(|what| matches!(what, What::Slope(_))) => Kind::Slopes,
-        (true, true) => Kind::Exchange,
-        (true, false) => Kind::Angles,
-        (false, true) => Kind::Behind,
+        (true, true) => Kind::Exchange(Part::Both),
+        (true, false) => Kind::Exchange(Part::Angles),
+        (false, true) => Kind::Exchange(Part::Vector),
         _ if has_detail => Kind::Detail,
         _ => Kind::Other,
     }
