@@ -1,9 +1,10 @@
-//! Runs every test binary, those that compute two at a time.
+//! Runs every test binary, two at a time.
 //!
 //! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
 //! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
-//! time: those run alone, one binary after the other. Many compute: those run afterwards, two at a
-//! time. Beside those that compute, a test of a bus failed in most runs, a different one each time.
+//! time: those run first, among themselves, and the cores are idle for most of it. Many compute:
+//! those run afterwards, on a thread each. Beside those that compute, a test of a bus failed in most
+//! runs, a different one each time.
 //!
 //! Left out: tests in documentation comments, which cargo runs by itself.
 
@@ -31,6 +32,9 @@ const BUILD: [&str; 4] = [
 /// How the titles of those begin that wait for a bus in real time: all of `plumb`, and the update
 /// of emulated nodes.
 const WAITS: [&str; 2] = ["cli ", "emulator update"];
+
+/// How many run at a time.
+const ROWS: usize = 2;
 
 /// How many of the slowest are listed.
 const SLOWEST: usize = 10;
@@ -62,8 +66,8 @@ pub fn run(
     tally: &mut Tally,
 ) -> Result<(), CommandError> {
     let (waiting, computing): (Vec<_>, Vec<_>) = built(workspace)?.into_iter().partition(waits);
-    let mut ended = rows(workspace, variables, waiting, 1);
-    ended.extend(rows(workspace, variables, computing, 2));
+    let mut ended = rows(workspace, variables, waiting);
+    ended.extend(rows(workspace, variables, computing));
     ended.sort_by_key(|one| Reverse(one.took));
     println!("      the slowest of {}:", ended.len());
     ended.iter().take(SLOWEST).for_each(print);
@@ -74,13 +78,8 @@ pub fn run(
     failed.next().map_or(Ok(()), Err)
 }
 
-/// Runs these, so many at a time.
-fn rows(
-    workspace: &Workspace,
-    variables: &[(&str, &str)],
-    binaries: Vec<Binary>,
-    rows: usize,
-) -> Vec<Ended> {
+/// Runs these, two at a time.
+fn rows(workspace: &Workspace, variables: &[(&str, &str)], binaries: Vec<Binary>) -> Vec<Ended> {
     let binaries = Mutex::new(VecDeque::from(binaries));
     let next = || {
         let mut left = binaries.lock().unwrap_or_else(PoisonError::into_inner);
@@ -93,7 +92,7 @@ fn rows(
             .collect()
     };
     thread::scope(|scope| {
-        let rows: Vec<_> = (0..rows).map(|_| scope.spawn(one_row)).collect();
+        let rows: Vec<_> = (0..ROWS).map(|_| scope.spawn(one_row)).collect();
         let ended = rows.into_iter().map(thread::ScopedJoinHandle::join);
         ended
             .flat_map(|row| row.unwrap_or_else(|panic| resume_unwind(panic)))
