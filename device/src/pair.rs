@@ -301,7 +301,7 @@ impl<C: Composition> Pair<C> {
             Some(
                 Judgement::Waiting(_)
                 | Judgement::OneChannel {
-                    ill: Node::Peer, ..
+                    faulty: Node::Peer, ..
                 },
             ) => self.alone(policy),
             Some(Judgement::OneChannel { reason, .. }) => Err(reason),
@@ -341,7 +341,7 @@ impl<C: Composition> Pair<C> {
                 | Judgement::PhysicalFault
                 | Judgement::NoChannel(_)
                 | Judgement::OneChannel {
-                    ill: Node::Peer, ..
+                    faulty: Node::Peer, ..
                 },
             ) => None,
             _ => Some(self.current(now)?.verdict.peer()),

@@ -157,7 +157,7 @@ fn a_dead_bus_is_named_at_the_next_sample_and_a_dead_wire_within_a_quarter_secon
         let seen = until(&mut instrument, within_s, says(0, Invalid::Bus));
         let (_, pair) = seen.unwrap_or_else(|| panic!("{fault:?}"));
         let blamed = Judgement::OneChannel {
-            ill: Which::Own,
+            faulty: Which::Own,
             reason: Invalid::Bus,
         };
         assert_eq!(pair.verdict.judgement(), blamed);

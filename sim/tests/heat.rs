@@ -234,7 +234,7 @@ fn far_from_its_calibration_a_fault_of_the_size_of_the_band_is_found_and_rightly
             matches!(
                 j,
                 Judgement::OneChannel {
-                    ill: Node::Peer,
+                    faulty: Node::Peer,
                     ..
                 }
             )

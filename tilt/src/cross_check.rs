@@ -64,10 +64,10 @@ pub enum Judgement {
     PhysicalFault,
     /// Product: they have differed for too long. Which of them is wrong is not known.
     Disagree,
-    /// Product: one channel is ill and says why; the other still measures.
+    /// Product: one channel is faulty and says why; the other still measures.
     OneChannel {
-        /// The channel that is ill.
-        ill: Node,
+        /// The channel that is faulty.
+        faulty: Node,
         /// Its reason.
         reason: Invalid,
     },
@@ -190,18 +190,18 @@ fn reason(reading: &Reading) -> Option<Invalid> {
         .find(|&reason| reason != Invalid::NotMeasured)
 }
 
-fn ill(own: &Reading, peer: &Reading) -> Option<Judgement> {
+fn faulty(own: &Reading, peer: &Reading) -> Option<Judgement> {
     match (reason(own), reason(peer)) {
         (None, None) => None,
         (Some(a), Some(b)) if !a.is_transient() && !b.is_transient() => {
             Some(Judgement::NoChannel(a))
         }
         (Some(reason), _) if !reason.is_transient() => Some(Judgement::OneChannel {
-            ill: Node::Own,
+            faulty: Node::Own,
             reason,
         }),
         (_, Some(reason)) if !reason.is_transient() => Some(Judgement::OneChannel {
-            ill: Node::Peer,
+            faulty: Node::Peer,
             reason,
         }),
         (Some(reason), _) | (_, Some(reason)) => Some(Judgement::Waiting(reason)),
@@ -212,11 +212,11 @@ fn ill(own: &Reading, peer: &Reading) -> Option<Judgement> {
 fn lasting(own: &Reading, peer: &Reading) -> Judgement {
     match (reason(own), reason(peer)) {
         (Some(reason), None) => Judgement::OneChannel {
-            ill: Node::Own,
+            faulty: Node::Own,
             reason,
         },
         (None, Some(reason)) => Judgement::OneChannel {
-            ill: Node::Peer,
+            faulty: Node::Peer,
             reason,
         },
         (Some(reason), Some(_)) => Judgement::NoChannel(reason),

@@ -304,16 +304,16 @@ fn called(index: u16, number: u8) -> &'static str {
 
 #[test]
 fn states_and_reasons_are_called_what_the_device_means() {
-    let ill = |ill| Judgement::OneChannel {
-        ill,
+    let faulty = |faulty| Judgement::OneChannel {
+        faulty,
         reason: Invalid::Bus,
     };
     for (judgement, name) in [
         (Judgement::Waiting(Invalid::Settling), "waiting"),
         (Judgement::Agree, "agree"),
         (Judgement::Disagree, "disagree"),
-        (ill(Node::Own), "this channel is ill"),
-        (ill(Node::Peer), "the other channel is ill"),
+        (faulty(Node::Own), "this channel is faulty"),
+        (faulty(Node::Peer), "the other channel is faulty"),
         (Judgement::NoChannel(Invalid::Bus), "no channel measures"),
     ] {
         assert_eq!(called(0x2021, state_code(judgement)), name);

@@ -297,14 +297,14 @@ fn absent(model: &Model, side: &Side, extra: &Extra, old_s: Option<f64>) -> Stri
 /// A state of the pair with the channels by their places, so that two views of it can be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum View {
-    Ill(usize),
+    Faulty(usize),
     Of(u8),
 }
 
 fn view(side: usize, state: u8) -> View {
     match state {
-        7 => View::Ill(side),
-        8 => View::Ill(1 - (side & 1)),
+        7 => View::Faulty(side),
+        8 => View::Faulty(1 - (side & 1)),
         state => View::Of(state),
     }
 }
@@ -349,7 +349,7 @@ fn blamed(extra: &PairExtra, states: [Option<u8>; 2]) -> (Vec<&'static str>, Opt
     let mut blamed = [false; 2];
     for (side, state) in states.into_iter().enumerate() {
         match state.map(|state| view(side, state)) {
-            Some(View::Ill(ill)) => blamed[ill & 1] = true,
+            Some(View::Faulty(faulty)) => blamed[faulty & 1] = true,
             Some(View::Of(9)) => blamed = [true; 2],
             _ => {}
         }

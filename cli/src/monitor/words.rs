@@ -35,8 +35,8 @@ pub fn state(state: u8, own: &str, other: &str) -> String {
         4 => "agreement with data that were late".to_owned(),
         5 => "physical fault: the channels differ at standstill".to_owned(),
         6 => "the channels disagree and neither can be blamed".to_owned(),
-        7 => format!("channel {own} is ill"),
-        8 => format!("channel {other} is ill"),
+        7 => format!("channel {own} is faulty"),
+        8 => format!("channel {other} is faulty"),
         9 => "neither channel measures".to_owned(),
         other => format!("unknown state {other}"),
     }
@@ -87,8 +87,8 @@ pub const fn no_slope(state: u8) -> &'static str {
     match state {
         0 => "not compared with the other channel",
         5 | 6 => "the channels differ, nobody knows which is right",
-        7 => "this channel is ill",
-        8 => "the other channel is ill, and this one may not go on alone",
+        7 => "this channel is faulty",
+        8 => "the other channel is faulty, and this one may not go on alone",
         9 => "neither channel measures",
         _ => "the channel says that it must not be used",
     }
@@ -196,7 +196,7 @@ mod tests {
         for number in 0..=9 {
             assert!(!state(number, "A", "B").contains("unknown"), "{number}");
         }
-        assert_eq!(state(8, "A", "B"), "channel B is ill");
+        assert_eq!(state(8, "A", "B"), "channel B is faulty");
         assert_eq!(state(10, "A", "B"), "unknown state 10");
         for code in 1..=19 {
             assert!(!reason(code).unwrap().contains("does not know"), "{code}");

@@ -55,8 +55,9 @@ pub const MANUFACTURER: &[Row] = &[
         0x2004,
         "Latch time",
         Unsigned16,
-        "How long a channel that was found ill, or a disagreement, must be over before it counts \
-         as over. 0: until a reset. A channel that was only late or silent counts again after 1 s.",
+        "How long a channel that was found faulty, or a disagreement, must be over before it \
+         counts as over. 0: until a reset. A channel that was only late or silent counts again \
+         after 1 s.",
     )
     .rw()
     .stored()
@@ -67,7 +68,7 @@ pub const MANUFACTURER: &[Row] = &[
         0x2005,
         "Degraded operation",
         Unsigned8,
-        "1: while the other channel is ill, this one's angles stay valid and 2021h shows 8. 0: \
+        "1: while the other channel is faulty, this one's angles stay valid and 2021h shows 8. 0: \
          they become invalid.",
     )
     .rw()
@@ -131,8 +132,8 @@ pub const MANUFACTURER: &[Row] = &[
         "State of the pair",
         Unsigned8,
         "Judgement on both channels. 0 waiting, 1 agree, 2 warning, 3 stop the motion, 4 data \
-         were delayed, 5 physical fault, 6 disagree, 7 this channel is ill, 8 the other channel \
-         is ill, 9 no channel measures.",
+         were delayed, 5 physical fault, 6 disagree, 7 this channel is faulty, 8 the other channel \
+         is faulty, 9 no channel measures.",
     )
     .tpdo(),
     array(

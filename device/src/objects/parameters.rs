@@ -25,7 +25,7 @@ pub struct Parameters {
     pub check: u8,
     /// 2004h: seconds for which a channel must be sound before it counts again; 0: a reset.
     pub latch_s: u16,
-    /// 2005h: 1 when this channel may work while the other is ill.
+    /// 2005h: 1 when this channel may work while the other is faulty.
     pub degraded: u8,
     /// 2006h: 1 when both channels have to show the same angle as the same number.
     pub alike: u8,

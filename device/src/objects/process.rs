@@ -339,8 +339,8 @@ impl<'a, C: Composition> Shown<'a, C> {
 /// The channel that is held faulty (0 none, 1 this one, 2 the other, 3 both), and the code of why.
 fn blame(judgement: Option<Judgement>) -> (u8, u8) {
     match judgement {
-        Some(Judgement::OneChannel { ill, reason }) => {
-            let number = if ill == Node::Own { 1 } else { 2 };
+        Some(Judgement::OneChannel { faulty, reason }) => {
+            let number = if faulty == Node::Own { 1 } else { 2 };
             (number, exchange::reason_code(reason))
         }
         // Both are; the reason is this channel's.

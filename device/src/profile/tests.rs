@@ -210,8 +210,8 @@ fn stored_rubbish_is_found_at_the_start() {
 
 #[test]
 fn every_judgement_has_a_code_of_its_own() {
-    let ill = |ill| Judgement::OneChannel {
-        ill,
+    let faulty = |faulty| Judgement::OneChannel {
+        faulty,
         reason: Invalid::Bus,
     };
     let all = [
@@ -222,8 +222,8 @@ fn every_judgement_has_a_code_of_its_own() {
         Judgement::DataDelay,
         Judgement::PhysicalFault,
         Judgement::Disagree,
-        ill(Node::Own),
-        ill(Node::Peer),
+        faulty(Node::Own),
+        faulty(Node::Peer),
         Judgement::NoChannel(Invalid::Bus),
     ];
     assert!(all.into_iter().map(state_code).eq(0..=9));

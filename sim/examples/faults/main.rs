@@ -174,8 +174,8 @@ Three ways to watch the same pair:
 
 const HOW_TO_READ: &str = "\
 Product and plain are watched for 10 s after the fault's beginning (drift of 0.2 mg/s: 60 s). Delays
-are those of the runs in which the fault was told. *Right* and *wrong* are runs in which the ill or
-the healthy channel was named, at any time; *unknown* those in which nobody was.
+are those of the runs in which the fault was told. *Right* and *wrong* are runs in which the faulty
+or the healthy channel was named, at any time; *unknown* those in which nobody was.
 
 Paper mode is watched for 20 s, which is enough for 110 warnings but not for its verdict. Its single
 warnings stand by themselves: how many there are in a second of 50 comparisons, in the last 5 s

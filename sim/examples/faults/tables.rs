@@ -122,7 +122,10 @@ fn row(page: &mut String, cell: &Cell, with_paper: bool) {
 }
 
 fn paper_cells(page: &mut String, paper: &[Outcome]) {
-    for pairs in [warnings(paper, |o| o.healthy), warnings(paper, |o| o.ill)] {
+    for pairs in [
+        warnings(paper, |o| o.healthy),
+        warnings(paper, |o| o.faulty),
+    ] {
         let _ = write!(
             page,
             " {} |",

@@ -311,7 +311,7 @@ impl Findings {
 
     /// What was found, as a judgement.
     pub fn judgement(&self) -> Option<Judgement> {
-        let one = |ill, reason| Some(Judgement::OneChannel { ill, reason });
+        let one = |faulty, reason| Some(Judgement::OneChannel { faulty, reason });
         match [self.faulty(Node::Own), self.faulty(Node::Peer)] {
             [Some(reason), Some(_)] => Some(Judgement::NoChannel(reason)),
             [Some(reason), None] => one(Node::Own, reason),

@@ -154,8 +154,8 @@ fn happens() -> impl Strategy<Value = Happens> {
 /// The judgement of who sits on the other side, without the reasons that only one is shown of two.
 fn mirrored(judgement: Judgement) -> Judgement {
     match judgement {
-        Judgement::OneChannel { ill, reason } => Judgement::OneChannel {
-            ill: match ill {
+        Judgement::OneChannel { faulty, reason } => Judgement::OneChannel {
+            faulty: match faulty {
                 Node::Own => Node::Peer,
                 Node::Peer => Node::Own,
             },

@@ -352,7 +352,7 @@ fn product_threshold_follows_the_uncertainty() {
 }
 
 #[test]
-fn product_names_the_channel_that_knows_itself_ill() {
+fn product_names_the_channel_that_reports_its_own_fault() {
     let mut state = WindowState::default();
     let mut judge = |own, peer| {
         WindowCheck::PRODUCT
@@ -363,14 +363,14 @@ fn product_names_the_channel_that_knows_itself_ill() {
     assert_eq!(
         judge(reading(0), absent(reset)),
         Judgement::OneChannel {
-            ill: Node::Peer,
+            faulty: Node::Peer,
             reason: reset
         }
     );
     assert_eq!(
         judge(absent(Invalid::Stale), absent(Invalid::Settling)),
         Judgement::OneChannel {
-            ill: Node::Own,
+            faulty: Node::Own,
             reason: Invalid::Stale
         }
     );
@@ -395,7 +395,7 @@ fn a_channel_that_never_delivers_is_a_fault_after_two_seconds() {
         assert_eq!(judge(0), Judgement::Waiting(why));
         assert_eq!(judge(2000), Judgement::Waiting(why));
         let fault = Judgement::OneChannel {
-            ill: Node::Peer,
+            faulty: Node::Peer,
             reason: why,
         };
         assert_eq!(judge(2001), fault);

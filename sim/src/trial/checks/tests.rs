@@ -352,13 +352,13 @@ fn a_single_frame_of_before_a_silence_was_not_seen() {
 }
 
 #[test]
-fn after_a_silence_a_channel_that_is_ill_itself_has_its_reaction_time() {
-    for (is_ill, broken) in [(true, 0), (false, 1)] {
+fn after_a_silence_a_channel_that_is_faulty_itself_has_its_reaction_time() {
+    for (is_faulty, broken) in [(true, 0), (false, 1)] {
         let mut trace = working();
-        trace.fault_of(usize::from(is_ill));
+        trace.fault_of(usize::from(is_faulty));
         trace.now_s += 1.0;
         trace.say(1, CARRIERS[0]([3.0, 0.0]));
         let told = [(Rule::StaleAngle, 1)];
-        assert_eq!(trace.broken(), told[..broken], "{is_ill}");
+        assert_eq!(trace.broken(), told[..broken], "{is_faulty}");
     }
 }
