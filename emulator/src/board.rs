@@ -380,6 +380,7 @@ impl<C: Cpu + 'static> Guest for Board<C> {
         self.give_up(bus);
         self.copy_errors(bus);
         self.act(bus);
+        self.machine.chip_mut().call();
         self.due_ns = self.machine.next_ns();
     }
 

@@ -130,14 +130,20 @@ pub struct CortexM3 {
 }
 
 impl CortexM3 {
-    /// The number of the block that begins where the program counter is.
+    /// The number of the next block, where the chip wants attention, or the block is not known yet
+    /// or begins within an IT block: the code calls the chip when it leaves one in such a place.
     ///
-    /// Errors: why there is none.
-    #[inline(always)]
-    fn block(&mut self) -> Result<u32, Stop> {
-        match self.blocks.find(self.core.registers.pc) {
-            number @ 1.. if self.core.registers.it == 0 => Ok(number),
-            _ => self.block_anywhere(),
+    /// Errors: the reason to stop before it.
+    #[cold]
+    #[inline(never)]
+    fn block_with_attention(&mut self, found: u32) -> Result<u32, Stop> {
+        let number = match found {
+            1.. if self.core.registers.it == 0 => found,
+            _ => self.block_anywhere()?,
+        };
+        match self.core.memory.chip.needs_attention() && self.stops() {
+            true => Err(Stop::Wanted),
+            false => Ok(number),
         }
     }
 
@@ -190,12 +196,12 @@ impl CortexM3 {
             if let Err(stop) = self.execute_block(number) {
                 return stop;
             }
-            number = match self.block() {
-                Ok(number) => number,
-                Err(stop) => return stop,
-            };
-            if self.core.memory.chip.needs_attention() && self.stops() {
-                return Stop::Wanted;
+            number = self.blocks.find(self.core.registers.pc);
+            if number == 0 || self.core.memory.chip.needs_attention() {
+                number = match self.block_with_attention(number) {
+                    Ok(number) => number,
+                    Err(stop) => return stop,
+                };
             }
         }
     }
@@ -209,22 +215,19 @@ impl CortexM3 {
         if self.core.memory.chip.is_watched() {
             self.watch(at, number);
         }
-        let Some(
-            &[
-                Op::Begin {
-                    instructions,
-                    entries,
-                    end,
-                },
-                ref ops @ ..,
-            ],
-        ) = self.blocks.ops.get(number as usize..)
+        let (first, ops) = (number as usize + 1, &self.blocks.ops);
+        let Some(&Op::Begin {
+            instructions,
+            entries,
+            end,
+        }) = ops.get(first - 1)
         else {
             return Ok(());
         };
+        let ops = ops.get(first..first + usize::from(entries));
         self.core.memory.chip.count(at, instructions.into());
         self.core.registers.pc = end;
-        let mut left = ops.get(..usize::from(entries)).unwrap_or(&[]).iter();
+        let mut left = ops.unwrap_or(&[]).iter();
         while let Some(op) = left.next() {
             match self.core.execute(op) {
                 Ok(Next::Entry) => {}
@@ -234,8 +237,8 @@ impl CortexM3 {
                 }
                 Ok(Next::Block) => return Ok(()),
                 Err(Stopped) => {
-                    let entry = usize::from(entries) - left.len();
-                    return Err(self.stopped(at, number, entry));
+                    let left = left.len();
+                    return Err(self.stopped(at, number, left));
                 }
             }
         }
@@ -256,12 +259,17 @@ impl CortexM3 {
         self.core.memory.observe(at, size);
     }
 
-    /// Goes back to the instruction that could not be executed, to which this entry of the block
-    /// at `at` belongs; its first one has number 1.
+    /// Goes back to the instruction that could not be executed: to that of the entry of the block
+    /// at `at` behind which so many are left.
     #[cold]
     #[inline(never)]
-    fn stopped(&mut self, at: u32, number: u32, entry: usize) -> Stop {
+    fn stopped(&mut self, at: u32, number: u32, left: usize) -> Stop {
         let stop = self.core.memory.stop;
+        let entries = match self.blocks.ops.get(number as usize) {
+            Some(Op::Begin { entries, .. }) => usize::from(*entries),
+            _ => 0,
+        };
+        let entry = entries.saturating_sub(left);
         let place = self.blocks.places.get(number as usize + entry);
         if let (Stop::Fault(_), Some(place)) = (stop, place) {
             let rest = self.size(number) - place.offset;

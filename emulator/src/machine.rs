@@ -225,7 +225,7 @@ impl<C: Cpu> Machine<C> {
         };
         match waiting {
             true => chip.now_ns(),
-            false => chip.wakes_ns(),
+            false => self.chip_mut().wakes_ns(),
         }
     }
 

@@ -101,7 +101,7 @@ impl Chip {
                 self.take_edges();
                 let steps = self.timer_step();
                 let timer = &mut self.timers[number];
-                timer.advance(now, steps);
+                timer.follow(now, steps);
                 timer.read(offset, now, steps)
             }
             Place::Watchdog => self.watchdog.read(offset),

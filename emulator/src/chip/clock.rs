@@ -14,6 +14,17 @@ pub struct Clock {
     base_cycle: u64,
     base: u128,
     period: u128,
+    /// How often the frequency was set.
+    settings: u32,
+}
+
+/// A time of the world with its cycle, which is looked at much more often than it changes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Known {
+    ns: u64,
+    cycle: u64,
+    /// The setting of the clock that it belongs to; 0 for none.
+    setting: u32,
 }
 
 impl Clock {
@@ -25,6 +36,7 @@ impl Clock {
             base_cycle: 0,
             base: u128::from(start_ns) * NS,
             period: period(hz, rate),
+            settings: 1,
         }
     }
 
@@ -33,6 +45,7 @@ impl Clock {
         self.base = self.at(cycle);
         self.base_cycle = cycle;
         self.period = period(hz, self.rate);
+        self.settings += 1;
     }
 
     fn at(&self, cycle: u64) -> u128 {
@@ -44,11 +57,6 @@ impl Clock {
         self.at(cycle).div_ceil(NS) as u64
     }
 
-    /// Whether `ns` has come at `cycle`, as [`Clock::cycle`] has it, but without its division.
-    pub fn has_come(&self, ns: u64, cycle: u64) -> bool {
-        cycle >= self.base_cycle && u128::from(ns) * NS <= self.at(cycle)
-    }
-
     /// The first cycle that begins at `ns` or later.
     pub fn cycle(&self, ns: u64) -> u64 {
         let Some(after) = (u128::from(ns) * NS).checked_sub(self.base) else {
@@ -57,6 +65,19 @@ impl Clock {
         let cycles = after.div_ceil(self.period);
         self.base_cycle
             .saturating_add(u64::try_from(cycles).unwrap_or(u64::MAX))
+    }
+
+    /// The same without its division where `known` is of this time, as it then is.
+    #[inline]
+    pub fn cycle_known(&self, ns: u64, known: &mut Known) -> u64 {
+        if (known.ns, known.setting) != (ns, self.settings) {
+            *known = Known {
+                ns,
+                cycle: self.cycle(ns),
+                setting: self.settings,
+            };
+        }
+        known.cycle
     }
 }
 
@@ -82,8 +103,20 @@ mod tests {
         assert_eq!(clock.cycle(0), 8);
         for ns in [0, 1_999, 2_000, 2_013, 2_014, 2_015, 1_000_000_000] {
             let first = clock.cycle(ns);
-            assert!(clock.has_come(ns, first) && !clock.has_come(ns, first - 1));
+            assert!(clock.ns(first) >= ns && (first == 8 || clock.ns(first - 1) <= ns));
         }
+    }
+
+    #[test]
+    fn a_known_cycle_is_found_anew_when_time_or_frequency_has_changed() {
+        let mut clock = Clock::new(0, 8_000_000, 1.0);
+        let mut known = Known::default();
+        for ns in [0, 1_000, 1_000, 5_000] {
+            assert_eq!(clock.cycle_known(ns, &mut known), clock.cycle(ns));
+        }
+        clock.set_hz(8, 72_000_000);
+        assert_eq!(clock.cycle_known(5_000, &mut known), clock.cycle(5_000));
+        assert_eq!(clock.cycle(5_000), 8 + 4 * 72);
     }
 
     #[test]

@@ -33,7 +33,7 @@ use sim::lis2dw12;
 
 use crate::code::{Block, Code};
 use can::Can;
-use clock::Clock;
+use clock::{Clock, Known};
 use crc::Crc;
 use exti::Exti;
 use flash_controller::FlashController;
@@ -117,6 +117,8 @@ pub struct Chip {
     idle: u64,
     /// The cycle from which on somebody wants attention.
     attention: u64,
+    /// The cycle at which everybody last had it.
+    attended: u64,
     /// The cycle up to which the core may run.
     limit: u64,
     /// An SEV or an exception has come since the last WFE (PM0056 2.5.3).
@@ -131,6 +133,9 @@ pub struct Chip {
     pwr: u32,
     sensor: Sensor,
     edges: VecDeque<Edge>,
+    /// The cycle of the first of them, and that of the watchdog's bite.
+    edge: Known,
+    bite: Known,
     reset: Option<Cause>,
     /// The supply has failed in a flash operation.
     cut: bool,
@@ -162,6 +167,7 @@ impl Chip {
             cycles: 0,
             idle: 0,
             attention: 0,
+            attended: 0,
             limit: 0,
             event: false,
             rcc: Rcc::reset(Cause::Power, 0),
@@ -178,6 +184,8 @@ impl Chip {
                 tap: Tap::default(),
             },
             edges: VecDeque::new(),
+            edge: Known::default(),
+            bite: Known::default(),
             reset: None,
             cut: false,
             bad_store: false,
@@ -405,7 +413,8 @@ impl Chip {
     /// Lets time pass without instructions up to what comes next, or to the limit.
     pub fn sleep(&mut self) {
         self.attend();
-        self.pass(self.next_event().min(self.limit));
+        let until = self.next_event().min(self.limit);
+        self.pass(until);
         self.attend();
     }
 
@@ -416,7 +425,7 @@ impl Chip {
     }
 
     /// When something happens by itself, ns; `u64::MAX` for never.
-    pub fn wakes_ns(&self) -> u64 {
+    pub fn wakes_ns(&mut self) -> u64 {
         match self.next_event() {
             u64::MAX => u64::MAX,
             cycle => self.clock.ns(cycle.max(self.cycles)),
@@ -428,21 +437,25 @@ impl Chip {
         self.event
     }
 
-    /// Lets every peripheral come to now, and asks who wants what when.
+    /// Lets every peripheral come to now, and asks who wants what when; unless that is done, and
+    /// neither has time passed since nor has anything happened that calls for it.
+    #[inline]
     pub fn attend(&mut self) {
+        if self.attention == 0 || self.attended != self.cycles {
+            self.attend_now();
+        }
+    }
+
+    fn attend_now(&mut self) {
+        self.attended = self.cycles;
         self.take_edges();
         let (now, steps) = (self.cycles, self.timer_step());
         for timer in &mut self.timers {
-            timer.advance(now, steps);
+            timer.follow(now, steps);
         }
         self.spi.advance(now, self.per_pclk2(), &mut self.sensor);
         self.system.advance(now, &mut self.nvic);
-        let now_ns = self.now_ns();
-        if self
-            .watchdog
-            .bites_ns()
-            .is_some_and(|at_ns| at_ns <= now_ns)
-        {
+        if self.is_bitten() {
             self.reset = Some(Cause::Watchdog);
         }
         self.nvic.set_lines(self.lines());
@@ -453,23 +466,41 @@ impl Chip {
         };
     }
 
+    /// Whether the watchdog has bitten.
+    fn is_bitten(&mut self) -> bool {
+        let Some(at_ns) = self.watchdog.bites_ns() else {
+            return false;
+        };
+        // A whole ns may come a cycle before its own.
+        let cycle = self.clock.cycle_known(at_ns, &mut self.bite);
+        self.cycles + 1 >= cycle && at_ns <= self.now_ns()
+    }
+
     /// When something happens by itself, cycles; `u64::MAX` for never.
-    fn next_event(&self) -> u64 {
+    fn next_event(&mut self) -> u64 {
         let steps = self.timer_step();
-        let timers = self
-            .timers
-            .iter()
-            .filter_map(|timer| timer.next_event(steps));
-        let edge = self.edges.front().map(|edge| self.clock.cycle(edge.at_ns));
-        let dog = self
-            .watchdog
-            .bites_ns()
-            .map(|at_ns| self.clock.cycle(at_ns));
-        let others = [self.spi.next_event(), self.system.next_event(), edge, dog];
-        timers
-            .chain(others.into_iter().flatten())
-            .min()
-            .unwrap_or(u64::MAX)
+        let mut next = u64::MAX;
+        for timer in &self.timers {
+            next = next.min(timer.next_event(steps).unwrap_or(u64::MAX));
+        }
+        if let Some(at_ns) = self.watchdog.bites_ns() {
+            next = next.min(self.clock.cycle_known(at_ns, &mut self.bite));
+        }
+        let others = [
+            self.spi.next_event(),
+            self.system.next_event(),
+            self.next_edge(),
+        ];
+        for other in others.into_iter().flatten() {
+            next = next.min(other);
+        }
+        next
+    }
+
+    /// When the next edge comes, cycles.
+    fn next_edge(&mut self) -> Option<u64> {
+        let edge = self.edges.front()?;
+        Some(self.clock.cycle_known(edge.at_ns, &mut self.edge))
     }
 
     /// The interrupts that ask, bit n for interrupt n (RM0008 10.1.2, table 63).
@@ -519,12 +550,10 @@ impl Chip {
     }
 
     fn take_edges(&mut self) {
-        while let Some(edge) = self.edges.front().copied() {
-            if !self.clock.has_come(edge.at_ns, self.cycles) {
+        while let Some(cycle) = self.next_edge().filter(|cycle| *cycle <= self.cycles) {
+            let Some(edge) = self.edges.pop_front() else {
                 return;
-            }
-            let cycle = self.clock.cycle(edge.at_ns);
-            self.edges.pop_front();
+            };
             let before = self.level(0, 0);
             if !edge.level {
                 // The end of a pulse; a part that does not pulse holds its pin until it is read.

@@ -46,6 +46,19 @@ pub struct Timer {
     base_cycle: u64,
     /// Values below this one were compared in this round.
     compared: u32,
+    /// What it does by itself; `None` when that was not asked since a register has changed.
+    plan: Option<Plan>,
+}
+
+/// What a timer does by itself. It is asked for at many more cycles than it changes at.
+#[derive(Clone, Copy, Debug)]
+struct Plan {
+    /// With so many cycles of HCLK in one of the timer's clock.
+    per_clock: u32,
+    /// Before this cycle no flag goes up and no round ends.
+    quiet: u64,
+    /// See [`Timer::next_event`].
+    event: Option<u64>,
 }
 
 impl Default for Timer {
@@ -66,6 +79,7 @@ impl Default for Timer {
             base: 0,
             base_cycle: 0,
             compared: 0,
+            plan: None,
         }
     }
 }
@@ -116,8 +130,24 @@ impl Timer {
         }
     }
 
+    /// Comes to `cycle` as far as anybody sees who neither loads nor stores: [`Timer::advance`]
+    /// where that would raise a flag. Then finds out what comes next by itself.
+    pub fn follow(&mut self, cycle: u64, per_clock: u32) {
+        let still = |plan: &Plan| cycle < plan.quiet && per_clock == plan.per_clock;
+        if self.plan.as_ref().is_some_and(still) {
+            return;
+        }
+        self.advance(cycle, per_clock);
+        self.plan = Some(Plan {
+            per_clock,
+            quiet: self.next_change(per_clock),
+            event: self.find_event(per_clock),
+        });
+    }
+
     /// Comes to `cycle`; flags go up on the way.
     pub fn advance(&mut self, cycle: u64, per_clock: u32) {
+        self.plan = None;
         if !self.runs() {
             return;
         }
@@ -210,8 +240,31 @@ impl Timer {
         self.sr & self.dier & 0x5F != 0
     }
 
+    /// When the next flag goes up or the round ends, cycles; `u64::MAX` for never.
+    fn next_change(&self, per_clock: u32) -> u64 {
+        if !self.runs() {
+            return u64::MAX;
+        }
+        let coming = self.compared..=self.top();
+        let mut next = self.when(self.top() + 1, per_clock);
+        for channel in 0..CHANNELS {
+            let value = self.ccr[channel];
+            if self.is_output(channel) && coming.contains(&value) {
+                next = next.min(self.when(value, per_clock));
+            }
+        }
+        next
+    }
+
     /// When the next thing happens that an interrupt waits for, cycles.
     pub fn next_event(&self, per_clock: u32) -> Option<u64> {
+        match self.plan {
+            Some(plan) if plan.per_clock == per_clock => plan.event,
+            _ => self.find_event(per_clock),
+        }
+    }
+
+    fn find_event(&self, per_clock: u32) -> Option<u64> {
         if !self.runs() || self.dier & 0x1F == 0 {
             return None;
         }
@@ -255,6 +308,7 @@ impl Timer {
 
     /// A store at a cycle up to which the timer has come.
     pub fn write(&mut self, offset: u32, value: u32, cycle: u64, per_clock: u32) {
+        self.plan = None;
         let now = self.count(cycle, per_clock);
         match offset {
             0x00 => {
