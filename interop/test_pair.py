@@ -192,11 +192,11 @@ def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
         emcy(pair, mark, 2, code)
     emcy(pair, mark, 2, OWN_CODE)
     emcy(pair, mark, 1, OTHER_CODE)
-    ill(pair)
-    # A part that was ill once is not believed before somebody has looked.
+    faulty(pair)
+    # A channel once found faulty stays isolated until it is reset.
     plumb.type("heal b")
     time.sleep(0.5)
-    ill(pair)
+    faulty(pair)
     recovered(pair)
 
 
@@ -235,8 +235,8 @@ def test_spikes_of_one_channel_are_its_own(plumb: Plumb, pair: Master) -> None:
         assert verdict(pair, node)[1] in (NOISE, SPIKES)
 
 
-def ill(master: Master) -> None:
-    """B is ill: it says so, A says so, and A goes on measuring."""
+def faulty(master: Master) -> None:
+    """B is faulty: B and A both report it, and A goes on measuring."""
     assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_ILL, OTHER_ILL]
     assert master.read(2, 0x2020) & 0x83 == 0x80, "no angle, and a latched fault"
     assert master.read(1, 0x2020) & 0x0F == 0x03, "its own angles alone"

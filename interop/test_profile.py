@@ -174,7 +174,7 @@ def start_at(plumb: Plumb, master: Master, shown: dict[int, int], degc: int) -> 
 
 
 def test_a_temperature_that_jumps_is_none(plumb: Plumb, master: Master) -> None:
-    """No die changes by 45 degC at once, so it is the thermometer that is ill."""
+    """No die changes by 45 degC at once, so it is the thermometer that is faulty."""
     warm = {node: master.read(node, 0x6511) for node in (1, 2)}
     mark = master.mark()
     plumb.type("temp -20 now")

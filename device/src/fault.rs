@@ -40,9 +40,9 @@ pub enum Fault {
     PhysicalFault = 11,
     /// The channels differ, and nothing tells which is wrong.
     Disagree = 12,
-    /// This channel is ill.
+    /// This channel is faulty.
     OwnChannel = 13,
-    /// The peer's channel is ill or silent.
+    /// The peer's channel is faulty or silent.
     PeerChannel = 14,
     /// Neither channel measures.
     NoChannel = 15,
@@ -142,8 +142,8 @@ impl Fault {
             Self::StopMotion => "stop the machine, let it stand still",
             Self::PhysicalFault => "check the supply, then reset",
             Self::Disagree => "the channels differ for too long",
-            Self::OwnChannel => "this channel is ill",
-            Self::PeerChannel => "the other channel is ill or silent",
+            Self::OwnChannel => "this channel is faulty",
+            Self::PeerChannel => "the other channel is faulty or silent",
             Self::NoChannel => "neither channel measures",
             Self::FailSafe => "the safe state was demanded",
             Self::SensorStuck => "the sensor's codes stand still",

@@ -539,7 +539,7 @@ fn no_safety_frame_goes_out_in_any_fault() {
     type Begin = fn(&mut Pair);
     let faults: [(&str, Begin); 10] = [
         ("disagreement", |pair| pair.peer.says = tilted(2.0)),
-        ("peer ill", |pair| {
+        ("peer faulty", |pair| {
             pair.peer.says = level().refused(Invalid::Stuck)
         }),
         ("peer silent", |pair| pair.peer.silent = true),
@@ -588,7 +588,7 @@ fn one_0000h_takes_back_several_faults_and_a_reset_takes_them_back_without_any()
     let set = |frame: &[u8]| u32::from_le_bytes([frame[3], frame[4], frame[5], 0]);
     let told = pair.of(0x81);
     assert_eq!(told.len(), 2, "{told:X?}");
-    // Supply, and this channel ill: both stand after the second.
+    // Supply, and this channel faulty: both stand after the second.
     assert_eq!(set(&told[1]), 1 << 2 | 1 << 13);
     // Communication is reset: nothing of it is told again.
     pair.hears(0, &[130, 1]);

@@ -17,7 +17,7 @@ use sim::bench::Mode;
 /// When the fault begins: every habit is known by then, s.
 const FROM_S: f64 = 8.0;
 
-/// EMCY: this channel is ill, and the other one is.
+/// EMCY: this channel is faulty, and the other one is.
 const OWN_CHANNEL: u16 = 0xFF14;
 const PEER_CHANNEL: u16 = 0xFF15;
 
@@ -72,7 +72,7 @@ impl Outcome {
         })
     }
 
-    /// Nothing forbidden happened, and the ill channel was named within the time.
+    /// Nothing forbidden happened, and the faulty channel was named within the time.
     fn names_rightly(&self, within_s: f64, name: &str) {
         let detection = &self.report.detections[0];
         assert_eq!(self.report.violations, [], "{name}");

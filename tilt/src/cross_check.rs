@@ -64,9 +64,9 @@ pub enum Judgement {
     PhysicalFault,
     /// Product: they have differed for too long. Which of them is wrong is not known.
     Disagree,
-    /// Product: one channel is ill and says why; the other still measures.
+    /// Product: one channel is faulty and says why; the other still measures.
     OneChannel {
-        /// The channel that is ill.
+        /// The channel that is faulty.
         ill: Node,
         /// Its reason.
         reason: Invalid,
@@ -190,7 +190,7 @@ fn reason(reading: &Reading) -> Option<Invalid> {
         .find(|&reason| reason != Invalid::NotMeasured)
 }
 
-fn ill(own: &Reading, peer: &Reading) -> Option<Judgement> {
+fn faulty(own: &Reading, peer: &Reading) -> Option<Judgement> {
     match (reason(own), reason(peer)) {
         (None, None) => None,
         (Some(a), Some(b)) if !a.is_transient() && !b.is_transient() => {

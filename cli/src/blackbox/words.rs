@@ -45,8 +45,8 @@ pub fn state(state: u8) -> Cow<'static, str> {
         4 => "warning: data were late",
         5 => "physical fault",
         6 => "the channels disagree",
-        7 => "this channel is ill",
-        8 => "the other channel is ill",
+        7 => "this channel is faulty",
+        8 => "the other channel is faulty",
         9 => "neither measures",
         _ => return format!("unknown state {state}").into(),
     };

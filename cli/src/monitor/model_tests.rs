@@ -211,19 +211,19 @@ fn a_node_that_has_restarted_shows_no_angle_of_before() {
 fn the_blamed_channel_and_the_reason_are_named() {
     let mut bench = Bench::new();
     bench.cycle([1000, 998], [1, 1]);
-    // B finds that it is ill: faults 13 and 21, own blame, gravity of the wrong length.
+    // B finds that it is faulty: faults 13 and 21, own blame, gravity of the wrong length.
     bench.take(0x082, &[0x08, 0xFF, 0x80, 0, 0x20, 0x20, 0x40 | 13, 7]);
     bench.cycle([1000, i16::MIN], [8, 7]);
     let seen = bench.see();
     let verdict = &seen.instruments[0].verdict;
-    assert_eq!(verdict.text, "channel B is ill");
+    assert_eq!(verdict.text, "channel B is faulty");
     assert_eq!(verdict.blamed, ["B"]);
     let why = "it moved alone, or at standstill its gravity is of the wrong length";
     assert_eq!(verdict.reason.as_deref(), Some(why));
     let channel = bench.channel(1);
     assert_eq!(
         channel.slope_x_reason.as_deref(),
-        Some("this channel is ill")
+        Some("this channel is faulty")
     );
     assert_eq!(channel.faults.len(), 2);
     let texts = bench.texts().join("\n");
@@ -256,7 +256,7 @@ fn what_has_gone_is_named_in_the_event() {
 fn a_fault_that_goes_while_another_comes_was_not_named() {
     let mut bench = Bench::new();
     bench.take(0x081, &[0x13, 0xFF, 0x80, 0, 0x10, 0, 0, 6]);
-    // The peer is ill instead: the new one is told first, and its set has the old one no more.
+    // The peer is faulty instead: the new one is told first, and its set has the old one no more.
     bench.take(0x081, &[0x15, 0xFF, 0x80, 0, 0x40, 0, 0x80 | 13, 8]);
     bench.take(0x081, &[0, 0, 0x80, 0, 0x40, 0, 0x80 | 13, 8]);
     let texts = bench.texts();
@@ -291,7 +291,7 @@ fn one_channel_that_falls_silent_is_named_with_the_cause() {
     }
     let verdict = bench.see().instruments[0].verdict.clone();
     assert_eq!(verdict.level, Level::Fault);
-    let start = "channel B is ill; nothing from B: stale, 2.0 s old: its heartbeat is lost";
+    let start = "channel B is faulty; nothing from B: stale, 2.0 s old: its heartbeat is lost";
     assert_eq!(verdict.text, start);
     assert_eq!(verdict.blamed, ["B"]);
 }
@@ -380,7 +380,7 @@ fn what_does_not_fit_together_is_counted_and_told_once() {
     }
     let findings = bench.channel(0).findings;
     assert_eq!((findings[0].name, findings[0].count), ("validity", 3));
-    let told = "A first of: slopes whose validity bit says otherwise";
+    let told = "A first of: slopes that contradict their validity bit";
     let texts = bench.texts();
     assert_eq!(
         texts.iter().filter(|text| *text == told).count(),

@@ -147,7 +147,7 @@ fn difference(
     let value = measured.map_or(sloped, |mdeg| mdeg.get(axis).copied().flatten());
     match value {
         Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
-        None => Known::Absent("the two have not told of the same SYNC".to_owned()),
+        None => Known::Absent("the two channels have not reported the same SYNC".to_owned()),
     }
 }
 
@@ -297,14 +297,14 @@ fn absent(model: &Model, side: &Side, extra: &Extra, old_s: Option<f64>) -> Stri
 /// A state of the pair with the channels by their places, so that two views of it can be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum View {
-    Ill(usize),
+    Faulty(usize),
     Of(u8),
 }
 
 fn view(side: usize, state: u8) -> View {
     match state {
-        7 => View::Ill(side),
-        8 => View::Ill(1 - (side & 1)),
+        7 => View::Faulty(side),
+        8 => View::Faulty(1 - (side & 1)),
         state => View::Of(state),
     }
 }
@@ -324,7 +324,7 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
             let level = words::state_level(one).max(words::state_level(two));
             (
                 level,
-                format!("A says: {}; B says: {}", text(0, one), text(1, two)),
+                format!("A reports: {}; B reports: {}", text(0, one), text(1, two)),
             )
         }
         (Some(state), None) => (Level::Fault, alone(text(0, state), b)),
@@ -349,7 +349,7 @@ fn blamed(extra: &PairExtra, states: [Option<u8>; 2]) -> (Vec<&'static str>, Opt
     let mut blamed = [false; 2];
     for (side, state) in states.into_iter().enumerate() {
         match state.map(|state| view(side, state)) {
-            Some(View::Ill(ill)) => blamed[ill & 1] = true,
+            Some(View::Faulty(faulty)) => blamed[faulty & 1] = true,
             Some(View::Of(9)) => blamed = [true; 2],
             _ => {}
         }

@@ -13,7 +13,7 @@ pub enum Kind {
     Warning,
     /// The channels disagree, or paper mode's stop or physical fault.
     Disagreement,
-    /// One channel, or both, were found ill.
+    /// One channel, or both, were found faulty.
     Channel,
     /// A sensor: supply, bus, samples, noise.
     Sensor,
@@ -91,7 +91,7 @@ impl Kind {
         match self {
             Self::Warning => "Warning",
             Self::Disagreement => "Channels disagree",
-            Self::Channel => "Channel ill",
+            Self::Channel => "Channel faulty",
             Self::Sensor => "Sensor",
             Self::Range => "Out of range",
             Self::Memory => "Memory",

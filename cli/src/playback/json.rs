@@ -265,8 +265,8 @@ const STATES: [&str; 11] = [
     "data were late",
     "physical fault",
     "disagree",
-    "this channel is ill",
-    "the other channel is ill",
+    "this channel is faulty",
+    "the other channel is faulty",
     "neither measures",
     "states that do not exist",
 ];

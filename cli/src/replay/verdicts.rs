@@ -79,10 +79,10 @@ fn judgement_words(judgement: Judgement) -> String {
                 Node::Own => 1,
                 Node::Peer => 2,
             };
-            return format!("channel {number} is ill: {}", reason_words(reason));
+            return format!("channel {number} is faulty: {}", reason_words(reason));
         }
         Judgement::NoChannel(reason) => {
-            return format!("both channels are ill: {}", reason_words(reason));
+            return format!("both channels are faulty: {}", reason_words(reason));
         }
         Judgement::Waiting(reason) => {
             return format!("no comparison yet: {}", reason_words(reason));
@@ -111,7 +111,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Late => "its data are late",
         Invalid::Refused => "the channels differ",
         Invalid::Unconfirmed => "the other channel has not been heard",
-        Invalid::Alone => "the other channel is ill, and this one alone is not allowed to do",
+        Invalid::Alone => "the other channel is faulty, and this one must not go on alone",
         Invalid::Unlike => "the channels are set to show different angles",
     }
 }

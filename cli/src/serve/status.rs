@@ -155,8 +155,8 @@ fn verdict(shown: &Shown<'_>) -> String {
         4 => "data were late",
         5 => "physical fault",
         6 => "they differ and neither can be blamed",
-        7 => "this channel is ill",
-        8 => "the other channel is ill",
+        7 => "this channel is faulty",
+        8 => "the other channel is faulty",
         _ => "neither measures",
     };
     match shown.blame().1 {

@@ -108,7 +108,7 @@ fn emcies(passed: &[Passed], node: u16) -> impl Iterator<Item = u16> {
 /// One word, and what must have come of it within a time.
 struct Case {
     word: &'static str,
-    /// 2021h of node a: 6 disagree, 8 b is ill.
+    /// 2021h of node a: 6 disagree, 8 b is faulty.
     state: u8,
     /// One of these is 2027h sub 2 of node a; any when there are none.
     why: &'static [Invalid],
@@ -117,7 +117,7 @@ struct Case {
     within_ms: u64,
 }
 
-const fn ill(word: &'static str, why: &'static [Invalid], emcy: u16, within_ms: u64) -> Case {
+const fn faulty(word: &'static str, why: &'static [Invalid], emcy: u16, within_ms: u64) -> Case {
     Case {
         word,
         state: 8,
@@ -131,7 +131,7 @@ const fn ill(word: &'static str, why: &'static [Invalid], emcy: u16, within_ms: 
 const fn mute(word: &'static str, why: &'static [Invalid], within_ms: u64) -> Case {
     Case {
         emcy: None,
-        ..ill(word, why, 0, within_ms)
+        ..faulty(word, why, 0, within_ms)
     }
 }
 
@@ -139,27 +139,27 @@ const fn mute(word: &'static str, why: &'static [Invalid], within_ms: u64) -> Ca
 const fn unknown(word: &'static str, within_ms: u64) -> Case {
     Case {
         state: 6,
-        ..ill(word, &[], 0xFF13, within_ms)
+        ..faulty(word, &[], 0xFF13, within_ms)
     }
 }
 
 const CASES: [Case; 20] = [
-    ill("brown-out", &[Invalid::PartReset], 0x3200, 200),
-    ill("brown-out 50 ms", &[Invalid::PartReset], 0x3200, 400),
+    faulty("brown-out", &[Invalid::PartReset], 0x3200, 200),
+    faulty("brown-out 50 ms", &[Invalid::PartReset], 0x3200, 400),
     unknown("offset 50 mg", 500),
     unknown("bias x 10 mg", 1000),
     unknown("drift x 20 mg/s", 2000),
-    ill("bias z 50 mg", &[Invalid::Biased], 0xFF08, 3000),
-    ill("gain z -5 %", &[Invalid::Biased], 0xFF08, 3000),
-    ill("frozen", &[Invalid::Stuck], 0xFF04, 100),
-    ill("frozen y", &[Invalid::Stuck], 0xFF04, 200),
-    ill("noise 3", &[Invalid::Noise], 0xFF05, 400),
-    ill("spikes 500 mg 5 /s", &[Invalid::Spikes], 0xFF06, 2000),
-    ill("delay 50 ms", &[Invalid::Stale], 0xFF02, 400),
-    ill("loss 0.95", &[Invalid::Stale], 0xFF02, 400),
+    faulty("bias z 50 mg", &[Invalid::Biased], 0xFF08, 3000),
+    faulty("gain z -5 %", &[Invalid::Biased], 0xFF08, 3000),
+    faulty("frozen", &[Invalid::Stuck], 0xFF04, 100),
+    faulty("frozen y", &[Invalid::Stuck], 0xFF04, 200),
+    faulty("noise 3", &[Invalid::Noise], 0xFF05, 400),
+    faulty("spikes 500 mg 5 /s", &[Invalid::Spikes], 0xFF06, 2000),
+    faulty("delay 50 ms", &[Invalid::Stale], 0xFF02, 400),
+    faulty("loss 0.95", &[Invalid::Stale], 0xFF02, 400),
     mute("sag", &[], 3000),
-    ill("thermometer 5 degC", &[Invalid::Thermometer], 0xFF07, 1000),
-    ill("calibration", &[Invalid::Corrupt], 0xFF21, 400),
+    faulty("thermometer 5 degC", &[Invalid::Thermometer], 0xFF07, 1000),
+    faulty("calibration", &[Invalid::Corrupt], 0xFF21, 400),
     mute("halted", &[Invalid::Silent], 400),
     mute("frames-late 200 ms", &[Invalid::Late], 1000),
     mute("bus-off", &[Invalid::Silent], 400),
@@ -268,8 +268,9 @@ fn the_status_tells_what_is_broken_whom_each_node_blames_and_why() {
     site.go(500);
     let text = site.status();
     for line in [
-        "the other channel is ill (codes stand still), ",
-        "pitch invalid (codes stand still), roll invalid (codes stand still), this channel is ill",
+        "the other channel is faulty (codes stand still), ",
+        "pitch invalid (codes stand still), roll invalid (codes stand still), this channel is \
+         faulty",
         "      broken: frozen y\n",
     ] {
         assert!(text.contains(line), "{line}: {text}");

@@ -214,7 +214,7 @@ fn a_channel_that_stops_is_named() {
         .clone();
     assert_eq!(
         last["verdict"],
-        "channel 2 is ill: samples have stopped coming"
+        "channel 2 is faulty: samples have stopped coming"
     );
     assert!((last["from_s"].as_f64().unwrap() - 65.0).abs() < 0.1);
 }

@@ -11,11 +11,11 @@
 //! | 4 | paper: the data had been late |
 //! | 5 | paper: physical fault |
 //! | 6 | product: they have differed for too long |
-//! | 7 | product: this channel is ill |
-//! | 8 | product: the other channel is ill |
+//! | 7 | product: this channel is faulty |
+//! | 8 | product: the other channel is faulty |
 //! | 9 | product: neither measures |
 //!
-//! Left out: the reason of a channel that is ill, which 2025h tells.
+//! Left out: the reason of a channel that is faulty, which 2025h tells.
 
 use tilt::cross_check::{Judgement, Node};
 

@@ -32,9 +32,9 @@ const EXCESS_OVER_NS: u64 = 1_000_000_000;
 
 /// 2021h: the channels disagree.
 const DISAGREE: u8 = 6;
-/// 2021h: this channel is ill.
+/// 2021h: this channel is faulty.
 const OWN: u8 = 7;
-/// 2021h: the other channel is ill.
+/// 2021h: the other channel is faulty.
 const PEER: u8 = 8;
 /// 2021h: neither measures.
 const NONE: u8 = 9;
@@ -62,7 +62,7 @@ pub struct Outcome {
     /// SYNCs in the time before the fault, and of those how many the paper's rule warns at.
     pub healthy: Pairs,
     /// The same after the fault's beginning.
-    pub ill: Pairs,
+    pub faulty: Pairs,
     /// Paper mode: the motion has to stop.
     pub stop_s: Option<f64>,
     /// Somebody was accused before the fault.
@@ -104,8 +104,8 @@ struct Told {
 pub struct Observer {
     /// When the fault begins; beyond the end for a run without.
     from_ns: u64,
-    /// Which channel will be ill.
-    ill: usize,
+    /// Which channel will be faulty.
+    faulty: usize,
     /// The last state that each channel has shown.
     states: [u8; CHANNELS],
     /// Both channels have agreed once.
@@ -124,11 +124,11 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Listens from time 0; channel `ill` becomes ill at `from_ns`; `paper`: follows the rule.
-    pub fn new(from_ns: u64, ill: usize, paper: bool) -> Self {
+    /// Listens from time 0; channel `faulty` is so from `from_ns` on; `paper`: follows the rule.
+    pub fn new(from_ns: u64, faulty: usize, paper: bool) -> Self {
         Self {
             from_ns,
-            ill,
+            faulty,
             states: [0; CHANNELS],
             started: false,
             accused: false,
@@ -204,7 +204,7 @@ impl Observer {
         }
         if matches!(state, OWN | PEER) {
             outcome.named_s.get_or_insert(since);
-            outcome.wrong |= (state == OWN) != (channel == self.ill);
+            outcome.wrong |= (state == OWN) != (channel == self.faulty);
         }
     }
 
@@ -249,7 +249,7 @@ impl Observer {
         let pairs = if at_ns < self.from_ns {
             &mut self.outcome.healthy
         } else {
-            &mut self.outcome.ill
+            &mut self.outcome.faulty
         };
         pairs.syncs += 1;
         pairs.warned += u32::from(warned);

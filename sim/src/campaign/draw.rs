@@ -119,7 +119,7 @@ fn bus(seed: u64) -> (u16, u32, f64) {
     (kbit_s, sync_us, rng.range(-100.0, 100.0))
 }
 
-/// Latch time, s, and whether a channel may go on alone. With both channels ill at once it may
+/// Latch time, s, and whether a channel may go on alone. With both channels faulty at once it may
 /// not: what is left alone has nobody to be compared with.
 fn policy(seed: u64, beyond: bool) -> (u16, bool) {
     let mut rng = stream(seed, "policy");

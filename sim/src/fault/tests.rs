@@ -82,14 +82,14 @@ fn rng() -> Rng {
 /// A second with the fault on one side, and the same second of its twin without; then heals it
 /// and sees that both are the same again, bit for bit.
 fn beside_its_twin(fault: SensorFault) -> (Vec<Sample>, Vec<Sample>) {
-    let [mut ill, mut well] = [0, 1].map(|_| Side::new(&ErrorModel::NOMINAL));
-    assert_eq!(ill.run(0.2), well.run(0.2));
-    ill.electronics.inject(fault, rng());
-    assert_eq!(ill.electronics.fault(), Some(fault));
-    let seconds = (ill.run(1.0), well.run(1.0));
-    ill.electronics.heal();
-    assert_eq!(ill.electronics.fault(), None);
-    let (healed, sound) = (ill.run(0.5), well.run(0.5));
+    let [mut faulty, mut well] = [0, 1].map(|_| Side::new(&ErrorModel::NOMINAL));
+    assert_eq!(faulty.run(0.2), well.run(0.2));
+    faulty.electronics.inject(fault, rng());
+    assert_eq!(faulty.electronics.fault(), Some(fault));
+    let seconds = (faulty.run(1.0), well.run(1.0));
+    faulty.electronics.heal();
+    assert_eq!(faulty.electronics.fault(), None);
+    let (healed, sound) = (faulty.run(0.5), well.run(0.5));
     assert!(healed.len() > 180);
     assert_eq!(healed, sound, "{fault}");
     seconds
@@ -97,9 +97,9 @@ fn beside_its_twin(fault: SensorFault) -> (Vec<Sample>, Vec<Sample>) {
 
 /// How far off the codes are, sample by sample.
 fn differences(fault: SensorFault) -> Vec<[i32; 3]> {
-    let (ill, well) = beside_its_twin(fault);
-    assert_eq!(ill.len(), well.len());
-    let pairs = ill.iter().zip(&well);
+    let (faulty, well) = beside_its_twin(fault);
+    assert_eq!(faulty.len(), well.len());
+    let pairs = faulty.iter().zip(&well);
     pairs
         .map(|(a, b)| {
             assert_eq!((a.at_s, a.captured_s), (b.at_s, b.captured_s));
@@ -143,24 +143,24 @@ fn a_gain_fault_scales_what_is_measured() {
         axis: 2,
         ratio: -0.02,
     };
-    let (ill, well) = beside_its_twin(fault);
-    for (ill, well) in ill.iter().zip(&well) {
+    let (faulty, well) = beside_its_twin(fault);
+    for (faulty, well) in faulty.iter().zip(&well) {
         let want = f64::from(well.codes[2]) * 0.98;
-        assert!((f64::from(ill.codes[2]) - want).abs() <= f64::from(STEP));
-        assert_eq!(ill.codes[..2], well.codes[..2]);
+        assert!((f64::from(faulty.codes[2]) - want).abs() <= f64::from(STEP));
+        assert_eq!(faulty.codes[..2], well.codes[..2]);
     }
 }
 
 #[test]
 fn a_stuck_axis_repeats_its_code_and_the_others_live() {
-    let (ill, well) = beside_its_twin(SensorFault::Stuck { axis: Some(1) });
-    for (one, twin) in ill.iter().zip(&well) {
+    let (faulty, well) = beside_its_twin(SensorFault::Stuck { axis: Some(1) });
+    for (one, twin) in faulty.iter().zip(&well) {
         assert_eq!(one.codes[1], well[0].codes[1]);
         assert_eq!([one.codes[0], one.codes[2]], [twin.codes[0], twin.codes[2]]);
     }
-    let (ill, well) = beside_its_twin(SensorFault::Stuck { axis: None });
-    assert!(ill.iter().all(|sample| sample.codes == well[0].codes));
-    assert!(ill.len() > 380);
+    let (faulty, well) = beside_its_twin(SensorFault::Stuck { axis: None });
+    assert!(faulty.iter().all(|sample| sample.codes == well[0].codes));
+    assert!(faulty.len() > 380);
 }
 
 #[test]
@@ -176,9 +176,9 @@ fn a_stuck_part_is_stuck_in_its_self_test_too() {
 #[test]
 fn noise_grows_by_its_factor() {
     for factor in [3.0, 10.0] {
-        let (ill, well) = beside_its_twin(SensorFault::Noise { factor });
+        let (faulty, well) = beside_its_twin(SensorFault::Noise { factor });
         for axis in 0..3 {
-            let ratio = sigma(&ill, axis) / sigma(&well, axis);
+            let ratio = sigma(&faulty, axis) / sigma(&well, axis);
             assert!((ratio / factor - 1.0).abs() < 0.05, "{ratio}");
         }
     }
@@ -214,10 +214,10 @@ fn without_a_rate_there_is_one_spike() {
 #[test]
 fn late_samples_keep_their_time_and_are_as_late_as_it_says() {
     for late_s in [0.05, 0.2] {
-        let (ill, well) = beside_its_twin(SensorFault::Late { s: late_s });
-        assert_eq!(ill.len(), well.len());
+        let (faulty, well) = beside_its_twin(SensorFault::Late { s: late_s });
+        assert_eq!(faulty.len(), well.len());
         let period_s = well[1].at_s - well[0].at_s;
-        for (sample, twin) in ill.iter().zip(&well) {
+        for (sample, twin) in faulty.iter().zip(&well) {
             assert_eq!(sample.at_s, twin.at_s);
             let original = well.iter().find(|w| w.captured_s == sample.captured_s);
             assert_eq!(sample.codes, original.expect("a true sample").codes);
@@ -233,18 +233,18 @@ fn late_samples_keep_their_time_and_are_as_late_as_it_says() {
 
 #[test]
 fn lost_edges_are_as_many_as_it_says_and_the_rest_is_true() {
-    let (ill, well) = beside_its_twin(SensorFault::SampleLoss { share: 0.1 });
-    let lost = 1.0 - ill.len() as f64 / well.len() as f64;
+    let (faulty, well) = beside_its_twin(SensorFault::SampleLoss { share: 0.1 });
+    let lost = 1.0 - faulty.len() as f64 / well.len() as f64;
     assert!((0.06..0.14).contains(&lost), "{lost}");
-    assert!(ill.iter().all(|sample| well.contains(sample)));
+    assert!(faulty.iter().all(|sample| well.contains(sample)));
 }
 
 #[test]
 fn swapped_axes_are_swapped() {
-    let (ill, well) = beside_its_twin(SensorFault::SwappedAxes);
-    for (ill, well) in ill.iter().zip(&well) {
+    let (faulty, well) = beside_its_twin(SensorFault::SwappedAxes);
+    for (faulty, well) in faulty.iter().zip(&well) {
         let [x, y, z] = well.codes;
-        assert_eq!(ill.codes, [y, x, z]);
+        assert_eq!(faulty.codes, [y, x, z]);
     }
 }
 
@@ -291,18 +291,18 @@ fn a_part_does_not_start_while_its_supply_is_away() {
 
 #[test]
 fn a_thermometer_is_off_and_the_force_is_not() {
-    let [mut ill, mut well] = [0, 1].map(|_| Side::new(&ErrorModel::NOMINAL));
+    let [mut faulty, mut well] = [0, 1].map(|_| Side::new(&ErrorModel::NOMINAL));
     let fault = SensorFault::Thermometer { c: 5.0 };
-    ill.electronics.inject(fault, rng());
-    assert_eq!(ill.run(0.5), well.run(0.5));
+    faulty.electronics.inject(fault, rng());
+    assert_eq!(faulty.run(0.5), well.run(0.5));
     let read = |side: &mut Side| {
         side.run(0.1);
         f64::from(side.part.read_temperature().expect("a working bus").0) / 256.0
     };
-    let off = read(&mut ill) - read(&mut well);
+    let off = read(&mut faulty) - read(&mut well);
     assert!((off - 5.0).abs() < 0.1, "{off}");
-    ill.electronics.heal();
-    assert_eq!(read(&mut ill), read(&mut well));
+    faulty.electronics.heal();
+    assert_eq!(read(&mut faulty), read(&mut well));
 }
 
 #[test]

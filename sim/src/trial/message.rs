@@ -40,7 +40,7 @@ pub struct Emergency {
     pub register: u8,
     /// The set of faults that stand, bit n for fault n.
     pub faults: u32,
-    /// Whom the node holds for ill: 0 nobody, 1 itself, 2 the other, 3 both.
+    /// Whom the node holds for faulty: 0 nobody, 1 itself, 2 the other, 3 both.
     pub blamed: u8,
     /// Why: a reason as in 2025h.
     pub reason: u8,

@@ -47,7 +47,7 @@ pub struct Setup {
     pub ramp_c_per_min: f64,
     /// After how long a finding ends, s; 0: not until a reset (2004h).
     pub latch_s: u16,
-    /// Whether a channel goes on while the other one is ill (2005h).
+    /// Whether a channel goes on while the other one is faulty (2005h).
     pub degraded: bool,
     /// Whether safety frames have been commissioned.
     pub safety_frames: bool,

@@ -4,7 +4,7 @@
 use std::vec::Vec;
 
 use super::movement::{self, Finding, Movement};
-use super::product_tests::{Bench, ill, pose};
+use super::product_tests::{Bench, faulty, pose};
 use super::random_tests::Dice;
 use super::*;
 use crate::health::Activity;
@@ -111,7 +111,7 @@ const fn other(node: Node) -> Node {
 }
 
 fn names(all: &[Judgement], node: Node) -> bool {
-    all.contains(&ill(node, Invalid::Biased))
+    all.contains(&faulty(node, Invalid::Biased))
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn a_step_at_level_names_the_channel_that_moved_on_any_axis() {
                 let all = machine.lasts(2.0, node, |_| (level, on(axis, mg)));
                 let name = std::format!("{node:?}, axis {axis}, {mg} mg, {rumble} mg: {all:?}");
                 assert!(
-                    all.contains(&ill(node, Invalid::Biased)) || mg > 50.0,
+                    all.contains(&faulty(node, Invalid::Biased)) || mg > 50.0,
                     "{name}"
                 );
                 assert!(!names(&all, other(node)), "{name}");
@@ -152,7 +152,7 @@ fn a_drift_at_level_names_the_channel_that_drifts() {
             let expected = [
                 Judgement::Agree,
                 Judgement::Disagree,
-                ill(node, Invalid::Biased),
+                faulty(node, Invalid::Biased),
             ];
             assert_eq!(all, expected, "{node:?}, axis {axis}, {mg_per_s} mg/s");
         }
@@ -240,7 +240,7 @@ fn a_frozen_channel_never_names_the_one_that_moves_with_the_machine() {
                 n += 1;
                 assert_ne!(
                     machine.bench.last,
-                    ill(other(node), Invalid::Biased),
+                    faulty(other(node), Invalid::Biased),
                     "{name} {deg_s}"
                 );
                 pair
@@ -348,7 +348,7 @@ fn a_thermometer_that_jumps_names_its_channel_or_nobody() {
     for (seed, node) in (19..).zip(NODES) {
         let mut machine = Machine::new(seed).works(|_| level);
         let all = machine.lasts(10.0, node, |_| (level, [-4.5, 4.5, 0.0]));
-        assert_eq!(all.last(), Some(&ill(node, Invalid::Biased)), "{all:?}");
+        assert_eq!(all.last(), Some(&faulty(node, Invalid::Biased)), "{all:?}");
     }
 }
 
@@ -449,7 +449,7 @@ fn a_fault_that_begins_while_the_machine_moves_is_left_to_gravity() {
             let all = machine.lasts(3.0, node, |_| (pose(70.0, 0.0), on(0, mg)));
             assert_eq!(
                 all.last(),
-                Some(&ill(node, Invalid::Biased)),
+                Some(&faulty(node, Invalid::Biased)),
                 "{node:?}, {mg} mg"
             );
         }
@@ -503,7 +503,7 @@ fn swapped_axes_at_standstill_name_their_channel() {
         let all = machine.lasts(3.0, node, |_| (place, [y - x, x - y, 0.0]));
         assert_eq!(
             all.last(),
-            Some(&ill(node, Invalid::Biased)),
+            Some(&faulty(node, Invalid::Biased)),
             "{node:?}: {all:?}"
         );
     }
@@ -524,7 +524,7 @@ fn a_change_of_the_sync_period_and_lost_pairs_name_nobody_wrongly() {
             machine.bench.period_us = after_us;
             let all = machine.lasts(within_s, node, |_| (level, on(0, 10.0)));
             let name = std::format!("{node:?}, {before_us} to {after_us} us: {all:?}");
-            assert_eq!(all.last(), Some(&ill(node, Invalid::Biased)), "{name}");
+            assert_eq!(all.last(), Some(&faulty(node, Invalid::Biased)), "{name}");
             assert!(!names(&all, other(node)), "{name}");
         }
         // Every third pair is lost on the way.
@@ -539,7 +539,7 @@ fn a_change_of_the_sync_period_and_lost_pairs_name_nobody_wrongly() {
                 machine.bench.period_us = 20_000;
             }
         }
-        assert_eq!(all.last(), Some(&ill(node, Invalid::Biased)));
+        assert_eq!(all.last(), Some(&faulty(node, Invalid::Biased)));
         assert!(!names(&all, other(node)));
     }
 }
@@ -557,7 +557,7 @@ fn on_a_slow_bus_blocks_are_of_twelve_pairs() {
             let all = machine.lasts(pairs(7 * 12 + 1), node, |_| (level, on(0, 10.0)));
             assert_eq!(
                 all.last(),
-                Some(&ill(node, Invalid::Biased)),
+                Some(&faulty(node, Invalid::Biased)),
                 "{period_us}: {all:?}"
             );
         }

@@ -65,7 +65,7 @@ pub(super) fn loud(activity: u8) -> Observation {
     }
 }
 
-pub(super) const fn ill(node: Node, reason: Invalid) -> Judgement {
+pub(super) const fn faulty(node: Node, reason: Invalid) -> Judgement {
     Judgement::OneChannel { ill: node, reason }
 }
 
@@ -164,12 +164,12 @@ fn a_channel_that_knows_itself_ill_comes_before_every_comparison() {
         let mut bench = Bench::working();
         assert_eq!(
             bench.step(tilted.refused(reason), level()),
-            ill(Node::Own, reason)
+            faulty(Node::Own, reason)
         );
         let mut bench = Bench::working();
         assert_eq!(
             bench.step(tilted, loud(200).refused(reason)),
-            ill(Node::Peer, reason)
+            faulty(Node::Peer, reason)
         );
     }
 }
@@ -178,23 +178,26 @@ fn a_channel_that_knows_itself_ill_comes_before_every_comparison() {
 fn the_first_finding_about_a_channel_stays_the_finding() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
-    assert_eq!(bench.last, ill(Node::Own, Invalid::Noise));
+    assert_eq!(bench.last, faulty(Node::Own, Invalid::Noise));
     let reset = Observation::absent(Invalid::PartReset);
-    assert_eq!(bench.step(reset, level()), ill(Node::Own, Invalid::Noise));
+    assert_eq!(
+        bench.step(reset, level()),
+        faulty(Node::Own, Invalid::Noise)
+    );
 }
 
 #[test]
 fn an_ill_channel_explains_what_differs_later() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
-    assert_eq!(bench.last, ill(Node::Own, Invalid::Noise));
+    assert_eq!(bench.last, faulty(Node::Own, Invalid::Noise));
     let off = bench.lasts(along(pose(5.0, 0.0)), level(), 5.0);
-    assert_eq!(off, [ill(Node::Own, Invalid::Noise)]);
+    assert_eq!(off, [faulty(Node::Own, Invalid::Noise)]);
     // And as long as it differs, time does not forgive it.
     let mut bench = Bench::that_forgives(2).at_work();
     bench.lasts(loud(120), level(), 0.5);
     let off = bench.lasts(along(pose(5.0, 0.0)), level(), 10.0);
-    assert_eq!(off, [ill(Node::Own, Invalid::Noise)]);
+    assert_eq!(off, [faulty(Node::Own, Invalid::Noise)]);
     bench.lasts(level(), level(), 5.0);
     assert_eq!(bench.last, Judgement::Agree);
 }
@@ -210,7 +213,7 @@ fn both_channels_ill_is_no_channel() {
     ));
     // The peer's is over: the own one is not.
     bench.lasts(pair.0, level(), 2.0);
-    assert_eq!(bench.last, ill(Node::Own, a));
+    assert_eq!(bench.last, faulty(Node::Own, a));
 }
 
 #[test]
@@ -219,7 +222,7 @@ fn as_delivered_a_finding_stays_until_a_reset() {
         let mut bench = Bench::working();
         bench.step(Observation::absent(reason), level());
         let hour = bench.lasts(level(), level(), 3600.0);
-        assert_eq!(hour, [ill(Node::Own, reason)]);
+        assert_eq!(hour, [faulty(Node::Own, reason)]);
         bench.check.reset();
         assert_eq!(bench.step(level(), level()), Judgement::Agree);
     }
@@ -235,7 +238,7 @@ fn as_delivered_a_finding_stays_until_a_reset() {
 fn with_a_time_a_finding_ends_when_it_has_been_over_for_so_long() {
     let mut bench = Bench::that_forgives(3).at_work();
     bench.step(Observation::absent(Invalid::PartReset), level());
-    let bad = ill(Node::Own, Invalid::PartReset);
+    let bad = faulty(Node::Own, Invalid::PartReset);
     assert_eq!(bench.lasts(level(), level(), 2.96), [bad]);
     assert_eq!(bench.lasts(level(), level(), 1.0), [bad, Judgement::Agree]);
     // A disagreement too, and what comes back in between starts the time anew.
@@ -258,8 +261,8 @@ fn late_silent_and_stale_channels_are_taken_back_after_a_second() {
                 Node::Own => (absent, level()),
                 Node::Peer => (level(), absent),
             };
-            assert_eq!(bench.lasts(own, peer, 30.0), [ill(node, reason)]);
-            assert_eq!(bench.lasts(level(), level(), 0.96), [ill(node, reason)]);
+            assert_eq!(bench.lasts(own, peer, 30.0), [faulty(node, reason)]);
+            assert_eq!(bench.lasts(level(), level(), 0.96), [faulty(node, reason)]);
             let after = bench.lasts(level(), level(), 0.1);
             assert_eq!(after.last(), Some(&Judgement::Agree), "{reason:?}");
         }
@@ -271,7 +274,10 @@ fn what_the_peer_says_of_itself_is_held_by_the_peer() {
     for reason in [Invalid::PartReset, Invalid::Noise, Invalid::Biased] {
         let mut bench = Bench::working();
         let told = level().refused(reason);
-        assert_eq!(bench.lasts(level(), told, 5.0), [ill(Node::Peer, reason)]);
+        assert_eq!(
+            bench.lasts(level(), told, 5.0),
+            [faulty(Node::Peer, reason)]
+        );
         // It speaks again, so its own latch has let it go.
         bench.lasts(level(), level(), 1.1);
         assert_eq!(bench.last, Judgement::Agree, "{reason:?}");
@@ -282,7 +288,7 @@ fn what_the_peer_says_of_itself_is_held_by_the_peer() {
 fn what_was_found_about_the_peer_here_outlasts_what_it_says() {
     let mut bench = Bench::working();
     bench.lasts(level(), loud(120), 0.5);
-    let found = ill(Node::Peer, Invalid::Noise);
+    let found = faulty(Node::Peer, Invalid::Noise);
     assert_eq!(bench.last, found);
     bench.lasts(level(), level().refused(Invalid::Silent), 2.0);
     assert_eq!(bench.lasts(level(), level(), 60.0), [found]);
@@ -295,7 +301,10 @@ fn a_restart_of_the_peer_does_not_forgive_the_own_channel_or_a_difference() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
     bench.check.peer_restarted();
-    assert_eq!(bench.step(level(), level()), ill(Node::Own, Invalid::Noise));
+    assert_eq!(
+        bench.step(level(), level()),
+        faulty(Node::Own, Invalid::Noise)
+    );
     let mut bench = Bench::working();
     let off = along(pose(2.0, 0.0));
     bench.lasts(off, level(), 0.5);
@@ -306,15 +315,15 @@ fn a_restart_of_the_peer_does_not_forgive_the_own_channel_or_a_difference() {
 
 #[test]
 fn a_difference_that_is_explained_goes_with_what_explains_it() {
-    // Found first and named later, or made by a channel that is ill already.
+    // Found first and named later, or made by a channel that is faulty already.
     let biased = along([0.0, 0.0, G + 30.0]);
     let mut named = Bench::working();
     named.lasts(level(), biased, 4.0);
-    assert_eq!(named.last, ill(Node::Peer, Invalid::Biased));
+    assert_eq!(named.last, faulty(Node::Peer, Invalid::Biased));
     let mut noisy = Bench::working();
     noisy.lasts(level(), loud(120), 0.5);
     noisy.lasts(level(), along(pose(5.0, 0.0)), 2.0);
-    assert_eq!(noisy.last, ill(Node::Peer, Invalid::Noise));
+    assert_eq!(noisy.last, faulty(Node::Peer, Invalid::Noise));
     for mut bench in [named, noisy] {
         // It was taken out and put in again, and is sound now.
         bench.lasts(level(), level(), 5.0);
@@ -343,7 +352,7 @@ fn a_disagreement_becomes_a_name_at_the_next_standstill() {
     let after = bench.lasts(level(), along([0.0, 0.0, G + 30.0]), 2.5);
     assert_eq!(
         after,
-        [Judgement::Disagree, ill(Node::Peer, Invalid::Biased)]
+        [Judgement::Disagree, faulty(Node::Peer, Invalid::Biased)]
     );
 }
 
@@ -361,7 +370,7 @@ fn clipping_again_and_again_is_held_against_the_one_that_clips() {
             bench.lasts(level(), level(), 0.04);
             bench.last.is_fault()
         });
-        assert_eq!(bench.last, ill(node, Invalid::OverRange));
+        assert_eq!(bench.last, faulty(node, Invalid::OverRange));
         assert!(found.is_some_and(|n| (9..=11).contains(&n)), "{found:?}");
     }
 }
@@ -471,7 +480,7 @@ fn a_spike_and_a_noise_are_held_against_the_channel_that_has_them() {
             }
         };
         let judged = [150, 64, 64].map(&mut step);
-        assert_eq!(judged.last(), Some(&ill(node, Invalid::Spikes)));
+        assert_eq!(judged.last(), Some(&faulty(node, Invalid::Spikes)));
     }
 }
 

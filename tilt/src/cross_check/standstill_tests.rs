@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 
 use super::movement::{Finding, Movement, State};
-use super::product_tests::{Bench, G, along, ill, pose, turned};
+use super::product_tests::{Bench, G, along, faulty, pose, turned};
 use super::*;
 use crate::vector::Corrected;
 
@@ -37,7 +37,7 @@ fn an_offset_along_gravity_is_named_both_ways_on_both_channels() {
     for node in [Node::Own, Node::Peer] {
         for mg in [-50.0, -10.0, -5.0, 5.0, 10.0, 50.0] {
             let judgement = after_step(pose(0.0, 0.0), node, 2, mg);
-            assert_eq!(judgement, ill(node, Invalid::Biased), "{mg} mg");
+            assert_eq!(judgement, faulty(node, Invalid::Biased), "{mg} mg");
         }
     }
 }
@@ -63,7 +63,7 @@ fn tilted_it_tells_of_the_axis_that_points_down_or_up() {
                 let judgement = after_step(gravity, node, axis, mg);
                 assert_eq!(
                     judgement,
-                    ill(node, Invalid::Biased),
+                    faulty(node, Invalid::Biased),
                     "{x_deg} {y_deg} {mg}"
                 );
             }
@@ -92,13 +92,13 @@ fn the_second_has_to_be_whole() {
     // 0.9 s of standstill and a move, again and again: nobody is named.
     for n in 0..20 {
         let still = bench.holds(gravity, biased, 0.9);
-        assert!(!still.contains(&ill(Node::Peer, Invalid::Biased)), "{n}");
+        assert!(!still.contains(&faulty(Node::Peer, Invalid::Biased)), "{n}");
         let (own, peer) = (turned(gravity, 1.0), turned(biased, 1.0));
         bench.holds(own, peer, 0.1);
     }
     assert_eq!(bench.last, Judgement::Disagree);
     let named = bench.until(gravity, biased, 3.0, |j| {
-        j == ill(Node::Peer, Invalid::Biased)
+        j == faulty(Node::Peer, Invalid::Biased)
     });
     let named = named.expect("named at a standstill");
     assert!((0.98..2.1).contains(&named), "{named} s");
@@ -130,7 +130,7 @@ fn a_machine_that_shakes_is_no_standstill() {
             let peer = with_bias(gravity, 2, shake - 20.0);
             bench.step(along(own), along(peer));
         }
-        let named = bench.last == ill(Node::Peer, Invalid::Biased);
+        let named = bench.last == faulty(Node::Peer, Invalid::Biased);
         assert_eq!(named, names, "{mg} mg to either side: {:?}", bench.last);
     }
 }
@@ -146,7 +146,7 @@ fn local_gravity_is_learned_and_blamed_on_nobody() {
         // Of -2.3 and 2.7 mg beyond standard gravity neither could be blamed.
         let shorter = with_bias(gravity, 2, -2.0 * local.signum() * 2.5);
         let judgement = bench.stands(gravity, shorter, 4.0);
-        assert_eq!(judgement, ill(Node::Peer, Invalid::Biased), "{local} mg");
+        assert_eq!(judgement, faulty(Node::Peer, Invalid::Biased), "{local} mg");
     }
 }
 
@@ -178,7 +178,7 @@ fn what_is_learned_has_a_limit() {
     assert_eq!(bench.holds(long, long, 60.0), [Judgement::Agree]);
     // The peer is 20 mg wrong, of which 4 mg count as its habit.
     let judgement = bench.stands(gravity, long, 4.0);
-    assert_eq!(judgement, ill(Node::Peer, Invalid::Biased));
+    assert_eq!(judgement, faulty(Node::Peer, Invalid::Biased));
 }
 
 #[test]
@@ -192,8 +192,8 @@ fn a_slow_drift_is_found_and_named_while_it_goes_on() {
         if judgement == Judgement::Disagree {
             found.get_or_insert(mg);
         }
-        assert_ne!(judgement, ill(Node::Own, Invalid::Biased));
-        judgement == ill(Node::Peer, Invalid::Biased)
+        assert_ne!(judgement, faulty(Node::Own, Invalid::Biased));
+        judgement == faulty(Node::Peer, Invalid::Biased)
     });
     assert!(named.is_some(), "found at {found:?} mg and never named");
     assert!(named.is_some_and(|n| n < 3000), "{named:?} pairs");
@@ -204,7 +204,7 @@ fn a_channel_that_is_named_stays_named_when_the_machine_moves_on() {
     let gravity = pose(0.0, 0.0);
     let mut bench = acquainted(gravity);
     let biased = with_bias(gravity, 2, 20.0);
-    let named = ill(Node::Own, Invalid::Biased);
+    let named = faulty(Node::Own, Invalid::Biased);
     assert_eq!(bench.stands(biased, gravity, 4.0), named);
     for n in 0..2000 {
         let angle = 30.0 * (f64::from(n) * 0.02).sin();
@@ -235,7 +235,7 @@ proptest! {
         let biased = with_bias(gravity, axis, mg);
         let (own, peer) = if own { (biased, gravity) } else { (gravity, biased) };
         let judgement = bench.stands(own, peer, 4.0);
-        let right = ill(node, Invalid::Biased);
+        let right = faulty(node, Invalid::Biased);
         let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
         let shown = (length(biased) - length(gravity)).abs();
         if shown > 4.5 {

@@ -1,11 +1,11 @@
 //! The angle window: two angles may differ by a threshold that follows their uncertainty.
 //!
 //! In: both readings of one instant. Out: a judgement. An excess must last before it is a fault,
-//! and a channel that knows itself to be ill is named at once.
+//! and a channel that reports itself faulty is named at once.
 //!
 //! Left out: everything that is not in the two angles (`product`).
 
-use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, combined, ill, lasting};
+use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, combined, faulty, lasting};
 use crate::angle::Angle;
 use crate::chain::Reading;
 use crate::sample::Instant;
@@ -64,7 +64,7 @@ impl WindowCheck {
         peer: Reading,
         now: Instant,
     ) -> Verdict {
-        let judgement = match ill(&own, &peer) {
+        let judgement = match faulty(&own, &peer) {
             Some(Judgement::Waiting(_)) if state.silence.lasts(now) => lasting(&own, &peer),
             Some(judgement) => judgement,
             None => {

@@ -409,11 +409,11 @@ mod tests {
             &CanFrame::data_frame(0x182, &[0, 0x80, 0, 0x80, 0x7C, 7]),
         );
         let text = seen(&model, &Screen::new(false, None), 80, 24);
-        has(&text, "FAULT: channel B is ill");
+        has(&text, "FAULT: channel B is faulty");
         has(&text, "it moved alone, or at standstill");
         has(
             &text,
-            "B faults: this channel is ill; this channel moved alone",
+            "B faults: this channel is faulty; this channel moved alone",
         );
         has(&text, "2  not valid");
     }

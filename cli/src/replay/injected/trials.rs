@@ -128,8 +128,8 @@ pub fn trials(
             -1.0
         };
         let fault = fault((turn / 2) % 3, sign);
-        let ill = [Node::Own, Node::Peer][turn % 2];
-        let told = trial(board, check, (*index, *state), plan, (ill, fault));
+        let faulty = [Node::Own, Node::Peer][turn % 2];
+        let told = trial(board, check, (*index, *state), plan, (faulty, fault));
         tally.trials += 1;
         tally.told_s.extend(told.after_s);
         tally.right += usize::from(told.right && !told.wrong);
@@ -145,26 +145,26 @@ fn trial(
     check: &ProductCheck,
     (begin, mut state): (usize, ProductState),
     plan: Plan,
-    (ill, fault): (Node, Option<SensorFault>),
+    (faulty, fault): (Node, Option<SensorFault>),
 ) -> Told {
     let mut told = Told::default();
     let (Some([own, peer]), Some(first)) = (board.kept.get(&begin), board.pairs.get(begin)) else {
         return told;
     };
     let rng = Rng::stream(begin as u64, "fault in a real channel");
-    let healthy = if ill == Node::Own { own } else { peer };
+    let healthy = if faulty == Node::Own { own } else { peer };
     let mut channel = match fault {
         Some(fault) => healthy.with(fault, first.now, rng),
         None => healthy.clone(),
     };
     for pair in board.pairs.iter().skip(begin).take(plan.watched) {
         let seen = channel.observe(pair.now);
-        let (own, peer) = match ill {
+        let (own, peer) = match faulty {
             Node::Own => (seen, pair.peer),
             Node::Peer => (pair.own, seen),
         };
         let judgement = check.judge(&mut state, &own, &peer, pair.now);
-        told.take(judgement, ill, plan.still && pair.lies, || {
+        told.take(judgement, faulty, plan.still && pair.lies, || {
             pair.now.micros_since(first.now) as f64 / 1e6
         });
     }
@@ -172,13 +172,13 @@ fn trial(
 }
 
 impl Told {
-    fn take(&mut self, judgement: Judgement, ill: Node, lies: bool, after_s: impl Fn() -> f64) {
+    fn take(&mut self, judgement: Judgement, faulty: Node, lies: bool, after_s: impl Fn() -> f64) {
         let mut counts = lies && judgement.is_fault();
         if let Judgement::OneChannel { ill: named, .. } = judgement {
-            self.right |= named == ill;
-            self.wrong_lying |= named != ill && lies && !self.wrong;
-            self.wrong |= named != ill;
-            counts |= named == ill;
+            self.right |= named == faulty;
+            self.wrong_lying |= named != faulty && lies && !self.wrong;
+            self.wrong |= named != faulty;
+            counts |= named == faulty;
         }
         if counts && self.after_s.is_none() {
             self.after_s = Some(after_s());

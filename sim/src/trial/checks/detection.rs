@@ -9,9 +9,9 @@ use crate::trial::CHANNELS;
 
 /// 2021h: the channels disagree.
 const DISAGREE: u8 = 6;
-/// 2021h: this channel is ill.
+/// 2021h: this channel is faulty.
 const OWN: u8 = 7;
-/// 2021h: the other channel is ill.
+/// 2021h: the other channel is faulty.
 const PEER: u8 = 8;
 /// 2021h: neither measures.
 const NONE: u8 = 9;
@@ -21,7 +21,7 @@ const AFTERWARDS_S: f64 = 0.5;
 /// Whom a channel names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blame {
-    /// The channel that is ill.
+    /// The channel that is faulty.
     Right,
     /// The healthy one.
     Wrong,

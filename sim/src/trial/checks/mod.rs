@@ -143,7 +143,7 @@ impl Terms {
 /// A fault as the rules see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affected {
-    /// The channel that is ill.
+    /// The channel that is faulty.
     pub channel: usize,
     /// Since when, s.
     pub from_s: f64,

@@ -1,13 +1,13 @@
 //! An angle marked valid is no older than the reaction time, not even in a single frame.
 //!
 //! In: the valid slopes of each TPDO 1 and of each safety frame, the truth, and which channel is
-//! ill by itself. Out: a violation when a frame comes out of a silence with a slope that is that of
-//! no instant within the reaction time before. A frame that was kept back while the bus was busy
+//! faulty by itself. Out: a violation when a frame comes out of a silence with a slope that is that
+//! of no instant within the reaction time before. A frame that was kept back while the bus was busy
 //! and goes out when that ends stands alone, so no rule about the length of a stretch of wrong
 //! angles finds it.
 //!
 //! Left out: frames that follow others closely, since none of them can be so old, and the peak of a
-//! shock may be off for one; and a channel that is ill itself, whose angle may be wrong for the
+//! shock may be off for one; and a channel that is faulty itself, whose angle may be wrong for the
 //! reaction time without being old.
 
 use super::safety::AGE_S;
@@ -25,7 +25,7 @@ const LONGEST_S: f64 = 0.9;
 #[derive(Clone, Debug)]
 pub struct Stale {
     reaction_s: f64,
-    ill: [bool; CHANNELS],
+    faulty: [bool; CHANNELS],
     told: [bool; CHANNELS],
     /// By channel and kind of frame.
     heard: [[Heard; 2]; CHANNELS],
@@ -53,20 +53,20 @@ impl Stale {
     pub fn new(reaction_s: f64) -> Self {
         Self {
             reaction_s,
-            ill: [false; CHANNELS],
+            faulty: [false; CHANNELS],
             told: [false; CHANNELS],
             heard: Default::default(),
         }
     }
 
-    /// From now on this channel is ill itself.
+    /// From now on this channel is faulty itself.
     pub fn excuse(&mut self, channel: usize) {
-        self.ill[channel] = true;
+        self.faulty[channel] = true;
     }
 
     /// From now on both are well.
     pub fn well(&mut self) {
-        self.ill = [false; CHANNELS];
+        self.faulty = [false; CHANNELS];
     }
 
     /// A frame with its valid slopes; `ideal` gives the true ones, deg, for an instant.
@@ -78,7 +78,7 @@ impl Stale {
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> Option<Violation> {
         let wakes = self.wakes(at_s, channel, kind);
-        let excused = self.ill[channel] || self.reaction_s > LONGEST_S || !wakes;
+        let excused = self.faulty[channel] || self.reaction_s > LONGEST_S || !wakes;
         let strays = |axis: usize| {
             let range = self.range(at_s, deg[axis]?, |time_s| Some(ideal(time_s)?[axis]))?;
             Some((axis, deg[axis]?, range))
