@@ -193,7 +193,7 @@ def test_a_fault_of_b_is_told_by_both_and_stays_until_a_reset(
     emcy(pair, mark, 2, OWN_CODE)
     emcy(pair, mark, 1, OTHER_CODE)
     faulty(pair)
-    # A part that was faulty once is not believed before somebody has looked.
+    # A channel once found faulty stays isolated until it is reset.
     plumb.type("heal b")
     time.sleep(0.5)
     faulty(pair)
@@ -236,7 +236,7 @@ def test_spikes_of_one_channel_are_its_own(plumb: Plumb, pair: Master) -> None:
 
 
 def faulty(master: Master) -> None:
-    """B is faulty: it says so, A says so, and A goes on measuring."""
+    """B is faulty: B and A both report it, and A goes on measuring."""
     assert [master.read(node, 0x2021) for node in (2, 1)] == [OWN_ILL, OTHER_ILL]
     assert master.read(2, 0x2020) & 0x83 == 0x80, "no angle, and a latched fault"
     assert master.read(1, 0x2020) & 0x0F == 0x03, "its own angles alone"
@@ -270,7 +270,7 @@ def test_an_invalid_angle_is_never_sent_as_a_plausible_number(plumb: Plumb, pair
     assert pair.read(1, 0x6820) == INVALID16
 
 
-def test_without_its_power_the_other_channel_counts_as_faulty(plumb: Plumb, pair: Master) -> None:
+def test_without_its_power_the_other_channel_counts_as_ill(plumb: Plumb, pair: Master) -> None:
     mark = pair.mark()
     plumb.type("power b off")
     emcy(pair, mark, 1, OTHER_CODE)

@@ -287,7 +287,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             .channel
             .data_ready(&self.parts.settings, captured);
         if self.parts.pair.own_fault().is_none() && self.parts.channel.reason().is_some() {
-            // A channel that knows itself to be faulty doesn't wait to say so.
+            // A channel that finds itself faulty reports it without delay.
             self.next = self.next.min(captured);
         }
     }

@@ -68,7 +68,7 @@ pub enum Invalid {
     Refused,
     /// The other channel has not been heard yet.
     Unconfirmed,
-    /// The other channel is faulty, and this one alone is not allowed to do.
+    /// The other channel is faulty, and this one must not go on alone.
     Alone,
     /// Both channels measure alike and are set to show different angles.
     Unlike,

@@ -47,14 +47,14 @@ impl fmt::Display for DecodeError {
             ),
             Self::Version(version) => write!(
                 f,
-                "it is of version {version} of the format, and this program knows version 1"
+                "it is of version {version} of the format, and this program reads version 1"
             ),
             Self::Length(bytes) => write!(
                 f,
                 "entries of {bytes} bytes are neither those of a fault log (20) nor those of a \
                  black box (34)"
             ),
-            Self::Cut => write!(f, "it ends before the entries that its head tells of"),
+            Self::Cut => write!(f, "it ends before the last entry that its header announces"),
         }
     }
 }

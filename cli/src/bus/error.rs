@@ -78,7 +78,7 @@ impl JoinError {
 
 fn said(error: &io::Error) -> String {
     match error.kind() {
-        io::ErrorKind::TimedOut => "it says nothing".to_owned(),
+        io::ErrorKind::TimedOut => "it does not answer".to_owned(),
         io::ErrorKind::UnexpectedEof => "it hangs up".to_owned(),
         _ => error.to_string(),
     }

@@ -48,7 +48,7 @@ impl Client {
             Some(other) => {
                 let said = String::from_utf8_lossy(other);
                 let said = said.escape_debug();
-                let sentence = format!("the server says \"{said}\"");
+                let sentence = format!("the server reports \"{said}\"");
                 Err(io::Error::new(io::ErrorKind::InvalidData, sentence))
             }
             None => Err(io::ErrorKind::TimedOut.into()),

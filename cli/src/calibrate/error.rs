@@ -170,7 +170,7 @@ impl fmt::Display for CalibrateError {
             Self::Content(path, what) => write!(f, "{}: {what}", path.display()),
             Self::Unknown(path, node, serial) => write!(
                 f,
-                "{} says nothing of node {node} with the serial number {serial}",
+                "{} has no entry for node {node} with the serial number {serial}",
                 path.display()
             ),
             Self::Left(error, nodes) => {
@@ -200,7 +200,7 @@ impl CalibrateError {
             ),
             Self::NoSamples(node) => write!(
                 f,
-                "node {node} takes no samples: its sensor does not answer; `plumb info` tells more"
+                "node {node} takes no samples: its sensor does not answer; `plumb info` shows more"
             ),
             Self::Restless(node, place, mg) => write!(
                 f,

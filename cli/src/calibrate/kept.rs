@@ -109,7 +109,7 @@ fn flaw(node: &KeptNode) -> Option<&'static str> {
         return Some("a calibration in it is damaged: its check sum is wrong");
     };
     if node.crc32 != format!("{:08X}", identity(&calibration)) {
-        return Some("it was changed: crc32 in it is not that of the calibration beside it");
+        return Some("it was changed: crc32 in it is not that of its calibration");
     }
     let hash = node.report_sha256.as_deref().map(bytes);
     let whole = hash.is_none_or(|hash| hash.is_some_and(|hash| hash.len() == 32));

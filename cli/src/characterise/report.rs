@@ -183,7 +183,7 @@ fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Chann
             "Thermometer",
             "B",
             angle_deg(THERMOMETER_C * steepest_mg_per_c(fitted)),
-            "told to a degree, times the steepest coefficient",
+            "resolution of one degree, times the steepest coefficient",
         ),
     ];
     combine(&mut channel);

@@ -272,7 +272,7 @@ fn change_these(
     told?;
     if !arguments.json {
         let sentence = format!(
-            "told to change to {rate} kbit/s: nodes {}\n",
+            "commanded to change to {rate} kbit/s: nodes {}\n",
             listed(&follow)
         );
         print::text(&sentence)?;

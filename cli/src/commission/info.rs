@@ -39,13 +39,13 @@ const ERROR_BITS: [&str; 8] = [
 
 /// Codes of EMCY that are not a fault of the instrument, in words (CiA 301, table 26; R9).
 const OTHER_CODES: [(u16, &str); 16] = [
-    (0x6101, "the program before this one ended by a panic"),
-    (0x6102, "the program before this one ended by a hard fault"),
+    (0x6101, "the previous program ended by a panic"),
+    (0x6102, "the previous program ended by a hard fault"),
     (
         0x6103,
-        "the program before this one met an interrupt without a handler",
+        "the previous program met an interrupt without a handler",
     ),
-    (0x6104, "the watchdog ended the program before this one"),
+    (0x6104, "the watchdog ended the previous program"),
     (0x6105, "the bootloader had found nothing to start"),
     (0x8110, "CAN frames were lost"),
     (0x8120, "the CAN controller was error passive"),
@@ -369,7 +369,7 @@ fn text(told: &[Info]) -> String {
     let mut text = table.to_text();
     for info in told {
         for error in &info.error_history {
-            text.push_str(&format!("node {} has told: {error}\n", info.node));
+            text.push_str(&format!("node {} has reported: {error}\n", info.node));
         }
     }
     text

@@ -96,7 +96,7 @@ impl fmt::Display for Missing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { node, peer, heard } = self;
         let why = match heard {
-            true => "its heartbeat comes: it is in STOPPED, or frames are lost",
+            true => "its heartbeat is received: it is in STOPPED, or frames are lost",
             false => "nothing is heard of it: it has no power, or its wires are open",
         };
         write!(
@@ -315,7 +315,7 @@ mod tests {
             missing: Some(Missing { heard: true, ..one }),
         };
         let unread = meant.complete().unwrap_err().to_string();
-        assert!(unread.contains("its heartbeat comes"), "{unread}");
+        assert!(unread.contains("its heartbeat is received"), "{unread}");
         assert!(Meant::default().complete().is_ok());
     }
 

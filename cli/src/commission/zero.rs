@@ -186,7 +186,7 @@ pub const fn remedy(reason: u8) -> &'static str {
         1 | 2 => "wait a second and try again",
         17 => "the channels disagree; mend that first, or take the nodes to PRE-OPERATIONAL",
         18 => "start the other channel as well, or take the node to PRE-OPERATIONAL",
-        _ => "`plumb info` tells what is wrong",
+        _ => "`plumb info` shows what is wrong",
     }
 }
 

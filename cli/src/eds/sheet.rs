@@ -87,7 +87,7 @@ impl fmt::Display for Oddity {
             Self::SectionTwice(name) => write!(f, "section [{name}] a second time, added to it"),
             Self::KeyTwice(key) => write!(f, "key {key} a second time; the first counts"),
             Self::NoNumber(text) => write!(f, "`{text}` is no number"),
-            Self::OddNumber(text) => write!(f, "`{text}` is written as no standard says"),
+            Self::OddNumber(text) => write!(f, "`{text}` has a form that no standard defines"),
             Self::List(index) => write!(f, "{index:04X}h is listed and has no section"),
             Self::ListCount(count, listed) => {
                 write!(f, "{count} objects are announced and {listed} listed")

@@ -380,7 +380,7 @@ fn what_does_not_fit_together_is_counted_and_told_once() {
     }
     let findings = bench.channel(0).findings;
     assert_eq!((findings[0].name, findings[0].count), ("validity", 3));
-    let told = "A first of: slopes whose validity bit says otherwise";
+    let told = "A first of: slopes that contradict their validity bit";
     let texts = bench.texts();
     assert_eq!(
         texts.iter().filter(|text| *text == told).count(),

@@ -147,7 +147,7 @@ fn difference(
     let value = measured.map_or(sloped, |mdeg| mdeg.get(axis).copied().flatten());
     match value {
         Some(mdeg) => Known::Fresh(f64::from(mdeg) / 1000.0),
-        None => Known::Absent("the two have not told of the same SYNC".to_owned()),
+        None => Known::Absent("the two channels have not reported the same SYNC".to_owned()),
     }
 }
 
@@ -324,7 +324,7 @@ fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
             let level = words::state_level(one).max(words::state_level(two));
             (
                 level,
-                format!("A says: {}; B says: {}", text(0, one), text(1, two)),
+                format!("A reports: {}; B reports: {}", text(0, one), text(1, two)),
             )
         }
         (Some(state), None) => (Level::Fault, alone(text(0, state), b)),

@@ -55,7 +55,7 @@ pub const fn state_level(state: u8) -> Level {
 /// A reason by its code (2025h, 2027h sub 2); `None` for 0, which is no reason.
 pub fn reason(code: u8) -> Option<String> {
     let Some(reason) = exchange::reason(code) else {
-        return (code != 0).then(|| format!("reason {code}, which this program does not know"));
+        return (code != 0).then(|| format!("reason {code}, which is unknown to this program"));
     };
     let text = match reason {
         Invalid::NoSample => "no sample yet",
@@ -73,8 +73,8 @@ pub fn reason(code: u8) -> Option<String> {
         Invalid::Biased => "it moved alone, or at standstill its gravity is of the wrong length",
         Invalid::Corrupt => "the calibration is damaged",
         Invalid::Silent => "silent: nothing has come in time",
-        Invalid::Late => "late: what comes belongs to the past",
-        Invalid::Refused => "the channels differ, nobody knows which is right",
+        Invalid::Late => "late: the data received are out of date",
+        Invalid::Refused => "the channels differ and neither can be blamed",
         Invalid::Unconfirmed => "the other channel has not been heard, or not been compared",
         Invalid::Alone => "degraded operation is forbidden (2005h)",
         Invalid::Unlike => "presets, offsets or inversion differ from the other channel's (2006h)",
@@ -86,11 +86,11 @@ pub fn reason(code: u8) -> Option<String> {
 pub const fn no_slope(state: u8) -> &'static str {
     match state {
         0 => "not compared with the other channel",
-        5 | 6 => "the channels differ, nobody knows which is right",
+        5 | 6 => "the channels differ and neither can be blamed",
         7 => "this channel is faulty",
         8 => "the other channel is faulty, and this one may not go on alone",
         9 => "neither channel measures",
-        _ => "the channel says that it must not be used",
+        _ => "the channel reports that it must not be used",
     }
 }
 
@@ -159,10 +159,10 @@ pub fn emergency(emergency: &Emergency, before: u32) -> (Level, String) {
         return (Level::Fault, fault.text().to_owned());
     }
     let text = match code {
-        0x6101 => "the program before ended by a panic".to_owned(),
-        0x6102 => "the program before ended by a hard fault".to_owned(),
-        0x6103 => "the program before met an interrupt without a handler".to_owned(),
-        0x6104 => "the program before hung: the watchdog ended it".to_owned(),
+        0x6101 => "the previous program ended by a panic".to_owned(),
+        0x6102 => "the previous program ended by a hard fault".to_owned(),
+        0x6103 => "the previous program met an interrupt without a handler".to_owned(),
+        0x6104 => "the previous program hung: the watchdog ended it".to_owned(),
         0x6105 => "the bootloader found nothing to start".to_owned(),
         0x8110 => "CAN overrun: frames were lost".to_owned(),
         0x8120 => "CAN error passive".to_owned(),
@@ -173,7 +173,7 @@ pub fn emergency(emergency: &Emergency, before: u32) -> (Level, String) {
         0x8220 => format!("RPDO {b3} is too long"),
         0x8240 => format!("SYNC of a wrong length, {b3}"),
         0x8250 => format!("RPDO {b3} was missed"),
-        code => format!("error code {code:04X}h, which this program does not know"),
+        code => format!("error code {code:04X}h, which is unknown to this program"),
     };
     (Level::Warning, text)
 }
@@ -199,7 +199,10 @@ mod tests {
         assert_eq!(state(8, "A", "B"), "channel B is faulty");
         assert_eq!(state(10, "A", "B"), "unknown state 10");
         for code in 1..=19 {
-            assert!(!reason(code).unwrap().contains("does not know"), "{code}");
+            assert!(
+                !reason(code).unwrap().contains("unknown to this program"),
+                "{code}"
+            );
         }
         assert_eq!(reason(0), None);
         assert!(reason(21).unwrap().contains("reason 21"));

@@ -13,8 +13,8 @@ use crate::report::html::{self, escape};
 use crate::report::replay_tables::printable;
 use crate::text_table::Table;
 
-const LEAD: &str = "What the bus has told of a redundant inclinometer over a period: when its two \
-    channels disagreed, what they measured, and how sure they were.";
+const LEAD: &str = "What a redundant inclinometer has reported on its bus over a period: when its \
+    two channels disagreed, what they measured, and with what uncertainty.";
 
 /// The page.
 pub fn page(report: &PeriodReport) -> String {
@@ -123,7 +123,10 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
     ]);
     out += &html::table(&tables::days(instrument));
     let faults = tables::events(report, instrument, true);
-    out += &table_or(&faults, "No fault was told, and none was found in the log.");
+    out += &table_or(
+        &faults,
+        "No fault was reported, and none was found in the log.",
+    );
     if !instrument.plots.is_empty() {
         out += "<h3>The SYNCs around each fault</h3>\n";
         out += &html::paragraph(
@@ -145,10 +148,7 @@ fn what_happened(report: &PeriodReport, instrument: &InstrumentReport) -> String
         out += &html::paragraph(&text);
     }
     let others = tables::events(report, instrument, false);
-    out += &table_or(
-        &others,
-        "Nothing else happened: no restart, no lost heartbeat.",
-    );
+    out += &table_or(&others, "No other events: no restart, no lost heartbeat.");
     out
 }
 
@@ -232,7 +232,7 @@ fn limits(report: &PeriodReport) -> String {
 
 fn footer(report: &PeriodReport) -> String {
     let text = format!(
-        "The same figures are in report.json beside this page (format {}, version {}).",
+        "The same figures are in report.json in the same folder (format {}, version {}).",
         report.format, report.version
     );
     format!("<footer>{}</footer>\n", html::paragraph(&text))

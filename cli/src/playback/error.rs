@@ -71,7 +71,7 @@ impl fmt::Display for PlaybackError {
             ),
             Self::StepFromStdin => write!(
                 f,
-                "--step takes Enter from the standard input, which the log comes from; give a file"
+                "--step reads Enter from the standard input, as the log does; give a log file"
             ),
             Self::Stdout(error) => write!(f, "standard output can't be written: {error}"),
         }

@@ -111,7 +111,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Late => "its data are late",
         Invalid::Refused => "the channels differ",
         Invalid::Unconfirmed => "the other channel has not been heard",
-        Invalid::Alone => "the other channel is faulty, and this one alone is not allowed to do",
+        Invalid::Alone => "the other channel is faulty, and this one must not go on alone",
         Invalid::Unlike => "the channels are set to show different angles",
     }
 }

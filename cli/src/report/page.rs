@@ -119,7 +119,7 @@ pub fn group(group: &Group) -> String {
 
 fn footer(report: &DemoReport) -> String {
     let text = format!(
-        "The same figures are in report.json beside this page (format {}, version {}). The same \
+        "The same figures are in report.json in the same folder (format {}, version {}). The same \
          seed gives the same report.",
         report.format, report.version
     );

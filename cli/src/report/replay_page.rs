@@ -225,7 +225,7 @@ fn differences(report: &ReplayReport, check: &CrossCheck) -> Group {
 
 fn footer(report: &ReplayReport) -> String {
     let text = format!(
-        "The same figures are in report.json beside this page (format {}, version {}).",
+        "The same figures are in report.json in the same folder (format {}, version {}).",
         report.format, report.version
     );
     format!("<footer>{}</footer>\n", html::paragraph(&text))

@@ -130,7 +130,7 @@ fn other_rows(report: &DemoReport) -> Vec<Row<'_>> {
         },
         Row {
             name: "Table I, data delay and physical fault".to_owned(),
-            published: "told apart".to_owned(),
+            published: "distinguished".to_owned(),
             obtained: Box::new(move |mode| told(report, mode)),
         },
         Row {
@@ -174,7 +174,7 @@ fn told(report: &DemoReport, mode: Mode) -> String {
     } else if !rows.iter().all(|row| row.as_expected) {
         "NOT AS ASKED".to_owned()
     } else if outcomes.len() == rows.len() {
-        "told apart".to_owned()
+        "distinguished".to_owned()
     } else {
         "both reported".to_owned()
     }

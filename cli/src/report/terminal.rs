@@ -36,7 +36,7 @@ pub fn print_demo(report: &DemoReport, details: bool) -> String {
     if !details {
         out.push_str("Every table: --details.");
         if !tables::modes(report).contains(&Mode::AsPrinted) {
-            out.push_str(" The paper to the letter beside it: --as-printed.");
+            out.push_str(" The paper to the letter as well: --as-printed.");
         }
         out.push('\n');
     }

@@ -212,13 +212,16 @@ impl UpdateError {
 const WRONG_STATE: u32 = 0x0800_0022;
 
 /// What helps after most of them.
-const AGAIN: &str = "the same command tries again, behind what the node has kept of the image";
+const AGAIN: &str =
+    "run the same command again: it continues behind what the node has kept of the image";
 
 /// Why bytes are no image, in words.
 const fn no_image(error: ImageError) -> &'static str {
     match error {
         ImageError::Magic => "it does not begin as one, or ends early",
-        ImageError::Format(_) => "it is of an unknown format; a later plumb may know it",
+        ImageError::Format(_) => {
+            "it is of an unknown format; a later release of plumb may support it"
+        }
         ImageError::Header => "its header is damaged; fetch it again",
         ImageError::Hardware(_) => "it is for other hardware",
         ImageError::Address(_) => "it is linked for no slot of this part",
@@ -243,6 +246,6 @@ fn found(status: u32) -> &'static str {
         (5, _) => "its memory does not hold it",
         (6, _) => "it is too long",
         (7, _) => "its memory is protected",
-        _ => "it does not say why",
+        _ => "it gives no reason",
     }
 }

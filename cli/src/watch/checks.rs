@@ -42,11 +42,11 @@ impl Check {
         match self {
             Self::Length => "frames of a wrong length",
             Self::Range => "slopes outside the measuring range",
-            Self::Validity => "slopes whose validity bit says otherwise",
+            Self::Validity => "slopes that contradict their validity bit",
             Self::Reserved => "codes without a meaning",
             Self::Twice => "PDOs twice after one SYNC",
             Self::Missed => "PDOs missing after a SYNC",
-            Self::Difference => "differences (2024h) that are not those of the angles told",
+            Self::Difference => "differences (2024h) that are not those of the angles sent",
             Self::State => "states of the pair that contradict each other or the angles",
         }
     }

@@ -34,7 +34,7 @@ pub const SAME_START_NS: u64 = 20_000_000;
 pub struct Slopes {
     /// When it was seen.
     pub time_ns: u64,
-    /// Slope X and Y, 0.001 deg; `None` where the channel says that it must not be used.
+    /// Slope X and Y, 0.001 deg; `None` where the channel reports that it must not be used.
     pub mdeg: [Option<i32>; 2],
     /// Validity (2020h).
     pub validity: u8,

@@ -153,46 +153,47 @@ fn healthy(counts: &Counts, units: &Units) -> Vec<Healthy> {
 
 const HEAD: &str = "# Faults
 
-What two channels make of each fault, and how often they cry wolf. Everything on this page is
-simulated and printed by `cargo xtask faults --write --long`: calibrated instruments with the errors
-of the nominal model on a virtual CAN bus at 250 kbit/s with 50 SYNCs a second, on an excavator with
-the sensor 1 m from the boom's pivot. What counts is what is said on the bus.
+For those who judge the redundancy: how soon two channels detect each fault, which channel they
+name, and how often they raise a false alarm. Everything on this page is simulated and printed by
+`cargo xtask faults --write --long`: calibrated instruments with the errors of the nominal model on
+a virtual CAN bus at 250 kbit/s with 50 SYNCs a second, on an excavator with the sensor 1 m from the
+boom's pivot. Only what is reported on the bus counts.
 
 Three ways to watch the same pair:
 
-- **product**, the instrument as delivered. A fault is *told* when a channel shows state 6 to 9 in
-  2021h, or when neither channel says anything for 0.1 s. A channel is named by state 7 or 8.
+- **product**, the instrument as delivered. A fault is *detected* when a channel shows state 6 to 9
+  in 2021h, or when neither channel sends a frame for 0.1 s. State 7 or 8 names a channel.
 - **plain**, what a controller could do by itself: compare the two measured angles of each SYNC, as
-  the product's nodes exchange them (TPDO 3), with 0.40 deg. It names nobody.
+  the product's nodes exchange them (TPDO 3), with 0.40 deg. It names no channel.
 - **paper**, the instrument as the paper built it: its sampling, its tables, and its rule on the
   pitch, which is all that its excavator watches. Each difference above 0.40 deg, and each reading
   that is missing, is a *warning*; more than 110 warnings in ten minutes ask for a *stop* of 45 s.
-  Whether it was a fault is said after that, 10 min 45 s after the beginning at worst. It names
-  nobody either.
+  It reports after the stop whether there was a fault, 10 min 45 s after the beginning at worst. It
+  names no channel either.
 
 ";
 
 const HOW_TO_READ: &str = "\
 Product and plain are watched for 10 s after the fault's beginning (drift of 0.2 mg/s: 60 s). Delays
-are those of the runs in which the fault was told. *Right* and *wrong* are runs in which the faulty
-or the healthy channel was named, at any time; *unknown* those in which nobody was.
+are those of the runs in which the fault was detected. *Right* and *wrong* are runs in which the
+faulty or the healthy channel was named, at any time; *unknown* those in which neither was.
 
 Paper mode is watched for 20 s, which is enough for 110 warnings but not for its verdict. Its single
-warnings stand by themselves: how many there are in a second of 50 comparisons, in the last 5 s
-before the fault and in the first 5 s after its beginning. Where both are alike, a warning says
-nothing about the fault. The machine goes on whatever is asked of it, so that they are those of the
+warnings are counted separately: how many there are in a second of 50 comparisons, in the last 5 s
+before the fault and in the first 5 s after its beginning. Where both are alike, a warning does not
+indicate the fault. The machine ignores each request to stop, so that the warnings are those of the
 scene. *Stopped before* are the runs in which 110 of them had been reached while
 the instrument was healthy; *stop* is the share of the others in which it was reached afterwards.
 
-With faults marked (bus) frames come late or not at all, for which either side may be the cause: a
-channel that is cut off may hold the other one for silent, and \"wrong\" counts that. While the bus
-is dead nobody can tell anything, and a receiver has its own timer only.
+With faults marked (bus) frames are late or missing, for which either side may be the cause: a
+channel that is cut off may report the other one as silent, and \"wrong\" counts that. While the bus
+is dead nothing can be reported, and a receiver has its own timer only.
 
-A bias or a gain acts on one axis of the part. An axis that feels nothing loses nothing by its gain,
-so the fault is there in the runs only in which the pose shows it; z feels at least half of
-gravity in every pose of the arm. Who is wrong can only be said where gravity's length tells, which
-it doesn't for an axis that lies level, and only while the machine stands. Paper mode's tables have
-no matrix to corrupt.
+A bias or a gain acts on one axis of the part. A gain has no effect on an axis without acceleration,
+so the fault exists only in the runs whose pose shows it; z measures at least half of gravity in
+every pose of the arm. The wrong channel can only be named while the machine stands, and only where
+the length of gravity shows the error, which it does not for an axis that lies level. Paper mode's
+tables have no matrix to corrupt.
 
 ";
 
@@ -202,29 +203,29 @@ fn whole(page: &mut String, all: &Everything, fingerprint: u64) {
     let _ = writeln!(
         page,
         "This part of the page was made with the code whose short runs have the fingerprint \
-         `{fingerprint:016x}`; the last section says what that is good for.\n"
+         `{fingerprint:016x}`; the last section explains its use.\n"
     );
     page.push_str("## What is promised\n\n");
     let _ = writeln!(
         page,
         "{} runs of each fault in product mode, a third of them in each scene. *Within 0.1 s* \
-         counts the runs in which the right channel was named so soon after the fault's beginning, \
-         on the bus; *wrong* those in which the healthy one was named at any time. A promise is \
-         kept when the first is all of them and the second none. \"Silent\" is a channel without \
-         power, \"halted\" one whose code stands still.\n",
+         counts the runs in which the right channel was named on the bus within 0.1 s after the \
+         fault's beginning; *wrong* those in which the healthy one was named at any time. A \
+         promise is kept when the first is all of them and the second none. \"Silent\" is a \
+         channel without power, \"halted\" one whose code stands still.\n",
         counts.promise
     );
     tables::promises(page, &all.promises);
     faults(page, all);
-    page.push_str("## Beside the study\n\n");
+    page.push_str("## Compared with the study\n\n");
     page.push_str(
         "The study that came before this instrument ran its tests on two streams of samples; here \
          the same faults go through two nodes and a bus, and the delays are those of the frame \
-         that tells of them. Stop-and-go. It is at least as good where more or as many faults are \
-         told, the median delay is no longer, and as many are isolated. \"At the first\" is \
-         taken as 0.1 s. The wait for the next SYNC alone is 10 ms in the mean. The study does not \
-         say which axis lost its gain: drawn among the three, two of them feel little or nothing \
-         in many poses; z always does.\n\n",
+         that reports them. The scene is stop-and-go. This instrument is at least as good where \
+         more or as many faults are detected, the median delay is no longer, and as many are \
+         isolated. \"At once\" is taken as 0.1 s. The wait for the next SYNC alone is 10 ms in \
+         the mean. The study does not state which axis lost its gain: drawn among the three, two \
+         of them measure little or no acceleration in many poses; z always does.\n\n",
     );
     tables::beside_the_study(page, &all.cells[1]);
     page.push_str("## False alarms\n\n");
@@ -232,10 +233,10 @@ fn whole(page: &mut String, all: &Everything, fingerprint: u64) {
         page,
         "Healthy instruments of {} units, worlds of {:.0} minutes; half of them at 25 degC, the \
          others with a steady change between two temperatures from 0 to 50 degC. A false alarm is \
-         an accusation (state 6 to 9); one that stays until a reset is counted once. Excesses of \
-         the plain difference that are less than a second apart are one. In paper mode the \
-         machine stops when it is asked to, and a world ends with a physical fault, which only a \
-         reset takes away.\n",
+         a reported fault (state 6 to 9); one that stays until a reset is counted once. Excesses \
+         of the plain difference that are less than a second apart are one. In paper mode the \
+         machine stops when requested, and a world ends with a physical fault, which only a reset \
+         clears.\n",
         counts.units,
         counts.world_s / 60.0
     );
@@ -246,12 +247,12 @@ fn faults(page: &mut String, all: &Everything) {
     let _ = writeln!(
         page,
         "## Fault by fault\n\n{} runs of each line: one of {} units, channel, axis, sign and \
-         moment drawn; the fault comes after 8 to 15 s of healthy work, and stays. The line \
-         \"none\" is a healthy instrument watched for as long: what stands there is chance.\n",
+         moment drawn; the fault begins after 8 to 15 s of healthy work, and stays. The line \
+         \"none\" is a healthy instrument watched for as long: its entries are chance.\n",
         all.counts.cell, all.counts.units
     );
     page.push_str(HOW_TO_READ);
-    tables::accused_before(page, &all.cells);
+    tables::named_before(page, &all.cells);
     for ((_, name), cells) in SCENES.iter().zip(&all.cells) {
         tables::scene(page, name, cells, all.counts.paper);
     }
@@ -263,9 +264,9 @@ fn repeated(page: &mut String, all: &Everything) {
     let _ = writeln!(
         page,
         "`cargo xtask test` runs this section and compares it. The fingerprint is that of every \
-         bus of every run below: when it has changed, the instrument or its world behaves in \
-         another way, and the sections above belong to the past until they are made anew.\n\n\
-         Fingerprint `{:016x}`.\n",
+         bus of every run below: when it has changed, the instrument or its world behaves \
+         differently, and the sections above are out of date until they are generated \
+         again.\n\nFingerprint `{:016x}`.\n",
         all.fingerprint()
     );
     let _ = writeln!(

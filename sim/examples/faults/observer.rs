@@ -124,8 +124,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Listens from time 0; channel `faulty` has its fault from `from_ns` on; `paper`: follows the
-    /// rule.
+    /// Listens from time 0; channel `faulty` is so from `from_ns` on; `paper`: follows the rule.
     pub fn new(from_ns: u64, faulty: usize, paper: bool) -> Self {
         Self {
             from_ns,

@@ -76,8 +76,10 @@ fn blame(outcomes: &[Outcome]) -> [f64; 3] {
 /// The table of one scene.
 pub fn scene(page: &mut String, name: &str, cells: &[Cell], with_paper: bool) {
     let _ = writeln!(page, "### {name}\n");
-    page.push_str("| fault | told, % | median, s | 95 %, s | right, % | wrong, % | unknown, % ");
-    page.push_str("| plain: told, % | median, s |");
+    page.push_str(
+        "| fault | detected, % | median, s | 95 %, s | right, % | wrong, % | unknown, % ",
+    );
+    page.push_str("| plain: detected, % | median, s |");
     if with_paper {
         page.push_str(
             " paper: warnings/s before | after | stopped before, % | stop, % | median, s |",
@@ -158,22 +160,22 @@ fn warnings(outcomes: &[Outcome], of: impl Fn(&Outcome) -> Pairs) -> Option<f64>
     (syncs > 0).then(|| 50.0 * f64::from(warned) / f64::from(syncs))
 }
 
-/// In how many runs somebody was accused too early, in a sentence.
-pub fn accused_before(page: &mut String, scenes: &[Vec<Cell>]) {
+/// In how many runs a channel was named too early, in a sentence.
+pub fn named_before(page: &mut String, scenes: &[Vec<Cell>]) {
     let all = || scenes.iter().flatten();
-    let accused: usize = all().map(|c| count(&c.product, |o| o.before)).sum();
+    let named: usize = all().map(|c| count(&c.product, |o| o.before)).sum();
     let runs: usize = all().map(|c| c.product.len()).sum();
     let _ = writeln!(
         page,
-        "Accused before the fault began: {accused} of {runs} runs of product mode.\n"
+        "Named before the fault began: {named} of {runs} runs of product mode.\n"
     );
 }
 
 /// The study's faults with the study's figures and ours; `cells` are those of stop-and-go.
 pub fn beside_the_study(page: &mut String, cells: &[Cell]) {
     page.push_str(
-        "| fault | study: told, % | median, s | isolated, % | this instrument: told, % | median, s \
-         | isolated, % | at least as good |\n|---|---|---|---|---|---|---|---|\n",
+        "| fault | study: detected, % | median, s | isolated, % | this instrument: detected, % \
+         | median, s | isolated, % | at least as good |\n|---|---|---|---|---|---|---|---|\n",
     );
     for cell in cells {
         let Some((kind, study)) = cell.kind.and_then(|k| Some((k, k.reference?))) else {
@@ -187,7 +189,7 @@ pub fn beside_the_study(page: &mut String, cells: &[Cell]) {
         let isolated = study.isolated.map_or(String::new(), |i| i.to_string());
         let published = study
             .delay_s
-            .map_or(String::from("at the first"), |s| s.to_string());
+            .map_or(String::from("at once"), |s| s.to_string());
         let _ = writeln!(
             page,
             "| {} | {} | {published} | {isolated} | {detected:.0} | {} | {right:.0} | {} |",
@@ -211,8 +213,8 @@ fn is_as_good(study: &Reference, detected: f64, delay: Option<f64>, right: f64) 
 /// The promises: runs of each fault.
 pub fn promises(page: &mut String, runs: &[(&'static Kind, Vec<Outcome>)]) {
     page.push_str(
-        "| fault | runs | told | isolated right | within 0.1 s | median, s | slowest, s | wrong \
-         | kept |\n|---|---|---|---|---|---|---|---|---|\n",
+        "| fault | runs | detected | isolated right | within 0.1 s | median, s | slowest, s | \
+         wrong | kept |\n|---|---|---|---|---|---|---|---|---|\n",
     );
     for (kind, outcomes) in runs.iter().filter(|(kind, _)| kind.name != STEP) {
         let named = delays(outcomes, |o| o.named_s.filter(|_| !o.wrong));
@@ -244,9 +246,9 @@ fn step(page: &mut String, kind: &Kind, outcomes: &[Outcome]) {
     let kept = |yes: bool| if yes { "kept" } else { "NOT KEPT" };
     let _ = writeln!(
         page,
-        "A {} in stop-and-go, {} runs: told in {:.1} %, after {} s in the median (promised: at \
-         most {STEP_S} s, {}) and {} s in 95 % of them; the channel named rightly in {right:.1} %, \
-         wrongly in {wrong:.1} % (promised: at most {STEP_WRONG} %, {}), nobody named in \
+        "A {} in stop-and-go, {} runs: detected in {:.1} %, after {} s in the median (promised: at \
+         most {STEP_S} s, {}) and {} s in 95 % of them; the right channel named in {right:.1} %, \
+         the wrong one in {wrong:.1} % (promised: at most {STEP_WRONG} %, {}), none named in \
          {unknown:.1} %.\n",
         kind.name,
         outcomes.len(),
@@ -305,8 +307,8 @@ pub fn false_alarms(page: &mut String, scenes: &[Healthy]) {
 pub fn repeated(page: &mut String, scenes: &[Vec<Cell>], counts: &Counts) {
     let _ = writeln!(
         page,
-        "| fault, {} runs | told, % | median, s | 95 %, s | right, % | wrong, % \
-         | plain: told, % |\n\
+        "| fault, {} runs | detected, % | median, s | 95 %, s | right, % | wrong, % \
+         | plain: detected, % |\n\
          |---|---|---|---|---|---|---|",
         counts.cell * scenes.len(),
     );

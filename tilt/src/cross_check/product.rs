@@ -3,7 +3,7 @@
 //! In: what both channels say of one instant ([`Observation`]). Out: a judgement that names the
 //! faulty channel wherever physics allows it:
 //!
-//! 1. a channel that knows itself to be faulty says why (set-up, samples, stuck codes, silence);
+//! 1. a channel that reports itself faulty and why (set-up, samples, stuck codes, silence);
 //! 2. a channel too loud above 150 Hz, against itself and the other (`activity`);
 //! 3. the difference of the two vectors (`residual`), which names nobody;
 //! 4. the difference of the two angles (`window`), which names nobody either;

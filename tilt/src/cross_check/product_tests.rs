@@ -156,7 +156,7 @@ impl Bench {
 }
 
 #[test]
-fn a_channel_that_knows_itself_ill_comes_before_every_comparison() {
+fn a_channel_that_reports_its_own_fault_comes_before_every_comparison() {
     let tilted = along(pose(10.0, 0.0));
     for reason in [
         Invalid::PartReset,

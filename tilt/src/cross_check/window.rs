@@ -1,7 +1,7 @@
 //! The angle window: two angles may differ by a threshold that follows their uncertainty.
 //!
 //! In: both readings of one instant. Out: a judgement. An excess must last before it is a fault,
-//! and a channel that knows itself to be faulty is named at once.
+//! and a channel that reports itself faulty is named at once.
 //!
 //! Left out: everything that is not in the two angles (`product`).
 

@@ -97,7 +97,7 @@ pub const fn meaning(code: u32) -> &'static str {
     match code {
         0x0503_0000 => "the toggle bit did not alternate",
         0x0504_0000 => "the transfer took too long",
-        0x0504_0001 => "it does not know this command",
+        0x0504_0001 => "it does not support this command",
         0x0504_0002 => "the block size is wrong",
         0x0504_0003 => "a sequence number is wrong",
         0x0504_0004 => "the check sum is wrong",
@@ -120,7 +120,7 @@ pub const fn meaning(code: u32) -> &'static str {
         0x0609_0032 => "the value is below the range",
         0x0609_0036 => "the highest value would be below the lowest",
         0x060A_0023 => "a resource that it needs is not there",
-        0x0800_0000 => "it does not say why",
+        0x0800_0000 => "it gives no reason",
         0x0800_0020 => "it cannot transfer or store the data",
         0x0800_0021 => "it cannot store the data since it controls them itself",
         0x0800_0022 => "it cannot do that in its present state",

@@ -109,7 +109,7 @@ impl fmt::Display for NodeIdError {
             Self::Apart(a, b) => write!(
                 f,
                 "nodes {a} and {b} have their node-ids but do not compare within 8 s: \
-                 `plumb info` tells what is wrong"
+                 `plumb info` shows what is wrong"
             ),
         }
     }

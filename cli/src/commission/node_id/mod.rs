@@ -389,7 +389,9 @@ impl Work<'_> {
     fn keep_lss(&mut self, members: &[Member]) -> Result<(), NodeIdError> {
         for member in members {
             let id = member.node;
-            self.say(&format!("node {id} answers; no other channel knows it yet"))?;
+            self.say(&format!(
+                "node {id} answers; no other channel refers to it yet"
+            ))?;
         }
         Ok(())
     }
@@ -449,7 +451,7 @@ impl Work<'_> {
             }
             (false, 0) => return Err(NodeIdError::Apart(a, b)),
             (false, _) => self.say(&format!(
-                "node {a} says: {}; node {b} says: {}; `plumb info` tells why",
+                "node {a} reports: {}; node {b} reports: {}; `plumb info` shows why",
                 pair_state(one),
                 pair_state(other)
             ))?,
