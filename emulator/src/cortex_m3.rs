@@ -127,6 +127,9 @@ impl Blocks {
 pub struct CortexM3 {
     core: Core,
     blocks: Blocks,
+    /// Number and address of the block under way. They are kept here, since only a stop asks for
+    /// them: what executes a block has the registers of the host for itself.
+    under_way: (u32, u32),
 }
 
 impl CortexM3 {
@@ -225,6 +228,7 @@ impl CortexM3 {
             return Ok(());
         };
         let ops = ops.get(first..first + usize::from(entries));
+        self.under_way = (number, at);
         self.core.memory.chip.count(at, instructions.into());
         self.core.registers.pc = end;
         let mut left = ops.unwrap_or(&[]).iter();
@@ -238,7 +242,7 @@ impl CortexM3 {
                 Ok(Next::Block) => return Ok(()),
                 Err(Stopped) => {
                     let left = left.len();
-                    return Err(self.stopped(at, number, left));
+                    return Err(self.stopped(left));
                 }
             }
         }
@@ -259,11 +263,12 @@ impl CortexM3 {
         self.core.memory.observe(at, size);
     }
 
-    /// Goes back to the instruction that could not be executed: to that of the entry of the block
-    /// at `at` behind which so many are left.
+    /// Goes back to the instruction that could not be executed: to that of the entry behind which
+    /// so many are left in the block under way.
     #[cold]
     #[inline(never)]
-    fn stopped(&mut self, at: u32, number: u32, left: usize) -> Stop {
+    fn stopped(&mut self, left: usize) -> Stop {
+        let (number, at) = self.under_way;
         let stop = self.core.memory.stop;
         let entries = match self.blocks.ops.get(number as usize) {
             Some(Op::Begin { entries, .. }) => usize::from(*entries),
@@ -305,6 +310,7 @@ impl Cpu for CortexM3 {
     fn new(chip: Chip) -> Self {
         Self {
             blocks: Blocks::new(chip.flash_size() as usize),
+            under_way: (0, 0),
             core: Core {
                 registers: Registers::default(),
                 memory: Memory::new(chip),

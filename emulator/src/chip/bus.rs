@@ -40,6 +40,11 @@ impl Chip {
         if let Some((byte, bit)) = bit_band::in_peripherals(address) {
             return self.read(byte & !3, 4) >> (8 * (byte & 3) + u32::from(bit)) & 1;
         }
+        self.read_peripheral(address, size)
+    }
+
+    /// The same where there is no bit-band alias.
+    pub fn read_peripheral(&mut self, address: u32, size: u32) -> u32 {
         let word = self.read_word(address & !3);
         if self.sensor.tap.wants(address) {
             self.sensor.tap.enter(self.nvic.running());

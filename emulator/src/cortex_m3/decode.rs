@@ -336,22 +336,12 @@ impl<'a> Decoder<'a> {
             22 | 23 => self.miscellaneous(code),
             24 => {
                 let mask = code & 0xFF;
-                self.push(Op::Stm(Many {
-                    n: t,
-                    down: false,
-                    keeps: true,
-                    mask,
-                }));
+                self.push(Op::Stm(Many::new(t, false, true, mask)));
             }
             25 => {
                 let mask = code & 0xFF;
                 let keeps = mask >> t & 1 == 0;
-                self.push(Op::Ldm(Many {
-                    n: t,
-                    down: false,
-                    keeps,
-                    mask,
-                }));
+                self.push(Op::Ldm(Many::new(t, false, keeps, mask)));
             }
             26 | 27 => self.condition_or_call(code),
             _ => {
@@ -473,12 +463,7 @@ impl<'a> Decoder<'a> {
             11 => self.push(extend(Kind::Byte)),
             16..=23 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << LR;
-                self.push(Op::Stm(Many {
-                    n: SP,
-                    down: true,
-                    keeps: true,
-                    mask,
-                }));
+                self.push(Op::Stm(Many::new(SP, true, true, mask)));
             }
             25 if code & 0x28 == 0x20 => {
                 let (primask, faultmask) = (code & 2 != 0, code & 1 != 0);
@@ -494,12 +479,7 @@ impl<'a> Decoder<'a> {
             43 => self.push(reorder(Bits::Revsh)),
             48..=55 => {
                 let mask = code & 0xFF | (code >> 8 & 1) << PC;
-                self.push(Op::Ldm(Many {
-                    n: SP,
-                    down: false,
-                    keeps: true,
-                    mask,
-                }));
+                self.push(Op::Ldm(Many::new(SP, false, true, mask)));
                 self.written(if mask >> PC != 0 { PC } else { d }, Op::JumpTo { m: PC });
             }
             56..=59 => self.end(Op::Bkpt),
@@ -567,10 +547,13 @@ fn joined(before: Op, op: Op) -> Option<Op> {
             Op::Moves { d, m, second, from }
         }
         (Op::Move { d, m }, Op::Call { to }) => Op::MoveCall { d, m, to },
-        (Op::Ldm(many), Op::JumpTo { m: PC }) => Op::LdmJump(many),
-        (Op::Stm(many), Op::AddImm { d: SP, n: SP, imm }) if is_push(many) => {
-            let mask = many.mask;
-            Op::Push { mask, imm }
+        (Op::Ldm(many), Op::JumpTo { m }) => Op::LdmJump { many, m },
+        (Op::Stm(many), Op::AddImm { d, n: SP, imm }) if is_push(many) && d != PC => {
+            let Many {
+                count: len, mask, ..
+            } = many;
+            let imm = i16::try_from(imm as i32).ok()?;
+            Op::Push { d, len, mask, imm }
         }
         _ => return None,
     })

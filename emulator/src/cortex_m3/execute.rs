@@ -96,7 +96,7 @@ impl Core {
             Op::StoreIndexed(indexed) => self.store_indexed(indexed)?,
             Op::Ldm(many) => self.load_many(many)?,
             Op::Stm(many) => self.store_many(many)?,
-            Op::Push { mask, imm } => self.store_many_and_add(mask, imm)?,
+            Op::Push { d, len, mask, imm } => self.push([d, len], mask, imm)?,
             Op::Ldrd(two) => self.load_two(two)?,
             Op::Strd(two) => self.store_two(two)?,
             Op::JumpIf { when, to } => return Ok(self.jump_if(self.registers.flags.hold(when), to)),
@@ -115,7 +115,7 @@ impl Core {
             Op::SkipUnless { when, entries } => return Ok(self.skip_unless(when, entries)),
             Op::Moves { d, m, second, from } => self.move_twice([d, m], [second, from]),
             Op::MoveCall { d, m, to } => return Ok(self.move_and_call(d, m, to)),
-            Op::LdmJump(many) => return self.load_many_and_jump(many),
+            Op::LdmJump { many, m } => return self.load_many_and_jump(many, m),
             rare!() => self.execute_rare(op)?,
         }
         Ok(Next::Entry)
@@ -128,9 +128,9 @@ impl Core {
     }
 
     #[inline(always)]
-    fn load_many_and_jump(&mut self, many: Many) -> Result<Next, Stopped> {
+    fn load_many_and_jump(&mut self, many: Many, m: u8) -> Result<Next, Stopped> {
         self.load_many(many)?;
-        Ok(self.jump_to(self.get(PC)))
+        Ok(self.jump_to(self.get(m)))
     }
 
     #[inline(always)]
@@ -353,8 +353,8 @@ impl Core {
     /// Where a block of registers begins, and what the base then is.
     #[inline(always)]
     fn span(&mut self, many: Many) -> Result<(u32, u32), Stopped> {
-        let Many { n, down, mask, .. } = many;
-        let (base, length) = (self.get(n), 4 * mask.count_ones());
+        let Many { n, down, count, .. } = many;
+        let (base, length) = (self.get(n), 4 * u32::from(count));
         let lowest = if down {
             base.wrapping_sub(length)
         } else {
@@ -375,7 +375,7 @@ impl Core {
     fn load_many(&mut self, many: Many) -> Result<(), Stopped> {
         let Many { n, keeps, mask, .. } = many;
         let (at, end) = self.span(many)?;
-        let Some(words) = self.memory.words(at, mask.count_ones()) else {
+        let Some(words) = self.memory.words(at, many.count.into()) else {
             return self.load_many_elsewhere(many, at, end);
         };
         let mut left = mask;
@@ -419,7 +419,7 @@ impl Core {
         let Many { n, keeps, mask, .. } = many;
         let (mut at, end) = self.span(many)?;
         let mut left = mask;
-        if let Some(words) = self.memory.words(at, mask.count_ones()) {
+        if let Some(words) = self.memory.words(at, many.count.into()) {
             for word in words {
                 let number = left.trailing_zeros() as u8;
                 *word = self.registers.get(number).to_le_bytes();
@@ -438,16 +438,17 @@ impl Core {
         Ok(())
     }
 
-    /// PUSH, and then a change of the stack pointer.
+    /// PUSH of `len` registers, and then d = the stack pointer + `imm`.
     #[inline(always)]
-    fn store_many_and_add(&mut self, mask: u16, imm: u32) -> Result<(), Stopped> {
+    fn push(&mut self, [d, len]: [u8; 2], mask: u16, imm: i16) -> Result<(), Stopped> {
         self.store_many(Many {
             n: SP,
             down: true,
             keeps: true,
+            count: len,
             mask,
         })?;
-        self.put(SP, self.get(SP).wrapping_add(imm));
+        self.put(d, self.get(SP).wrapping_add(i32::from(imm) as u32));
         Ok(())
     }
 

@@ -12,12 +12,15 @@ use crate::cpu::{ALIAS, Fault, NoMemory, Stop};
 /// Peripherals, the electronic signature, and the bit-band aliases of peripherals and RAM (RM0008
 /// 3.3, 3.3.2); the core's own registers (PM0056 4) and those of the debug unit (RM0008 31).
 const REGISTERS: [(u32, u32); 5] = [
-    (0x4000_0000, 0x3_0000),
+    PERIPHERALS,
     (0xE000_0000, 0x10_0000),
     (0x1FFF_F000, 0x1000),
     (0x2200_0000, 0x10_0000),
     (0x4200_0000, 0x60_0000),
 ];
+
+/// Those of the peripherals.
+const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x3_0000);
 
 /// An instruction has not been executed, or it stops the core: [`Memory::stop`] has the reason.
 /// It is kept there, since a result that fits a register costs less each time there is none.
@@ -32,6 +35,12 @@ pub struct Memory {
     pub ram: Box<[u8]>,
     /// Why the core was stopped last.
     pub stop: Stop,
+}
+
+/// Whether an address is one of so many from a base on.
+#[inline(always)]
+fn is_among(address: u32, (base, length): (u32, u32)) -> bool {
+    address.wrapping_sub(base) < length
 }
 
 /// So many bytes of a memory that begins at `base`.
@@ -156,6 +165,10 @@ impl Memory {
 
     #[inline(never)]
     fn load_elsewhere(&mut self, address: u32, size: u32) -> Result<u32, Stopped> {
+        // Code that waits for a peripheral loads from it again and again.
+        if is_among(address, PERIPHERALS) && address & (size - 1) == 0 {
+            return Ok(self.chip.read_peripheral(address, size));
+        }
         if let Some(bytes) = self.alias(address, size) {
             return Ok(bytes
                 .iter()
@@ -243,8 +256,7 @@ impl Memory {
 
     /// Errors: where there are no registers, or where the access lies across two of them.
     fn registers(&mut self, address: u32, size: u32) -> Result<(), Stopped> {
-        let among = |(base, length): (u32, u32)| address.wrapping_sub(base) < length;
-        if !REGISTERS.into_iter().any(among) {
+        if !REGISTERS.into_iter().any(|among| is_among(address, among)) {
             return Err(self.stopped(Fault::Bus { address }.into()));
         }
         match address % size {

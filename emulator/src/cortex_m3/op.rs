@@ -146,8 +146,23 @@ pub struct Many {
     pub down: bool,
     /// The base becomes the other end.
     pub keeps: bool,
+    /// How many they are.
+    pub count: u8,
     /// Bit n for register n.
     pub mask: u16,
+}
+
+impl Many {
+    /// The registers of `mask`, from n upwards or from below it.
+    pub fn new(n: Reg, down: bool, keeps: bool, mask: u16) -> Self {
+        Self {
+            n,
+            down,
+            keeps,
+            count: mask.count_ones() as u8,
+            mask,
+        }
+    }
 }
 
 /// An instruction with its operands.
@@ -551,13 +566,18 @@ pub enum Op {
         m: Reg,
         to: u32,
     },
-    /// Registers onto the stack, and so much added to its pointer.
+    /// Registers onto the stack, `len` of them, and d = its pointer + immediate.
     Push {
+        d: Reg,
+        len: u8,
         mask: u16,
-        imm: u32,
+        imm: i16,
     },
-    /// LDM, and the branch to the program counter that was among it.
-    LdmJump(Many),
+    /// LDM, and BX; or the branch to the program counter that was among it.
+    LdmJump {
+        many: Many,
+        m: Reg,
+    },
     /// So many entries are left out unless the condition holds (IT).
     SkipUnless {
         when: u8,

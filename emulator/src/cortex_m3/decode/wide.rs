@@ -105,20 +105,10 @@ impl Decoder<'_> {
             _ => return None,
         };
         if field(first, 4, 1) == 0 {
-            self.push(Op::Stm(Many {
-                n,
-                down,
-                keeps,
-                mask,
-            }));
+            self.push(Op::Stm(Many::new(n, down, keeps, mask)));
             return Some(());
         }
-        self.push(Op::Ldm(Many {
-            n,
-            down,
-            keeps,
-            mask,
-        }));
+        self.push(Op::Ldm(Many::new(n, down, keeps, mask)));
         if mask >> PC != 0 {
             self.end(Op::JumpTo { m: PC });
         }
