@@ -265,8 +265,8 @@ by the chain and is no fault by itself.
 
 ### Faults that begin while the board is shaken
 
-Watched for {SHAKEN_S} s. The pair is under an alarm already, so detected here means that the channel
-with the fault is named. Faults without a row are never named.
+Watched for {SHAKEN_S} s. The pair is under an alarm already, so detected here means that the
+channel with the fault is named. Faults without a row are never named.
 
 | fault | detected | median | 95 % | right | wrong | none |
 |---|---|---|---|---|---|---|",
