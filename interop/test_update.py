@@ -353,7 +353,7 @@ def test_an_interrupted_update_left_the_node_in_pre_operational(
     running = update(plumb, file, "--nodes", "1", "--force")
     out, said = ended(running, working, 40)
     assert running.returncode == 0, said
-    assert out.startswith("node 1 goes on behind ")
+    assert out.startswith("node 1 continues after ")
     assert state(working) == 5
 
 
@@ -369,7 +369,7 @@ def test_another_image_with_the_same_body_went_on_where_one_had_stopped(
     running = update(plumb, other, "--nodes", "1", "--force")
     out, said = ended(running, working, 40)
     assert running.returncode == 0, said
-    assert "goes on" not in out
+    assert "continues" not in out
     version = struct.unpack_from("<I", other.read_bytes(), 12)[0]
     assert working.read(1, 0x2080, VERSION) == version
 
@@ -409,6 +409,6 @@ def test_an_update_ended_by_another_one_did_not_say_so(
     until(lambda: segments(working, mark) > 100, "segments", 15)
     newer = update(plumb, image(), "--nodes", "1", "--force")
     _, said = ended(older, working, 20)
-    assert older.returncode == 2 and "somebody else talks to node 1" in said
+    assert older.returncode == 2 and "another tool uses node 1" in said
     out, said = ended(newer, working, 40)
     assert newer.returncode == 0, said

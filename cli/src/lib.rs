@@ -4,9 +4,9 @@
 //! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/`, `characterise/` and
 //! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program.
 //! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
-//! puts virtual instruments on a bus, `demo/` tests them, `describe/` tells other tools about them.
+//! puts virtual instruments on a bus, `demo/` tests them, `describe/` prints their data sheets.
 //! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
-//! `watch/` knows what frames say, `report/` draws.
+//! `watch/` decodes frames, `report/` draws.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the answer is no (docs/command-line.md).
 
@@ -64,47 +64,47 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Find out who is on the bus
+    /// List the nodes on the bus
     Scan(commission::scan::Arguments),
-    /// Tell what nodes are, how they are set up and how they do
+    /// Show the identity, set-up and state of nodes
     Info(commission::info::Arguments),
     /// Read objects of the nodes by name or address
     Get(commission::get::Arguments),
     /// Write an object of a node, with its unit, and read it back
     Set(commission::set::Arguments),
-    /// Let the slopes read zero where the machine stands now
+    /// Set the slopes to zero at the present position of the machine
     Zero(commission::zero::Arguments),
-    /// Let what was written to the nodes outlast a power cut
+    /// Save what was written to the nodes, so that it is preserved through a loss of supply
     Save(commission::save::Arguments),
-    /// Forget what nodes have saved, back to the values as delivered
+    /// Discard what nodes have saved and return to the values as delivered
     Restore(commission::restore::Arguments),
     /// Give one node its node-id, or both channels of an instrument theirs
     NodeId(commission::node_id::Arguments),
     /// Read the bit rate of the nodes, or change it on all of them at once
     Bitrate(commission::bitrate::Arguments),
-    /// Show what happens on a bus: angles, difference, verdict, faults, load; record it
+    /// Show the state of a bus: angles, difference, verdict, faults, load; record it
     Monitor(monitor::Arguments),
-    /// List what nodes remember of their faults, and save the samples around them
+    /// List the fault logs of nodes, and save the samples around the faults
     Faults(blackbox::Arguments),
     /// Calibrate both channels over the bus, by a motor or by hand, with a report
     Calibrate(Box<calibrate::Arguments>),
     /// Take both channels through temperatures in a chamber, for their temperature model
     Characterise(Box<characterise::Arguments>),
-    /// Compare a calibration report with the nodes that it is of
+    /// Compare a calibration report with its nodes
     Verify(verify::Arguments),
-    /// Bring a new program to the nodes on a bus, one after the other
+    /// Transfer a new program to the nodes on a bus, one after the other
     Update(update::Arguments),
     /// Build and sign the file of a new program
     Image(image::Arguments),
     /// Sum up logs of a bus or play them, or run recordings of sensors through the signal chain
     Replay(replay::Arguments),
-    /// Put a period of an instrument on one page, from logs of the bus
+    /// Report a period of an instrument on one page, from logs of the bus
     Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
-    /// Print what other tools know the nodes by: EDS, DCF, DBC, the list of objects
+    /// Print the descriptions of the nodes for other tools: EDS, DCF, DBC, the list of objects
     Describe(describe::Arguments),
     /// Print a script that lets a shell complete verbs and options
     Completions(shell::Completions),

@@ -230,7 +230,7 @@ fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     }
     let (status, out, err) = said(&bench.update(&image, &["--nodes", "1", "--force"]));
     assert_eq!(status, Some(0), "{err}");
-    assert!(out.starts_with("node 1 goes on behind "), "{out}");
+    assert!(out.starts_with("node 1 continues after "), "{out}");
     assert!(out.ends_with("node 1 runs 1.0.0 now"), "{out}");
 }
 

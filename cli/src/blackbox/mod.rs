@@ -32,16 +32,16 @@ use decode::Memory;
 pub use error::FaultsError;
 use read::Bytes;
 
-/// Which nodes are asked, and what becomes of their boxes.
+/// Which nodes are read, and what becomes of their boxes.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
-    /// Read files of 2070h or 2071h, as saved by --boxes, and ask nobody
+    /// Read files of 2070h or 2071h, as saved by --boxes, instead of nodes
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Which nodes are asked
+    /// Which nodes are read
     #[command(flatten)]
     pub nodes: NodeOption,
-    /// Save fault logs and boxes in this folder, as they came and the boxes as CSV too
+    /// Save fault logs and boxes in this folder, as received, and the boxes as CSV too
     #[arg(long, value_name = "DIR")]
     pub boxes: Option<PathBuf>,
     /// Print one JSON object

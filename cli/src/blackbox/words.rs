@@ -18,7 +18,7 @@ pub fn code(code: u16) -> Cow<'static, str> {
         0 => "faults have gone",
         0x6101 => "the program ended by a panic",
         0x6102 => "the program ended by a hard fault",
-        0x6103 => "an interrupt came that nobody handles",
+        0x6103 => "an interrupt without a handler occurred",
         0x6104 => "the watchdog ended the program",
         0x6105 => "the bootloader found nothing to start",
         0x8110 => "frames were lost (overrun)",
@@ -74,7 +74,7 @@ pub fn reason(reason: u8) -> Option<Cow<'static, str>> {
         15 => "silent",
         16 => "late",
         17 => "the channels differ",
-        18 => "the other channel has not been heard",
+        18 => "the other channel was not received",
         19 => "degraded operation is forbidden",
         _ => return Some(format!("unknown reason {reason}").into()),
     };

@@ -76,18 +76,18 @@ impl fmt::Display for Silence {
         match self {
             Self::BusSilent { bus } => write!(
                 f,
-                "nothing is heard on {bus}: no node has power, its wires are open, or the bit \
+                "no frame is received on {bus}: no node has power, its wires are open, or the bit \
                  rate is another one"
             ),
             Self::BitRate { bus, errors } => write!(
                 f,
-                "no frame but {errors} errors are heard on {bus}: most likely the bit rate is \
+                "no frame but {errors} errors are received on {bus}: most likely the bit rate is \
                  another one (plumb -b, or `ip link set can0 type can bitrate ...`), or a \
                  terminating resistor is missing"
             ),
             Self::Unacknowledged { bus } => write!(
                 f,
-                "the adapter of {bus} cannot send, since nobody acknowledges: no node has power, \
+                "the adapter of {bus} cannot send, since no node acknowledges: no node has power, \
                  the wires are open, or the bit rate is another one"
             ),
             Self::Unconfigured { node } => {
@@ -101,8 +101,8 @@ impl fmt::Display for Silence {
             }
             Self::NoNodes { frames } => write!(
                 f,
-                "{frames} frames are heard, but no heartbeat and no answer of a CANopen node: is \
-                 it the right bus?"
+                "{frames} frames are received, but no heartbeat and no answer of a CANopen node: \
+                 is it the right bus?"
             ),
             Self::Others { node, others } => write!(
                 f,
@@ -139,7 +139,8 @@ impl Silence {
             ),
             Self::Busy(node) => write!(
                 f,
-                "somebody else talks to node {node} over SDO: end the other tool, or wait for it"
+                "another tool uses the SDO server of node {node}: end the other tool, or wait for \
+                 it"
             ),
             Self::AnswersNow(node) => write!(
                 f,
@@ -236,7 +237,7 @@ mod tests {
         let nothing = Survey::default();
         let quiet = told(&nothing, Trouble::default(), Some(1));
         assert!(
-            quiet.starts_with("nothing is heard on slcan://pi:1"),
+            quiet.starts_with("no frame is received on slcan://pi:1"),
             "{quiet}"
         );
         let (errors, unsent) = (40, true);
@@ -246,7 +247,7 @@ mod tests {
             "{wrong}"
         );
         let alone = told(&nothing, Trouble { errors: 0, unsent }, None);
-        assert!(alone.contains("nobody acknowledges"), "{alone}");
+        assert!(alone.contains("no node acknowledges"), "{alone}");
     }
 
     #[test]
@@ -282,7 +283,7 @@ mod tests {
     fn somebody_else_and_fresh_nodes_are_told() {
         let mut survey = heard();
         survey.asked_by_others.insert(1);
-        assert!(told(&survey, Trouble::default(), Some(1)).contains("somebody else"));
+        assert!(told(&survey, Trouble::default(), Some(1)).contains("another tool"));
         let fresh = Survey {
             frames: 1,
             unconfigured: true,

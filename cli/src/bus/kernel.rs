@@ -55,7 +55,7 @@ impl Client {
             }
         }
         self.trouble.unsent = true;
-        let sentence = "nothing can be sent: does nobody acknowledge? Look at bit rate and wires";
+        let sentence = "nothing can be sent: no node acknowledges; check bit rate and wires";
         Err(io::Error::new(io::ErrorKind::TimedOut, sentence))
     }
 

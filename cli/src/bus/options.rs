@@ -26,7 +26,7 @@ pub struct BusOptions {
     /// Its channel: NAME or HOST:PORT/NAME, a serial port or HOST:PORT, can0 [env: CAN_CHANNEL]
     #[arg(short, long, value_name = "CHANNEL")]
     pub channel: Option<String>,
-    /// Bit rate that an SLCAN adapter is told, bit/s [env: CAN_BITRATE]
+    /// Bit rate to set in an SLCAN adapter, bit/s [env: CAN_BITRATE]
     #[arg(short, long, value_name = "BIT/S")]
     pub bitrate: Option<String>,
 }

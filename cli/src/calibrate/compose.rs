@@ -80,7 +80,7 @@ impl Frame<'_> {
             environment: Environment {
                 sensor_min_degc: extreme(f64::min),
                 sensor_max_degc: extreme(f64::max),
-                statement: "Temperature of the sensors as they tell it, to a degree. The air's \
+                statement: "Temperature as measured by the sensors, to a degree. The air's \
                     temperature, humidity and vibration were not measured. The calibration holds \
                     the temperature compensation that each channel had before."
                     .to_owned(),

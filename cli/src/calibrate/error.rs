@@ -134,7 +134,7 @@ impl fmt::Display for CalibrateError {
             Self::Print(error) => write!(f, "cannot print: {error}"),
             Self::Method => write!(
                 f,
-                "say how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE"
+                "state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE"
             ),
             Self::Both => write!(
                 f,
@@ -195,8 +195,8 @@ impl CalibrateError {
             Self::Stranger(node) => write!(f, "node {node} is no channel of a Plumb"),
             Self::Undecodable(node) => write!(
                 f,
-                "the calibration of node {node} (2061h) is of a format that this plumb does not \
-                 know"
+                "the calibration of node {node} (2061h) is of a format that this release of plumb \
+                 does not support"
             ),
             Self::NoSamples(node) => write!(
                 f,

@@ -70,7 +70,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = FEWEST, value_name = "N",
           value_parser = clap::value_parser!(u8).range(i64::from(FEWEST)..=POSES.len() as i64))]
     pub poses: u8,
-    /// By hand: ask nobody; a pose is taken when the housing was moved and stands still
+    /// By hand, without questions; a pose is taken when the housing was moved and stands still
     #[arg(long)]
     pub yes: bool,
     /// Degrees from stand to stand of the motor; 5, or 1 for the tables of the paper's mode

@@ -382,8 +382,8 @@ fn uncertainty(report: &Report) -> String {
 fn footer(report: &Report) -> String {
     let kept = match &report.dcc_sha256 {
         Some(hash) => format!(
-            "The nodes keep the SHA-256 of dcc.xml beside this page (2063h): {hash}. `plumb verify \
-             dcc.xml` compares."
+            "The nodes store the SHA-256 of the dcc.xml in the same folder (2063h): {hash}. \
+             `plumb verify dcc.xml` compares."
         ),
         None => "The nodes keep no hash of this report.".to_owned(),
     };

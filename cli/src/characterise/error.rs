@@ -113,12 +113,12 @@ impl CharacteriseError {
             Self::Unfinished(path) => write!(
                 f,
                 "{} holds a run that was interrupted: go on with --resume, choose another folder \
-                 with --out, or begin anew with --force",
+                 with --out, or start again with --force",
                 path.display()
             ),
             Self::Another(path, what) => write!(
                 f,
-                "{} was begun with another {what}: begin anew with --force, or with another --out",
+                "{} was begun with another {what}: start again with --force, or with another --out",
                 path.display()
             ),
             Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
@@ -140,8 +140,8 @@ impl fmt::Display for CharacteriseError {
             Self::Hold(sentence) => write!(f, "{sentence}"),
             Self::Method => write!(
                 f,
-                "say what keeps the temperature: --chamber URL or --by-hand; --keep and --restore \
-                 FILE work without"
+                "state what controls the temperature: --chamber URL or --by-hand; --keep and \
+                 --restore FILE work without"
             ),
             Self::Both => write!(
                 f,

@@ -100,7 +100,7 @@ impl fmt::Display for HoldError {
             }
             Self::Elsewhere(set, air) => write!(
                 f,
-                "the chamber says that its air is stable at {set} degC, and states {air:.1} degC"
+                "the chamber reports stable air at {set} degC, but its temperature is {air:.1} degC"
             ),
             Self::Unsettled(place, ..) | Self::Astray(place, ..) => {
                 write!(

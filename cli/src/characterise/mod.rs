@@ -72,7 +72,7 @@ pub struct Arguments {
     /// How long each stair is kept, min; 40
     #[arg(long, value_name = "MIN")]
     pub dwell: Option<f64>,
-    /// How often the whole of it is run; 2
+    /// How often the whole run is repeated; 2
     #[arg(long, value_name = "N")]
     pub runs: Option<u32>,
     /// Largest error over temperature, its expanded uncertainty included, deg

@@ -108,8 +108,8 @@ pub fn report(frame: &Frame, measured: &Measured, made: &[Made]) -> Report {
         .flat_map(|made| made.sights.iter().map(|sight| sight.temperature_c))
         .collect();
     let mut report = frame.report(method, reference(measured), &temperatures);
-    report.environment.statement = "Temperature of the sensors as they tell it, to a degree, over \
-        all dwells. Humidity and vibration were not measured."
+    report.environment.statement = "Temperature as measured by the sensors, to a degree, over all \
+     dwells. Humidity and vibration were not measured."
         .to_owned();
     let tolerance = frame.tolerance_deg;
     report.decision.rule = format!(
@@ -135,7 +135,7 @@ fn reference(measured: &Measured) -> Reference {
         standard_uncertainty_deg: None,
         statement: format!(
             "The temperatures of the model are those of the sensors' own thermometers, which the \
-             nodes read in use as well; what the chamber states of its air is told beside them. \
+             nodes read in use as well; the chamber's own statement is shown next to them. \
              Gravity's share of each axis is taken from the readings. Scale, axes and zero of the \
              angles are those of the calibration before.{turned}"
         ),

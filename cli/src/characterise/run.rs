@@ -220,7 +220,7 @@ impl Bench<'_> {
             }
             self.session.recover(BACK)?;
             repeated += 1;
-            (self.tell)(&format!("  {error}: this dwell begins anew"));
+            (self.tell)(&format!("  {error}: this dwell starts again"));
         }
     }
 

@@ -40,20 +40,20 @@ pub struct Arguments {
     /// The new bit rate, kbit/s: 1000, 800, 500, 250, 125, 50, 20 or 10; read when not given
     #[arg(value_parser = rate, value_name = "KBIT/S")]
     pub rate: Option<u16>,
-    /// Pause before and behind the change, ms
+    /// Pause before and after the change, ms
     #[arg(long, default_value_t = 500, value_name = "MS",
         value_parser = clap::value_parser!(u16).range(10..=10_000))]
     pub delay: u16,
     /// Take nodes that are OPERATIONAL to PRE-OPERATIONAL for the change, and back
     #[arg(long)]
     pub stop: bool,
-    /// Change also while nodes are there that cannot follow
+    /// Change also while nodes that cannot follow are on the bus
     #[arg(long)]
     pub force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Which nodes are read; all channels that are there when not given
+    /// Which nodes are read; all channels on the bus when not given
     #[command(flatten)]
     pub nodes: NodeOption,
     /// The bus
@@ -116,13 +116,13 @@ impl fmt::Display for BitrateError {
             Self::Operational(nodes) => write!(
                 f,
                 "nodes that are OPERATIONAL do not answer LSS and would not follow: {}; nothing \
-                 was changed; say --stop to take them to PRE-OPERATIONAL for it, and back",
+                 was changed; use --stop to take them to PRE-OPERATIONAL for it, and back",
                 listed(nodes)
             ),
             Self::Behind(nodes) => write!(
                 f,
-                "these nodes do not answer LSS and would not follow: {}; the bus would stand \
-                 still, so nothing was changed; take them off the bus, or say --force",
+                "these nodes do not answer LSS and would not follow: {}; the bus would stop, so \
+                 nothing was changed; take them off the bus, or use --force",
                 listed(nodes)
             ),
             Self::Gone(nodes, rate) => write!(
@@ -199,7 +199,7 @@ fn line(rate: &Rate, changed: bool) -> String {
     let number = match rate.bit_rate_kbit_s {
         Some(0) => "no bit rate yet: it listens for one".to_owned(),
         Some(number) => format!("{number} kbit/s"),
-        None => "a bit rate that it does not tell".to_owned(),
+        None => "an unknown bit rate".to_owned(),
     };
     let automatic = match rate.automatic {
         Some(true) => ", found by listening",

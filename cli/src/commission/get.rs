@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Which nodes; all channels that are there when not given
+    /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
     pub nodes: NodeOption,
     /// The bus

@@ -63,7 +63,7 @@ const OTHER_CODES: [(u16, &str); 16] = [
 /// Which nodes.
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
-    /// Node-id; all channels that are there when not given
+    /// Node-id; all channels on the bus when not given
     #[arg(
         value_parser = clap::value_parser!(u8).range(1..=127),
         conflicts_with = "node",

@@ -61,7 +61,7 @@ impl FromStr for Nodes {
 /// The nodes.
 #[derive(Clone, Debug, Default, Args)]
 pub struct NodeOption {
-    /// The nodes, or all channels that are there
+    /// The nodes, or all channels on the bus
     #[arg(short, long, value_name = "ID,ID,...|all")]
     pub node: Option<Nodes>,
 }
@@ -97,7 +97,7 @@ impl fmt::Display for Missing {
         let Self { node, peer, heard } = self;
         let why = match heard {
             true => "its heartbeat is received: it is in STOPPED, or frames are lost",
-            false => "nothing is heard of it: it has no power, or its wires are open",
+            false => "no frame of it is received: it has no power, or its wires are open",
         };
         write!(
             f,
@@ -146,19 +146,19 @@ impl fmt::Display for NodesError {
             ),
             Self::Which(nodes) => write!(
                 f,
-                "nodes {} are there: say which one with --node {}, or --node all",
+                "nodes {} are there: choose one with --node {}, or --node all",
                 listed(nodes),
                 nodes.first().unwrap_or(&1)
             ),
             Self::Half(missing) => write!(
                 f,
-                "{missing}, so nothing was written: bring it back, or say --node {} to change \
+                "{missing}, so nothing was written: reconnect it, or use --node {} to change \
                  that one alone",
                 missing.node
             ),
             Self::Unread(missing) => write!(
                 f,
-                "{missing}, so it was not read: bring it back, or say --node {} to read that one \
+                "{missing}, so it was not read: reconnect it, or use --node {} to read that one \
                  alone",
                 missing.node
             ),
@@ -324,7 +324,7 @@ mod tests {
         let said = NodesError::Which(vec![1, 2]).to_string();
         assert_eq!(
             said,
-            "nodes 1,2 are there: say which one with --node 1, or --node all"
+            "nodes 1,2 are there: choose one with --node 1, or --node all"
         );
     }
 }

@@ -29,9 +29,8 @@ const LOAD: [u8; 4] = *b"load";
 const RESTART: Duration = Duration::from_secs(10);
 
 /// What a restored node does not know any more.
-const APART: &str = "note: the channels look for each other by node-ids 1 and 2 again, as \
-                     delivered, and have others: `plumb node-id --pair A,B --node A,B` \
-                     tells them\n";
+const APART: &str = "note: the channels refer to each other by node-ids 1 and 2 again, as \
+ delivered, but have others: `plumb node-id --pair A,B --node A,B` corrects this\n";
 
 /// What is restored, and where.
 #[derive(Clone, Debug, Args)]
@@ -39,7 +38,7 @@ pub struct Arguments {
     /// Only this group of parameters
     #[arg(long, value_enum)]
     pub only: Option<Group>,
-    /// Reset the nodes behind it, so that the delivered values count at once
+    /// Reset the nodes afterwards, so that the delivered values take effect at once
     #[arg(long)]
     pub reset: bool,
     /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
@@ -48,7 +47,7 @@ pub struct Arguments {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Which nodes; needed where more than one is there
+    /// Which nodes; needed where there is more than one
     #[command(flatten)]
     pub nodes: NodeOption,
     /// The bus
@@ -88,7 +87,7 @@ impl fmt::Display for RestoreError {
             Self::Nodes(error) => write!(f, "{error}"),
             Self::Operational(node) => write!(
                 f,
-                "node {node} is OPERATIONAL, where it forgets nothing: say --stop to take it to \
+                "node {node} is OPERATIONAL, where it discards nothing: use --stop to take it to \
                  PRE-OPERATIONAL and back"
             ),
             Self::Gone(node) => write!(

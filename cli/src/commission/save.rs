@@ -68,7 +68,7 @@ pub struct Arguments {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Which nodes; all channels that are there when not given
+    /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
     pub nodes: NodeOption,
     /// The bus
@@ -109,7 +109,7 @@ impl fmt::Display for SaveError {
             Self::Operational(node) => write!(
                 f,
                 "node {node} is OPERATIONAL, where it stores nothing, since erasing flash would \
-                 stop it for milliseconds: say --stop to take it to PRE-OPERATIONAL and back"
+                 stop it for milliseconds: use --stop to take it to PRE-OPERATIONAL and back"
             ),
             Self::Failed(node, code) => write!(
                 f,

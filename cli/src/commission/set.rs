@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Value with its unit: 0deg, 500ms; a number or a name where the object has no unit
     #[arg(value_name = "VALUE", allow_hyphen_values = true)]
     pub value: String,
-    /// VALUE is the number as it stands in the object
+    /// VALUE is the number as stored in the object
     #[arg(long)]
     pub raw: bool,
     /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for the write, and back
@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-    /// Which nodes; needed where more than one is there
+    /// Which nodes; needed where there is more than one
     #[command(flatten)]
     pub nodes: NodeOption,
     /// The bus
@@ -122,12 +122,12 @@ impl fmt::Display for SetError {
             Self::State(node, name) => write!(
                 f,
                 "node {node} does not take {name} while it is OPERATIONAL (abort code 0800 \
-                 0022h): say --stop to take it to PRE-OPERATIONAL for the write, and back"
+                 0022h): use --stop to take it to PRE-OPERATIONAL for the write, and back"
             ),
             Self::Refused(node, name) => write!(
                 f,
                 "node {node} does not take {name} in its present state (abort code 0800 0022h); \
-                 `plumb info --node {node}` tells what state it is in"
+                 `plumb info --node {node}` shows its state"
             ),
             Self::NoAngle(node, name, reason) => write!(
                 f,
@@ -138,7 +138,7 @@ impl fmt::Display for SetError {
             ),
             Self::Differs(node, name, written, read) => write!(
                 f,
-                "node {node} was told {written} for {name} and holds {read}"
+                "node {node} was sent {written} for {name} and contains {read}"
             ),
         }
     }

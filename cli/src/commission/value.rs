@@ -244,7 +244,7 @@ impl fmt::Display for ValueError {
             ),
             Self::Which(name, text, unit) => write!(
                 f,
-                "{name}: does {text} mean {text}{unit}, or so many steps? Write the unit, or say \
+                "{name}: does {text} mean {text}{unit}, or so many steps? Write the unit, or use \
                  --raw"
             ),
             Self::Between(name, text, low, high) => write!(

@@ -173,7 +173,7 @@ impl fmt::Display for ZeroError {
             Self::Scaling(node, slope, index) => write!(
                 f,
                 "scaling of {slope} is off in node {node} (bit 1 of {index:04X}h): a preset would \
-                 be stored and not shown, so nothing was written; say --enable-scaling"
+                 be stored and not shown, so nothing was written; use --enable-scaling"
             ),
             Self::NoSlopes(node) => write!(f, "node {node} has no slopes that can be zeroed"),
         }

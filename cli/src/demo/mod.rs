@@ -1,6 +1,6 @@
 //! `plumb demo`: build virtual instruments, calibrate them, test them, and dig for a week.
 //!
-//! In: a seed and how much of it. Out: the paper's tables beside ours on the terminal, and
+//! In: a seed and how much of it. Out: the paper's tables compared with ours on the terminal, and
 //! `report.html` and `report.json` in a folder. The worlds run side by side on all cores; each is
 //! a thread of its own inside of which time is virtual, so the figures depend on the seed alone.
 
@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Folder for report.html and report.json
     #[arg(long, default_value = "plumb-report", value_name = "DIR")]
     pub out: PathBuf,
-    /// Add the paper to the letter: a column of its own beside the reading that reproduces it
+    /// Add the paper to the letter: a column in addition to the reading that reproduces it
     #[arg(long)]
     pub as_printed: bool,
     /// Print every table, not only the summary

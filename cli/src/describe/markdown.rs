@@ -15,15 +15,17 @@ use super::dictionary;
 const PRODUCT: &str = "\
 # Objects
 
-This page is printed by `plumb describe objects`, which a test compares with what is committed
-here. Those of the paper's instrument stand in [objects-paper.md](objects-paper.md).
+For those who read or write the objects of the product. This page is printed by
+`plumb describe objects`; a test compares it with the output. The objects of the paper's instrument
+are in [objects-paper.md](objects-paper.md).
 ";
 
 const PAPER: &str = "\
 # Objects of the paper's instrument
 
-This page is printed by `plumb describe objects --instrument paper`, which a test compares with
-what is committed here. Those of the product stand in [objects.md](objects.md).
+For those who read or write the objects of the paper's instrument. This page is printed by
+`plumb describe objects --instrument paper`; a test compares it with the output. The objects of the
+product are in [objects.md](objects.md).
 ";
 
 const OPENING: &str = "\
@@ -31,21 +33,21 @@ It comes from the same rows as the table inside the device, the data sheets (`ed
 the configurations (`eds/*.dcf`) and the CAN database (`eds/plumb.dbc`).
 
 A CANopen device is a list of numbered objects. A tool reads and writes them one by one with SDO;
-what has to be quick is packed into PDOs, which a node sends by itself. An object is named by its
-index and, where it has several parts, by a sub-index, both in hexadecimal. Plumb has two
+data that have to be fast are packed into PDOs, which a node sends by itself. An object is named by
+its index and, where it has several parts, by a sub-index, both in hexadecimal. Plumb has two
 channels, A and B. Each is a node of its own, with node-id 1 and 2 as delivered, and both have the
-objects below. Where they are delivered with different values, both values stand in the table.
+objects below. Where they are delivered with different values, the table shows both values.
 
 - **index, sub**: the object. A range of sub-indices means that all of them are alike.
 - **type**: the standard's name; the digits are the size in bit. INTEGER has a sign.
 - **access**: `ro` can be read, `rw` read and written, `wo` written, `const` never changes. `rwr`
   is `rw` for an object that a TPDO may carry, `rww` for one that an RPDO may carry.
 - **map**: T may be sent in a TPDO, R received in an RPDO, S carried by an SRDO (CANopen Safety).
-- **kept**: yes if 1010h stores it, so that it outlasts a power cut.
-- **unit**: what 1 stands for. `6000h x 0.001 deg` is 0.01 deg as delivered, where 6000h is 10.
-- **range**: what may be written; empty for all that the type can hold.
-- **A, B**: the value as delivered; empty for what is measured or counted, and for what acts when it
-  is written. `id` is the node-id.
+- **kept**: yes if 1010h stores it, so that it is preserved through a loss of supply.
+- **unit**: the meaning of 1. `6000h x 0.001 deg` is 0.01 deg as delivered, where 6000h is 10.
+- **range**: the values that may be written; empty for the whole range of the type.
+- **A, B**: the value as delivered; empty for objects that are measured or counted, and for those
+  that act when written. `id` is the node-id.
 ";
 
 /// An area of the dictionary.

@@ -35,7 +35,7 @@ impl fmt::Display for EdsError {
             ),
             Self::NoNode(file) => write!(
                 f,
-                "{} doesn't say which node it is; write --eds {}@NODE",
+                "{} does not name its node; write --eds {}@NODE",
                 printable(file),
                 printable(file)
             ),

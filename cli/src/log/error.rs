@@ -104,5 +104,5 @@ fn incomplete(
             printable(file)
         )?;
     }
-    f.write_str("; the rest was used: copy the log anew, or look at what writes it")
+    f.write_str("; the rest was used: copy the log again, or check the program that writes it")
 }

@@ -285,7 +285,7 @@ impl Model {
             && let Some(last) = self.any_ns
         {
             let gap = self.now_ns.saturating_sub(last) as f64 / 1e9;
-            let text = format!("heard again after {gap:.1} s");
+            let text = format!("received again after {gap:.1} s");
             self.note(Kind::Silence, Level::Good, text);
         }
         self.any.take(self.now_ns);

@@ -270,7 +270,7 @@ fn channels_that_see_the_pair_differently_are_both_heard() {
     bench.cycle([0, 0], [1, 2]);
     let verdict = bench.see().instruments[0].verdict.clone();
     assert_eq!(verdict.level, Level::Warning);
-    let expected = "A says: both agree; B says: the channels differ, not for long yet";
+    let expected = "A reports: both agree; B reports: the channels differ, not for long yet";
     assert_eq!(verdict.text, expected);
     let told = bench.texts();
     assert!(told.contains(&"B the channels differ, not for long yet".to_owned()));
@@ -310,7 +310,7 @@ fn silence_of_the_bus_is_told_and_its_end_too() {
     assert_eq!(text, "nothing has come for 12 s: is the bus powered?");
     bench.take(0x80, &[]);
     let texts = bench.texts();
-    let again = "- heard again after 12.5 s";
+    let again = "- received again after 12.5 s";
     assert_eq!(texts.iter().filter(|text| *text == again).count(), 1);
 }
 
@@ -320,7 +320,7 @@ fn a_gap_in_a_log_is_shown_without_waiting_for_it() {
     bench.cycle([0, 0], [1, 1]);
     bench.time_ms += 3_600_000;
     bench.cycle([0, 0], [1, 1]);
-    let again = "- heard again after 3600.0 s";
+    let again = "- received again after 3600.0 s";
     assert!(
         bench.texts().contains(&again.to_owned()),
         "{:?}",

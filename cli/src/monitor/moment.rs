@@ -77,7 +77,7 @@ fn source(model: &Model) -> (SourceState, Option<String>) {
     };
     match model.any_ns {
         None => {
-            let text = "nothing has been heard yet".to_owned();
+            let text = "nothing was received yet".to_owned();
             (SourceState::Waiting, Some(advice(text)))
         }
         Some(last) if model.any.stopped => {
@@ -280,7 +280,7 @@ fn absent(model: &Model, side: &Side, extra: &Extra, old_s: Option<f64>) -> Stri
         "its heartbeat is lost"
     } else {
         match side.nmt.map(|(state, _)| state) {
-            None if side.seen_ns.is_none() => "nothing has been heard of it",
+            None if side.seen_ns.is_none() => "nothing was received from it",
             Some(Nmt::BootUp) => "it has just started",
             Some(Nmt::PreOperational) => "it is pre-operational, start it (NMT)",
             Some(Nmt::Stopped) => "it is stopped, start it (NMT)",

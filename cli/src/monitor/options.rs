@@ -21,10 +21,10 @@ pub struct Arguments {
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with_all =
           ["bus", "record", "start", "sync", "reconnect"])]
     pub log: Vec<PathBuf>,
-    /// How fast a log goes by: 10 is ten times as fast as it was, max as fast as can be
+    /// Speed of a log: 10 is ten times as fast as recorded, max as fast as possible
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = speed)]
     pub speed: f64,
-    /// Pass over gaps of a log that are longer than two seconds
+    /// Skip gaps of a log that are longer than two seconds
     #[arg(long, requires = "log")]
     pub skip_gaps: bool,
     /// Node-ids of channel A and B; of several instruments A,B,A,B [default: 1,2]
@@ -44,16 +44,16 @@ pub struct Arguments {
     /// Record every frame to a file: .asc is Vector ASC, any other name candump -L
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Write over a recording that exists
+    /// Overwrite an existing recording
     #[arg(long, requires = "record")]
     pub force: bool,
-    /// End after so long: 10s, 500ms, 5min, 2h
+    /// End after this time: 10s, 500ms, 5min, 2h
     #[arg(long = "for", value_name = "TIME", value_parser = time)]
     pub duration: Option<Duration>,
     /// Start the nodes (NMT) at the beginning
     #[arg(long)]
     pub start: bool,
-    /// Send SYNC each so many ms, as long as nobody else does
+    /// Send SYNC with this period in ms, as long as no other node does
     #[arg(long, value_name = "MS", value_parser = milliseconds)]
     pub sync: Option<Duration>,
     /// Try again each second when the bus is lost, instead of ending

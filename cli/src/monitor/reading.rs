@@ -369,7 +369,7 @@ impl<F: Feed> Reader<F> {
     fn foreign_sync(&mut self, frame: &Frame) {
         if self.sync.is_some() && frame.cob_id() == Some(0x80) && !frame.is_remote() {
             self.sync = None;
-            let text = "somebody else produces SYNC: none is sent from here".to_owned();
+            let text = "another node produces SYNC: this program sends none".to_owned();
             self.shared.model().note(Kind::Sync, Level::Good, text);
         }
     }
@@ -474,7 +474,7 @@ impl<F: Feed> Reader<F> {
     fn tell_losses(&mut self) {
         let lost = std::mem::take(&mut self.lines_lost);
         if lost > 0 {
-            let text = format!("{lost} lines were left out: nobody read them in time");
+            let text = format!("{lost} lines were left out: they were not read in time");
             let mut model = self.shared.model();
             model.note(Kind::Source, Level::Warning, text);
         }

@@ -75,7 +75,7 @@ pub fn reason(code: u8) -> Option<String> {
         Invalid::Silent => "silent: nothing has come in time",
         Invalid::Late => "late: the data received are out of date",
         Invalid::Refused => "the channels differ and neither can be blamed",
-        Invalid::Unconfirmed => "the other channel has not been heard, or not been compared",
+        Invalid::Unconfirmed => "the other channel was not received, or not compared",
         Invalid::Alone => "degraded operation is forbidden (2005h)",
         Invalid::Unlike => "presets, offsets or inversion differ from the other channel's (2006h)",
     };

@@ -425,7 +425,7 @@ fn event(event: &Event, ids: [u8; 2]) -> EventReport {
     let (code, text) = match event.what {
         What::Emergency(code) => (Some(format!("{code:04X}h")), words::code(code)),
         What::HeartbeatLost => (None, "the heartbeat stayed away".into()),
-        What::Restart => (None, "the node started anew".into()),
+        What::Restart => (None, "the node restarted".into()),
     };
     let (end, until_ns) = match event.end {
         End::Momentary => ("momentary", None),

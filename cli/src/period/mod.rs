@@ -64,10 +64,10 @@ pub struct Arguments {
     /// Logs of the bus
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Leave out what is before: 2026-11-20, 2026-11-20T06:30:00 (UTC), or seconds of the log
+    /// Leave out everything before: 2026-11-20, 2026-11-20T06:30:00 (UTC), or seconds of the log
     #[arg(long, value_name = "TIME", value_parser = clock::instant)]
     pub from: Option<u64>,
-    /// Leave out what is from then on
+    /// Leave out everything from then on
     #[arg(long, value_name = "TIME", value_parser = clock::instant)]
     pub to: Option<u64>,
     /// Node-ids of channel A and B of an instrument; again for each; by default 1,2, 3,4 and so on
@@ -85,7 +85,7 @@ pub struct Arguments {
     /// Print the report as JSON
     #[arg(long)]
     pub json: bool,
-    /// The bus whose nodes are asked for their faults; its bit rate, to tell the load in per cent
+    /// The bus whose nodes are read for their faults; its bit rate, to state the load in per cent
     #[command(flatten)]
     pub bus: BusOptions,
 }

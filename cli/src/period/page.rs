@@ -165,7 +165,7 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     out += &table_or(&availability, "No stretch of time has angles.");
     out += &html::table(&tables::channels(instrument));
     let findings = tables::findings(report, instrument);
-    out += &table_or(&findings, "All that the channels say fits together.");
+    out += &table_or(&findings, "All data of the channels are consistent.");
     out += &row_of(&charts::quantities(report, instrument));
     let gaps = tables::gaps(report, "Stretches without data", &instrument.gaps);
     out += &table_or(&gaps, "There is no gap of more than 2 s.");
@@ -217,14 +217,14 @@ fn logs_section(logs: &LogsReport) -> String {
 }
 
 fn limits(report: &PeriodReport) -> String {
-    let mut out = "<section><h2>What this report can't tell</h2>\n".to_owned();
+    let mut out = "<section><h2>What this report cannot show</h2>\n".to_owned();
     if !report.buses.is_empty() {
         out.extend(verdict::LIMITS.map(html::paragraph));
     } else {
         out += &html::paragraph(verdict::LIMITS[0]);
         out += &html::paragraph(
-            "A node remembers its last 16 events and the samples of two. Its times count from \
-             its own start, and nobody knows when that was.",
+            "A node stores its last 16 events and the samples of two. Its times count from its \
+             own start, whose date is unknown.",
         );
     }
     out + "</section>\n"

@@ -87,7 +87,7 @@ pub fn days(instrument: &InstrumentReport) -> Table {
     }
     table.notes.push(
         "An incident is a warning or a fault more than a second after the one before; both \
-         channels tell of most of them, so there are more messages than incidents."
+         channels report most of them, so there are more messages than incidents."
             .to_owned(),
     );
     cut(table, 0)

@@ -182,7 +182,11 @@ fn the_page_is_whole_and_fetches_nothing() {
     let html = page::page(report());
     check::assert_balanced(&html);
     check::assert_stands_alone(&html);
-    for sentence in ["What this report can't tell", "Incidents per day", "Plot 1"] {
+    for sentence in [
+        "What this report cannot show",
+        "Incidents per day",
+        "Plot 1",
+    ] {
         assert!(html.contains(sentence), "{sentence}");
     }
 }

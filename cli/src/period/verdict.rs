@@ -183,19 +183,19 @@ pub fn notes(report: &PeriodReport) -> Vec<String> {
     notes
 }
 
-/// What a report of this kind can't tell.
+/// What a report of this kind cannot show.
 pub const LIMITS: [&str; 6] = [
-    "Both channels sit in one housing. What turns or shakes that housing against the machine \
+    "Both channels sit in one housing. A motion of that housing against the machine \
      moves both alike, and no difference shows it.",
-    "What was not logged is not in here. In a gap anything may have happened; a fault that came \
-     and went in one is in the fault log of the device only.",
-    "A log does not say which machine it is of. Logs of several machines with the same node-ids \
+    "What was not logged is not in this report. A fault that began and ended in a gap is in the \
+     fault log of the device only.",
+    "A log does not name its machine. Logs of several machines with the same node-ids \
      look like one instrument; make one report for each.",
-    "The uncertainty is what the instrument says of itself, by its calibration. Nothing here \
+    "The uncertainty is the one that the instrument states from its calibration. Nothing here \
      was compared with a reference.",
-    "When a fault is told is not when its cause began: the instrument takes the time to find it \
-     that docs/faults.md lists for each cause.",
-    "Times are those of the adapter or machine that wrote the log; nobody has compared its clock \
+    "A fault is reported later than its cause began: docs/faults.md lists the time to detection \
+     for each cause.",
+    "Times are those of the adapter or machine that wrote the log; its clock was not compared \
      with another one. All times are UTC where the log has dates.",
 ];
 

@@ -50,7 +50,7 @@ impl fmt::Display for PlaybackError {
             ),
             Self::ExportName(file) => write!(
                 f,
-                "{} tells no format; end the name in .csv or .parquet for a table, .log or .asc \
+                "{} names no format; end the name in .csv or .parquet for a table, .log or .asc \
                  for a log",
                 printable(file)
             ),
@@ -61,8 +61,8 @@ impl fmt::Display for PlaybackError {
                 printable(file)
             ),
             Self::Join(error) => write!(f, "{error}"),
-            Self::Lost(sent, error) => write!(f, "{error}, behind {sent} frames of the log"),
-            Self::Interrupted(sent) => write!(f, "broken off behind {sent} frames of the log"),
+            Self::Lost(sent, error) => write!(f, "{error}, after {sent} frames of the log"),
+            Self::Interrupted(sent) => write!(f, "interrupted after {sent} frames of the log"),
             Self::TwoInterfaces(one, other) => write!(
                 f,
                 "the log has frames of {} and of {}: choose one with --interface",

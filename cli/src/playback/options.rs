@@ -15,7 +15,7 @@ use crate::watch::Plan;
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Options for bus logs")]
 pub struct Options {
-    /// Only frames of this interface, as the log names it: can0, or 1 in an ASC
+    /// Only frames of this interface, as named in the log: can0, or 1 in an ASC
     #[arg(long, value_name = "NAME")]
     pub interface: Option<String>,
     /// Node-ids of channel A and B; of several instruments A,B,A,B
@@ -34,7 +34,7 @@ pub struct Options {
     /// Send the frames onto this bus, as --bus names it elsewhere, when they are due
     #[arg(long, value_name = "URL", conflicts_with = "export")]
     pub onto: Option<String>,
-    /// So many times as fast as it was
+    /// Speed, as a multiple of the recorded one
     #[arg(long, value_name = "X", value_parser = speed, requires = "onto")]
     pub speed: Option<f64>,
     /// Shorten gaps between two frames to this many seconds
@@ -43,7 +43,7 @@ pub struct Options {
     /// Send a frame each time that Enter is pressed; q ends
     #[arg(long, requires = "onto", conflicts_with_all = ["speed", "skip_gaps"])]
     pub step: bool,
-    /// Begin anew at the end
+    /// Start again at the end
     #[arg(long = "loop", requires = "onto")]
     pub again: bool,
 }

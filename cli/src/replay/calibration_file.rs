@@ -401,7 +401,7 @@ impl fmt::Display for CalibrationFileError {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        const ANEW: &str = "make it anew with --save-calibration";
+        const ANEW: &str = "make it again with --save-calibration";
         match self {
             Self::NotReadable(why) => write!(f, "can't be read ({why}); check the path"),
             Self::NotWritable(why) => write!(f, "can't be written ({why}); give another path"),

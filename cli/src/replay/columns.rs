@@ -376,13 +376,13 @@ mod tests {
             ),
             (
                 "time_s,ax_ft,ay_g,az_g",
-                "`ax_ft` doesn't say its unit; name it ax_g or ax_mps2",
+                "`ax_ft` has no unit; name it ax_g or ax_mps2",
             ),
             (
                 "time,ax_g,ay_g,az_g",
-                "`time` doesn't say its unit; name it time_s or time_ms",
+                "`time` has no unit; name it time_s or time_ms",
             ),
-            ("time_s,ax,ay,az", "`ax` doesn't say its unit"),
+            ("time_s,ax,ay,az", "`ax` has no unit"),
             (
                 "time_s,ax_g,ay_g,az_g,ay_g",
                 "`ay_g` and `ay_g` give the same quantity",

@@ -180,7 +180,7 @@ impl ReplayError {
             } => write!(
                 f,
                 "{calibration}: was made for {made_for} numbers per g and {file} has {found}; \
-                 give the recordings of that sensor in their order, or say --lsb-per-g"
+                 give the recordings of that sensor in their order, or use --lsb-per-g"
             ),
             Self::OtherSensor {
                 calibration,

@@ -123,7 +123,7 @@ fn notes_on(channels: &[Prepared], mode: Mode) -> Vec<String> {
     if mode == Mode::Paper {
         notes.push(
             "Paper mode here is the paper's filter, timing and cross-check. Its one-axis table \
-             needs a run on a motor, so the angle comes from the three-axis correction."
+             needs a run on a motor, so the angle is that of the three-axis correction."
                 .to_owned(),
         );
     }

@@ -184,11 +184,7 @@ impl Problem {
                 )
             }
             Self::UnknownUnit { column, known } => {
-                write!(
-                    f,
-                    "`{column}` doesn't say its unit; name it {}",
-                    known.join(" or ")
-                )
+                write!(f, "`{column}` has no unit; name it {}", known.join(" or "))
             }
             Self::DuplicateColumn(one, other) => {
                 write!(
@@ -205,7 +201,7 @@ impl Problem {
             Self::UnknownScale(norm) => write!(
                 f,
                 "the length at standstill is {norm:.1} counts, near no usual counts per g; \
-                 say --lsb-per-g"
+                 use --lsb-per-g"
             ),
             Self::WrongUnit { norm_g, advice } => {
                 write!(

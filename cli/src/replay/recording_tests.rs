@@ -174,7 +174,7 @@ fn wrong_units_are_refused_with_the_one_that_fits() {
     assert!(text.contains("name the columns `_lsb`"), "{text}");
     let header = "time_s,ax_lsb,ay_lsb,az_lsb\n";
     let text = refusal(format!("{header}{}", rows_scaled(60, 1400.0)));
-    assert!(text.contains("say --lsb-per-g"), "{text}");
+    assert!(text.contains("use --lsb-per-g"), "{text}");
 }
 
 #[test]

@@ -145,7 +145,7 @@ fn advice(unit: AccelUnit, source: Source, standstill: f64) -> String {
     } else if unit != AccelUnit::MetrePerSecond2 && fits(GRAVITY_MPS2) {
         "it looks like m/s^2: name the columns `_mps2`".to_owned()
     } else if fits(1000.0) {
-        "it looks like mg (or counts): name the columns `_lsb` and say --lsb-per-g 1000".to_owned()
+        "it looks like mg (or counts): name the columns `_lsb` and use --lsb-per-g 1000".to_owned()
     } else if nearest_counts(standstill).is_ok() {
         "it looks like counts: name the columns `_lsb`".to_owned()
     } else if fits(0.001) {
@@ -185,7 +185,7 @@ mod tests {
                 1.01,
                 "looks like g: name the columns `_g`",
             ),
-            (AccelUnit::G, 998.0, "say --lsb-per-g 1000"),
+            (AccelUnit::G, 998.0, "use --lsb-per-g 1000"),
             (
                 AccelUnit::G,
                 2060.0,

@@ -110,7 +110,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Silent => "it is silent",
         Invalid::Late => "its data are late",
         Invalid::Refused => "the channels differ",
-        Invalid::Unconfirmed => "the other channel has not been heard",
+        Invalid::Unconfirmed => "the other channel was not received",
         Invalid::Alone => "the other channel is faulty, and this one must not go on alone",
         Invalid::Unlike => "the channels are set to show different angles",
     }

@@ -153,9 +153,9 @@ fn static_delta(report: &DemoReport) -> Group {
     };
     Group {
         title: "Figure 16: difference of the two nodes, static".to_owned(),
-        caption: "What the cross-check sees at each standstill. Errors that both nodes share, \
-                  such as that of the reference, cancel here and stay unseen. The dashed lines \
-                  are the warning threshold."
+        caption: "The difference at each standstill, as in the cross-check. Errors that both \
+         nodes share, such as that of the reference, cancel here and remain undetected. The \
+         dashed lines are the warning threshold."
             .to_owned(),
         charts: alike(modes(report).into_iter().map(chart).collect()),
     }
@@ -311,9 +311,8 @@ fn per_day(report: &DemoReport) -> Group {
     Group {
         title: "Figure 20: errors per day on the excavator".to_owned(),
         caption: "The supply of one node becomes unstable on day 5. A warning is one compared \
-                  pair above the threshold; a fault is what the user is told. Published are the \
-                  paper's own seven days, of which it tells the fault of day 5 and no number of \
-                  warnings."
+         pair above the threshold; a fault is reported to the user. Published are the paper's own \
+         seven days, for which it reports the fault of day 5 and no number of warnings."
             .to_owned(),
         charts: vec![
             chart("Warnings per day", "warnings", None, |row| row.warnings),

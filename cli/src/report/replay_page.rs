@@ -165,8 +165,8 @@ fn angles(report: &ReplayReport) -> Group {
     };
     Group {
         title: "Angle".to_owned(),
-        caption: "Least and greatest angle in each stretch of time. Motion that the \
-                  accelerometer feels is part of it, so the area is wide while the sensor moves."
+        caption: "Least and greatest angle in each stretch of time. Motion that the accelerometer \
+         measures is part of it, so the area is wide while the sensor moves."
             .to_owned(),
         charts: per_slope(report, "angle", "angle, deg", plots),
     }

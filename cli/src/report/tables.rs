@@ -202,10 +202,10 @@ pub fn table_three(report: &DemoReport) -> Table {
 }
 
 const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the distance of the sensor \
-    from the motor's axis. Aligned means compared with where the motor was that much earlier. The \
-    paper gives one figure and does not say that it was aligned; its filter alone lags 0.64 deg \
-    at this speed, so the figure stands beside both. An accelerometer on a lever arm also feels \
-    the motion itself, and nothing is done about that here.";
+ from the motor's axis. Aligned means compared with the motor's angle that much earlier. The \
+ paper gives one figure and does not state that it was aligned; its filter alone lags 0.64 deg at \
+ this speed, so the figure stands beside both. An accelerometer on a lever arm also feels the \
+ motion itself, and nothing is done about that here.";
 
 /// One row of Table III: its name, which figure, and whether published figure and difference
 /// stand in it.
@@ -288,8 +288,8 @@ pub fn table_one(report: &DemoReport) -> Table {
     let mut table = Table::new("Table I: error warning", columns);
     table.rows = report.table1.iter().map(table_one_row).collect();
     let note = "Whole devices on a simulated bus. Diff is the difference of the nodes after the \
-                stop. Right means told as Table I asks; in product mode without a stop of \
-                45 s, by the reason that the channel is held faulty for.";
+     stop. Right means reported as Table I requires; in product mode without a stop of 45 s, by \
+     the reason for which the channel is reported as faulty.";
     table.notes.push(note.to_owned());
     table
 }

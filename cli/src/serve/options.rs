@@ -88,10 +88,10 @@ pub struct Arguments {
     /// Join this CAN interface of the kernel as well
     #[arg(long, value_name = "INTERFACE")]
     pub can: Option<String>,
-    /// Let programs turn the housing by the words of a motor (docs/motor.md), over TCP
+    /// Let programs turn the housing by the commands of a motor (docs/motor.md), over TCP
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub motor: Option<SocketAddr>,
-    /// Let programs set the air's temperature by the words of a chamber (docs/chamber.md), over TCP
+    /// Let programs set the air temperature by commands of a chamber (docs/chamber.md), over TCP
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub chamber: Option<SocketAddr>,
     /// How many times as fast as 2 degC/min the chamber ramps and the sensors follow it, 1 to 300
@@ -124,13 +124,13 @@ pub struct Arguments {
     /// File with motion and faults, one of the words below per line
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
-    /// Folder that keeps the nodes' stored parameters and node-ids over a restart
+    /// Folder that keeps the nodes' stored parameters and node-ids across a restart
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,
-    /// Don't read words from the standard input
+    /// Do not read commands from the standard input
     #[arg(long)]
     pub no_stdin: bool,
-    /// Print what is said as JSON: where the bus is, and what `status` and `help` tell
+    /// Print the output as JSON: the address of the bus, and the answers of `status` and `help`
     #[arg(long)]
     pub json: bool,
 }

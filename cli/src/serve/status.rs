@@ -188,7 +188,7 @@ pub fn because(code: u8) -> String {
         Invalid::Silent => "not heard",
         Invalid::Late => "data late",
         Invalid::Refused => "channels disagree",
-        Invalid::Unconfirmed => "other channel not heard yet",
+        Invalid::Unconfirmed => "other channel not received yet",
         Invalid::Alone => "alone, which 2005h forbids",
         Invalid::Unlike => "presets, offsets or inversion differ from the other channel's",
     };

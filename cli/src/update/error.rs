@@ -133,13 +133,13 @@ impl UpdateError {
             ),
             Self::Taken(node) => write!(
                 f,
-                "somebody else talks to node {node}, perhaps another update: let one end first; \
+                "another tool uses node {node}, perhaps another update: let one end first; \
                  {AGAIN}"
             ),
             Self::Refused(node, index, sub, WRONG_STATE) => write!(
                 f,
                 "node {node} can't do that now (0800 0022h at {index:04X}h sub {sub}): perhaps \
-                 somebody else talks to it"
+                 another tool uses it"
             ),
             Self::Refused(node, index, sub, code) => write!(
                 f,
@@ -170,7 +170,7 @@ impl UpdateError {
             Self::NoAngle(node) => write!(
                 f,
                 "node {node} has no valid angle, and one channel has to measure while the other \
-                 is updated: mend it first, or say --force"
+                 is updated: repair it first, or use --force"
             ),
             Self::Clearing(node) => write!(f, "node {node} does not finish clearing its memory"),
             Self::Found(node, status) => {
@@ -213,7 +213,7 @@ const WRONG_STATE: u32 = 0x0800_0022;
 
 /// What helps after most of them.
 const AGAIN: &str =
-    "run the same command again: it continues behind what the node has kept of the image";
+    "run the same command again: it continues after the part of the image that the node has kept";
 
 /// Why bytes are no image, in words.
 const fn no_image(error: ImageError) -> &'static str {

@@ -57,7 +57,7 @@ impl Told<'_> {
 fn sentence(node: u8, news: News) -> String {
     match news {
         News::Already(runs) => format!("node {node} runs {} already", version(runs)),
-        News::GoesOn(held) => format!("node {node} goes on behind {held} bytes"),
+        News::GoesOn(held) => format!("node {node} continues after {held} bytes"),
         News::Now(runs) => format!("node {node} runs {} now", version(runs)),
     }
 }

@@ -181,7 +181,7 @@ const NO_REPORT: &str = "this is no dcc.xml of plumb calibrate";
 
 /// Of report.json: nothing that a node keeps tells whether its figures are as they were written.
 const TWIN: &str = "the nodes keep a hash of dcc.xml and of no other file, so the figures in \
-                    report.json cannot be checked: give the dcc.xml beside it";
+                    report.json cannot be checked: give the dcc.xml of the same folder";
 
 /// Serial number and check sum of each item of a DCC that this program wrote: the values of the
 /// first and the last identification of an item.

@@ -401,7 +401,7 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
         assert_eq!((code, out.as_str()), (Some(2), ""), "{err}");
         assert!(err.contains(sentence), "{err}");
     };
-    refused(&mut calibrate(&bench, &[]), "say how to calibrate");
+    refused(&mut calibrate(&bench, &[]), "state how to calibrate");
     refused(&mut by_motor(&bench, &["--by-hand"]), "not both");
     refused(
         &mut by_motor(&bench, &["--nodes", "1,1"]),

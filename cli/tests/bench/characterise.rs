@@ -184,7 +184,8 @@ fn a_node_that_restarts_in_the_middle_is_noticed_and_its_dwell_begins_anew() {
     let told: Vec<_> = lines.map_while(Result::ok).collect();
     let (status, out, _) = said(&run.wait_with_output().unwrap());
     assert_eq!(status, Some(0), "{told:?}");
-    let anew = |line: &String| line.contains("node 2 has restarted") && line.contains("anew");
+    let anew =
+        |line: &String| line.contains("node 2 has restarted") && line.contains("starts again");
     assert!(told.iter().any(anew), "{told:?}");
     let report: serde_json::Value = serde_json::from_str(&out).unwrap();
     let dwells = report["channels"][0]["thermal"]["dwells"]
@@ -358,7 +359,7 @@ fn a_chamber_that_does_not_do_its_part_stops_the_run_in_a_sentence() {
     );
     refused(
         &other_chamber(WIDE, |set| if set < 20.0 { "0;1" } else { "25;1" }),
-        "says that its air is stable at -10 degC, and states 0.0 degC",
+        "reports stable air at -10 degC, but its temperature is 0.0 degC",
     );
     // One around another instrument: the sensors stay as they are.
     let elsewhere = other_chamber(WIDE, |set| match set as i32 {
@@ -424,7 +425,7 @@ fn what_can_not_be_done_is_said_in_a_sentence() {
     };
     refused(
         &mut characterise(&bench, &[]),
-        "say what keeps the temperature",
+        "state what controls the temperature",
     );
     refused(&mut in_chamber(&bench, &["--by-hand"]), "not both");
     refused(

@@ -24,7 +24,7 @@ fn when_nobody_answers_it_is_said_why() {
     std::thread::sleep(Duration::from_millis(300));
     let told = bench.refused(&["scan"]);
     assert!(
-        told.contains("nothing is heard on socketcand://127.0.0.1:"),
+        told.contains("no frame is received on socketcand://127.0.0.1:"),
         "{told}"
     );
 }

@@ -90,7 +90,7 @@ fn a_value_is_checked_written_once_read_back_and_told_to_be_unsaved() {
     let bench = Bench::quick(&[]);
     let told = bench.refused(&["set", "heartbeat", "500ms"]);
     assert!(
-        told.contains("say which one with --node 1, or --node all"),
+        told.contains("choose one with --node 1, or --node all"),
         "{told}"
     );
     let told = bench.refused(&["set", "heartbeat", "70s", "--node", "1"]);
@@ -329,7 +329,10 @@ fn on_a_dead_bus_node_id_asked_for_a_name() {
     bench.word("power all off");
     std::thread::sleep(Duration::from_millis(500));
     let told = bench.refused(&["node-id", "--pair", "3,4"]);
-    assert!(told.contains("nothing is heard on socketcand://"), "{told}");
+    assert!(
+        told.contains("no frame is received on socketcand://"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -196,7 +196,7 @@ fn passive_means_that_nothing_is_sent() {
     let output = plumb(&["--bus", &server.at, "--for", "2500ms"]).output();
     let (status, out, _) = said(&output.unwrap());
     assert_eq!(status, Some(0));
-    assert!(out.contains("nothing has been heard yet"), "{out}");
+    assert!(out.contains("nothing was received yet"), "{out}");
     assert_eq!(server.end(), "< open plumb >< rawmode >");
 }
 
@@ -220,7 +220,7 @@ fn start_and_sync_send_what_they_say_and_stop_for_somebody_else() {
     let server = Server::start(Serving::Frames(100));
     let options = ["--bus", &server.at, "--for", "2s", "--sync", "100"];
     let (_, out, _) = said(&plumb(&options).output().unwrap());
-    assert!(out.contains("somebody else produces SYNC"), "{out}");
+    assert!(out.contains("another node produces SYNC"), "{out}");
     assert!(!server.end().contains("send 080"));
 }
 
@@ -381,7 +381,7 @@ fn a_log_runs_at_its_own_time_and_gaps_are_told() {
         took > Duration::from_millis(500) && took < Duration::from_secs(20),
         "{took:?}"
     );
-    assert!(out.contains("heard again after 3598.0 s"), "{out}");
+    assert!(out.contains("received again after 3598.0 s"), "{out}");
     assert!(
         out.contains("22:13:21.0  A +10.000 +0.000  B +9.980"),
         "{out}"
@@ -520,7 +520,7 @@ fn own_frames_were_recorded_with_the_time_of_another_clock() {
     let (status, out, err) = said(&bench.watch(&options).output().unwrap());
     assert_eq!((status, err.as_str()), (Some(0), ""), "{out}");
     assert!(!out.contains("nothing has come"), "{out}");
-    assert!(!out.contains("heard again"), "{out}");
+    assert!(!out.contains("received again"), "{out}");
     let text = fs::read_to_string(&file).unwrap();
     assert_eq!(text.matches(" 000#01").count(), 2, "{text}");
     let time = |line: &str| line[1..18].parse::<f64>().unwrap();

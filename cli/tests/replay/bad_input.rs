@@ -118,11 +118,7 @@ fn headers_and_units_that_can_not_be_used() {
             header("time_ms,ax_g,ay_g,az_g"),
             "the time looks as if it were `time_s`",
         ),
-        (
-            "unit.csv",
-            header("time_s,ax,ay,az"),
-            "doesn't say its unit",
-        ),
+        ("unit.csv", header("time_s,ax,ay,az"), "has no unit"),
         ("mixed.csv", header("time_s,ax_g,ay_g,az_lsb"), "line 1"),
         ("twice.csv", header("time_s,ax_g,ay_g,ax_g"), "line 1"),
         (

@@ -24,8 +24,9 @@ const APART: f64 = 0.05;
 /// Before the tables.
 const HEAD: &str = "# What the image costs
 
-Written by `cargo run -p emulator --example cost -- --write`; the test `cost` of `emulator` counts
-again and compares: every figure within 5 %, but for those of the interrupts.
+For those who need the time, flash and RAM that the firmware takes. This page is written by
+`cargo run -p emulator --example cost -- --write`; the test `cost` of `emulator` counts again and
+compares: every figure within 5 %, except those of the interrupts.
 
 The images are exactly those that are flashed, built by `cargo xtask image` for the STM32F103RC and
 run on the emulated chip: two calibrated nodes on a bus of 250 kbit/s with a host. Updates are
@@ -33,22 +34,22 @@ checked with the key of the simulated nodes, unless `PLUMB_KEY` names another. W
 the node of channel A.
 
 One instruction is one count. **These are no cycles**: on the chip many instructions take more than
-one, and wait states of the flash are not counted at all. So the load here is less than a board
-will show; [bring-up.md](bring-up.md) says how to measure it there.
+one, and wait states of the flash are not counted at all. So the load here is less than that of a
+board; [bring-up.md](bring-up.md) explains how to measure it there.
 ";
 
 /// What the first table's figures are.
 const INSTRUCTIONS: &str = "
-- **A sample** is all that interrupts execute while no host speaks, divided by the samples: driver,
-  chain, health checks, heartbeats and the timers between. The wait for SPI is as long as the bus is
-  slow, so it stands apart.
-- **An SDO request** and **a SYNC** are what comes on top of the samples of that time. With a SYNC
-  come the PDOs, those of the node and those that it hears from the other.
-- **The check of a new program** is what follows when an update is told to start one, here one as
-  long as the application: the check sum of its body, that of its signature over 512 bits, and the
-  curve of that, which is the same for any. It runs in the background, and everything else goes on.
-- **The longest interrupt** is that of a download of this program and of its check. A sample comes
-  every 2.5 ms, which are 180 000 instructions.
+- **A sample** is everything that interrupts execute while no host sends, divided by the samples:
+  driver, chain, health checks, heartbeats and the timers between. The wait for SPI depends on the
+  speed of that bus, so it is listed separately.
+- **An SDO request** and **a SYNC** are counted in addition to the samples of that time. A SYNC
+  includes the PDOs that the node sends and those that it receives from the other one.
+- **The check of a new program** begins when an update starts one, here one as long as the
+  application: the check sum of its body, that of its signature over 512 bits, and the curve of
+  that, which is the same for any. It runs in the background, and everything else goes on.
+- **The longest interrupt** is that of a download of this program and of its check. A sample is
+  taken every 2.5 ms, which are 180 000 instructions.
 - **The load** is that of a node in OPERATIONAL with 100 SYNCs a second.
 - **Background** is the check sum of the running program, which takes what is left up to its own
   rate, and the idle loop.

@@ -142,7 +142,7 @@ pub fn section(page: &mut String, scale: &Scale) -> Result<(), BenchError> {
     let _ = writeln!(
         page,
         "## What each assumption about the paper moves\n\nEach one switched alone; \
-         [paper.md](paper.md) has the words. {count} units; Table II is the RMSE on knots over \
+         [paper.md](paper.md) explains them. {count} units; Table II is the RMSE on knots over \
          the published one, lowest and highest of the four cells; the day is one healthy day on \
          the machine.\n\n\
          | | switched to | Table III, aligned, deg | its warnings | Table II over published \
@@ -177,10 +177,11 @@ fn range(ratios: &[f64; 4]) -> String {
 /// What averaging Table II takes.
 fn averaging(page: &mut String, count: u32) -> Result<(), BenchError> {
     page.push_str(
-        "\nWhat averaging Table II takes: its RMSE on knots over the published one, lowest and \
-         highest cell, by how long the acceleration is averaged at each step of the motor (down) \
-         and at each reading (across).\n\n\
-         | | 0 s | 0.1 s | 0.3 s | 1 s | 5 s |\n|---|---|---|---|---|---|\n",
+        "\nThe averaging that Table II requires: its RMSE on knots over the published one, lowest \
+         and highest cell, by how long the acceleration is averaged at each step of the motor \
+         (down) and at each reading (across).\n\n\
+         | | 0 s | 0.1 s | 0.3 s | 1 s | 5 s |\n\
+         |---|---|---|---|---|---|\n",
     );
     for memorised_over_s in [0.0, 0.1, 0.3, 1.0] {
         let _ = write!(page, "| {memorised_over_s} s |");

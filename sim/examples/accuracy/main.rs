@@ -120,8 +120,8 @@ fn head(scale: &Scale) -> String {
 
 const HEAD: &str = "\
 errors are against
-the true angle of the shaft, not against what the motor believes. RMSE are those of the median unit,
-largest errors those of the worst.
+the true angle of the shaft, not against the angle that the motor reports. RMSE are those of the
+median unit, largest errors those of the worst.
 
 In product mode every unit is switched off and on between calibration and test, and one reading is
 one reading, not a mean. Paper mode is the reading of the paper under which its own tables come

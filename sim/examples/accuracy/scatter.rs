@@ -11,14 +11,14 @@ use crate::Passage;
 /// Reported uncertainty beside observed scatter at the angles of the specification.
 pub fn section(page: &mut String, compared: &[(&str, &[Passage])]) {
     page.push_str(
-        "## Standard uncertainty beside observed scatter\n\nSingle readings within half a degree \
-         of the angle, both signs, both nodes, of units that were switched off and on. Scatter \
-         is the rms error against the truth; the uncertainty is what the readings report \
+        "## Standard uncertainty compared with observed scatter\n\nSingle readings within half a \
+         degree of the angle, both signs, both nodes, of units that were switched off and on. \
+         Scatter is the rms error against the truth; the uncertainty is what the readings report \
          (k = 1). The ratio of the medians must lie within 0.8 and 1.2. Pooled is the ratio over \
-         all units together; as printed at 89 deg it is governed by the few units whose \
-         mounting folds the sine before 90 deg.\n\n\
-         | mode | angle, deg | scatter, median unit | uncertainty, median unit | ratio | kept \
-         | pooled |\n\
+         all units together; as printed at 89 deg it is governed by the few units whose mounting \
+         folds the sine before 90 deg.\n\n\
+         | mode | angle, deg | scatter, median unit | uncertainty, median unit | ratio | kept | \
+         pooled |\n\
          |---|---|---|---|---|---|---|\n",
     );
     for (name, units) in compared {

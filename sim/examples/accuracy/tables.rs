@@ -39,11 +39,11 @@ pub fn static_errors(units: &[Passage], mount: Mount, knots: bool, node: usize) 
 
 pub fn table_two(page: &mut String, compared: &[(&str, &[Passage])]) {
     page.push_str(
-        "## Static test (Table II)\n\nThe paper stands on knots of its table only (E5); the random \
-         angles are the honest figure. Differences between the nodes are mean sizes; a warning is \
-         a difference above 0.40 deg.\n\n\
-         | axis | angles | | node 1, deg | node 2, deg | largest, deg | difference, deg \
-         | warnings |\n\
+        "## Static test (Table II)\n\nThe paper stands on knots of its table only (E5); the \
+         random angles are the representative figure. Differences between the nodes are mean \
+         sizes; a warning is a difference above 0.40 deg.\n\n\
+         | axis | angles | | node 1, deg | node 2, deg | largest, deg | difference, deg | \
+         warnings |\n\
          |---|---|---|---|---|---|---|---|\n",
     );
     for (mount, [a, b, d]) in TABLE_TWO {
@@ -104,8 +104,9 @@ pub fn table_three(page: &mut String, compared: &[(&str, &[Passage])]) {
     page.push_str(
         "## Dynamic test (Table III)\n\n+-40 deg at 80 deg/s, ten cycles, 50 readings a second. \
          An RMSE of 0.1 deg as it arrives is not possible (E2). The sensor sits the lever arm \
-         above the axis (E15).\n\n| axis | lever arm, cm | | as it arrives: node 1 | node 2 | \
-         aligned: node 1 | node 2 | latency, ms | difference | warnings |\n\
+         above the axis (E15).\n\n\
+         | axis | lever arm, cm | | as it arrives: node 1 | node 2 | aligned: node 1 | node 2 | \
+         latency, ms | difference | warnings |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (mount, [a, b, d]) in TABLE_THREE {
@@ -154,10 +155,11 @@ fn dynamic_row(page: &mut String, units: &[Passage], mount: Mount, arm: u32, nam
 pub fn calibration(page: &mut String, compared: &[(&str, &[Passage])], one_axis: &[Passage]) {
     page.push_str(
         "## Calibration and verification round (R5, R15)\n\nTolerance 0.20 deg against the motor; \
-         above it the calibration is made anew, three times at most. Paper mode is judged up to \
-         80 deg either side and shows what is beyond; as printed it is judged up to 90 deg.\n\n\
-         | mode | largest error, median node, deg | nodes within tolerance | beyond 80 deg, median \
-         node, deg | rounds, mean | residual, median, deg |\n|---|---|---|---|---|---|\n",
+         above it the calibration is repeated, three times at most. Paper mode is judged up to 80 \
+         deg either side and shows what is beyond; as printed it is judged up to 90 deg.\n\n\
+         | mode | largest error, median node, deg | nodes within tolerance | beyond 80 deg, \
+         median node, deg | rounds, mean | residual, median, deg |\n\
+         |---|---|---|---|---|---|\n",
     );
     let one_axis = ("product mode, one axis", one_axis);
     for (name, units) in compared.iter().chain([&one_axis]) {
@@ -179,7 +181,7 @@ pub fn calibration(page: &mut String, compared: &[(&str, &[Passage])], one_axis:
     }
     page.push_str(
         "\nOne axis loses its sensitivity towards +-90 deg, where the last degree spans 0.6 LSB \
-         (E6): there no table of one axis keeps 0.20 deg.\n\n",
+         (E6): there no table of one axis achieves 0.20 deg.\n\n",
     );
 }
 

@@ -44,11 +44,11 @@ impl Weeks {
     pub fn section(&self, page: &mut String) {
         let _ = writeln!(
             page,
-            "## The week on the excavator (R18, Fig 20)\n\n{} seeds ({} as \
-             printed), {DAYS} days of 3 hours, 50 comparisons a second; the supply of node 2 is \
-             unstable from the first hour of day {FAULT_DAY} on, until somebody is told. Counts \
-             are sums over the seeds. Paper mode works on the paper's machine, whose vibration is \
-             set by Fig 21; as printed and product mode work on the harder one.\n\n\
+            "## The week on the excavator (R18, Fig 20)\n\n{} seeds ({} as printed), {DAYS} days \
+             of 3 hours, 50 comparisons a second; the supply of node 2 is unstable from the first \
+             hour of day {FAULT_DAY} on, until the fault is reported. Counts are sums over the \
+             seeds. Paper mode works on the paper's machine, whose vibration is set by Fig 21; as \
+             printed and product mode work on the harder one.\n\n\
              | mode | day | warnings | stops of 45 s | faults | weeks with a fault that day |\n\
              |---|---|---|---|---|---|",
             self.paper.len(),

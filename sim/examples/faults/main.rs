@@ -265,8 +265,8 @@ fn repeated(page: &mut String, all: &Everything) {
         page,
         "`cargo xtask test` runs this section and compares it. The fingerprint is that of every \
          bus of every run below: when it has changed, the instrument or its world behaves \
-         differently, and the sections above are out of date until they are generated \
-         again.\n\nFingerprint `{:016x}`.\n",
+         differently, and the sections above are out of date until they are generated again.\n\n\
+         Fingerprint `{:016x}`.\n",
         all.fingerprint()
     );
     let _ = writeln!(

@@ -174,8 +174,9 @@ pub fn named_before(page: &mut String, scenes: &[Vec<Cell>]) {
 /// The study's faults with the study's figures and ours; `cells` are those of stop-and-go.
 pub fn beside_the_study(page: &mut String, cells: &[Cell]) {
     page.push_str(
-        "| fault | study: detected, % | median, s | isolated, % | this instrument: detected, % \
-         | median, s | isolated, % | at least as good |\n|---|---|---|---|---|---|---|---|\n",
+        "| fault | study: detected, % | median, s | isolated, % | this instrument: detected, % | \
+         median, s | isolated, % | at least as good |\n\
+         |---|---|---|---|---|---|---|---|\n",
     );
     for cell in cells {
         let Some((kind, study)) = cell.kind.and_then(|k| Some((k, k.reference?))) else {
@@ -214,7 +215,8 @@ fn is_as_good(study: &Reference, detected: f64, delay: Option<f64>, right: f64) 
 pub fn promises(page: &mut String, runs: &[(&'static Kind, Vec<Outcome>)]) {
     page.push_str(
         "| fault | runs | detected | isolated right | within 0.1 s | median, s | slowest, s | \
-         wrong | kept |\n|---|---|---|---|---|---|---|---|---|\n",
+         wrong | kept |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
     );
     for (kind, outcomes) in runs.iter().filter(|(kind, _)| kind.name != STEP) {
         let named = delays(outcomes, |o| o.named_s.filter(|_| !o.wrong));

@@ -147,7 +147,8 @@ impl Figures {
 const OPENING: &str = "\
 # Size on the part
 
-Written by `cargo xtask size --write`; `cargo xtask test` compares it with what the code gives.
+For those who need the flash and RAM of the bus side. Written by `cargo xtask size --write`;
+`cargo xtask test` compares it with what the code gives.
 
 Linked for `thumbv7m-none-eabi` (Cortex-M3) with the workspace's profile `footprint`: optimised for
 size, across all crates, without debug information. A panic cannot be reached from either binary:

@@ -75,13 +75,14 @@ impl fmt::Display for SdoError {
             ),
             Self::Step(node, index, sub, what) => write!(
                 f,
-                "the transfer of {} with node {node} came out of step ({what}): frames are lost, \
-                 or somebody else talks to it",
+                "the transfer of {} with node {node} is out of step ({what}): frames are lost, or \
+                 another tool uses its SDO server",
                 address(*index, *sub)
             ),
             Self::Taken(node) => write!(
                 f,
-                "somebody else talks to node {node} over SDO: end the other tool, or wait for it"
+                "another tool uses the SDO server of node {node}: end the other tool, or wait for \
+                 it"
             ),
             Self::Length(node, index, sub, bytes) => write!(
                 f,

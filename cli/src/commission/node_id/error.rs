@@ -90,8 +90,8 @@ impl fmt::Display for NodeIdError {
             ),
             Self::NoPair => write!(
                 f,
-                "the two nodes are not channel A and channel B of a Plumb (`plumb scan` tells what \
-                 they are)"
+                "the two nodes are not channel A and channel B of a Plumb (`plumb scan` shows \
+                 what they are)"
             ),
             Self::NotSelected(node) => write!(
                 f,

@@ -30,7 +30,7 @@ const HELP: [&str; 12] = [
     "",
     "The band is the expanded uncertainty (k = 2) of the difference:",
     "19 of 20 readings of a sound pair are within. The verdict is the nodes'.",
-    "What is old is never shown as a number; the line below says why.",
+    "An outdated value is never shown as a number; a line gives the reason.",
     "",
 ];
 
@@ -451,7 +451,7 @@ mod tests {
         let model = Model::new(&Plan::default(), setup);
         let text = seen(&model, &Screen::new(true, None), 80, 24);
         has(&text, "a\\u{1b}[2Jb");
-        has(&text, "nothing has been heard yet");
+        has(&text, "nothing was received yet");
         assert!(!text.contains('\u{1b}'));
     }
 }

@@ -168,8 +168,8 @@ data-ready line, so a brown-out shows by its silence alone; and no thermometer.
 
 Thresholds follow the healthy pair lying still in the first third of the recording: four times the
 root mean square, or twice the median for the gate of a standstill, and never below the product's.
-The other two thirds had no say. A finding is taken back after one second in order, because nobody
-can reset a recording. All else is as delivered.
+The other two thirds were not used. A finding is reset after one second in order, because a
+recording has no reset. Everything else is as delivered.
 
 | number | product | healthy pair | here |
 |---|---|---|---|"
@@ -186,7 +186,7 @@ can reset a recording. All else is as delivered.
             f,
             "
 The combined uncertainty of the pair is {vague:.1} mg, nearly all of it noise. A channel is named by
-its gravity only when the lengths differ by four of them, {named:.0} mg; less is told without a
+its gravity only when the lengths differ by four of them, {named:.0} mg; less is detected without a
 name.
 "
         )
@@ -223,12 +223,12 @@ time under an alarm | a channel named |
             f,
             "
 Lying still counts from 4 s after the board was laid down. So short a recording without an alarm
-only says that there are fewer than {most:.0} per hour (95 %).
+only shows that there are fewer than {most:.0} per hour (95 %).
 
 In motion the two differ for real. They are some centimetres apart, and a board that turns at
 10 rad/s pulls at one of them by 0.1 g more per centimetre. So every turn by hand raises an alarm,
 which is over when the board lies. Shaken, the pair differs by {:.1} g rms, and the first alarm
-comes {after_s:.2} s after the beginning. A threshold that let this pass would be blind to every
+comes {after_s:.2} s after the beginning. A threshold above this would miss every
 fault below but the coarsest. Motion as hard as this ends the comparison of two parts so far apart;
 what remains is each channel's own health.
 ",
@@ -242,11 +242,12 @@ what remains is each channel's own health.
             "\
 ### Faults that begin while the board lies still
 
-Watched for {WATCHED_S} s, which takes in two or three poses. What is told in a turn counts only if
-it names the channel with the fault. Delays are over all trials, those not told counted as the
-longest. Wrong: the healthy channel was named, if only for a moment. Nobody: told, without a name.
+Watched for {WATCHED_S} s, which takes in two or three poses. A detection in a turn counts only if
+it names the channel with the fault. Delays are over all trials, undetected faults counted as the
+longest. Wrong: the healthy channel was named, if only for a moment. None: detected, but no channel
+was named.
 
-| fault | told | median | 95 % | right | wrong | nobody |
+| fault | detected | median | 95 % | right | wrong | none |
 |---|---|---|---|---|---|---|"
         )?;
         rows(f, &self.still, |_| true)?;
@@ -256,18 +257,18 @@ longest. Wrong: the healthy channel was named, if only for a moment. Nobody: tol
             f,
             "
 Of {} trials {wrong} named the wrong channel at some time; {lying} of them first did so while the
-board lay still, the others when it was turned and put down: one end of a board hears that louder
-than the other, and a channel that loses samples hears less of it. An offset of 5 or 10 mg is told
+board lay still, the others when it was turned and put down: the shock is larger at one end of the
+board, and a channel that loses samples records less of it. An offset of 5 or 10 mg is detected
 and not named, because {:.0} mg of length are needed here. Which pose the
-board is in decides whether gravity shows the error at all. One sample in ten lost is mended by the
-chain and no fault by itself.
+board is in decides whether gravity shows the error at all. One sample in ten lost is filled in
+by the chain and is no fault by itself.
 
 ### Faults that begin while the board is shaken
 
-Watched for {SHAKEN_S} s. The pair is under an alarm already, so told here means that the channel
-with the fault is named. Faults without a row are never named.
+Watched for {SHAKEN_S} s. The pair is under an alarm already, so detected here means that the
+channel with the fault is named. Faults without a row are never named.
 
-| fault | told | median | 95 % | right | wrong | nobody |
+| fault | detected | median | 95 % | right | wrong | none |
 |---|---|---|---|---|---|---|",
             self.still.iter().map(|row| row.1.trials).sum::<usize>(),
             4.0 * self.tuned.uncertainty_mg
