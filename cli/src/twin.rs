@@ -41,7 +41,7 @@ const STDIN: &str = "-";
 pub struct Arguments {
     /// A word with what belongs to it, from the list below; `-` reads lines from the standard input
     #[arg(required = true, value_name = "WORD", value_parser = WordParser)]
-    #[arg(hide_possible_values = true)]
+    #[arg(hide_possible_values = true, allow_negative_numbers = true)]
     pub words: Vec<String>,
     /// Where `plumb serve` takes words; it prints the address at its start
     #[arg(long, value_name = "HOST:PORT", default_value_t = TWIN_AT.to_string())]

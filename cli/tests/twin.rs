@@ -162,6 +162,7 @@ fn one_line_may_be_typed_without_quotes() {
     let server = Server::start(&[]);
     let typed = ["fault", "b", "bias", "x", "20", "mg"];
     assert_eq!(server.obeys(&typed), "ok\n");
+    assert_eq!(server.obeys(&["temp", "-10"]), "ok\n");
     assert!(
         server
             .obeys(&["status"])
