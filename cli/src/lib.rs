@@ -4,7 +4,8 @@
 //! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/`, `characterise/` and
 //! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program.
 //! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
-//! puts virtual instruments on a bus, `demo/` tests them, `describe/` prints their data sheets.
+//! puts virtual instruments on a bus, `twin` moves and breaks them, `demo/` tests them, `describe/`
+//! prints their data sheets.
 //! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
 //! `watch/` decodes frames, `report/` draws.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
@@ -33,6 +34,7 @@ pub mod serve;
 mod shell;
 mod stdout;
 mod text_table;
+mod twin;
 mod update;
 mod verify;
 mod watch;
@@ -102,6 +104,8 @@ enum Verb {
     Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
     Serve(serve::Arguments),
+    /// Move and break the virtual instrument of a running `plumb serve`
+    Twin(twin::Arguments),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
     Demo(demo::Arguments),
     /// Print the descriptions of the nodes for other tools: EDS, DCF, DBC, the list of objects
@@ -147,6 +151,7 @@ fn carry_out(verb: &Verb, progress: &Progress) -> Result<ExitCode, String> {
         Verb::Replay(arguments) => replay::run(arguments, progress).map_err(said),
         Verb::Report(arguments) => period::run(arguments, progress).map_err(said),
         Verb::Serve(arguments) => serve::run(arguments, progress).map_err(said),
+        Verb::Twin(arguments) => twin::run(arguments).map_err(said),
         Verb::Demo(arguments) => demo::run(arguments, progress).map_err(said),
         Verb::Describe(arguments) => describe::run(arguments).map_err(said),
         Verb::Completions(shell) => shell::completions(shell, CommandLine::command()).map_err(said),

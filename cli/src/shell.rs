@@ -70,7 +70,29 @@ impl fmt::Display for ShellError {
 pub fn completions(arguments: &Completions, mut line: Command) -> Result<ExitCode, ShellError> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut line, "plumb", &mut script);
+    if arguments.shell == Shell::Fish {
+        script.extend(fish_values(&line).into_bytes());
+    }
     print(&script)
+}
+
+/// The values of arguments without a name, which `clap_complete` leaves out for fish.
+fn fish_values(line: &Command) -> String {
+    let mut script = String::new();
+    for verb in line.get_subcommands() {
+        for argument in verb.get_positionals() {
+            let values = argument.get_possible_values();
+            let values: Vec<_> = values.iter().map(|value| value.get_name()).collect();
+            if !values.is_empty() {
+                script += &format!(
+                    "complete -c plumb -n \"__fish_plumb_using_subcommand {}\" -f -a \"{}\"\n",
+                    verb.get_name(),
+                    values.join(" ")
+                );
+            }
+        }
+    }
+    script
 }
 
 /// Prints a page, or writes all of them; exit status 0.

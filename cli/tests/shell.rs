@@ -38,8 +38,8 @@ fn offered(folder: &Path, typed: &str) -> Option<String> {
     let script = folder.join("plumb.bash");
     std::fs::write(&script, plumb(&["completions", "bash"]).stdout).unwrap();
     let line = format!(
-        "source {}; COMP_WORDS=(plumb {typed}); COMP_CWORD=1; _plumb plumb {typed} plumb; \
-         echo ${{COMPREPLY[@]}}",
+        "source {}; COMP_WORDS=(plumb {typed}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); \
+         _plumb plumb ${{COMP_WORDS[-1]}} ${{COMP_WORDS[-2]}}; echo ${{COMPREPLY[@]}}",
         script.display()
     );
     let ran = Command::new("bash").args(["-c", &line]).output().ok()?;
@@ -130,4 +130,31 @@ fn a_word_that_is_not_known_is_status_2_and_no_backtrace() {
         said.contains("levitate") && !said.contains("panicked"),
         "{said}"
     );
+}
+
+#[test]
+fn bash_completes_the_words_of_the_twin_the_nodes_and_the_faults() {
+    let folder = Folder::new("completions-twin");
+    if offered(&folder.0, "twin").is_none() {
+        return println!("skipped: there is no bash");
+    }
+    for (typed, word) in [
+        ("twin vibr", "vibration"),
+        ("twin fault al", "all"),
+        ("twin fault b bia", "bias"),
+    ] {
+        assert_eq!(offered(&folder.0, typed).as_deref(), Some(word), "{typed}");
+    }
+}
+
+#[test]
+fn fish_and_zsh_know_the_words_of_the_twin_too() {
+    for shell in ["fish", "zsh"] {
+        let script = text(&plumb(&["completions", shell]).stdout);
+        let words = ["vibration", "all", "sync-lost"];
+        let line = script
+            .lines()
+            .find(|line| words.iter().all(|word| line.contains(word)));
+        assert!(line.is_some(), "{shell}");
+    }
 }

@@ -1,9 +1,9 @@
 //! The tour in README.md, command by command, as a reader types it.
 //!
 //! The lines of its `sh` blocks run in one folder, in their order. `plumb serve` gets ports of its
-//! own, which the other commands hear of through the variable of the channel, so that the test
-//! does not meet what else runs on the machine. A line that ends with `&` goes on in the
-//! background until the tour ends.
+//! own, which the other commands hear of through the variable of the channel, and `plumb twin` by
+//! its option, so that the test does not meet what else runs on the machine. A line that ends with
+//! `&` goes on in the background until the tour ends.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
@@ -40,6 +40,7 @@ struct Tour {
     /// With what they print, which somebody has to hold open.
     background: Vec<(Child, BufReader<ChildStdout>)>,
     bus: String,
+    twin: String,
     motor: String,
     chamber: String,
 }
@@ -63,12 +64,14 @@ impl Tour {
             folder,
             background: Vec::new(),
             bus: format!("{}/plumb", free()),
+            twin: free(),
             motor: free(),
             chamber: free(),
         }
     }
 
     fn shell(&self, line: &str) -> Command {
+        let line = line.replace("plumb twin", &format!("plumb twin --to {}", self.twin));
         let line = line.replace("127.0.0.1:5025", &self.motor);
         let line = line.replace("127.0.0.1:5026", &self.chamber);
         let path = std::env::var("PATH").unwrap_or_default();
@@ -86,7 +89,7 @@ impl Tour {
     /// Starts the bus, and waits until it says that it is ready.
     fn start(&mut self, line: &str) {
         let at = self.bus.trim_end_matches("/plumb");
-        let served = format!("exec plumb serve --listen {at}");
+        let served = format!("exec plumb serve --listen {at} --twin {}", self.twin);
         let line = line.replace("plumb serve", &served);
         let mut child = self.shell(&line).stdout(Stdio::piped()).spawn().unwrap();
         let mut ready = String::new();
@@ -142,6 +145,7 @@ fn every_command_of_the_tour_does_what_it_says() {
         "FF13h",
         "FF15h",
         "3 faults still standing at the end",
+        "put off to ",
     ] {
         assert!(said.contains(sentence), "{sentence:?} is not in\n{said}");
     }

@@ -129,8 +129,8 @@ impl fmt::Display for BitrateError {
                 f,
                 "these nodes have stored {rate} kbit/s and do not answer here: {}; set the adapter \
                  to {rate} kbit/s as well (for SocketCAN: `ip link set can0 down`, then `ip link \
-                 set can0 up type can bitrate {rate}000`; in `plumb serve` type `bit-rate \
-                 {rate}`), then look with `plumb bitrate`",
+                 set can0 up type can bitrate {rate}000`; for `plumb serve`: `plumb \
+                 twin bit-rate {rate}`), then look with `plumb bitrate`",
                 listed(nodes)
             ),
         }

@@ -7,10 +7,10 @@ use std::net::SocketAddr;
 /// A way for clients that could not be opened. Nothing is left open when one is returned.
 #[derive(Debug)]
 pub enum ServeError {
-    /// Another program listens there already.
-    PortInUse(SocketAddr),
-    /// The address can't be listened on.
-    Listen(SocketAddr, io::Error),
+    /// Another program listens there already; the option that asks for it.
+    PortInUse(SocketAddr, &'static str),
+    /// The address can't be listened on; the option that asks for it.
+    Listen(SocketAddr, &'static str, io::Error),
     /// A name that can't stand in a socketcand command.
     BusName(String),
     /// No pseudo-terminal could be made.
@@ -30,18 +30,18 @@ impl std::error::Error for ServeError {}
 impl fmt::Display for ServeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::PortInUse(at) => write!(
+            Self::PortInUse(at, option) => write!(
                 f,
                 "port {} of {} is in use: end the program that has it (another `plumb serve`?) \
-                 or choose another one with --listen {}",
+                 or choose another one with {option} {}",
                 at.port(),
                 at.ip(),
                 SocketAddr::new(at.ip(), at.port().wrapping_add(1).max(1024)),
             ),
-            Self::Listen(at, error) => write!(
+            Self::Listen(at, option, error) => write!(
                 f,
                 "cannot listen on {at}: {error}; choose an address of this machine with \
-                 --listen ADDRESS:PORT, for instance 127.0.0.1:{}",
+                 {option} ADDRESS:PORT, for instance 127.0.0.1:{}",
                 super::tcp::SOCKETCAND_PORT
             ),
             Self::BusName(name) => write!(

@@ -1,24 +1,23 @@
-//! Where programs that speak to a virtual device connect: lines over TCP.
+//! Where programs that speak to a virtual device connect.
 //!
-//! In: an address, and a device (the motor, the chamber). Out: each line with a way to answer it,
-//! in the order in which they came, and the device's queue of errors (IEEE 488.2, SCPI-1999 volume
-//! 2, chapter 21). Each connection has a thread, which waits for the answer before it reads on.
+//! In: an address, and a device (the motor, the chamber). Out: the answers to its lines, and the
+//! device's queue of errors (IEEE 488.2, SCPI-1999 volume 2, chapter 21).
 //!
-//! Left out: what the lines mean (`motor`, `climate`).
+//! Left out: what the lines mean (`motor`, `climate`), and how they travel (`line_server`).
 
 use std::collections::VecDeque;
 use std::fmt::Debug;
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
-use std::time::Duration;
+use std::net::SocketAddr;
 
 use super::error::ServeError;
+use super::line_server::{LineServer, Manner, Request};
 use super::stage::Stage;
 
-/// The longest line.
-const LINE_LIMIT: u64 = 256;
+/// A device says nothing unasked; no word of one is longer.
+const MANNER: Manner = Manner {
+    greeting: "",
+    longest: 256,
+};
 
 /// Errors that wait to be asked for.
 const ERRORS_LIMIT: usize = 10;
@@ -111,103 +110,52 @@ impl Lines {
     }
 }
 
-/// A line of a client, and where its answer goes; an empty one for none.
-#[derive(Debug)]
-struct Request {
-    line: String,
-    answer: Sender<String>,
-}
-
 /// A port with a device behind it.
 #[derive(Debug)]
 pub struct LinePort {
     lines: Lines,
-    requests: Receiver<Request>,
+    server: LineServer,
     /// Those who wait until the housing stands.
-    waiting: Vec<Sender<String>>,
+    waiting: Vec<Request>,
     /// Where it listens.
     pub at: SocketAddr,
 }
 
 impl LinePort {
-    /// Listens there; port 0 is any free one.
+    /// Listens there; port 0 is any free one. `option` is the one that asks for it.
     ///
-    /// Errors: [`ServeError::PortInUse`], [`ServeError::Listen`].
-    pub fn listen(at: SocketAddr, device: Box<dyn LineDevice>) -> Result<Self, ServeError> {
-        let failed = |error: std::io::Error| match error.kind() {
-            ErrorKind::AddrInUse => ServeError::PortInUse(at),
-            _ => ServeError::Listen(at, error),
-        };
-        let listener = TcpListener::bind(at).map_err(failed)?;
-        let at = listener.local_addr().map_err(failed)?;
-        let (sender, requests) = channel();
-        thread::spawn(move || accept(&listener, &sender));
+    /// Errors: [`ServeError::PortInUse`], [`ServeError::Listen`], [`ServeError::Thread`].
+    pub fn listen(
+        at: SocketAddr,
+        option: &'static str,
+        device: Box<dyn LineDevice>,
+    ) -> Result<Self, ServeError> {
+        let server = LineServer::listen(at, option, MANNER)?;
         Ok(Self {
             lines: Lines::new(device),
-            requests,
+            at: server.at,
+            server,
             waiting: Vec::new(),
-            at,
         })
     }
 
     /// Carries out what has come, and answers those who waited for the housing to stand.
     pub fn serve(&mut self, stage: &mut Stage) {
-        while let Ok(Request { line, answer }) = self.requests.try_recv() {
-            // Whoever has gone needs no answer.
-            let _ = match self.lines.hear(&line, stage) {
-                Answer::Nothing => answer.send(String::new()),
-                Answer::Line(text) => answer.send(text),
-                Answer::WhenStill => {
-                    self.waiting.push(answer);
-                    Ok(())
-                }
+        while let Some(request) = self.server.next() {
+            // One that goes without an answer ends the conversation.
+            let Some(line) = request.line() else {
+                continue;
             };
+            match self.lines.hear(line, stage) {
+                Answer::Nothing => request.answer(""),
+                Answer::Line(text) => request.answer(&text),
+                Answer::WhenStill => self.waiting.push(request),
+            }
         }
         if stage.is_still() {
-            for answer in self.waiting.drain(..) {
-                let _ = answer.send("1".to_owned());
+            for request in self.waiting.drain(..) {
+                request.answer("1");
             }
-        }
-    }
-}
-
-fn accept(listener: &TcpListener, requests: &Sender<Request>) {
-    loop {
-        match listener.accept() {
-            Ok((stream, _)) => {
-                let requests = requests.clone();
-                thread::spawn(move || converse(stream, &requests));
-            }
-            // Too many files open, or a client that went at once: neither ends the listening.
-            Err(_) => thread::sleep(Duration::from_millis(20)),
-        }
-    }
-}
-
-/// Reads lines until the client goes, the bus ends, or a line is longer than any that means
-/// something.
-fn converse(mut stream: TcpStream, requests: &Sender<Request>) {
-    let Ok(reading) = stream.try_clone() else {
-        return;
-    };
-    let _ = stream.set_nodelay(true);
-    let mut reader = BufReader::new(reading);
-    loop {
-        let mut bytes = Vec::new();
-        let read = (&mut reader).take(LINE_LIMIT).read_until(b'\n', &mut bytes);
-        if !matches!(read, Ok(count) if count > 0) || bytes.last() != Some(&b'\n') {
-            return;
-        }
-        let line = String::from_utf8_lossy(&bytes).into_owned();
-        let (answer, said) = channel();
-        if requests.send(Request { line, answer }).is_err() {
-            return;
-        }
-        let Ok(said) = said.recv() else {
-            return;
-        };
-        if !said.is_empty() && stream.write_all(format!("{said}\n").as_bytes()).is_err() {
-            return;
         }
     }
 }

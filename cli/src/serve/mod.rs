@@ -1,8 +1,8 @@
 //! `plumb serve`: the virtual instrument on a bus that other programs can join.
 //!
 //! In: frames of CAN clients that come over TCP, over a pseudo-terminal or from a CAN interface
-//! of the kernel; motion and faults as words from a script or typed. Out: every frame of the bus
-//! to each client, paced to real time or as fast as the machine can.
+//! of the kernel; motion and faults as words from a script, typed, or sent by `plumb twin`. Out:
+//! every frame of the bus to each client, paced to real time or as fast as the machine can.
 //!
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
@@ -12,6 +12,7 @@ pub(crate) mod hex;
 mod hub;
 mod keep;
 mod line_port;
+mod line_server;
 mod motor;
 mod options;
 mod outlet;
@@ -29,8 +30,9 @@ pub(crate) mod status;
 mod stop;
 mod tcp;
 mod trouble;
+pub(crate) mod twin;
 mod typed;
-mod words;
+pub(crate) mod words;
 
 #[cfg(test)]
 mod stage_tests;
@@ -60,6 +62,7 @@ use motor::Table;
 use ready::Way;
 use server::Server;
 use stage::Stage;
+use twin::TwinPort;
 
 pub use options::Arguments;
 pub use stop::Stopped;
@@ -84,9 +87,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Stopp
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Stopped::Signal)?;
     let (stage, ids) = build(arguments, &node_ids, keep.as_ref(), progress)?;
     doors.say_ready(arguments, &ids);
+    let (twin, devices) = doors.ports();
     let server = Server::new(arguments, hub, stage, script, keep, interrupted);
     server
-        .with_ports(doors.ports())
+        .with_ports(twin, devices)
         .run()
         .map(|()| ExitCode::SUCCESS)
 }
@@ -114,9 +118,10 @@ pub fn run_network(
     stage.chamber_speed = arguments.chamber_speed;
     (0..nodes).for_each(|number| stage.power_on(number));
     doors.say_ready(arguments, ids);
+    let (twin, devices) = doors.ports();
     let server = Server::new(arguments, hub, stage, script, None, interrupted);
     server
-        .with_ports(doors.ports())
+        .with_ports(twin, devices)
         .run()
         .map(|()| ExitCode::SUCCESS)
 }
@@ -176,6 +181,7 @@ struct Doors {
     pty: Option<std::path::PathBuf>,
     motor: Option<LinePort>,
     chamber: Option<LinePort>,
+    twin: TwinPort,
 }
 
 impl Doors {
@@ -187,21 +193,28 @@ impl Doors {
             hub.open_kernel(name)?;
         }
         let seed = arguments.seed;
-        let listen = |at: Option<SocketAddr>, device: Box<dyn LineDevice>| {
-            at.map(|at| LinePort::listen(at, device)).transpose()
+        let listen = |at: Option<SocketAddr>, option, device: Box<dyn LineDevice>| {
+            at.map(|at| LinePort::listen(at, option, device))
+                .transpose()
         };
         Ok(Self {
             socketcand,
             slcan,
             pty,
-            motor: listen(arguments.motor, Box::new(Table::new(seed)))?,
-            chamber: listen(arguments.chamber, Box::new(Climate { seed }))?,
+            motor: listen(arguments.motor, "--motor", Box::new(Table::new(seed)))?,
+            chamber: listen(arguments.chamber, "--chamber", Box::new(Climate { seed }))?,
+            // Last, so that it takes no port that somebody has asked for.
+            twin: match arguments.twin {
+                Some(at) => TwinPort::listen(at)?,
+                None => TwinPort::beside(arguments.listen)?,
+            },
         })
     }
 
-    /// The devices that are spoken to in lines.
-    fn ports(self) -> Vec<LinePort> {
-        self.motor.into_iter().chain(self.chamber).collect()
+    /// Where words come in, and the devices that are spoken to in lines.
+    fn ports(self) -> (TwinPort, Vec<LinePort>) {
+        let devices = self.motor.into_iter().chain(self.chamber).collect();
+        (self.twin, devices)
     }
 
     fn say_ready(&self, arguments: &Arguments, ids: &[Option<u8>]) {
@@ -225,6 +238,7 @@ impl Doors {
             can_interface: arguments.can.clone(),
             motor: self.motor.as_ref().map(|motor| motor.at.to_string()),
             chamber: self.chamber.as_ref().map(|chamber| chamber.at.to_string()),
+            twin: self.twin.at.to_string(),
         }
     }
 
@@ -244,7 +258,7 @@ impl Doors {
             ways.push(Way::Kernel(name));
             places += &format!(", CAN interface {name}");
         }
-        let mut bench = String::new();
+        let mut bench = format!("plumb twin --to {} WORD\n", ready::reached(self.twin.at));
         if let Some(motor) = &self.motor {
             bench += &format!("plumb calibrate --motor tcp://{}\n", motor.at);
         }

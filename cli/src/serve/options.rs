@@ -94,6 +94,10 @@ pub struct Arguments {
     /// Let programs set the air temperature by commands of a chamber (docs/chamber.md), over TCP
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub chamber: Option<SocketAddr>,
+    /// Where `plumb twin` sends its words; else 127.0.0.1 and the port above that of --listen,
+    /// or any free one when that is in use
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub twin: Option<SocketAddr>,
     /// How many times as fast as 2 degC/min the chamber ramps and the sensors follow it, 1 to 300
     #[arg(long, default_value_t = 1.0, value_parser = chamber_speed, value_name = "FACTOR")]
     pub chamber_speed: f64,

@@ -35,6 +35,8 @@ pub struct Ready {
     pub motor: Option<String>,
     /// ADDRESS:PORT of the virtual climatic chamber.
     pub chamber: Option<String>,
+    /// ADDRESS:PORT of the port for words, for `plumb twin --to`.
+    pub twin: String,
 }
 
 /// What a typed word has told, for `--json`.
@@ -125,7 +127,7 @@ fn slcan_keywords(channel: &str) -> String {
 }
 
 /// An address that a client on this machine can connect to.
-fn reached(mut at: SocketAddr) -> SocketAddr {
+pub fn reached(mut at: SocketAddr) -> SocketAddr {
     if at.ip().is_unspecified() {
         at.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
     }

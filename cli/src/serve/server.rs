@@ -18,11 +18,12 @@ use super::options::Arguments;
 use super::pace::{Pace, Speed};
 use super::ready;
 use super::say;
-use super::script::{Script, Wanted, impossible};
+use super::script::{Script, Wanted};
 use super::stage::{Done, Stage};
 use super::stop::Stopped;
+use super::twin::TwinPort;
 use super::typed;
-use super::words::{Line, When, Word, read};
+use super::words::{Line, Word, read};
 
 /// A tick of the virtual world, ns.
 const TICK_NS: u64 = 1_000_000;
@@ -47,6 +48,8 @@ pub struct Server {
     /// Typed words that were put off, with their times in ns.
     put_off: Vec<(u64, Word)>,
     keep: Option<Keep>,
+    /// Where `plumb twin` sends its words.
+    twin: Option<TwinPort>,
     /// Virtual devices that are spoken to in lines.
     ports: Vec<LinePort>,
     interrupted: Arc<AtomicBool>,
@@ -59,15 +62,15 @@ pub struct Server {
 
 /// Whether the run goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Go {
+pub enum Go {
+    /// It does.
     On,
+    /// It ends, exit status 0.
     Quit,
 }
 
-/// What is told of trouble that only the code of a virtual node can have.
-const BEYOND: &str = "its code runs on an emulated processor: only its part and its wires break";
-
-fn complain(sentence: &str) {
+/// Tells the person at the bus what is the matter.
+pub fn complain(sentence: &str) {
     eprintln!("plumb: {sentence}");
 }
 
@@ -96,6 +99,7 @@ impl Server {
             typed,
             put_off: Vec::new(),
             keep,
+            twin: None,
             ports: Vec::new(),
             interrupted,
             await_client: arguments.await_client,
@@ -105,16 +109,23 @@ impl Server {
         }
     }
 
-    /// The same with what turns the housing and what keeps its temperature.
-    pub fn with_ports(self, ports: Vec<LinePort>) -> Self {
-        Self { ports, ..self }
+    /// The same with a port for words, and with what turns the housing and keeps its temperature.
+    pub fn with_ports(self, twin: TwinPort, ports: Vec<LinePort>) -> Self {
+        let twin = Some(twin);
+        Self {
+            twin,
+            ports,
+            ..self
+        }
     }
 
     /// Runs until Ctrl-C or `quit`.
     ///
     /// Errors: [`Stopped::ScriptEnded`], [`Stopped::Keep`].
     pub fn run(mut self) -> Result<(), Stopped> {
-        self.wait_for_client();
+        if self.wait_for_client() == Go::Quit {
+            return Ok(());
+        }
         self.pace = Pace::new(self.speed, Instant::now(), 0);
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
         self.epoch_us = since_1970.map_or(0, |d| d.as_micros() as u64);
@@ -122,7 +133,10 @@ impl Server {
             let at_ns = self.stage.network.now_ns();
             let (target_ns, late) = self.pace.target(Instant::now(), at_ns);
             self.tell_late(late);
-            if self.advance(target_ns)? == Go::Quit || self.hear_typed() == Go::Quit {
+            let is_over = self.advance(target_ns)? == Go::Quit
+                || self.hear_typed() == Go::Quit
+                || self.hear_twin() == Go::Quit;
+            if is_over {
                 break;
             }
             for port in &mut self.ports {
@@ -139,11 +153,16 @@ impl Server {
         self.interrupted.load(Ordering::Relaxed)
     }
 
-    fn wait_for_client(&mut self) {
+    /// Somebody waits for the answer to a word, and so these are carried out meanwhile, at time 0.
+    fn wait_for_client(&mut self) -> Go {
         while self.await_client && self.hub.clients() == 0 && !self.is_interrupted() {
             thread::sleep(Duration::from_millis(5));
             self.tell();
+            if self.hear_twin() == Go::Quit {
+                return Go::Quit;
+            }
         }
+        Go::On
     }
 
     fn tell_late(&mut self, late: bool) {
@@ -230,13 +249,10 @@ impl Server {
 
     fn obey(&mut self, word: &Word) -> Go {
         match self.stage.obey(word) {
-            Done::Quietly => {}
             Done::Told(text) if self.json => say(&ready::json(&ready::Told::new(&text))),
             Done::Told(text) => say(&text),
-            Done::Impossible(pose) => complain(&impossible(pose)),
-            Done::Beyond => complain(BEYOND),
-            Done::ScriptOnly => complain("`wait`, `hold` and `repeat` are words of scripts"),
             Done::Quit => return Go::Quit,
+            done => done.refusal().iter().for_each(|why| complain(why)),
         }
         Go::On
     }
@@ -244,18 +260,13 @@ impl Server {
     fn hear_typed(&mut self) -> Go {
         while let Some(text) = self.typed.as_ref().and_then(|lines| lines.try_recv().ok()) {
             let now_ns = self.stage.network.now_ns();
-            let seconds = |s: f64| (s * 1e9) as u64;
             let (at_ns, word) = match read(&text, self.stage.network.node_count()) {
                 Ok(None) => continue,
                 Err(error) => {
                     complain(&error.to_string());
                     continue;
                 }
-                Ok(Some(Line { when, word })) => match when {
-                    When::Now => (now_ns, word),
-                    When::After(s) => (now_ns + seconds(s), word),
-                    When::At(s) => (seconds(s), word),
-                },
+                Ok(Some(Line { when, word })) => (when.at_ns(now_ns), word),
             };
             if at_ns > now_ns {
                 self.put_off.push((at_ns, word));
@@ -264,6 +275,17 @@ impl Server {
             }
         }
         Go::On
+    }
+
+    fn hear_twin(&mut self) -> Go {
+        let Self {
+            twin,
+            stage,
+            put_off,
+            ..
+        } = self;
+        twin.as_mut()
+            .map_or(Go::On, |twin| twin.serve(stage, put_off))
     }
 
     /// Puts what clients have sent onto the bus.

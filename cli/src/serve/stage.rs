@@ -21,6 +21,7 @@ use sim::supply::Supply;
 
 use super::hub::{ClientId, Incoming};
 use super::round_robin::RoundRobin;
+use super::script::impossible;
 use super::trouble::Trouble;
 use super::words::{BusTrouble, Word, help};
 
@@ -267,6 +268,25 @@ pub enum Done {
     /// Trouble of a node whose code runs elsewhere; nothing has changed.
     Beyond,
 }
+
+impl Done {
+    /// Why nothing has changed; `None` for a word that was carried out.
+    pub fn refusal(&self) -> Option<String> {
+        match self {
+            Self::Quietly | Self::Told(_) | Self::Quit => None,
+            Self::Impossible(pose) => Some(impossible(*pose)),
+            Self::ScriptOnly => Some(SCRIPT_ONLY.to_owned()),
+            Self::Beyond => Some(BEYOND.to_owned()),
+        }
+    }
+}
+
+/// What is told of words that mean nothing here.
+const SCRIPT_ONLY: &str = "`hold` and `repeat` are words of scripts, `wait` of scripts and, \
+                           without a time before it, of `plumb twin`";
+
+/// What is told of trouble that only the code of a virtual node can have.
+const BEYOND: &str = "its code runs on an emulated processor: only its part and its wires break";
 
 impl Stage {
     /// Carries out a word, now.

@@ -48,28 +48,36 @@ pub fn listen_socketcand(
         let session = socketcand::Session::new(&name);
         (socketcand::GREETING, Box::new(session))
     };
-    listen(shared, at, "socketcand", Box::new(welcome))
+    listen(shared, at, ("socketcand", "--listen"), Box::new(welcome))
 }
 
 /// Listens for SLCAN clients.
 pub fn listen_slcan(shared: &Arc<Shared>, at: SocketAddr) -> Result<SocketAddr, ServeError> {
     let welcome =
         || -> (&'static [u8], Box<dyn Dialogue>) { (b"", Box::new(slcan::Session::new())) };
-    listen(shared, at, "SLCAN", Box::new(welcome))
+    listen(shared, at, ("SLCAN", "--slcan"), Box::new(welcome))
+}
+
+/// Takes a port, any free one for 0, which `option` asks for; where it is.
+///
+/// Errors: [`ServeError::PortInUse`], [`ServeError::Listen`].
+pub fn bind(at: SocketAddr, option: &'static str) -> Result<(TcpListener, SocketAddr), ServeError> {
+    let failed = |error: std::io::Error| match error.kind() {
+        ErrorKind::AddrInUse => ServeError::PortInUse(at, option),
+        _ => ServeError::Listen(at, option, error),
+    };
+    let listener = TcpListener::bind(at).map_err(failed)?;
+    let at = listener.local_addr().map_err(failed)?;
+    Ok((listener, at))
 }
 
 fn listen(
     shared: &Arc<Shared>,
     at: SocketAddr,
-    kind: &'static str,
+    (kind, option): (&'static str, &'static str),
     welcome: Box<Welcome>,
 ) -> Result<SocketAddr, ServeError> {
-    let failed = |error: std::io::Error| match error.kind() {
-        ErrorKind::AddrInUse => ServeError::PortInUse(at),
-        _ => ServeError::Listen(at, error),
-    };
-    let listener = TcpListener::bind(at).map_err(failed)?;
-    let at = listener.local_addr().map_err(failed)?;
+    let (listener, at) = bind(at, option)?;
     let shared = Arc::clone(shared);
     spawn("listener", move || {
         accept(&shared, &listener, kind, &*welcome)

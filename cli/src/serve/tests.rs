@@ -301,10 +301,10 @@ fn beside_a_client_that_floods_another_waited_for_all_of_its_frames() {
 fn a_port_in_use_is_named_with_the_way_out() {
     let (_hub, at) = socketcand();
     let error = Hub::new().listen_slcan(at).unwrap_err();
-    assert!(matches!(error, ServeError::PortInUse(_)));
+    assert!(matches!(error, ServeError::PortInUse(_, "--slcan")));
     let sentence = error.to_string();
     assert!(sentence.starts_with(&format!("port {} of 127.0.0.1 is in use", at.port())));
-    assert!(sentence.contains("--listen 127.0.0.1:"), "{sentence}");
+    assert!(sentence.contains("--slcan 127.0.0.1:"), "{sentence}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The words that move and break the virtual instrument, one command per line.
 //!
-//! In: a line of a script or of what was typed. Out: a [`Line`]: when, and what. Everything that
-//! can be wrong with it is found here, before anything happens; what follows from the lines
-//! before it (which pose, which time) is `script`'s to see.
+//! In: a line of a script, or one that was typed or sent. Out: a [`Line`]: when, and what.
+//! Everything that can be wrong with it is found here, before anything happens; what follows from
+//! the lines before it (which pose, which time) is `script`'s to see.
 //!
 //! Left out: what can break in a node (`trouble`); what the words do (`stage`).
 
@@ -73,7 +73,7 @@ pub enum Word {
     Help,
     /// End, exit status 0.
     Quit,
-    /// Scripts: go on after so many seconds; `None`: when the housing stands still.
+    /// Scripts and `plumb twin`: go on after so many seconds; `None`: when the housing stands.
     Wait(Option<f64>),
     /// Scripts: nothing more, and serve on.
     Hold,
@@ -91,6 +91,25 @@ pub enum When {
     After(f64),
     /// So many seconds after the script has begun.
     At(f64),
+}
+
+impl When {
+    /// The time, ns, of a line that has come at `now_ns`.
+    pub fn at_ns(self, now_ns: u64) -> u64 {
+        let ns = |s: f64| (s * 1e9) as u64;
+        match self {
+            Self::Now => now_ns,
+            Self::After(s) => now_ns + ns(s),
+            Self::At(s) => ns(s),
+        }
+    }
+}
+
+impl Word {
+    /// True for what tells a script how it goes on.
+    pub const fn is_for_scripts(&self) -> bool {
+        matches!(self, Self::Wait(_) | Self::Hold | Self::Repeat)
+    }
 }
 
 /// One line.
@@ -199,7 +218,7 @@ const FORMS: [(&str, &str, &str); 20] = [
     (
         "wait",
         "wait SECONDS, or wait alone (until the housing stands still)",
-        "scripts only",
+        "scripts and `plumb twin` only",
     ),
     ("hold", "hold", "scripts only, last line: serve on"),
     ("repeat", "repeat", "scripts only, last line: begin again"),
@@ -214,6 +233,14 @@ pub fn help() -> String {
          it off\n{}",
         trouble::help()
     )
+}
+
+/// What a shell may offer for a line: its first words, the nodes of the first instrument, faults.
+pub fn candidates() -> impl Iterator<Item = &'static str> {
+    let first = FORMS.iter().map(|(word, ..)| *word);
+    let is_other = |fault: &&str| !FORMS.iter().any(|(word, ..)| word == fault);
+    let faults = trouble::names().filter(is_other);
+    first.chain(["a", "b", "all"]).chain(faults)
 }
 
 /// The name of a node: a and b of the first instrument, a2 and b2 of the second, and so on.
