@@ -75,7 +75,7 @@ const FORMS: [(&str, &str, &str); 25] = [
     (
         "offset",
         "fault NODE offset MG (-2000 to 2000)",
-        "a loose board: x and y feel so much more",
+        "a loose board: x and y measure so much more",
     ),
     (
         "memory",
@@ -161,7 +161,7 @@ const FORMS: [(&str, &str, &str); 25] = [
     (
         "sync-lost",
         "fault NODE sync-lost",
-        "the node hears no SYNC",
+        "the node receives no SYNC",
     ),
 ];
 

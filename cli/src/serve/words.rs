@@ -206,7 +206,7 @@ const FORMS: [(&str, &str, &str); 20] = [
     (
         "bit-rate",
         "bit-rate KBIT/S (10, 20, 50, 125, 250, 500, 800 or 1000)",
-        "the clients' adapter goes there: type it behind a change by LSS (`plumb bitrate`)",
+        "the clients' adapter goes there: type it after a change by LSS (`plumb bitrate`)",
     ),
     (
         "status",

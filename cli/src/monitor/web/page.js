@@ -76,7 +76,7 @@ function showChannel(channel, holder) {
   const or = (value, unit) => (value === null || !page.live ? "--" : `${value} ${unit}`);
   const faults = channel.faults.map((fault) => fault.text);
   const heartbeat = channel.heartbeat_lost ? "LOST"
-    : channel.nmt === null ? "none yet" : "comes";
+    : channel.nmt === null ? "none yet" : "received";
   const uncertainty = channel.uncertainty_deg;
   const findings = channel.findings.map((found) => `${found.count} ${found.text}`);
   holder.replaceChildren(
@@ -113,7 +113,7 @@ function showPair(instrument) {
       ["of", instrument.difference_of === "measured" ? "angles as measured"
         : "slopes, with their presets"],
       ["difference", page.live ? word : "--", inside === false ? "warning" : ""],
-      ["blamed", known(instrument.verdict.blamed.join(" and ") || "nobody")],
+      ["blamed", known(instrument.verdict.blamed.join(" and ") || "none")],
       ["because", known(instrument.verdict.reason ?? "--")],
     ]),
   );
@@ -187,7 +187,7 @@ function showVerdict(instrument, bus) {
   const holder = byId("verdict");
   if (!page.live) {
     holder.className = "";
-    holder.textContent = "not known: nothing comes from plumb monitor";
+    holder.textContent = "not known: no data from plumb monitor";
     return;
   }
   const { level, text, reason } = instrument.verdict;
