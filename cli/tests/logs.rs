@@ -444,7 +444,10 @@ fn another_node_is_decoded_by_its_data_sheet() {
             .ends_with(",node5_position_value")
     );
     assert!(table.lines().last().unwrap().ends_with(",10"));
-    refused(&[&log, "--eds", &eds], &["encoder.eds", "does not name its node"]);
+    refused(
+        &[&log, "--eds", &eds],
+        &["encoder.eds", "does not name its node"],
+    );
 }
 
 /// Peak memory of a replay of so many bytes through its standard input, kB.
