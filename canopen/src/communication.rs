@@ -10,7 +10,7 @@
 use crate::emcy::Emergency;
 use crate::error_control::ErrorControl;
 use crate::nmt::{ErrorBehaviour, State};
-use crate::object::{Abort, Address, Dictionary, Objects, Place, Value};
+use crate::object::{Abort, Address, Dictionary, Number, Objects, Place, Value};
 use crate::pdo::Pdos;
 use crate::srdo::Safety;
 use crate::sync::{self, Sync};
@@ -100,7 +100,7 @@ impl Communication {
     }
 
     /// The value of an object that a service owns.
-    pub fn read<O: Objects>(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read<O: Objects>(&mut self, at: Address) -> Option<Result<Number, Abort>> {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.read(at),
             0x1300..=0x13FF if O::SERVICES.safety => self.safety.read(at),

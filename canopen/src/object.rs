@@ -7,11 +7,13 @@
 //!
 //! Left out: the rows themselves, and where values are kept.
 
+mod number;
 pub mod packed;
 mod place;
 
 pub use crate::sdo::abort::Abort;
 use crate::services::Services;
+pub use number::Number;
 use packed::{Form, Kind, Row};
 pub use place::Place;
 
@@ -332,37 +334,37 @@ impl Value {
 
     /// An 8-bit value.
     pub fn u8(number: u8) -> Self {
-        Self::cut(u64::from(number), 1)
+        Number::u8(number).into()
     }
 
     /// A 16-bit value.
     pub fn u16(number: u16) -> Self {
-        Self::cut(u64::from(number), 2)
+        Number::u16(number).into()
     }
 
     /// A 32-bit value.
     pub fn u32(number: u32) -> Self {
-        Self::cut(u64::from(number), 4)
+        Number::u32(number).into()
     }
 
     /// An 8-bit value with sign.
     pub fn i8(number: i8) -> Self {
-        Self::cut(number as u64, 1)
+        Number::i8(number).into()
     }
 
     /// A 16-bit value with sign.
     pub fn i16(number: i16) -> Self {
-        Self::cut(number as u64, 2)
+        Number::i16(number).into()
     }
 
     /// A 24-bit value with sign; upper bits are cut.
     pub fn i24(number: i32) -> Self {
-        Self::cut(number as u64, 3)
+        Number::i24(number).into()
     }
 
     /// A 32-bit value with sign.
     pub fn i32(number: i32) -> Self {
-        Self::cut(number as u64, 4)
+        Number::i32(number).into()
     }
 
     /// The bytes, as many as the value has.

@@ -78,7 +78,7 @@ impl<A: Application> Objects for View<'_, A> {
             return Ok(Value::u32(ON_COMMAND));
         }
         match self.communication.read::<A>(at) {
-            Some(result) => result,
+            Some(result) => result.map(Value::from),
             None => self.application.read(at),
         }
     }

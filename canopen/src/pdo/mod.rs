@@ -17,7 +17,7 @@ mod configuration_tests;
 mod tests;
 
 use crate::frame::Frame;
-use crate::object::{Abort, Access, Address, Dictionary, Objects, Value};
+use crate::object::{Abort, Access, Address, Dictionary, Number, Objects, Value};
 use crate::time::{Deadline, Instant};
 use rpdo::Rpdo;
 use setup::{Part, Setup};
@@ -104,7 +104,7 @@ impl Pdos {
 
     /// The value of 1400h to 1403h, 1600h to 1603h, 1800h to 1803h or 1A00h to 1A03h; `None` for
     /// any other index.
-    pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read(&mut self, at: Address) -> Option<Result<Number, Abort>> {
         let (setup, part) = self.setup(at)?;
         Some(setup.read(part, at.sub))
     }

@@ -8,7 +8,7 @@
 
 use crate::frame::is_restricted;
 use crate::mapping::{self, ENTRIES, Mapping};
-use crate::object::{Abort, Access, Dictionary, Objects, Value};
+use crate::object::{Abort, Access, Dictionary, Number, Objects, Value};
 
 /// Bit 31 of a COB-ID: the PDO does not exist.
 pub const INVALID: u32 = 1 << 31;
@@ -109,23 +109,23 @@ impl Setup {
     /// A sub-index's value.
     ///
     /// Errors: [`Abort::NoSuchSubIndex`].
-    pub fn read(&self, part: Part, sub: u8) -> Result<Value, Abort> {
+    pub fn read(&self, part: Part, sub: u8) -> Result<Number, Abort> {
         let Part::Communication(access) = part else {
             return match sub.checked_sub(1) {
-                None => Some(Value::u8(self.mapping.count())),
-                Some(n) => self.mapping.entry(n).map(Value::u32),
+                None => Some(Number::u8(self.mapping.count())),
+                Some(n) => self.mapping.entry(n).map(Number::u32),
             }
             .ok_or(Abort::NoSuchSubIndex);
         };
         let transmits = access == Access::TPDO;
         Ok(match sub {
-            0 if transmits => Value::u8(HIGHEST_TRANSMIT),
-            0 => Value::u8(HIGHEST_RECEIVE),
-            1 => Value::u32(self.cob_id()),
-            2 => Value::u8(self.kind),
-            3 => Value::u16(self.inhibit),
-            5 => Value::u16(self.event_ms),
-            6 if transmits => Value::u8(self.sync_start),
+            0 if transmits => Number::u8(HIGHEST_TRANSMIT),
+            0 => Number::u8(HIGHEST_RECEIVE),
+            1 => Number::u32(self.cob_id()),
+            2 => Number::u8(self.kind),
+            3 => Number::u16(self.inhibit),
+            5 => Number::u16(self.event_ms),
+            6 if transmits => Number::u8(self.sync_start),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -158,10 +158,10 @@ impl Setup {
     ) -> Result<(), Abort> {
         // A tool may write a whole configuration back, in any order.
         let is_fixed = sub == 0 && matches!(part, Part::Communication(_));
-        if !is_fixed && self.read(part, sub)? == value {
+        let number = value.unsigned() as u32;
+        if !is_fixed && self.read(part, sub)?.bits() == number {
             return Ok(());
         }
-        let number = value.unsigned() as u32;
         match part {
             Part::Mapping(_) if !O::SERVICES.dynamic_mapping => return Err(Abort::ReadOnly),
             Part::Communication(Access::TPDO)
@@ -212,7 +212,7 @@ impl Setup {
 
     /// CiA 301, 7.5.2.35 and 7.5.2.37.
     fn may_set(&self, part: Part, sub: u8, number: u32) -> Result<(), Abort> {
-        let old = self.read(part, sub)?.unsigned() as u32;
+        let old = self.read(part, sub)?.bits();
         let exists = self.exists();
         match sub {
             0 => Err(Abort::ReadOnly),

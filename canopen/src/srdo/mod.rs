@@ -16,7 +16,7 @@ mod setup;
 mod tests;
 
 use crate::frame::Frame;
-use crate::object::{Abort, Address, Dictionary, Objects, Value};
+use crate::object::{Abort, Address, Dictionary, Number, Objects, Value};
 use crate::time::{Deadline, Instant};
 use consumer::Consumer;
 use producer::Producer;
@@ -159,18 +159,18 @@ impl Safety {
     }
 
     /// The value of 1300h to 1302h, 1381h, 1382h, 13FEh or 13FFh; `None` for any other index.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read(&self, at: Address) -> Option<Result<Number, Abort>> {
         let single = |value: u8| match at.sub {
-            0 => Ok(Value::u8(value)),
+            0 => Ok(Number::u8(value)),
             _ => Err(Abort::NoSuchSubIndex),
         };
         Some(match place(at)? {
             Place::Gfc => single(self.gfc),
             Place::Valid => single(if self.valid { VALID } else { 0 }),
             Place::Signature => match at.sub.checked_sub(1) {
-                None => Ok(Value::u8(SRDOS as u8)),
+                None => Ok(Number::u8(SRDOS as u8)),
                 Some(n) => match self.srdos.get(usize::from(n)) {
-                    Some(srdo) => Ok(Value::u16(srdo.setup.signature)),
+                    Some(srdo) => Ok(Number::u16(srdo.setup.signature)),
                     None => Err(Abort::NoSuchSubIndex),
                 },
             },

@@ -7,7 +7,7 @@
 //! Left out: the communication objects, which the stack serves itself.
 
 use canopen::node::{Application, Event};
-use canopen::object::{Abort, Address, Dictionary, Objects, Value, at};
+use canopen::object::{Abort, Address, Dictionary, Number, Objects, Value, at};
 use canopen::services::Services;
 use canopen::storage::Group;
 use canopen::{Instant as BusInstant, nmt};
@@ -225,37 +225,54 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     }
 
     #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn measured(&mut self, at: Address) -> Option<Value> {
+    fn measured(&mut self, at: Address) -> Option<Number> {
         let process = &self.parts.values.process;
         let shown = self.shown();
         let axis = usize::from(at.sub).wrapping_sub(1);
         Some(match (at.index, at.sub) {
             (0x2010, _) => exchange_value(&process.sent, at.sub)?,
             (0x2011, _) => exchange_value(&process.received, at.sub)?,
-            (0x2020, _) => Value::u8(shown.validity()),
-            (0x2021, _) => Value::u8(shown.state()),
-            (0x2022, 3) => Value::u16(shown.larger_uncertainty()),
-            (0x2022, _) => Value::u16(shown.uncertainty(axis)),
-            (0x2023, 1) => Value::u32(process.latency_us),
-            (0x2023, _) => Value::u8(process.latency_ms()),
-            (0x2024, 3) => Value::i16(shown.larger_delta()),
-            (0x2024, _) => Value::i16(*shown.delta().get(axis)?),
-            (0x2025, _) => Value::u8(shown.reason(axis)),
-            (0x2026, 1) => Value::u32(process.syncs),
-            (0x2026, 2) => Value::u16(process.missed),
-            (0x2026, _) => Value::u8(process.source as u8),
-            (0x2027, 1) => Value::u8(shown.blame().0),
-            (0x2027, 2) => Value::u8(shown.blame().1),
-            (0x2027, _) => Value::u32(process.since_ms),
-            (0x2028, _) => Value::i16(*shown.residual().get(axis)?),
-            (0x2031, _) => Value::i32(*process.filtered.get(axis)?),
-            (0x2032, _) => Value::u32(process.samples),
-            (0x2033, _) => Value::u32(process.period_q8),
+            (0x2020, _) => Number::u8(shown.validity()),
+            (0x2021, _) => Number::u8(shown.state()),
+            (0x2022, 3) => Number::u16(shown.larger_uncertainty()),
+            (0x2022, _) => Number::u16(shown.uncertainty(axis)),
+            (0x2023, 1) => Number::u32(process.latency_us),
+            (0x2023, _) => Number::u8(process.latency_ms()),
+            (0x2024, 3) => Number::i16(shown.larger_delta()),
+            (0x2024, _) => Number::i16(*shown.delta().get(axis)?),
+            (0x2025, _) => Number::u8(shown.reason(axis)),
+            (0x2026, 1) => Number::u32(process.syncs),
+            (0x2026, 2) => Number::u16(process.missed),
+            (0x2026, _) => Number::u8(process.source as u8),
+            (0x2027, 1) => Number::u8(shown.blame().0),
+            (0x2027, 2) => Number::u8(shown.blame().1),
+            (0x2027, _) => Number::u32(process.since_ms),
+            (0x2028, _) => Number::i16(*shown.residual().get(axis)?),
+            (0x2031, _) => Number::i32(*process.filtered.get(axis)?),
+            (0x2032, _) => Number::u32(process.samples),
+            (0x2033, _) => Number::u32(process.period_q8),
             (0x2052, _) => bus_value(&process.bus, at.sub)?,
-            (0x2053, 1) => Value::u16(self.parts.values.bit_rate),
-            (0x6511, _) => Value::i8(process.temperature_c),
+            (0x2053, 1) => Number::u16(self.parts.values.bit_rate),
+            (0x6511, _) => Number::i8(process.temperature_c),
             _ => return None,
         })
+    }
+
+    fn number(&mut self, at: Address) -> Result<Number, Abort> {
+        if let Some(number) = self.measured(at) {
+            return Ok(number);
+        }
+        match at.index {
+            0x1018 => self.identity_value(at),
+            0x1F50..=0x1F57 | 0x2080 if I::UPDATE => self.read_program(at),
+            0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
+            0x6210..=0x6221 if I::SERVICES.safety => self.read_safe_slope(at),
+            0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
+            _ => {
+                let place = self.parts.values.parameters.place(at);
+                place.map(|p| p.get()).ok_or(Abort::NoSuchObject)
+            }
+        }
     }
 
     /// The signature that 63FFh must hold for the parameters as they are.
@@ -296,10 +313,10 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         Ok(())
     }
 
-    fn identity_value(&self, at: Address) -> Result<Value, Abort> {
+    fn identity_value(&self, at: Address) -> Result<Number, Abort> {
         let number = usize::from(at.sub).wrapping_sub(1);
         let number = self.identity().get(number).copied();
-        number.map(Value::u32).ok_or(Abort::NoSuchSubIndex)
+        number.map(Number::u32).ok_or(Abort::NoSuchSubIndex)
     }
 }
 
@@ -308,28 +325,28 @@ const ANGLES: u8 = 1;
 /// The same of the second PDO.
 const BACKING: u8 = 5;
 
-fn exchange_value(exchange: &crate::exchange::Exchange, sub: u8) -> Option<Value> {
+fn exchange_value(exchange: &crate::exchange::Exchange, sub: u8) -> Option<Number> {
     let [x, y] = exchange.angle;
     let [quality_x, quality_y] = exchange.quality;
     Some(match sub {
-        1 => Value::i24(x),
-        2 => Value::i24(y),
-        3 => Value::u8(quality_x),
-        4 => Value::u8(quality_y),
-        8 => Value::u8(exchange.captured),
-        9 => Value::u8(exchange.activity),
-        _ => Value::i16(*exchange.vector.get(usize::from(sub).wrapping_sub(5))?),
+        1 => Number::i24(x),
+        2 => Number::i24(y),
+        3 => Number::u8(quality_x),
+        4 => Number::u8(quality_y),
+        8 => Number::u8(exchange.captured),
+        9 => Number::u8(exchange.activity),
+        _ => Number::i16(*exchange.vector.get(usize::from(sub).wrapping_sub(5))?),
     })
 }
 
-fn bus_value(bus: &super::process::Bus, sub: u8) -> Option<Value> {
+fn bus_value(bus: &super::process::Bus, sub: u8) -> Option<Number> {
     Some(match sub {
-        1 => Value::u8(bus.state),
-        2 => Value::u8(bus.transmit_errors),
-        3 => Value::u8(bus.receive_errors),
-        4 => Value::u8(bus.load_percent),
-        5 => Value::u16(bus.overruns),
-        6 => Value::u16(bus.bus_offs),
+        1 => Number::u8(bus.state),
+        2 => Number::u8(bus.transmit_errors),
+        3 => Number::u8(bus.receive_errors),
+        4 => Number::u8(bus.load_percent),
+        5 => Number::u16(bus.overruns),
+        6 => Number::u16(bus.bus_offs),
         _ => return None,
     })
 }
@@ -360,20 +377,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for Panel<'_, M, S, I> {
     }
 
     fn read(&mut self, at: Address) -> Result<Value, Abort> {
-        if let Some(value) = self.measured(at) {
-            return Ok(value);
-        }
-        match at.index {
-            0x1018 => self.identity_value(at),
-            0x1F50..=0x1F57 | 0x2080 if I::UPDATE => self.read_program(at),
-            0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
-            0x6210..=0x6221 if I::SERVICES.safety => self.read_safe_slope(at),
-            0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
-            _ => {
-                let place = self.parts.values.parameters.place(at);
-                place.map(|p| p.get()).ok_or(Abort::NoSuchObject)
-            }
-        }
+        self.number(at).map(Value::from)
     }
 
     fn write(&mut self, at: Address, value: Value) -> Result<(), Abort> {

@@ -7,7 +7,7 @@
 //!
 //! Left out: the arithmetic (`profile`).
 
-use canopen::object::{Abort, Address, Value};
+use canopen::object::{Abort, Address, Number, Value};
 use tilt::angle::Angle;
 use tilt::chain::Correction;
 
@@ -93,10 +93,10 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         self.shown().slope(slope)
     }
 
-    pub(super) fn read_slope(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_slope(&self, at: Address) -> Result<Number, Abort> {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         let Some(which) = which(at.index) else {
-            return Ok(Value::u16(self.resolution(device).number()));
+            return Ok(Number::u16(self.resolution(device).number()));
         };
         if !I::PRESETS {
             return Ok(self.as_measured(which));
@@ -105,7 +105,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let slope = parameters.ok_or(Abort::NoSuchObject)?;
         let number = match Parameter::new(which.distance) {
             Some(Parameter::Operating) => {
-                return Ok(Value::u8(slope.get(Parameter::Operating) as u8));
+                return Ok(Number::u8(slope.get(Parameter::Operating) as u8));
             }
             Some(parameter) => slope.get(parameter),
             None => {
@@ -113,24 +113,24 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
                 let angle = self.angle(which.slope);
                 let number = angle.map(|a| slope.displayed(a, &scale));
                 if which.wide {
-                    return Ok(Value::i32(number.unwrap_or(i32::MIN)));
+                    return Ok(Number::i32(number.unwrap_or(i32::MIN)));
                 }
                 // Outside the measuring range it may not fit, and the nearest number that does
                 // would be a wrong angle.
                 let narrow = number.and_then(|n| i16::try_from(n).ok());
-                return Ok(Value::i16(narrow.unwrap_or(i16::MIN)));
+                return Ok(Number::i16(narrow.unwrap_or(i16::MIN)));
             }
         };
         Ok(sized(number, which.wide))
     }
 
     /// A slope whose unit, sign and zero nobody can set.
-    fn as_measured(&self, which: Which) -> Value {
+    fn as_measured(&self, which: Which) -> Number {
         let angle = self.angle(which.slope);
         let number = angle.map(|angle| Resolution::Hundredth.units(angle));
         match which.wide {
-            true => Value::i32(number.unwrap_or(i32::MIN)),
-            false => Value::i16(number.map_or(i16::MIN, narrow)),
+            true => Number::i32(number.unwrap_or(i32::MIN)),
+            false => Number::i16(number.map_or(i16::MIN, narrow)),
         }
     }
 
@@ -253,7 +253,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     /// 6210h to 6221h: as measured, without preset and offsets, in the unit of 6200h. Without a
     /// valid angle, or where 16 bit do not hold it, there is no value, so that no SRDO can be made
     /// of it.
-    pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_safe_slope(&self, at: Address) -> Result<Number, Abort> {
         let axis = usize::from(at.index >= 0x6220);
         let (angle, again) = self.shown().measured(axis).ok_or(Abort::NoData)?;
         let unit = Resolution::new(self.parts.values.parameters.safety_resolution);
@@ -264,15 +264,15 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             !unit.units_by_sums(again)
         };
         let number = i16::try_from(number).map_err(|_| Abort::NoData)?;
-        Ok(Value::i16(number))
+        Ok(Number::i16(number))
     }
 }
 
-fn sized(number: i32, wide: bool) -> Value {
+fn sized(number: i32, wide: bool) -> Number {
     if wide {
-        Value::i32(number)
+        Number::i32(number)
     } else {
-        Value::i16(narrow(number))
+        Number::i16(narrow(number))
     }
 }
 
