@@ -100,7 +100,9 @@ pub struct Identity {
     pub models: Models,
 }
 
-/// Everything behind the rows. What is large comes last, as in `Device`.
+/// Everything behind the rows. What is large comes last, as in `Device`, and what is handed on as a
+/// whole comes behind what is read field by field: so the pair stands where an instruction reaches
+/// it from the start of the device, which saves 0.2 kB of code.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Parts<M, S, I: Instrument = Whole> {
@@ -108,6 +110,8 @@ pub struct Parts<M, S, I: Instrument = Whole> {
     pub identity: Identity,
     /// The values.
     pub values: Values,
+    /// The pair.
+    pub pair: Pair<I>,
     /// The channel.
     pub channel: S,
     /// The memory.
@@ -116,8 +120,6 @@ pub struct Parts<M, S, I: Instrument = Whole> {
     pub settings: Settings<I>,
     /// Calibration under way.
     pub work: Work<I>,
-    /// The pair.
-    pub pair: Pair<I>,
     /// The fault log.
     pub log: FaultLog,
     /// The black box.
@@ -138,11 +140,11 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
         Self {
             identity,
             values: Values::new(),
+            pair: Pair::new(check),
             channel,
             memory,
             settings: Settings::uncalibrated(setup),
             work: Work::new(terms),
-            pair: Pair::new(check),
             log: FaultLog::new(),
             black_box: BlackBox::new(),
         }
