@@ -287,11 +287,16 @@ impl Dictionary {
         let Some(&(low, high)) = self.table.limits.get(usize::from(entry.limits)) else {
             return Ok(());
         };
-        let number = value.number(entry.data_type);
-        if number > i64::from(high) {
+        // With the sign turned over, numbers with a sign are in the order of those without.
+        let (number, turned) = if entry.data_type.is_signed() {
+            (value.signed_32() as u32, 1 << 31)
+        } else {
+            (u32::try_from(value.unsigned()).unwrap_or(u32::MAX), 0)
+        };
+        if number ^ turned > high ^ turned {
             return Err(Abort::ValueTooHigh);
         }
-        if number < i64::from(low) {
+        if number ^ turned < low as u32 ^ turned {
             return Err(Abort::ValueTooLow);
         }
         Ok(())
@@ -372,6 +377,11 @@ impl Value {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&[])
     }
 
+    /// All eight bytes, 0 beyond the length.
+    pub(crate) const fn padded(&self) -> [u8; 8] {
+        self.bytes
+    }
+
     /// How many bytes the value has.
     pub(crate) const fn length(&self) -> u8 {
         self.length
@@ -387,6 +397,13 @@ impl Value {
     pub fn signed(&self) -> i64 {
         let shift = 64 - 8 * u32::from(self.length.clamp(1, 8));
         ((self.unsigned() << shift) as i64) >> shift
+    }
+
+    /// The lowest four bytes with the sign of the value's own length, up to four.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn signed_32(&self) -> i32 {
+        let shift = 32 - 8 * u32::from(self.length.clamp(1, 4));
+        ((self.unsigned() as u32 as i32) << shift) >> shift
     }
 
     /// The value as its type reads it. 64-bit values without sign stop at `i64::MAX`.

@@ -107,12 +107,8 @@ impl Content {
             return Ok(());
         }
         let value = objects.read(self.at)?;
-        let mut size = 0;
-        for (to, from) in self.bytes.iter_mut().zip(value.bytes()) {
-            *to = *from;
-            size += 1;
-        }
-        self.size = Some(size);
+        self.bytes = value.padded();
+        self.size = Some(value.length().into());
         Ok(())
     }
 
@@ -196,8 +192,7 @@ impl Content {
         if self.place == Place::Sink {
             return objects.commit(self.at);
         }
-        let bytes = self.bytes.get(..self.done as usize);
-        let value = bytes.and_then(Value::new).ok_or(Abort::LengthTooHigh)?;
+        let value = Value::cut(u64::from_le_bytes(self.bytes), self.done as usize);
         let dictionary = objects.dictionary();
         dictionary.admits(&dictionary.entry(self.at)?, &value)?;
         objects.write(self.at, value)

@@ -357,15 +357,15 @@ fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value
     let [x, y] = &mut exchange.angle;
     let [quality_x, quality_y] = &mut exchange.quality;
     match at.sub {
-        1 => *x = value.signed() as i32,
-        2 => *y = value.signed() as i32,
+        1 => *x = value.signed_32(),
+        2 => *y = value.signed_32(),
         3 => *quality_x = value.unsigned() as u8,
         4 => *quality_y = value.unsigned() as u8,
         8 => exchange.captured = value.unsigned() as u8,
         9 => exchange.activity = value.unsigned() as u8,
         sub => {
             if let Some(axis) = exchange.vector.get_mut(usize::from(sub).wrapping_sub(5)) {
-                *axis = value.signed() as i16;
+                *axis = value.signed_32() as i16;
             }
         }
     }

@@ -143,7 +143,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let number = if parameter == Parameter::Operating {
             value.unsigned() as i32
         } else {
-            value.signed() as i32
+            value.signed_32()
         };
         let scale = self.scale(which.slope, self.resolution(device));
         let angle = self.shown().preset_slope(which.slope);
@@ -176,7 +176,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let before = self.parts.values.parameters.range;
         let member = usize::from(at.sub).wrapping_sub(1);
         let place = self.parts.values.parameters.range.get_mut(member);
-        *place.ok_or(Abort::NoSuchSubIndex)? = value.signed() as i32;
+        *place.ok_or(Abort::NoSuchSubIndex)? = value.signed_32();
         let axis = member >> 1;
         for slope in [axis, axis + 2] {
             let scale = self.scale(slope, self.resolution(slope >> 1));
@@ -244,7 +244,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             Some(which) => {
                 let slope = self.parts.values.parameters.slopes.get_mut(which.slope);
                 if let (Some(slope), Some(parameter)) = (slope, Parameter::new(which.distance)) {
-                    slope.load(parameter, value.signed() as i32);
+                    slope.load(parameter, value.signed_32());
                 }
             }
         }

@@ -274,7 +274,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         }
         match at.sub {
             1 => self.command_motor(value.unsigned() as u8),
-            2 => self.memorise(value.signed() as i32),
+            2 => self.memorise(value.signed_32()),
             _ => Err(Abort::ReadOnly),
         }
     }
