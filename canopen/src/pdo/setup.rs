@@ -7,7 +7,7 @@
 //! Left out: transmission types 252 and 253 (on remote request only), and 29-bit identifiers.
 
 use crate::frame::is_restricted;
-use crate::mapping::{self, ENTRIES, Mapping};
+use crate::mapping::{self, Mapping};
 use crate::object::{Abort, Access, Dictionary, Number, Objects, Value};
 
 /// Bit 31 of a COB-ID: the PDO does not exist.
@@ -156,10 +156,12 @@ impl Setup {
         sub: u8,
         value: Value,
     ) -> Result<(), Abort> {
-        // A tool may write a whole configuration back, in any order.
-        let is_fixed = sub == 0 && matches!(part, Part::Communication(_));
+        if sub == 0 && matches!(part, Part::Communication(_)) {
+            return Err(Abort::ReadOnly);
+        }
         let number = value.unsigned() as u32;
-        if !is_fixed && self.read(part, sub)?.bits() == number {
+        // A tool may write a whole configuration back, in any order.
+        if self.read(part, sub)?.bits() == number {
             return Ok(());
         }
         match part {
@@ -170,16 +172,13 @@ impl Setup {
                 return Err(Abort::InvalidValue);
             }
             Part::Mapping(access) => self.may_map(dictionary, access, sub, number)?,
-            Part::Communication(_) => self.may_set(part, sub, number)?,
+            Part::Communication(_) => self.may_set(sub, number)?,
         }
-        if self.load(part, sub, value) {
-            if part == Part::Mapping(Access::RPDO) {
-                self.mapping.look_ahead(dictionary);
-            }
-            Ok(())
-        } else {
-            Err(Abort::NoSuchSubIndex)
+        self.load(part, sub, value);
+        if part == Part::Mapping(Access::RPDO) {
+            self.mapping.look_ahead(dictionary);
         }
+        Ok(())
     }
 
     /// CiA 301, 7.5.2.36 and 7.5.2.38: a mapping changes while the PDO does not exist, and its
@@ -191,15 +190,11 @@ impl Setup {
         sub: u8,
         number: u32,
     ) -> Result<(), Abort> {
-        if sub > ENTRIES {
-            return Err(Abort::NoSuchSubIndex);
-        }
         if self.exists() {
             return Err(Abort::UnsupportedAccess);
         }
         if sub == 0 {
-            let count = u8::try_from(number).unwrap_or(u8::MAX);
-            return self.mapping.check(dictionary, access, count);
+            return self.mapping.check(dictionary, access, number as u8);
         }
         if self.mapping.count() != 0 {
             return Err(Abort::UnsupportedAccess);
@@ -210,22 +205,21 @@ impl Setup {
         mapping::admits(dictionary, number, access)
     }
 
-    /// CiA 301, 7.5.2.35 and 7.5.2.37.
-    fn may_set(&self, part: Part, sub: u8, number: u32) -> Result<(), Abort> {
-        let old = self.read(part, sub)?.bits();
+    /// CiA 301, 7.5.2.35 and 7.5.2.37, for a number that is another one than before.
+    fn may_set(&self, sub: u8, number: u32) -> Result<(), Abort> {
         let exists = self.exists();
         match sub {
-            0 => Err(Abort::ReadOnly),
             1 => {
                 identifier(number)?;
-                if exists && number & INVALID == 0 && (number ^ old) & IDENTIFIER != 0 {
+                let changed = (number ^ self.cob_id()) & IDENTIFIER;
+                if exists && number & INVALID == 0 && changed != 0 {
                     return Err(Abort::InvalidValue);
                 }
                 Ok(())
             }
-            2 => transmission_type(u8::try_from(number).unwrap_or(LAST_SYNCHRONOUS + 1)),
+            2 => transmission_type(number as u8),
             // Inhibit time and SYNC start value stay while the PDO exists.
-            3 | 6 if exists && number != old => Err(Abort::UnsupportedAccess),
+            3 | 6 if exists => Err(Abort::UnsupportedAccess),
             6 if number > u32::from(LAST_SYNCHRONOUS) => Err(Abort::InvalidValue),
             _ => Ok(()),
         }

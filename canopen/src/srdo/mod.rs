@@ -129,17 +129,19 @@ enum Place {
 
 /// `None` when the address is not one of CANopen Safety here.
 fn place(at: Address) -> Option<Place> {
-    let parameter = |base: u16, part| {
-        let n = usize::from(at.index.checked_sub(base)?);
-        (n < SRDOS).then_some(Place::Parameter(n, part))
-    };
-    match at.index {
-        0x1300 => Some(Place::Gfc),
-        0x13FE => Some(Place::Valid),
-        0x13FF => Some(Place::Signature),
-        _ => parameter(0x1381, Part::Mapping).or_else(|| parameter(0x1301, Part::Communication)),
-    }
+    let n = usize::from(at.index & 0x7F).wrapping_sub(1);
+    Some(match at.index {
+        0x1300 => Place::Gfc,
+        0x13FE => Place::Valid,
+        0x13FF => Place::Signature,
+        0x1301..=0x1302 => Place::Parameter(n, Part::Communication),
+        0x1381..=0x1382 => Place::Parameter(n, Part::Mapping),
+        _ => return None,
+    })
 }
+
+// Its places are counted above.
+const _: () = assert!(SRDOS == 2);
 
 impl Safety {
     /// As [`Safety::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
@@ -205,7 +207,7 @@ impl Safety {
         at: Address,
         value: Value,
     ) -> Result<(), Abort> {
-        let byte = u8::try_from(value.unsigned()).unwrap_or(u8::MAX);
+        let byte = value.unsigned() as u8;
         match place {
             Place::Gfc | Place::Valid if at.sub != 0 => return Err(Abort::NoSuchSubIndex),
             Place::Gfc if byte > 1 => return Err(Abort::InvalidValue),

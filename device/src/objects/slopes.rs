@@ -157,14 +157,16 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     fn write_resolution(&mut self, device: usize, number: u16) -> Result<(), Abort> {
         let new = Resolution::new(number).map_err(|r| r.abort())?;
         let old = self.resolution(device);
-        let mut slopes = self.parts.values.parameters.slopes;
-        for i in 2 * device..2 * device + 2 {
-            if let Some(slope) = slopes.get_mut(i) {
-                let scale = self.scale(i, new);
-                *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
-            }
+        let (pairs, _) = self.parts.values.parameters.slopes.as_chunks::<2>();
+        let mut pair = *pairs.get(device).ok_or(Abort::NoSuchObject)?;
+        for (slope, i) in pair.iter_mut().zip(2 * device..) {
+            let scale = self.scale(i, new);
+            *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
         }
-        self.parts.values.parameters.slopes = slopes;
+        let (pairs, _) = self.parts.values.parameters.slopes.as_chunks_mut();
+        if let Some(place) = pairs.get_mut(device) {
+            *place = pair;
+        }
         if let Some(place) = self.parts.values.parameters.resolution.get_mut(device) {
             *place = number;
         }
