@@ -185,10 +185,18 @@ impl Table {
         low
     }
 
+    fn kind(&self, row: &Row) -> Option<&'static Kind> {
+        self.kinds.get(usize::from(row.kind))
+    }
+
+    fn form(&self, kind: &Kind) -> Option<&'static Form> {
+        self.forms.get(usize::from(kind.form))
+    }
+
     /// A row with what it picks; `None` only for one that is not of this table.
     fn entry(&self, row: &Row) -> Option<Entry> {
-        let kind = self.kinds.get(usize::from(row.kind))?;
-        let form = self.forms.get(usize::from(kind.form))?;
+        let kind = self.kind(row)?;
+        let form = self.form(kind)?;
         Some(Entry {
             index: row.index,
             sub: row.sub,
@@ -235,12 +243,29 @@ impl Dictionary {
     ///
     /// Errors: [`Abort::NoSuchObject`] or [`Abort::NoSuchSubIndex`].
     pub fn entry(&self, at: Address) -> Result<Entry, Abort> {
+        let entry = self.table.entry(self.find(at)?);
+        entry.ok_or(Abort::NoSuchSubIndex)
+    }
+
+    /// What the row of an object is like: all that most callers ask for, in one register.
+    ///
+    /// Errors: as [`Dictionary::entry`].
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn form(&self, at: Address) -> Result<&'static Form, Abort> {
+        let kind = self.table.kind(self.find(at)?);
+        let form = kind.and_then(|kind| self.table.form(kind));
+        form.ok_or(Abort::NoSuchSubIndex)
+    }
+
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn find(&self, at: Address) -> Result<&'static Row, Abort> {
         let rows = self.table.rows;
         let after = self.table.after(key(at.index, at.sub));
         let found = rows.get(after.wrapping_sub(1));
         if let Some(row) = found.filter(|r| r.index == at.index) {
-            let entry = self.table.entry(row).filter(|e| at.sub <= e.last);
-            return entry.ok_or(Abort::NoSuchSubIndex);
+            let more = self.table.kind(row).map_or(0, |kind| kind.more);
+            let is_of_run = at.sub.wrapping_sub(row.sub) <= more;
+            return is_of_run.then_some(row).ok_or(Abort::NoSuchSubIndex);
         }
         Err(match rows.get(after) {
             Some(r) if r.index == at.index => Abort::NoSuchSubIndex,
@@ -262,17 +287,17 @@ impl Dictionary {
     }
 
     /// True when not every value of the row's length may be written.
-    pub fn limits(&self, entry: &Entry) -> bool {
-        let narrow = usize::from(entry.limits) < self.table.limits.len();
-        narrow || entry.data_type == DataType::Boolean
+    pub fn limits(&self, form: &Form) -> bool {
+        let narrow = usize::from(form.limits) < self.table.limits.len();
+        narrow || form.data_type == DataType::Boolean
     }
 
-    /// Whether `value` may be written to `entry`: length and limits, not access.
+    /// Whether `value` may be written to a row of this form: length and limits, not access.
     ///
     /// Errors: [`Abort::LengthTooHigh`], [`Abort::LengthTooLow`], [`Abort::ValueTooHigh`],
     /// [`Abort::ValueTooLow`].
-    pub fn admits(&self, entry: &Entry, value: &Value) -> Result<(), Abort> {
-        let Some(size) = entry.data_type.size() else {
+    pub fn admits(&self, form: &Form, value: &Value) -> Result<(), Abort> {
+        let Some(size) = form.data_type.size() else {
             return Ok(());
         };
         if value.bytes().len() > size {
@@ -281,14 +306,14 @@ impl Dictionary {
         if value.bytes().len() < size {
             return Err(Abort::LengthTooLow);
         }
-        if entry.data_type == DataType::Boolean && value.unsigned() > 1 {
+        if form.data_type == DataType::Boolean && value.unsigned() > 1 {
             return Err(Abort::ValueTooHigh);
         }
-        let Some(&(low, high)) = self.table.limits.get(usize::from(entry.limits)) else {
+        let Some(&(low, high)) = self.table.limits.get(usize::from(form.limits)) else {
             return Ok(());
         };
         // With the sign turned over, numbers with a sign are in the order of those without.
-        let (number, turned) = if entry.data_type.is_signed() {
+        let (number, turned) = if form.data_type.is_signed() {
             (value.signed_32() as u32, 1 << 31)
         } else {
             (u32::try_from(value.unsigned()).unwrap_or(u32::MAX), 0)
@@ -324,6 +349,11 @@ impl Value {
             *to = *from;
         }
         Some(value)
+    }
+
+    /// All eight bytes.
+    pub const fn whole(bytes: [u8; 8]) -> Self {
+        Self { bytes, length: 8 }
     }
 
     /// The lowest `size` bytes of a number; more than eight count as eight.

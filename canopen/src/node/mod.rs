@@ -24,6 +24,7 @@ use crate::error_control::{ERROR_CONTROL, Event as Control};
 use crate::frame::Frame;
 use crate::lss::{self, Lss, Request};
 use crate::nmt::{self, Command, State};
+use crate::object::packed::Form;
 use crate::object::{Abort, Address, Objects, Value, at};
 use crate::pdo::Received;
 use crate::sdo::Server;
@@ -250,7 +251,7 @@ impl Node {
                         None
                     };
                     // A value of a former version that no longer fits is not taken.
-                    let kept = kept.filter(|v| dictionary.admits(&entry, v).is_ok());
+                    let kept = kept.filter(|v| dictionary.admits(&Form::of(&entry), v).is_ok());
                     let Some(value) = kept.or_else(|| dictionary.default(&entry, self.node_id))
                     else {
                         continue;

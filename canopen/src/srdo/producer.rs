@@ -105,6 +105,6 @@ impl Producer {
 fn sampled<O: Objects>(setup: &Setup, objects: &mut O) -> Option<(Value, Value)> {
     let plain = setup.plain.pack(objects).ok()?;
     let inverted = setup.inverted.pack(objects).ok()?;
-    let twin = Value::cut(!plain.unsigned(), setup.plain.length());
+    let twin = Value::cut(!plain.unsigned(), plain.length().into());
     (inverted == twin).then_some((plain, inverted))
 }

@@ -409,7 +409,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for Panel<'_, M, S, I> {
             (0x2010, BACKING, 8) => pdos.last(),
             _ => None,
         };
-        Value::new(pdo?)
+        Some(Value::whole(*pdo?))
     }
 
     fn write_adjacent(&mut self, first: Address, values: &Value) -> bool {
