@@ -222,6 +222,8 @@ pub const fn store_abort(error: StoreError) -> Abort {
 
 impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     /// What is shown of both channels now.
+    // Out of line: what reads a slope, a preset and a safe slope would each make it anew.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn shown(&self) -> Shown<'_, I> {
         self.parts.shown(self.now)
     }

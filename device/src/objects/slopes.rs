@@ -52,12 +52,8 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     }
 
     fn range(&self, axis: usize) -> Range {
-        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
-        let (low, high) = if axis == 0 {
-            (low_x, high_x)
-        } else {
-            (low_y, high_y)
-        };
+        let (ranges, _) = self.parts.values.parameters.range.as_chunks();
+        let [low, high] = *ranges.get(axis).unwrap_or(&[0; 2]);
         Range { low, high }
     }
 
