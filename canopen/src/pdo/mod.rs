@@ -66,14 +66,17 @@ enum Place {
 /// `None` when the address is not that of a PDO here.
 fn place(at: Address) -> Option<Place> {
     let n = usize::from(at.index & 0x1FF);
-    let place = match at.index & !0x1FF {
-        0x1400 => Place::Receive(n, Part::Communication(Access::RPDO)),
-        0x1600 => Place::Receive(n, Part::Mapping(Access::RPDO)),
-        0x1800 => Place::Transmit(n, Part::Communication(Access::TPDO)),
-        0x1A00 => Place::Transmit(n, Part::Mapping(Access::TPDO)),
+    if n >= PDOS {
+        return None;
+    }
+    // Indices lie 200h apart: small numbers are looked at.
+    Some(match at.index >> 9 {
+        0xA => Place::Receive(n, Part::Communication(Access::RPDO)),
+        0xB => Place::Receive(n, Part::Mapping(Access::RPDO)),
+        0xC => Place::Transmit(n, Part::Communication(Access::TPDO)),
+        0xD => Place::Transmit(n, Part::Mapping(Access::TPDO)),
         _ => return None,
-    };
-    (n < PDOS).then_some(place)
+    })
 }
 
 impl Pdos {

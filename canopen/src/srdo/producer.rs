@@ -103,7 +103,8 @@ impl Producer {
 
 /// A pair whose halves agree; `None` when they do not, or when an object cannot be read now.
 fn sampled<O: Objects>(setup: &Setup, objects: &mut O) -> Option<(Value, Value)> {
-    let (Ok(plain), Ok(inverted)) = (setup.plain.pack(objects), setup.inverted.pack(objects)) else {
+    let (Ok(plain), Ok(inverted)) = (setup.plain.pack(objects), setup.inverted.pack(objects))
+    else {
         return None;
     };
     let twin = Value::cut(!plain.unsigned(), plain.length().into());

@@ -228,14 +228,35 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         self.parts.shown(self.now)
     }
 
-    #[cfg_attr(target_pointer_width = "32", inline(never))]
-    fn measured(&mut self, at: Address) -> Option<Number> {
+    fn number(&mut self, at: Address) -> Result<Number, Abort> {
+        let axis = usize::from(at.sub).wrapping_sub(1);
+        let process = &self.parts.values.process;
+        let number = match at.index {
+            0x1018 => return self.identity_value(at),
+            0x1F50..=0x1F57 | 0x2080 if I::UPDATE => return self.read_program(at),
+            0x2030 | 0x2060 | 0x2062 => return self.read_calibration(at),
+            0x6210..=0x6221 if I::SERVICES.safety => return self.read_safe_slope(at),
+            0x6000..=0x61FF | 0x6800..=0x69FF => return self.read_slope(at),
+            0x2010 => exchange_value(&process.sent, at.sub),
+            0x2011 => exchange_value(&process.received, at.sub),
+            0x2020..=0x2028 => self.shown_value(at),
+            0x2031 => process.filtered.get(axis).copied().map(Number::i32),
+            0x2032 => Some(Number::u32(process.samples)),
+            0x2033 => Some(Number::u32(process.period_q8)),
+            0x2052 => bus_value(&process.bus, at.sub),
+            0x2053 if at.sub == 1 => Some(Number::u16(self.parts.values.bit_rate)),
+            0x6511 => Some(Number::i8(process.temperature_c)),
+            _ => self.parts.values.parameters.place(at).map(|p| p.get()),
+        };
+        number.ok_or(Abort::NoSuchObject)
+    }
+
+    /// 2020h to 2028h, what is derived at this instant and what stands beside it.
+    fn shown_value(&self, at: Address) -> Option<Number> {
         let process = &self.parts.values.process;
         let shown = self.shown();
         let axis = usize::from(at.sub).wrapping_sub(1);
         Some(match (at.index, at.sub) {
-            (0x2010, _) => exchange_value(&process.sent, at.sub)?,
-            (0x2011, _) => exchange_value(&process.received, at.sub)?,
             (0x2020, _) => Number::u8(shown.validity()),
             (0x2021, _) => Number::u8(shown.state()),
             (0x2022, 3) => Number::u16(shown.larger_uncertainty()),
@@ -251,32 +272,8 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             (0x2027, 1) => Number::u8(shown.blame().0),
             (0x2027, 2) => Number::u8(shown.blame().1),
             (0x2027, _) => Number::u32(process.since_ms),
-            (0x2028, _) => Number::i16(*shown.residual().get(axis)?),
-            (0x2031, _) => Number::i32(*process.filtered.get(axis)?),
-            (0x2032, _) => Number::u32(process.samples),
-            (0x2033, _) => Number::u32(process.period_q8),
-            (0x2052, _) => bus_value(&process.bus, at.sub)?,
-            (0x2053, 1) => Number::u16(self.parts.values.bit_rate),
-            (0x6511, _) => Number::i8(process.temperature_c),
-            _ => return None,
+            _ => Number::i16(*shown.residual().get(axis)?),
         })
-    }
-
-    fn number(&mut self, at: Address) -> Result<Number, Abort> {
-        if let Some(number) = self.measured(at) {
-            return Ok(number);
-        }
-        match at.index {
-            0x1018 => self.identity_value(at),
-            0x1F50..=0x1F57 | 0x2080 if I::UPDATE => self.read_program(at),
-            0x2030 | 0x2060 | 0x2062 => self.read_calibration(at),
-            0x6210..=0x6221 if I::SERVICES.safety => self.read_safe_slope(at),
-            0x6000..=0x61FF | 0x6800..=0x69FF => self.read_slope(at),
-            _ => {
-                let place = self.parts.values.parameters.place(at);
-                place.map(|p| p.get()).ok_or(Abort::NoSuchObject)
-            }
-        }
     }
 
     /// The signature that 63FFh must hold for the parameters as they are.
