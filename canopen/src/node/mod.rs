@@ -122,12 +122,11 @@ const LAST_TRANSMITTED: u16 = 0x5FF;
 /// Error register bit 4: communication.
 const COMMUNICATION: u8 = 0x10;
 
-/// A CANopen slave: configuration and state.
+/// A CANopen slave: configuration and state. What is small comes first, also in memory: short
+/// instructions reach it.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct Node {
-    server: Server,
-    lss: Lss,
-    communication: Communication,
     node_id: u8,
     bus: BusState,
     boot_up: BootUp,
@@ -139,6 +138,9 @@ pub struct Node {
     /// Nothing has changed since the last [`Node::poll`], which said when there is more to do.
     settled: bool,
     next: Deadline,
+    lss: Lss,
+    server: Server,
+    communication: Communication,
 }
 
 /// Nodes not heard and guarding, as [`ErrorControl::lost`](crate::error_control::ErrorControl).
@@ -193,9 +195,6 @@ impl Node {
     #[inline(never)]
     pub const fn new() -> Self {
         Self {
-            server: Server::new(),
-            lss: Lss::new(),
-            communication: Communication::new(),
             node_id: UNCONFIGURED,
             bus: BusState::Active,
             boot_up: BootUp::Due,
@@ -204,6 +203,9 @@ impl Node {
             overruns: 0,
             settled: false,
             next: Deadline::NONE,
+            lss: Lss::new(),
+            server: Server::new(),
+            communication: Communication::new(),
         }
     }
 

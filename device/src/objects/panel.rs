@@ -110,10 +110,10 @@ pub struct Parts<M, S, I: Instrument = Whole> {
     pub identity: Identity,
     /// The values.
     pub values: Values,
-    /// The pair.
-    pub pair: Pair<I>,
     /// The channel.
     pub channel: S,
+    /// The pair.
+    pub pair: Pair<I>,
     /// The memory.
     pub memory: M,
     /// Settings with the calibration in force.
@@ -140,8 +140,8 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
         Self {
             identity,
             values: Values::new(),
-            pair: Pair::new(check),
             channel,
+            pair: Pair::new(check),
             memory,
             settings: Settings::uncalibrated(setup),
             work: Work::new(terms),
