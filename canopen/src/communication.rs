@@ -10,33 +10,35 @@
 use crate::emcy::Emergency;
 use crate::error_control::ErrorControl;
 use crate::nmt::{ErrorBehaviour, State};
-use crate::object::{Abort, Address, Dictionary, Objects, Place, Value};
+use crate::object::{Abort, Address, Dictionary, Number, Objects, Place, Value};
 use crate::pdo::Pdos;
 use crate::srdo::Safety;
 use crate::sync::{self, Sync};
 use crate::time::Instant;
 
-/// The services that have objects of their own, and their state.
+/// The services that have objects of their own, and their state. The small ones come first, also in
+/// memory: short instructions reach them.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct Communication {
     /// The NMT state.
     pub state: State,
-    /// Heartbeat, node guarding and the supervision of others.
-    pub error_control: ErrorControl,
-    /// SYNC.
-    pub sync: Sync,
-    /// EMCY and the error register.
-    pub emergency: Emergency,
-    /// PDOs.
-    pub pdo: Pdos,
-    /// SRDOs.
-    pub safety: Safety,
     /// What an error does to the NMT state (1029h).
     pub behaviour: ErrorBehaviour,
     /// Date and time of the configuration that a tool has written (1020h).
     pub configuration: [u32; 2],
     /// NMT start-up (1F80h).
     pub startup: u32,
+    /// SYNC.
+    pub sync: Sync,
+    /// EMCY and the error register.
+    pub emergency: Emergency,
+    /// Heartbeat, node guarding and the supervision of others.
+    pub error_control: ErrorControl,
+    /// PDOs.
+    pub pdo: Pdos,
+    /// SRDOs.
+    pub safety: Safety,
 }
 
 impl Communication {
@@ -44,14 +46,14 @@ impl Communication {
     pub const fn new() -> Self {
         Self {
             state: State::Initialising,
-            error_control: ErrorControl::new(),
-            sync: Sync::new(),
-            emergency: Emergency::new(),
-            pdo: Pdos::new(),
-            safety: Safety::new(),
             behaviour: ErrorBehaviour::new(),
             configuration: [0; 2],
             startup: 0,
+            sync: Sync::new(),
+            emergency: Emergency::new(),
+            error_control: ErrorControl::new(),
+            pdo: Pdos::new(),
+            safety: Safety::new(),
         }
     }
 
@@ -100,7 +102,7 @@ impl Communication {
     }
 
     /// The value of an object that a service owns.
-    pub fn read<O: Objects>(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read<O: Objects>(&mut self, at: Address) -> Option<Result<Number, Abort>> {
         match at.index {
             0x1001 | 0x1003 | 0x1014 | 0x1015 => self.emergency.read(at),
             0x1300..=0x13FF if O::SERVICES.safety => self.safety.read(at),

@@ -11,7 +11,7 @@
 
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
-use crate::object::{Abort, Address, Value};
+use crate::object::{Abort, Address, Number, Value};
 use crate::time::{Deadline, Instant};
 
 /// Errors kept in 1003h.
@@ -182,17 +182,17 @@ impl Emergency {
     }
 
     /// 1001h, 1003h, 1014h, 1015h.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read(&self, at: Address) -> Option<Result<Number, Abort>> {
         Some(match (at.index, at.sub) {
-            (0x1001, _) => Ok(Value::u8(self.register)),
-            (0x1003, 0) => Ok(Value::u8(self.count)),
+            (0x1001, _) => Ok(Number::u8(self.register)),
+            (0x1003, 0) => Ok(Number::u8(self.count)),
             (0x1003, sub) if sub <= self.count => {
                 let error = self.history.get(usize::from(sub).wrapping_sub(1));
-                error.map(|e| Value::u32(*e)).ok_or(Abort::NoSuchSubIndex)
+                error.map(|e| Number::u32(*e)).ok_or(Abort::NoSuchSubIndex)
             }
             (0x1003, _) => Err(Abort::NoData),
-            (0x1014, _) => Ok(Value::u32(self.cob_id())),
-            _ => Ok(Value::u16(self.inhibit_100us)),
+            (0x1014, _) => Ok(Number::u32(self.cob_id())),
+            _ => Ok(Number::u16(self.inhibit_100us)),
         })
     }
 

@@ -455,7 +455,7 @@ mod tests {
             let entry = Value::u32(node << 16 | 300);
             assert_eq!(write(&mut control, 0x1016, sub, entry), Ok(()), "{node}");
             let read = control.place(at(0x1016, sub)).map(|place| place.get());
-            assert_eq!(read, Some(entry));
+            assert_eq!(read.map(Value::from), Some(entry));
         }
         // Nobody is supervised by it, not even what looks like a heartbeat of node 0.
         for id in [0, 127] {

@@ -41,6 +41,11 @@ const BIT_RATES: [u16; 9] = [1000, 800, 500, 250, 125, 0, 50, 20, 10];
 /// Index that asks for automatic detection.
 const AUTOMATIC: u8 = 9;
 
+/// The bit rate of an index; `None` for [`AUTOMATIC`].
+fn rate(index: u8) -> Option<u16> {
+    BIT_RATES.get(usize::from(index)).copied()
+}
+
 /// What the node has to do after a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
@@ -193,17 +198,21 @@ impl Lss {
         Request::Answered
     }
 
+    /// Notes in `reached` that this of `parts` has come, which count in their order only; true when
+    /// that was the last one.
+    fn in_order(reached: &mut u8, part: u8, fits: bool, parts: u8) -> bool {
+        let goes_on = fits && (part == 0 || *reached == part);
+        let next = if goes_on { part + 1 } else { 0 };
+        let is_whole = next == parts;
+        *reached = if is_whole { 0 } else { next };
+        is_whole
+    }
+
     /// Four frames in their order name one slave by its whole identity.
     fn select(&mut self, specifier: u8, number: u32, identity: &[u32; 4]) -> Request {
         let part = specifier - SWITCH_FIRST;
         let fits = identity.get(usize::from(part)) == Some(&number);
-        self.selected = if fits && (part == 0 || self.selected == part) {
-            part + 1
-        } else {
-            0
-        };
-        if self.selected == 4 {
-            self.selected = 0;
+        if Self::in_order(&mut self.selected, part, fits, 4) {
             self.configuring = true;
             self.respond(SWITCHED, [0; 4]);
         }
@@ -222,13 +231,7 @@ impl Lss {
             4 => serial >= number,
             _ => serial <= number,
         };
-        self.identified = if fits && (part == 0 || self.identified == part) {
-            part + 1
-        } else {
-            0
-        };
-        if self.identified == 6 {
-            self.identified = 0;
+        if Self::in_order(&mut self.identified, part, fits, 6) {
             self.respond(IDENTIFIED, [0; 4]);
         }
         Request::Answered
@@ -278,8 +281,7 @@ impl Lss {
                 self.respond(specifier, [u8::from(!valid), 0, 0, 0]);
             }
             CONFIGURE_BIT_TIMING => {
-                let known = BIT_RATES.get(usize::from(b)).is_some_and(|rate| *rate != 0);
-                let valid = a == 0 && (known || b == AUTOMATIC);
+                let valid = a == 0 && (b == AUTOMATIC || rate(b).is_some_and(|rate| rate != 0));
                 if valid {
                     self.bit_timing = Some(b);
                 }
@@ -287,13 +289,12 @@ impl Lss {
             }
             ACTIVATE_BIT_TIMING => {
                 if let Some(index) = self.bit_timing {
-                    let kbit_s = BIT_RATES.get(usize::from(index)).copied();
+                    let kbit_s = rate(index);
                     let delay_ms = u16::from_le_bytes([a, b]);
                     return Request::Activate { kbit_s, delay_ms };
                 }
             }
             STORE => {
-                let rate = |index: u8| BIT_RATES.get(usize::from(index)).copied();
                 let kbit_s = self.bit_timing.map(|index| rate(index).unwrap_or(0));
                 let node_id = self.pending;
                 return Request::Store { node_id, kbit_s };

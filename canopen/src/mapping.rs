@@ -43,6 +43,11 @@ const fn bits(entry: u32) -> u8 {
     entry as u8
 }
 
+/// Whether an entry of a list that may be used names a dummy object: no other has such an index.
+const fn is_dummy(entry: u32) -> bool {
+    entry >> 16 < DUMMIES.len() as u32
+}
+
 /// Bits that a dummy object takes; `None` when the entry names a real object.
 fn dummy(entry: u32) -> Option<u8> {
     let Address { index, sub } = address(entry);
@@ -58,7 +63,7 @@ pub fn admits(dictionary: &Dictionary, entry: u32, access: Access) -> Result<(),
     let size = match dummy(entry) {
         Some(size) if access == Access::RPDO => size,
         _ => {
-            let row = dictionary.entry(address(entry))?;
+            let row = dictionary.form(address(entry))?;
             if !row.access.has(access) || row.data_type == DataType::Boolean {
                 return Err(Abort::NotMappable);
             }
@@ -101,9 +106,9 @@ impl Mapping {
     /// Looks once for what every frame would ask anew: whether any of the objects has limits
     /// ([`Mapping::fits`]), and whether they stand side by side.
     pub fn look_ahead(&mut self, dictionary: &Dictionary) {
-        let free = |entry| match dummy(entry) {
-            Some(_) => true,
-            None => (dictionary.entry(address(entry))).is_ok_and(|row| !dictionary.limits(&row)),
+        let free = |entry| {
+            let row = || dictionary.form(address(entry));
+            is_dummy(entry) || row().is_ok_and(|row| !dictionary.limits(row))
         };
         let unlimited = self.used().all(free);
         self.unlimited = unlimited;
@@ -111,8 +116,7 @@ impl Mapping {
         let in_a_row = (first..)
             .zip(self.used())
             .all(|(at, entry)| at == entry >> 8);
-        let is_real = dummy(self.entry(0).unwrap_or(0)).is_none();
-        self.adjacent = if in_a_row && is_real {
+        self.adjacent = if in_a_row && !is_dummy(self.entry(0).unwrap_or(0)) {
             self.length() as u8
         } else {
             0
@@ -194,12 +198,12 @@ impl Mapping {
         let mut number = 0;
         let mut shift = 0;
         for entry in self.used() {
+            // An object has the length of its entry, and all of them at most 64 bits.
             let value = objects.read(address(entry))?;
-            let cut = Value::cut(value.unsigned(), usize::from(bits(entry) >> 3));
-            number |= cut.unsigned().checked_shl(shift).unwrap_or(0);
+            number |= value.unsigned().wrapping_shl(shift);
             shift += u32::from(bits(entry));
         }
-        Ok(Value::cut(number, self.length()))
+        Ok(Value::cut(number, shift as usize >> 3))
     }
 
     /// Whether the bytes of a frame, the first one lowest, are inside the limits of the objects.
@@ -210,7 +214,7 @@ impl Mapping {
             return Ok(());
         }
         self.each(data, |at, value| {
-            dictionary.admits(&dictionary.entry(at)?, &value)
+            dictionary.admits(dictionary.form(at)?, &value)
         })
     }
 
@@ -234,13 +238,14 @@ impl Mapping {
         F: FnMut(Address, Value) -> Result<(), Abort>,
     {
         for entry in self.used() {
-            if dummy(entry).is_none() {
+            if !is_dummy(entry) {
                 take(
                     address(entry),
                     Value::cut(data, usize::from(bits(entry) >> 3)),
                 )?;
             }
-            data = data.checked_shr(u32::from(bits(entry))).unwrap_or(0);
+            // Behind one of 64 bits there is none.
+            data = data.wrapping_shr(u32::from(bits(entry)));
         }
         Ok(())
     }

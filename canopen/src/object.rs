@@ -7,11 +7,13 @@
 //!
 //! Left out: the rows themselves, and where values are kept.
 
+mod number;
 pub mod packed;
 mod place;
 
 pub use crate::sdo::abort::Abort;
 use crate::services::Services;
+pub use number::Number;
 use packed::{Form, Kind, Row};
 pub use place::Place;
 
@@ -183,10 +185,18 @@ impl Table {
         low
     }
 
+    fn kind(&self, row: &Row) -> Option<&'static Kind> {
+        self.kinds.get(usize::from(row.kind))
+    }
+
+    fn form(&self, kind: &Kind) -> Option<&'static Form> {
+        self.forms.get(usize::from(kind.form))
+    }
+
     /// A row with what it picks; `None` only for one that is not of this table.
     fn entry(&self, row: &Row) -> Option<Entry> {
-        let kind = self.kinds.get(usize::from(row.kind))?;
-        let form = self.forms.get(usize::from(kind.form))?;
+        let kind = self.kind(row)?;
+        let form = self.form(kind)?;
         Some(Entry {
             index: row.index,
             sub: row.sub,
@@ -233,12 +243,29 @@ impl Dictionary {
     ///
     /// Errors: [`Abort::NoSuchObject`] or [`Abort::NoSuchSubIndex`].
     pub fn entry(&self, at: Address) -> Result<Entry, Abort> {
+        let entry = self.table.entry(self.find(at)?);
+        entry.ok_or(Abort::NoSuchSubIndex)
+    }
+
+    /// What the row of an object is like: all that most callers ask for, in one register.
+    ///
+    /// Errors: as [`Dictionary::entry`].
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn form(&self, at: Address) -> Result<&'static Form, Abort> {
+        let kind = self.table.kind(self.find(at)?);
+        let form = kind.and_then(|kind| self.table.form(kind));
+        form.ok_or(Abort::NoSuchSubIndex)
+    }
+
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    fn find(&self, at: Address) -> Result<&'static Row, Abort> {
         let rows = self.table.rows;
         let after = self.table.after(key(at.index, at.sub));
         let found = rows.get(after.wrapping_sub(1));
         if let Some(row) = found.filter(|r| r.index == at.index) {
-            let entry = self.table.entry(row).filter(|e| at.sub <= e.last);
-            return entry.ok_or(Abort::NoSuchSubIndex);
+            let more = self.table.kind(row).map_or(0, |kind| kind.more);
+            let is_of_run = at.sub.wrapping_sub(row.sub) <= more;
+            return is_of_run.then_some(row).ok_or(Abort::NoSuchSubIndex);
         }
         Err(match rows.get(after) {
             Some(r) if r.index == at.index => Abort::NoSuchSubIndex,
@@ -260,17 +287,17 @@ impl Dictionary {
     }
 
     /// True when not every value of the row's length may be written.
-    pub fn limits(&self, entry: &Entry) -> bool {
-        let narrow = usize::from(entry.limits) < self.table.limits.len();
-        narrow || entry.data_type == DataType::Boolean
+    pub fn limits(&self, form: &Form) -> bool {
+        let narrow = usize::from(form.limits) < self.table.limits.len();
+        narrow || form.data_type == DataType::Boolean
     }
 
-    /// Whether `value` may be written to `entry`: length and limits, not access.
+    /// Whether `value` may be written to a row of this form: length and limits, not access.
     ///
     /// Errors: [`Abort::LengthTooHigh`], [`Abort::LengthTooLow`], [`Abort::ValueTooHigh`],
     /// [`Abort::ValueTooLow`].
-    pub fn admits(&self, entry: &Entry, value: &Value) -> Result<(), Abort> {
-        let Some(size) = entry.data_type.size() else {
+    pub fn admits(&self, form: &Form, value: &Value) -> Result<(), Abort> {
+        let Some(size) = form.data_type.size() else {
             return Ok(());
         };
         if value.bytes().len() > size {
@@ -279,17 +306,22 @@ impl Dictionary {
         if value.bytes().len() < size {
             return Err(Abort::LengthTooLow);
         }
-        if entry.data_type == DataType::Boolean && value.unsigned() > 1 {
+        if form.data_type == DataType::Boolean && value.unsigned() > 1 {
             return Err(Abort::ValueTooHigh);
         }
-        let Some(&(low, high)) = self.table.limits.get(usize::from(entry.limits)) else {
+        let Some(&(low, high)) = self.table.limits.get(usize::from(form.limits)) else {
             return Ok(());
         };
-        let number = value.number(entry.data_type);
-        if number > i64::from(high) {
+        // With the sign turned over, numbers with a sign are in the order of those without.
+        let (number, turned) = if form.data_type.is_signed() {
+            (value.signed_32() as u32, 1 << 31)
+        } else {
+            (u32::try_from(value.unsigned()).unwrap_or(u32::MAX), 0)
+        };
+        if number ^ turned > high ^ turned {
             return Err(Abort::ValueTooHigh);
         }
-        if number < i64::from(low) {
+        if number ^ turned < low as u32 ^ turned {
             return Err(Abort::ValueTooLow);
         }
         Ok(())
@@ -319,6 +351,11 @@ impl Value {
         Some(value)
     }
 
+    /// All eight bytes.
+    pub const fn whole(bytes: [u8; 8]) -> Self {
+        Self { bytes, length: 8 }
+    }
+
     /// The lowest `size` bytes of a number; more than eight count as eight.
     pub fn cut(number: u64, size: usize) -> Self {
         let length = size.min(8) as u8;
@@ -332,42 +369,47 @@ impl Value {
 
     /// An 8-bit value.
     pub fn u8(number: u8) -> Self {
-        Self::cut(u64::from(number), 1)
+        Number::u8(number).into()
     }
 
     /// A 16-bit value.
     pub fn u16(number: u16) -> Self {
-        Self::cut(u64::from(number), 2)
+        Number::u16(number).into()
     }
 
     /// A 32-bit value.
     pub fn u32(number: u32) -> Self {
-        Self::cut(u64::from(number), 4)
+        Number::u32(number).into()
     }
 
     /// An 8-bit value with sign.
     pub fn i8(number: i8) -> Self {
-        Self::cut(number as u64, 1)
+        Number::i8(number).into()
     }
 
     /// A 16-bit value with sign.
     pub fn i16(number: i16) -> Self {
-        Self::cut(number as u64, 2)
+        Number::i16(number).into()
     }
 
     /// A 24-bit value with sign; upper bits are cut.
     pub fn i24(number: i32) -> Self {
-        Self::cut(number as u64, 3)
+        Number::i24(number).into()
     }
 
     /// A 32-bit value with sign.
     pub fn i32(number: i32) -> Self {
-        Self::cut(number as u64, 4)
+        Number::i32(number).into()
     }
 
     /// The bytes, as many as the value has.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&[])
+    }
+
+    /// All eight bytes, 0 beyond the length.
+    pub(crate) const fn padded(&self) -> [u8; 8] {
+        self.bytes
     }
 
     /// How many bytes the value has.
@@ -385,6 +427,13 @@ impl Value {
     pub fn signed(&self) -> i64 {
         let shift = 64 - 8 * u32::from(self.length.clamp(1, 8));
         ((self.unsigned() << shift) as i64) >> shift
+    }
+
+    /// The lowest four bytes with the sign of the value's own length, up to four.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn signed_32(&self) -> i32 {
+        let shift = 32 - 8 * u32::from(self.length.clamp(1, 4));
+        ((self.unsigned() as u32 as i32) << shift) >> shift
     }
 
     /// The value as its type reads it. 64-bit values without sign stop at `i64::MAX`.

@@ -352,7 +352,13 @@ fn restored(site: &mut Site) {
 fn tally(site: &Site, seen: &mut BTreeMap<&'static str, u32>) {
     let node = site.device.bus();
     let valid = site.device.values().parameters.safety_valid == 0xA5;
-    let armed = node.communication().safety.read(at(0x13FE, 0)).unwrap() == Ok(Value::u8(0xA5));
+    let armed = node
+        .communication()
+        .safety
+        .read(at(0x13FE, 0))
+        .unwrap()
+        .map(Value::from)
+        == Ok(Value::u8(0xA5));
     let measures = site.device.shown(site.now).validity() & 3 == 3;
     let facts = [
         ("OPERATIONAL", node.state() == State::Operational),

@@ -80,15 +80,15 @@ pub enum ImageError {
     /// The slot is empty, or something else is in it: it does not begin with [`MAGIC`].
     Magic,
     /// The header is of another format than [`FORMAT`], or signed in an unknown way.
-    Format(u16),
+    Format,
     /// The header's check sum is wrong.
     Header,
-    /// The image was made for the hardware with this id.
-    Hardware(u32),
-    /// The image is linked to this address, which is not the slot's.
-    Address(u32),
+    /// The image was made for other hardware.
+    Hardware,
+    /// The image is linked to another address than the slot's.
+    Address,
     /// The body's length is zero, no multiple of 4, or more than the slot has room for.
-    Length(u32),
+    Length,
     /// The body's check sum is wrong.
     Body,
     /// The flash could not be read.
@@ -175,10 +175,10 @@ impl Header {
         let signature = match u16::from_le_bytes([signed_low, signed_high]) {
             0 => Signature::None,
             1 => Signature::Ed25519,
-            _ => return Err(ImageError::Format(format)),
+            _ => return Err(ImageError::Format),
         };
         if format != FORMAT {
-            return Err(ImageError::Format(format));
+            return Err(ImageError::Format);
         }
         Ok(Self {
             signature,
@@ -195,14 +195,14 @@ impl Header {
     /// Errors: [`ImageError::Hardware`], [`ImageError::Address`], [`ImageError::Length`].
     pub fn suits(&self, slot: Region, hardware: u32) -> Result<(), ImageError> {
         if self.hardware != hardware {
-            return Err(ImageError::Hardware(self.hardware));
+            return Err(ImageError::Hardware);
         }
         if self.address != slot.address() + HEADER {
-            return Err(ImageError::Address(self.address));
+            return Err(ImageError::Address);
         }
         let room = slot.length.saturating_sub(HEADER);
         if self.length == 0 || !self.length.is_multiple_of(4) || self.length > room {
-            return Err(ImageError::Length(self.length));
+            return Err(ImageError::Length);
         }
         Ok(())
     }

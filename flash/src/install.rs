@@ -46,7 +46,7 @@ pub enum InstallError {
     /// It is no image, or none that can run here.
     Image(ImageError),
     /// It is older than the one that runs, and that is not permitted.
-    Downgrade(Version),
+    Downgrade,
     /// It has no signature, and that is not permitted.
     Unsigned,
     /// More bytes came than header and body have.
@@ -72,7 +72,7 @@ impl Rules {
             .suits(slot, self.hardware)
             .map_err(InstallError::Image)?;
         if header.version < self.running && !self.downgrade {
-            return Err(InstallError::Downgrade(header.version));
+            return Err(InstallError::Downgrade);
         }
         if header.signature == Signature::None && !self.unsigned {
             return Err(InstallError::Unsigned);
@@ -222,7 +222,7 @@ impl Install {
     /// Each was read back when it was programmed. Whether all of it still stands in the flash is
     /// for [`verify`](crate::image::verify) to find out, which takes its time.
     /// Errors: [`InstallError::Incomplete`], [`InstallError::Image`].
-    pub fn finish(&self) -> Result<Header, InstallError> {
+    pub fn finish(&self) -> Result<(), InstallError> {
         let header = self.header.ok_or(InstallError::Incomplete)?;
         if self.received < self.expected() {
             return Err(InstallError::Incomplete);
@@ -230,7 +230,7 @@ impl Install {
         if self.crc.value() != header.crc {
             return Err(InstallError::Image(ImageError::Body));
         }
-        Ok(header)
+        Ok(())
     }
 }
 

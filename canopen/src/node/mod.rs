@@ -24,6 +24,7 @@ use crate::error_control::{ERROR_CONTROL, Event as Control};
 use crate::frame::Frame;
 use crate::lss::{self, Lss, Request};
 use crate::nmt::{self, Command, State};
+use crate::object::packed::Form;
 use crate::object::{Abort, Address, Objects, Value, at};
 use crate::pdo::Received;
 use crate::sdo::Server;
@@ -121,12 +122,11 @@ const LAST_TRANSMITTED: u16 = 0x5FF;
 /// Error register bit 4: communication.
 const COMMUNICATION: u8 = 0x10;
 
-/// A CANopen slave: configuration and state.
+/// A CANopen slave: configuration and state. What is small comes first, also in memory: short
+/// instructions reach it.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct Node {
-    server: Server,
-    lss: Lss,
-    communication: Communication,
     node_id: u8,
     bus: BusState,
     boot_up: BootUp,
@@ -138,6 +138,9 @@ pub struct Node {
     /// Nothing has changed since the last [`Node::poll`], which said when there is more to do.
     settled: bool,
     next: Deadline,
+    lss: Lss,
+    server: Server,
+    communication: Communication,
 }
 
 /// Nodes not heard and guarding, as [`ErrorControl::lost`](crate::error_control::ErrorControl).
@@ -192,9 +195,6 @@ impl Node {
     #[inline(never)]
     pub const fn new() -> Self {
         Self {
-            server: Server::new(),
-            lss: Lss::new(),
-            communication: Communication::new(),
             node_id: UNCONFIGURED,
             bus: BusState::Active,
             boot_up: BootUp::Due,
@@ -203,6 +203,9 @@ impl Node {
             overruns: 0,
             settled: false,
             next: Deadline::NONE,
+            lss: Lss::new(),
+            server: Server::new(),
+            communication: Communication::new(),
         }
     }
 
@@ -250,7 +253,7 @@ impl Node {
                         None
                     };
                     // A value of a former version that no longer fits is not taken.
-                    let kept = kept.filter(|v| dictionary.admits(&entry, v).is_ok());
+                    let kept = kept.filter(|v| dictionary.admits(&Form::of(&entry), v).is_ok());
                     let Some(value) = kept.or_else(|| dictionary.default(&entry, self.node_id))
                     else {
                         continue;

@@ -78,7 +78,7 @@ impl<A: Application> Objects for View<'_, A> {
             return Ok(Value::u32(ON_COMMAND));
         }
         match self.communication.read::<A>(at) {
-            Some(result) => result,
+            Some(result) => result.map(Value::from),
             None => self.application.read(at),
         }
     }
@@ -88,7 +88,7 @@ impl<A: Application> Objects for View<'_, A> {
             return self.memory(at, &value);
         }
         let dictionary = self.application.dictionary();
-        let stored = dictionary.entry(at)?.access.has(Access::STORED);
+        let stored = dictionary.form(at)?.access.has(Access::STORED);
         let taken = self
             .communication
             .write::<A>(&dictionary, at, value, self.now);

@@ -49,7 +49,8 @@ pub struct Form {
 }
 
 impl Form {
-    const fn of(entry: &Entry) -> Self {
+    /// The form of an entry.
+    pub const fn of(entry: &Entry) -> Self {
         Self {
             data_type: entry.data_type,
             access: entry.access,

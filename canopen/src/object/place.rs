@@ -5,7 +5,7 @@
 //!
 //! Left out: what a write is allowed to do.
 
-use super::Value;
+use super::{Number, Value};
 
 /// A number behind a row.
 pub enum Place<'a> {
@@ -22,14 +22,14 @@ pub enum Place<'a> {
 }
 
 impl Place<'_> {
-    /// The number as a value of its row.
-    pub fn get(&self) -> Value {
+    /// The number as its row has it.
+    pub fn get(&self) -> Number {
         match self {
-            Self::U8(n) => Value::u8(**n),
-            Self::U16(n) => Value::u16(**n),
-            Self::I16(n) => Value::i16(**n),
-            Self::U32(n) => Value::u32(**n),
-            Self::I32(n) => Value::i32(**n),
+            Self::U8(n) => Number::u8(**n),
+            Self::U16(n) => Number::u16(**n),
+            Self::I16(n) => Number::i16(**n),
+            Self::U32(n) => Number::u32(**n),
+            Self::I32(n) => Number::i32(**n),
         }
     }
 

@@ -17,7 +17,7 @@ mod configuration_tests;
 mod tests;
 
 use crate::frame::Frame;
-use crate::object::{Abort, Access, Address, Dictionary, Objects, Value};
+use crate::object::{Abort, Access, Address, Dictionary, Number, Objects, Value};
 use crate::time::{Deadline, Instant};
 use rpdo::Rpdo;
 use setup::{Part, Setup};
@@ -66,14 +66,17 @@ enum Place {
 /// `None` when the address is not that of a PDO here.
 fn place(at: Address) -> Option<Place> {
     let n = usize::from(at.index & 0x1FF);
-    let place = match at.index & !0x1FF {
-        0x1400 => Place::Receive(n, Part::Communication(Access::RPDO)),
-        0x1600 => Place::Receive(n, Part::Mapping(Access::RPDO)),
-        0x1800 => Place::Transmit(n, Part::Communication(Access::TPDO)),
-        0x1A00 => Place::Transmit(n, Part::Mapping(Access::TPDO)),
+    if n >= PDOS {
+        return None;
+    }
+    // Indices lie 200h apart: small numbers are looked at.
+    Some(match at.index >> 9 {
+        0xA => Place::Receive(n, Part::Communication(Access::RPDO)),
+        0xB => Place::Receive(n, Part::Mapping(Access::RPDO)),
+        0xC => Place::Transmit(n, Part::Communication(Access::TPDO)),
+        0xD => Place::Transmit(n, Part::Mapping(Access::TPDO)),
         _ => return None,
-    };
-    (n < PDOS).then_some(place)
+    })
 }
 
 impl Pdos {
@@ -104,7 +107,7 @@ impl Pdos {
 
     /// The value of 1400h to 1403h, 1600h to 1603h, 1800h to 1803h or 1A00h to 1A03h; `None` for
     /// any other index.
-    pub fn read(&mut self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read(&mut self, at: Address) -> Option<Result<Number, Abort>> {
         let (setup, part) = self.setup(at)?;
         Some(setup.read(part, at.sub))
     }

@@ -7,8 +7,8 @@
 //! Left out: transmission types 252 and 253 (on remote request only), and 29-bit identifiers.
 
 use crate::frame::is_restricted;
-use crate::mapping::{self, ENTRIES, Mapping};
-use crate::object::{Abort, Access, Dictionary, Objects, Value};
+use crate::mapping::{self, Mapping};
+use crate::object::{Abort, Access, Dictionary, Number, Objects, Value};
 
 /// Bit 31 of a COB-ID: the PDO does not exist.
 pub const INVALID: u32 = 1 << 31;
@@ -109,23 +109,23 @@ impl Setup {
     /// A sub-index's value.
     ///
     /// Errors: [`Abort::NoSuchSubIndex`].
-    pub fn read(&self, part: Part, sub: u8) -> Result<Value, Abort> {
+    pub fn read(&self, part: Part, sub: u8) -> Result<Number, Abort> {
         let Part::Communication(access) = part else {
             return match sub.checked_sub(1) {
-                None => Some(Value::u8(self.mapping.count())),
-                Some(n) => self.mapping.entry(n).map(Value::u32),
+                None => Some(Number::u8(self.mapping.count())),
+                Some(n) => self.mapping.entry(n).map(Number::u32),
             }
             .ok_or(Abort::NoSuchSubIndex);
         };
         let transmits = access == Access::TPDO;
         Ok(match sub {
-            0 if transmits => Value::u8(HIGHEST_TRANSMIT),
-            0 => Value::u8(HIGHEST_RECEIVE),
-            1 => Value::u32(self.cob_id()),
-            2 => Value::u8(self.kind),
-            3 => Value::u16(self.inhibit),
-            5 => Value::u16(self.event_ms),
-            6 if transmits => Value::u8(self.sync_start),
+            0 if transmits => Number::u8(HIGHEST_TRANSMIT),
+            0 => Number::u8(HIGHEST_RECEIVE),
+            1 => Number::u32(self.cob_id()),
+            2 => Number::u8(self.kind),
+            3 => Number::u16(self.inhibit),
+            5 => Number::u16(self.event_ms),
+            6 if transmits => Number::u8(self.sync_start),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -156,12 +156,14 @@ impl Setup {
         sub: u8,
         value: Value,
     ) -> Result<(), Abort> {
-        // A tool may write a whole configuration back, in any order.
-        let is_fixed = sub == 0 && matches!(part, Part::Communication(_));
-        if !is_fixed && self.read(part, sub)? == value {
-            return Ok(());
+        if sub == 0 && matches!(part, Part::Communication(_)) {
+            return Err(Abort::ReadOnly);
         }
         let number = value.unsigned() as u32;
+        // A tool may write a whole configuration back, in any order.
+        if self.read(part, sub)?.bits() == number {
+            return Ok(());
+        }
         match part {
             Part::Mapping(_) if !O::SERVICES.dynamic_mapping => return Err(Abort::ReadOnly),
             Part::Communication(Access::TPDO)
@@ -170,16 +172,13 @@ impl Setup {
                 return Err(Abort::InvalidValue);
             }
             Part::Mapping(access) => self.may_map(dictionary, access, sub, number)?,
-            Part::Communication(_) => self.may_set(part, sub, number)?,
+            Part::Communication(_) => self.may_set(sub, number)?,
         }
-        if self.load(part, sub, value) {
-            if part == Part::Mapping(Access::RPDO) {
-                self.mapping.look_ahead(dictionary);
-            }
-            Ok(())
-        } else {
-            Err(Abort::NoSuchSubIndex)
+        self.load(part, sub, value);
+        if part == Part::Mapping(Access::RPDO) {
+            self.mapping.look_ahead(dictionary);
         }
+        Ok(())
     }
 
     /// CiA 301, 7.5.2.36 and 7.5.2.38: a mapping changes while the PDO does not exist, and its
@@ -191,15 +190,11 @@ impl Setup {
         sub: u8,
         number: u32,
     ) -> Result<(), Abort> {
-        if sub > ENTRIES {
-            return Err(Abort::NoSuchSubIndex);
-        }
         if self.exists() {
             return Err(Abort::UnsupportedAccess);
         }
         if sub == 0 {
-            let count = u8::try_from(number).unwrap_or(u8::MAX);
-            return self.mapping.check(dictionary, access, count);
+            return self.mapping.check(dictionary, access, number as u8);
         }
         if self.mapping.count() != 0 {
             return Err(Abort::UnsupportedAccess);
@@ -210,22 +205,21 @@ impl Setup {
         mapping::admits(dictionary, number, access)
     }
 
-    /// CiA 301, 7.5.2.35 and 7.5.2.37.
-    fn may_set(&self, part: Part, sub: u8, number: u32) -> Result<(), Abort> {
-        let old = self.read(part, sub)?.unsigned() as u32;
+    /// CiA 301, 7.5.2.35 and 7.5.2.37, for a number that is another one than before.
+    fn may_set(&self, sub: u8, number: u32) -> Result<(), Abort> {
         let exists = self.exists();
         match sub {
-            0 => Err(Abort::ReadOnly),
             1 => {
                 identifier(number)?;
-                if exists && number & INVALID == 0 && (number ^ old) & IDENTIFIER != 0 {
+                let changed = (number ^ self.cob_id()) & IDENTIFIER;
+                if exists && number & INVALID == 0 && changed != 0 {
                     return Err(Abort::InvalidValue);
                 }
                 Ok(())
             }
-            2 => transmission_type(u8::try_from(number).unwrap_or(LAST_SYNCHRONOUS + 1)),
+            2 => transmission_type(number as u8),
             // Inhibit time and SYNC start value stay while the PDO exists.
-            3 | 6 if exists && number != old => Err(Abort::UnsupportedAccess),
+            3 | 6 if exists => Err(Abort::UnsupportedAccess),
             6 if number > u32::from(LAST_SYNCHRONOUS) => Err(Abort::InvalidValue),
             _ => Ok(()),
         }

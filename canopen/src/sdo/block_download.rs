@@ -80,7 +80,7 @@ impl Server {
         let bytes = self.begin(objects, data);
         let entry = writable(objects, self.content.at())?;
         let size = (command & SIZE_INDICATED != 0).then(|| u32::from_le_bytes(bytes));
-        self.content.create(objects, &entry, size)?;
+        self.content.create(objects, entry, size)?;
         self.incoming.begin(command & CRC != 0);
         self.phase = Phase::BlockDownload;
         self.respond(0xA0 | CRC, u32::from(BLOCK));

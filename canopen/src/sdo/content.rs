@@ -5,7 +5,8 @@
 //!
 //! Left out: how bytes are cut into frames.
 
-use crate::object::{Abort, Access, Address, Entry, Objects, Value, at};
+use crate::object::packed::Form;
+use crate::object::{Abort, Access, Address, Objects, Value, at};
 
 /// Where the bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +34,7 @@ pub(super) struct Content {
 /// The row of an object that is to be written.
 ///
 /// Errors: the object does not exist, or cannot be written.
-pub(super) fn writable<O: Objects>(objects: &O, at: Address) -> Result<Entry, Abort> {
+pub(super) fn writable<O: Objects>(objects: &O, at: Address) -> Result<&'static Form, Abort> {
     permitted(objects, at, Access::WRITE, Abort::ReadOnly)
 }
 
@@ -42,9 +43,9 @@ fn permitted<O: Objects>(
     at: Address,
     wanted: Access,
     refusal: Abort,
-) -> Result<Entry, Abort> {
+) -> Result<&'static Form, Abort> {
     O::SERVICES.serve(at)?;
-    let entry = objects.dictionary().entry(at)?;
+    let entry = objects.dictionary().form(at)?;
     if entry.access.has(wanted) {
         return Ok(entry);
     }
@@ -107,12 +108,8 @@ impl Content {
             return Ok(());
         }
         let value = objects.read(self.at)?;
-        let mut size = 0;
-        for (to, from) in self.bytes.iter_mut().zip(value.bytes()) {
-            *to = *from;
-            size += 1;
-        }
-        self.size = Some(size);
+        self.bytes = value.padded();
+        self.size = Some(value.length().into());
         Ok(())
     }
 
@@ -145,7 +142,7 @@ impl Content {
     pub fn create<O: Objects>(
         &mut self,
         objects: &mut O,
-        entry: &Entry,
+        entry: &Form,
         size: Option<u32>,
     ) -> Result<(), Abort> {
         if let Some(fixed) = entry.data_type.size() {
@@ -196,10 +193,9 @@ impl Content {
         if self.place == Place::Sink {
             return objects.commit(self.at);
         }
-        let bytes = self.bytes.get(..self.done as usize);
-        let value = bytes.and_then(Value::new).ok_or(Abort::LengthTooHigh)?;
+        let value = Value::cut(u64::from_le_bytes(self.bytes), self.done as usize);
         let dictionary = objects.dictionary();
-        dictionary.admits(&dictionary.entry(self.at)?, &value)?;
+        dictionary.admits(dictionary.form(self.at)?, &value)?;
         objects.write(self.at, value)
     }
 

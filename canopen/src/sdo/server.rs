@@ -213,7 +213,7 @@ impl Server {
         let sized = command & SIZE_INDICATED != 0;
         if command & EXPEDITED == 0 {
             let size = sized.then(|| u32::from_le_bytes(bytes));
-            self.content.create(objects, &entry, size)?;
+            self.content.create(objects, entry, size)?;
             self.phase = Phase::Download;
             self.toggle = 0;
         } else {
@@ -222,7 +222,7 @@ impl Server {
                 true => 4 - usize::from(command >> 2 & 3),
                 false => entry.data_type.size().unwrap_or(4).min(4),
             };
-            self.content.create(objects, &entry, Some(length as u32))?;
+            self.content.create(objects, entry, Some(length as u32))?;
             self.content
                 .append(objects, bytes.get(..length).unwrap_or(&[]))?;
             self.content.commit(objects)?;

@@ -83,7 +83,7 @@ impl Consumer {
         let Some((plain, _)) = half.filter(|(_, came)| now.since(*came) <= srvt_us) else {
             return self.lose(SrdoState::Unpaired);
         };
-        if Value::cut(!plain, length) != Value::cut(data, length)
+        if Value::cut(!plain ^ data, length).unsigned() != 0
             || apply(setup, objects, plain, data).is_err()
         {
             return self.lose(SrdoState::Inconsistent);

@@ -16,7 +16,7 @@ mod setup;
 mod tests;
 
 use crate::frame::Frame;
-use crate::object::{Abort, Address, Dictionary, Objects, Value};
+use crate::object::{Abort, Address, Dictionary, Number, Objects, Value};
 use crate::time::{Deadline, Instant};
 use consumer::Consumer;
 use producer::Producer;
@@ -129,17 +129,19 @@ enum Place {
 
 /// `None` when the address is not one of CANopen Safety here.
 fn place(at: Address) -> Option<Place> {
-    let parameter = |base: u16, part| {
-        let n = usize::from(at.index.checked_sub(base)?);
-        (n < SRDOS).then_some(Place::Parameter(n, part))
-    };
-    match at.index {
-        0x1300 => Some(Place::Gfc),
-        0x13FE => Some(Place::Valid),
-        0x13FF => Some(Place::Signature),
-        _ => parameter(0x1381, Part::Mapping).or_else(|| parameter(0x1301, Part::Communication)),
-    }
+    let n = usize::from(at.index & 0x7F).wrapping_sub(1);
+    Some(match at.index {
+        0x1300 => Place::Gfc,
+        0x13FE => Place::Valid,
+        0x13FF => Place::Signature,
+        0x1301..=0x1302 => Place::Parameter(n, Part::Communication),
+        0x1381..=0x1382 => Place::Parameter(n, Part::Mapping),
+        _ => return None,
+    })
 }
+
+// Its places are counted above.
+const _: () = assert!(SRDOS == 2);
 
 impl Safety {
     /// As [`Safety::new`], and a constant for the reason that [`crate::pdo::Pdos`] has.
@@ -159,18 +161,18 @@ impl Safety {
     }
 
     /// The value of 1300h to 1302h, 1381h, 1382h, 13FEh or 13FFh; `None` for any other index.
-    pub fn read(&self, at: Address) -> Option<Result<Value, Abort>> {
+    pub fn read(&self, at: Address) -> Option<Result<Number, Abort>> {
         let single = |value: u8| match at.sub {
-            0 => Ok(Value::u8(value)),
+            0 => Ok(Number::u8(value)),
             _ => Err(Abort::NoSuchSubIndex),
         };
         Some(match place(at)? {
             Place::Gfc => single(self.gfc),
             Place::Valid => single(if self.valid { VALID } else { 0 }),
             Place::Signature => match at.sub.checked_sub(1) {
-                None => Ok(Value::u8(SRDOS as u8)),
+                None => Ok(Number::u8(SRDOS as u8)),
                 Some(n) => match self.srdos.get(usize::from(n)) {
-                    Some(srdo) => Ok(Value::u16(srdo.setup.signature)),
+                    Some(srdo) => Ok(Number::u16(srdo.setup.signature)),
                     None => Err(Abort::NoSuchSubIndex),
                 },
             },
@@ -205,7 +207,7 @@ impl Safety {
         at: Address,
         value: Value,
     ) -> Result<(), Abort> {
-        let byte = u8::try_from(value.unsigned()).unwrap_or(u8::MAX);
+        let byte = value.unsigned() as u8;
         match place {
             Place::Gfc | Place::Valid if at.sub != 0 => return Err(Abort::NoSuchSubIndex),
             Place::Gfc if byte > 1 => return Err(Abort::InvalidValue),

@@ -103,8 +103,10 @@ impl Producer {
 
 /// A pair whose halves agree; `None` when they do not, or when an object cannot be read now.
 fn sampled<O: Objects>(setup: &Setup, objects: &mut O) -> Option<(Value, Value)> {
-    let plain = setup.plain.pack(objects).ok()?;
-    let inverted = setup.inverted.pack(objects).ok()?;
-    let twin = Value::cut(!plain.unsigned(), setup.plain.length());
+    let (Ok(plain), Ok(inverted)) = (setup.plain.pack(objects), setup.inverted.pack(objects))
+    else {
+        return None;
+    };
+    let twin = Value::cut(!plain.unsigned(), plain.length().into());
     (inverted == twin).then_some((plain, inverted))
 }

@@ -8,7 +8,7 @@
 
 use crate::crc;
 use crate::mapping::{self, ENTRIES, Mapping};
-use crate::object::{Abort, Access, Dictionary, Value};
+use crate::object::{Abort, Access, Dictionary, Number, Value};
 
 /// Information direction: the SRDO does not exist.
 pub const OFF: u8 = 0;
@@ -92,18 +92,18 @@ impl Setup {
     /// A sub-index's value.
     ///
     /// Errors: [`Abort::NoSuchSubIndex`].
-    pub fn read(&self, part: Part, sub: u8) -> Result<Value, Abort> {
+    pub fn read(&self, part: Part, sub: u8) -> Result<Number, Abort> {
         let [plain, inverted] = self.cob_ids;
         Ok(match (part, sub) {
-            (Part::Mapping, 0) => Value::u8(self.count()),
-            (Part::Mapping, sub) => Value::u32(self.entry(sub).ok_or(Abort::NoSuchSubIndex)?),
-            (_, 0) => Value::u8(HIGHEST),
-            (_, 1) => Value::u8(self.direction),
-            (_, 2) => Value::u16(self.sct_ms),
-            (_, 3) => Value::u8(self.srvt_ms),
-            (_, 4) => Value::u8(self.kind),
-            (_, 5) => Value::u32(plain),
-            (_, 6) => Value::u32(inverted),
+            (Part::Mapping, 0) => Number::u8(self.count()),
+            (Part::Mapping, sub) => Number::u32(self.entry(sub).ok_or(Abort::NoSuchSubIndex)?),
+            (_, 0) => Number::u8(HIGHEST),
+            (_, 1) => Number::u8(self.direction),
+            (_, 2) => Number::u16(self.sct_ms),
+            (_, 3) => Number::u8(self.srvt_ms),
+            (_, 4) => Number::u8(self.kind),
+            (_, 5) => Number::u32(plain),
+            (_, 6) => Number::u32(inverted),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -149,15 +149,15 @@ impl Setup {
         sub: u8,
         value: Value,
     ) -> Result<(), Abort> {
-        let old = self.read(part, sub)?;
+        let old = self.read(part, sub)?.bits();
+        let number = value.unsigned() as u32;
         if part == Part::Communication && sub == 0 {
             return Err(Abort::ReadOnly);
         }
         // A tool may download a whole configuration again, in any order.
-        if old == value {
+        if old == number {
             return Ok(());
         }
-        let number = value.unsigned() as u32;
         match part {
             Part::Mapping => self.may_map(dictionary, sub, number)?,
             Part::Communication => Self::may_set(sub, number)?,
@@ -236,7 +236,7 @@ impl Setup {
     /// entries with their sub-indices before them. The transmission type is no part of it.
     pub fn computed(&self) -> u16 {
         let feed = |sum, part, sub| match self.read(part, sub) {
-            Ok(value) => crc::update(sum, value.bytes()),
+            Ok(number) => crc::update(sum, Value::from(number).bytes()),
             Err(_) => sum,
         };
         let mut sum = 0;

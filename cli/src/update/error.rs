@@ -219,13 +219,11 @@ const AGAIN: &str =
 const fn no_image(error: ImageError) -> &'static str {
     match error {
         ImageError::Magic => "it does not begin as one, or ends early",
-        ImageError::Format(_) => {
-            "it is of an unknown format; a later release of plumb may support it"
-        }
+        ImageError::Format => "it is of an unknown format; a later release of plumb may support it",
         ImageError::Header => "its header is damaged; fetch it again",
-        ImageError::Hardware(_) => "it is for other hardware",
-        ImageError::Address(_) => "it is linked for no slot of this part",
-        ImageError::Length(_) => "it has no body, or one that no slot has room for",
+        ImageError::Hardware => "it is for other hardware",
+        ImageError::Address => "it is linked for no slot of this part",
+        ImageError::Length => "it has no body, or one that no slot has room for",
         ImageError::Body => "its body is damaged; fetch it again",
         ImageError::Access(_) => "it can't be read",
     }

@@ -81,7 +81,7 @@ fn parse(bytes: &[u8]) -> Result<Vec<Image>, FileError> {
     let mut rest = bytes;
     while images.is_empty() || !rest.is_empty() {
         let header = Header::parse(rest).map_err(FileError::Image)?;
-        let slot = slot_of(&header).ok_or(FileError::Image(ImageError::Address(header.address)))?;
+        let slot = slot_of(&header).ok_or(FileError::Image(ImageError::Address))?;
         let length = HEADER as usize + header.length as usize;
         let (image, behind) = rest.split_at_checked(length).ok_or(FileError::Damaged)?;
         if Crc32::of(&image[HEADER as usize..]) != header.crc {

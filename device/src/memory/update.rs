@@ -153,7 +153,7 @@ impl From<InstallError> for ProgramError {
             InstallError::NoSlot | InstallError::Unconfirmed => Self::Secured,
             InstallError::Unsigned => Self::Unsigned,
             InstallError::NotErased => Self::NotCleared,
-            InstallError::Downgrade(_) => Self::Older,
+            InstallError::Downgrade => Self::Older,
             InstallError::TooLong | InstallError::Incomplete => Self::Damaged,
             InstallError::Access(_) => Self::Write,
             InstallError::Image(error) => error.into(),
@@ -165,11 +165,11 @@ impl From<ImageError> for ProgramError {
     fn from(error: ImageError) -> Self {
         match error {
             ImageError::Access(_) => Self::Write,
-            ImageError::Length(_) => Self::Address,
+            ImageError::Length => Self::Address,
             ImageError::Body | ImageError::Header => Self::Damaged,
-            ImageError::Hardware(_) => Self::Hardware,
-            ImageError::Address(_) => Self::Slot,
-            ImageError::Magic | ImageError::Format(_) => Self::UnknownFormat,
+            ImageError::Hardware => Self::Hardware,
+            ImageError::Address => Self::Slot,
+            ImageError::Magic | ImageError::Format => Self::UnknownFormat,
         }
     }
 }

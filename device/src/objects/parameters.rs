@@ -87,23 +87,26 @@ impl Parameters {
     };
 
     /// The number behind a row; `None` when the row is no plain parameter.
+    ///
+    /// The dictionary has been asked before, so an index without members is asked for at
+    /// sub-index 0 only.
     pub fn place(&mut self, at: Address) -> Option<Place<'_>> {
         let member = usize::from(at.sub).wrapping_sub(1);
-        Some(match (at.index, at.sub) {
-            (0x2001, 0) => Place::U8(&mut self.peer),
-            (0x2003, 0) => Place::U8(&mut self.check),
-            (0x2004, 0) => Place::U16(&mut self.latch_s),
-            (0x2005, 0) => Place::U8(&mut self.degraded),
-            (0x2006, 0) => Place::U8(&mut self.alike),
-            (0x2012, _) => Place::I16(self.safe_received.get_mut(member)?),
-            (0x2040, _) => Place::I32(self.range.get_mut(member)?),
-            (0x2050, 1) => Place::U16(&mut self.fallback_ms),
-            (0x2050, 2) => Place::U32(&mut self.fallback_period_us),
-            (0x2051, 0) => Place::U16(&mut self.recovery_ms),
-            (0x2053, 2) => Place::U8(&mut self.automatic_bit_rate),
-            (0x6200, 0) => Place::U16(&mut self.safety_resolution),
-            (0x63FE, 0) => Place::U8(&mut self.safety_valid),
-            (0x63FF, 1) => Place::U16(&mut self.safety_signature),
+        Some(match at.index {
+            0x2001 => Place::U8(&mut self.peer),
+            0x2003 => Place::U8(&mut self.check),
+            0x2004 => Place::U16(&mut self.latch_s),
+            0x2005 => Place::U8(&mut self.degraded),
+            0x2006 => Place::U8(&mut self.alike),
+            0x2012 => Place::I16(self.safe_received.get_mut(member)?),
+            0x2040 => Place::I32(self.range.get_mut(member)?),
+            0x2050 if at.sub == 1 => Place::U16(&mut self.fallback_ms),
+            0x2050 => Place::U32(&mut self.fallback_period_us),
+            0x2051 => Place::U16(&mut self.recovery_ms),
+            0x2053 => Place::U8(&mut self.automatic_bit_rate),
+            0x6200 => Place::U16(&mut self.safety_resolution),
+            0x63FE => Place::U8(&mut self.safety_valid),
+            0x63FF => Place::U16(&mut self.safety_signature),
             _ => return None,
         })
     }

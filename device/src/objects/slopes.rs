@@ -7,7 +7,7 @@
 //!
 //! Left out: the arithmetic (`profile`).
 
-use canopen::object::{Abort, Address, Value};
+use canopen::object::{Abort, Address, Number, Value};
 use tilt::angle::Angle;
 use tilt::chain::Correction;
 
@@ -52,12 +52,8 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     }
 
     fn range(&self, axis: usize) -> Range {
-        let [low_x, high_x, low_y, high_y] = self.parts.values.parameters.range;
-        let (low, high) = if axis == 0 {
-            (low_x, high_x)
-        } else {
-            (low_y, high_y)
-        };
+        let (ranges, _) = self.parts.values.parameters.range.as_chunks();
+        let [low, high] = *ranges.get(axis).unwrap_or(&[0; 2]);
         Range { low, high }
     }
 
@@ -93,10 +89,10 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         self.shown().slope(slope)
     }
 
-    pub(super) fn read_slope(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_slope(&self, at: Address) -> Result<Number, Abort> {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         let Some(which) = which(at.index) else {
-            return Ok(Value::u16(self.resolution(device).number()));
+            return Ok(Number::u16(self.resolution(device).number()));
         };
         if !I::PRESETS {
             return Ok(self.as_measured(which));
@@ -105,7 +101,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let slope = parameters.ok_or(Abort::NoSuchObject)?;
         let number = match Parameter::new(which.distance) {
             Some(Parameter::Operating) => {
-                return Ok(Value::u8(slope.get(Parameter::Operating) as u8));
+                return Ok(Number::u8(slope.get(Parameter::Operating) as u8));
             }
             Some(parameter) => slope.get(parameter),
             None => {
@@ -113,24 +109,24 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
                 let angle = self.angle(which.slope);
                 let number = angle.map(|a| slope.displayed(a, &scale));
                 if which.wide {
-                    return Ok(Value::i32(number.unwrap_or(i32::MIN)));
+                    return Ok(Number::i32(number.unwrap_or(i32::MIN)));
                 }
                 // Outside the measuring range it may not fit, and the nearest number that does
                 // would be a wrong angle.
                 let narrow = number.and_then(|n| i16::try_from(n).ok());
-                return Ok(Value::i16(narrow.unwrap_or(i16::MIN)));
+                return Ok(Number::i16(narrow.unwrap_or(i16::MIN)));
             }
         };
         Ok(sized(number, which.wide))
     }
 
     /// A slope whose unit, sign and zero nobody can set.
-    fn as_measured(&self, which: Which) -> Value {
+    fn as_measured(&self, which: Which) -> Number {
         let angle = self.angle(which.slope);
         let number = angle.map(|angle| Resolution::Hundredth.units(angle));
         match which.wide {
-            true => Value::i32(number.unwrap_or(i32::MIN)),
-            false => Value::i16(number.map_or(i16::MIN, narrow)),
+            true => Number::i32(number.unwrap_or(i32::MIN)),
+            false => Number::i16(number.map_or(i16::MIN, narrow)),
         }
     }
 
@@ -143,7 +139,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let number = if parameter == Parameter::Operating {
             value.unsigned() as i32
         } else {
-            value.signed() as i32
+            value.signed_32()
         };
         let scale = self.scale(which.slope, self.resolution(device));
         let angle = self.shown().preset_slope(which.slope);
@@ -157,14 +153,16 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     fn write_resolution(&mut self, device: usize, number: u16) -> Result<(), Abort> {
         let new = Resolution::new(number).map_err(|r| r.abort())?;
         let old = self.resolution(device);
-        let mut slopes = self.parts.values.parameters.slopes;
-        for i in 2 * device..2 * device + 2 {
-            if let Some(slope) = slopes.get_mut(i) {
-                let scale = self.scale(i, new);
-                *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
-            }
+        let (pairs, _) = self.parts.values.parameters.slopes.as_chunks::<2>();
+        let mut pair = *pairs.get(device).ok_or(Abort::NoSuchObject)?;
+        for (slope, i) in pair.iter_mut().zip(2 * device..) {
+            let scale = self.scale(i, new);
+            *slope = slope.rescaled(old, &scale).map_err(|r| r.abort())?;
         }
-        self.parts.values.parameters.slopes = slopes;
+        let (pairs, _) = self.parts.values.parameters.slopes.as_chunks_mut();
+        if let Some(place) = pairs.get_mut(device) {
+            *place = pair;
+        }
         if let Some(place) = self.parts.values.parameters.resolution.get_mut(device) {
             *place = number;
         }
@@ -176,7 +174,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let before = self.parts.values.parameters.range;
         let member = usize::from(at.sub).wrapping_sub(1);
         let place = self.parts.values.parameters.range.get_mut(member);
-        *place.ok_or(Abort::NoSuchSubIndex)? = value.signed() as i32;
+        *place.ok_or(Abort::NoSuchSubIndex)? = value.signed_32();
         let axis = member >> 1;
         for slope in [axis, axis + 2] {
             let scale = self.scale(slope, self.resolution(slope >> 1));
@@ -244,7 +242,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             Some(which) => {
                 let slope = self.parts.values.parameters.slopes.get_mut(which.slope);
                 if let (Some(slope), Some(parameter)) = (slope, Parameter::new(which.distance)) {
-                    slope.load(parameter, value.signed() as i32);
+                    slope.load(parameter, value.signed_32());
                 }
             }
         }
@@ -253,7 +251,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
     /// 6210h to 6221h: as measured, without preset and offsets, in the unit of 6200h. Without a
     /// valid angle, or where 16 bit do not hold it, there is no value, so that no SRDO can be made
     /// of it.
-    pub(super) fn read_safe_slope(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_safe_slope(&self, at: Address) -> Result<Number, Abort> {
         let axis = usize::from(at.index >= 0x6220);
         let (angle, again) = self.shown().measured(axis).ok_or(Abort::NoData)?;
         let unit = Resolution::new(self.parts.values.parameters.safety_resolution);
@@ -264,15 +262,15 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             !unit.units_by_sums(again)
         };
         let number = i16::try_from(number).map_err(|_| Abort::NoData)?;
-        Ok(Value::i16(number))
+        Ok(Number::i16(number))
     }
 }
 
-fn sized(number: i32, wide: bool) -> Value {
+fn sized(number: i32, wide: bool) -> Number {
     if wide {
-        Value::i32(number)
+        Number::i32(number)
     } else {
-        Value::i16(narrow(number))
+        Number::i16(narrow(number))
     }
 }
 

@@ -9,7 +9,7 @@
 //! Left out: the formats (`calibration::encoding`, `program`).
 
 use canopen::nmt::State;
-use canopen::object::{Abort, Address, Value};
+use canopen::object::{Abort, Address, Number, Value};
 
 use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
 use super::panel::{Memory, Panel, Source};
@@ -234,36 +234,36 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         RecordStore::commit(&mut self.parts.memory)
     }
 
-    pub(super) fn read_calibration(&self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_calibration(&self, at: Address) -> Result<Number, Abort> {
         let correction = &self.parts.settings.chain.calibration.correction;
         if at.index == 0x2060 {
             return self.read_motor(at.sub);
         }
         Ok(match (at.index, at.sub) {
             // 0: two slopes, 1: one angle of 360 deg.
-            (0x2030, _) => Value::u8(u8::from(encoding::kind(correction) == 2)),
-            (0x2062, 1) => Value::u32(encoding::identity(&self.parts.settings.chain.calibration)),
-            (0x2062, 2) => Value::u8(encoding::kind(correction)),
+            (0x2030, _) => Number::u8(u8::from(encoding::kind(correction) == 2)),
+            (0x2062, 1) => Number::u32(encoding::identity(&self.parts.settings.chain.calibration)),
+            (0x2062, 2) => Number::u8(encoding::kind(correction)),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
 
-    fn read_motor(&self, sub: u8) -> Result<Value, Abort> {
+    fn read_motor(&self, sub: u8) -> Result<Number, Abort> {
         let motor = self.parts.work.motor.as_ref().ok_or(Abort::NoSuchObject)?;
         let progress = motor.get().progress();
         Ok(match sub {
-            1 => Value::u8(self.parts.values.command),
-            2 => Value::i32(self.parts.values.reference),
-            3 => Value::u8(match progress.axis {
+            1 => Number::u8(self.parts.values.command),
+            2 => Number::i32(self.parts.values.reference),
+            3 => Number::u8(match progress.axis {
                 None => 0,
                 Some(Axis::X) => 1,
                 Some(Axis::Y) => 2,
             }),
-            4 => Value::u8(progress.points.x),
-            5 => Value::u8(progress.points.y),
-            6 => Value::i32(progress.residual.ok_or(Abort::NoData)?),
-            7 => Value::u32(progress.worst),
-            8 => Value::u8(self.parts.values.result),
+            4 => Number::u8(progress.points.x),
+            5 => Number::u8(progress.points.y),
+            6 => Number::i32(progress.residual.ok_or(Abort::NoData)?),
+            7 => Number::u32(progress.worst),
+            8 => Number::u8(self.parts.values.result),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }
@@ -274,7 +274,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         }
         match at.sub {
             1 => self.command_motor(value.unsigned() as u8),
-            2 => self.memorise(value.signed() as i32),
+            2 => self.memorise(value.signed_32()),
             _ => Err(Abort::ReadOnly),
         }
     }
@@ -336,31 +336,31 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         RecordStore::erase(&mut self.parts.memory, Record::Box2)
     }
 
-    pub(super) fn read_program(&mut self, at: Address) -> Result<Value, Abort> {
+    pub(super) fn read_program(&mut self, at: Address) -> Result<Number, Abort> {
         Ok(match at.index {
-            0x1F51 => Value::u8(self.parts.values.program.control()),
-            0x1F56 => Value::u32(
+            0x1F51 => Number::u8(self.parts.values.program.control()),
+            0x1F56 => Number::u32(
                 self.parts
                     .values
                     .program
                     .identification(&mut self.parts.memory),
             ),
-            0x1F57 => Value::u32(self.parts.values.program.status()),
+            0x1F57 => Number::u32(self.parts.values.program.status()),
             0x2080 => return self.read_update(at.sub),
             _ => return Err(Abort::WriteOnly),
         })
     }
 
-    fn read_update(&mut self, sub: u8) -> Result<Value, Abort> {
+    fn read_update(&mut self, sub: u8) -> Result<Number, Abort> {
         let held = self.parts.memory.held();
         let running = self.parts.memory.running();
         Ok(match sub {
-            1 => Value::u32(running.hardware),
-            2 => Value::u32(running.version),
-            3 => Value::u8(running.slot),
-            4 => Value::u8(running.standing as u8),
-            5 => Value::u32(held.map_or(0, |held| held.identity)),
-            6 => Value::u32(held.map_or(0, |held| held.bytes)),
+            1 => Number::u32(running.hardware),
+            2 => Number::u32(running.version),
+            3 => Number::u8(running.slot),
+            4 => Number::u8(running.standing as u8),
+            5 => Number::u32(held.map_or(0, |held| held.identity)),
+            6 => Number::u32(held.map_or(0, |held| held.bytes)),
             _ => return Err(Abort::NoSuchSubIndex),
         })
     }

@@ -75,7 +75,8 @@ impl<'a, S: RecordStore + ?Sized> Entries<'a, S> {
             return None;
         }
         self.offset = self.offset.checked_add((HEAD + length) as u32)?;
-        let value = value.get(..length).and_then(Value::new);
+        let is_short = length <= LONGEST;
+        let value = is_short.then(|| Value::cut(u64::from_le_bytes(value), length));
         Some((at(u16::from_le_bytes([low, high]), sub), value))
     }
 }

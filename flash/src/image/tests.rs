@@ -83,14 +83,11 @@ fn an_image_for_another_part_or_slot_or_too_long_is_refused() {
     let whole = Header::parse(&file(Slot::B, Version::new(1, 0, 0), 1000)).unwrap();
     let b = RC.b.unwrap();
     assert_eq!(whole.suits(b, HARDWARE), Ok(()));
-    assert_eq!(whole.suits(b, 1), Err(ImageError::Hardware(HARDWARE)));
-    assert_eq!(
-        whole.suits(RC.a, HARDWARE),
-        Err(ImageError::Address(whole.address))
-    );
+    assert_eq!(whole.suits(b, 1), Err(ImageError::Hardware));
+    assert_eq!(whole.suits(RC.a, HARDWARE), Err(ImageError::Address));
     for length in [0, 1002, b.length - HEADER + 4, u32::MAX - 3] {
         let bad = Header { length, ..whole };
-        assert_eq!(bad.suits(b, HARDWARE), Err(ImageError::Length(length)));
+        assert_eq!(bad.suits(b, HARDWARE), Err(ImageError::Length));
     }
     let longest = b.length - HEADER;
     let longest = Header {
@@ -111,7 +108,7 @@ fn an_empty_slot_and_an_unknown_format_are_told_apart() {
     assert_eq!(Header::parse(&file), Err(ImageError::Header));
     let crc = Crc32::of(&file[..28]);
     file[28..32].copy_from_slice(&crc.to_le_bytes());
-    assert_eq!(Header::parse(&file), Err(ImageError::Format(2)));
+    assert_eq!(Header::parse(&file), Err(ImageError::Format));
     assert_eq!(Header::parse(&file[..31]), Err(ImageError::Magic));
 }
 

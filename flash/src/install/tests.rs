@@ -32,7 +32,8 @@ fn install(nor: &mut Bench, file: &[u8], rules: Rules) -> Result<Header, Install
     for piece in file.chunks(7) {
         install.append(nor, piece)?;
     }
-    install.finish()
+    install.finish()?;
+    Ok(*install.header().unwrap())
 }
 
 fn update(nor: &mut Bench, file: &[u8]) -> bool {
@@ -93,19 +94,15 @@ fn a_cut_at_any_operation_of_an_update_leaves_the_old_or_the_new() {
 #[test]
 fn what_may_not_run_here_is_refused_with_its_header() {
     let cases = [
-        (file(Slot::A, NEW, 64), RULES, "Image(Address("),
-        (
-            file(Slot::B, Version::new(0, 9, 9), 64),
-            RULES,
-            "Downgrade(",
-        ),
+        (file(Slot::A, NEW, 64), RULES, "Image(Address)"),
+        (file(Slot::B, Version::new(0, 9, 9), 64), RULES, "Downgrade"),
         (
             file(Slot::B, NEW, 64),
             Rules {
                 hardware: 1,
                 ..RULES
             },
-            "Image(Hardware(",
+            "Image(Hardware)",
         ),
         (
             file(Slot::B, NEW, 64),

@@ -183,7 +183,7 @@ fn signatures_as_delivered_are_the_computed_ones() {
 #[test]
 fn limits_refuse_at_the_write() {
     let dictionary = dictionary(Models::WHOLE, Channel::A);
-    let admits = |address, value| dictionary.admits(&dictionary.entry(address).unwrap(), &value);
+    let admits = |address, value| dictionary.admits(dictionary.form(address).unwrap(), &value);
     assert_eq!(admits(at(0x2001, 0), Value::u8(0)), Err(Abort::ValueTooLow));
     assert_eq!(
         admits(at(0x2001, 0), Value::u8(128)),
