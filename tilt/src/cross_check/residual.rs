@@ -104,14 +104,14 @@ impl State {
     /// The whole difference own minus peer, low-passed, 2^-26 g per step.
     pub fn difference(&self) -> [i32; 3] {
         self.shown.map(|low| {
-            let steps = low >> FRACTION;
+            let steps = towards_zero(low, FRACTION);
             steps.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
         })
     }
 
     /// The habit: what own minus peer usually is, 2^-26 g per step.
     pub fn usual(&self) -> [i32; 3] {
-        self.habit.map(|habit| (habit >> FRACTION) as i32)
+        self.habit.map(|habit| towards_zero(habit, FRACTION) as i32)
     }
 
     /// There was a gap: the low-passes start from zero. The habit stays.
@@ -219,8 +219,14 @@ fn follow(low: &mut [i64; 3], value: &[i64; 3], share: u32) {
             Ok(way) => i64::from(way) * i64::from(share),
             Err(_) => way.saturating_mul(i64::from(share)),
         };
-        *low += part >> 22;
+        *low += towards_zero(part, 22);
     }
+}
+
+/// `value` / 2^`bits`, towards zero. A shift alone rounds down: the peer, to whom each difference
+/// has the other sign, would round it the other way and could judge otherwise.
+const fn towards_zero(value: i64, bits: u32) -> i64 {
+    (value + ((value >> 63) as u64 >> (64 - bits)) as i64) >> bits
 }
 
 /// `elapsed` / (`elapsed` + `tau`) in 2^-22, rounded down: long division by the chip's own of 32
@@ -375,6 +381,26 @@ mod tests {
             "five uncertainties are 10 mg"
         );
         assert!((0..200).any(|_| wide(&mut state, 11.0)));
+    }
+
+    #[test]
+    fn differences_were_rounded_down_so_that_a_pair_in_the_other_order_was_not_judged_alike() {
+        let check = Residual::PRODUCT;
+        let (mut here, mut there) = (State::default(), State::default());
+        let mut seed = 0x2545_F491_4F6C_DD1D_u64;
+        for n in 0..20_000 {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let [x, y, z] = [25, 29, 32].map(|bits| (seed >> bits) as i32 % (3 * MG as i32));
+            let own = Corrected {
+                accel: [x, y, ONE_G + z],
+            };
+            let shaken = n % 7 == 0;
+            let judged = check.step(&mut here, [&own, &LEVEL], 0, shaken, 20_000);
+            let seen = check.step(&mut there, [&LEVEL, &own], 0, shaken, 20_000);
+            assert_eq!(judged, seen, "{n}");
+            assert_eq!(here.difference(), there.difference().map(|d| -d), "{n}");
+            assert_eq!(here.usual(), there.usual().map(|d| -d), "{n}");
+        }
     }
 
     #[test]

@@ -105,10 +105,13 @@ impl Standstill {
     }
 }
 
-/// The part of `difference` that lies along the vectors of a pair, which are about 1 g long,
-/// 2^-26 g.
-pub fn along(difference: [i32; 3], [vector, _]: [&Corrected; 2]) -> i32 {
-    let products = difference.iter().zip(&vector.accel);
-    let sum = products.fold(0, |sum: i64, (d, v)| sum + i64::from(*d) * i64::from(*v));
-    (sum >> 26) as i32
+/// The part of `difference` that lies along the mean of a pair's vectors, which are about 1 g
+/// long, 2^-26 g. The peer, to whom the pair comes in the other order, comes to the same part.
+pub fn along(difference: [i32; 3], [own, peer]: [&Corrected; 2]) -> i32 {
+    let twice = own.accel.iter().zip(&peer.accel);
+    let twice = twice.map(|(own, peer)| i64::from(*own) + i64::from(*peer));
+    let products = difference.iter().zip(twice);
+    let products = products.map(|(d, twice)| i64::from(*d).saturating_mul(twice));
+    let part = products.fold(0, i64::saturating_add) / (1 << 27);
+    part.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
