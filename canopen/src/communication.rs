@@ -14,7 +14,7 @@ use crate::object::{Abort, Address, Dictionary, Number, Objects, Place, Value};
 use crate::pdo::Pdos;
 use crate::srdo::Safety;
 use crate::sync::{self, Sync};
-use crate::time::Instant;
+use instant::Instant;
 
 /// The services that have objects of their own, and their state. The small ones come first, also in
 /// memory: short instructions reach them.

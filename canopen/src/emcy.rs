@@ -12,7 +12,8 @@
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Number, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// Errors kept in 1003h.
 pub const HISTORY: usize = 8;

@@ -10,7 +10,8 @@
 use crate::frame::{Frame, standard};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Objects, Place, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// Nodes that can be supervised (1016h).
 pub const SUPERVISED: usize = 4;

@@ -26,4 +26,4 @@ pub mod sync;
 pub mod time;
 
 pub use frame::Frame;
-pub use time::Instant;
+pub use instant::Instant;

@@ -9,7 +9,8 @@
 use crate::frame::{Frame, is_restricted};
 use crate::nmt::State;
 use crate::object::{Abort, Address, Place, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// Bit 30 of 1005h: this node produces.
 pub(crate) const PRODUCE: u32 = 1 << 30;

@@ -7,7 +7,7 @@
 //!
 //! Left out: the controller, and rates that CiA 301 doesn't know.
 
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// Rates tried, kbit/s, the usual ones first.
 pub const CANDIDATES: [u16; 8] = [250, 500, 125, 1000, 800, 50, 20, 10];

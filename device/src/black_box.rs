@@ -55,7 +55,7 @@
 //! Left out: what is an event, and the memory (`device`).
 
 use canopen::sdo::TIMEOUT_MS;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::fault_log::{ENTRY, Entry, copy};
 

@@ -17,12 +17,13 @@
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
+use instant::Instant;
 use tilt::chain::{Calibration, Chain, Invalid, PART_DELAY_Q16, Reading, State, Timing};
 use tilt::composition::{Composition, Whole};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::{self, Health};
 use tilt::observation::Observation;
-use tilt::sample::{FullScale, Instant, Temperature};
+use tilt::sample::{FullScale, Temperature};
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::Budget;
 

@@ -20,17 +20,17 @@ mod sending;
 mod trial;
 
 use canopen::Frame;
-use canopen::Instant as BusInstant;
 use canopen::nmt::State;
 use canopen::node::{BusState, Node, Waiting};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
+use instant::Instant;
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
-use tilt::sample::{Instant, Temperature};
+use tilt::sample::Temperature;
 
 use crate::calibration::encoding::identity;
 use crate::calibration::motor::Terms;
@@ -155,10 +155,6 @@ impl<SPI: SpiDevice, C: Composition> Source<C> for Channel<SPI> {
     }
 }
 
-const fn bus_time(now: Instant) -> BusInstant {
-    BusInstant(now.0)
-}
-
 impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// A device that has not been started.
     ///
@@ -275,7 +271,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.next_refresh = now;
         self.next = now;
         let (bus, mut panel) = self.split(now);
-        bus.start(&mut panel, node_id, bus_time(now));
+        bus.start(&mut panel, node_id, now);
         self.choose_check();
     }
 
@@ -296,7 +292,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     pub fn receive(&mut self, frame: &Frame, now: Instant) {
         self.watch_peer(frame);
         let (bus, mut panel) = self.split(now);
-        if !bus.receive(&mut panel, frame, bus_time(now)) {
+        if !bus.receive(&mut panel, frame, now) {
             return;
         }
         let news = &self.parts.values.news;
@@ -320,7 +316,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         }
         if self.bus.told(frame) {
             let (bus, mut panel) = self.split(now);
-            bus.sync_sent(&mut panel, frame, bus_time(now));
+            bus.sync_sent(&mut panel, frame, now);
         } else if frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
             // What else a PDO brings about was known when it was made.
             return;
@@ -338,8 +334,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// What [`Device::transmit`] would give.
     pub fn waiting(&self, now: Instant) -> Option<Waiting> {
-        self.bus
-            .waiting::<Panel<'_, M, Channel<SPI>, I>>(bus_time(now))
+        self.bus.waiting::<Panel<'_, M, Channel<SPI>, I>>(now)
     }
 
     /// The frame that [`Device::waiting`] has named at the same instant.
@@ -347,8 +342,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     #[inline(never)]
     pub fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
         let (bus, mut panel) = self.split(now);
-        let out = bus.hand_out(&mut panel, waiting, bus_time(now))?;
-        let until = out.until.map(|until| Instant(until.0));
+        let out = bus.hand_out(&mut panel, waiting, now)?;
+        let until = out.until;
         self.matching.sending.hand_over(waiting.cob_id, until);
         Some(out.frame)
     }
@@ -379,7 +374,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.parts.channel.excuse(&self.parts.settings, now);
         // No page is erased in OPERATIONAL: whatever else takes long there, frames are kept.
         if self.bus.state() != State::Operational {
-            self.bus.excuse(bus_time(now));
+            self.bus.excuse(now);
         }
         self.next_erase = now.offset(PAUSE_US);
     }
@@ -402,8 +397,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             self.update(now);
         }
         let (bus, mut panel) = self.split(now);
-        let bus = bus.poll(&mut panel, bus_time(now));
-        let bus = bus.map_or(self.next_refresh, |at| Instant(at.0));
+        let bus = bus.poll(&mut panel, now);
+        let bus = bus.unwrap_or(self.next_refresh);
         self.exchanged(now);
         self.report(now);
         self.next = bus.min(self.next_refresh);
@@ -441,7 +436,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         shown.transmit_errors = transmit;
         shown.receive_errors = receive;
         let (bus, mut panel) = self.split(now);
-        bus.bus_state(&mut panel, state, bus_time(now));
+        bus.bus_state(&mut panel, state, now);
         self.after(now);
     }
 

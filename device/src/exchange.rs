@@ -26,11 +26,11 @@
 //!
 //! [`presentation`]: crate::presentation
 
+use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::health::Activity;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
 use tilt::vector::Corrected;
 

@@ -14,7 +14,7 @@
 
 use canopen::Frame;
 use embedded_hal::spi::SpiDevice;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::device::Device;
 use crate::instrument::Instrument;

@@ -17,12 +17,12 @@
 //! Left out: which observation of the peer belongs to which SYNC (`device::matching`), and how a
 //! pair is judged (`tilt::cross_check`).
 
+use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement, Latch, Node, Verdict};
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
 use crate::presentation::{PeerPresentation, Presentation};
 

@@ -17,7 +17,7 @@
 //!
 //! Left out: delays above 384 ms, which show as missing exchanges first.
 
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// One step of an exchange's instant, us.
 pub const STEP_US: u64 = 2000;

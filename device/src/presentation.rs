@@ -12,9 +12,9 @@
 //! Left out: the resolution (6000h). It is the unit of a number, which whoever reads it has to
 //! have in any case.
 
+use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Measurement, Reading};
-use tilt::sample::Instant;
 
 use crate::profile::{Resolution, Slope};
 

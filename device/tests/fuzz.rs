@@ -23,8 +23,8 @@ use proptest::test_runner::TestRunner;
 use device::device::Wish;
 use device::objects::row::{Default, Row};
 use device::objects::table::{Channel, Models, rows};
+use instant::Instant;
 use site::Site;
-use tilt::sample::Instant;
 
 const SAVE: u32 = canopen::storage::SAVE;
 const LOAD: u32 = canopen::storage::LOAD;

@@ -11,8 +11,8 @@ use canopen::node::BusState;
 use device::mailboxes::{Abort, MAILBOXES, Mailboxes, Transmitter};
 use device::objects::table::Channel;
 use device::sensor::Config;
+use instant::Instant;
 use site::Site;
-use tilt::sample::Instant;
 
 const EMCY: u16 = 0x81;
 const SDO: u16 = 0x581;

@@ -23,7 +23,7 @@ use std::fmt::Write as _;
 
 use both::{Heard, NODES, Policy, TICK_US, World};
 use device::fault::Fault;
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// How long a wrong angle may be marked valid while both can be compared, us.
 const REACTION_US: i64 = 500_000;

@@ -10,7 +10,7 @@ use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, standard};
 use device::mailboxes::MAILBOXES;
 use heapless::Deque;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::unit::{Event, State};
 

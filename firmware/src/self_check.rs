@@ -11,7 +11,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embedded_storage::nor_flash::{ErrorType, ReadNorFlash};
 use flash::image::{Check, Verdict, header};
 use flash::layout::{Layout, Region, Slot};
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::chip::nor::Reader;
 use crate::chip::{clock, stack, watchdog};

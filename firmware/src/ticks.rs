@@ -7,7 +7,7 @@
 //! STM32F103xC/D/E, 5.3.9). An overflow may be counted up to [`LATEST_US`] late; whoever comes
 //! later is a round behind.
 
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// Microseconds from one overflow to the next.
 pub const ROUND_US: u64 = 1 << 16;

@@ -18,7 +18,7 @@ use device::instrument::Instrument;
 use device::mailboxes::{Mailboxes, Transmitter};
 use device::objects::panel::Memory;
 use embedded_hal::spi::SpiDevice;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::inbox::Input;
 

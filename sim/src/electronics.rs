@@ -11,7 +11,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use embedded_hal::delay::DelayNs;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use crate::TICK_S;
 use crate::error_model::{ErrorModel, Part};

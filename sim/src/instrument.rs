@@ -15,9 +15,9 @@ use crate::node::Node;
 use device::channel::Settings;
 use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
+use instant::Instant;
 use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
-use tilt::sample::Instant;
 
 use crate::TICK_S;
 use crate::electronics::Electronics;

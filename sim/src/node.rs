@@ -7,10 +7,10 @@ use device::channel::{Channel, Settings};
 use device::sensor::InitError;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
+use instant::Instant;
 use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
 /// A node's state.
 #[derive(Debug)]

@@ -9,6 +9,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use device::channel::{CHECK_INTERVAL_US, Settings};
+use instant::Instant;
 use sim::TICK_S;
 use sim::bench::{Mode, run};
 use sim::error_model::{ErrorModel, Term};
@@ -21,7 +22,6 @@ use sim::rng::Rng;
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement};
 use tilt::cross_check::{CrossCheck, Judgement, Node as Which};
-use tilt::sample::Instant;
 
 const CTRL6: u8 = 0x25;
 

@@ -9,6 +9,7 @@
 use std::collections::VecDeque;
 
 use device::channel::Settings;
+use instant::Instant;
 use proptest::prelude::*;
 use sim::bench::static_test::{differences, errors};
 use sim::bench::statistics::Tally;
@@ -25,7 +26,6 @@ use tilt::ONE_G;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Correction, Measurement, Reading};
 use tilt::cross_check::{CrossCheck, Judgement, THRESHOLD, Verdict};
-use tilt::sample::Instant;
 use tilt::table::{Point, Rule, Table};
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 

@@ -5,6 +5,7 @@
 //! what the product's check makes of them while the chamber goes from there to 60 and to -20 degC
 //! and the housing turns. Left out: the bus, and what it takes from the figures.
 
+use instant::Instant;
 use sim::error_model::{ErrorModel, Part};
 use sim::rng::Rng;
 use tilt::ONE_G;
@@ -16,7 +17,7 @@ use tilt::cross_check::{CrossCheck, Judgement, Node};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::Activity;
 use tilt::observation::Observation;
-use tilt::sample::{FullScale, Instant, Temperature};
+use tilt::sample::{FullScale, Temperature};
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 

@@ -7,11 +7,12 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
+use instant::Instant;
 use tilt::ONE_G;
 use tilt::angle::{Angle, Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
 use tilt::filter::LowPass;
-use tilt::sample::{Counts, FullScale, Instant, Temperature};
+use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{DataSheet, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, Uncertainty};

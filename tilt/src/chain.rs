@@ -22,11 +22,12 @@ use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
 use crate::composition::{Composition, Place, Whole};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
 use crate::root::root;
-use crate::sample::{Counts, FullScale, Instant, Temperature};
+use crate::sample::{Counts, FullScale, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
 use crate::uncertainty::{Budget, Uncertainty};
 use crate::vector::{Corrected, Vector};
+use instant::Instant;
 
 /// Why there is no angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -38,7 +38,7 @@ use crate::angle::{Angle, Axes};
 use crate::chain::{Invalid, Measurement, Reading};
 use crate::composition::{Composition, Place, Whole};
 use crate::observation::Observation;
-use crate::sample::Instant;
+use instant::Instant;
 
 /// The two channels of an instrument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

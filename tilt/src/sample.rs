@@ -48,25 +48,6 @@ impl FullScale {
     }
 }
 
-/// A reading of the device's own clock, in microseconds since its reset.
-///
-/// Differences are signed 64-bit microseconds. The clock does not wrap in 584 000 years.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Instant(pub u64);
-
-impl Instant {
-    /// Microseconds from `earlier` to `self`; negative when `self` is the earlier one.
-    pub const fn micros_since(self, earlier: Self) -> i64 {
-        self.0.wrapping_sub(earlier.0) as i64
-    }
-
-    /// The instant `micros` later (earlier when negative), stopping at the ends of the clock.
-    #[cfg_attr(target_pointer_width = "32", inline(never))]
-    pub const fn offset(self, micros: i64) -> Self {
-        Self(self.0.saturating_add_signed(micros))
-    }
-}
-
 /// A temperature in 1/256 degC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Temperature(pub i32);
@@ -95,11 +76,5 @@ mod tests {
         assert_eq!(FullScale::G2.counts_per_g(), 16384);
         assert_eq!(FullScale::G16.counts_per_g(), 2048);
         assert_eq!(FullScale::G16.g(), 16);
-    }
-
-    #[test]
-    fn instants_subtract_both_ways() {
-        assert_eq!(Instant(5).micros_since(Instant(7)), -2);
-        assert_eq!(Instant(5).offset(-9), Instant(0));
     }
 }

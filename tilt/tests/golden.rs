@@ -4,11 +4,12 @@
 //! change of the chain is meant to change the bits, the new values are printed by the failing
 //! test; say in the change log why they moved.
 
+use instant::Instant;
 use tilt::ONE_G;
 use tilt::angle::{Angle, Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
 use tilt::filter::LowPass;
-use tilt::sample::{Counts, FullScale, Instant, Temperature};
+use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};

@@ -425,6 +425,8 @@ fn no_std(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
         "build",
         "--quiet",
         "-p",
+        "instant",
+        "-p",
         "tilt",
         "-p",
         "canopen",

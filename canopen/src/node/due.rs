@@ -8,7 +8,8 @@
 use super::view::Mapped;
 use super::{Application, Event, Node, UNCONFIGURED};
 use crate::nmt::State;
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// The earliest of the instants after `now`.
 struct Next {

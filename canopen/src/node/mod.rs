@@ -30,7 +30,8 @@ use crate::pdo::Received;
 use crate::sdo::Server;
 use crate::srdo::{self, SafetyReceived};
 use crate::storage::{self, Group};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// The node-id of a device that has none (CiA 305).
 pub const UNCONFIGURED: u8 = 255;

@@ -9,7 +9,7 @@ use super::{Application, BootUp, Event, Node, Outgoing, Service, UNCONFIGURED, W
 use crate::error_control::{ERROR_CONTROL, boot_up};
 use crate::frame::Frame;
 use crate::nmt::{self, State};
-use crate::time::Instant;
+use instant::Instant;
 
 impl Node {
     /// The frame to send now: of all that wait, the one with the lowest identifier.

@@ -12,7 +12,7 @@ use crate::node::Application;
 use crate::object::{Abort, Access, Address, Dictionary, Objects, Value, at};
 use crate::services::Services;
 use crate::storage::{self, Group, LOAD, ON_COMMAND, SAVE, signed};
-use crate::time::Instant;
+use instant::Instant;
 
 /// All objects, the services' and the device's, as an SDO or PDO sees them.
 pub(super) struct View<'a, A> {

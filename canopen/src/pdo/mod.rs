@@ -18,7 +18,8 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Access, Address, Dictionary, Number, Objects, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 use rpdo::Rpdo;
 use setup::{Part, Setup};
 use tpdo::Tpdo;

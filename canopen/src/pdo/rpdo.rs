@@ -9,7 +9,8 @@ use super::Received;
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::Objects;
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// An RPDO: configuration and state.
 #[derive(Clone, Debug)]

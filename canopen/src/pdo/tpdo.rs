@@ -10,7 +10,8 @@
 use super::setup::Setup;
 use crate::frame::{Frame, standard};
 use crate::object::{Objects, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 const NEVER: Instant = Instant(u64::MAX);
 

@@ -7,7 +7,8 @@
 
 use crate::frame::Frame;
 use crate::object::{Abort, Address, Objects, at};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 use super::block_download::Incoming;
 use super::block_upload::Outgoing;

@@ -9,7 +9,8 @@ use super::SrdoState;
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::{Abort, Objects, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
+use instant::Instant;
 
 /// State of a consumer.
 #[derive(Clone, Debug)]

@@ -17,8 +17,9 @@ mod tests;
 
 use crate::frame::Frame;
 use crate::object::{Abort, Address, Dictionary, Number, Objects, Value};
-use crate::time::{Deadline, Instant};
+use crate::time::Deadline;
 use consumer::Consumer;
+use instant::Instant;
 use producer::Producer;
 use setup::{CONSUME, OFF, PRODUCE, Part, Setup};
 

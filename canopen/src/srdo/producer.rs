@@ -11,7 +11,7 @@
 use super::setup::Setup;
 use crate::frame::Frame;
 use crate::object::{Objects, Value};
-use crate::time::Instant;
+use instant::Instant;
 
 /// A sample that has waited for so long is not sent any more, us; half the safeguard cycle where
 /// that is less.

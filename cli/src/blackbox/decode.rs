@@ -214,8 +214,8 @@ impl Samples {
 mod tests {
     use device::black_box::{self, BlackBox};
     use device::fault_log;
+    use instant::Instant;
     use proptest::prelude::*;
-    use tilt::sample::Instant;
 
     use super::*;
 

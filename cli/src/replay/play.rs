@@ -7,8 +7,9 @@
 //! recording, so that a channel that falls silent is seen. Hours in which nothing was recorded at
 //! all are stepped over.
 
+use instant::Instant;
 use tilt::chain::{Chain, Measurement, Reading, State};
-use tilt::sample::{FullScale, Instant, Temperature};
+use tilt::sample::{FullScale, Temperature};
 
 use super::arguments::Mode;
 use super::prepare::Prepared;

@@ -4,12 +4,12 @@
 //! `tilt::cross_check` judges; here its judgements are counted and put into words. One recording
 //! has nobody to compare with: its stretches say whether it measured.
 
+use instant::Instant;
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::cross_check::{
     Judgement, Node, PaperCheck, PaperState, THRESHOLD, Verdict, WindowCheck, WindowState,
 };
-use tilt::sample::Instant;
 
 use super::arguments::Mode;
 use super::figures::{Sums, seconds};

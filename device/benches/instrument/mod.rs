@@ -7,8 +7,8 @@
 #[path = "../../tests/both/nothing.rs"]
 mod nothing;
 
+use canopen::Frame;
 use canopen::node::Node;
-use canopen::{Frame, Instant as BusInstant};
 use device::black_box::BlackBox;
 use device::calibration::motor::{MOTOR, Motor, Terms};
 use device::channel::Settings;
@@ -18,13 +18,14 @@ use device::objects::table::{Channel, Models};
 use device::objects::values::Values;
 use device::pair::Pair;
 use device::sensor::Config;
+use instant::Instant;
 use nothing::Nothing;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::{Filtered, LowPass};
 use tilt::observation::Observation;
-use tilt::sample::{FullScale, Instant, Temperature};
+use tilt::sample::{FullScale, Temperature};
 use tilt::table::Rule;
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::{Budget, Span, Uncertainty};
@@ -110,8 +111,8 @@ impl Instrument {
                 black_box: BlackBox::new(),
             },
         };
-        instrument.with(|node, panel| node.start(panel, NODE_ID, BusInstant(0)));
-        instrument.with(|node, panel| node.transmit(panel, BusInstant(0)));
+        instrument.with(|node, panel| node.start(panel, NODE_ID, Instant(0)));
+        instrument.with(|node, panel| node.transmit(panel, Instant(0)));
         instrument
     }
 
@@ -130,8 +131,8 @@ impl Instrument {
             &[0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0],
         );
         self.with(|node, panel| {
-            node.receive(panel, &request, BusInstant(0));
-            node.transmit(panel, BusInstant(0))
+            node.receive(panel, &request, Instant(0));
+            node.transmit(panel, Instant(0))
         })
     }
 }

@@ -6,9 +6,9 @@
 //! Left out: how the board finds out.
 
 use embedded_hal::spi::SpiDevice;
-use tilt::sample::Instant;
+use instant::Instant;
 
-use super::{Device, Memory, bus_time};
+use super::{Device, Memory};
 use crate::fault_log::Entry;
 use crate::instrument::Instrument;
 
@@ -21,7 +21,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     pub fn came_up_after(&mut self, code: u16, detail: [u8; 5], now: Instant) {
         let bits = self.faults.register();
         let (bus, mut panel) = self.split(now);
-        bus.report(&mut panel, code, bits, detail, bus_time(now));
+        bus.report(&mut panel, code, bits, detail, now);
         if I::HISTORY {
             self.parts.log.add(Entry {
                 code,

@@ -13,7 +13,7 @@
 
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use super::trial::PAUSE_US as PAGE_PAUSE_US;
 use super::{Device, Memory};

@@ -13,14 +13,14 @@
 use canopen::Frame;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
+use instant::Instant;
 use tilt::chain::Invalid;
 use tilt::composition::Place;
 use tilt::cross_check::CrossCheck;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
 use super::sending::Sending;
-use super::{Device, Memory, bus_time};
+use super::{Device, Memory};
 use crate::black_box::{self, blamed_reason};
 use crate::exchange;
 use crate::instrument::Instrument;
@@ -139,7 +139,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     pub(super) fn end_standing_in(&mut self, now: Instant) {
         if core::mem::take(&mut self.standing_in) {
-            self.bus.stand_in_for_sync(None, bus_time(now));
+            self.bus.stand_in_for_sync(None, now);
         }
     }
 

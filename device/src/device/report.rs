@@ -7,16 +7,15 @@
 //!
 //! Left out: how a judgement comes about (`pair`).
 
-use canopen::Instant as BusInstant;
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
+use instant::Instant;
 use tilt::angle::Angle;
 use tilt::chain::Invalid;
 use tilt::cross_check::Judgement;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
-use super::{Device, Memory, REFRESH_US, bus_time};
+use super::{Device, Memory, REFRESH_US};
 use crate::calibration::encoding::identity;
 use crate::fault::{Fault, Faults};
 use crate::fault_log::Entry;
@@ -96,7 +95,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.look_for_faults(now);
         self.keep(now);
         let (bus, mut panel) = self.split(now);
-        bus.data_changed(&mut panel, bus_time(now));
+        bus.data_changed(&mut panel, now);
     }
 
     /// A calibration that changes by itself makes wrong angles that look right.
@@ -143,7 +142,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if !self.standing_in {
             self.standing_in = true;
             let period_us = Some(parameters.fallback_period_us);
-            self.bus.stand_in_for_sync(period_us, bus_time(now));
+            self.bus.stand_in_for_sync(period_us, now);
         }
     }
 
@@ -234,7 +233,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         let bits = found.register();
         let (bus, mut panel) = self.split(now);
         match code {
-            Some(code) => bus.report(&mut panel, code, bits, detail, bus_time(now)),
+            Some(code) => bus.report(&mut panel, code, bits, detail, now),
             None => bus.cleared(bits, detail),
         }
     }
@@ -266,7 +265,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// A safety frame is sent only of an angle that is valid, checked and configured as signed:
     /// when it was checked.
-    fn consents(&self, now: Instant) -> Option<BusInstant> {
+    fn consents(&self, now: Instant) -> Option<Instant> {
         if !I::SERVICES.safety {
             return None;
         }
@@ -277,7 +276,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         }
         let sound = self.shown(now).measured(0).is_some();
         let checked_at = self.parts.pair.agreed_at().filter(|_| sound);
-        checked_at.map(bus_time)
+        checked_at
     }
 }
 

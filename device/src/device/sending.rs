@@ -13,7 +13,7 @@
 //!
 //! Left out: what to do about it, which is `pair`'s and the driver's.
 
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// Identifiers of PDOs in the predefined connection set (CiA 301, table 39).
 pub(super) const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;

@@ -14,7 +14,7 @@
 
 use canopen::nmt::State;
 use embedded_hal::spi::SpiDevice;
-use tilt::sample::Instant;
+use instant::Instant;
 
 use super::{Device, Memory};
 use crate::instrument::Instrument;

@@ -6,17 +6,18 @@
 //!
 //! Left out: the communication objects, which the stack serves itself.
 
+use canopen::nmt;
 use canopen::node::{Application, Event};
 use canopen::object::{Abort, Address, Dictionary, Number, Objects, Value, at};
 use canopen::services::Services;
 use canopen::storage::Group;
-use canopen::{Instant as BusInstant, nmt};
+use instant::Instant;
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Place, Whole};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
-use tilt::sample::{Instant, Temperature};
+use tilt::sample::Temperature;
 
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
 use super::process::Shown;
@@ -458,7 +459,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> 
         [VENDOR_ID, product, REVISION, self.parts.identity.serial]
     }
 
-    fn event(&mut self, event: Event, _now: BusInstant) {
+    fn event(&mut self, event: Event, _now: Instant) {
         let news = &mut self.parts.values.news;
         match event {
             Event::State(state) => self.enter(state),

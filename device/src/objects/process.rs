@@ -8,12 +8,12 @@
 //! (`profile`).
 
 use canopen::nmt::State;
+use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{Judgement, Node};
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
 
 use super::values::Values;

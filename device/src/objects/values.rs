@@ -6,10 +6,10 @@
 //! Left out: the rules of each row (`panel`), calibration and settings, which the device owns.
 
 use canopen::nmt::State;
+use instant::Instant;
 use tilt::chain::Invalid;
 use tilt::health::Activity;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
 use super::parameters::Parameters;
 use super::process::Process;

@@ -16,8 +16,8 @@ use device::calibration::deliver;
 use device::device::{Device, Wish};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::table::Channel;
+use instant::Instant;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::Instant;
 
 use nothing::Nothing;
 use part::{Hurry, NOISE, Part, Registers, delivered, factory};

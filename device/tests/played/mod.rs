@@ -11,12 +11,12 @@ use device::exchange;
 use device::fault::Fault;
 use device::objects::table::Channel;
 use device::presentation::Presentation;
+use instant::Instant;
 use tilt::angle::{Angle, Axes, slopes};
 use tilt::chain::Measurement;
 use tilt::cross_check::CrossCheck;
 use tilt::health::Activity;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 use tilt::uncertainty::Uncertainty;
 use tilt::vector::Corrected;
 

@@ -15,8 +15,8 @@ use device::sensor::Config;
 use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
+use instant::Instant;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::Instant;
 
 pub use registers::delivered;
 use registers::{Hurry, Part};

@@ -10,9 +10,10 @@
 
 use core::hint::black_box;
 
+use instant::Instant;
 use tilt::angle::Axes;
 use tilt::chain::{Chain, Correction, PART_DELAY_Q16, Reading, State, Timing};
-use tilt::sample::{Counts, Instant, Temperature};
+use tilt::sample::{Counts, Temperature};
 use tilt::temperature::TemperatureModel;
 
 use crate::{counts, product};

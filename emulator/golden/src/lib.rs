@@ -9,10 +9,11 @@
 
 pub mod float;
 
+use instant::Instant;
 use tilt::angle::{Axes, Harmonics};
 use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
 use tilt::filter::LowPass;
-use tilt::sample::{Counts, FullScale, Instant, Temperature};
+use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::temperature::{Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;

@@ -13,7 +13,7 @@ use emulator::chip::tap::{CAN, Deed, Entry, TIM2};
 use firmware::inbox::{Inbox, Input};
 use firmware::ticks;
 use firmware::unit::{Event, State};
-use tilt::sample::Instant;
+use instant::Instant;
 
 /// The exception of TIM2, whose handler takes edges, and of TIM3, whose handler is the task.
 const EDGES: u32 = 16 + 28;

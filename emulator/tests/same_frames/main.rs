@@ -20,11 +20,11 @@ use emulator::pair::{Heard, Pair};
 use flash::check_sum::Crc32;
 use flash::image::Version;
 use flash::layout::Slot;
+use instant::Instant;
 use sim::error_model::ErrorModel;
 use sim::memory;
 use sim::network::guest::Switch;
 use sim::network::hand::Pose;
-use tilt::sample::Instant;
 
 use composition::Composition;
 use log::Log;

@@ -18,8 +18,8 @@ use emulator::chip::tap::Entry;
 use firmware::bit_timing;
 use firmware::unit::{Controller, Order, Unit};
 use flash::nor::{Nor, Page};
+use instant::Instant;
 use tilt::composition::Composition as _;
-use tilt::sample::Instant;
 
 use crate::composition::Composition;
 use crate::log::register::*;

@@ -12,8 +12,9 @@
 pub mod panic;
 pub mod stand_in;
 
+use canopen::Frame;
 use canopen::node::{Application, BusState, Event, Node};
-use canopen::{Frame, Instant};
+use instant::Instant;
 
 /// Every entry point of a node whose device is `A`.
 pub struct Entries<A> {

@@ -16,10 +16,11 @@ use device::objects::table::{self, Channel};
 use device::program::{Held, ProgramError, ProgramMemory, Running};
 use device::records::{EventStore, Record, RecordStore, StoreError};
 use flash::Progress;
+use instant::Instant;
 use tilt::chain::{Invalid, Reading};
 use tilt::filter::Filtered;
 use tilt::observation::Observation;
-use tilt::sample::{Instant, Temperature};
+use tilt::sample::Temperature;
 
 /// Records and programs.
 pub struct Memory {
@@ -223,7 +224,7 @@ impl Application for Hidden {
         (self.identity)()
     }
 
-    fn event(&mut self, event: Event, now: canopen::Instant) {
+    fn event(&mut self, event: Event, now: instant::Instant) {
         (self.told)(event, now);
     }
 

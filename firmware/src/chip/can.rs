@@ -15,9 +15,9 @@
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 use device::mailboxes::{Abort, MAILBOXES, Transmitter};
+use instant::Instant;
 use stm32f1xx_hal::pac::CAN;
 use stm32f1xx_hal::pac::can::RegisterBlock;
-use tilt::sample::Instant;
 
 use super::clock;
 use super::register::write;

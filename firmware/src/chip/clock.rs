@@ -11,9 +11,9 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embedded_hal::delay::DelayNs;
+use instant::Instant;
 use stm32f1xx_hal::pac::TIM2;
 use stm32f1xx_hal::pac::tim2::RegisterBlock;
-use tilt::sample::Instant;
 
 use super::register::write;
 use crate::ticks;

@@ -9,13 +9,13 @@
 //! Left out: EMCY beyond the state of the pair that it carries.
 
 use device::exchange::{self, Exchange};
+use instant::Instant;
 use sim::can_bus::Event;
 use sim::trial::CHANNELS;
 use sim::trial::message::Message;
 use tilt::angle::Axes;
 use tilt::chain::{Invalid, Reading};
 use tilt::cross_check::{Judgement, PaperCheck, PaperState};
-use tilt::sample::Instant;
 
 /// A plain comparison warns above this, in 2^-24 of a circle: 0.40 deg.
 const PLAIN_LIMIT: i32 = (0.40 / 360.0 * (1 << 24) as f64) as i32;

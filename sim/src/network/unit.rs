@@ -14,8 +14,8 @@ use device::bit_rate::Search;
 use device::device::{Device, Factory, Wish};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::process::Shown;
+use instant::Instant;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::Instant;
 
 use super::fault::Faulty;
 use super::standstill::{Held, Standstill};

@@ -22,7 +22,7 @@ use heapless::Deque;
 use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, reason};
 use crate::angle::{Angle, Axes};
 use crate::chain::{Invalid, Reading};
-use crate::sample::Instant;
+use instant::Instant;
 
 /// The paper's check: configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,8 +15,8 @@
 
 use crate::chain::Invalid;
 use crate::observation::Observation;
-use crate::sample::Instant;
 use crate::vector::Corrected;
+use instant::Instant;
 
 use super::activity::{self, Loudness};
 use super::findings::{Against, Comparison, Evidence, Findings, Latch};

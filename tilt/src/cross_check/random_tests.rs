@@ -184,8 +184,7 @@ fn judged_differently(
 }
 
 #[test]
-fn what_is_usual_was_taken_along_the_own_vector_so_that_one_node_named_a_channel_and_the_other_none()
- {
+fn one_node_named_a_channel_and_the_other_none_where_the_own_vector_alone_set_the_direction() {
     use Happens::{Nothing, Offset, Tilt};
     let phases = [
         (Tilt(184), Nothing, 14),

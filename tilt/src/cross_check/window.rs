@@ -8,7 +8,7 @@
 use super::{Judgement, One, Silence, THRESHOLD, Verdict, apart, combined, faulty, lasting};
 use crate::angle::Angle;
 use crate::chain::Reading;
-use crate::sample::Instant;
+use instant::Instant;
 
 /// The product's check: configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -89,7 +89,13 @@ fn reproducible(path: &str) -> bool {
 }
 
 fn on_the_part(path: &str) -> bool {
-    let folders = ["tilt/src/", "canopen/src/", "flash/src/", "device/src/"];
+    let folders = [
+        "instant/src/",
+        "tilt/src/",
+        "canopen/src/",
+        "flash/src/",
+        "device/src/",
+    ];
     folders.iter().any(|folder| path.starts_with(folder))
 }
 

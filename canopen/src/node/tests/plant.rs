@@ -12,8 +12,8 @@ use crate::object::{
     Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Table, Value,
 };
 use crate::storage::Group;
-use crate::time::Instant;
 use DataType::{Boolean, Domain, Integer16, Unsigned8, Unsigned16, Unsigned32, Unsigned64};
+use instant::Instant;
 
 const R: Access = Access::READ;
 const RW: Access = R.and(Access::WRITE);

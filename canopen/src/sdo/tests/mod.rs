@@ -20,7 +20,7 @@ use crate::object::packed::Packed;
 use crate::object::{
     Abort, Access, Address, DataType, DefaultKind, Dictionary, Entry, Objects, Table, Value, at,
 };
-use crate::time::Instant;
+use instant::Instant;
 
 const READ: Access = Access::READ;
 const WRITE: Access = Access::WRITE;

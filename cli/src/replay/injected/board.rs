@@ -5,9 +5,9 @@
 
 use std::collections::BTreeMap;
 
+use instant::Instant;
 use tilt::chain::Chain;
 use tilt::observation::Observation;
-use tilt::sample::Instant;
 
 use super::super::prepare::Prepared;
 use super::super::segments::Span;

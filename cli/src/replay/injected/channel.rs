@@ -7,12 +7,13 @@
 //! Left out: what needs the part itself. A register cannot be read back from a recording, so a
 //! brown-out is seen by its silence alone.
 
+use instant::Instant;
 use sim::fault::{OnCounts, SensorFault};
 use sim::rng::Rng;
 use tilt::chain::{Chain, Invalid, State};
 use tilt::health::{self, Health};
 use tilt::observation::Observation;
-use tilt::sample::{Counts, FullScale, Instant};
+use tilt::sample::{Counts, FullScale};
 
 use super::super::prepare::Prepared;
 use super::super::recording::Row;

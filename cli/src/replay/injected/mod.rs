@@ -12,10 +12,10 @@ mod tuned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use instant::Instant;
 use sim::fault::SensorFault;
 use sim::rng::Rng;
 use tilt::chain::Chain;
-use tilt::sample::Instant;
 
 use super::arguments::{Arguments, Mode};
 use super::prepare::{Prepared, prepare};

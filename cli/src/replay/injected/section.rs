@@ -4,9 +4,9 @@
 
 use std::fmt::{self, Formatter};
 
+use instant::Instant;
 use sim::fault::SensorFault::{self, *};
 use tilt::chain::Chain;
-use tilt::sample::Instant;
 
 use super::super::prepare::Prepared;
 use super::board::{self, Board, PAIR_US};

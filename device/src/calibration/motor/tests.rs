@@ -5,12 +5,13 @@ extern crate std;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
+use instant::Instant;
 use proptest::prelude::*;
 use tilt::ONE_G;
 use tilt::angle::Harmonics;
 use tilt::chain::{Measurement, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
-use tilt::sample::{FullScale, Instant};
+use tilt::sample::FullScale;
 use tilt::table::MAX_POINTS;
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::{Budget, Span, Uncertainty};
