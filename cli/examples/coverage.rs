@@ -8,7 +8,7 @@
 
 use std::fmt::Write as _;
 
-use device::calibration::motor::{Command, MOTOR, Motor, Sight, Terms};
+use device::calibration::motor::{Command, MOTOR, Motor, Sight, TableSettings};
 use plumb::fits::fit::{self, Stand};
 use plumb::fits::hand::{self, POSES, Taken};
 use plumb::fits::{Axis, Reading};
@@ -165,14 +165,14 @@ struct Memorising {
 }
 
 impl Memorising {
-    const TERMS: Terms = Terms {
+    const TABLE_SETTINGS: TableSettings = TableSettings {
         rule: Rule::Linear,
         reference: MOTOR,
     };
 
     fn command(&mut self, command: Command) {
         let calibration = &mut self.chain.calibration;
-        let done = self.motor.command(command, &Self::TERMS, calibration);
+        let done = self.motor.command(command, &Self::TABLE_SETTINGS, calibration);
         done.expect("a run in its order");
     }
 

@@ -18,7 +18,7 @@
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use instant::Instant;
-use tilt::chain::{Calibration, Chain, Invalid, PART_DELAY_Q16, Reading, State, Timing};
+use tilt::chain::{Calibration, Chain, ChainState, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::composition::{Composition, Whole};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::{self, Health};
@@ -154,9 +154,9 @@ impl Thermometer {
 #[derive(Clone, Debug)]
 pub struct Channel<SPI> {
     part: Lis2dw12<SPI>,
-    state: State,
+    state: ChainState,
     health: Health,
-    watch: health::State,
+    watch: health::HealthState,
     thermometer: Thermometer,
     /// A sample is overdue and the part does not answer as itself.
     lost: bool,
@@ -178,9 +178,9 @@ impl<SPI: SpiDevice> Channel<SPI> {
     pub fn new(spi: SPI) -> Self {
         Self {
             part: Lis2dw12::new(spi),
-            state: State::default(),
+            state: ChainState::default(),
             health: Health::new(0, FullScale::G2, NOMINAL_PERIOD_US),
-            watch: health::State::default(),
+            watch: health::HealthState::default(),
             thermometer: Thermometer::new(Instant(0)),
             lost: false,
             fault: Some(Invalid::NoSample),
@@ -208,9 +208,9 @@ impl<SPI: SpiDevice> Channel<SPI> {
             0 => chain.calibration.budget.noise,
             known => known,
         };
-        self.state = State::default();
+        self.state = ChainState::default();
         self.health = Health::new(noise, chain.full_scale, chain.period_us);
-        self.watch = health::State::default();
+        self.watch = health::HealthState::default();
         self.thermometer = Thermometer::new(now);
         self.lost = false;
         self.overdue_at = NEVER;

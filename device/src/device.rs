@@ -1,7 +1,7 @@
 //! The device: a channel that measures and a node that speaks, joined.
 //!
 //! In: data-ready edges, frames and the controller's state, each with the time on this device's
-//! clock. Out: frames, those that have to be taken back, a deadline, and now and then a [`Wish`]
+//! clock. Out: frames, those that have to be taken back, a deadline, and now and then a [`BoardRequest`]
 //! that only the board can fulfil.
 //!
 //! At each SYNC the channel's reading for that very instant is latched before any PDO is made
@@ -13,7 +13,7 @@
 //! caller's to pass.
 
 mod board;
-mod keeping;
+mod log_writer;
 mod matching;
 mod report;
 mod sending;
@@ -33,7 +33,7 @@ use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
 use crate::calibration::encoding::identity;
-use crate::calibration::motor::Terms;
+use crate::calibration::motor::TableSettings;
 use crate::calibration::recall;
 use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
@@ -45,7 +45,7 @@ use crate::pair::Pair;
 use crate::records::Record;
 use crate::sensor::InitError;
 
-use keeping::{Keeping, PIECE_US};
+use log_writer::{LogWriter, PIECE_US};
 use matching::Matching;
 use sending::{PDOS, Sending};
 use trial::{PAUSE_US, Trial};
@@ -63,12 +63,12 @@ pub struct Factory {
     /// ([`deliver`](crate::calibration::deliver)).
     pub setup: Setup,
     /// What tables made by a motor's run come with.
-    pub terms: Terms,
+    pub table_settings: TableSettings,
 }
 
 /// What only the board can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
+pub enum BoardRequest {
     /// Start the device anew.
     Reset,
     /// Set the sensor up anew: [`Device::restart_sensor`].
@@ -127,7 +127,7 @@ pub struct Device<SPI, M, I: Instrument = Whole> {
     next_erase: Instant,
     /// When the next call is due, the channel's own deadline apart.
     next: Instant,
-    keeping: Keeping,
+    log_writer: LogWriter,
     matching: Matching,
     bus: Node,
     parts: Parts<M, Channel<SPI>, I>,
@@ -169,7 +169,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             node_id,
             kbit_s,
             setup,
-            terms,
+            table_settings,
         } = factory;
         Self {
             node_id,
@@ -186,10 +186,17 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             next_refresh: Instant(0),
             next_erase: Instant(0),
             next: Instant(0),
-            keeping: Keeping::new(),
+            log_writer: LogWriter::new(),
             matching: Matching::new(),
             bus: Node::new(),
-            parts: Parts::new(identity, Channel::new(spi), memory, &setup, terms, check),
+            parts: Parts::new(
+                identity,
+                Channel::new(spi),
+                memory,
+                &setup,
+                table_settings,
+                check,
+            ),
         }
     }
 
@@ -226,7 +233,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.parts.channel.start(&self.parts.settings, delay, now)
     }
 
-    /// Sets the sensor up anew while the bus goes on: what [`Wish::Sensor`] asks for.
+    /// Sets the sensor up anew while the bus goes on: what [`BoardRequest::Sensor`] asks for.
     ///
     /// Takes about 20 ms of `delay`. Errors: see [`Channel::start`]; the channel then keeps its
     /// reason, and is tried again later.
@@ -391,7 +398,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             let measured_at = self.parts.values.process.measured_at;
             let oldest = measured_at.offset(OLDEST_READING_US);
             self.next_refresh = self.next_refresh.min(oldest);
-            if self.keeping.is_copying() {
+            if self.log_writer.is_copying() {
                 self.next_refresh = self.next_refresh.min(now.offset(PIECE_US));
             }
             self.update(now);
@@ -464,17 +471,17 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     }
 
     /// What only the board can do, once.
-    pub fn take_wish(&mut self) -> Option<Wish> {
+    pub fn take_request(&mut self) -> Option<BoardRequest> {
         let news = &mut self.parts.values.news;
         if core::mem::take(&mut news.reset) {
             self.keep_all(self.next_refresh);
-            return Some(Wish::Reset);
+            return Some(BoardRequest::Reset);
         }
         if core::mem::take(&mut news.sensor) {
-            return Some(Wish::Sensor);
+            return Some(BoardRequest::Sensor);
         }
         let (kbit_s, delay_ms) = news.bit_rate.take()?;
-        Some(Wish::BitRate { kbit_s, delay_ms })
+        Some(BoardRequest::BitRate { kbit_s, delay_ms })
     }
 
     /// The channel, for looking at.

@@ -8,7 +8,7 @@
 //! Left out: communication errors (81xxh, 82xxh), which the stack itself finds and reports.
 
 use tilt::chain::{Invalid, Reading};
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{Judgement, Member};
 
 /// One thing that can be wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -298,14 +298,15 @@ impl Faults {
             Judgement::PhysicalFault => self.insert(Fault::PhysicalFault),
             Judgement::Disagree => self.insert(Fault::Disagree),
             Judgement::OneChannel {
-                faulty: Node::Own,
+                faulty: Member::Own,
                 reason,
             } => {
                 self.insert(Fault::OwnChannel);
                 self.of_reason(reason);
             }
             Judgement::OneChannel {
-                faulty: Node::Peer, ..
+                faulty: Member::Peer,
+                ..
             } => self.insert(Fault::PeerChannel),
             Judgement::NoChannel(_) => self.insert(Fault::NoChannel),
         }

@@ -21,7 +21,7 @@ use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
-use tilt::cross_check::{CrossCheck, Judgement, Latch, Node, Verdict};
+use tilt::cross_check::{CrossCheck, Judgement, Latch, Member, Verdict};
 use tilt::observation::Observation;
 
 use crate::presentation::{PeerPresentation, Presentation};
@@ -301,7 +301,8 @@ impl<C: Composition> Pair<C> {
             Some(
                 Judgement::Waiting(_)
                 | Judgement::OneChannel {
-                    faulty: Node::Peer, ..
+                    faulty: Member::Peer,
+                    ..
                 },
             ) => self.alone(policy),
             Some(Judgement::OneChannel { reason, .. }) => Err(reason),
@@ -341,7 +342,8 @@ impl<C: Composition> Pair<C> {
                 | Judgement::PhysicalFault
                 | Judgement::NoChannel(_)
                 | Judgement::OneChannel {
-                    faulty: Node::Peer, ..
+                    faulty: Member::Peer,
+                    ..
                 },
             ) => None,
             _ => Some(self.current(now)?.verdict.peer()),

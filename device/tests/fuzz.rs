@@ -20,7 +20,7 @@ use canopen::srdo::SrdoState;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use device::device::Wish;
+use device::device::BoardRequest;
 use device::objects::row::{Default, Row};
 use device::objects::table::{Channel, Models, rows};
 use instant::Instant;
@@ -500,7 +500,7 @@ fn a_program_reset_before_its_answer() {
     let (device, now) = (&mut site.device, Instant(2_000_000));
     let reset = Frame::data_frame(0x601, &[0x2F, 0x51, 0x1F, 1, 2, 0, 0, 0]);
     device.receive(&reset, now);
-    assert_eq!(device.take_wish(), None);
+    assert_eq!(device.take_request(), None);
     let answer = loop {
         let frame = device.transmit(now).unwrap();
         if frame.cob_id() == Some(0x581) {
@@ -509,7 +509,7 @@ fn a_program_reset_before_its_answer() {
         device.sent(&frame, now);
     };
     assert_eq!(answer.bytes(), [0x60, 0x51, 0x1F, 1, 0, 0, 0, 0]);
-    assert_eq!(device.take_wish(), None);
+    assert_eq!(device.take_request(), None);
     device.sent(&answer, now);
-    assert_eq!(device.take_wish(), Some(Wish::Reset));
+    assert_eq!(device.take_request(), Some(BoardRequest::Reset));
 }

@@ -250,10 +250,10 @@ fn a_restart_whose_answer_bus_off_took_was_never_done() {
     bench.poll();
     bench.drain();
     bench.hear(0x601, &[0x2F, 0x51, 0x1F, 1, 2, 0, 0, 0]);
-    assert_eq!(bench.site.device.take_wish(), None);
+    assert_eq!(bench.site.device.take_request(), None);
     bench.goes_off();
-    let wish = bench.site.device.take_wish();
-    assert_eq!(wish, Some(device::device::Wish::Reset));
+    let wish = bench.site.device.take_request();
+    assert_eq!(wish, Some(device::device::BoardRequest::Reset));
 }
 
 /// xorshift: enough for choosing what happens.

@@ -3,14 +3,14 @@
 use emulator::build::GOLDEN;
 use emulator::cpu::Cpu;
 use emulator::pair::Pair;
-use emulator_golden::{Found, KEPT, SAMPLES};
+use emulator_golden::{KEPT, Outcome, SAMPLES};
 
-/// Words of [`Found`] as it lies in the chip's memory.
+/// Words of [`Outcome`] as it lies in the chip's memory.
 const WORDS: usize = 4 * KEPT + 3;
 
 #[test]
 fn the_chip_and_the_host_come_to_the_same_angles_bit_for_bit() {
-    let mut on_host = Found::NOTHING;
+    let mut on_host = Outcome::NOTHING;
     on_host.run();
     assert!(on_host.valid > SAMPLES * 9 / 10, "{}", on_host.valid);
 

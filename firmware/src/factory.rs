@@ -3,7 +3,7 @@
 //! In: the channel that the board straps to this chip, and the serial number. Out: the device's
 //! [`Factory`]: uncalibrated, 250 kbit/s, set up as `device::factory` says for the mode.
 
-use device::calibration::motor::{MOTOR, Terms};
+use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Setup;
 use device::device::Factory;
 use device::factory;
@@ -33,7 +33,7 @@ fn of(channel: Channel, serial: u32, models: Models, setup: Setup) -> Factory {
         node_id: channel.node_id(),
         kbit_s: KBIT_S,
         setup,
-        terms: Terms {
+        table_settings: TableSettings {
             rule: factory::RULE,
             reference: MOTOR,
         },

@@ -13,7 +13,7 @@
 use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
-use device::device::{Device, Wish};
+use device::device::{BoardRequest, Device};
 use device::instrument::Instrument;
 use device::mailboxes::{Mailboxes, Transmitter};
 use device::objects::panel::Memory;
@@ -337,11 +337,11 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     }
 
     fn wish(&mut self, now: Instant) {
-        match self.device.take_wish() {
+        match self.device.take_request() {
             None => {}
-            Some(Wish::Reset) => self.unit.order = Some(Order::Reset),
-            Some(Wish::Sensor) => self.unit.order = Some(Order::Sensor),
-            Some(Wish::BitRate { kbit_s, delay_ms }) => {
+            Some(BoardRequest::Reset) => self.unit.order = Some(Order::Reset),
+            Some(BoardRequest::Sensor) => self.unit.order = Some(Order::Sensor),
+            Some(BoardRequest::BitRate { kbit_s, delay_ms }) => {
                 self.unit.delay_ms = delay_ms;
                 let at = now.offset(i64::from(delay_ms) * 1000);
                 self.unit.switch_at = Some((at, Some(kbit_s)));

@@ -21,7 +21,7 @@ use sim::rig::{Fixture, Mount, Rig, RigSetup};
 use sim::rng::Rng;
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement};
-use tilt::cross_check::{CrossCheck, Judgement, Node as Which};
+use tilt::cross_check::{CrossCheck, Judgement, Member};
 
 const CTRL6: u8 = 0x25;
 
@@ -157,7 +157,7 @@ fn a_dead_bus_is_named_at_the_next_sample_and_a_dead_wire_within_a_quarter_secon
         let seen = until(&mut instrument, within_s, says(0, Invalid::Bus));
         let (_, pair) = seen.unwrap_or_else(|| panic!("{fault:?}"));
         let blamed = Judgement::OneChannel {
-            faulty: Which::Own,
+            faulty: Member::Own,
             reason: Invalid::Bus,
         };
         assert_eq!(pair.verdict.judgement(), blamed);

@@ -11,9 +11,9 @@ use sim::rng::Rng;
 use tilt::ONE_G;
 use tilt::angle::Axes;
 use tilt::calibration::motor::VectorFit;
-use tilt::chain::{Calibration, Chain, Correction, Found, Invalid, Measurement, Timing};
+use tilt::chain::{AngleEstimate, Calibration, Chain, Correction, Invalid, Measurement, Timing};
 use tilt::composition::Whole;
-use tilt::cross_check::{CrossCheck, Judgement, Node};
+use tilt::cross_check::{CrossCheck, Judgement, Member};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::Activity;
 use tilt::observation::Observation;
@@ -96,7 +96,7 @@ impl Channel {
         let Correction::TwoAxis { vector, .. } = &self.chain.calibration.correction else {
             unreachable!()
         };
-        let measured = |found: Result<Found, Invalid>| {
+        let measured = |found: Result<AngleEstimate, Invalid>| {
             found.map(|found| Measurement {
                 angle: found.angle,
                 uncertainty: found.unshared,
@@ -235,7 +235,7 @@ fn far_from_its_calibration_a_fault_of_the_size_of_the_band_is_found_and_rightly
             matches!(
                 j,
                 Judgement::OneChannel {
-                    faulty: Node::Peer,
+                    faulty: Member::Peer,
                     ..
                 }
             )

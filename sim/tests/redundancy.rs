@@ -14,7 +14,7 @@ use sim::trial::{Report, Setup, run};
 
 use sim::bench::Mode;
 
-/// When the fault begins: every habit is known by then, s.
+/// When the fault begins: every baseline is known by then, s.
 const FROM_S: f64 = 8.0;
 
 /// EMCY: this channel is faulty, and the other one is.

@@ -10,7 +10,7 @@ use criterion::{Criterion, Throughput};
 use instant::Instant;
 use tilt::ONE_G;
 use tilt::angle::{Angle, Axes, Harmonics};
-use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
+use tilt::chain::{Calibration, Chain, ChainState, Correction, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::table::{Point, Rule, Table};
@@ -89,7 +89,7 @@ fn swing() -> Vec<Counts> {
 /// A chain that runs: each call of `step` is the next sample.
 struct Running {
     chain: Chain,
-    state: State,
+    state: ChainState,
     swing: Vec<Counts>,
     now: Instant,
     next: usize,
@@ -97,7 +97,7 @@ struct Running {
 
 impl Running {
     fn new(chain: Chain) -> Self {
-        let mut state = State::default();
+        let mut state = ChainState::default();
         chain.temperature(&mut state, Temperature::from_celsius(31));
         let mut running = Self {
             chain,

@@ -134,9 +134,9 @@ pub struct Measurement {
 /// What one channel says at one instant.
 pub type Reading = Axes<Result<Measurement, Invalid>>;
 
-/// What the chain finds behind the low-pass, without time.
+/// What the chain estimates behind the low-pass, without time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct AngleEstimate {
     /// The angle.
     pub angle: Angle,
     /// Uncertainty of this channel alone.
@@ -145,7 +145,7 @@ pub struct Found {
     pub motion: Uncertainty,
 }
 
-impl Found {
+impl AngleEstimate {
     const fn spread(&self) -> (u32, u32) {
         (self.unshared.0, self.motion.0)
     }
@@ -277,7 +277,7 @@ struct Stamped {
 
 /// What a chain remembers between samples.
 #[derive(Clone, Debug, Default)]
-pub struct State {
+pub struct ChainState {
     filter: FilterState,
     latest: Option<Stamped>,
     previous: Option<Stamped>,
@@ -291,7 +291,7 @@ pub struct State {
     filled: u32,
 }
 
-impl State {
+impl ChainState {
     /// The temperature that compensation uses, once one has been read.
     pub fn temperature(&self) -> Option<Temperature> {
         self.temperature_q16.map(|t| Temperature((t + 128) >> 8))
@@ -315,7 +315,7 @@ impl State {
 
 impl<C: Composition> Chain<C> {
     /// Takes in one temperature reading; smoothed over about eight readings.
-    pub fn temperature(&self, state: &mut State, reading: Temperature) {
+    pub fn temperature(&self, state: &mut ChainState, reading: Temperature) {
         let new = reading.0.clamp(-128 * 256, 127 * 256) << 8;
         state.temperature_q16 = Some(match state.temperature_q16 {
             None => new,
@@ -327,7 +327,7 @@ impl<C: Composition> Chain<C> {
     ///
     /// A sample that is not newer than the last is ignored. Up to three missing ones are filled by
     /// holding the last; a longer gap starts the filter anew.
-    pub fn sample(&self, state: &mut State, counts: Counts, at: Instant) {
+    pub fn sample(&self, state: &mut ChainState, counts: Counts, at: Instant) {
         let input = scale(counts, self.full_scale);
         match state.latest.map(|s| at.micros_since(s.at)) {
             Some(elapsed) if elapsed <= 0 => return,
@@ -344,7 +344,7 @@ impl<C: Composition> Chain<C> {
         state.settling = state.settling.saturating_sub(1);
     }
 
-    fn start(&self, state: &mut State, input: [i32; 3]) {
+    fn start(&self, state: &mut ChainState, input: [i32; 3]) {
         state.filter = FilterState::standing_at(input);
         state.settling = settling_samples(self.period_us);
         state.period_q8 = self.period_us.saturating_mul(256);
@@ -355,7 +355,7 @@ impl<C: Composition> Chain<C> {
     ///
     /// A gap of more than 8.3 s starts the filter anew whatever the period: up to there everything
     /// fits into 32 bits, which the chip divides by itself.
-    fn account(&self, state: &mut State, elapsed: i64, input: [i32; 3]) {
+    fn account(&self, state: &mut ChainState, elapsed: i64, input: [i32; 3]) {
         let elapsed_q8 = match u32::try_from(elapsed) {
             Ok(elapsed) if elapsed < 1 << 23 => elapsed << 8,
             _ => return self.start(state, input),
@@ -383,7 +383,7 @@ impl<C: Composition> Chain<C> {
         }
     }
 
-    fn note_range(&self, state: &mut State, counts: Counts) {
+    fn note_range(&self, state: &mut ChainState, counts: Counts) {
         // The top code of a 12-bit left-justified reading; 14-bit ones clip above it.
         const TOP: i16 = 32_752;
         let memory = settling_samples(self.period_us) / 2;
@@ -396,19 +396,23 @@ impl<C: Composition> Chain<C> {
     }
 
     /// Delay of part and filter in microseconds, by the measured period.
-    pub fn delay_us(&self, state: &State) -> i64 {
+    pub fn delay_us(&self, state: &ChainState) -> i64 {
         let samples = i64::from(self.filter.delay_q16()) + i64::from(self.part_delay_q16);
         (samples * i64::from(state.period_q8) + (1 << 23)) >> 24
     }
 
     /// The reading at `now`, belonging to the instant that [`Timing`] says.
-    pub fn reading(&self, state: &State, now: Instant) -> Reading {
+    pub fn reading(&self, state: &ChainState, now: Instant) -> Reading {
         self.reading_and_vector(state, now).0
     }
 
     /// The reading at `now`, and the calibrated acceleration that it came from where there is one:
     /// a calibration on three axes.
-    pub fn reading_and_vector(&self, state: &State, now: Instant) -> (Reading, Option<Corrected>) {
+    pub fn reading_and_vector(
+        &self,
+        state: &ChainState,
+        now: Instant,
+    ) -> (Reading, Option<Corrected>) {
         match self.take(state, now) {
             Err(reason) => {
                 let absent = Axes {
@@ -442,7 +446,7 @@ impl<C: Composition> Chain<C> {
 
     fn take(
         &self,
-        state: &State,
+        state: &ChainState,
         now: Instant,
     ) -> Result<(Filtered, Temperature, Instant), Invalid> {
         let latest = state.latest.ok_or(Invalid::NoSample)?;
@@ -477,11 +481,15 @@ impl<C: Composition> Chain<C> {
         &self,
         filtered: Filtered,
         temperature: Temperature,
-    ) -> Axes<Result<Found, Invalid>> {
+    ) -> Axes<Result<AngleEstimate, Invalid>> {
         self.correct(filtered, temperature).0
     }
 
-    fn correct(&self, filtered: Filtered, temperature: Temperature) -> (Sight, Option<Corrected>) {
+    fn correct(
+        &self,
+        filtered: Filtered,
+        temperature: Temperature,
+    ) -> (Estimates, Option<Corrected>) {
         let compensated = self.calibration.temperature.apply(filtered, temperature);
         let accel = match C::UNCERTAINTY {
             true => self.calibration.budget.accel(&self.filter, temperature),
@@ -501,11 +509,11 @@ impl<T, E> Axes<Result<T, E>> {
     }
 }
 
-/// What is found on each axis.
-type Sight = Axes<Result<Found, Invalid>>;
+/// What is estimated on each axis.
+type Estimates = Axes<Result<AngleEstimate, Invalid>>;
 
 impl<C: Composition> Calibration<C> {
-    fn correct(&self, input: Compensated, accel: u32) -> (Sight, Option<Corrected>) {
+    fn correct(&self, input: Compensated, accel: u32) -> (Estimates, Option<Corrected>) {
         let budget = &self.budget;
         match &self.correction {
             Correction::Tables { tables, rule } => {
@@ -514,7 +522,7 @@ impl<C: Composition> Calibration<C> {
                         return Err(Invalid::NotMeasured);
                     }
                     let unshared = || budget.of_table(table, *rule, a, with_leakage(accel, across));
-                    Ok(Found {
+                    Ok(AngleEstimate {
                         angle: table.look_up(a, *rule),
                         unshared: match C::UNCERTAINTY {
                             true => unshared(),
@@ -538,7 +546,7 @@ impl<C: Composition> Calibration<C> {
                 let unshared = budget.of_vectors(beside, accel);
                 let motion = budget.of_motion(v, accel);
                 let found = |angle, unshared| {
-                    Ok(Found {
+                    Ok(AngleEstimate {
                         angle,
                         unshared,
                         motion,
@@ -555,7 +563,7 @@ impl<C: Composition> Calibration<C> {
                 // Nothing was calibrated about y, so only the plane of the turn is looked at.
                 let [x, _, z] = v.accel;
                 let plane = Corrected { accel: [x, 0, z] };
-                let found = Found {
+                let found = AngleEstimate {
                     angle: harmonics.apply(turn(v)),
                     unshared: budget
                         .of_vector(ONE_AXIS_NEVER_FOLDS, accel)

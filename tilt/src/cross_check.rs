@@ -42,10 +42,10 @@ use instant::Instant;
 
 /// The two channels of an instrument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Node {
-    /// Node 1, the one that runs the check.
+pub enum Member {
+    /// Member 1, the one that runs the check.
     Own,
-    /// Node 2.
+    /// Member 2.
     Peer,
 }
 
@@ -67,7 +67,7 @@ pub enum Judgement {
     /// Product: one channel is faulty and says why; the other still measures.
     OneChannel {
         /// The channel that is faulty.
-        faulty: Node,
+        faulty: Member,
         /// Its reason.
         reason: Invalid,
     },
@@ -101,12 +101,12 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Node 1's reading.
+    /// Member 1's reading.
     pub const fn own(&self) -> Reading {
         self.own
     }
 
-    /// Node 2's reading.
+    /// Member 2's reading.
     pub const fn peer(&self) -> Reading {
         self.peer
     }
@@ -116,7 +116,7 @@ impl Verdict {
         self.judgement
     }
 
-    /// Node 1 minus node 2 on each axis that both measure.
+    /// Member 1 minus node 2 on each axis that both measure.
     pub fn delta(&self) -> Axes<Option<Angle>> {
         Axes {
             x: apart(&self.own.x, &self.peer.x).ok(),
@@ -197,11 +197,11 @@ fn faulty(own: &Reading, peer: &Reading) -> Option<Judgement> {
             Some(Judgement::NoChannel(a))
         }
         (Some(reason), _) if !reason.is_transient() => Some(Judgement::OneChannel {
-            faulty: Node::Own,
+            faulty: Member::Own,
             reason,
         }),
         (_, Some(reason)) if !reason.is_transient() => Some(Judgement::OneChannel {
-            faulty: Node::Peer,
+            faulty: Member::Peer,
             reason,
         }),
         (Some(reason), _) | (_, Some(reason)) => Some(Judgement::Waiting(reason)),
@@ -212,11 +212,11 @@ fn faulty(own: &Reading, peer: &Reading) -> Option<Judgement> {
 fn lasting(own: &Reading, peer: &Reading) -> Judgement {
     match (reason(own), reason(peer)) {
         (Some(reason), None) => Judgement::OneChannel {
-            faulty: Node::Own,
+            faulty: Member::Own,
             reason,
         },
         (None, Some(reason)) => Judgement::OneChannel {
-            faulty: Node::Peer,
+            faulty: Member::Peer,
             reason,
         },
         (Some(reason), Some(_)) => Judgement::NoChannel(reason),
@@ -312,7 +312,7 @@ impl<C: Composition> CrossCheck<C> {
 
     /// Why this channel is held faulty.
     pub fn own_fault(&self) -> Option<Invalid> {
-        self.findings()?.faulty(Node::Own)
+        self.findings()?.faulty(Member::Own)
     }
 
     /// True while the channels differ and nobody is known to be the wrong one, even where one of
@@ -362,7 +362,7 @@ impl<C: Composition> CrossCheck<C> {
         if let Self::Product(_, state) = self {
             let told = false;
             let against = findings::Against { reason, told };
-            state.get_mut().findings_mut().hold(Node::Own, against);
+            state.get_mut().findings_mut().hold(Member::Own, against);
         }
     }
 

@@ -73,7 +73,7 @@ pub struct Health {
 
 /// What watching remembers between samples. The default is that of a start.
 #[derive(Clone, Debug, Default)]
-pub struct State {
+pub struct HealthState {
     axes: [Axis; 3],
     /// Samples since the start, up to [`WARM_UP`].
     warm: u8,
@@ -166,7 +166,7 @@ impl Health {
     }
 
     /// Takes in one sample.
-    pub fn sample(&self, state: &mut State, counts: Counts) {
+    pub fn sample(&self, state: &mut HealthState, counts: Counts) {
         let Counts([x, y, z]) = counts;
         let [of_x, of_y, of_z] = &mut state.axes;
         let energy = of_x.take_in(x) + of_y.take_in(y) + of_z.take_in(z);
@@ -187,7 +187,7 @@ impl Health {
     /// eight samples add nothing to the activity.
     ///
     /// Repeats count on: a code is no likelier to come back after a gap than without one.
-    pub fn restart(&self, state: &mut State) {
+    pub fn restart(&self, state: &mut HealthState) {
         state.warm = 0;
         state.gap = true;
     }
@@ -195,7 +195,7 @@ impl Health {
     /// Whether the codes have stood still for longer than a healthy part's ever do.
     ///
     /// Holds until a code differs. A code at full scale says nothing: it is clipped, not stuck.
-    pub fn stuck(&self, state: &State) -> bool {
+    pub fn stuck(&self, state: &HealthState) -> bool {
         let [x, y, z] = &state.axes;
         if x.repeats | y.repeats | z.repeats < LEAST_REPEATS {
             // None of them is as large as that, nor as what counts.
@@ -212,7 +212,7 @@ impl Health {
     /// Fewer than six samples give [`Activity::NONE`] and are kept for the next look, as in paper
     /// mode, where each look brings one. A look with a gap in it gives [`Activity::GAP`], and so
     /// does the one after it as long as the high-pass starts.
-    pub fn take_activity(&self, state: &mut State) -> Activity {
+    pub fn take_activity(&self, state: &mut HealthState) -> Activity {
         if state.gap {
             state.gap = state.warm < WARM_UP;
             (state.energy, state.samples) = (0, 0);

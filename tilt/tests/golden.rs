@@ -7,7 +7,7 @@
 use instant::Instant;
 use tilt::ONE_G;
 use tilt::angle::{Angle, Axes, Harmonics};
-use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
+use tilt::chain::{Calibration, Chain, ChainState, Correction, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::table::{Point, Rule, Table};
@@ -106,7 +106,7 @@ fn paper() -> Chain {
 
 /// (slope X, uncertainty of X, slope Y) at every hundredth sample.
 fn run(chain: &Chain) -> Vec<(i32, u32, i32)> {
-    let mut state = State::default();
+    let mut state = ChainState::default();
     chain.temperature(&mut state, Temperature(40 * 256 + 77));
     let mut out = Vec::new();
     for (i, counts) in samples(900).enumerate() {

@@ -6,7 +6,7 @@ use device::objects::row::{Default, Row, Shape};
 use device::objects::table::{Channel, Models, rows_of};
 use device::profile::state::state_code;
 use tilt::chain::Invalid;
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{Judgement, Member};
 
 use super::dictionary::{access_name, delivered_at, objects};
 use super::meaning::{named_values, scale};
@@ -312,8 +312,8 @@ fn states_and_reasons_are_called_what_the_device_means() {
         (Judgement::Waiting(Invalid::Settling), "waiting"),
         (Judgement::Agree, "agree"),
         (Judgement::Disagree, "disagree"),
-        (faulty(Node::Own), "this channel is faulty"),
-        (faulty(Node::Peer), "the other channel is faulty"),
+        (faulty(Member::Own), "this channel is faulty"),
+        (faulty(Member::Peer), "the other channel is faulty"),
         (Judgement::NoChannel(Invalid::Bus), "no channel measures"),
     ] {
         assert_eq!(called(0x2021, state_code(judgement)), name);

@@ -8,7 +8,7 @@
 //! all are stepped over.
 
 use instant::Instant;
-use tilt::chain::{Chain, Measurement, Reading, State};
+use tilt::chain::{Chain, ChainState, Measurement, Reading};
 use tilt::sample::{FullScale, Temperature};
 
 use super::arguments::Mode;
@@ -33,7 +33,7 @@ struct Tape<'a> {
     range: FullScale,
     offset_us: u64,
     held_back_us: u32,
-    state: State,
+    state: ChainState,
     next: usize,
     last_us: u64,
 }
@@ -46,7 +46,7 @@ impl<'a> Tape<'a> {
             range: chain.full_scale,
             offset_us: channel.offset_us,
             held_back_us,
-            state: State::default(),
+            state: ChainState::default(),
             next: 0,
             last_us: channel.offset_us,
         }
@@ -92,7 +92,7 @@ impl<'a> Tape<'a> {
         if row.starts_anew {
             // The temperature has not gone while nobody looked; it is smoothed on.
             let temperature = self.state.temperature();
-            self.state = State::default();
+            self.state = ChainState::default();
             temperature.into_iter().for_each(|t| self.warm(t));
         }
         if let Some(celsius) = row.temperature_c {

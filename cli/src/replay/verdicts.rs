@@ -8,7 +8,7 @@ use instant::Instant;
 use tilt::angle::Angle;
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::cross_check::{
-    Judgement, Node, PaperCheck, PaperState, THRESHOLD, Verdict, WindowCheck, WindowState,
+    Judgement, Member, PaperCheck, PaperState, THRESHOLD, Verdict, WindowCheck, WindowState,
 };
 
 use super::arguments::Mode;
@@ -76,8 +76,8 @@ fn judgement_words(judgement: Judgement) -> String {
         Judgement::Disagree => "disagree",
         Judgement::OneChannel { faulty, reason } => {
             let number = match faulty {
-                Node::Own => 1,
-                Node::Peer => 2,
+                Member::Own => 1,
+                Member::Peer => 2,
             };
             return format!("channel {number} is faulty: {}", reason_words(reason));
         }

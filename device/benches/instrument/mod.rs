@@ -10,7 +10,7 @@ mod nothing;
 use canopen::Frame;
 use canopen::node::Node;
 use device::black_box::BlackBox;
-use device::calibration::motor::{MOTOR, Motor, Terms};
+use device::calibration::motor::{MOTOR, Motor, TableSettings};
 use device::channel::Settings;
 use device::fault_log::FaultLog;
 use device::objects::panel::{Identity, Panel, Parts, Source, Work};
@@ -88,7 +88,7 @@ impl Instrument {
     pub fn new() -> Self {
         let work = Work {
             motor: Some(Motor::new()),
-            terms: Terms {
+            table_settings: TableSettings {
                 rule: Rule::Linear,
                 reference: MOTOR,
             },

@@ -98,7 +98,7 @@ impl Command {
 
 /// What the new tables come with: settings, not found by the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Terms {
+pub struct TableSettings {
     /// How the tables are read.
     pub rule: Rule,
     /// Standard uncertainty of the reference angles.
@@ -252,13 +252,13 @@ impl Motor {
     pub fn command<C: Composition>(
         &mut self,
         command: Command,
-        terms: &Terms,
+        table_settings: &TableSettings,
         in_force: &mut Calibration<C>,
     ) -> Result<Outcome, MotorError> {
         match command {
             Command::StartX => self.start(Axis::X, in_force.budget.span),
             Command::StartY => self.start(Axis::Y, in_force.budget.span),
-            Command::Finish => self.finish(terms, in_force),
+            Command::Finish => self.finish(table_settings, in_force),
             Command::Abandon => {
                 self.axis = None;
                 Ok(Outcome::Abandoned)
@@ -305,7 +305,7 @@ impl Motor {
     /// Everything is checked first, so that the calibration in force changes altogether.
     fn finish<C: Composition>(
         &mut self,
-        terms: &Terms,
+        table_settings: &TableSettings,
         in_force: &mut Calibration<C>,
     ) -> Result<Outcome, MotorError> {
         let axis = self.axis.ok_or(MotorError::NotRunning)?;
@@ -314,7 +314,7 @@ impl Motor {
             return Err(MotorError::Missing(axis.other()));
         }
         self.check(axis)?;
-        let tables = tables_in(&mut in_force.correction, terms.rule);
+        let tables = tables_in(&mut in_force.correction, table_settings.rule);
         let tables = tables.ok_or(MotorError::Missing(axis))?;
         for axis in [Axis::X, Axis::Y] {
             let points = self.points_of(axis);
@@ -332,9 +332,9 @@ impl Motor {
         let before = if kept {
             budget.reference
         } else {
-            terms.reference
+            table_settings.reference
         };
-        budget.take_tables(tables, terms.reference.max(before));
+        budget.take_tables(tables, table_settings.reference.max(before));
         budget.take_run(self.spans.x.and(self.spans.y), &in_force.temperature);
         Ok(Outcome::Finished)
     }

@@ -25,7 +25,7 @@ use super::safety::VALID;
 use super::table::{Channel, Models};
 use super::values::Values;
 use crate::black_box::BlackBox;
-use crate::calibration::motor::{Motor, Terms};
+use crate::calibration::motor::{Motor, TableSettings};
 use crate::channel::{Settings, Setup};
 use crate::fault_log::FaultLog;
 use crate::instrument::Instrument;
@@ -58,7 +58,7 @@ impl<M: RecordStore + EventStore + ProgramMemory> Memory for M {}
 #[repr(C)]
 pub struct Work<I: Instrument = Whole> {
     /// What new tables come with.
-    pub terms: Terms,
+    pub table_settings: TableSettings,
     /// The motor's run, where the instrument has one.
     pub motor: Option<I::Motor>,
 }
@@ -66,10 +66,10 @@ pub struct Work<I: Instrument = Whole> {
 impl<I: Instrument> Work<I> {
     /// No run.
     #[inline(never)]
-    pub fn new(terms: Terms) -> Self {
+    pub fn new(table_settings: TableSettings) -> Self {
         Self {
             motor: I::Motor::put(Motor::new),
-            terms,
+            table_settings,
         }
     }
 }
@@ -135,7 +135,7 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
         channel: S,
         memory: M,
         setup: &Setup,
-        terms: Terms,
+        table_settings: TableSettings,
         check: CrossCheck<I>,
     ) -> Self {
         Self {
@@ -145,7 +145,7 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
             pair: Pair::new(check),
             memory,
             settings: Settings::uncalibrated(setup),
-            work: Work::new(terms),
+            work: Work::new(table_settings),
             log: FaultLog::new(),
             black_box: BlackBox::new(),
         }

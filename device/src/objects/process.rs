@@ -12,7 +12,7 @@ use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::{Composition, Whole};
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{Judgement, Member};
 use tilt::observation::Observation;
 use tilt::uncertainty::Uncertainty;
 
@@ -340,7 +340,7 @@ impl<'a, C: Composition> Shown<'a, C> {
 fn blame(judgement: Option<Judgement>) -> (u8, u8) {
     match judgement {
         Some(Judgement::OneChannel { faulty, reason }) => {
-            let number = if faulty == Node::Own { 1 } else { 2 };
+            let number = if faulty == Member::Own { 1 } else { 2 };
             (number, exchange::reason_code(reason))
         }
         // Both are; the reason is this channel's.

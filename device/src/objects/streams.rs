@@ -285,7 +285,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         let motor = work.motor.as_mut().ok_or(Abort::NoSuchObject)?;
         let outcome = motor.get_mut().command(
             command,
-            &work.terms,
+            &work.table_settings,
             &mut self.parts.settings.chain.calibration,
         );
         self.parts.values.result = outcome.err().map_or(0, |error| error.code());

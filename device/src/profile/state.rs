@@ -17,7 +17,7 @@
 //!
 //! Left out: the reason of a channel that is faulty, which 2025h tells.
 
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{Judgement, Member};
 
 /// The code of a judgement.
 pub const fn state_code(judgement: Judgement) -> u8 {
@@ -30,10 +30,12 @@ pub const fn state_code(judgement: Judgement) -> u8 {
         Judgement::PhysicalFault => 5,
         Judgement::Disagree => 6,
         Judgement::OneChannel {
-            faulty: Node::Own, ..
+            faulty: Member::Own,
+            ..
         } => 7,
         Judgement::OneChannel {
-            faulty: Node::Peer, ..
+            faulty: Member::Peer,
+            ..
         } => 8,
         Judgement::NoChannel(_) => 9,
     }

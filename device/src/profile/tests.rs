@@ -4,7 +4,7 @@ use canopen::object::Abort;
 use proptest::prelude::*;
 use tilt::angle::Angle;
 use tilt::chain::Invalid;
-use tilt::cross_check::{Judgement, Node};
+use tilt::cross_check::{Judgement, Member};
 
 use super::*;
 use crate::profile::state::state_code;
@@ -222,8 +222,8 @@ fn every_judgement_has_a_code_of_its_own() {
         Judgement::DataDelay,
         Judgement::PhysicalFault,
         Judgement::Disagree,
-        faulty(Node::Own),
-        faulty(Node::Peer),
+        faulty(Member::Own),
+        faulty(Member::Peer),
         Judgement::NoChannel(Invalid::Bus),
     ];
     assert!(all.into_iter().map(state_code).eq(0..=9));

@@ -13,7 +13,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use canopen::node::BusState;
 use device::calibration::deliver;
-use device::device::{Device, Wish};
+use device::device::{BoardRequest, Device};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::table::Channel;
 use instant::Instant;
@@ -287,12 +287,12 @@ impl World {
             ..
         } = node;
         mailboxes.fill(device, controller, *off, now);
-        match node.device.take_wish() {
-            Some(Wish::Reset) => self.boot(number),
-            Some(Wish::Sensor) => {
+        match node.device.take_request() {
+            Some(BoardRequest::Reset) => self.boot(number),
+            Some(BoardRequest::Sensor) => {
                 let _ = node.device.restart_sensor(&mut Hurry, now);
             }
-            Some(Wish::BitRate { .. }) | None => {}
+            Some(BoardRequest::BitRate { .. }) | None => {}
         }
     }
 

@@ -6,7 +6,7 @@ use crate::site::registers::{Hurry, Part};
 use crate::site::{Memory, along, blank, factory};
 use canopen::Frame;
 use canopen::object::{Address, Value, at};
-use device::device::{Device, Wish};
+use device::device::{BoardRequest, Device};
 use device::exchange;
 use device::fault::Fault;
 use device::objects::table::Channel;
@@ -129,7 +129,7 @@ impl Pair {
         pair
     }
 
-    /// OPERATIONAL, agreeing, with every habit known.
+    /// OPERATIONAL, agreeing, with every baseline known.
     pub fn working() -> Self {
         Self::new().at_work()
     }
@@ -179,13 +179,13 @@ impl Pair {
             self.device.sent(&frame, self.now);
             self.said.push((self.now, frame));
         }
-        match self.device.take_wish() {
-            Some(Wish::Reset) => self.boot(),
-            Some(Wish::Sensor) => {
+        match self.device.take_request() {
+            Some(BoardRequest::Reset) => self.boot(),
+            Some(BoardRequest::Sensor) => {
                 self.sensor_restarts += 1;
                 let _ = self.device.restart_sensor(&mut Hurry, self.now);
             }
-            Some(Wish::BitRate { .. }) | None => {}
+            Some(BoardRequest::BitRate { .. }) | None => {}
         }
     }
 

@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::convert::Infallible;
 use std::rc::Rc;
 
-use device::calibration::motor::{MOTOR, Terms};
+use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Setup;
 use device::device::Factory;
 use device::objects::panel::Identity;
@@ -124,7 +124,7 @@ pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
         },
         node_id: channel.node_id(),
         kbit_s: 250,
-        terms: Terms {
+        table_settings: TableSettings {
             rule: Rule::Nearest,
             reference: MOTOR,
         },

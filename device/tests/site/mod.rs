@@ -7,7 +7,7 @@ use canopen::Frame;
 use canopen::node::{BusState, UNCONFIGURED};
 use canopen::object::{Address, Value};
 use device::calibration::deliver;
-use device::device::{Device, Factory, Wish};
+use device::device::{BoardRequest, Device, Factory};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
@@ -144,13 +144,13 @@ impl Site {
             count += 1;
             assert!(count <= MOST);
         }
-        match self.device.take_wish() {
-            Some(Wish::Reset) => self.boot(),
-            Some(Wish::Sensor) => {
+        match self.device.take_request() {
+            Some(BoardRequest::Reset) => self.boot(),
+            Some(BoardRequest::Sensor) => {
                 let now = self.now;
                 let _ = self.device.restart_sensor(&mut Hurry, now);
             }
-            Some(Wish::BitRate { .. }) | None => {}
+            Some(BoardRequest::BitRate { .. }) | None => {}
         }
     }
 

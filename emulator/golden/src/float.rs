@@ -1,6 +1,6 @@
 //! The product's chain once more, in floating point of 32 bits, and what each of the two costs.
 //!
-//! In: the samples of [`Found`](crate::Found), and a counter of instructions. Out: [`Compared`]:
+//! In: the samples of [`Outcome`](crate::Outcome), and a counter of instructions. Out: [`Compared`]:
 //! what either chain takes of a Cortex-M3, which has no floating point of its own, and how far
 //! their angles are apart. Both have the same stages, constants and times: gaps, low-pass,
 //! alignment in time, temperature, matrix, slopes, harmonics, uncertainties.
@@ -12,7 +12,7 @@ use core::hint::black_box;
 
 use instant::Instant;
 use tilt::angle::Axes;
-use tilt::chain::{Chain, Correction, PART_DELAY_Q16, Reading, State, Timing};
+use tilt::chain::{Chain, ChainState, Correction, PART_DELAY_Q16, Reading, Timing};
 use tilt::sample::{Counts, Temperature};
 use tilt::temperature::TemperatureModel;
 
@@ -59,7 +59,7 @@ impl Compared {
     pub fn run(&mut self, count: impl Fn() -> u32) {
         let chain = product();
         let float = Float::of(&chain);
-        let (mut state, mut memory) = (State::default(), Memory::default());
+        let (mut state, mut memory) = (ChainState::default(), Memory::default());
         let mut noise = 1;
         for number in 0..SAMPLES {
             if number % 400 == 0 {

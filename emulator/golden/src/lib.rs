@@ -1,7 +1,7 @@
 //! The product's signal chain on samples that every machine makes alike.
 //!
 //! In: nothing. Out: angles, uncertainties and vectors of two channels and what their comparison
-//! says, for each sample, as [`Found`]. The chip's image runs it, the test runs it on the host, and
+//! says, for each sample, as [`Outcome`]. The chip's image runs it, the test runs it on the host, and
 //! each bit has to be the same. Samples come from integers alone.
 //!
 //! Left out: the golden values themselves, which `tilt/tests/golden.rs` has.
@@ -11,7 +11,7 @@ pub mod float;
 
 use instant::Instant;
 use tilt::angle::{Axes, Harmonics};
-use tilt::chain::{Calibration, Chain, Correction, PART_DELAY_Q16, State, Timing};
+use tilt::chain::{Calibration, Chain, ChainState, Correction, PART_DELAY_Q16, Timing};
 use tilt::filter::LowPass;
 use tilt::sample::{Counts, FullScale, Temperature};
 use tilt::temperature::{Quadratic, TemperatureModel};
@@ -25,10 +25,10 @@ const EVERY: u32 = 100;
 /// Readings that are kept whole.
 pub const KEPT: usize = (SAMPLES / EVERY) as usize;
 
-/// What was found.
+/// What the run came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
-pub struct Found {
+pub struct Outcome {
     /// Every hundredth reading: slope X, its uncertainty, slope Y, its uncertainty; 0 for none.
     pub readings: [[i32; 4]; KEPT],
     /// All readings mixed, 32-bit FNV-1a over words.
@@ -39,7 +39,7 @@ pub struct Found {
     pub done: u32,
 }
 
-impl Found {
+impl Outcome {
     /// Nothing yet.
     pub const NOTHING: Self = Self {
         readings: [[0; 4]; KEPT],
@@ -51,7 +51,7 @@ impl Found {
     /// Runs everything.
     pub fn run(&mut self) {
         let chain = product();
-        let mut state = State::default();
+        let mut state = ChainState::default();
         let mut noise = 1u32;
         for number in 0..SAMPLES {
             if number % 400 == 0 {

@@ -1,4 +1,4 @@
-//! The image: runs [`emulator_golden::Found::run`] once and leaves what it has found in the RAM.
+//! The image: runs [`emulator_golden::Outcome::run`] once and leaves what it has found in the RAM.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -13,12 +13,12 @@ mod image {
 
     use cortex_m::interrupt::Mutex;
     use cortex_m_rt::entry;
-    use emulator_golden::Found;
+    use emulator_golden::Outcome;
 
     /// What was found; the test looks here by this name. Only the one entry borrows it.
     // SAFETY: no other symbol has this name.
     #[unsafe(no_mangle)]
-    static GOLDEN: Mutex<RefCell<Found>> = Mutex::new(RefCell::new(Found::NOTHING));
+    static GOLDEN: Mutex<RefCell<Outcome>> = Mutex::new(RefCell::new(Outcome::NOTHING));
 
     #[panic_handler]
     fn panic(_: &PanicInfo) -> ! {

@@ -116,7 +116,7 @@ impl fmt::Display for Outcome {
         let Self { setup, report } = self;
         write!(f, "{setup}")?;
         if setup.mode == Mode::Paper {
-            let reaction_s = setup.terms().reaction_s;
+            let reaction_s = setup.limits().reaction_s;
             writeln!(
                 f,
                 "paper mode     the promise is not for it: a wrong angle counts from \

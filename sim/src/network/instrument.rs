@@ -9,7 +9,7 @@
 
 use canopen::object::{Address, Value, at};
 use device::calibration::deliver;
-use device::calibration::motor::{MOTOR, Terms};
+use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
@@ -144,7 +144,7 @@ impl Delivered {
                 },
                 node_id: ids[place],
                 kbit_s: rates[place],
-                terms: Terms {
+                table_settings: TableSettings {
                     rule: self.rule,
                     reference: MOTOR,
                 },

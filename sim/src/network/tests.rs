@@ -12,7 +12,7 @@ use canopen::Frame;
 use canopen::nmt::State;
 use canopen::object::Value;
 use device::calibration::deliver;
-use device::calibration::motor::{MOTOR, Terms};
+use device::calibration::motor::{MOTOR, TableSettings};
 use device::fault::Fault;
 use device::objects::panel::Identity;
 use device::objects::process::SyncSource;
@@ -74,7 +74,7 @@ fn factory(channel: Channel, kbit_s: u16) -> Factory {
         },
         node_id: channel.node_id(),
         kbit_s,
-        terms: Terms {
+        table_settings: TableSettings {
             rule: tilt::table::Rule::Nearest,
             reference: MOTOR,
         },

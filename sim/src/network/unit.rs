@@ -11,7 +11,7 @@
 use canopen::Frame;
 use canopen::node::BusState;
 use device::bit_rate::Search;
-use device::device::{Device, Factory, Wish};
+use device::device::{BoardRequest, Device, Factory};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::process::Shown;
 use instant::Instant;
@@ -435,10 +435,10 @@ impl Unit {
     }
 
     fn wish(&mut self, bus: &mut Bus, now: Instant, now_ns: u64) {
-        match self.device.take_wish() {
+        match self.device.take_request() {
             None => {}
-            Some(Wish::Reset) => self.reset(bus, now_ns),
-            Some(Wish::Sensor) => {
+            Some(BoardRequest::Reset) => self.reset(bus, now_ns),
+            Some(BoardRequest::Sensor) => {
                 self.electronics.catch_up(seconds(now_ns));
                 let device = &mut self.device;
                 self.electronics.run_waiting(|mut delay, now| {
@@ -446,7 +446,7 @@ impl Unit {
                     let _ = device.restart_sensor(&mut delay, now);
                 });
             }
-            Some(Wish::BitRate { kbit_s, delay_ms }) => {
+            Some(BoardRequest::BitRate { kbit_s, delay_ms }) => {
                 self.delay_ms = delay_ms;
                 let at = now.offset(i64::from(delay_ms) * 1000);
                 self.switch_at = Some((at, Some(kbit_s)));

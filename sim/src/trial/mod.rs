@@ -207,7 +207,7 @@ impl<'a> Run<'a> {
         let mut rng = Rng::stream(setup.seed, "trial machine");
         Ok(Self {
             housing: Watched::new(Excavator::new(&setup.machine, &mut rng)),
-            checks: Checks::new(setup.terms()),
+            checks: Checks::new(setup.limits()),
             agenda: agenda(setup),
             temperature_ns: TEMPERATURE_NS,
             active: 0,

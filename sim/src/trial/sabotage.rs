@@ -3,7 +3,7 @@
 //! In: a node without power. Out: the same node with other code.
 
 use device::calibration::deliver;
-use device::calibration::motor::{MOTOR, Terms};
+use device::calibration::motor::{MOTOR, TableSettings};
 use device::device::{Device, Factory};
 use device::objects::panel::Identity;
 use device::objects::table::{Channel, Models};
@@ -70,7 +70,7 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
         },
         node_id: channel.node_id(),
         kbit_s: setup.kbit_s,
-        terms: Terms {
+        table_settings: TableSettings {
             rule: if paper { Rule::Nearest } else { Rule::Linear },
             reference: MOTOR,
         },

@@ -12,7 +12,7 @@ use crate::bench::Mode;
 use crate::can_bus::Rates;
 use crate::excavator::ExcavatorSetup;
 use crate::memory::{self, Memory};
-use crate::trial::checks::{LIMIT_DEG, Terms};
+use crate::trial::checks::{LIMIT_DEG, Limits};
 use crate::trial::inject::{Injection, What};
 use crate::trial::maintenance::Maintenance;
 use crate::trial::sabotage::Sabotage;
@@ -121,15 +121,15 @@ impl Setup {
     }
 
     /// What the instrument is held to.
-    pub fn terms(&self) -> Terms {
+    pub fn limits(&self) -> Limits {
         let paper = self.mode == Mode::Paper;
         let faultless = self.rates == Rates::default();
         let sound = |injection: &Injection| injection.what.leaves_bus_sound();
-        Terms {
+        Limits {
             reaction_s: if paper {
                 PAPER_REACTION_S
             } else {
-                Terms::PRODUCT.reaction_s
+                Limits::PRODUCT.reaction_s
             },
             angles_only: !self.within_promise,
             maintained: !self.maintenance.is_empty(),

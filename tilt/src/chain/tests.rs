@@ -59,7 +59,7 @@ fn at(degrees: f64) -> Counts {
 /// Feeds `seconds` of a motion sampled every `period_us`, from time 1 s on.
 fn feed(
     chain: &Chain,
-    state: &mut State,
+    state: &mut ChainState,
     seconds: f64,
     period_us: f64,
     angle: impl Fn(f64) -> f64,
@@ -80,7 +80,7 @@ fn feed(
 #[test]
 fn a_standing_sensor_reads_its_angle() {
     for chain in [product(), paper()] {
-        let mut state = State::default();
+        let mut state = ChainState::default();
         feed(&chain, &mut state, 2.0, f64::from(chain.period_us), |_| {
             30.0
         });
@@ -113,7 +113,7 @@ fn r7_order_is_filter_temperature_correction_angle() {
         vector,
         harmonics: Axes::default(),
     };
-    let mut state = State::default();
+    let mut state = ChainState::default();
     chain.temperature(&mut state, Temperature::from_celsius(65));
     let mut bare = FilterState::default();
     for i in 0..200u64 {
@@ -151,7 +151,7 @@ fn e2_the_lag_on_a_ramp_is_the_declared_latency() {
     // 80 deg/s: the paper's filter alone lags 0.64 deg, its part 0.72 more.
     let ramp = |t: f64| 80.0 * (t - 0.5) - 40.0;
     for (chain, arrives) in [(product(), 2.0), (paper(), 1.357)] {
-        let mut state = State::default();
+        let mut state = ChainState::default();
         feed(&chain, &mut state, 1.0, f64::from(chain.period_us), ramp);
         let now = Instant(2_000_000 - u64::from(chain.period_us));
         let now_s = 1.0 - f64::from(chain.period_us) * 1e-6;
@@ -171,7 +171,7 @@ fn two_clocks_report_the_same_instant() {
     let ramp = |t: f64| 80.0 * (t - 0.5);
     let chain = product();
     let angles = [2425.0, 2575.0].map(|period_us| {
-        let mut state = State::default();
+        let mut state = ChainState::default();
         feed(&chain, &mut state, 1.0, period_us, ramp);
         chain
             .reading(&state, Instant(1_998_000))
@@ -186,8 +186,8 @@ fn two_clocks_report_the_same_instant() {
 #[test]
 fn absence_is_a_reason_in_every_case() {
     let chain = product();
-    let mut state = State::default();
-    let reason = |state: &State, us| chain.reading(state, Instant(us)).x.unwrap_err();
+    let mut state = ChainState::default();
+    let reason = |state: &ChainState, us| chain.reading(state, Instant(us)).x.unwrap_err();
     assert_eq!(reason(&state, 0), Invalid::NoSample);
     chain.sample(&mut state, at(5.0), Instant(1_000_000));
     assert_eq!(reason(&state, 1_000_001), Invalid::Settling);
@@ -198,7 +198,7 @@ fn absence_is_a_reason_in_every_case() {
     assert_eq!(reason(&state, 2_000_001), Invalid::OverRange);
     let mut needs = product();
     needs.calibration.temperature = TemperatureModel::DataSheet(DataSheet::default());
-    let mut state = State::default();
+    let mut state = ChainState::default();
     feed(&needs, &mut state, 1.0, 2500.0, |_| 5.0);
     let cold = needs.reading(&state, Instant(1_998_000)).x.unwrap_err();
     assert_eq!(cold, Invalid::NoTemperature);
@@ -210,7 +210,7 @@ fn absence_is_a_reason_in_every_case() {
 fn first_valid_angle_within_a_second_of_the_start() {
     for chain in [product(), paper()] {
         let period = u64::from(chain.period_us);
-        let mut state = State::default();
+        let mut state = ChainState::default();
         let first = (0..400u64).find(|i| {
             chain.sample(&mut state, at(40.0), Instant(i * period));
             chain.reading(&state, Instant(i * period)).x.is_ok()
@@ -222,7 +222,7 @@ fn first_valid_angle_within_a_second_of_the_start() {
 #[test]
 fn gaps_are_filled_or_start_the_filter_anew() {
     let chain = product();
-    let mut state = State::default();
+    let mut state = ChainState::default();
     feed(&chain, &mut state, 1.0, 2500.0, |_| 12.0);
     let last = state.filtered().unwrap().1;
     chain.sample(&mut state, at(12.0), last.offset(3 * 2500));
@@ -244,7 +244,7 @@ fn gaps_are_filled_or_start_the_filter_anew() {
 #[test]
 fn the_period_is_measured() {
     let chain = product();
-    let mut state = State::default();
+    let mut state = ChainState::default();
     feed(&chain, &mut state, 1.0, 2430.0, |_| 0.0);
     let period_us = f64::from(state.period_q8()) / 256.0;
     assert!((period_us - 2430.0).abs() < 1.0, "{period_us}");
@@ -276,7 +276,7 @@ fn one_axis_does_not_measure_y() {
         vector: Vector::IDENTITY,
         harmonics: Harmonics::default(),
     };
-    let mut state = State::default();
+    let mut state = ChainState::default();
     feed(&chain, &mut state, 1.0, 2500.0, |_| 170.0);
     let reading = chain.reading(&state, Instant(1_998_000));
     assert!((reading.x.unwrap().angle.degrees() - 170.0).abs() < 0.01);
@@ -296,7 +296,7 @@ proptest::proptest! {
         for mut chain in [product(), paper()] {
             chain.full_scale =
                 [FullScale::G2, FullScale::G4, FullScale::G8, FullScale::G16][full_scale];
-            let mut state = State::default();
+            let mut state = ChainState::default();
             let mut now = Instant(0);
             for (counts, elapsed, temperature) in &steps {
                 now = now.offset(*elapsed as i64);

@@ -17,11 +17,11 @@
 use crate::chain::Invalid;
 use crate::health::Activity;
 
-use super::Node;
+use super::Member;
 
 /// Configuration; energies are ratios to the channel's own noise, in 1/256.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Loudness {
+pub struct ActivityCheck {
     /// A channel below this is quiet; above it, it may hear the machine.
     pub quiet: u32,
     /// A single look above this, between quiet ones, is a spike.
@@ -40,7 +40,7 @@ pub struct Loudness {
     pub calm_us: u32,
 }
 
-impl Loudness {
+impl ActivityCheck {
     /// For a LIS2DW12 at 400 samples/s, looked at 50 times a second: eight samples a look, of
     /// which a healthy channel's energies scatter by half. `docs/faults.md` has the evidence.
     pub const PRODUCT: Self = Self {
@@ -57,7 +57,7 @@ impl Loudness {
 
 /// One channel's energies: the last three looks, newest first, and the usual level.
 #[derive(Clone, Copy, Debug)]
-struct Channel {
+struct ChannelActivity {
     looks: [u32; 3],
     usual: u32,
 }
@@ -68,7 +68,7 @@ const UNKNOWN: u32 = u32::MAX;
 /// The level of healthy noise.
 const OWN_LEVEL: u32 = 256;
 
-impl Channel {
+impl ChannelActivity {
     const NEW: Self = Self {
         looks: [UNKNOWN; 3],
         usual: OWN_LEVEL,
@@ -97,7 +97,7 @@ impl Channel {
         ((sum - u64::from(self.loudest())) / 2) as u32
     }
 
-    fn is_spike(&self, check: &Loudness) -> bool {
+    fn is_spike(&self, check: &ActivityCheck) -> bool {
         let [after, middle, before] = self.looks;
         middle > check.spike && before < check.quiet && after < check.quiet
     }
@@ -126,8 +126,8 @@ fn towards(average: u32, value: u32, tau_us: u32, elapsed_us: u32) -> u32 {
 
 /// What the detector remembers of both channels.
 #[derive(Clone, Copy, Debug)]
-pub struct State {
-    channels: [Channel; 2],
+pub struct ActivityState {
+    channels: [ChannelActivity; 2],
     /// What each has heard since the last judgement, until both have had a look.
     heard: [Option<u32>; 2],
     /// Time since then, us.
@@ -138,10 +138,10 @@ pub struct State {
     pending: bool,
 }
 
-impl Default for State {
+impl Default for ActivityState {
     fn default() -> Self {
         Self {
-            channels: [Channel::NEW; 2],
+            channels: [ChannelActivity::NEW; 2],
             heard: [None; 2],
             elapsed_us: 0,
             quiet_us: 0,
@@ -150,7 +150,7 @@ impl Default for State {
     }
 }
 
-impl State {
+impl ActivityState {
     /// One of the two could not measure: nothing is known of what they heard meanwhile, and what
     /// was usual may have changed.
     pub fn restart(&mut self) {
@@ -167,7 +167,7 @@ impl State {
     }
 }
 
-impl Loudness {
+impl ActivityCheck {
     /// Takes in what both channels say; who is too loud, and how.
     ///
     /// [`Activity::NONE`] is no look: too few samples since the last one. The two are judged when
@@ -176,11 +176,11 @@ impl Loudness {
     /// further back.
     pub fn step(
         &self,
-        state: &mut State,
+        state: &mut ActivityState,
         own: Activity,
         peer: Activity,
         elapsed_us: u32,
-    ) -> Option<(Node, Invalid)> {
+    ) -> Option<(Member, Invalid)> {
         for (heard, activity) in state.heard.iter_mut().zip([own, peer]) {
             if activity != Activity::NONE {
                 *heard = Some(joined(*heard, activity));
@@ -205,43 +205,43 @@ impl Loudness {
         let (of_own, of_peer) = (self.judge(a, b), self.judge(b, a));
         let blame = |node| move |reason| (node, reason);
         of_own
-            .map(blame(Node::Own))
-            .or(of_peer.map(blame(Node::Peer)))
+            .map(blame(Member::Own))
+            .or(of_peer.map(blame(Member::Peer)))
     }
 
     /// True while a shock may be going through the machine, or what the filters have left of it;
     /// between two looks nobody knows.
-    pub fn is_shaken(&self, state: &State) -> bool {
+    pub fn is_shaken(&self, state: &ActivityState) -> bool {
         let between_looks = state.elapsed_us > 0;
         between_looks || state.pending || state.quiet_us < self.calm_us
     }
 
     /// True when what made `one` loud in the look before the last was heard by the other as well,
     /// in that look or in one beside it.
-    fn was_shock(&self, one: &Channel, other: &Channel) -> bool {
+    fn was_shock(&self, one: &ChannelActivity, other: &ChannelActivity) -> bool {
         let [_, middle, _] = one.looks;
         middle > self.quiet && other.loudest() > self.quiet / 2
     }
 
     /// True when `one` has become loud in the last look, or nothing is known of that.
-    fn is_new(&self, one: &Channel) -> bool {
+    fn is_new(&self, one: &ChannelActivity) -> bool {
         let [newest, before, _] = one.looks;
         newest == UNKNOWN || newest > self.quiet && before <= self.quiet
     }
 
     /// True while what `one` says can be held against it.
-    fn is_clear(&self, one: &Channel, other: &Channel) -> bool {
+    fn is_clear(&self, one: &ChannelActivity, other: &ChannelActivity) -> bool {
         other.loudest() <= self.quiet && one.loudest() != UNKNOWN
     }
 
-    fn learn(&self, one: &mut Channel, other: &Channel, elapsed_us: u32) {
+    fn learn(&self, one: &mut ChannelActivity, other: &ChannelActivity, elapsed_us: u32) {
         if self.is_clear(one, other) && !one.is_spike(self) {
             let mean = one.mean(self.ceiling);
             one.usual = towards(one.usual, mean, self.slow_us, elapsed_us);
         }
     }
 
-    fn judge(&self, one: &Channel, other: &Channel) -> Option<Invalid> {
+    fn judge(&self, one: &ChannelActivity, other: &ChannelActivity) -> Option<Invalid> {
         if !self.is_clear(one, other) {
             return None;
         }
@@ -265,11 +265,11 @@ mod tests {
     use super::*;
 
     /// Feeds looks of both channels, 20 ms apart; the first verdict and its look.
-    fn listen(looks: impl IntoIterator<Item = (u8, u8)>) -> Option<(usize, Node, Invalid)> {
-        let mut state = State::default();
+    fn listen(looks: impl IntoIterator<Item = (u8, u8)>) -> Option<(usize, Member, Invalid)> {
+        let mut state = ActivityState::default();
         for (n, (own, peer)) in looks.into_iter().enumerate() {
             let (own, peer) = (Activity(own), Activity(peer));
-            let verdict = Loudness::PRODUCT.step(&mut state, own, peer, 20_000);
+            let verdict = ActivityCheck::PRODUCT.step(&mut state, own, peer, 20_000);
             if let Some((node, reason)) = verdict {
                 return Some((n, node, reason));
             }
@@ -278,7 +278,7 @@ mod tests {
     }
 
     /// `n` looks at both channels' own noise, then what follows.
-    fn after_quiet(n: usize, then: &[(u8, u8)]) -> Option<(usize, Node, Invalid)> {
+    fn after_quiet(n: usize, then: &[(u8, u8)]) -> Option<(usize, Member, Invalid)> {
         listen(std::iter::repeat_n((64, 64), n).chain(then.iter().copied()))
     }
 
@@ -294,25 +294,25 @@ mod tests {
     #[test]
     fn a_lone_loud_look_is_a_spike_of_its_channel() {
         let own = after_quiet(5, &[(140, 64), (64, 64), (64, 64)]);
-        assert_eq!(own, Some((6, Node::Own, Invalid::Spikes)));
+        assert_eq!(own, Some((6, Member::Own, Invalid::Spikes)));
         let peer = after_quiet(5, &[(64, 140), (64, 64), (64, 64)]);
-        assert_eq!(peer, Some((6, Node::Peer, Invalid::Spikes)));
+        assert_eq!(peer, Some((6, Member::Peer, Invalid::Spikes)));
     }
 
     #[test]
     fn three_times_the_noise_is_found_within_four_looks_and_twice_within_a_second() {
         let (n, node, reason) = after_quiet(5, &[(89, 64); 10]).expect("found");
-        assert_eq!((node, reason), (Node::Own, Invalid::Noise));
+        assert_eq!((node, reason), (Member::Own, Invalid::Noise));
         assert!((6..9).contains(&n), "{n}");
         let (n, node, reason) = after_quiet(5, &[(64, 80); 50]).expect("found");
-        assert_eq!((node, reason), (Node::Peer, Invalid::Noise));
+        assert_eq!((node, reason), (Member::Peer, Invalid::Noise));
         assert!(n < 45, "{n}");
     }
 
     #[test]
     fn the_machine_counts_as_shaken_until_both_have_been_quiet_for_80_ms() {
-        let check = Loudness::PRODUCT;
-        let mut state = State::default();
+        let check = ActivityCheck::PRODUCT;
+        let mut state = ActivityState::default();
         let mut shaken_after = |own, peer| {
             check.step(&mut state, Activity(own), Activity(peer), 20_000);
             check.is_shaken(&state)
@@ -335,8 +335,8 @@ mod tests {
     #[test]
     fn a_shock_that_began_between_two_looks_was_taken_for_a_fault_of_the_pair() {
         // Ten milliseconds between SYNCs: a look at every other pair.
-        let check = Loudness::PRODUCT;
-        let mut state = State::default();
+        let check = ActivityCheck::PRODUCT;
+        let mut state = ActivityState::default();
         let mut shaken_after = |activity| {
             check.step(&mut state, Activity(activity), Activity(activity), 10_000);
             check.is_shaken(&state)
@@ -354,14 +354,16 @@ mod tests {
 
     #[test]
     fn looks_that_are_not_known_judge_nobody() {
-        let mut state = State::default();
+        let mut state = ActivityState::default();
         for _ in 0..100 {
             state.skip();
-            let verdict = Loudness::PRODUCT.step(&mut state, Activity(255), Activity(64), 20_000);
+            let verdict =
+                ActivityCheck::PRODUCT.step(&mut state, Activity(255), Activity(64), 20_000);
             assert_eq!(verdict, None);
         }
         for _ in 0..100 {
-            let verdict = Loudness::PRODUCT.step(&mut state, Activity(0), Activity(64), u32::MAX);
+            let verdict =
+                ActivityCheck::PRODUCT.step(&mut state, Activity(0), Activity(64), u32::MAX);
             assert_eq!(verdict, None);
         }
     }
@@ -387,9 +389,9 @@ mod tests {
 
     #[test]
     fn noise_that_had_gone_while_the_channel_was_refused_was_found_again() {
-        let mut state = State::default();
-        let step = |state: &mut State, own| {
-            Loudness::PRODUCT.step(state, Activity(own), Activity(64), 50_000)
+        let mut state = ActivityState::default();
+        let step = |state: &mut ActivityState, own| {
+            ActivityCheck::PRODUCT.step(state, Activity(own), Activity(64), 50_000)
         };
         assert!((0..50).any(|_| step(&mut state, 80).is_some()));
         state.restart();
@@ -398,10 +400,10 @@ mod tests {
 
     #[test]
     fn a_shock_whose_other_half_was_lost_on_the_way_was_called_noise() {
-        let mut state = State::default();
-        let step = |state: &mut State, own, peer| {
+        let mut state = ActivityState::default();
+        let step = |state: &mut ActivityState, own, peer| {
             let (own, peer) = (Activity(own), Activity(peer));
-            Loudness::PRODUCT.step(state, own, peer, 20_000)
+            ActivityCheck::PRODUCT.step(state, own, peer, 20_000)
         };
         assert!((0..10).all(|_| step(&mut state, 64, 64).is_none()));
         // A shock in one look, of which the peer's never comes.

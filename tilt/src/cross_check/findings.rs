@@ -26,7 +26,7 @@
 
 use crate::chain::Invalid;
 
-use super::{Judgement, Node};
+use super::{Judgement, Member};
 
 /// How long something found stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -147,10 +147,10 @@ pub struct Findings {
     before_us: u32,
 }
 
-const fn index(node: Node) -> usize {
+const fn index(node: Member) -> usize {
     match node {
-        Node::Own => 0,
-        Node::Peer => 1,
+        Member::Own => 0,
+        Member::Peer => 1,
     }
 }
 
@@ -162,7 +162,10 @@ impl Findings {
         self.count(evidence, credit_us);
         // What is over goes first, so that what this pair shows finds its place.
         self.release(latch);
-        for (node, against) in [Node::Own, Node::Peer].into_iter().zip(evidence.against) {
+        for (node, against) in [Member::Own, Member::Peer]
+            .into_iter()
+            .zip(evidence.against)
+        {
             if let Some(against) = against {
                 self.hold(node, against);
             }
@@ -223,7 +226,7 @@ impl Findings {
     }
 
     /// A channel is faulty.
-    pub fn hold(&mut self, node: Node, against: Against) {
+    pub fn hold(&mut self, node: Member, against: Against) {
         let new = Faulty {
             reason: against.reason,
             told: against.told,
@@ -272,7 +275,7 @@ impl Findings {
     }
 
     /// Why a channel is held faulty.
-    pub fn faulty(&self, node: Node) -> Option<Invalid> {
+    pub fn faulty(&self, node: Member) -> Option<Invalid> {
         let place = self.faulty.get(index(node)).copied().flatten();
         place.map(|faulty| faulty.reason)
     }
@@ -312,10 +315,10 @@ impl Findings {
     /// What was found, as a judgement.
     pub fn judgement(&self) -> Option<Judgement> {
         let one = |faulty, reason| Some(Judgement::OneChannel { faulty, reason });
-        match [self.faulty(Node::Own), self.faulty(Node::Peer)] {
+        match [self.faulty(Member::Own), self.faulty(Member::Peer)] {
             [Some(reason), Some(_)] => Some(Judgement::NoChannel(reason)),
-            [Some(reason), None] => one(Node::Own, reason),
-            [None, Some(reason)] => one(Node::Peer, reason),
+            [Some(reason), None] => one(Member::Own, reason),
+            [None, Some(reason)] => one(Member::Peer, reason),
             [None, None] => self.disagree().then_some(Judgement::Disagree),
         }
     }

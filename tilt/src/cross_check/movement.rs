@@ -29,7 +29,7 @@ use crate::ONE_G;
 use crate::angle::hypot;
 use crate::vector::Corrected;
 
-use super::Node;
+use super::Member;
 
 /// Configuration; accelerations in 2^-26 g, of any one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,7 +119,7 @@ struct Axis {
 
 /// One channel.
 #[derive(Clone, Copy, Debug, Default)]
-struct Channel {
+struct ChannelMovement {
     axes: [Axis; 3],
     /// Sum of the lengths beyond 1 g of the blocks of a standstill, 2^-26 g.
     length: i32,
@@ -141,9 +141,9 @@ struct Block {
 
 /// What the detector remembers.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct MovementState {
     /// Own channel, then the peer.
-    channels: [Channel; 2],
+    channels: [ChannelMovement; 2],
     /// Of the block under way.
     block_us: u32,
     pairs: u16,
@@ -158,12 +158,12 @@ pub struct State {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
     /// This channel has moved while the other one stood.
-    Moved(Node),
+    Moved(Member),
     /// The machine stood: how much longer than 1 g the own vector and the peer's were, 2^-26 g.
     Stood([i32; 2]),
 }
 
-impl State {
+impl MovementState {
     /// There was no pair, or nobody knows what happened to a channel: everything begins anew.
     pub fn restart(&mut self) {
         *self = Self::default();
@@ -188,7 +188,7 @@ impl State {
     }
 }
 
-impl Channel {
+impl ChannelMovement {
     fn take_in(&mut self, vector: &Corrected) {
         for (axis, accel) in self.axes.iter_mut().zip(&vector.accel) {
             let steps = accel.saturating_add(1 << 12) >> 13;
@@ -254,7 +254,7 @@ impl Movement {
     /// A channel is named only while the pair differs.
     pub fn step(
         &self,
-        state: &mut State,
+        state: &mut MovementState,
         pair: [&Corrected; 2],
         differ: bool,
         elapsed_us: u32,
@@ -276,7 +276,7 @@ impl Movement {
         finding
     }
 
-    fn end_block(&self, state: &mut State, differ: bool) -> Option<Finding> {
+    fn end_block(&self, state: &mut MovementState, differ: bool) -> Option<Finding> {
         let pairs = i32::from(state.pairs);
         let [own, peer] = &mut state.channels;
         let (of_own, of_peer) = (own.average(pairs), peer.average(pairs));
@@ -297,14 +297,14 @@ impl Movement {
             channel.end((!differ).then_some(FOLLOWS));
         }
         match (own_moved && differ, peer_moved && differ) {
-            (true, _) => Some(Finding::Moved(Node::Own)),
-            (_, true) => Some(Finding::Moved(Node::Peer)),
+            (true, _) => Some(Finding::Moved(Member::Own)),
+            (_, true) => Some(Finding::Moved(Member::Peer)),
             _ => lengths.map(Finding::Stood),
         }
     }
 
     /// Whether the channel has left its place. While the pair differs that is not forgotten.
-    fn watch(&self, one: &mut Channel, way: u32, others: u32, differ: bool) {
+    fn watch(&self, one: &mut ChannelMovement, way: u32, others: u32, differ: bool) {
         if way > self.still.max((others / SHARE).min(2 * self.moved)) {
             one.strayed = MEMORY;
         } else if !differ {
@@ -312,7 +312,7 @@ impl Movement {
         }
     }
 
-    fn has_moved(&self, one: &mut Channel, way: u32, other_stood: bool) -> bool {
+    fn has_moved(&self, one: &mut ChannelMovement, way: u32, other_stood: bool) -> bool {
         let moved = way >= self.moved && other_stood;
         one.moved = if moved {
             one.moved.saturating_add(1)
@@ -325,7 +325,7 @@ impl Movement {
 
     /// Takes in whether the machine stood in a block; at the end of a standstill the mean lengths
     /// of its blocks.
-    fn rest(&self, state: &mut State, stood: bool) -> Option<[i32; 2]> {
+    fn rest(&self, state: &mut MovementState, stood: bool) -> Option<[i32; 2]> {
         if !stood {
             state.rise();
             return None;

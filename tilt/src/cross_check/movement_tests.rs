@@ -58,10 +58,10 @@ impl Machine {
     }
 
     /// The next pair, with an offset on one channel.
-    fn step(&mut self, force: [f64; 3], node: Node, offset: [f64; 3]) -> Judgement {
+    fn step(&mut self, force: [f64; 3], node: Member, offset: [f64; 3]) -> Judgement {
         let (own, peer) = match node {
-            Node::Own => (offset, [0.0; 3]),
-            Node::Peer => ([0.0; 3], offset),
+            Member::Own => (offset, [0.0; 3]),
+            Member::Peer => ([0.0; 3], offset),
         };
         let [own, peer] = self.pair(force, own, peer);
         self.bench.step(own, peer)
@@ -71,7 +71,7 @@ impl Machine {
     fn lasts(
         &mut self,
         seconds: f64,
-        node: Node,
+        node: Member,
         at: impl Fn(f64) -> ([f64; 3], [f64; 3]),
     ) -> Vec<Judgement> {
         let from_s = self.time_s;
@@ -86,7 +86,7 @@ impl Machine {
 
     /// Healthy for eight seconds.
     fn works(mut self, at: impl Fn(f64) -> [f64; 3]) -> Self {
-        let all = self.lasts(8.0, Node::Own, |t| (at(t), [0.0; 3]));
+        let all = self.lasts(8.0, Member::Own, |t| (at(t), [0.0; 3]));
         assert_eq!(all, [Judgement::Agree]);
         self
     }
@@ -101,16 +101,16 @@ impl Machine {
     }
 }
 
-const NODES: [Node; 2] = [Node::Own, Node::Peer];
+const NODES: [Member; 2] = [Member::Own, Member::Peer];
 
-const fn other(node: Node) -> Node {
+const fn other(node: Member) -> Member {
     match node {
-        Node::Own => Node::Peer,
-        Node::Peer => Node::Own,
+        Member::Own => Member::Peer,
+        Member::Peer => Member::Own,
     }
 }
 
-fn names(all: &[Judgement], node: Node) -> bool {
+fn names(all: &[Judgement], node: Member) -> bool {
     all.contains(&faulty(node, Invalid::Biased))
 }
 
@@ -217,10 +217,10 @@ fn a_frozen_channel_never_names_the_one_that_moves_with_the_machine() {
     ];
     for (name, freeze) in ways {
         for (node, deg_s) in [
-            (Node::Own, 0.3),
-            (Node::Peer, 0.3),
-            (Node::Own, 1.0),
-            (Node::Own, 5.0),
+            (Member::Own, 0.3),
+            (Member::Peer, 0.3),
+            (Member::Own, 1.0),
+            (Member::Own, 5.0),
         ] {
             // It stands, moves by three degrees and stands again.
             let path = |t: f64| pose((deg_s * (t - 2.0)).clamp(0.0, 3.0), 0.0);
@@ -231,8 +231,8 @@ fn a_frozen_channel_never_names_the_one_that_moves_with_the_machine() {
                 let force = path(machine.time_s - from_s);
                 let mut pair = machine.pair(force, [0.0; 3], [0.0; 3]);
                 let frozen = match node {
-                    Node::Own => &mut pair[0],
-                    Node::Peer => &mut pair[1],
+                    Member::Own => &mut pair[0],
+                    Member::Peer => &mut pair[1],
                 };
                 if let Some(vector) = &mut frozen.vector {
                     freeze(n, place.get_or_insert(vector.accel), &mut vector.accel);
@@ -277,7 +277,7 @@ fn a_channel_that_recovers_neither_names_the_healthy_one_nor_clears_anything() {
 #[test]
 fn a_channel_that_was_away_and_comes_back_elsewhere_is_not_compared_with_its_past() {
     let level = pose(0.0, 0.0);
-    let away: [fn(&mut Machine, Node); 3] = [
+    let away: [fn(&mut Machine, Member); 3] = [
         |machine, node| gone(machine, node, Invalid::Silent, 0.1),
         |machine, node| gone(machine, node, Invalid::OverRange, 0.2),
         // On a slow bus a channel starts anew between two SYNCs.
@@ -285,7 +285,7 @@ fn a_channel_that_was_away_and_comes_back_elsewhere_is_not_compared_with_its_pas
     ];
     for (number, away) in away.into_iter().enumerate() {
         for node in NODES {
-            if number == 2 && node == Node::Own {
+            if number == 2 && node == Member::Own {
                 continue;
             }
             let mut machine = Machine::new(13).works(|_| level);
@@ -298,19 +298,19 @@ fn a_channel_that_was_away_and_comes_back_elsewhere_is_not_compared_with_its_pas
                 "{number}, {node:?}: {all:?}"
             );
             assert!(
-                !names(&all, Node::Own) && !names(&all, Node::Peer),
+                !names(&all, Member::Own) && !names(&all, Member::Peer),
                 "{all:?}"
             );
         }
     }
 }
 
-fn gone(machine: &mut Machine, node: Node, why: Invalid, seconds: f64) {
+fn gone(machine: &mut Machine, node: Member, why: Invalid, seconds: f64) {
     machine.made(seconds, |machine| {
         let [own, peer] = machine.pair(pose(0.0, 0.0), [0.0; 3], [0.0; 3]);
         match node {
-            Node::Own => [own.refused(why), peer],
-            Node::Peer => [own, peer.refused(why)],
+            Member::Own => [own.refused(why), peer],
+            Member::Peer => [own, peer.refused(why)],
         }
     });
 }
@@ -332,8 +332,8 @@ fn a_jump_of_temperature_never_names_the_channel_that_it_moves_less() {
                 let (more, less) = (on(axis, 0.35 * kelvin + lag), on(axis, 0.05 * kelvin));
                 all.push(machine.bench.last);
                 match node {
-                    Node::Own => machine.pair(level, more, less),
-                    Node::Peer => machine.pair(level, less, more),
+                    Member::Own => machine.pair(level, more, less),
+                    Member::Peer => machine.pair(level, less, more),
                 }
             });
             assert!(!names(&all, other(node)), "{node:?}, axis {axis}");
@@ -371,7 +371,7 @@ fn shocks_name_nobody_also_where_one_part_clips() {
                 for one in &mut pair {
                     one.activity = Activity(130);
                 }
-                let clips = &mut pair[usize::from(node == Node::Peer)];
+                let clips = &mut pair[usize::from(node == Member::Peer)];
                 if n % 2 == 0 && t < 0.16 {
                     *clips = Observation {
                         vector: None,
@@ -406,7 +406,7 @@ fn a_slow_movement_of_the_machine_is_blamed_on_nobody() {
     for deg_s in [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0] {
         let path = |t: f64| pose(deg_s * t, 5.0);
         let mut machine = Machine::new(31).works(path);
-        let all = machine.lasts(20.0, Node::Own, |t| (path(8.0 + t), [0.0; 3]));
+        let all = machine.lasts(20.0, Member::Own, |t| (path(8.0 + t), [0.0; 3]));
         assert_eq!(all, [Judgement::Agree], "{deg_s} deg/s");
     }
 }
@@ -419,13 +419,17 @@ fn a_step_in_a_slow_movement_that_hides_it_never_names_the_healthy_channel() {
     for (seed, (creeps, rumble)) in (37..).zip(ways.into_iter().cycle().take(648)) {
         let deg_s = 0.02 * 1.39_f64.powi((seed / 4 % 18) as i32);
         let mg = 3.2 * 1.37_f64.powi((seed / 72) as i32);
-        let node = if seed % 8 < 4 { Node::Own } else { Node::Peer };
+        let node = if seed % 8 < 4 {
+            Member::Own
+        } else {
+            Member::Peer
+        };
         // It creeps all the time, or begins to move with the step.
         let path = |t: f64| pose(-deg_s * if creeps { t } else { t.max(8.0) - 8.0 }, 5.0);
         let mut machine = Machine::new(seed);
         machine.rumble = rumble;
         let before_s = 8.0 + 0.01 * (seed % 24) as f64;
-        machine.lasts(before_s, Node::Own, |t| (path(t), [0.0; 3]));
+        machine.lasts(before_s, Member::Own, |t| (path(t), [0.0; 3]));
         let all = machine.lasts(6.0, node, |t| (path(before_s + t), on(0, mg)));
         let name = std::format!("{node:?} {deg_s} deg/s {mg} mg");
         assert!(!names(&all, other(node)), "{name}: {all:?}");
@@ -570,10 +574,10 @@ fn a_pause_of_more_than_two_seconds_forgets_where_the_channels_were() {
     for (pause_us, named) in [(1_900_000, true), (2_100_000, false)] {
         let mut machine = Machine::new(67).works(|_| level);
         machine.bench.period_us = pause_us;
-        machine.step(level, Node::Own, on(0, 10.0));
+        machine.step(level, Member::Own, on(0, 10.0));
         machine.bench.period_us = 20_000;
-        let all = machine.lasts(5.0, Node::Own, |_| (level, on(0, 10.0)));
-        assert_eq!(names(&all, Node::Own), named, "{pause_us}: {all:?}");
+        let all = machine.lasts(5.0, Member::Own, |_| (level, on(0, 10.0)));
+        assert_eq!(names(&all, Member::Own), named, "{pause_us}: {all:?}");
     }
 }
 
@@ -592,7 +596,7 @@ fn both_nodes_come_to_the_same_answer() {
         None => None,
     };
     let mut machine = Machine::new(71);
-    let mut states = [movement::State::default(); 2];
+    let mut states = [movement::MovementState::default(); 2];
     let mut moved = [0; 2];
     for n in 0..40_000 {
         // A step of one channel and then of the other one, a move of the machine in between.
@@ -616,7 +620,7 @@ fn both_nodes_come_to_the_same_answer() {
         let of_peer = check.step(two, [&peer, &coarse(own)], true, 20_000);
         assert_eq!(of_own, mirrored(of_peer), "{t} s");
         if let Some(Finding::Moved(node)) = of_own {
-            moved[usize::from(node == Node::Peer)] += 1;
+            moved[usize::from(node == Member::Peer)] += 1;
         }
     }
     assert!(moved.iter().all(|count| *count > 20), "{moved:?}");
@@ -625,9 +629,9 @@ fn both_nodes_come_to_the_same_answer() {
 #[test]
 fn its_memory_is_small() {
     assert!(
-        size_of::<movement::State>() <= 120,
+        size_of::<movement::MovementState>() <= 120,
         "{}",
-        size_of::<movement::State>()
+        size_of::<movement::MovementState>()
     );
 }
 
@@ -642,7 +646,7 @@ fn extremes_do_not_overflow() {
                 rest_us: u32::MAX,
                 ..Movement::PRODUCT
             };
-            let mut state = movement::State::default();
+            let mut state = movement::MovementState::default();
             for n in 0..5_000 {
                 let pair = if n % 7 < 3 { [low, high] } else { [high, low] };
                 check.step(&mut state, pair.each_ref(), n % 2 == 0, elapsed_us);

@@ -18,19 +18,19 @@ use crate::observation::Observation;
 use crate::vector::Corrected;
 use instant::Instant;
 
-use super::activity::{self, Loudness};
+use super::activity::{ActivityCheck, ActivityState};
 use super::findings::{Against, Comparison, Evidence, Findings, Latch};
-use super::movement::{self, Finding, Movement};
-use super::residual::{self, Residual};
-use super::standstill::{self, Standstill};
+use super::movement::{Finding, Movement, MovementState};
+use super::residual::{Residual, ResidualState};
+use super::standstill::{self, Standstill, StandstillState};
 use super::window::{WindowCheck, WindowState};
-use super::{HEARD_US, Judgement, Node, PATIENCE_US, Silence, combined, reason};
+use super::{HEARD_US, Judgement, Member, PATIENCE_US, Silence, combined, reason};
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProductCheck {
     /// Noise and spikes.
-    pub loudness: Loudness,
+    pub activity: ActivityCheck,
     /// Difference of the vectors.
     pub residual: Residual,
     /// Difference of the angles.
@@ -46,7 +46,7 @@ pub struct ProductCheck {
 impl ProductCheck {
     /// As delivered: latched until a reset.
     pub const PRODUCT: Self = Self {
-        loudness: Loudness::PRODUCT,
+        activity: ActivityCheck::PRODUCT,
         residual: Residual::PRODUCT,
         window: WindowCheck {
             latched: false,
@@ -69,11 +69,11 @@ const SHAKEN_PATIENCE_US: i64 = 10_000_000;
 /// What the check remembers. A reset is a new state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ProductState {
-    activity: activity::State,
-    residual: residual::State,
+    activity: ActivityState,
+    residual: ResidualState,
     window: WindowState,
-    movement: movement::State,
-    standstill: standstill::State,
+    movement: MovementState,
+    standstill: StandstillState,
     /// Own channel, then the peer.
     silence: [Silence; 2],
     /// When both were last over their range at once.
@@ -155,7 +155,9 @@ impl ProductState {
         let mut against = [None; 2];
         let mut waiting = None;
         let channels = self.silence.iter_mut().zip(absent).zip(&mut against);
-        for (node, ((silence, why), against)) in [Node::Own, Node::Peer].into_iter().zip(channels) {
+        for (node, ((silence, why), against)) in
+            [Member::Own, Member::Peer].into_iter().zip(channels)
+        {
             match why {
                 None => silence.hear(now),
                 Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
@@ -165,7 +167,7 @@ impl ProductState {
                     if !reason.is_transient() {
                         *silence = Silence::default();
                     }
-                    let told = node == Node::Peer;
+                    let told = node == Member::Peer;
                     *against = Some(Against { reason, told });
                 }
             }
@@ -237,7 +239,7 @@ impl ProductCheck {
             state.restart();
         }
         let loud = self
-            .loudness
+            .activity
             .step(&mut state.activity, own.activity, peer.activity, elapsed_us);
         accuse(against, loud);
         let angles = self
@@ -246,7 +248,7 @@ impl ProductCheck {
         let mut differ = angles == Judgement::Disagree;
         if let (Some(a), Some(b)) = (&own.vector, &peer.vector) {
             let uncertainty = uncertainty(own, peer);
-            let shaken = self.loudness.is_shaken(&state.activity);
+            let shaken = self.activity.is_shaken(&state.activity);
             let residual = &mut state.residual;
             differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
             let culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
@@ -269,14 +271,14 @@ impl ProductCheck {
         pair: [&Corrected; 2],
         elapsed_us: u32,
         (uncertainty, differ): (u32, bool),
-    ) -> Option<Node> {
+    ) -> Option<Member> {
         let movement = &mut state.movement;
         let beyond = match self.movement.step(movement, pair, differ, elapsed_us)? {
             Finding::Moved(node) => return Some(node),
             Finding::Stood(beyond) => beyond,
         };
         if differ || state.findings.disagree() {
-            let usual = standstill::along(state.residual.usual(), pair);
+            let usual = standstill::along(state.residual.baseline(), pair);
             return self
                 .standstill
                 .blame(&state.standstill, beyond, usual, uncertainty);
@@ -289,12 +291,12 @@ impl ProductCheck {
 }
 
 /// Notes what was found against a channel; gravity, which comes last, counts before noise.
-fn accuse(against: &mut [Option<Against>; 2], found: Option<(Node, Invalid)>) {
+fn accuse(against: &mut [Option<Against>; 2], found: Option<(Member, Invalid)>) {
     let Some((node, reason)) = found else { return };
     let [own, peer] = against;
     let place = match node {
-        Node::Own => own,
-        Node::Peer => peer,
+        Member::Own => own,
+        Member::Peer => peer,
     };
     *place = Some(Against {
         reason,

@@ -65,7 +65,7 @@ pub(super) fn loud(activity: u8) -> Observation {
     }
 }
 
-pub(super) const fn faulty(node: Node, reason: Invalid) -> Judgement {
+pub(super) const fn faulty(node: Member, reason: Invalid) -> Judgement {
     Judgement::OneChannel {
         faulty: node,
         reason,
@@ -167,12 +167,12 @@ fn a_channel_that_reports_its_own_fault_comes_before_every_comparison() {
         let mut bench = Bench::working();
         assert_eq!(
             bench.step(tilted.refused(reason), level()),
-            faulty(Node::Own, reason)
+            faulty(Member::Own, reason)
         );
         let mut bench = Bench::working();
         assert_eq!(
             bench.step(tilted, loud(200).refused(reason)),
-            faulty(Node::Peer, reason)
+            faulty(Member::Peer, reason)
         );
     }
 }
@@ -181,11 +181,11 @@ fn a_channel_that_reports_its_own_fault_comes_before_every_comparison() {
 fn the_first_finding_about_a_channel_stays_the_finding() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
-    assert_eq!(bench.last, faulty(Node::Own, Invalid::Noise));
+    assert_eq!(bench.last, faulty(Member::Own, Invalid::Noise));
     let reset = Observation::absent(Invalid::PartReset);
     assert_eq!(
         bench.step(reset, level()),
-        faulty(Node::Own, Invalid::Noise)
+        faulty(Member::Own, Invalid::Noise)
     );
 }
 
@@ -193,14 +193,14 @@ fn the_first_finding_about_a_channel_stays_the_finding() {
 fn an_ill_channel_explains_what_differs_later() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
-    assert_eq!(bench.last, faulty(Node::Own, Invalid::Noise));
+    assert_eq!(bench.last, faulty(Member::Own, Invalid::Noise));
     let off = bench.lasts(along(pose(5.0, 0.0)), level(), 5.0);
-    assert_eq!(off, [faulty(Node::Own, Invalid::Noise)]);
+    assert_eq!(off, [faulty(Member::Own, Invalid::Noise)]);
     // And as long as it differs, time does not forgive it.
     let mut bench = Bench::that_forgives(2).at_work();
     bench.lasts(loud(120), level(), 0.5);
     let off = bench.lasts(along(pose(5.0, 0.0)), level(), 10.0);
-    assert_eq!(off, [faulty(Node::Own, Invalid::Noise)]);
+    assert_eq!(off, [faulty(Member::Own, Invalid::Noise)]);
     bench.lasts(level(), level(), 5.0);
     assert_eq!(bench.last, Judgement::Agree);
 }
@@ -216,7 +216,7 @@ fn both_channels_ill_is_no_channel() {
     ));
     // The peer's is over: the own one is not.
     bench.lasts(pair.0, level(), 2.0);
-    assert_eq!(bench.last, faulty(Node::Own, a));
+    assert_eq!(bench.last, faulty(Member::Own, a));
 }
 
 #[test]
@@ -225,7 +225,7 @@ fn as_delivered_a_finding_stays_until_a_reset() {
         let mut bench = Bench::working();
         bench.step(Observation::absent(reason), level());
         let hour = bench.lasts(level(), level(), 3600.0);
-        assert_eq!(hour, [faulty(Node::Own, reason)]);
+        assert_eq!(hour, [faulty(Member::Own, reason)]);
         bench.check.reset();
         assert_eq!(bench.step(level(), level()), Judgement::Agree);
     }
@@ -241,7 +241,7 @@ fn as_delivered_a_finding_stays_until_a_reset() {
 fn with_a_time_a_finding_ends_when_it_has_been_over_for_so_long() {
     let mut bench = Bench::that_forgives(3).at_work();
     bench.step(Observation::absent(Invalid::PartReset), level());
-    let bad = faulty(Node::Own, Invalid::PartReset);
+    let bad = faulty(Member::Own, Invalid::PartReset);
     assert_eq!(bench.lasts(level(), level(), 2.96), [bad]);
     assert_eq!(bench.lasts(level(), level(), 1.0), [bad, Judgement::Agree]);
     // A disagreement too, and what comes back in between starts the time anew.
@@ -257,12 +257,12 @@ fn with_a_time_a_finding_ends_when_it_has_been_over_for_so_long() {
 #[test]
 fn late_silent_and_stale_channels_are_taken_back_after_a_second() {
     for reason in [Invalid::Silent, Invalid::Late, Invalid::Stale] {
-        for node in [Node::Own, Node::Peer] {
+        for node in [Member::Own, Member::Peer] {
             let mut bench = Bench::working();
             let absent = level().refused(reason);
             let (own, peer) = match node {
-                Node::Own => (absent, level()),
-                Node::Peer => (level(), absent),
+                Member::Own => (absent, level()),
+                Member::Peer => (level(), absent),
             };
             assert_eq!(bench.lasts(own, peer, 30.0), [faulty(node, reason)]);
             assert_eq!(bench.lasts(level(), level(), 0.96), [faulty(node, reason)]);
@@ -279,7 +279,7 @@ fn what_the_peer_says_of_itself_is_held_by_the_peer() {
         let told = level().refused(reason);
         assert_eq!(
             bench.lasts(level(), told, 5.0),
-            [faulty(Node::Peer, reason)]
+            [faulty(Member::Peer, reason)]
         );
         // It speaks again, so its own latch has let it go.
         bench.lasts(level(), level(), 1.1);
@@ -291,7 +291,7 @@ fn what_the_peer_says_of_itself_is_held_by_the_peer() {
 fn what_was_found_about_the_peer_here_outlasts_what_it_says() {
     let mut bench = Bench::working();
     bench.lasts(level(), loud(120), 0.5);
-    let found = faulty(Node::Peer, Invalid::Noise);
+    let found = faulty(Member::Peer, Invalid::Noise);
     assert_eq!(bench.last, found);
     bench.lasts(level(), level().refused(Invalid::Silent), 2.0);
     assert_eq!(bench.lasts(level(), level(), 60.0), [found]);
@@ -306,7 +306,7 @@ fn a_restart_of_the_peer_does_not_forgive_the_own_channel_or_a_difference() {
     bench.check.peer_restarted();
     assert_eq!(
         bench.step(level(), level()),
-        faulty(Node::Own, Invalid::Noise)
+        faulty(Member::Own, Invalid::Noise)
     );
     let mut bench = Bench::working();
     let off = along(pose(2.0, 0.0));
@@ -322,11 +322,11 @@ fn a_difference_that_is_explained_goes_with_what_explains_it() {
     let biased = along([0.0, 0.0, G + 30.0]);
     let mut named = Bench::working();
     named.lasts(level(), biased, 4.0);
-    assert_eq!(named.last, faulty(Node::Peer, Invalid::Biased));
+    assert_eq!(named.last, faulty(Member::Peer, Invalid::Biased));
     let mut noisy = Bench::working();
     noisy.lasts(level(), loud(120), 0.5);
     noisy.lasts(level(), along(pose(5.0, 0.0)), 2.0);
-    assert_eq!(noisy.last, faulty(Node::Peer, Invalid::Noise));
+    assert_eq!(noisy.last, faulty(Member::Peer, Invalid::Noise));
     for mut bench in [named, noisy] {
         // It was taken out and put in again, and is sound now.
         bench.lasts(level(), level(), 5.0);
@@ -355,19 +355,19 @@ fn a_disagreement_becomes_a_name_at_the_next_standstill() {
     let after = bench.lasts(level(), along([0.0, 0.0, G + 30.0]), 2.5);
     assert_eq!(
         after,
-        [Judgement::Disagree, faulty(Node::Peer, Invalid::Biased)]
+        [Judgement::Disagree, faulty(Member::Peer, Invalid::Biased)]
     );
 }
 
 #[test]
 fn clipping_again_and_again_is_held_against_the_one_that_clips() {
-    for node in [Node::Own, Node::Peer] {
+    for node in [Member::Own, Member::Peer] {
         let mut bench = Bench::working();
         let clipped = level().refused(Invalid::OverRange);
         let found = (0..50).find(|_| {
             let (own, peer) = match node {
-                Node::Own => (clipped, level()),
-                Node::Peer => (level(), clipped),
+                Member::Own => (clipped, level()),
+                Member::Peer => (level(), clipped),
             };
             bench.lasts(own, peer, 0.16);
             bench.lasts(level(), level(), 0.04);
@@ -474,12 +474,12 @@ fn one_shock_is_no_verdict() {
 
 #[test]
 fn a_spike_and_a_noise_are_held_against_the_channel_that_has_them() {
-    for node in [Node::Own, Node::Peer] {
+    for node in [Member::Own, Member::Peer] {
         let mut step = {
             let mut bench = Bench::working();
             move |activity| match node {
-                Node::Own => bench.step(loud(activity), level()),
-                Node::Peer => bench.step(level(), loud(activity)),
+                Member::Own => bench.step(loud(activity), level()),
+                Member::Peer => bench.step(level(), loud(activity)),
             }
         };
         let judged = [150, 64, 64].map(&mut step);

@@ -156,8 +156,8 @@ fn mirrored(judgement: Judgement) -> Judgement {
     match judgement {
         Judgement::OneChannel { faulty, reason } => Judgement::OneChannel {
             faulty: match faulty {
-                Node::Own => Node::Peer,
-                Node::Peer => Node::Own,
+                Member::Own => Member::Peer,
+                Member::Peer => Member::Own,
             },
             reason,
         },

@@ -6,17 +6,17 @@
 //! the zero-g offset, a gain, a sagging supply, a swapped axis.
 //!
 //! Two healthy channels differ a little, and steadily: what switching on, hysteresis and
-//! calibration have left in each. That habit is learned while they agree, up to half of what the
+//! calibration have left in each. That baseline is learned while they agree, up to half of what the
 //! whole difference may be, and taken off; what remains is as small as the pair's noise. The
 //! difference goes through low-passes of different lengths, each with its own thresholds: the short
 //! ones find large faults at once, the long ones small ones. In a shock two healthy channels differ
 //! by ten times as much as without one, briefly, so each low-pass has one threshold for calm and
-//! one for shaken times. Beside them the whole difference, habit included, has a threshold of its
+//! one for shaken times. Beside them the whole difference, baseline included, has a threshold of its
 //! own, so that a fault that was there from the start, or grows slowly, is found.
 //!
-//! A pair whose uncertainty is wide may differ by more, habit and changes of pose alike: above
-//! [`Residual::whole`] each threshold grows with the uncertainty, and the habit with it. Without a
-//! temperature model the offsets of both channels drift apart with the temperature, which the habit
+//! A pair whose uncertainty is wide may differ by more, baseline and changes of pose alike: above
+//! [`Residual::whole`] each threshold grows with the uncertainty, and the baseline with it. Without a
+//! temperature model the offsets of both channels drift apart with the temperature, which the baseline
 //! takes up, and their sensitivities, which shows when the housing turns.
 //!
 //! Left out: which of the two is wrong; that takes a standstill (`standstill`).
@@ -40,7 +40,7 @@ pub const STAGES: usize = 5;
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Residual {
-    /// The low-passes of the difference without its habit, the longest last.
+    /// The low-passes of the difference without its baseline, the longest last.
     pub stages: [Stage; STAGES],
     /// Time constant of the low-pass of the whole difference, us.
     pub whole_us: u32,
@@ -48,14 +48,14 @@ pub struct Residual {
     pub whole: u32,
     /// It is at least this many combined standard uncertainties of the pair.
     pub coverage: u32,
-    /// Time constant with which the habit is learned, us.
-    pub habit_us: u32,
+    /// Time constant with which the baseline is learned, us.
+    pub baseline_us: u32,
 }
 
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
 
-/// How long a habit takes to be known, us.
+/// How long a baseline takes to be known, us.
 const KNOWN_US: u32 = 5_000_000;
 
 impl Residual {
@@ -72,7 +72,7 @@ impl Residual {
         whole_us: 500_000,
         whole: 4 * MG,
         coverage: 5,
-        habit_us: 100_000_000,
+        baseline_us: 100_000_000,
     };
 }
 
@@ -87,20 +87,20 @@ const fn stage(tau_us: u32, calm: u32, shaken: u32) -> Stage {
 /// What the detector remembers; accelerations in 2^-34 g per step, which leaves room for +-8 g in
 /// each of three axes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct ResidualState {
     low: [[i64; 3]; STAGES],
     whole: [i64; 3],
     /// As `whole`, without an end.
     shown: [i64; 3],
-    habit: [i64; 3],
-    /// How long the habit has been learned, us.
+    baseline: [i64; 3],
+    /// How long the baseline has been learned, us.
     learned_us: u32,
 }
 
 /// Fraction bits of the low-passes below 2^-26 g, against a dead band.
 const FRACTION: u32 = 8;
 
-impl State {
+impl ResidualState {
     /// The whole difference own minus peer, low-passed, 2^-26 g per step.
     pub fn difference(&self) -> [i32; 3] {
         self.shown.map(|low| {
@@ -109,12 +109,13 @@ impl State {
         })
     }
 
-    /// The habit: what own minus peer usually is, 2^-26 g per step.
-    pub fn usual(&self) -> [i32; 3] {
-        self.habit.map(|habit| towards_zero(habit, FRACTION) as i32)
+    /// The baseline: what own minus peer usually is, 2^-26 g per step.
+    pub fn baseline(&self) -> [i32; 3] {
+        self.baseline
+            .map(|baseline| towards_zero(baseline, FRACTION) as i32)
     }
 
-    /// There was a gap: the low-passes start from zero. The habit stays.
+    /// There was a gap: the low-passes start from zero. The baseline stays.
     pub fn restart(&mut self) {
         self.low = [[0; 3]; STAGES];
         self.whole = [0; 3];
@@ -129,7 +130,7 @@ impl Residual {
     /// says that a shock may be going through the machine.
     pub fn step(
         &self,
-        state: &mut State,
+        state: &mut ResidualState,
         [own, peer]: [&Corrected; 2],
         uncertainty: u32,
         shaken: bool,
@@ -151,8 +152,8 @@ impl Residual {
         let least = half.saturating_add(MG);
         let known = state.learned_us >= KNOWN_US;
         let mut rest = whole;
-        for (rest, habit) in rest.iter_mut().zip(&state.habit) {
-            *rest -= habit;
+        for (rest, baseline) in rest.iter_mut().zip(&state.baseline) {
+            *rest -= baseline;
         }
         for (stage, low) in self.stages.iter().zip(&mut state.low) {
             follow(low, &rest, share_q22(counted_us, stage.tau_us));
@@ -171,12 +172,12 @@ impl Residual {
     }
 
     /// The first pairs count by their time, later ones by the time constant.
-    fn learn(&self, state: &mut State, whole: &[i64; 3], limit: u32, elapsed_us: u32) {
-        let so_far_us = state.learned_us.min(self.habit_us);
-        follow(&mut state.habit, whole, share_q22(elapsed_us, so_far_us));
+    fn learn(&self, state: &mut ResidualState, whole: &[i64; 3], limit: u32, elapsed_us: u32) {
+        let so_far_us = state.learned_us.min(self.baseline_us);
+        follow(&mut state.baseline, whole, share_q22(elapsed_us, so_far_us));
         let limit = i64::from(limit) << FRACTION;
-        for habit in &mut state.habit {
-            *habit = (*habit).clamp(-limit, limit);
+        for baseline in &mut state.baseline {
+            *baseline = (*baseline).clamp(-limit, limit);
         }
         state.learned_us = state.learned_us.saturating_add(elapsed_us);
     }
@@ -284,7 +285,7 @@ mod tests {
     #[test]
     fn a_pair_was_blind_where_sync_came_every_200_ms_or_slower() {
         for period_us in [200_000, 300_000, 1_000_000, 10_000_000] {
-            let mut state = State::default();
+            let mut state = ResidualState::default();
             let mut step = |mg| {
                 Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, period_us)
             };
@@ -298,12 +299,12 @@ mod tests {
         }
     }
 
-    /// Steps of 20 ms; a habit of `habit` mg for `before` pairs, then the pair until it is found.
-    fn found_after(habit: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
-        let mut state = State::default();
+    /// Steps of 20 ms; a baseline of `baseline` mg for `before` pairs, then the pair until it is found.
+    fn found_after(baseline: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
+        let mut state = ResidualState::default();
         let mut step =
             |mg| Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, 20_000);
-        assert!((0..before).all(|_| !step(habit)));
+        assert!((0..before).all(|_| !step(baseline)));
         (0..most).find(|_| step(mg))
     }
 
@@ -335,7 +336,7 @@ mod tests {
     #[test]
     fn a_swapped_axis_was_held_against_the_pair_for_ten_seconds_after_its_end() {
         // 50 ms between pairs, as on a slow bus.
-        let mut state = State::default();
+        let mut state = ResidualState::default();
         let mut step =
             |mg| Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, false, 50_000);
         assert!((0..300).all(|_| !step(0.0)));
@@ -346,7 +347,7 @@ mod tests {
 
     #[test]
     fn a_slow_drift_is_not_learned_away() {
-        let mut state = State::default();
+        let mut state = ResidualState::default();
         let mut mg = 0.0;
         let found = (0..10_000).find(|_| {
             mg += 0.2 * 0.02;
@@ -358,7 +359,7 @@ mod tests {
     #[test]
     fn a_shock_allows_more() {
         let found = |mg: f64, shaken: bool| {
-            let mut state = State::default();
+            let mut state = ResidualState::default();
             let mut step = |mg, shaken| {
                 Residual::PRODUCT.step(&mut state, [&shifted(mg), &LEVEL], 0, shaken, 20_000)
             };
@@ -371,9 +372,9 @@ mod tests {
 
     #[test]
     fn a_vague_pair_is_allowed_more() {
-        let mut state = State::default();
+        let mut state = ResidualState::default();
         let check = Residual::PRODUCT;
-        let wide = |state: &mut State, mg| {
+        let wide = |state: &mut ResidualState, mg| {
             check.step(state, [&shifted(mg), &LEVEL], 2 * MG, false, 20_000)
         };
         assert!(
@@ -386,7 +387,7 @@ mod tests {
     #[test]
     fn differences_were_rounded_down_so_that_a_pair_in_the_other_order_was_not_judged_alike() {
         let check = Residual::PRODUCT;
-        let (mut here, mut there) = (State::default(), State::default());
+        let (mut here, mut there) = (ResidualState::default(), ResidualState::default());
         let mut seed = 0x2545_F491_4F6C_DD1D_u64;
         for n in 0..20_000 {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -399,7 +400,7 @@ mod tests {
             let seen = check.step(&mut there, [&LEVEL, &own], 0, shaken, 20_000);
             assert_eq!(judged, seen, "{n}");
             assert_eq!(here.difference(), there.difference().map(|d| -d), "{n}");
-            assert_eq!(here.usual(), there.usual().map(|d| -d), "{n}");
+            assert_eq!(here.baseline(), there.baseline().map(|d| -d), "{n}");
         }
     }
 
@@ -432,7 +433,7 @@ mod tests {
 
     #[test]
     fn extremes_do_not_overflow() {
-        let mut state = State::default();
+        let mut state = ResidualState::default();
         let [low, high] = [i32::MIN, i32::MAX].map(|v| Corrected { accel: [v; 3] });
         for elapsed in [0, 1, u32::MAX] {
             for uncertainty in [0, u32::MAX] {

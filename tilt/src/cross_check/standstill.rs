@@ -10,14 +10,14 @@
 //! blames the wrong channel more often than not while digging.
 //!
 //! The true length is the local gravity, which differs from standard gravity by up to 0.27 % on
-//! the ground. Each channel's length is therefore measured against its own habit, learned at
-//! standstills at which the pair agrees and held within [`HABIT_LIMIT`].
+//! the ground. Each channel's length is therefore measured against its own baseline, learned at
+//! standstills at which the pair agrees and held within [`BASELINE_LIMIT`].
 //!
 //! Left out: the self-test, which takes the channel away for 0.7 s and does not see an offset.
 
 use crate::vector::Corrected;
 
-use super::Node;
+use super::Member;
 
 /// Configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,11 +33,11 @@ pub struct Standstill {
 /// A thousandth of g in 2^-26 g.
 const MG: u32 = 67_109;
 
-/// How far a channel's habit may be from standard gravity: local gravity (2.7 mg) and the
+/// How far a channel's baseline may be from standard gravity: local gravity (2.7 mg) and the
 /// calibration's own error.
-pub const HABIT_LIMIT: i32 = 4 * MG as i32;
+pub const BASELINE_LIMIT: i32 = 4 * MG as i32;
 
-/// A habit that was learned more often follows each standstill by an eighth.
+/// A baseline that was learned more often follows each standstill by an eighth.
 const LEARNED: u8 = 7;
 
 impl Standstill {
@@ -50,22 +50,22 @@ impl Standstill {
 
 /// What the detector remembers.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct State {
+pub struct StandstillState {
     /// What each channel's length usually is beyond standard gravity, 2^-26 g.
-    habit: [i32; 2],
+    baseline: [i32; 2],
     /// How often that was learned.
     learned: u8,
 }
 
-impl State {
+impl StandstillState {
     /// The pair agrees: lengths `beyond` 1 g as they are now are what they should be. The first
     /// standstills count by their number, later ones by an eighth.
     pub fn learn(&mut self, beyond: [i32; 2]) {
         let times = self.learned.min(LEARNED) + 1;
         self.learned = times;
-        for (habit, beyond) in self.habit.iter_mut().zip(&beyond) {
-            let learned = *habit + beyond.saturating_sub(*habit) / i32::from(times);
-            *habit = learned.clamp(-HABIT_LIMIT, HABIT_LIMIT);
+        for (baseline, beyond) in self.baseline.iter_mut().zip(&beyond) {
+            let learned = *baseline + beyond.saturating_sub(*baseline) / i32::from(times);
+            *baseline = learned.clamp(-BASELINE_LIMIT, BASELINE_LIMIT);
         }
     }
 }
@@ -77,28 +77,28 @@ impl Standstill {
     /// agree, and `uncertainty` the combined standard uncertainty of the pair; all 2^-26 g.
     pub fn blame(
         &self,
-        state: &State,
+        state: &StandstillState,
         beyond: [i32; 2],
         usual: i32,
         uncertainty: u32,
-    ) -> Option<Node> {
-        let ([own, peer], [own_habit, peer_habit]) = (beyond, state.habit);
+    ) -> Option<Member> {
+        let ([own, peer], [own_baseline, peer_baseline]) = (beyond, state.baseline);
         let apart = own.saturating_sub(peer).saturating_sub(usual);
         let size = apart.unsigned_abs();
         if size < self.least.max(uncertainty.saturating_mul(2)) {
             return None;
         }
-        let own = own.saturating_sub(own_habit);
-        let peer = peer.saturating_sub(peer_habit);
+        let own = own.saturating_sub(own_baseline);
+        let peer = peer.saturating_sub(peer_baseline);
         // One channel off alone has all of the difference, and the sum is as large.
         let sum = own.saturating_add(peer);
         if sum.unsigned_abs() < size / 2 {
             return None;
         }
         let (node, sound) = if (sum > 0) == (apart > 0) {
-            (Node::Own, peer)
+            (Member::Own, peer)
         } else {
-            (Node::Peer, own)
+            (Member::Peer, own)
         };
         let right = self.unlearned.max(uncertainty);
         (state.learned > 0 || sound.unsigned_abs() <= right).then_some(node)

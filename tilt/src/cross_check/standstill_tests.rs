@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 
-use super::movement::{Finding, Movement, State};
+use super::movement::{Finding, Movement, MovementState};
 use super::product_tests::{Bench, G, along, faulty, pose, turned};
 use super::*;
 use crate::vector::Corrected;
@@ -22,19 +22,19 @@ fn with_bias(gravity: [f64; 3], axis: usize, mg: f64) -> [f64; 3] {
 }
 
 /// What stands 4 s after a step of one channel's offset while the machine stands.
-fn after_step(gravity: [f64; 3], node: Node, axis: usize, mg: f64) -> Judgement {
+fn after_step(gravity: [f64; 3], node: Member, axis: usize, mg: f64) -> Judgement {
     let mut bench = acquainted(gravity);
     let biased = with_bias(gravity, axis, mg);
     let (own, peer) = match node {
-        Node::Own => (biased, gravity),
-        Node::Peer => (gravity, biased),
+        Member::Own => (biased, gravity),
+        Member::Peer => (gravity, biased),
     };
     bench.stands(own, peer, 4.0)
 }
 
 #[test]
 fn an_offset_along_gravity_is_named_both_ways_on_both_channels() {
-    for node in [Node::Own, Node::Peer] {
+    for node in [Member::Own, Member::Peer] {
         for mg in [-50.0, -10.0, -5.0, 5.0, 10.0, 50.0] {
             let judgement = after_step(pose(0.0, 0.0), node, 2, mg);
             assert_eq!(judgement, faulty(node, Invalid::Biased), "{mg} mg");
@@ -44,7 +44,7 @@ fn an_offset_along_gravity_is_named_both_ways_on_both_channels() {
 
 #[test]
 fn at_level_gravity_does_not_tell_of_x_and_y() {
-    for node in [Node::Own, Node::Peer] {
+    for node in [Member::Own, Member::Peer] {
         for axis in [0, 1] {
             for mg in [-20.0, -5.0, 5.0, 20.0] {
                 let judgement = after_step(pose(0.0, 0.0), node, axis, mg);
@@ -58,7 +58,7 @@ fn at_level_gravity_does_not_tell_of_x_and_y() {
 fn tilted_it_tells_of_the_axis_that_points_down_or_up() {
     for (x_deg, y_deg, axis) in [(45.0, 0.0, 0), (-45.0, 0.0, 0), (0.0, 60.0, 1)] {
         let gravity = pose(x_deg, y_deg);
-        for node in [Node::Own, Node::Peer] {
+        for node in [Member::Own, Member::Peer] {
             for mg in [-10.0, 10.0] {
                 let judgement = after_step(gravity, node, axis, mg);
                 assert_eq!(
@@ -71,7 +71,7 @@ fn tilted_it_tells_of_the_axis_that_points_down_or_up() {
     }
     // Upright, what lies across is blind as well.
     assert_eq!(
-        after_step(pose(90.0, 0.0), Node::Own, 2, 10.0),
+        after_step(pose(90.0, 0.0), Member::Own, 2, 10.0),
         Judgement::Disagree
     );
 }
@@ -92,13 +92,16 @@ fn the_second_has_to_be_whole() {
     // 0.9 s of standstill and a move, again and again: nobody is named.
     for n in 0..20 {
         let still = bench.holds(gravity, biased, 0.9);
-        assert!(!still.contains(&faulty(Node::Peer, Invalid::Biased)), "{n}");
+        assert!(
+            !still.contains(&faulty(Member::Peer, Invalid::Biased)),
+            "{n}"
+        );
         let (own, peer) = (turned(gravity, 1.0), turned(biased, 1.0));
         bench.holds(own, peer, 0.1);
     }
     assert_eq!(bench.last, Judgement::Disagree);
     let named = bench.until(gravity, biased, 3.0, |j| {
-        j == faulty(Node::Peer, Invalid::Biased)
+        j == faulty(Member::Peer, Invalid::Biased)
     });
     let named = named.expect("named at a standstill");
     assert!((0.98..2.1).contains(&named), "{named} s");
@@ -130,7 +133,7 @@ fn a_machine_that_shakes_is_no_standstill() {
             let peer = with_bias(gravity, 2, shake - 20.0);
             bench.step(along(own), along(peer));
         }
-        let named = bench.last == faulty(Node::Peer, Invalid::Biased);
+        let named = bench.last == faulty(Member::Peer, Invalid::Biased);
         assert_eq!(named, names, "{mg} mg to either side: {:?}", bench.last);
     }
 }
@@ -146,7 +149,11 @@ fn local_gravity_is_learned_and_blamed_on_nobody() {
         // Of -2.3 and 2.7 mg beyond standard gravity neither could be blamed.
         let shorter = with_bias(gravity, 2, -2.0 * local.signum() * 2.5);
         let judgement = bench.stands(gravity, shorter, 4.0);
-        assert_eq!(judgement, faulty(Node::Peer, Invalid::Biased), "{local} mg");
+        assert_eq!(
+            judgement,
+            faulty(Member::Peer, Invalid::Biased),
+            "{local} mg"
+        );
     }
 }
 
@@ -176,9 +183,9 @@ fn what_is_learned_has_a_limit() {
         assert_eq!(bench.step(along(both), along(both)), Judgement::Agree);
     }
     assert_eq!(bench.holds(long, long, 60.0), [Judgement::Agree]);
-    // The peer is 20 mg wrong, of which 4 mg count as its habit.
+    // The peer is 20 mg wrong, of which 4 mg count as the baseline.
     let judgement = bench.stands(gravity, long, 4.0);
-    assert_eq!(judgement, faulty(Node::Peer, Invalid::Biased));
+    assert_eq!(judgement, faulty(Member::Peer, Invalid::Biased));
 }
 
 #[test]
@@ -192,8 +199,8 @@ fn a_slow_drift_is_found_and_named_while_it_goes_on() {
         if judgement == Judgement::Disagree {
             found.get_or_insert(mg);
         }
-        assert_ne!(judgement, faulty(Node::Own, Invalid::Biased));
-        judgement == faulty(Node::Peer, Invalid::Biased)
+        assert_ne!(judgement, faulty(Member::Own, Invalid::Biased));
+        judgement == faulty(Member::Peer, Invalid::Biased)
     });
     assert!(named.is_some(), "found at {found:?} mg and never named");
     assert!(named.is_some_and(|n| n < 3000), "{named:?} pairs");
@@ -204,7 +211,7 @@ fn a_channel_that_is_named_stays_named_when_the_machine_moves_on() {
     let gravity = pose(0.0, 0.0);
     let mut bench = acquainted(gravity);
     let biased = with_bias(gravity, 2, 20.0);
-    let named = faulty(Node::Own, Invalid::Biased);
+    let named = faulty(Member::Own, Invalid::Biased);
     assert_eq!(bench.stands(biased, gravity, 4.0), named);
     for n in 0..2000 {
         let angle = 30.0 * (f64::from(n) * 0.02).sin();
@@ -229,7 +236,7 @@ proptest! {
     ) {
         let gravity = pose(x_deg, y_deg).map(|c| c * (1.0 + local / G));
         let mg = if negative { -size } else { size };
-        let node = if own { Node::Own } else { Node::Peer };
+        let node = if own { Member::Own } else { Member::Peer };
         let mut bench = Bench::new();
         prop_assert_eq!(bench.holds(gravity, gravity, 20.0), [Judgement::Agree]);
         let biased = with_bias(gravity, axis, mg);
@@ -253,7 +260,7 @@ proptest! {
 
 #[test]
 fn two_pairs_a_second_apart_are_no_standstill() {
-    let mut state = State::default();
+    let mut state = MovementState::default();
     let level = Corrected {
         accel: [0, 0, crate::ONE_G],
     };

@@ -363,14 +363,14 @@ fn product_names_the_channel_that_reports_its_own_fault() {
     assert_eq!(
         judge(reading(0), absent(reset)),
         Judgement::OneChannel {
-            faulty: Node::Peer,
+            faulty: Member::Peer,
             reason: reset
         }
     );
     assert_eq!(
         judge(absent(Invalid::Stale), absent(Invalid::Settling)),
         Judgement::OneChannel {
-            faulty: Node::Own,
+            faulty: Member::Own,
             reason: Invalid::Stale
         }
     );
@@ -395,7 +395,7 @@ fn a_channel_that_never_delivers_is_a_fault_after_two_seconds() {
         assert_eq!(judge(0), Judgement::Waiting(why));
         assert_eq!(judge(2000), Judgement::Waiting(why));
         let fault = Judgement::OneChannel {
-            faulty: Node::Peer,
+            faulty: Member::Peer,
             reason: why,
         };
         assert_eq!(judge(2001), fault);

@@ -44,7 +44,7 @@ fn activities(
     mut felt: impl FnMut(u32) -> [f64; 3],
 ) -> Vec<Activity> {
     let mut normal = Normal(0x9E37_79B9_7F4A_7C15);
-    let mut state = State::default();
+    let mut state = HealthState::default();
     let mut found = Vec::new();
     for n in 0..looks * 8 + u32::from(WARM_UP) {
         let at = felt(n).map(|a| a + noise_mg * normal.next());
@@ -122,7 +122,7 @@ fn extremes_do_not_overflow() {
         for noise in [0, 1, 1000, u32::MAX] {
             for period_us in [0, 1, 2500, u32::MAX] {
                 let health = Health::new(noise, fs, period_us);
-                let mut state = State::default();
+                let mut state = HealthState::default();
                 for n in 0..5000 {
                     let code = if n % 2 == 0 { i16::MIN } else { i16::MAX };
                     health.sample(&mut state, Counts([code; 3]));
@@ -132,7 +132,7 @@ fn extremes_do_not_overflow() {
             }
         }
     }
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for n in 0..100 {
         let code = if n % 2 == 0 { i16::MIN } else { i16::MAX };
         PRODUCT.sample(&mut state, Counts([code; 3]));
@@ -223,7 +223,7 @@ fn repeats_of_both_modes_and_of_a_quiet_part() {
         2500,
     );
     assert_eq!((quiet.repeats_all, quiet.repeats_axis), (NEVER, NEVER));
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for _ in 0..1000 {
         quiet.sample(&mut state, counts([0.0, 0.0, 1000.0]));
     }
@@ -256,7 +256,7 @@ fn repeats_of_drawn_noise_are_as_frequent_as_computed() {
 /// of standing still it was seen.
 fn seen_after(health: &Health, noise_mg: f64, stuck: [bool; 3]) -> Option<u32> {
     let mut normal = Normal(11);
-    let mut state = State::default();
+    let mut state = HealthState::default();
     let mut held = Counts::default();
     for n in 0..200 {
         let mut now = counts(at_rest(n).map(|a| a + noise_mg * normal.next()));
@@ -286,7 +286,7 @@ fn a_stuck_part_is_seen_in_12_ms_and_a_stuck_axis_in_32() {
 
 #[test]
 fn stuck_ends_with_the_first_code_that_differs() {
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for _ in 0..5 {
         assert!(!PRODUCT.stuck(&state));
         PRODUCT.sample(&mut state, Counts([40, -8, 16_384]));
@@ -310,18 +310,18 @@ fn stuck_ends_with_the_first_code_that_differs() {
 #[test]
 fn codes_at_full_scale_are_clipped_and_not_stuck() {
     for clipped in [i16::MIN, -32_752, 32_752, 32_764, i16::MAX] {
-        let mut state = State::default();
+        let mut state = HealthState::default();
         for n in 0..100 {
             PRODUCT.sample(&mut state, Counts([clipped, 4 * n, 4 * n]));
             assert!(!PRODUCT.stuck(&state));
         }
-        let mut state = State::default();
+        let mut state = HealthState::default();
         for _ in 0..12 {
             PRODUCT.sample(&mut state, Counts([clipped, 8, 8]));
             assert!(!PRODUCT.stuck(&state), "too few of y and z");
         }
     }
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for n in 0..100 {
         PRODUCT.sample(&mut state, Counts([32_748, 4 * n, 4 * n]));
     }
@@ -429,7 +429,7 @@ fn a_shock_of_3_g_looks_like_a_fault_in_its_onset() {
 
 #[test]
 fn after_a_start_or_a_gap_eight_samples_are_not_judged() {
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for first in [Activity::NONE, Activity::GAP] {
         for _ in 0..WARM_UP {
             PRODUCT.sample(&mut state, counts([1000.0, 0.0, 0.0]));
@@ -451,7 +451,7 @@ fn after_a_start_or_a_gap_eight_samples_are_not_judged() {
 
 #[test]
 fn a_look_tells_of_a_gap_until_the_high_pass_has_started_again() {
-    let mut state = State::default();
+    let mut state = HealthState::default();
     let mut look = |count: u32, gap: bool| {
         if gap {
             PRODUCT.restart(&mut state);
@@ -471,7 +471,7 @@ fn a_look_tells_of_a_gap_until_the_high_pass_has_started_again() {
 #[test]
 fn with_one_sample_per_look_every_sixth_look_sees_six() {
     let mut normal = Normal(3);
-    let mut state = State::default();
+    let mut state = HealthState::default();
     let looks: Vec<_> = (0..8 + 60)
         .map(|n| {
             let at = at_rest(n).map(|a| a + 0.45 * normal.next());
@@ -488,7 +488,7 @@ fn with_one_sample_per_look_every_sixth_look_sees_six() {
 #[test]
 fn a_look_after_a_long_time_is_of_the_newer_half() {
     let mut normal = Normal(5);
-    let mut state = State::default();
+    let mut state = HealthState::default();
     for n in 0..100_000 {
         let sigma_mg = if n < 80_000 { 100.0 } else { OWN_MG };
         let at = at_rest(n).map(|a| a + sigma_mg * normal.next());

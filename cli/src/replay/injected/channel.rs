@@ -10,7 +10,7 @@
 use instant::Instant;
 use sim::fault::{OnCounts, SensorFault};
 use sim::rng::Rng;
-use tilt::chain::{Chain, Invalid, State};
+use tilt::chain::{Chain, ChainState, Invalid};
 use tilt::health::{self, Health};
 use tilt::observation::Observation;
 use tilt::sample::{Counts, FullScale};
@@ -31,8 +31,8 @@ pub struct Channel<'a> {
     rows: &'a [Row],
     offset_us: u64,
     health: Health,
-    state: State,
-    watch: health::State,
+    state: ChainState,
+    watch: health::HealthState,
     next: usize,
     fault: Option<OnCounts>,
 }
@@ -46,8 +46,8 @@ impl<'a> Channel<'a> {
             rows: prepared.fed(),
             offset_us: prepared.offset_us,
             health: Health::new(noise, RANGE, chain.period_us),
-            state: State::default(),
-            watch: health::State::default(),
+            state: ChainState::default(),
+            watch: health::HealthState::default(),
             next: 0,
             fault: None,
         }

@@ -86,7 +86,7 @@ fn moments(prepared: &[Prepared; 2]) -> (Vec<usize>, usize) {
     let (from_us, to_us) = board::longest_gap(&stills, board::count(prepared));
     let [begin, end] = [from_us, to_us].map(|us| (us / PAIR_US) as usize);
     let lies = |index: usize| board::lies(&stills, Instant(index as u64 * PAIR_US));
-    // Ten seconds to learn the habit in, a second to see a sudden fault in.
+    // Ten seconds to learn the baseline in, a second to see a sudden fault in.
     let still: Vec<usize> = (10 * PER_S..begin)
         .filter(|index| lies(*index) && lies(index + PER_S))
         .collect();

@@ -8,7 +8,7 @@
 
 use sim::fault::SensorFault;
 use sim::rng::Rng;
-use tilt::cross_check::{Judgement, Node, ProductCheck, ProductState};
+use tilt::cross_check::{Judgement, Member, ProductCheck, ProductState};
 
 use super::board::{Board, PAIR_US, Pair};
 
@@ -128,7 +128,7 @@ pub fn trials(
             -1.0
         };
         let fault = fault((turn / 2) % 3, sign);
-        let faulty = [Node::Own, Node::Peer][turn % 2];
+        let faulty = [Member::Own, Member::Peer][turn % 2];
         let told = trial(board, check, (*index, *state), plan, (faulty, fault));
         tally.trials += 1;
         tally.told_s.extend(told.after_s);
@@ -145,14 +145,14 @@ fn trial(
     check: &ProductCheck,
     (begin, mut state): (usize, ProductState),
     plan: Plan,
-    (faulty, fault): (Node, Option<SensorFault>),
+    (faulty, fault): (Member, Option<SensorFault>),
 ) -> Told {
     let mut told = Told::default();
     let (Some([own, peer]), Some(first)) = (board.kept.get(&begin), board.pairs.get(begin)) else {
         return told;
     };
     let rng = Rng::stream(begin as u64, "fault in a real channel");
-    let healthy = if faulty == Node::Own { own } else { peer };
+    let healthy = if faulty == Member::Own { own } else { peer };
     let mut channel = match fault {
         Some(fault) => healthy.with(fault, first.now, rng),
         None => healthy.clone(),
@@ -160,8 +160,8 @@ fn trial(
     for pair in board.pairs.iter().skip(begin).take(plan.watched) {
         let seen = channel.observe(pair.now);
         let (own, peer) = match faulty {
-            Node::Own => (seen, pair.peer),
-            Node::Peer => (pair.own, seen),
+            Member::Own => (seen, pair.peer),
+            Member::Peer => (pair.own, seen),
         };
         let judgement = check.judge(&mut state, &own, &peer, pair.now);
         told.take(judgement, faulty, plan.still && pair.lies, || {
@@ -172,7 +172,13 @@ fn trial(
 }
 
 impl Told {
-    fn take(&mut self, judgement: Judgement, faulty: Node, lies: bool, after_s: impl Fn() -> f64) {
+    fn take(
+        &mut self,
+        judgement: Judgement,
+        faulty: Member,
+        lies: bool,
+        after_s: impl Fn() -> f64,
+    ) {
         let mut counts = lies && judgement.is_fault();
         if let Judgement::OneChannel { faulty: named, .. } = judgement {
             self.right |= named == faulty;

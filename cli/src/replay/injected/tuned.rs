@@ -86,11 +86,16 @@ impl Tuned {
     }
 
     fn scale_residual(&mut self, pairs: &[Pair]) {
-        let habit = mean(pairs);
+        let baseline = mean(pairs);
         for index in 0..residual::STAGES {
             let stage = &mut self.check.residual.stages[index];
             let tau_us = stage.tau_us;
-            let numbers = scaled([&mut stage.calm, &mut stage.shaken], tau_us, pairs, habit);
+            let numbers = scaled(
+                [&mut stage.calm, &mut stage.shaken],
+                tau_us,
+                pairs,
+                baseline,
+            );
             let what = format!("difference, low-passed {} s", seconds(tau_us));
             self.note(what, "mg", numbers);
         }
@@ -134,9 +139,9 @@ fn scaled<const N: usize>(
     thresholds: [&mut u32; N],
     tau_us: u32,
     pairs: &[Pair],
-    habit: [f64; 3],
+    baseline: [f64; 3],
 ) -> [f64; 3] {
-    let rms_mg = low_passed_mg(pairs, seconds(tau_us), habit);
+    let rms_mg = low_passed_mg(pairs, seconds(tau_us), baseline);
     let [product_mg, here_mg] = thresholds
         .into_iter()
         .rev()
@@ -178,7 +183,7 @@ fn mean(pairs: &[Pair]) -> [f64; 3] {
 }
 
 /// Root mean square length of the difference behind one pole, over the standstills.
-fn low_passed_mg(pairs: &[Pair], tau_s: f64, habit: [f64; 3]) -> f64 {
+fn low_passed_mg(pairs: &[Pair], tau_s: f64, baseline: [f64; 3]) -> f64 {
     let step_s = PAIR_US as f64 / 1e6;
     let share = step_s / (step_s + tau_s);
     let (mut low, mut squares, mut count) = ([0.0; 3], 0.0, 0);
@@ -186,7 +191,7 @@ fn low_passed_mg(pairs: &[Pair], tau_s: f64, habit: [f64; 3]) -> f64 {
         let Some(now) = difference(pair) else {
             continue;
         };
-        low = [0, 1, 2].map(|i| low[i] + share * (now[i] - habit[i] - low[i]));
+        low = [0, 1, 2].map(|i| low[i] + share * (now[i] - baseline[i] - low[i]));
         if pair.lies {
             squares += low.iter().map(|l| l * l).sum::<f64>();
             count += 1;

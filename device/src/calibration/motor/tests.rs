@@ -19,7 +19,7 @@ use tilt::vector::Vector;
 
 use super::*;
 
-const TERMS: Terms = Terms {
+const TERMS: TableSettings = TableSettings {
     rule: Rule::Linear,
     reference: Uncertainty(200_000),
 };

@@ -107,7 +107,7 @@ impl fmt::Display for Violation {
 
 /// What the instrument is held to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Terms {
+pub struct Limits {
     /// How long a wrong angle may be marked valid, s.
     pub reaction_s: f64,
     /// Whether only [`Rule::WrongAngle`], [`Rule::OldAngle`] and [`Rule::StaleAngle`] count: beyond
@@ -127,7 +127,7 @@ pub struct Terms {
     pub order_deg: f64,
 }
 
-impl Terms {
+impl Limits {
     /// The product within its promise on a sound bus.
     pub const PRODUCT: Self = Self {
         reaction_s: REACTION_S,
@@ -154,7 +154,7 @@ pub struct Affected {
 /// All rules with what they have seen.
 #[derive(Clone, Debug)]
 pub struct Checks {
-    terms: Terms,
+    limits: Limits,
     syncs: VecDeque<f64>,
     angles: angle::Angles,
     exposure: exposure::Exposure,
@@ -171,18 +171,18 @@ pub struct Checks {
 
 impl Checks {
     /// The clock starts at 0 with the instrument starting.
-    pub fn new(terms: Terms) -> Self {
+    pub fn new(limits: Limits) -> Self {
         Self {
-            terms,
+            limits,
             syncs: VecDeque::new(),
-            angles: angle::Angles::new(terms.reaction_s),
+            angles: angle::Angles::new(limits.reaction_s),
             exposure: exposure::Exposure::default(),
-            stale: stale::Stale::new(terms.reaction_s),
+            stale: stale::Stale::new(limits.reaction_s),
             detections: detection::Detections::default(),
-            safety: safety::Safety::new(terms.reaction_s),
+            safety: safety::Safety::new(limits.reaction_s),
             alarms: alarm::Alarms::default(),
-            emergencies: emergency::Emergencies::new(terms.sound_bus),
-            order: order::Order::starting(&terms),
+            emergencies: emergency::Emergencies::new(limits.sound_bus),
+            order: order::Order::starting(&limits),
             violations: Vec::new(),
         }
     }
@@ -259,7 +259,7 @@ impl Checks {
                 let newest = self.syncs.front().and_then(truth);
                 let older = || self.syncs.iter().skip(1).map_while(truth).collect();
                 self.exposure.slopes(at_s, channel);
-                let compared_s = if self.terms.maintained {
+                let compared_s = if self.limits.maintained {
                     self.exposure.compared_s()
                 } else {
                     at_s
@@ -337,11 +337,11 @@ impl Checks {
 
     fn keep_what_counts(&mut self, from: usize) {
         use Rule::{NotInOrder, OldAngle, SafetyFrame, StaleAngle, WrongAngle};
-        let Terms {
+        let Limits {
             angles_only,
             maintained,
             ..
-        } = self.terms;
+        } = self.limits;
         let counts = |rule| match rule {
             WrongAngle | OldAngle | StaleAngle => true,
             NotInOrder | SafetyFrame => !angles_only,

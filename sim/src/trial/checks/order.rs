@@ -5,7 +5,7 @@
 //! is OPERATIONAL, shows an agreeing pair, and sends both angles, marked valid and right, and
 //! safety frames where they have been commissioned.
 
-use super::{RECOVERY_S, Rule, Terms, Violation};
+use super::{Limits, RECOVERY_S, Rule, Violation};
 use crate::trial::CHANNELS;
 use crate::trial::message::OPERATIONAL;
 
@@ -59,11 +59,11 @@ fn fresh<T: Copy>(told: Option<Told<T>>, now_s: f64) -> Option<T> {
 
 impl Order {
     /// An instrument that starts at 0.
-    pub fn starting(terms: &Terms) -> Self {
+    pub fn starting(limits: &Limits) -> Self {
         Self {
-            up_to: terms.order_up_to,
-            safety: terms.safety,
-            within_deg: terms.order_deg,
+            up_to: limits.order_up_to,
+            safety: limits.safety,
+            within_deg: limits.order_deg,
             channels: Default::default(),
             demand: Demand::By(RECOVERY_S),
         }

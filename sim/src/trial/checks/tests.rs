@@ -22,9 +22,9 @@ struct Trace {
 }
 
 impl Trace {
-    fn new(terms: Terms, ideal: fn(f64) -> Option<[f64; 2]>) -> Self {
+    fn new(limits: Limits, ideal: fn(f64) -> Option<[f64; 2]>) -> Self {
         Self {
-            checks: Checks::new(terms),
+            checks: Checks::new(limits),
             now_s: 0.0,
             syncs: 0,
             ideal,
@@ -88,7 +88,7 @@ impl Trace {
 
 /// A pair in order for a second.
 fn working() -> Trace {
-    let mut trace = Trace::new(Terms::PRODUCT, level);
+    let mut trace = Trace::new(Limits::PRODUCT, level);
     trace.run(1.0, [Some(0.0); 2], [1; 2]);
     assert!(trace.checks.in_order(trace.now_s));
     trace
@@ -120,7 +120,7 @@ fn a_right_or_an_invalid_angle_ends_a_stretch_of_wrong_ones() {
 
 #[test]
 fn the_angle_of_an_earlier_sync_is_recognised() {
-    let mut trace = Trace::new(Terms::PRODUCT, turning);
+    let mut trace = Trace::new(Limits::PRODUCT, turning);
     trace.run(0.2, [Some(0.0); 2], [1; 2]);
     // Three SYNCs late at 40 deg/s: 2.4 deg.
     trace.run(1.0, [Some(0.0), Some(-2.4)], [1; 2]);
@@ -130,11 +130,11 @@ fn the_angle_of_an_earlier_sync_is_recognised() {
 
 #[test]
 fn beyond_the_promise_angles_alone_count() {
-    let terms = Terms {
+    let limits = Limits {
         angles_only: true,
-        ..Terms::PRODUCT
+        ..Limits::PRODUCT
     };
-    let mut trace = Trace::new(terms, level);
+    let mut trace = Trace::new(limits, level);
     trace.run(1.0, [Some(0.0); 2], [1; 2]);
     trace.run(1.0, [Some(0.0); 2], [8; 2]);
     assert_eq!(trace.broken(), []);
@@ -293,7 +293,7 @@ fn a_safety_frame_may_not_go_out_once_the_channel_accuses_somebody() {
 fn a_safety_frame_is_held_to_the_truth_of_its_possible_instants() {
     // At 40 deg/s an angle of 24 to 60 ms ago is between 0.96 and 2.4 deg behind.
     for (behind_deg, broken) in [(0.5, 0), (2.9, 0), (3.1, 1)] {
-        let mut trace = Trace::new(Terms::PRODUCT, turning);
+        let mut trace = Trace::new(Limits::PRODUCT, turning);
         for _ in 0..30 {
             trace.now_s += 0.025;
             let now = turning(trace.now_s).expect("always known");
@@ -305,11 +305,11 @@ fn a_safety_frame_is_held_to_the_truth_of_its_possible_instants() {
 
 #[test]
 fn a_channel_with_safety_frames_is_in_order_only_while_it_sends_them() {
-    let terms = Terms {
+    let limits = Limits {
         safety: true,
-        ..Terms::PRODUCT
+        ..Limits::PRODUCT
     };
-    let mut trace = Trace::new(terms, level);
+    let mut trace = Trace::new(limits, level);
     trace.run(1.0, [Some(0.0); 2], [1; 2]);
     assert!(!trace.checks.in_order(trace.now_s));
     for channel in 0..2 {
@@ -339,7 +339,7 @@ const CARRIERS: [fn([f64; 2]) -> Message; 2] = [Message::Safety, |deg| {
 fn a_single_frame_of_before_a_silence_was_not_seen() {
     for carrier in CARRIERS {
         for (silence_s, broken) in [(0.5, 0), (0.6, 1), (4.0, 1)] {
-            let mut trace = Trace::new(Terms::PRODUCT, turning);
+            let mut trace = Trace::new(Limits::PRODUCT, turning);
             trace.run(0.2, [Some(0.0); 2], [1; 2]);
             let then = turning(trace.now_s).expect("always known");
             trace.say(1, carrier(then));

@@ -43,7 +43,7 @@ const MOST_STEPS: u16 = 256;
 
 /// State of the writing.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Keeping {
+pub(super) struct LogWriter {
     allowance: u8,
     next_allowance: Instant,
     /// Where in the box that is on its way into the memory the next piece begins.
@@ -52,7 +52,7 @@ pub(super) struct Keeping {
     cramped: bool,
 }
 
-impl Keeping {
+impl LogWriter {
     pub(super) const fn new() -> Self {
         Self {
             allowance: ALLOWANCE,
@@ -80,7 +80,7 @@ impl Keeping {
 impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// Takes events and boxes back from the memory, as every start does.
     pub(super) fn recall_events(&mut self) {
-        self.keeping = Keeping::new();
+        self.log_writer = LogWriter::new();
         if !I::HISTORY {
             return;
         }
@@ -101,22 +101,22 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// Writes the next piece of what is not in the memory yet; true when there was something.
     pub(super) fn keep(&mut self, now: Instant) -> bool {
         if I::HISTORY {
-            self.keeping.refill(now);
+            self.log_writer.refill(now);
         }
         if self.parts.values.receiving {
             // A calibration is staged, and there is one place for that: the box begins anew.
-            self.keeping.copying = None;
+            self.log_writer.copying = None;
             return false;
         }
-        let may_erase = self.parts.values.state != State::Operational && !self.keeping.cramped;
-        let may_erase = may_erase && now >= self.next_erase && self.keeping.copying.is_none();
+        let may_erase = self.parts.values.state != State::Operational && !self.log_writer.cramped;
+        let may_erase = may_erase && now >= self.next_erase && self.log_writer.copying.is_none();
         if may_erase && self.parts.memory.needs_room() {
             self.next_erase = now.offset(PAGE_PAUSE_US);
             // Nobody stages anything now: a box was left when another event took its place.
             RecordStore::discard(&mut self.parts.memory);
             let made = self.parts.memory.make_room();
             self.parts.values.storage_failed |= made == Err(StoreError::Hardware);
-            self.keeping.cramped = made.is_err();
+            self.log_writer.cramped = made.is_err();
             return made.is_ok();
         }
         I::HISTORY && (self.keep_event() || self.keep_box(now))
@@ -137,24 +137,24 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         let Some(entry) = self.parts.log.next_unsaved() else {
             return false;
         };
-        if self.keeping.allowance == 0 {
+        if self.log_writer.allowance == 0 {
             return false;
         }
         let kept = self.parts.memory.keep_event(&entry.encode());
         if kept == Err(StoreError::Full) {
             return false;
         }
-        self.keeping.allowance -= 1;
+        self.log_writer.allowance -= 1;
         self.parts.log.saved();
         self.parts.values.storage_failed |= kept.is_err();
         true
     }
 
     fn keep_box(&mut self, now: Instant) -> bool {
-        let Some(offset) = self.keeping.copying.or_else(|| self.begin_box(now)) else {
+        let Some(offset) = self.log_writer.copying.or_else(|| self.begin_box(now)) else {
             return false;
         };
-        self.keeping.copying = None;
+        self.log_writer.copying = None;
         let mut piece = [0; PIECE];
         let copied = self.parts.black_box.save_at(offset, &mut piece);
         // Another event has taken the box, or another record the place where one is staged.
@@ -165,7 +165,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             return true;
         }
         if bytes.len() == PIECE {
-            self.keeping.copying = Some(offset.saturating_add(PIECE as u32));
+            self.log_writer.copying = Some(offset.saturating_add(PIECE as u32));
             return true;
         }
         let kept = RecordStore::commit(&mut self.parts.memory);
@@ -179,17 +179,17 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         let number = self.parts.black_box.next_unsaved(now)?;
         let allowance = match number {
             // It is written once until somebody clears it, and the next event waits for it.
-            1 => self.keeping.allowance.saturating_sub(BOX_COST),
-            _ => self.keeping.allowance.checked_sub(BOX_COST)?,
+            1 => self.log_writer.allowance.saturating_sub(BOX_COST),
+            _ => self.log_writer.allowance.checked_sub(BOX_COST)?,
         };
         let record = Record::of_box(number);
         let length = record.longest();
         // Room is made page by page, or later, unless there is none to be had.
-        let may_erase = self.parts.values.state != State::Operational && self.keeping.cramped;
+        let may_erase = self.parts.values.state != State::Operational && self.log_writer.cramped;
         if !may_erase && self.parts.memory.needs_erase(length) {
             return None;
         }
-        self.keeping.allowance = allowance;
+        self.log_writer.allowance = allowance;
         if RecordStore::begin(&mut self.parts.memory, record, length).is_err() {
             self.parts.values.storage_failed = true;
             self.parts.black_box.saved(false);
