@@ -172,7 +172,9 @@ impl Memorising {
 
     fn command(&mut self, command: Command) {
         let calibration = &mut self.chain.calibration;
-        let done = self.motor.command(command, &Self::TABLE_SETTINGS, calibration);
+        let done = self
+            .motor
+            .command(command, &Self::TABLE_SETTINGS, calibration);
         done.expect("a run in its order");
     }
 

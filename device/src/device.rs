@@ -38,7 +38,7 @@ use crate::calibration::recall;
 use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
 use crate::instrument::Instrument;
-use crate::objects::panel::{Identity, Memory, Panel, Parts, Source, stored_lss};
+use crate::objects::device_objects::{DeviceObjects, Identity, Memory, Parts, Source, stored_lss};
 use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
 use crate::pair::Pair;
@@ -201,9 +201,9 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     }
 
     /// The bus's node and what the device lends it.
-    fn split(&mut self, now: Instant) -> (&mut Node, Panel<'_, M, Channel<SPI>, I>) {
+    fn split(&mut self, now: Instant) -> (&mut Node, DeviceObjects<'_, M, Channel<SPI>, I>) {
         let parts = &mut self.parts;
-        (&mut self.bus, Panel { parts, now })
+        (&mut self.bus, DeviceObjects { parts, now })
     }
 
     /// First half of a start or reset: the stored calibration, then the part's set-up.
@@ -277,8 +277,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.next_sum = now;
         self.next_refresh = now;
         self.next = now;
-        let (bus, mut panel) = self.split(now);
-        bus.start(&mut panel, node_id, now);
+        let (bus, mut objects) = self.split(now);
+        bus.start(&mut objects, node_id, now);
         self.choose_check();
     }
 
@@ -298,14 +298,14 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// A frame has ended on the bus at `now`.
     pub fn receive(&mut self, frame: &Frame, now: Instant) {
         self.watch_peer(frame);
-        let (bus, mut panel) = self.split(now);
-        if !bus.receive(&mut panel, frame, now) {
+        let (bus, mut objects) = self.split(now);
+        if !bus.receive(&mut objects, frame, now) {
             return;
         }
-        let news = &self.parts.values.news;
-        if news.sync {
+        let pending = &self.parts.values.pending;
+        if pending.sync {
             self.synchronised(SyncSource::Bus, now);
-        } else if news.exchange || news.backing {
+        } else if pending.exchange || pending.backing {
             return self.exchanged(now);
         }
         self.after(now);
@@ -314,21 +314,21 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// A frame of this device has ended on the bus at `now`.
     pub fn sent(&mut self, frame: &Frame, now: Instant) {
         if frame.cob_id() == Some(SDO_ANSWER + u16::from(self.bus.node_id())) {
-            let news = &mut self.parts.values.news;
-            news.reset |= core::mem::take(&mut news.restart);
+            let pending = &mut self.parts.values.pending;
+            pending.reset |= core::mem::take(&mut pending.restart);
         }
         self.trial.heard();
         if let Some(id) = frame.cob_id() {
             self.matching.sending.gone(id);
         }
         if self.bus.told(frame) {
-            let (bus, mut panel) = self.split(now);
-            bus.sync_sent(&mut panel, frame, now);
+            let (bus, mut objects) = self.split(now);
+            bus.sync_sent(&mut objects, frame, now);
         } else if frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
             // What else a PDO brings about was known when it was made.
             return;
         }
-        if self.parts.values.news.sync {
+        if self.parts.values.pending.sync {
             self.synchronised(SyncSource::Own, now);
         }
         self.after(now);
@@ -341,15 +341,16 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// What [`Device::transmit`] would give.
     pub fn waiting(&self, now: Instant) -> Option<Waiting> {
-        self.bus.waiting::<Panel<'_, M, Channel<SPI>, I>>(now)
+        self.bus
+            .waiting::<DeviceObjects<'_, M, Channel<SPI>, I>>(now)
     }
 
     /// The frame that [`Device::waiting`] has named at the same instant.
     // Apart, because mostly there is nothing to hand over.
     #[inline(never)]
     pub fn hand_over(&mut self, waiting: Waiting, now: Instant) -> Option<Frame> {
-        let (bus, mut panel) = self.split(now);
-        let out = bus.hand_out(&mut panel, waiting, now)?;
+        let (bus, mut objects) = self.split(now);
+        let out = bus.hand_out(&mut objects, waiting, now)?;
         let until = out.until;
         self.matching.sending.hand_over(waiting.cob_id, until);
         Some(out.frame)
@@ -403,8 +404,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             }
             self.update(now);
         }
-        let (bus, mut panel) = self.split(now);
-        let bus = bus.poll(&mut panel, now);
+        let (bus, mut objects) = self.split(now);
+        let bus = bus.poll(&mut objects, now);
         let bus = bus.unwrap_or(self.next_refresh);
         self.exchanged(now);
         self.report(now);
@@ -432,18 +433,18 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if code == 2 {
             // Whatever waited in the controller is gone, and so is what the peer has said. A
             // restart waits no longer for its answer to go out.
-            let news = &mut self.parts.values.news;
-            news.reset |= core::mem::take(&mut news.restart);
+            let pending = &mut self.parts.values.pending;
+            pending.reset |= core::mem::take(&mut pending.restart);
             self.matching.sending = Sending::new();
             self.matching.misses = 0;
-            self.parts.values.news.own = None;
+            self.parts.values.pending.own = None;
             self.parts.pair.lost();
         }
         shown.state = code;
         shown.transmit_errors = transmit;
         shown.receive_errors = receive;
-        let (bus, mut panel) = self.split(now);
-        bus.bus_state(&mut panel, state, now);
+        let (bus, mut objects) = self.split(now);
+        bus.bus_state(&mut objects, state, now);
         self.after(now);
     }
 
@@ -472,15 +473,15 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// What only the board can do, once.
     pub fn take_request(&mut self) -> Option<BoardRequest> {
-        let news = &mut self.parts.values.news;
-        if core::mem::take(&mut news.reset) {
+        let pending = &mut self.parts.values.pending;
+        if core::mem::take(&mut pending.reset) {
             self.keep_all(self.next_refresh);
             return Some(BoardRequest::Reset);
         }
-        if core::mem::take(&mut news.sensor) {
+        if core::mem::take(&mut pending.sensor) {
             return Some(BoardRequest::Sensor);
         }
-        let (kbit_s, delay_ms) = news.bit_rate.take()?;
+        let (kbit_s, delay_ms) = pending.bit_rate.take()?;
         Some(BoardRequest::BitRate { kbit_s, delay_ms })
     }
 

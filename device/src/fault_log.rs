@@ -489,7 +489,7 @@ mod tests {
             restored.restore(*entry);
         }
         assert_eq!(upload(&mut restored, 50), upload(&mut log, 50));
-        // Ones from before are no news, and a new one is the newest.
+        // Ones from before are known already; a new one is the newest.
         assert_eq!(restored.next_unsaved(), None);
         assert!(restored.add(event(1, 99)));
         let codes: Vec<u16> = restored.iter().map(|entry| entry.code).collect();

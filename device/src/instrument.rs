@@ -20,7 +20,7 @@ use tilt::temperature::Quadratic;
 use tilt::vector::Vector;
 
 use crate::calibration::motor::Motor;
-use crate::objects::panel::Identity;
+use crate::objects::device_objects::Identity;
 use crate::objects::table;
 
 impl Stage for Motor {}

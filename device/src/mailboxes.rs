@@ -18,7 +18,7 @@ use instant::Instant;
 
 use crate::device::Device;
 use crate::instrument::Instrument;
-use crate::objects::panel::Memory;
+use crate::objects::device_objects::Memory;
 
 /// Mailboxes of the controller (RM0008 24.3.3).
 pub const MAILBOXES: usize = 3;

@@ -373,7 +373,7 @@ fn tally(site: &Site, seen: &mut BTreeMap<&'static str, u32>) {
         ),
         ("measures", measures),
         ("a fault stands", site.device.faults().bits() != 0),
-        ("fail-safe", site.device.values().news.fail_safe),
+        ("fail-safe", site.device.values().pending.fail_safe),
     ];
     for (name, _) in facts.into_iter().filter(|(_, holds)| *holds) {
         *seen.entry(name).or_default() += 1;

@@ -7,7 +7,7 @@ use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Setup;
 use device::device::Factory;
 use device::factory;
-use device::objects::panel::Identity;
+use device::objects::device_objects::Identity;
 use device::objects::table::{Channel, Models};
 
 /// Bit rate as delivered, kbit/s.

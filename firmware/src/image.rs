@@ -7,7 +7,7 @@ use device::device::Factory;
 use device::instrument::{self, Instrument};
 use device::memory::records_only::RecordMemory;
 use device::memory::{Build, FlashMemory};
-use device::objects::panel;
+use device::objects::device_objects;
 use device::objects::table::Channel;
 use flash::layout::Layout;
 
@@ -25,7 +25,7 @@ pub trait Image {
     /// What erases its flash.
     type Eraser: Erase;
     /// Where the device keeps what outlives a reset.
-    type Memory: panel::Memory;
+    type Memory: device_objects::Memory;
     /// The memory over the chip's flash.
     fn memory(nor: Nor<Self::Eraser>) -> Self::Memory;
     /// What the node is before anything was stored in it.

@@ -16,7 +16,7 @@ use device::bit_rate::Search;
 use device::device::{BoardRequest, Device};
 use device::instrument::Instrument;
 use device::mailboxes::{Mailboxes, Transmitter};
-use device::objects::panel::Memory;
+use device::objects::device_objects::Memory;
 use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 

@@ -47,7 +47,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use device::objects::panel::stored_lss;
+use device::objects::device_objects::stored_lss;
 use sim::bench::World;
 use sim::memory;
 use sim::network::Network;

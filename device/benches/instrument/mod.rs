@@ -13,7 +13,7 @@ use device::black_box::BlackBox;
 use device::calibration::motor::{MOTOR, Motor, TableSettings};
 use device::channel::Settings;
 use device::fault_log::FaultLog;
-use device::objects::panel::{Identity, Panel, Parts, Source, Work};
+use device::objects::device_objects::{DeviceObjects, Identity, Parts, Source, Work};
 use device::objects::table::{Channel, Models};
 use device::objects::values::Values;
 use device::pair::Pair;
@@ -111,17 +111,20 @@ impl Instrument {
                 black_box: BlackBox::new(),
             },
         };
-        instrument.with(|node, panel| node.start(panel, NODE_ID, Instant(0)));
-        instrument.with(|node, panel| node.transmit(panel, Instant(0)));
+        instrument.with(|node, objects| node.start(objects, NODE_ID, Instant(0)));
+        instrument.with(|node, objects| node.transmit(objects, Instant(0)));
         instrument
     }
 
-    fn with<T>(&mut self, act: impl FnOnce(&mut Node, &mut Panel<'_, Nothing, Nothing>) -> T) -> T {
-        let mut panel = Panel {
+    fn with<T>(
+        &mut self,
+        act: impl FnOnce(&mut Node, &mut DeviceObjects<'_, Nothing, Nothing>) -> T,
+    ) -> T {
+        let mut objects = DeviceObjects {
             parts: &mut self.parts,
             now: Instant(0),
         };
-        act(&mut self.node, &mut panel)
+        act(&mut self.node, &mut objects)
     }
 
     /// Reads the vendor-id, 1018h sub 1, by SDO: the request goes in, the response comes out.
@@ -130,9 +133,9 @@ impl Instrument {
             0x600 + u16::from(NODE_ID),
             &[0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0],
         );
-        self.with(|node, panel| {
-            node.receive(panel, &request, Instant(0));
-            node.transmit(panel, Instant(0))
+        self.with(|node, objects| {
+            node.receive(objects, &request, Instant(0));
+            node.transmit(objects, Instant(0))
         })
     }
 }

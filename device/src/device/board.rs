@@ -20,8 +20,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// that runs now has done nothing wrong.
     pub fn came_up_after(&mut self, code: u16, detail: [u8; 5], now: Instant) {
         let bits = self.faults.register();
-        let (bus, mut panel) = self.split(now);
-        bus.report(&mut panel, code, bits, detail, now);
+        let (bus, mut objects) = self.split(now);
+        bus.report(&mut objects, code, bits, detail, now);
         if I::HISTORY {
             self.parts.log.add(Entry {
                 code,

@@ -104,7 +104,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// A SYNC was obeyed, from `source`.
     pub(super) fn synchronised(&mut self, source: SyncSource, now: Instant) {
-        self.parts.values.news.sync = false;
+        self.parts.values.pending.sync = false;
         self.parts.values.process.source = source;
         self.parts.pair.synchronised(now);
         self.matching.sending.sync();
@@ -113,13 +113,13 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         }
         if self.parts.values.state != State::Operational {
             // No PDOs here, so nobody is silent who says nothing.
-            self.parts.values.news.unanswered = None;
+            self.parts.values.pending.unanswered = None;
             self.matching.came = [false; 2];
             self.matching.misses = 0;
             return;
         }
         let [first, second] = core::mem::take(&mut self.matching.came);
-        let Some(before) = self.parts.values.news.unanswered.take() else {
+        let Some(before) = self.parts.values.pending.unanswered.take() else {
             return;
         };
         // What this channel has heard since the SYNC before has nothing to be held against.
@@ -146,15 +146,15 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// Looks whether the peer's exchange is whole; true when it is, and was compared if there was
     /// anything to compare it with.
     pub(super) fn pair_up(&mut self, now: Instant) -> bool {
-        let news = &mut self.parts.values.news;
+        let pending = &mut self.parts.values.pending;
         let [first, second] = &mut self.matching.came;
-        *first |= core::mem::take(&mut news.exchange);
-        *second |= core::mem::take(&mut news.backing);
+        *first |= core::mem::take(&mut pending.exchange);
+        *second |= core::mem::take(&mut pending.backing);
         if !(*first && *second) {
             return false;
         }
         self.matching.came = [false; 2];
-        match news.own.take() {
+        match pending.own.take() {
             Some(own) => self.answered(&own, true, now),
             // Without SYNC the peer speaks when it likes; then this channel's reading is of now.
             None if self.parts.values.process.source == SyncSource::None => {

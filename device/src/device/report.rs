@@ -55,8 +55,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
 
     /// What a PDO of the peer's exchange ends with: hardly ever anything that hurries.
     pub(super) fn exchanged(&mut self, now: Instant) {
-        let news = &self.parts.values.news;
-        let may_be_whole = news.exchange || news.backing;
+        let pending = &self.parts.values.pending;
+        let may_be_whole = pending.exchange || pending.backing;
         if may_be_whole && self.pair_up(now) && self.report(now) {
             self.next = now;
         }
@@ -94,8 +94,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.mend_sensor(now);
         self.look_for_faults(now);
         self.keep(now);
-        let (bus, mut panel) = self.split(now);
-        bus.data_changed(&mut panel, now);
+        let (bus, mut objects) = self.split(now);
+        bus.data_changed(&mut objects, now);
     }
 
     /// A calibration that changes by itself makes wrong angles that look right.
@@ -120,7 +120,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             self.sensor_sound = now;
         } else if wait_us != 0 && now.micros_since(self.sensor_sound) >= wait_us {
             self.sensor_sound = now;
-            self.parts.values.news.sensor = true;
+            self.parts.values.pending.sensor = true;
         }
     }
 
@@ -188,7 +188,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if self.parts.pair.disagree() && judgement != Some(Judgement::PhysicalFault) {
             found.insert(Fault::Disagree);
         }
-        if self.parts.values.news.fail_safe {
+        if self.parts.values.pending.fail_safe {
             found.insert(Fault::FailSafe);
         }
         found.set(Fault::Unlike, self.shown(now).is_unlike());
@@ -204,8 +204,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             self.parts.values.process.since_ms = self.uptime_ms(now);
         }
         let (before, found) = (self.faults, self.found(judgement, now));
-        let news = before != found;
-        if news {
+        let has_changed_faults = before != found;
+        if has_changed_faults {
             self.faults = found;
             for fault in found.new_since(before).iter() {
                 self.tell(Some(fault.report().0), found, now);
@@ -221,7 +221,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if changed && consent.is_none() {
             self.matching.sending.withhold_safety();
         }
-        changed || news
+        changed || has_changed_faults
     }
 
     /// EMCY: the set of faults in its bytes 3 to 5, who is blamed and why in byte 6, and the
@@ -231,9 +231,9 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         let (state, (blamed, why)) = self.shown(now).finding();
         let detail = [a, b, c, blamed << 6 | why & 0x3F, state];
         let bits = found.register();
-        let (bus, mut panel) = self.split(now);
+        let (bus, mut objects) = self.split(now);
         match code {
-            Some(code) => bus.report(&mut panel, code, bits, detail, now),
+            Some(code) => bus.report(&mut objects, code, bits, detail, now),
             None => bus.cleared(bits, detail),
         }
     }

@@ -65,7 +65,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if self.parts.values.state != State::Operational && now >= self.next_erase {
             self.next_erase = now.offset(PAUSE_US);
             let effect = self.parts.values.program.step(&mut self.parts.memory);
-            self.parts.values.news.reset |= effect == Effect::Reset;
+            self.parts.values.pending.reset |= effect == Effect::Reset;
         }
         if !self.trial.running {
             return;
@@ -81,7 +81,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if sound && self.trial.heard && self.parts.memory.confirm().is_ok() {
             self.trial.running = false;
         } else if now.micros_since(self.started) > PATIENCE_US {
-            self.parts.values.news.reset = true;
+            self.parts.values.pending.reset = true;
         }
     }
 }

@@ -8,8 +8,8 @@
 mod build;
 mod calibration;
 pub mod communication;
+pub mod device_objects;
 pub mod manufacturer;
-pub mod panel;
 pub mod parameters;
 pub mod pdo;
 pub mod process;

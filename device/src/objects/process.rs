@@ -269,7 +269,7 @@ impl<'a, C: Composition> Shown<'a, C> {
     fn is_latched(&self) -> bool {
         let until_reset = self.values.parameters.latch_s == 0;
         let held = self.fault.is_some() || self.pair.is_latched();
-        self.values.news.fail_safe
+        self.values.pending.fail_safe
             || self.pair.needs_reset()
             || self.fault == Some(Invalid::Corrupt)
             || until_reset && held

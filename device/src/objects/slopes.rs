@@ -11,8 +11,8 @@ use canopen::object::{Abort, Address, Number, Value};
 use tilt::angle::Angle;
 use tilt::chain::Correction;
 
+use super::device_objects::{DeviceObjects, Memory, Source};
 use super::manufacturer::HALF_TURN;
-use super::panel::{Memory, Panel, Source};
 use super::profile::{LOGICAL_DEVICE, RESOLUTION};
 use crate::instrument::Instrument;
 use crate::profile::{Form, Parameter, Range, Resolution, Scale, Slope, narrow};
@@ -44,7 +44,7 @@ const fn which(index: u16) -> Option<Which> {
     })
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     fn resolution(&self, device: usize) -> Resolution {
         let number = self.parts.values.parameters.resolution.get(device).copied();
         let known = number.and_then(|n| Resolution::new(n).ok());
@@ -230,7 +230,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
         }
     }
 
-    /// A default or stored value, in any order; [`Panel::mend_slopes`] looks at them together.
+    /// A default or stored value, in any order; [`DeviceObjects::mend_slopes`] looks at them together.
     pub(super) fn load_slope(&mut self, at: Address, value: Value) {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         match which(at.index) {

@@ -12,7 +12,7 @@ use canopen::nmt::State;
 use canopen::object::{Abort, Address, Number, Value};
 
 use super::communication::{HARDWARE_VERSION, NAME, SOFTWARE_VERSION};
-use super::panel::{Memory, Panel, Source};
+use super::device_objects::{DeviceObjects, Memory, Source};
 use tilt::composition::Place;
 
 use crate::calibration::encoding::{self, decode_into};
@@ -43,7 +43,7 @@ fn copy(from: &[u8], offset: u32, into: &mut [u8]) -> usize {
     })
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     pub(super) fn open_stream(&mut self, at: Address) -> Result<u32, Abort> {
         if let Some(text) = text(at.index) {
             return Ok(text.len() as u32);
@@ -382,7 +382,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
             .values
             .program
             .set_control(command, &mut self.parts.memory)?;
-        self.parts.values.news.restart |= effect == Effect::Reset;
+        self.parts.values.pending.restart |= effect == Effect::Reset;
         Ok(())
     }
 }

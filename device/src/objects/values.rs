@@ -1,9 +1,9 @@
 //! What stands behind the rows above 1FFFh while the device runs.
 //!
 //! In: what the bus writes, what the channel measures. Out: the same, for the rows to show, and
-//! [`News`] for the device to act on.
+//! [`Pending`] for the device to act on.
 //!
-//! Left out: the rules of each row (`panel`), calibration and settings, which the device owns.
+//! Left out: the rules of each row (`device_objects`), calibration and settings, which the device owns.
 
 use canopen::nmt::State;
 use instant::Instant;
@@ -28,7 +28,7 @@ pub struct Latched {
 
 /// What has happened on the bus that the device has to act on.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct News {
+pub struct Pending {
     /// The reading of the last SYNC, until the peer's has come.
     pub own: Option<Latched>,
     /// The reading of a SYNC for which the peer's has not come in time.
@@ -63,7 +63,7 @@ pub struct Values {
     /// The NMT state.
     pub state: State,
     /// For the device.
-    pub news: News,
+    pub pending: Pending,
     /// The last command of 2060h sub 1.
     pub command: u8,
     /// The last reference of 2060h sub 2, 0.001 deg.
@@ -93,7 +93,7 @@ impl Values {
             process: Process::NOTHING,
             program: Program::new(),
             state: State::Initialising,
-            news: News {
+            pending: Pending {
                 own: None,
                 unanswered: None,
                 exchange: false,
@@ -130,15 +130,15 @@ impl Values {
         shown: Presentation,
         at: Instant,
     ) {
-        if self.news.own.is_some() {
+        if self.pending.own.is_some() {
             observation.activity = Activity::GAP;
         }
         self.process.measure(&observation.reading, at);
         self.tell(&observation, own_fault, shown, at);
         self.process.syncs = self.process.syncs.wrapping_add(1);
         let latched = Latched { observation, at };
-        self.news.unanswered = self.news.own.replace(latched);
-        self.news.sync = true;
+        self.pending.unanswered = self.pending.own.replace(latched);
+        self.pending.sync = true;
     }
 
     /// Puts into the exchange what the peer is to know: a channel that is held faulty says so
@@ -180,7 +180,7 @@ mod tests {
         let nothing = Observation::absent(Invalid::Settling);
         values.latch(nothing, None, Presentation::AS_MEASURED, Instant(200));
         assert_eq!(values.process.sent.activity, Activity::GAP.0);
-        values.news.own = None;
+        values.pending.own = None;
         values.latch(nothing, None, Presentation::AS_MEASURED, Instant(20_000));
         assert_eq!(values.process.sent.activity, Activity::NONE.0);
     }

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Setup;
 use device::device::Factory;
-use device::objects::panel::Identity;
+use device::objects::device_objects::Identity;
 use device::objects::table::{Channel, Models};
 use device::sensor::Config;
 use embedded_hal::delay::DelayNs;

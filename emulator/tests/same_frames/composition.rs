@@ -9,7 +9,7 @@ use device::instrument::{self, Instrument};
 use device::memory::ed25519::Ed25519;
 use device::memory::records_only::RecordMemory;
 use device::memory::{Build, FlashMemory};
-use device::objects::panel;
+use device::objects::device_objects;
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore};
 use emulator::build;
@@ -36,7 +36,7 @@ pub trait Composition {
     /// The stages and services of the device.
     type Instrument: Instrument;
     /// What the device keeps.
-    type Memory: panel::Memory;
+    type Memory: device_objects::Memory;
     /// Different frames of TPDO 1 in half a minute, at least.
     const ANGLES: usize;
     /// The error code by which a node tells that its sensor's supply was away for a moment.

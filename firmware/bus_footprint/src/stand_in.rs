@@ -11,7 +11,7 @@ use canopen::storage::Group;
 use device::channel::Settings;
 use device::fault_log::ENTRY;
 use device::instrument::Product;
-use device::objects::panel::Source;
+use device::objects::device_objects::Source;
 use device::objects::table::{self, Channel};
 use device::program::{Held, ProgramError, ProgramMemory, Running};
 use device::records::{EventStore, Record, RecordStore, StoreError};

@@ -13,7 +13,7 @@ use device::calibration::motor::{MOTOR, TableSettings};
 use device::channel::Settings;
 use device::device::Factory;
 use device::objects::communication::PEER_HEARTBEAT_MS;
-use device::objects::panel::{Identity, store_lss};
+use device::objects::device_objects::{Identity, store_lss};
 use device::objects::table::{Channel, Models};
 use device::records::{Record, RecordStore, StoreError, parameters};
 use tilt::chain::Calibration;

@@ -14,7 +14,7 @@ use canopen::object::Value;
 use device::calibration::deliver;
 use device::calibration::motor::{MOTOR, TableSettings};
 use device::fault::Fault;
-use device::objects::panel::Identity;
+use device::objects::device_objects::Identity;
 use device::objects::process::SyncSource;
 use device::objects::table::{Channel, Models};
 use device::records::{Record, RecordStore, parameters};

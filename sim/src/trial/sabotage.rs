@@ -5,7 +5,7 @@
 use device::calibration::deliver;
 use device::calibration::motor::{MOTOR, TableSettings};
 use device::device::{Device, Factory};
-use device::objects::panel::Identity;
+use device::objects::device_objects::Identity;
 use device::objects::table::{Channel, Models};
 use tilt::cross_check::residual::{Residual, STAGES, Stage};
 use tilt::cross_check::{CrossCheck, ProductCheck, ProductState, WindowCheck};

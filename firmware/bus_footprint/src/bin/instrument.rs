@@ -8,12 +8,12 @@ use bus_footprint::Entries;
 use bus_footprint::stand_in::{Measuring, Memory};
 use canopen::node::Node;
 use device::instrument::Product;
-use device::objects::panel::Panel;
+use device::objects::device_objects::DeviceObjects;
 use device::objects::values::Values;
 
 /// What is measured; the linker script keeps it by its name.
 #[used]
-static REACHED: Entries<Panel<'static, Memory, Measuring, Product>> = Entries::all();
+static REACHED: Entries<DeviceObjects<'static, Memory, Measuring, Product>> = Entries::all();
 
 /// As much room as the node's state takes.
 #[used]

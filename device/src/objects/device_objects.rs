@@ -167,7 +167,7 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
 }
 
 /// Everything behind the rows, lent for one call of the stack.
-pub struct Panel<'a, M, S, I: Instrument = Whole> {
+pub struct DeviceObjects<'a, M, S, I: Instrument = Whole> {
     /// What is lent.
     pub parts: &'a mut Parts<M, S, I>,
     /// When the call is.
@@ -221,7 +221,7 @@ pub const fn store_abort(error: StoreError) -> Abort {
     }
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     /// What is shown of both channels now.
     // Out of line: what reads a slope, a preset and a safe slope would each make it anew.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
@@ -371,7 +371,7 @@ fn receive_exchange(exchange: &mut crate::exchange::Exchange, at: Address, value
     }
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Objects for Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> Objects for DeviceObjects<'_, M, S, I> {
     const SERVICES: Services = I::SERVICES;
 
     fn dictionary(&self) -> Dictionary {
@@ -450,7 +450,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for Panel<'_, M, S, I> {
     }
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> Application for DeviceObjects<'_, M, S, I> {
     fn identity(&self) -> [u32; 4] {
         let product = match self.parts.identity.channel {
             Channel::A => PRODUCT_CODE_A,
@@ -460,16 +460,16 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> 
     }
 
     fn event(&mut self, event: Event, _now: Instant) {
-        let news = &mut self.parts.values.news;
+        let pending = &mut self.parts.values.pending;
         match event {
             Event::State(state) => self.enter(state),
             Event::ResetNode => {
-                news.reset = true;
-                news.restart = false;
+                pending.reset = true;
+                pending.restart = false;
             }
             Event::ResetCommunication => {
                 // No answer will come any more that a restart could wait for.
-                news.reset |= core::mem::take(&mut news.restart);
+                pending.reset |= core::mem::take(&mut pending.restart);
                 self.enter(nmt::State::Initialising);
                 self.mend_slopes();
             }
@@ -484,11 +484,11 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> 
             // The stack tells a lost node by EMCY; the pair's own measure of the peer is its
             // exchange.
             Event::Heartbeat { .. } | Event::LifeGuarding { .. } => {}
-            Event::Received(0) => news.exchange = true,
-            Event::Received(1) => news.backing = true,
+            Event::Received(0) => pending.exchange = true,
+            Event::Received(1) => pending.backing = true,
             Event::Received(_) => {}
-            Event::BitRate { kbit_s, delay_ms } => news.bit_rate = Some((kbit_s, delay_ms)),
-            Event::SafetyLost(_) | Event::FailSafe => news.fail_safe = true,
+            Event::BitRate { kbit_s, delay_ms } => pending.bit_rate = Some((kbit_s, delay_ms)),
+            Event::SafetyLost(_) | Event::FailSafe => pending.fail_safe = true,
         }
     }
 
@@ -544,7 +544,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for Panel<'_, M, S, I> 
     }
 }
 
-impl<M: Memory, S: Source<I>, I: Instrument> Panel<'_, M, S, I> {
+impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     /// The NMT state is another one. Outside OPERATIONAL this node is away from the pair.
     fn enter(&mut self, state: nmt::State) {
         self.parts.values.state = state;
