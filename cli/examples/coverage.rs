@@ -8,7 +8,7 @@
 
 use std::fmt::Write as _;
 
-use device::calibration::motor::{Command, MOTOR, Motor, Sight, TableSettings};
+use device::calibration::motor::{Command, MOTOR, Motor, StandReading, TableSettings};
 use plumb::fits::fit::{self, Stand};
 use plumb::fits::hand::{self, POSES, Taken};
 use plumb::fits::{Axis, Reading};
@@ -178,7 +178,7 @@ impl Memorising {
         done.expect("a run in its order");
     }
 
-    fn memorise(&mut self, deg: i32, sight: &Sight) {
+    fn memorise(&mut self, deg: i32, sight: &StandReading) {
         let taken = self.motor.memorise(deg * 1000, &self.chain, sight);
         taken.expect("a channel that measures");
     }
@@ -236,10 +236,10 @@ fn stand(bench: &mut Bench, axis: Axis, deg: i32) -> Result<Stand, BenchError> {
 }
 
 /// What a node sees when the motor's angle is written to it.
-fn sight(bench: &Bench, node: usize) -> Sight {
+fn sight(bench: &Bench, node: usize) -> StandReading {
     let side = &bench.instrument.sides[node];
     let now = side.clock(bench.instrument.time_s());
-    Sight {
+    StandReading {
         filtered: side.node.channel.filtered().map(|(filtered, _)| filtered),
         temperature: side.node.channel.temperature(),
         reading: side.node.channel.reading(&side.settings, now),

@@ -106,7 +106,7 @@ pub struct Device<SPI, M, I: Instrument = Whole> {
     node_id: u8,
     /// Until LSS stores another.
     kbit_s: u16,
-    standing_in: bool,
+    sync_substituted: bool,
     record_damaged: bool,
     /// What a program on trial has not shown yet.
     trial: Trial,
@@ -174,7 +174,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         Self {
             node_id,
             kbit_s,
-            standing_in: false,
+            sync_substituted: false,
             record_damaged: false,
             trial: Trial::OVER,
             faults: Faults::default(),
@@ -223,7 +223,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         self.looked = Faults::default();
         self.matching = Matching::new();
         self.parts.pair.start(now);
-        self.standing_in = false;
+        self.sync_substituted = false;
         self.parts.work.abandon();
         self.parts.values.storage_failed = self.parts.memory.start().is_err();
         self.recall_events();

@@ -1,8 +1,8 @@
 //! The pair: the one state machine that says whether an angle may be used.
 //!
 //! In: what both channels observed at each SYNC, leaving OPERATIONAL, restarts of either, and the
-//! policy (2004h, 2005h). Out, derived at the instant at which it is read: the judgement, this
-//! channel's standing, what may be shown of the peer, and the consent to safety frames.
+//! policy (2004h, 2005h). Out, derived at the instant at which it is read: the judgement, whether
+//! this channel may be used, what may be shown of the peer, and the consent to safety frames.
 //!
 //! Nothing of what is read is stored, so no copy of it can lag behind. Stored are the memory of
 //! the cross-check, the newest pair with its instant, the time between SYNCs, and whether the peer
@@ -283,7 +283,7 @@ impl<C: Composition> Pair<C> {
     }
 
     /// Whether this channel's angles may be used in OPERATIONAL, and why not.
-    pub fn standing(&self, now: Instant, policy: Policy) -> Result<(), Invalid> {
+    pub fn usable(&self, now: Instant, policy: Policy) -> Result<(), Invalid> {
         if let Some(reason) = self.own_fault() {
             return Err(reason);
         }

@@ -75,7 +75,7 @@ impl ProgramError {
 /// How the running program came to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Standing {
+pub enum Confirmation {
     /// It is confirmed.
     Confirmed = 0,
     /// It is on trial: unconfirmed, it is given up after some starts.
@@ -96,7 +96,7 @@ pub struct Running {
     /// The slot that it runs in: 0 A, 1 B.
     pub slot: u8,
     /// How it came to run.
-    pub standing: Standing,
+    pub confirmation: Confirmation,
 }
 
 /// What has come of an image.

@@ -264,7 +264,7 @@ impl State {
                 " | {:?} {found:?} {} {:?} {:?} {} {} {} {}",
                 shown(n),
                 told.state(),
-                told.standing(),
+                told.usable(),
                 device.channel().reason(),
                 past.exposed_us > REACTION_US,
                 past.compared_us >= REACTION_US,

@@ -51,7 +51,7 @@
 //! | trial | any | newer, one attempt less |
 //! | spent, bad or idle | confirmed | older; "rolled back" behind a spent one |
 //! | spent, bad or idle | trial | older, one attempt less |
-//! | spent, bad or idle | spent, bad, idle or absent | none: [`Stay`] says why |
+//! | spent, bad or idle | spent, bad, idle or absent | none: [`NoStart`] says why |
 //!
 //! A part with one slot gets its image and its marks ([`factory_marks`]) over the debug port.
 //!
@@ -95,7 +95,7 @@ pub struct Marks {
 
 /// What is in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum SlotState {
     /// The part has no such slot.
     Absent,
     /// No image that is whole and for this slot.
@@ -123,7 +123,7 @@ pub enum Why {
 
 /// Why no image starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stay {
+pub enum NoStart {
     /// Nothing was ever written to a slot.
     Empty,
     /// No slot has an image that is whole.
@@ -140,7 +140,7 @@ pub enum Decision {
     /// Start the image in this slot.
     Run(Slot, Header, Why),
     /// Stay in the bootloader.
-    Stay(Stay),
+    Stay(NoStart),
 }
 
 /// Why a slot's state was not changed.
@@ -209,24 +209,24 @@ pub fn marks<F: ReadNorFlash>(flash: &mut F, slot: Region) -> Result<Marks, Acce
 }
 
 /// Finds out what is in `slot`. Reads all of the image.
-pub fn standing<F: ReadNorFlash>(flash: &mut F, slot: Option<Region>, hardware: u32) -> Standing {
+pub fn standing<F: ReadNorFlash>(flash: &mut F, slot: Option<Region>, hardware: u32) -> SlotState {
     let Some(slot) = slot else {
-        return Standing::Absent;
+        return SlotState::Absent;
     };
     let header = match verify(flash, slot, hardware) {
         Ok(header) => header,
-        Err(error) => return Standing::Bad(error),
+        Err(error) => return SlotState::Bad(error),
     };
     match marks(flash, slot) {
-        Err(error) => Standing::Bad(ImageError::Access(error)),
-        Ok(marks) if marks.generation.is_none() => Standing::Idle(header),
-        Ok(marks) if marks.confirmed => Standing::Confirmed(header, marks),
-        Ok(marks) if marks.left > 0 => Standing::Trial(header, marks),
-        Ok(marks) => Standing::Spent(header, marks),
+        Err(error) => SlotState::Bad(ImageError::Access(error)),
+        Ok(marks) if marks.generation.is_none() => SlotState::Idle(header),
+        Ok(marks) if marks.confirmed => SlotState::Confirmed(header, marks),
+        Ok(marks) if marks.left > 0 => SlotState::Trial(header, marks),
+        Ok(marks) => SlotState::Spent(header, marks),
     }
 }
 
-impl Standing {
+impl SlotState {
     fn generation(&self) -> Option<u32> {
         match self {
             Self::Trial(_, marks) | Self::Spent(_, marks) | Self::Confirmed(_, marks) => {
@@ -236,19 +236,19 @@ impl Standing {
         }
     }
 
-    const fn stay(&self) -> Stay {
+    const fn no_start(&self) -> NoStart {
         match self {
-            Self::Absent | Self::Bad(ImageError::Magic) => Stay::Empty,
-            Self::Bad(_) => Stay::Bad,
-            Self::Idle(_) => Stay::Idle,
+            Self::Absent | Self::Bad(ImageError::Magic) => NoStart::Empty,
+            Self::Bad(_) => NoStart::Bad,
+            Self::Idle(_) => NoStart::Idle,
             // The others start.
-            Self::Spent(..) | Self::Trial(..) | Self::Confirmed(..) => Stay::Spent,
+            Self::Spent(..) | Self::Trial(..) | Self::Confirmed(..) => NoStart::Spent,
         }
     }
 }
 
 /// Which image starts; the table is in the module's documentation.
-pub fn decide(a: &Standing, b: &Standing) -> Decision {
+pub fn decide(a: &SlotState, b: &SlotState) -> Decision {
     let mut order = [(Slot::A, a), (Slot::B, b)];
     if b.generation() > a.generation() {
         order.reverse();
@@ -256,18 +256,18 @@ pub fn decide(a: &Standing, b: &Standing) -> Decision {
     let mut rolled_back = false;
     for (slot, standing) in order {
         match standing {
-            Standing::Trial(header, _) => return Decision::Run(slot, *header, Why::Trial),
-            Standing::Confirmed(header, _) if rolled_back => {
+            SlotState::Trial(header, _) => return Decision::Run(slot, *header, Why::Trial),
+            SlotState::Confirmed(header, _) if rolled_back => {
                 return Decision::Run(slot, *header, Why::RolledBack);
             }
-            Standing::Confirmed(header, _) => {
+            SlotState::Confirmed(header, _) => {
                 return Decision::Run(slot, *header, Why::Confirmed);
             }
-            Standing::Spent(..) => rolled_back = true,
-            Standing::Absent | Standing::Bad(_) | Standing::Idle(_) => {}
+            SlotState::Spent(..) => rolled_back = true,
+            SlotState::Absent | SlotState::Bad(_) | SlotState::Idle(_) => {}
         }
     }
-    let (a, b) = (a.stay(), b.stay());
+    let (a, b) = (a.no_start(), b.no_start());
     Decision::Stay(if (a as u8) < b as u8 { b } else { a })
 }
 
@@ -289,7 +289,7 @@ pub fn boot<F: NorFlash>(flash: &mut F, layout: &Layout, hardware: u32) -> Decis
             return decision;
         }
         let generation = place.generation();
-        *place = Standing::Spent(
+        *place = SlotState::Spent(
             header,
             Marks {
                 generation,

@@ -251,12 +251,12 @@ impl Sensor {
 }
 
 /// Waiting, as the device sees it, while the housing stands still: samples go on coming.
-struct Standing<'a> {
+struct DelayAtRest<'a> {
     sensor: &'a mut Sensor,
     force_g: [f64; 3],
 }
 
-impl DelayNs for Standing<'_> {
+impl DelayNs for DelayAtRest<'_> {
     fn delay_ns(&mut self, ns: u32) {
         self.sensor.retune();
         let end_s = self.sensor.now_s + f64::from(ns) * 1e-9;
@@ -345,7 +345,7 @@ impl Electronics {
     pub fn run_waiting<R>(&mut self, code: impl FnOnce(&mut dyn DelayNs, Instant) -> R) -> R {
         let now = self.clock.at(self.sensor.now_s);
         let force_g = self.sensor.felt_g;
-        let mut delay = Standing {
+        let mut delay = DelayAtRest {
             sensor: &mut self.sensor,
             force_g,
         };

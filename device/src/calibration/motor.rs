@@ -111,7 +111,7 @@ pub const MOTOR: Uncertainty = Uncertainty::from_degrees(0.0134);
 
 /// What the channel sees at one stand of the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sight {
+pub struct StandReading {
     /// The newest filtered acceleration.
     pub filtered: Option<Filtered>,
     /// The part's temperature, if known.
@@ -349,7 +349,7 @@ impl Motor {
         &mut self,
         reference: i32,
         chain: &Chain<C>,
-        sight: &Sight,
+        sight: &StandReading,
     ) -> Result<(), MotorError> {
         let axis = self.axis.ok_or(MotorError::NotRunning)?;
         if reference.unsigned_abs() > 90_000 {
@@ -381,7 +381,7 @@ impl Motor {
 ///
 /// An axis that the calibration in force does not measure can still be calibrated: then the other
 /// one tells whether the channel works, and where neither is measured yet the chain's own reason.
-fn trusted(axis: Axis, sight: &Sight) -> Result<Filtered, Invalid> {
+fn trusted(axis: Axis, sight: &StandReading) -> Result<Filtered, Invalid> {
     let own = match axis.of(&sight.reading) {
         Err(Invalid::NotMeasured) => axis.other().of(&sight.reading),
         reading => reading,

@@ -138,7 +138,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     }
 
     pub(super) fn end_standing_in(&mut self, now: Instant) {
-        if core::mem::take(&mut self.standing_in) {
+        if core::mem::take(&mut self.sync_substituted) {
             self.bus.stand_in_for_sync(None, now);
         }
     }

@@ -139,8 +139,8 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             return;
         }
         self.parts.values.process.source = SyncSource::None;
-        if !self.standing_in {
-            self.standing_in = true;
+        if !self.sync_substituted {
+            self.sync_substituted = true;
             let period_us = Some(parameters.fallback_period_us);
             self.bus.stand_in_for_sync(period_us, now);
         }

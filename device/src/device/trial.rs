@@ -18,7 +18,7 @@ use instant::Instant;
 
 use super::{Device, Memory};
 use crate::instrument::Instrument;
-use crate::program::{Effect, ProgramMemory, Standing};
+use crate::program::{Confirmation, Effect, ProgramMemory};
 
 /// After so long without having shown what it can, a program on trial gives up, us.
 pub const PATIENCE_US: i64 = 10_000_000;
@@ -45,7 +45,7 @@ impl Trial {
     /// A program starts.
     pub(super) fn begin<M: ProgramMemory>(memory: &mut M) -> Self {
         Self {
-            running: memory.running().standing == Standing::Trial,
+            running: memory.running().confirmation == Confirmation::Trial,
             heard: false,
         }
     }

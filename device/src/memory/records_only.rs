@@ -17,7 +17,7 @@ use flash::image::header;
 
 use super::Build;
 use crate::fault_log::ENTRY;
-use crate::program::{Held, ProgramError, ProgramMemory, Running, Standing};
+use crate::program::{Confirmation, Held, ProgramError, ProgramMemory, Running};
 use crate::records::{EventStore, Record, RecordStore, StoreError};
 
 const _: () = assert!(Record::COUNT <= banks::KINDS as usize);
@@ -178,7 +178,7 @@ impl<F: NorFlash> ProgramMemory for RecordMemory<F> {
             version: header.map_or(0, |header| header.version.0),
             crc: header.map_or(0, |header| header.crc),
             slot: self.build.running as u8,
-            standing: Standing::Confirmed,
+            confirmation: Confirmation::Confirmed,
         }
     }
 

@@ -21,7 +21,7 @@ use flash::layout::Region;
 use flash::slots::{SlotError, confirm, marks, put_on_trial};
 
 use super::FlashMemory;
-use crate::program::{Held, ProgramError, ProgramMemory, Running, Standing};
+use crate::program::{Confirmation, Held, ProgramError, ProgramMemory, Running};
 
 /// How the image in the slot that does not run is checked before it is started.
 ///
@@ -216,10 +216,10 @@ impl<F: NorFlash, V> FlashMemory<F, V> {
     }
 
     /// How the program in the running slot came to run.
-    fn standing(&mut self) -> Result<Standing, AccessError> {
+    fn confirmation(&mut self) -> Result<Confirmation, AccessError> {
         let (layout, running) = (self.kept.build.layout, self.kept.build.running);
         let [Some(runs), Some(other)] = [layout.slot(running), layout.slot(running.other())] else {
-            return Ok(Standing::Confirmed);
+            return Ok(Confirmation::Confirmed);
         };
         let (runs, other) = (
             marks(&mut self.kept.flash, runs)?,
@@ -228,9 +228,9 @@ impl<F: NorFlash, V> FlashMemory<F, V> {
         let failed = other.generation > runs.generation && !other.confirmed && other.left == 0;
         Ok(match runs.confirmed {
             // What runs without ever having been activated was put there by a debugger.
-            false if runs.generation.is_some() => Standing::Trial,
-            _ if failed => Standing::RolledBack,
-            _ => Standing::Confirmed,
+            false if runs.generation.is_some() => Confirmation::Trial,
+            _ if failed => Confirmation::RolledBack,
+            _ => Confirmation::Confirmed,
         })
     }
 }
@@ -336,7 +336,7 @@ impl<F: NorFlash, V: Verification> ProgramMemory for FlashMemory<F, V> {
             crc: header.map_or(0, |header| header.crc),
             slot: self.kept.build.running as u8,
             // Who can't read the marks can't confirm either.
-            standing: self.standing().unwrap_or(Standing::Trial),
+            confirmation: self.confirmation().unwrap_or(Confirmation::Trial),
         }
     }
 

@@ -183,8 +183,8 @@ impl<'a, C: Composition> Shown<'a, C> {
     ///
     /// Outside OPERATIONAL nobody works by them, and whoever sets the instrument up has to see
     /// them, so there they are shown as measured.
-    pub fn standing(&self) -> Result<(), Invalid> {
-        self.measured_standing()?;
+    pub fn usable(&self) -> Result<(), Invalid> {
+        self.measured_usable()?;
         if self.is_unlike() {
             return Err(Invalid::Unlike);
         }
@@ -197,19 +197,18 @@ impl<'a, C: Composition> Shown<'a, C> {
         operational && self.values.parameters.alike != 0 && self.pair.is_shown_apart()
     }
 
-    /// [`Shown::standing`] of the angles as measured, however they are shown.
-    fn measured_standing(&self) -> Result<(), Invalid> {
+    /// [`Shown::usable`] of the angles as measured, however they are shown.
+    fn measured_usable(&self) -> Result<(), Invalid> {
         if self.values.state != State::Operational {
             return Ok(());
         }
-        self.pair
-            .standing(self.now, self.values.parameters.policy())
+        self.pair.usable(self.now, self.values.parameters.policy())
     }
 
     /// This channel's X or Y for a safety frame, which has neither preset nor offset, and a second
     /// time from the copy that was kept inverted.
     pub fn measured(&self, axis: usize) -> Option<(Angle, Angle)> {
-        self.measured_standing().ok()?;
+        self.measured_usable().ok()?;
         let Axes { x, y } = &self.values.process.measured;
         let measured = if axis == 0 { x } else { y }.as_ref().ok()?;
         let inverted = self.values.process.inverted.get(axis)?;
@@ -219,10 +218,10 @@ impl<'a, C: Composition> Shown<'a, C> {
     /// This channel's X or Y as far as it may be used.
     pub fn own(&self, axis: usize) -> Result<&'a Measurement, Invalid> {
         let Axes { x, y } = &self.values.process.measured;
-        // A channel that measures nothing says why, whatever its standing.
+        // A channel that measures nothing says why, whatever is found of it.
         let measured = if axis == 0 { x } else { y }.as_ref();
         let measured = measured.map_err(|reason| *reason)?;
-        self.standing().map(|()| measured)
+        self.usable().map(|()| measured)
     }
 
     /// Slopes X and Y of this channel, then of the peer, without preset and offset.
@@ -248,7 +247,7 @@ impl<'a, C: Composition> Shown<'a, C> {
     pub fn validity(&self) -> u8 {
         let Axes { x, y } = self.pair.difference(self.now);
         let measured = &self.values.process.measured;
-        let may_be_used = self.standing().is_ok();
+        let may_be_used = self.usable().is_ok();
         let peer = self.pair.peer(self.now);
         let peer = peer.map_or((false, false), |peer| (peer.x.is_ok(), peer.y.is_ok()));
         let flags = [

@@ -16,7 +16,7 @@ use super::device_objects::{DeviceObjects, Memory, Source};
 use tilt::composition::Place;
 
 use crate::calibration::encoding::{self, decode_into};
-use crate::calibration::motor::{Axis, Command, Outcome, Sight};
+use crate::calibration::motor::{Axis, Command, Outcome, StandReading};
 use crate::calibration::{recall, report, stage};
 use crate::instrument::Instrument;
 use crate::program::Effect;
@@ -298,7 +298,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     }
 
     fn memorise(&mut self, reference: i32) -> Result<(), Abort> {
-        let sight = Sight {
+        let sight = StandReading {
             filtered: self.parts.channel.filtered(),
             temperature: self.parts.channel.temperature(),
             reading: self.parts.channel.reading(&self.parts.settings, self.now),
@@ -358,7 +358,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             1 => Number::u32(running.hardware),
             2 => Number::u32(running.version),
             3 => Number::u8(running.slot),
-            4 => Number::u8(running.standing as u8),
+            4 => Number::u8(running.confirmation as u8),
             5 => Number::u32(held.map_or(0, |held| held.identity)),
             6 => Number::u32(held.map_or(0, |held| held.bytes)),
             _ => return Err(Abort::NoSuchSubIndex),

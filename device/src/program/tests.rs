@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use flash::Progress;
 
-use super::{Effect, Held, Program, ProgramError, ProgramMemory, Running, Standing};
+use super::{Confirmation, Effect, Held, Program, ProgramError, ProgramMemory, Running};
 
 /// A memory that takes images ending in 0xA5, of eight bytes at most, and starts those that don't
 /// begin with 0xEE.
@@ -104,7 +104,7 @@ impl ProgramMemory for Memory {
             version: 2,
             crc: 3,
             slot: 0,
-            standing: Standing::Confirmed,
+            confirmation: Confirmation::Confirmed,
         }
     }
 

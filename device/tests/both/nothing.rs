@@ -1,7 +1,7 @@
 //! A memory in which nothing stays but what it was delivered with.
 
 use device::fault_log::ENTRY;
-use device::program::{Held, ProgramError, ProgramMemory, Running, Standing};
+use device::program::{Confirmation, Held, ProgramError, ProgramMemory, Running};
 use device::records::{EventStore, Record, RecordStore, StoreError};
 use flash::Progress;
 
@@ -136,7 +136,7 @@ impl ProgramMemory for Nothing {
             version: 0,
             crc: 0,
             slot: 0,
-            standing: Standing::Confirmed,
+            confirmation: Confirmation::Confirmed,
         }
     }
 

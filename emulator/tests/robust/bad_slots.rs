@@ -8,7 +8,7 @@
 use emulator::chip::flash_controller::{Cells, FlashController};
 use emulator::chip::rcc::Cause;
 use flash::layout::{HEADER, RC, Region, Slot};
-use flash::slots::{MARKS, Stay, activate, boot, confirm};
+use flash::slots::{MARKS, NoStart, activate, boot, confirm};
 use sim::rng::Rng;
 
 use crate::bench::{Bench, product};
@@ -114,7 +114,7 @@ impl Watched {
 
     /// With these bits flipped nothing starts, the watchdog resets, and once the first of them is
     /// right again a program starts and tells for which reason none did.
-    fn stays(&mut self, cells: &Cells, flips: &[Flip], why: Stay) {
+    fn stays(&mut self, cells: &Cells, flips: &[Flip], why: NoStart) {
         let before = self.bench.resets().len();
         self.insert(cells, flips);
         self.bench.pair.run(4.0);
@@ -209,11 +209,15 @@ fn with_both_programs_bad_the_bootloader_stays_and_says_why_later() {
     let mut watched = Watched::new();
     let body = |slot| (slot, HEADER + 70_000, 2);
     let confirmed = two_programs(&watched.factory, Newer::Confirmed);
-    watched.stays(&confirmed, &[body(Slot::A), body(Slot::B)], Stay::Bad);
+    watched.stays(&confirmed, &[body(Slot::A), body(Slot::B)], NoStart::Bad);
     let magic = |slot| (slot, 1, 0);
-    watched.stays(&confirmed, &[magic(Slot::B), magic(Slot::A)], Stay::Empty);
+    watched.stays(
+        &confirmed,
+        &[magic(Slot::B), magic(Slot::A)],
+        NoStart::Empty,
+    );
     let idle = (Slot::B, ACTIVATED, 0);
-    watched.stays(&confirmed, &[body(Slot::A), idle], Stay::Idle);
+    watched.stays(&confirmed, &[body(Slot::A), idle], NoStart::Idle);
     let spent = two_programs(&watched.factory, Newer::Spent);
-    watched.stays(&spent, &[body(Slot::A)], Stay::Spent);
+    watched.stays(&spent, &[body(Slot::A)], NoStart::Spent);
 }

@@ -17,7 +17,7 @@ mod boot {
     use firmware::chip::{board, eraser, handover};
     use firmware::part::PAPER;
     use flash::image::{ImageError, verify};
-    use flash::slots::Stay;
+    use flash::slots::NoStart;
     use stm32f1xx_hal::pac::Peripherals;
 
     /// At the end of the bootloader's region, where the application finds the eraser.
@@ -34,8 +34,8 @@ mod boot {
             // SAFETY: the image is whole and linked to its slot. No interrupt was switched on
             // before.
             Ok(header) => unsafe { handover::start(header.address) },
-            Err(ImageError::Magic) => handover::stay(Stay::Empty),
-            Err(_) => handover::stay(Stay::Bad),
+            Err(ImageError::Magic) => handover::stay(NoStart::Empty),
+            Err(_) => handover::stay(NoStart::Bad),
         }
     }
 }

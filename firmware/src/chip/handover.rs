@@ -3,7 +3,7 @@
 //! In: where the vectors of the image are, or why there is none. Out: nothing comes back.
 
 use cortex_m::peripheral::SCB;
-use flash::slots::Stay;
+use flash::slots::NoStart;
 
 use super::trap;
 use crate::crash::Crash;
@@ -25,7 +25,7 @@ pub unsafe fn start(vectors: u32) -> ! {
 /// read right then, and a debug probe finds the processor standing still most of the time.
 ///
 /// Why nothing was started is told by the first application that does start.
-pub fn stay(why: Stay) -> ! {
+pub fn stay(why: NoStart) -> ! {
     trap::leave(Crash::Stay(why as u8));
     loop {
         cortex_m::asm::wfi();

@@ -4,7 +4,7 @@ use super::*;
 use crate::image::tests::{HARDWARE, file};
 use crate::layout::{C8, RC};
 use crate::nor::tests::{Bench, bench};
-use crate::slots::{Decision, Standing, Why, activate, boot, confirm, factory_marks, standing};
+use crate::slots::{Decision, SlotState, Why, activate, boot, confirm, factory_marks, standing};
 
 const OLD: Version = Version::new(1, 0, 0);
 const NEW: Version = Version::new(1, 1, 0);
@@ -48,7 +48,7 @@ fn an_image_is_installed_whole_and_marks_in_the_file_are_left_out() {
     let header = install(&mut nor, &file, RULES).unwrap();
     assert_eq!((header.version, header.length), (NEW, 4000));
     let b = RC.b;
-    assert_eq!(standing(&mut nor, b, HARDWARE), Standing::Idle(header));
+    assert_eq!(standing(&mut nor, b, HARDWARE), SlotState::Idle(header));
     assert!(matches!(
         boot(&mut nor, &RC, HARDWARE),
         Decision::Run(Slot::A, ..)

@@ -79,10 +79,10 @@ fn a_damaged_image_leaves_the_other_and_two_leave_the_bootloader() {
     nor.flip(RC.b.unwrap().start + HEADER + 5, 1);
     assert_eq!(start(&mut nor), A_CONFIRMED);
     nor.flip(RC.a.start + 8, 1);
-    assert_eq!(boot(&mut nor, &RC, HARDWARE), Decision::Stay(Stay::Bad));
+    assert_eq!(boot(&mut nor, &RC, HARDWARE), Decision::Stay(NoStart::Bad));
     assert_eq!(
         boot(&mut bench(128, 1), &RC, HARDWARE),
-        Decision::Stay(Stay::Empty)
+        Decision::Stay(NoStart::Empty)
     );
     // The part with one slot looks at that one only.
     let mut small = bench(128, 7);
@@ -91,7 +91,7 @@ fn a_damaged_image_leaves_the_other_and_two_leave_the_bootloader() {
     crate::access::program(&mut small, C8.a.start, &factory).unwrap();
     let one = boot(&mut small, &C8, HARDWARE);
     assert!(matches!(one, Decision::Run(Slot::A, _, _)), "{one:?}");
-    assert_eq!(boot(&mut delivered(), &RC, 1), Decision::Stay(Stay::Bad));
+    assert_eq!(boot(&mut delivered(), &RC, 1), Decision::Stay(NoStart::Bad));
     assert_eq!(
         activate(&mut delivered(), &C8, Slot::B, HARDWARE),
         Err(SlotError::Absent)
@@ -109,17 +109,17 @@ fn every_pair_of_states_is_decided_as_in_the_table() {
     let states = |generation| {
         let marks = with(generation);
         [
-            Standing::Absent,
-            Standing::Bad(ImageError::Magic),
-            Standing::Bad(ImageError::Body),
-            Standing::Idle(header),
-            Standing::Spent(header, marks),
-            Standing::Trial(header, marks),
-            Standing::Confirmed(header, marks),
+            SlotState::Absent,
+            SlotState::Bad(ImageError::Magic),
+            SlotState::Bad(ImageError::Body),
+            SlotState::Idle(header),
+            SlotState::Spent(header, marks),
+            SlotState::Trial(header, marks),
+            SlotState::Confirmed(header, marks),
         ]
     };
     let starts =
-        |standing: &Standing| matches!(standing, Standing::Trial(..) | Standing::Confirmed(..));
+        |standing: &SlotState| matches!(standing, SlotState::Trial(..) | SlotState::Confirmed(..));
     for newer in states(2) {
         for older in states(1) {
             let decision = decide(&older, &newer);
@@ -133,7 +133,7 @@ fn every_pair_of_states_is_decided_as_in_the_table() {
             let (runs, standing) = match decision {
                 Decision::Run(Slot::A, ..) => (true, older),
                 Decision::Run(Slot::B, ..) => (true, newer),
-                Decision::Stay(_) => (false, Standing::Absent),
+                Decision::Stay(_) => (false, SlotState::Absent),
             };
             assert_eq!(runs, starts(&newer) || starts(&older));
             if starts(&newer) {
@@ -142,14 +142,14 @@ fn every_pair_of_states_is_decided_as_in_the_table() {
                 assert_eq!(standing, older);
             }
             let back = matches!(decision, Decision::Run(.., Why::RolledBack));
-            let spent = matches!(newer, Standing::Spent(..));
-            assert_eq!(back, spent && matches!(older, Standing::Confirmed(..)));
+            let spent = matches!(newer, SlotState::Spent(..));
+            assert_eq!(back, spent && matches!(older, SlotState::Confirmed(..)));
         }
     }
-    let idle = decide(&Standing::Idle(header), &Standing::Bad(ImageError::Body));
-    assert_eq!(idle, Decision::Stay(Stay::Idle));
-    let spent = decide(&Standing::Spent(header, with(3)), &Standing::Absent);
-    assert_eq!(spent, Decision::Stay(Stay::Spent));
+    let idle = decide(&SlotState::Idle(header), &SlotState::Bad(ImageError::Body));
+    assert_eq!(idle, Decision::Stay(NoStart::Idle));
+    let spent = decide(&SlotState::Spent(header, with(3)), &SlotState::Absent);
+    assert_eq!(spent, Decision::Stay(NoStart::Spent));
 }
 
 /// Cuts `step` at every operation; `judge` sees the flash and whether the step was done.

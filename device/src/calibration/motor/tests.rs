@@ -45,7 +45,7 @@ fn factory() -> Chain {
 }
 
 /// What a part sees that reads 10 mg too much on every axis.
-fn sight(axis: Axis, degrees: f64) -> Sight {
+fn sight(axis: Axis, degrees: f64) -> StandReading {
     let (sin, cos) = (degrees * PI / 180.0).sin_cos();
     let [along, across] = [sin, cos].map(|v| ((v + 0.01) * f64::from(ONE_G)) as i32);
     let offset = ONE_G / 100;
@@ -60,7 +60,7 @@ fn sight(axis: Axis, degrees: f64) -> Sight {
         at: Instant(0),
         latency_us: 0,
     };
-    Sight {
+    StandReading {
         filtered: Some(Filtered { accel }),
         temperature: None,
         reading: Axes {

@@ -182,7 +182,7 @@ fn there_is_no_log_and_no_place_for_a_program() {
     );
     assert_eq!(memory.activate(), Err(ProgramError::NoProgram));
     assert_eq!(memory.held(), None);
-    assert_eq!(memory.running().standing, Standing::Confirmed);
+    assert_eq!(memory.running().confirmation, Confirmation::Confirmed);
 }
 
 #[test]
