@@ -1,8 +1,8 @@
 //! The device: a channel that measures and a node that speaks, joined.
 //!
 //! In: data-ready edges, frames and the controller's state, each with the time on this device's
-//! clock. Out: frames, those that have to be taken back, a deadline, and now and then a [`BoardRequest`]
-//! that only the board can fulfil.
+//! clock. Out: frames, those that have to be taken back, a deadline, and now and then a
+//! [`BoardRequest`] that only the board can fulfil.
 //!
 //! At each SYNC the channel's reading for that very instant is latched before any PDO is made
 //! (R11, erratum E11), goes to the peer, and waits for the peer's reading of the same SYNC; then

@@ -12,7 +12,7 @@ use std::rc::Rc;
 
 use flash::layout::{BASE, Layout};
 use flash::nor::NorError;
-use sim::can_bus::{Bus, Event, Mailbox, Order, Port};
+use sim::can_bus::{Bus, Event, Mailbox, Port, TransmitOrder};
 use sim::electronics::Electronics;
 use sim::lis2dw12::DRDY_PULSE_NS;
 use sim::network::guest::{Guest, nanoseconds};
@@ -123,7 +123,7 @@ impl<C: Cpu> Board<C> {
         if parts.strapped {
             chip.drive(1, 0, Some(false));
         }
-        let port = bus.attach(Order::Identifier);
+        let port = bus.attach(TransmitOrder::Identifier);
         bus.connect(port, false);
         Self {
             machine: Machine::new(chip),

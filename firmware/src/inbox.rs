@@ -12,7 +12,7 @@ use device::mailboxes::MAILBOXES;
 use heapless::Deque;
 use instant::Instant;
 
-use crate::unit::{Event, State};
+use crate::driver::{ErrorState, Event};
 
 /// Frames that are kept while the task is busy; the longest it ever is are the 20 ms of setting the
 /// sensor up anew, and the erases of a store.
@@ -93,7 +93,7 @@ impl Waiting {
         match kind {
             SENT => Event::Sent(a),
             GIVEN_UP => Event::GivenUp(a),
-            _ => Event::Changed(State::from_number(a), b, c),
+            _ => Event::Changed(ErrorState::from_number(a), b, c),
         }
     }
 
@@ -115,7 +115,7 @@ pub struct Inbox {
     /// The time of the newest event, from which those of the others follow.
     newest: Instant,
     edge: Option<Instant>,
-    state: State,
+    state: ErrorState,
     lost: u16,
 }
 
@@ -132,7 +132,7 @@ impl Inbox {
             events: Deque::new(),
             newest: Instant(0),
             edge: None,
-            state: State::Active,
+            state: ErrorState::Active,
             lost: 0,
         }
     }
@@ -159,7 +159,7 @@ impl Inbox {
     }
 
     /// The controller is in this error state; an event only when it is another one than before.
-    pub fn state(&mut self, state: State, transmit: u8, receive: u8, at: Instant) {
+    pub fn state(&mut self, state: ErrorState, transmit: u8, receive: u8, at: Instant) {
         let event = Event::Changed(state, transmit, receive);
         // What does not fit is told with the next interrupt: the state is still another one.
         if self.is_another(state) && self.push(event, at) {
@@ -168,7 +168,7 @@ impl Inbox {
     }
 
     /// Whether the controller was in another error state when it was last told.
-    pub fn is_another(&self, state: State) -> bool {
+    pub fn is_another(&self, state: ErrorState) -> bool {
         state != self.state
     }
 
@@ -246,39 +246,39 @@ mod tests {
         let mut inbox = Inbox::new();
         (0..FRAMES + 4).for_each(|n| inbox.put(received(n), Instant(u64::from(n))));
         (0..3).for_each(|place| inbox.put(Event::Sent(place), Instant(90)));
-        inbox.state(State::Off, 255, 0, Instant(91));
+        inbox.state(ErrorState::Off, 255, 0, Instant(91));
         assert_eq!((inbox.take_lost(), inbox.take_lost()), (4, 0));
         let order = core::iter::from_fn(|| inbox.take(LATE));
         let rest: std::vec::Vec<_> = order.skip(FRAMES.into()).map(|(input, _)| input).collect();
         let sent = |place| Input::Bus(Event::Sent(place));
-        let off = Input::Bus(Event::Changed(State::Off, 255, 0));
+        let off = Input::Bus(Event::Changed(ErrorState::Off, 255, 0));
         assert_eq!(rest, [sent(0), sent(1), sent(2), off]);
     }
 
     #[test]
     fn a_state_is_told_once_and_one_that_found_no_room_later() {
         let mut inbox = Inbox::new();
-        inbox.state(State::Active, 0, 0, Instant(0));
+        inbox.state(ErrorState::Active, 0, 0, Instant(0));
         assert_eq!(inbox.take(LATE), None);
         (0..FRAMES).for_each(|n| inbox.put(received(n), Instant(1)));
         let states = [
-            State::Warning,
-            State::Passive,
-            State::Active,
-            State::Warning,
+            ErrorState::Warning,
+            ErrorState::Passive,
+            ErrorState::Active,
+            ErrorState::Warning,
         ];
         for state in states {
             inbox.state(state, 1, 2, Instant(2));
         }
-        inbox.state(State::Off, 1, 2, Instant(3));
+        inbox.state(ErrorState::Off, 1, 2, Instant(3));
         assert_eq!(
             inbox.take(LATE),
             Some((Input::Bus(received(0)), Instant(1)))
         );
-        inbox.state(State::Off, 1, 2, Instant(4));
-        inbox.state(State::Off, 1, 2, Instant(5));
+        inbox.state(ErrorState::Off, 1, 2, Instant(4));
+        inbox.state(ErrorState::Off, 1, 2, Instant(5));
         let last = core::iter::from_fn(|| inbox.take(LATE)).last();
-        let off = Input::Bus(Event::Changed(State::Off, 1, 2));
+        let off = Input::Bus(Event::Changed(ErrorState::Off, 1, 2));
         assert_eq!(last, Some((off, Instant(4))));
     }
 
@@ -307,10 +307,10 @@ mod tests {
         let mut events = std::vec![
             Event::Sent(2),
             Event::GivenUp(1),
-            Event::Changed(State::Active, 0, 127),
-            Event::Changed(State::Warning, 96, 0),
-            Event::Changed(State::Passive, 128, 255),
-            Event::Changed(State::Off, 255, 1),
+            Event::Changed(ErrorState::Active, 0, 127),
+            Event::Changed(ErrorState::Warning, 96, 0),
+            Event::Changed(ErrorState::Passive, 128, 255),
+            Event::Changed(ErrorState::Off, 255, 1),
         ];
         for (id, length) in ids.iter().flat_map(|id| (0..=8).map(move |n| (*id, n))) {
             let bytes = [0xFF, 1, 2, 3, 4, 5, 6, 0x80];

@@ -2,7 +2,7 @@
 //!
 //! In: interrupts. Out: what `device` wants done, at the time it wants it. Modules of the root
 //! know no register and are tested on the host; `chip` is everything that does, and exists in the
-//! linked images only, as what uses it does: `image`, `node`, `self_check`, `new_program`.
+//! linked images only, as what uses it does: `image`, `board_node`, `self_check`, `new_program`.
 //! The binaries are `boot` and `app`, the product's, and `boot-paper` and `app-paper`, those of the
 //! paper's instrument on the paper's part.
 //!
@@ -14,8 +14,11 @@ extern crate std;
 
 pub mod bit_timing;
 #[cfg(target_os = "none")]
+pub mod board_node;
+#[cfg(target_os = "none")]
 pub mod chip;
 pub mod crash;
+pub mod driver;
 pub mod factory;
 pub mod guard;
 #[cfg(target_os = "none")]
@@ -23,11 +26,8 @@ pub mod image;
 pub mod inbox;
 #[cfg(target_os = "none")]
 pub mod new_program;
-#[cfg(target_os = "none")]
-pub mod node;
 pub mod part;
 #[cfg(target_os = "none")]
 pub mod self_check;
 mod shell;
 pub mod ticks;
-pub mod unit;

@@ -13,10 +13,10 @@ use flash::image::{Check, Verdict, header};
 use flash::layout::{Layout, Region, Slot};
 use instant::Instant;
 
+use crate::board_node;
 use crate::chip::nor::Reader;
 use crate::chip::{clock, stack, watchdog};
 use crate::guard::NorError;
-use crate::node;
 
 /// Bytes that a step looks at.
 const PIECE: u32 = 32;
@@ -29,7 +29,7 @@ static FAILED: AtomicBool = AtomicBool::new(false);
 
 /// The watchdog hears of this task only if the device was served meanwhile.
 fn feed() {
-    if node::was_served() {
+    if board_node::was_served() {
         watchdog::feed();
     }
 }

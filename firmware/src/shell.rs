@@ -22,12 +22,12 @@ macro_rules! application {
         mod app {
             use cortex_m::peripheral::SCB;
             use stm32f1xx_hal::pac::Interrupt;
+            use $crate::board_node::BoardNode;
             use $crate::chip::board::{self, Board};
             use $crate::chip::nor::Erase;
             use $crate::chip::{can, clock};
             use $crate::image::Image;
             use $crate::inbox::Inbox;
-            use $crate::node::Node;
             use $crate::self_check::{SelfCheck, running_slot};
 
             type Chosen = $image;
@@ -35,7 +35,7 @@ macro_rules! application {
             #[shared]
             struct Shared {
                 inbox: Inbox,
-                node: Option<&'static mut Node<Chosen>>,
+                node: Option<&'static mut BoardNode<Chosen>>,
             }
 
             #[local]
@@ -62,7 +62,7 @@ macro_rules! application {
                 let Some(board) = cx.local.board.take() else {
                     SCB::sys_reset()
                 };
-                let mut node = Node::new(board);
+                let mut node = BoardNode::new(board);
                 // SAFETY: this function never ends, so `node` stays where it is, and it is not used
                 // here under its own name any more.
                 let node = unsafe { &mut *(&raw mut node) };

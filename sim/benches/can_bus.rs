@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use canopen::Frame;
 use criterion::{Criterion, Throughput};
-use sim::can_bus::{Bus, Event, Order, Port, frame_bits};
+use sim::can_bus::{Bus, Event, Port, TransmitOrder, frame_bits};
 
 const NODES: u16 = 4;
 const SECOND_NS: u64 = 1_000_000_000;
@@ -25,7 +25,7 @@ impl Full {
             value: 0,
         };
         for _ in 0..NODES {
-            let port = full.bus.attach(Order::Identifier);
+            let port = full.bus.attach(TransmitOrder::Identifier);
             full.offer(port);
             full.offer(port);
         }

@@ -11,7 +11,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::node::Node;
+use crate::bench_node::BenchNode;
 use device::channel::Settings;
 use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
@@ -32,7 +32,7 @@ pub struct Side {
     /// Sensor, supply and clock.
     pub electronics: Electronics,
     /// The node's code and state.
-    pub node: Node<SpiPort>,
+    pub node: BenchNode<SpiPort>,
     /// What the node runs with.
     pub settings: Settings,
     next_poll: Instant,
@@ -44,7 +44,7 @@ impl Side {
         let port = electronics.port();
         Self {
             electronics,
-            node: Node::new(port, check),
+            node: BenchNode::new(port, check),
             settings: Settings {
                 noise: model.known_noise(),
                 ..settings
@@ -102,7 +102,7 @@ impl Side {
 /// Two sides on one housing.
 #[derive(Debug)]
 pub struct Instrument {
-    /// Node 1 and node 2.
+    /// BenchNode 1 and node 2.
     pub sides: [Side; 2],
     ticks: u64,
 }
@@ -112,7 +112,7 @@ pub struct Instrument {
 pub struct Pair {
     /// Both readings.
     pub readings: [Reading; 2],
-    /// Node 1's verdict on them.
+    /// BenchNode 1's verdict on them.
     pub verdict: Verdict,
 }
 

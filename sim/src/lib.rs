@@ -11,6 +11,7 @@
 //! with it.
 
 pub mod bench;
+pub mod bench_node;
 pub mod campaign;
 pub mod can_bus;
 pub mod chamber;
@@ -25,7 +26,6 @@ pub mod memory;
 pub mod motion;
 pub mod motor;
 pub mod network;
-pub mod node;
 pub mod rig;
 pub mod rng;
 pub mod supply;

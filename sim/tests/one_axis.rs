@@ -104,7 +104,7 @@ impl Site {
     fn agrees(&self) -> bool {
         [0, 1].into_iter().all(|number| {
             let shown = self.network.shown(number);
-            let sound = self.network.units()[number].device.faults().is_empty();
+            let sound = self.network.nodes()[number].device.faults().is_empty();
             shown.state() == 1 && shown.validity() & 1 == 1 && sound
         })
     }
@@ -137,7 +137,7 @@ fn what_is_left_to_one_axis_finds_an_offset_and_names_nobody() {
     site.syncs(150);
     assert!(site.agrees(), "{}", site.says());
     let bias = SensorFault::Bias { axis: 0, mg: 20.0 };
-    let electronics = &mut site.network.unit(1).electronics;
+    let electronics = &mut site.network.node(1).electronics;
     electronics.inject(bias, Rng::stream(1, "bias"));
     site.syncs(50);
     for number in [0, 1] {
@@ -161,6 +161,6 @@ fn a_full_turn_is_within_the_range_and_agreed_upon() {
             .minus(tilt::angle::Angle::from_degrees(roll))
             .degrees();
         assert!(off.abs() < 0.2, "{roll} deg: {off}");
-        assert!(!site.network.units()[0].device.faults().has(Fault::RangeX));
+        assert!(!site.network.nodes()[0].device.faults().has(Fault::RangeX));
     }
 }

@@ -96,7 +96,7 @@ impl Keep {
     /// Writes what has changed.
     pub fn save(&mut self, stage: &mut Stage) -> Result<(), KeepError> {
         for node in 0..self.kept.len() {
-            let memory = stage.network.unit(node).device.memory();
+            let memory = stage.network.node(node).device.memory();
             for (place, record) in Record::ALL.into_iter().enumerate() {
                 let bytes = committed(memory, record);
                 let known = &mut self.kept[node][place];

@@ -8,7 +8,7 @@
 //! Left out: the machine's own time (`pace`), and who the clients are (`hub`).
 
 use canopen::Frame;
-use sim::can_bus::{Event, MAILBOXES, Order, Port, Rates, State};
+use sim::can_bus::{ErrorState, Event, MAILBOXES, Port, Rates, TransmitOrder};
 use sim::chamber::Chamber;
 use sim::fault::NodeFault;
 use sim::lis2dw12::Fault;
@@ -241,7 +241,7 @@ impl Adapter {
             }),
             Event::Changed {
                 port,
-                state: State::BusOff,
+                state: ErrorState::BusOff,
                 ..
             } if port == self.port => {
                 self.off = true;
@@ -371,7 +371,7 @@ impl Stage {
         let bus = &mut self.network.bus;
         let frame = id.map(|id| Frame::data_frame(id, &[0xBA; 8]));
         if let (None, Some(_)) = (self.stranger, frame) {
-            self.stranger = Some(bus.attach(Order::Offered));
+            self.stranger = Some(bus.attach(TransmitOrder::Offered));
         }
         if let Some(port) = self.stranger {
             bus.babble(port, frame);
@@ -404,14 +404,14 @@ impl Stage {
             Trouble::Offset(g) => electronics.offset_g = [g, g, 0.0],
             Trouble::Memory => self
                 .network
-                .unit(number)
+                .node(number)
                 .device
                 .memory()
                 .flash_mut()
                 .set_broken(true),
             Trouble::Sensor(fault) => electronics.inject(fault, rng.fork()),
             // Code that does not run can't stand still.
-            Trouble::Node(NodeFault::Halted) if !self.network.units()[number].is_powered() => {}
+            Trouble::Node(NodeFault::Halted) if !self.network.nodes()[number].is_powered() => {}
             Trouble::Node(fault) => {
                 let mut rng = rng.fork();
                 self.network.inject(number, fault, &mut rng);
@@ -428,7 +428,7 @@ impl Stage {
         electronics.heal();
         if self.network.as_guest(number).is_none() {
             self.network
-                .unit(number)
+                .node(number)
                 .device
                 .memory()
                 .flash_mut()
@@ -443,7 +443,7 @@ impl Stage {
             if !self.network.guest(guest).is_powered() {
                 self.network.switch_guest(guest, Switch::On);
             }
-        } else if !self.network.units()[number].is_powered() {
+        } else if !self.network.nodes()[number].is_powered() {
             self.network.power_on(number);
         }
     }
@@ -479,7 +479,7 @@ impl Stage {
             let switch = if on { Switch::Connect } else { Switch::Cut };
             return self.network.switch_guest(guest, switch);
         }
-        let port = self.network.units()[number].port;
+        let port = self.network.nodes()[number].port;
         self.network.bus.connect(port, on);
     }
 }

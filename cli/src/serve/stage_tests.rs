@@ -59,7 +59,7 @@ fn clients() -> [ClientId; 3] {
 }
 
 fn faults(stage: &Stage, node: usize) -> Vec<Fault> {
-    let found = stage.network.units()[node].device.faults();
+    let found = stage.network.nodes()[node].device.faults();
     found
         .iter()
         .filter(|fault| *fault != Fault::NotCalibrated)
@@ -296,7 +296,7 @@ fn the_chamber_takes_its_time_unless_told_otherwise() {
         "{air_c} {die_c}"
     );
     let shown = |stage: &Stage| {
-        let device = &stage.network.units()[0].device;
+        let device = &stage.network.nodes()[0].device;
         device.values().process.temperature_c
     };
     let before_c = shown(&stage);
@@ -383,7 +383,7 @@ fn what_a_node_stores_is_in_the_folder_and_comes_back() {
     let answer = answer.iter().find(|p| p.frame.cob_id() == Some(0x582));
     assert_eq!(answer.map(|p| p.frame.bytes()[0]), Some(0x60));
     assert_eq!(
-        stage.network.units()[1].device.bus().state(),
+        stage.network.nodes()[1].device.bus().state(),
         State::PreOperational
     );
     keep.save(&mut stage).unwrap();

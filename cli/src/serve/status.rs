@@ -13,7 +13,7 @@ use device::exchange::reason;
 use device::objects::process::Shown;
 use sim::fault::{NodeFault, SensorFault};
 use sim::lis2dw12::Fault;
-use sim::network::{Network, Unit};
+use sim::network::{Network, NetworkNode};
 use tilt::angle::Angle;
 use tilt::chain::Invalid;
 
@@ -30,7 +30,7 @@ pub fn text(stage: &Stage) -> String {
         network.now_s(),
         network.load_percent()
     );
-    for (number, unit) in network.units().iter().enumerate() {
+    for (number, unit) in network.nodes().iter().enumerate() {
         let name = node_name(number);
         // Writing to a string does not fail.
         let halted = network.fault(number) == Some(NodeFault::Halted);
@@ -61,7 +61,7 @@ pub fn text(stage: &Stage) -> String {
 
 /// What is broken in a node, whether it has noticed or not.
 fn broken(network: &Network, number: usize) -> Vec<String> {
-    let Some(unit) = network.units().get(number) else {
+    let Some(unit) = network.nodes().get(number) else {
         return Vec::new();
     };
     let electronics = &unit.electronics;
@@ -100,7 +100,7 @@ fn part_name(fault: Fault) -> &'static str {
     }
 }
 
-fn node(unit: &Unit, now_ns: u64) -> String {
+fn node(unit: &NetworkNode, now_ns: u64) -> String {
     if !unit.is_powered() {
         return "without power".to_owned();
     }

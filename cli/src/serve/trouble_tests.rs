@@ -244,10 +244,10 @@ fn a_reset_starts_code_that_stood_still_and_heal_does_not_do_so_again() {
         site.says(word);
         site.says("power b on");
         site.go(1000);
-        let up_to = site.stage.network.units()[1].is_running();
+        let up_to = site.stage.network.nodes()[1].is_running();
         assert!(up_to && !site.status().contains("halted"), "{word}");
         site.says("heal b");
-        assert!(site.stage.network.units()[1].is_running(), "{word}");
+        assert!(site.stage.network.nodes()[1].is_running(), "{word}");
     }
 }
 

@@ -4,7 +4,8 @@
 //! that is simply a number is found by [`Parameters::place`]; slopes have rules of their own
 //! (`profile`).
 //!
-//! Left out: defaults, which stand in the rows, and what a write is allowed to do (`device_objects`).
+//! Left out: defaults, which stand in the rows, and what a write is allowed to do
+//! (`device_objects`).
 
 use canopen::object::{Address, Place};
 

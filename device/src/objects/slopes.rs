@@ -230,7 +230,8 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
         }
     }
 
-    /// A default or stored value, in any order; [`DeviceObjects::mend_slopes`] looks at them together.
+    /// A default or stored value, in any order; [`DeviceObjects::mend_slopes`] looks at them
+    /// together.
     pub(super) fn load_slope(&mut self, at: Address, value: Value) {
         let device = usize::from(at.index >= 0x6000 + LOGICAL_DEVICE);
         match which(at.index) {

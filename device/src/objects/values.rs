@@ -3,7 +3,8 @@
 //! In: what the bus writes, what the channel measures. Out: the same, for the rows to show, and
 //! [`Pending`] for the device to act on.
 //!
-//! Left out: the rules of each row (`device_objects`), calibration and settings, which the device owns.
+//! Left out: the rules of each row (`device_objects`), calibration and settings, which the device
+//! owns.
 
 use canopen::nmt::State;
 use instant::Instant;

@@ -1,9 +1,9 @@
 //! The product's chain once more, in floating point of 32 bits, and what each of the two costs.
 //!
-//! In: the samples of [`Outcome`](crate::Outcome), and a counter of instructions. Out: [`Compared`]:
-//! what either chain takes of a Cortex-M3, which has no floating point of its own, and how far
-//! their angles are apart. Both have the same stages, constants and times: gaps, low-pass,
-//! alignment in time, temperature, matrix, slopes, harmonics, uncertainties.
+//! In: the samples of [`Outcome`](crate::Outcome), and a counter of instructions. Out:
+//! [`Compared`]: what either chain takes of a Cortex-M3, which has no floating point of its own,
+//! and how far their angles are apart. Both have the same stages, constants and times: gaps,
+//! low-pass, alignment in time, temperature, matrix, slopes, harmonics, uncertainties.
 //!
 //! Left out: other calibrations than the product's, reasons for having no angle, and the check
 //! for saturation; each makes the comparison kinder to floating point.

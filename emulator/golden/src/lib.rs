@@ -1,8 +1,8 @@
 //! The product's signal chain on samples that every machine makes alike.
 //!
 //! In: nothing. Out: angles, uncertainties and vectors of two channels and what their comparison
-//! says, for each sample, as [`Outcome`]. The chip's image runs it, the test runs it on the host, and
-//! each bit has to be the same. Samples come from integers alone.
+//! says, for each sample, as [`Outcome`]. The chip's image runs it, the test runs it on the host,
+//! and each bit has to be the same. Samples come from integers alone.
 //!
 //! Left out: the golden values themselves, which `tilt/tests/golden.rs` has.
 #![cfg_attr(target_os = "none", no_std)]

@@ -10,9 +10,9 @@
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 use emulator::chip::tap::{CAN, Deed, Entry, TIM2};
+use firmware::driver::{ErrorState, Event};
 use firmware::inbox::{Inbox, Input};
 use firmware::ticks;
-use firmware::unit::{Event, State};
 use instant::Instant;
 
 /// The exception of TIM2, whose handler takes edges, and of TIM3, whose handler is the task.
@@ -316,18 +316,18 @@ impl Log {
     }
 
     /// Tells the inbox of the error state and its counters.
-    pub fn tell(&mut self, (state, transmit, receive): (State, u8, u8), at: Instant) {
+    pub fn tell(&mut self, (state, transmit, receive): (ErrorState, u8, u8), at: Instant) {
         self.inbox.state(state, transmit, receive, at);
     }
 }
 
 /// What ESR says (RM0008 24.9.2): the error state, and the counters of sending and receiving.
-pub fn error_state(esr: u32) -> (State, u8, u8) {
+pub fn error_state(esr: u32) -> (ErrorState, u8, u8) {
     let state = match esr {
-        esr if esr & 4 != 0 => State::Off,
-        esr if esr & 2 != 0 => State::Passive,
-        esr if esr & 1 != 0 => State::Warning,
-        _ => State::Active,
+        esr if esr & 4 != 0 => ErrorState::Off,
+        esr if esr & 2 != 0 => ErrorState::Passive,
+        esr if esr & 1 != 0 => ErrorState::Warning,
+        _ => ErrorState::Active,
     };
     (state, (esr >> 16) as u8, (esr >> 24) as u8)
 }

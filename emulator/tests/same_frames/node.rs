@@ -1,4 +1,4 @@
-//! The device of the host's build, served as `firmware::node` serves it on the chip.
+//! The device of the host's build, served as `firmware::board_node` serves it on the chip.
 //!
 //! In: what the chip's code has seen. Out: where this build went another way.
 
@@ -16,7 +16,7 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use emulator::chip::flash_controller::Dice;
 use emulator::chip::tap::Entry;
 use firmware::bit_timing;
-use firmware::unit::{Controller, Order, Unit};
+use firmware::driver::{BoardAction, Controller, Driver};
 use flash::nor::{Nor, Page};
 use instant::Instant;
 use tilt::composition::Composition as _;
@@ -164,23 +164,23 @@ pub fn follow<C: Composition>(
     let mut wire = Wire(Rc::clone(&log));
     let (factory, memory) = (C::factory(channel, serial), C::memory(cells));
     let mut device = Device::new(wire.clone(), C::Instrument::check(), factory, memory);
-    let mut unit = Unit::new();
+    let mut driver = Driver::new();
     let now = wire.now();
     // A part that does not answer is one on the chip, too.
     let _ = device.start_sensor(&mut wire.clone(), now);
     let now = wire.now();
-    unit.at(&mut device, &mut wire).start(now);
+    driver.at(&mut device, &mut wire).start(now);
     log.borrow_mut().inbox().forget_edge();
     while !log.borrow().has_ended() {
-        serve::<C>(&mut unit, &mut device, &mut wire);
+        serve::<C>(&mut driver, &mut device, &mut wire);
     }
     drop((device, wire));
     Rc::into_inner(log).expect("the device had it").into_inner()
 }
 
-/// `firmware::node::Node::serve`, once.
+/// `firmware::board_node::BoardNode::serve`, once.
 fn serve<C: Composition>(
-    unit: &mut Unit,
+    driver: &mut Driver,
     device: &mut Device<Wire, C::Memory, C::Instrument>,
     wire: &mut Wire,
 ) {
@@ -197,15 +197,17 @@ fn serve<C: Composition>(
     while !log.borrow().has_ended() {
         let now = wire.now();
         let take = |until| log.borrow_mut().take(until, now);
-        if let Some(next) = unit.at(device, wire).step(now, take)
+        if let Some(next) = driver.at(device, wire).step(now, take)
             && next > wire.now()
         {
             return;
         }
-        match unit.take_order() {
+        match driver.take_action() {
             None => continue,
-            Some(Order::Reset) => panic!("the chip was reset: nothing of that was written down"),
-            Some(Order::Sensor) => {
+            Some(BoardAction::Reset) => {
+                panic!("the chip was reset: nothing of that was written down")
+            }
+            Some(BoardAction::Sensor) => {
                 let now = wire.now();
                 let _ = device.restart_sensor(&mut wire.clone(), now);
             }

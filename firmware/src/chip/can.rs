@@ -22,8 +22,8 @@ use stm32f1xx_hal::pac::can::RegisterBlock;
 use super::clock;
 use super::register::write;
 use crate::bit_timing;
+use crate::driver::{Controller, ErrorState, Event};
 use crate::inbox::Inbox;
-use crate::unit::{Controller, Event, State};
 
 /// MCR: initialisation request; every other bit is zero, so: no sleep, frames go out by
 /// identifier, are repeated until they are acknowledged, and bus-off lasts until it is ended. A
@@ -226,10 +226,10 @@ pub fn interrupt(inbox: &mut Inbox, now: Instant) {
 pub fn look(inbox: &mut Inbox, now: impl FnOnce() -> Instant) {
     let esr = registers().esr().read().bits();
     let state = match esr {
-        esr if esr & BOFF != 0 => State::Off,
-        esr if esr & EPVF != 0 => State::Passive,
-        esr if esr & EWGF != 0 => State::Warning,
-        _ => State::Active,
+        esr if esr & BOFF != 0 => ErrorState::Off,
+        esr if esr & EPVF != 0 => ErrorState::Passive,
+        esr if esr & EWGF != 0 => ErrorState::Warning,
+        _ => ErrorState::Active,
     };
     if inbox.is_another(state) {
         inbox.state(state, (esr >> 16) as u8, (esr >> 24) as u8, now());

@@ -128,9 +128,9 @@ impl<'a> Run<'a> {
         let _listener = network.attach_host();
         for node in nodes {
             for _ in 0..case.power_cycles {
-                network.unit(node).electronics.power_cycle();
+                network.node(node).electronics.power_cycle();
             }
-            let electronics = &mut network.unit(node).electronics;
+            let electronics = &mut network.node(node).electronics;
             electronics.set_die_temperature(case.start_c);
             network.power_on(node);
         }
@@ -214,7 +214,7 @@ impl<'a> Run<'a> {
         self.second_ns += SECOND_NS;
         let die_c = self.case.start_c + self.case.ramp_c_per_min * now_ns as f64 * 1e-9 / 60.0;
         for node in self.nodes {
-            let electronics = &mut self.network.unit(node).electronics;
+            let electronics = &mut self.network.node(node).electronics;
             electronics.set_die_temperature(die_c);
         }
     }

@@ -107,7 +107,7 @@ impl Pair {
 
     /// Whether a node has booted and waits for its start.
     fn waits(&self, node: usize) -> bool {
-        let unit = &self.network.units()[node];
+        let unit = &self.network.nodes()[node];
         unit.is_running() && unit.device.values().state == State::PreOperational
     }
 
@@ -138,7 +138,7 @@ impl AtWork for Pair {
 
     fn compare(&mut self) -> Compared {
         let [first, _] = self.nodes;
-        let unit = &self.network.units()[first];
+        let unit = &self.network.nodes()[first];
         let now = unit.electronics.clock(self.network.now_s());
         let waiting = Judgement::Waiting(Invalid::Unconfirmed);
         Compared {
@@ -156,7 +156,7 @@ impl AtWork for Pair {
 
     fn supply(&mut self) -> &mut Supply {
         let [_, second] = self.nodes;
-        &mut self.network.unit(second).electronics.supply
+        &mut self.network.node(second).electronics.supply
     }
 
     fn delay(&mut self, ms: u32) {

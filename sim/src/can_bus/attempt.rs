@@ -7,7 +7,7 @@
 
 use canopen::Frame;
 
-use super::confinement::State;
+use super::confinement::ErrorState;
 use super::controller::{Controller, Waiting};
 use super::event::ErrorKind;
 use super::faults::Fault;
@@ -236,7 +236,7 @@ impl Decision<'_> {
     /// True when one of the senders sends dominant error flags.
     fn senders_flag(&self) -> bool {
         let mut senders = self.tie.senders.iter();
-        senders.any(|port| self.controllers[port.index()].told < State::Passive)
+        senders.any(|port| self.controllers[port.index()].told < ErrorState::Passive)
     }
 
     fn apply(&self, attempt: &mut Attempt, audience: &Audience, fault: Option<Fault>) {

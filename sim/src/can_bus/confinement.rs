@@ -1,7 +1,7 @@
 //! Fault confinement of one controller: transmit and receive error counters, and what they mean.
 //!
-//! In: what became of each frame. Out: the counters and the [`State`] they put the controller in
-//! (ISO 11898-1, fault confinement). Left out: when an error counts; that is the bus's business.
+//! In: what became of each frame. Out: the counters and the [`ErrorState`] they put the controller
+//! in (ISO 11898-1, fault confinement). Left out: when an error counts; that is the bus's business.
 
 /// From here on software should be told.
 const WARNING: u16 = 96;
@@ -16,7 +16,7 @@ const MOST_RECEIVE: u16 = 255;
 
 /// How far a controller may still take part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum State {
+pub enum ErrorState {
     /// Error active, both counters below 96.
     #[default]
     Active,
@@ -47,12 +47,12 @@ impl Counters {
     }
 
     /// What the counters mean.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> ErrorState {
         match self.transmit.max(self.receive) {
-            _ if self.transmit >= BUS_OFF => State::BusOff,
-            PASSIVE.. => State::Passive,
-            WARNING.. => State::Warning,
-            _ => State::Active,
+            _ if self.transmit >= BUS_OFF => ErrorState::BusOff,
+            PASSIVE.. => ErrorState::Passive,
+            WARNING.. => ErrorState::Warning,
+            _ => ErrorState::Active,
         }
     }
 
@@ -96,14 +96,14 @@ mod tests {
     #[test]
     fn each_limit_is_the_first_value_of_its_state() {
         let states = [
-            (11, 95, State::Active),
-            (12, 0, State::Warning),
-            (0, 96, State::Warning),
-            (15, 127, State::Warning),
-            (16, 0, State::Passive),
-            (0, 128, State::Passive),
-            (31, 255, State::Passive),
-            (32, 0, State::BusOff),
+            (11, 95, ErrorState::Active),
+            (12, 0, ErrorState::Warning),
+            (0, 96, ErrorState::Warning),
+            (15, 127, ErrorState::Warning),
+            (16, 0, ErrorState::Passive),
+            (0, 128, ErrorState::Passive),
+            (31, 255, ErrorState::Passive),
+            (32, 0, ErrorState::BusOff),
         ];
         for (transmit, receive, state) in states {
             assert_eq!(
@@ -119,7 +119,7 @@ mod tests {
         let counters = after(0, 60_000);
         assert_eq!(
             (counters.receive(), counters.state()),
-            (255, State::Passive)
+            (255, ErrorState::Passive)
         );
     }
 
@@ -139,7 +139,7 @@ mod tests {
         counters.received();
         assert_eq!(
             (counters.receive(), counters.state()),
-            (120, State::Warning)
+            (120, ErrorState::Warning)
         );
     }
 

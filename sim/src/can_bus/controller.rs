@@ -5,7 +5,7 @@
 
 use canopen::Frame;
 
-use super::confinement::{Counters, State};
+use super::confinement::{Counters, ErrorState};
 use super::wire;
 
 /// Transmit mailboxes of one controller, as the bxCAN of the STM32F1 has.
@@ -13,7 +13,7 @@ pub const MAILBOXES: usize = 3;
 
 /// Which of its mailboxes a controller sends first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
+pub enum TransmitOrder {
     /// The one that would win the bus; at the same identifier the one with the lower number, so
     /// two frames of one identifier may swap (bxCAN, TXFP = 0).
     #[default]
@@ -78,7 +78,7 @@ pub(super) struct Controller {
     pub(super) listen_only: bool,
     pub(super) counters: Counters,
     /// What was last told of `counters`.
-    pub(super) told: State,
+    pub(super) told: ErrorState,
     /// Own frames wait until then: suspend transmission of an error passive sender.
     pub(super) ready_ns: u64,
     /// Sequences of 11 recessive bits still to be seen before a controller leaves bus-off.
@@ -86,20 +86,20 @@ pub(super) struct Controller {
     /// From when on they count.
     pub(super) recovery_from_ns: u64,
     pub(super) sending: Option<Source>,
-    order: Order,
+    order: TransmitOrder,
     mailboxes: [Option<Waiting>; MAILBOXES],
     babble: Option<Waiting>,
     offers: u64,
 }
 
 impl Controller {
-    pub(super) fn new(bit_ns: u64, order: Order) -> Self {
+    pub(super) fn new(bit_ns: u64, order: TransmitOrder) -> Self {
         Self {
             bit_ns,
             connected: true,
             listen_only: false,
             counters: Counters::default(),
-            told: State::Active,
+            told: ErrorState::Active,
             ready_ns: 0,
             recovery_left: 0,
             recovery_from_ns: 0,
@@ -162,8 +162,8 @@ impl Controller {
     #[inline]
     fn is_before(&self, one: &Waiting, other: &Waiting) -> bool {
         match self.order {
-            Order::Identifier => one.priority < other.priority,
-            Order::Offered => one.number < other.number,
+            TransmitOrder::Identifier => one.priority < other.priority,
+            TransmitOrder::Offered => one.number < other.number,
         }
     }
 
@@ -205,7 +205,7 @@ impl Controller {
 
     /// It is wired, and not off the bus.
     pub(super) fn hears(&self) -> bool {
-        self.connected && self.told != State::BusOff
+        self.connected && self.told != ErrorState::BusOff
     }
 
     /// It may pull the bus dominant.
@@ -215,6 +215,6 @@ impl Controller {
 
     /// Its error flags are dominant.
     pub(super) fn flags(&self) -> bool {
-        self.speaks() && self.told < State::Passive
+        self.speaks() && self.told < ErrorState::Passive
     }
 }

@@ -5,7 +5,7 @@
 use canopen::Frame;
 use canopen::frame::Id;
 
-use super::confinement::State;
+use super::confinement::ErrorState;
 use super::controller::Mailbox;
 use super::ports::{Port, Ports};
 
@@ -73,7 +73,7 @@ pub enum Event {
         /// Whose.
         port: Port,
         /// The new state.
-        state: State,
+        state: ErrorState,
         /// When.
         at_ns: u64,
     },

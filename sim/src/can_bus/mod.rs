@@ -14,14 +14,12 @@
 //! counters stand still here; and a change of who acknowledges within one frame.
 //!
 //! ```
-//! use canopen::Frame;
-//! use sim::can_bus::{Bus, Event, Order};
-//! let mut bus = Bus::new(500_000, 1);
-//! let (node, _host) = (bus.attach(Order::Identifier), bus.attach(Order::Identifier));
-//! bus.offer(node, Frame::data_frame(0x701, &[0])).unwrap();
-//! // 19 header, 8 data, 15 CRC and 4 stuff bits, then 9 more, each of 2 us.
-//! let first = bus.step(1_000_000);
-//! assert!(matches!(first, Some(Event::Delivered { at_ns: 110_000, .. })), "{first:?}");
+//! use canopen::Frame; use sim::can_bus::{Bus, Event, TransmitOrder}; let mut bus =
+//! Bus::new(500_000, 1); let (node, _host) = (bus.attach(TransmitOrder::Identifier),
+//! bus.attach(TransmitOrder::Identifier)); bus.offer(node, Frame::data_frame(0x701,
+//! &[0])).unwrap(); // 19 header, 8 data, 15 CRC and 4 stuff bits, then 9 more, each of 2 us. let
+//! first = bus.step(1_000_000); assert!(matches!(first, Some(Event::Delivered { at_ns: 110_000, ..
+//! })), "{first:?}");
 //! ```
 
 mod attempt;
@@ -44,8 +42,8 @@ use canopen::Frame;
 use attempt::{Attempt, FLAG_BITS};
 use controller::{Controller, Source};
 
-pub use confinement::{Counters, State};
-pub use controller::{Busy, MAILBOXES, Mailbox, Order};
+pub use confinement::{Counters, ErrorState};
+pub use controller::{Busy, MAILBOXES, Mailbox, TransmitOrder};
 pub use event::{ErrorKind, Event};
 pub use faults::{Fault, Faults, Rates};
 pub use ports::{MOST_PORTS, Port, Ports};
@@ -150,7 +148,7 @@ impl Bus {
     ///
     /// # Panics
     /// When there are [`MOST_PORTS`] already.
-    pub fn attach(&mut self, order: Order) -> Port {
+    pub fn attach(&mut self, order: TransmitOrder) -> Port {
         let port = Port::new(self.controllers.len());
         let port = port.expect("a bus has at most 128 controllers: attach fewer");
         self.controllers.push(Controller::new(self.bit_ns, order));
@@ -264,7 +262,7 @@ impl Bus {
     pub fn recover(&mut self, port: Port) {
         let (now_ns, recovering) = (self.now_ns, self.recovering.contains(port));
         let controller = self.controller(port);
-        if controller.told != State::BusOff || recovering {
+        if controller.told != ErrorState::BusOff || recovering {
             return;
         }
         controller.recovery_left = RECOVERY_SEQUENCES;
@@ -312,7 +310,7 @@ impl Bus {
     }
 
     /// A controller's error state.
-    pub fn state(&self, port: Port) -> State {
+    pub fn state(&self, port: Port) -> ErrorState {
         self.controllers[port.index()].told
     }
 

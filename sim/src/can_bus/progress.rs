@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 
 use super::attempt::{Attempt, DELIMITER_BITS, Decision, FLAG_BITS, Failure, resolve};
-use super::confinement::State;
+use super::confinement::ErrorState;
 use super::event::{ErrorKind, Event};
 use super::ports::{Port, Ports};
 use super::wire::INTERMISSION_BITS;
@@ -222,7 +222,7 @@ impl Bus {
                 end_ns: self.now_ns,
             });
             let controller = self.controller(port);
-            if controller.counters.transmit() != 0 || controller.told >= State::Passive {
+            if controller.counters.transmit() != 0 || controller.told >= ErrorState::Passive {
                 controller.counters.sent();
                 self.suspend(attempt, port);
             }
@@ -259,7 +259,7 @@ impl Bus {
         for port in senders.iter() {
             let controller = self.controller(port);
             controller.fail();
-            if passive_counts || controller.told < State::Passive {
+            if passive_counts || controller.told < ErrorState::Passive {
                 controller.counters.transmit_error();
             }
             self.settle(port);
@@ -271,7 +271,7 @@ impl Bus {
     fn suspend(&mut self, attempt: &Attempt, port: Port) {
         self.tell(port);
         let controller = self.controller(port);
-        if controller.told >= State::Passive {
+        if controller.told >= ErrorState::Passive {
             controller.ready_ns = attempt.idle_ns + SUSPEND_BITS * controller.bit_ns;
         }
     }

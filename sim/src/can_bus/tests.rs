@@ -23,7 +23,7 @@ fn frame(id: u16) -> Frame {
 
 fn bus<const N: usize>() -> (Bus, [Port; N]) {
     let mut bus = Bus::new(RATE, 1);
-    let ports = [(); N].map(|()| bus.attach(Order::Identifier));
+    let ports = [(); N].map(|()| bus.attach(TransmitOrder::Identifier));
     (bus, ports)
 }
 
@@ -166,7 +166,7 @@ fn a_frame_goes_into_the_mailbox_that_its_driver_has_chosen() {
 }
 
 /// Three frames of one identifier; the fourth takes the mailbox of the first, and overtakes.
-fn four_of_one_identifier(order: Order) -> Vec<u8> {
+fn four_of_one_identifier(order: TransmitOrder) -> Vec<u8> {
     let mut bus = Bus::new(RATE, 1);
     let (a, _) = (bus.attach(order), bus.attach(order));
     let numbered = |n: u8| Frame::data_frame(0x181, &[n]);
@@ -185,8 +185,11 @@ fn four_of_one_identifier(order: Order) -> Vec<u8> {
 
 #[test]
 fn mailboxes_by_identifier_may_swap_two_frames_of_one_identifier() {
-    assert_eq!(four_of_one_identifier(Order::Identifier), [0, 3, 1, 2]);
-    assert_eq!(four_of_one_identifier(Order::Offered), [0, 1, 2, 3]);
+    assert_eq!(
+        four_of_one_identifier(TransmitOrder::Identifier),
+        [0, 3, 1, 2]
+    );
+    assert_eq!(four_of_one_identifier(TransmitOrder::Offered), [0, 1, 2, 3]);
 }
 
 #[test]
@@ -217,7 +220,7 @@ fn a_lone_node_repeats_for_ever_and_stays_on_the_bus() {
     let later = events(&mut bus, 100_000);
     assert_eq!(
         (bus.counters(a).transmit(), bus.state(a)),
-        (128, State::Passive)
+        (128, ErrorState::Passive)
     );
     assert_eq!(sent(&later).len(), 0);
     bus.connect(b, true);
@@ -225,7 +228,7 @@ fn a_lone_node_repeats_for_ever_and_stays_on_the_bus() {
     assert_eq!((sent(&heard).len(), deliveries(&heard, b)), (1, 1));
     assert_eq!(
         (bus.counters(a).transmit(), bus.state(a)),
-        (127, State::Warning)
+        (127, ErrorState::Warning)
     );
 }
 
@@ -297,7 +300,7 @@ fn a_passive_node_lets_others_go_first() {
     bus.connect(c, false);
     bus.offer(a, frame(0x100)).unwrap();
     events(&mut bus, 5000);
-    assert_eq!(bus.state(a), State::Passive);
+    assert_eq!(bus.state(a), ErrorState::Passive);
     bus.connect(b, true);
     let next = bus.statistics().attempts;
     bus.faults().plan(next, Fault::Corrupt { bit: 20 });
@@ -364,7 +367,7 @@ fn a_reset_controller_has_forgotten_its_frames_and_errors() {
     bus.reset(a);
     assert_eq!(
         (bus.counters(a), bus.state(a)),
-        (Counters::default(), State::Active)
+        (Counters::default(), ErrorState::Active)
     );
     bus.connect(b, true);
     assert_eq!(sent(&events(&mut bus, 9000)), []);

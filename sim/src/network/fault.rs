@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use canopen::Frame;
 
 use super::Network;
-use super::unit::Unit;
+use super::node::NetworkNode;
 use crate::can_bus::{Bus, Port};
 use crate::fault::{Corruption, NodeFault};
 use crate::rng::Rng;
@@ -104,7 +104,7 @@ impl Faulty {
     }
 }
 
-impl Unit {
+impl NetworkNode {
     fn inject(&mut self, fault: NodeFault, bus: &mut Bus, rng: &mut Rng) {
         self.faulty.fault = Some(fault);
         match fault {
@@ -161,16 +161,16 @@ impl Network {
     /// the fault's own.
     pub fn inject(&mut self, number: usize, fault: NodeFault, rng: &mut Rng) {
         self.heal(number);
-        self.units[number].inject(fault, &mut self.bus, rng);
+        self.nodes[number].inject(fault, &mut self.bus, rng);
     }
 
     /// Ends a node's fault.
     pub fn heal(&mut self, number: usize) {
-        self.units[number].heal(&mut self.bus);
+        self.nodes[number].heal(&mut self.bus);
     }
 
     /// The fault of a node.
     pub fn fault(&self, number: usize) -> Option<NodeFault> {
-        self.units[number].faulty.fault
+        self.nodes[number].faulty.fault
     }
 }

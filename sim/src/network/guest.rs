@@ -80,12 +80,12 @@ impl Network {
 
     /// Nodes and guests together.
     pub fn node_count(&self) -> usize {
-        self.units.len() + self.guests.len()
+        self.nodes.len() + self.guests.len()
     }
 
     /// The number among the guests of the node with this number; guests come after the others.
     pub fn as_guest(&self, node: usize) -> Option<usize> {
-        let number = node.checked_sub(self.units.len())?;
+        let number = node.checked_sub(self.nodes.len())?;
         (number < self.guests.len()).then_some(number)
     }
 
@@ -98,7 +98,7 @@ impl Network {
     pub fn electronics(&mut self, node: usize) -> &mut Electronics {
         match self.as_guest(node) {
             Some(number) => self.guests[number].electronics(),
-            None => &mut self.units[node].electronics,
+            None => &mut self.nodes[node].electronics,
         }
     }
 

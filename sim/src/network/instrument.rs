@@ -264,7 +264,7 @@ mod tests {
         nodes.iter().for_each(|n| network.power_on(*n));
         let mut hand = Hand::new(Rng::stream(1, "hand"));
         network.run_until(&mut hand, 300_000_000, |_| {});
-        let parameters = |n: usize| &network.units()[n].device.values().parameters;
+        let parameters = |n: usize| &network.nodes()[n].device.values().parameters;
         let peers = nodes.map(|n| parameters(n).peer);
         assert_eq!(peers, [4, 3]);
     }

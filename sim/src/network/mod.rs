@@ -12,8 +12,8 @@ mod fault;
 pub mod guest;
 pub mod hand;
 pub mod instrument;
+mod node;
 mod standstill;
-mod unit;
 
 #[cfg(test)]
 mod tests;
@@ -24,7 +24,7 @@ use device::objects::process::Shown;
 use tilt::cross_check::CrossCheck;
 
 use crate::TICK_S;
-use crate::can_bus::{Bus, Event, Order, Port, Ports, Statistics};
+use crate::can_bus::{Bus, Event, Port, Ports, Statistics, TransmitOrder};
 use crate::electronics::{Electronics, whole};
 use crate::memory::Memory;
 use crate::motion::Mover;
@@ -32,7 +32,7 @@ use crate::rng::Rng;
 
 use guest::Guest;
 
-pub use unit::Unit;
+pub use node::NetworkNode;
 
 /// A tick of the world in ns.
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
@@ -48,7 +48,7 @@ const NEVER: u64 = u64::MAX;
 pub struct Network {
     /// The bus.
     pub bus: Bus,
-    units: Vec<Unit>,
+    nodes: Vec<NetworkNode>,
     /// Nodes whose code runs elsewhere.
     guests: Vec<Box<dyn Guest>>,
     /// When each node next wants the processor, ns, [`NEVER`] without power; kept while time goes
@@ -72,7 +72,7 @@ impl Network {
         Self {
             counted: bus.statistics(),
             bus,
-            units: Vec::new(),
+            nodes: Vec::new(),
             guests: Vec::new(),
             due_ns: Vec::new(),
             first_due_ns: NEVER,
@@ -94,17 +94,17 @@ impl Network {
         factory: Factory,
         memory: Memory,
     ) -> usize {
-        let port = self.bus.attach(Order::Identifier);
+        let port = self.bus.attach(TransmitOrder::Identifier);
         self.bus
             .set_bit_rate(port, u32::from(factory.kbit_s) * 1000);
         self.bus.connect(port, false);
-        let mut unit = Unit::new(electronics, check, factory, memory, port);
-        let label = format!("node {} erases", self.units.len());
+        let mut node = NetworkNode::new(electronics, check, factory, memory, port);
+        let label = format!("node {} erases", self.nodes.len());
         let pace = Rng::stream(self.seed, &label);
-        unit.device.memory().flash_mut().set_pace(pace);
-        self.units.push(unit);
+        node.device.memory().flash_mut().set_pace(pace);
+        self.nodes.push(node);
         self.due_ns.push(NEVER);
-        self.units.len() - 1
+        self.nodes.len() - 1
     }
 
     /// Attaches a host: its frames go out in the order in which they were offered.
@@ -112,12 +112,12 @@ impl Network {
     /// # Panics
     /// When the bus is full.
     pub fn attach_host(&mut self) -> Port {
-        self.bus.attach(Order::Offered)
+        self.bus.attach(TransmitOrder::Offered)
     }
 
     /// The nodes, in the order of their adding.
-    pub fn units(&self) -> &[Unit] {
-        &self.units
+    pub fn nodes(&self) -> &[NetworkNode] {
+        &self.nodes
     }
 
     /// What a node shows on the bus now.
@@ -125,12 +125,12 @@ impl Network {
     /// # Panics
     /// When there is no such node.
     pub fn shown(&self, number: usize) -> Shown<'_> {
-        self.units[number].shown(self.now_ns())
+        self.nodes[number].shown(self.now_ns())
     }
 
     /// A node, for faults.
-    pub fn unit(&mut self, number: usize) -> &mut Unit {
-        &mut self.units[number]
+    pub fn node(&mut self, number: usize) -> &mut NetworkNode {
+        &mut self.nodes[number]
     }
 
     /// Virtual time, ns.
@@ -151,20 +151,20 @@ impl Network {
     /// Gives a node power.
     pub fn power_on(&mut self, number: usize) {
         let now_ns = self.now_ns();
-        self.units[number].power_on(&mut self.bus, now_ns);
+        self.nodes[number].power_on(&mut self.bus, now_ns);
     }
 
     /// Takes a node's power away.
     pub fn power_off(&mut self, number: usize) {
-        self.units[number].power_off(&mut self.bus);
+        self.nodes[number].power_off(&mut self.bus);
     }
 
     /// Pulls a node's reset pin: its code starts anew, its power stays. Nothing without power.
     pub fn reset(&mut self, number: usize) {
         let now_ns = self.now_ns();
-        let unit = &mut self.units[number];
-        if unit.is_powered() {
-            unit.reset(&mut self.bus, now_ns);
+        let node = &mut self.nodes[number];
+        if node.is_powered() {
+            node.reset(&mut self.bus, now_ns);
         }
     }
 
@@ -176,7 +176,7 @@ impl Network {
         mut seen: impl FnMut(&Event),
     ) {
         // Whoever called may have done anything to the nodes since the last time.
-        (0..self.units.len()).for_each(|number| self.look_at(number));
+        (0..self.nodes.len()).for_each(|number| self.look_at(number));
         loop {
             let next = self.next_ns().min(until_ns);
             while let Some(event) = self.bus.step(next) {
@@ -215,9 +215,9 @@ impl Network {
 
     /// Lets the nodes run that want to.
     fn poll(&mut self, now_ns: u64) {
-        for number in 0..self.units.len() {
+        for number in 0..self.nodes.len() {
             if self.due_ns[number] <= now_ns {
-                self.units[number].poll(&mut self.bus, now_ns);
+                self.nodes[number].poll(&mut self.bus, now_ns);
                 self.look_at(number);
             }
         }
@@ -225,7 +225,7 @@ impl Network {
 
     /// Notes when a node next wants the processor, after anything has happened to it.
     fn look_at(&mut self, number: usize) {
-        let next = self.units[number].next_ns(self.bus.now_ns());
+        let next = self.nodes[number].next_ns(self.bus.now_ns());
         self.due_ns[number] = next.unwrap_or(NEVER);
         self.first_due_ns = self.due_ns.iter().copied().min().unwrap_or(NEVER);
     }
@@ -235,13 +235,13 @@ impl Network {
         self.tick_ns += TICK_NS;
         let end_s = self.tick_ns as f64 * 1e-9;
         let motion = mover.step(end_s);
-        let Self { units, edges, .. } = self;
-        for (number, unit) in units.iter_mut().enumerate() {
+        let Self { nodes, edges, .. } = self;
+        for (number, node) in nodes.iter_mut().enumerate() {
             // A node that is still being set up has lived through this time already.
-            if unit.electronics.now_s() >= end_s {
+            if node.electronics.now_s() >= end_s {
                 continue;
             }
-            unit.electronics.tick(motion.force_g, end_s, |edge| {
+            node.electronics.tick(motion.force_g, end_s, |edge| {
                 let [at_ns, captured_ns] = [edge.at_s, edge.captured_s].map(|s| whole(s * 1e9));
                 edges.push((at_ns, number, captured_ns));
             });
@@ -262,8 +262,8 @@ impl Network {
         let load = now.load_since(&self.counted);
         self.load_percent = (load * 100.0).round().clamp(0.0, 100.0) as u8;
         self.counted = now;
-        for unit in &mut self.units {
-            unit.set_load(self.load_percent);
+        for node in &mut self.nodes {
+            node.set_load(self.load_percent);
         }
     }
 
@@ -284,7 +284,7 @@ impl Network {
                 return;
             }
             self.edges.pop();
-            self.units[number].data_ready(captured_ns);
+            self.nodes[number].data_ready(captured_ns);
             // A sample puts off the instant at which it would have been missed.
             self.look_at(number);
         }
@@ -304,11 +304,11 @@ impl Network {
                 frame,
                 end_ns,
                 ..
-            } => self.with_owner(*port, |unit, bus| {
-                unit.sent(bus, mailbox.number(), frame, *end_ns);
+            } => self.with_owner(*port, |node, bus| {
+                node.sent(bus, mailbox.number(), frame, *end_ns);
             }),
-            Event::Changed { port, state, at_ns } => self.with_owner(*port, |unit, bus| {
-                unit.bus_changed(bus, *state, *at_ns);
+            Event::Changed { port, state, at_ns } => self.with_owner(*port, |node, bus| {
+                node.bus_changed(bus, *state, *at_ns);
             }),
             Event::Error { senders, at_ns, .. } => self.fail(*senders, *at_ns),
             Event::Sent { .. } => {}
@@ -316,27 +316,27 @@ impl Network {
     }
 
     fn fail(&mut self, senders: Ports, at_ns: u64) {
-        for number in 0..self.units.len() {
-            if senders.contains(self.units[number].port) {
-                self.units[number].failed(&mut self.bus, at_ns);
+        for number in 0..self.nodes.len() {
+            if senders.contains(self.nodes[number].port) {
+                self.nodes[number].failed(&mut self.bus, at_ns);
                 self.look_at(number);
             }
         }
     }
 
     fn deliver(&mut self, frame: &Frame, to: Ports, at_ns: u64) {
-        for number in 0..self.units.len() {
-            if to.contains(self.units[number].port) {
-                self.units[number].receive(&mut self.bus, frame, at_ns);
+        for number in 0..self.nodes.len() {
+            if to.contains(self.nodes[number].port) {
+                self.nodes[number].receive(&mut self.bus, frame, at_ns);
                 self.look_at(number);
             }
         }
     }
 
     /// Tells the node at this port, if a node it is.
-    fn with_owner(&mut self, port: Port, tell: impl FnOnce(&mut Unit, &mut Bus)) {
-        if let Some(number) = self.units.iter().position(|unit| unit.port == port) {
-            tell(&mut self.units[number], &mut self.bus);
+    fn with_owner(&mut self, port: Port, tell: impl FnOnce(&mut NetworkNode, &mut Bus)) {
+        if let Some(number) = self.nodes.iter().position(|node| node.port == port) {
+            tell(&mut self.nodes[number], &mut self.bus);
             self.look_at(number);
         }
     }

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 
 use canopen::Frame;
 
-use crate::can_bus::State;
+use crate::can_bus::ErrorState;
 
 /// Frames that a FIFO of the controller holds.
 const FIFO: usize = 3;
@@ -27,7 +27,7 @@ pub(super) enum Held {
     /// A frame has come in.
     Received(Frame),
     /// The controller's error state is another one.
-    Changed(State),
+    Changed(ErrorState),
 }
 
 /// The standstill under way, if there is one, and what of the last one is still to be looked at.
@@ -38,7 +38,7 @@ pub(super) struct Standstill {
     sent: Vec<(usize, Frame)>,
     asked: Vec<Frame>,
     heard: Vec<Frame>,
-    changed: Option<State>,
+    changed: Option<ErrorState>,
     lost: u16,
     held: VecDeque<Held>,
 }

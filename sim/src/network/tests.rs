@@ -153,7 +153,7 @@ impl Site {
     }
 
     fn process(&self, node: usize) -> device::objects::process::Process {
-        self.network.units()[node].device.values().process
+        self.network.nodes()[node].device.values().process
     }
 }
 
@@ -174,7 +174,7 @@ fn a_pair_boots_measures_and_agrees() {
         assert_eq!(shown.validity(), 0x7F, "{process:?}");
         assert_eq!(process.missed, 0);
         assert!(shown.delta()[0].abs() < 20, "{process:?}");
-        assert!(site.network.units()[node].device.faults().is_empty());
+        assert!(site.network.nodes()[node].device.faults().is_empty());
     }
     assert_eq!(site.times_of(0x181).len(), 50);
     assert_eq!(site.times_of(0x281).len(), 5);
@@ -264,7 +264,7 @@ fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
     sync(&mut site, 10);
     site.network.power_off(1);
     sync(&mut site, 50);
-    let faults = site.network.units()[0].device.faults();
+    let faults = site.network.nodes()[0].device.faults();
     assert!(faults.has(Fault::PeerChannel), "{faults:?}");
     // EMCY of the lost heartbeat and of the channel; this one goes on (1029h).
     let told: Vec<_> = (site.trace.iter())
@@ -276,7 +276,7 @@ fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
         "{told:X?}"
     );
     assert_eq!(
-        site.network.units()[0].device.bus().state(),
+        site.network.nodes()[0].device.bus().state(),
         State::Operational
     );
     site.network.power_on(1);
@@ -285,7 +285,7 @@ fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
     site.run(&mut level(), 10 * MS);
     sync(&mut site, 60);
     assert_eq!(site.state(0), 1, "{:?}", site.process(0));
-    assert!(site.network.units()[0].device.faults().is_empty());
+    assert!(site.network.nodes()[0].device.faults().is_empty());
 }
 
 #[test]
@@ -346,7 +346,7 @@ fn a_node_finds_the_bit_rate_by_listening_and_disturbs_nobody() {
     assert_eq!(site.times_of(0x70A).len(), 60);
     assert_eq!(site.network.bus.statistics().errors, 0);
     assert!(site.times_of(0x701).len() > 10);
-    assert_eq!(site.network.units()[0].device.values().bit_rate, 125);
+    assert_eq!(site.network.nodes()[0].device.values().bit_rate, 125);
 }
 
 #[test]
@@ -379,10 +379,10 @@ fn a_part_that_falls_silent_is_noticed_within_5_ms() {
     let mut site = Site::working(250);
     site.run(&mut level(), 1000 * MS);
     let now_ns = site.network.now_ns();
-    let chip = site.network.unit(0).electronics.chip().clone();
+    let chip = site.network.node(0).electronics.chip().clone();
     chip.borrow_mut().brown_out(now_ns);
     site.run(&mut level(), 5 * MS);
-    let reason = |node: usize| site.network.units()[node].device.channel().reason();
+    let reason = |node: usize| site.network.nodes()[node].device.channel().reason();
     assert_eq!(
         [reason(0), reason(1)],
         [Some(tilt::chain::Invalid::Stale), None]

@@ -61,7 +61,7 @@ impl Injection {
     /// Begins; `rng` is the fault's own.
     pub fn begin(&self, network: &mut Network, node: usize, mut rng: Rng) {
         match self.what {
-            What::Sensor(fault) => network.unit(node).electronics.inject(fault, rng),
+            What::Sensor(fault) => network.node(node).electronics.inject(fault, rng),
             What::Node(fault) => network.inject(node, fault, &mut rng),
         }
     }
@@ -69,7 +69,7 @@ impl Injection {
     /// Ends.
     pub fn heal(&self, network: &mut Network, node: usize) {
         match self.what {
-            What::Sensor(_) => network.unit(node).electronics.heal(),
+            What::Sensor(_) => network.node(node).electronics.heal(),
             What::Node(_) => network.heal(node),
         }
     }

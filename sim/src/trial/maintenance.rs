@@ -173,12 +173,12 @@ impl Maintenance {
 }
 
 fn connect(network: &mut Network, node: usize, on: bool) {
-    let port = network.units()[node].port;
+    let port = network.nodes()[node].port;
     network.bus.connect(port, on);
 }
 
 fn spoil(network: &mut Network, node: usize, on: bool) {
-    let port = network.units()[node].port;
+    let port = network.nodes()[node].port;
     network.bus.faults().spoil(port, on);
 }
 

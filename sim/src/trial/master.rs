@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 use canopen::Frame;
 
-use crate::can_bus::{Port, State};
+use crate::can_bus::{ErrorState, Port};
 use crate::network::Network;
 use crate::trial::CHANNELS;
 use crate::trial::message::{Message, OPERATIONAL, SYNC};
@@ -210,7 +210,7 @@ impl Master {
     /// Does what is due.
     pub fn act(&mut self, network: &mut Network) {
         let now_ns = network.now_ns();
-        if network.bus.state(self.port) == State::BusOff {
+        if network.bus.state(self.port) == ErrorState::BusOff {
             network.bus.recover(self.port);
         }
         for channel in 0..CHANNELS {

@@ -197,11 +197,11 @@ impl<'a> Run<'a> {
         for node in nodes {
             // Each turn of the switch draws another turn-on offset and leaves other noise to come.
             for _ in 0..setup.power_cycles {
-                network.unit(node).electronics.power_cycle();
+                network.node(node).electronics.power_cycle();
             }
             setup.sabotage.apply(setup, &mut network, node);
             let die_c = setup.temperature_c(0.0);
-            network.unit(node).electronics.set_die_temperature(die_c);
+            network.node(node).electronics.set_die_temperature(die_c);
             network.power_on(node);
         }
         let mut rng = Rng::stream(setup.seed, "trial machine");
@@ -274,7 +274,7 @@ impl<'a> Run<'a> {
         self.temperature_ns += TEMPERATURE_NS;
         let die_c = self.setup.temperature_c(self.network.now_s());
         for node in self.nodes {
-            let unit = self.network.unit(node);
+            let unit = self.network.node(node);
             unit.electronics.set_die_temperature(die_c);
         }
     }

@@ -58,7 +58,7 @@ impl Sabotage {
 
 /// The same device with another check.
 fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck) {
-    let unit = network.unit(node);
+    let unit = network.node(node);
     let settings = unit.device.settings().clone();
     let channel = [Channel::A, Channel::B][node % 2];
     let paper = setup.mode == Mode::Paper;

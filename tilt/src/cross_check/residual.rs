@@ -11,13 +11,13 @@
 //! difference goes through low-passes of different lengths, each with its own thresholds: the short
 //! ones find large faults at once, the long ones small ones. In a shock two healthy channels differ
 //! by ten times as much as without one, briefly, so each low-pass has one threshold for calm and
-//! one for shaken times. Beside them the whole difference, baseline included, has a threshold of its
-//! own, so that a fault that was there from the start, or grows slowly, is found.
+//! one for shaken times. Beside them the whole difference, baseline included, has a threshold of
+//! its own, so that a fault that was there from the start, or grows slowly, is found.
 //!
 //! A pair whose uncertainty is wide may differ by more, baseline and changes of pose alike: above
-//! [`Residual::whole`] each threshold grows with the uncertainty, and the baseline with it. Without a
-//! temperature model the offsets of both channels drift apart with the temperature, which the baseline
-//! takes up, and their sensitivities, which shows when the housing turns.
+//! [`Residual::whole`] each threshold grows with the uncertainty, and the baseline with it. Without
+//! a temperature model the offsets of both channels drift apart with the temperature, which the
+//! baseline takes up, and their sensitivities, which shows when the housing turns.
 //!
 //! Left out: which of the two is wrong; that takes a standstill (`standstill`).
 
@@ -299,7 +299,8 @@ mod tests {
         }
     }
 
-    /// Steps of 20 ms; a baseline of `baseline` mg for `before` pairs, then the pair until it is found.
+    /// Steps of 20 ms; a baseline of `baseline` mg for `before` pairs, then the pair until it is
+    /// found.
     fn found_after(baseline: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
         let mut state = ResidualState::default();
         let mut step =

@@ -31,7 +31,7 @@ use std::collections::VecDeque;
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, standard};
-use sim::can_bus::{ErrorKind, State};
+use sim::can_bus::{ErrorKind, ErrorState};
 
 use filter::Filters;
 use registers::{esr, ier, mcr, msr, tsr};
@@ -103,7 +103,7 @@ pub struct Errors {
     /// Receive error counter.
     pub receive: u16,
     /// What they mean.
-    pub state: State,
+    pub state: ErrorState,
 }
 
 /// The controller.
@@ -239,17 +239,18 @@ impl Can {
     pub fn set_errors(&mut self, errors: Errors) {
         let before = std::mem::replace(&mut self.errors, errors).state;
         let after = errors.state;
-        let told = |level: State, enabled: u32| {
+        let told = |level: ErrorState, enabled: u32| {
             before < level && after >= level && self.ier & enabled != 0
         };
-        let interrupt = told(State::Warning, ier::EWGIE)
-            || told(State::Passive, ier::EPVIE)
-            || told(State::BusOff, ier::BOFIE);
+        let interrupt = told(ErrorState::Warning, ier::EWGIE)
+            || told(ErrorState::Passive, ier::EPVIE)
+            || told(ErrorState::BusOff, ier::BOFIE);
         if interrupt {
             self.flags |= msr::ERRI;
         }
         // 24.7.6: automatic bus-off management.
-        if after == State::BusOff && before != State::BusOff && self.mcr & mcr::ABOM != 0 {
+        if after == ErrorState::BusOff && before != ErrorState::BusOff && self.mcr & mcr::ABOM != 0
+        {
             self.actions.push_back(Action::Recover);
         }
     }
@@ -305,7 +306,7 @@ impl Can {
                 silent: self.btr >> 31 != 0,
             });
             // 24.7.6: who was off the bus begins to come back now.
-            if self.errors.state == State::BusOff {
+            if self.errors.state == ErrorState::BusOff {
                 self.actions.push_back(Action::Recover);
             }
         }
@@ -385,10 +386,10 @@ impl Can {
             receive,
             state,
         } = self.errors;
-        let at_least = |level: State, bit: u32| if state >= level { bit } else { 0 };
-        at_least(State::Warning, esr::EWGF)
-            | at_least(State::Passive, esr::EPVF)
-            | at_least(State::BusOff, esr::BOFF)
+        let at_least = |level: ErrorState, bit: u32| if state >= level { bit } else { 0 };
+        at_least(ErrorState::Warning, esr::EWGF)
+            | at_least(ErrorState::Passive, esr::EPVF)
+            | at_least(ErrorState::BusOff, esr::BOFF)
             | self.lec << 4
             | u32::from(transmit.min(255)) << 16
             | u32::from(receive.min(255)) << 24

@@ -122,7 +122,7 @@ fn bus_off_ends_by_itself_or_by_initialisation() {
     let off = Errors {
         transmit: 256,
         receive: 0,
-        state: State::BusOff,
+        state: ErrorState::BusOff,
     };
     let mut can = joined();
     can.write(0x00, 1 << 6);

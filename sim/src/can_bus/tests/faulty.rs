@@ -68,7 +68,7 @@ fn a_passive_receiver_misses_the_frame_alone() {
     assert_eq!((deliveries(&got, b), deliveries(&got, c)), (0, 1));
     assert_eq!(
         (bus.counters(b).receive(), bus.state(b)),
-        (136, State::Passive)
+        (136, ErrorState::Passive)
     );
 }
 
@@ -168,13 +168,16 @@ fn off_the_bus() -> (Bus, [Port; 3]) {
     bus.offer(ports[0], sync()).unwrap();
     let got = events(&mut bus, 10_000);
     assert_eq!(errors(&got).len(), 32);
-    let states: Vec<State> = (got.iter())
+    let states: Vec<ErrorState> = (got.iter())
         .filter_map(|event| match event {
             Event::Changed { port, state, .. } if *port == ports[0] => Some(*state),
             _ => None,
         })
         .collect();
-    assert_eq!(states, [State::Warning, State::Passive, State::BusOff]);
+    assert_eq!(
+        states,
+        [ErrorState::Warning, ErrorState::Passive, ErrorState::BusOff]
+    );
     (bus, ports)
 }
 
@@ -183,7 +186,7 @@ fn after_32_errors_in_a_row_a_sender_is_off_the_bus() {
     let (mut bus, [a, b, c]) = off_the_bus();
     assert_eq!(
         (bus.counters(a).transmit(), bus.state(a)),
-        (256, State::BusOff)
+        (256, ErrorState::BusOff)
     );
     assert_eq!(bus.counters(b).receive(), 32);
     // It neither sends, nor receives, nor acknowledges.
@@ -205,7 +208,7 @@ fn recovery_takes_128_times_11_recessive_bits() {
     assert_eq!(bus.next_event(), Some(at_ns));
     let changed = Event::Changed {
         port: a,
-        state: State::Active,
+        state: ErrorState::Active,
         at_ns,
     };
     assert_eq!(bus.step(at_ns), Some(changed));
@@ -261,7 +264,7 @@ fn a_node_at_another_bit_rate_disturbs_until_it_is_passive() {
     );
     assert_eq!((deliveries(&got, b), deliveries(&got, wrong)), (1, 0));
     assert_eq!(bus.counters(a).transmit(), 15 * 8 - 1);
-    assert_eq!(bus.state(wrong), State::Passive);
+    assert_eq!(bus.state(wrong), ErrorState::Passive);
 }
 
 /// Its frames are destroyed 15 times, until the two receivers are passive (9 each, 135). Then
@@ -276,7 +279,7 @@ fn a_node_that_sends_at_another_bit_rate_is_never_heard() {
     assert!(bus.counters(b).receive() >= 128);
     assert_eq!(
         (bus.counters(wrong).transmit(), bus.state(wrong)),
-        (128, State::Passive)
+        (128, ErrorState::Passive)
     );
 }
 
@@ -323,7 +326,7 @@ fn a_short_puts_the_sender_off_the_bus_and_receivers_to_passive() {
     let off = got.iter().find_map(|event| match event {
         Event::Changed {
             port,
-            state: State::BusOff,
+            state: ErrorState::BusOff,
             at_ns,
         } => Some((*port, at_ns / BIT)),
         _ => None,
@@ -331,7 +334,7 @@ fn a_short_puts_the_sender_off_the_bus_and_receivers_to_passive() {
     assert_eq!(off, Some((a, 20 + 1 + 14 + 30 * 8)));
     assert_eq!(
         (bus.counters(b).receive(), bus.state(b)),
-        (255, State::Passive)
+        (255, ErrorState::Passive)
     );
     bus.offer(b, frame(0x101)).unwrap();
     // 8 bits of delimiter and the intermission after the short.

@@ -18,7 +18,7 @@ struct Run {
 impl Run {
     fn new(rates: Rates, seed: u64) -> Self {
         let mut bus = Bus::new(RATE, seed);
-        let orders = [Order::Identifier; 4];
+        let orders = [TransmitOrder::Identifier; 4];
         let ports = orders.map(|order| bus.attach(order));
         bus.faults().set_rates(rates);
         Self {
@@ -130,7 +130,7 @@ proptest! {
         let rates = Rates { corrupt: 0.03, local: 0.02, ..Rates::default() };
         let run = Run::new(rates, seed).play(&offers);
         let passive = run.events.iter().any(|event| {
-            matches!(event, Event::Changed { state: State::Passive, .. })
+            matches!(event, Event::Changed { state: ErrorState::Passive, .. })
         });
         prop_assume!(!passive);
         for (count, (_, port, _)) in run.counts().iter().zip(&offers) {

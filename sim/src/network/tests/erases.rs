@@ -34,7 +34,7 @@ fn a_clear_costs_no_heartbeat_and_blames_nobody() {
         let mut site = clearing(phase * 250_000);
         let begun = site.trace.len();
         let from_ns = site.network.now_ns();
-        while site.network.units()[0].device.values().program.status() == 1 {
+        while site.network.nodes()[0].device.values().program.status() == 1 {
             site.send(0x80, &[]);
             site.run(&mut level(), 20 * MS);
         }
@@ -109,7 +109,7 @@ fn a_frame_went_into_a_mailbox_that_its_driver_had_not_chosen_after_a_standstill
         // An answer is on the wire when a page begins to be erased, and a heartbeat becomes due.
         // The answer is gone when the processor goes on, and its driver has not been told yet.
         let mut asked = 0;
-        while site.network.units()[0].device.values().program.status() == 1 {
+        while site.network.nodes()[0].device.values().program.status() == 1 {
             site.send(0x601, &[0x40, 0x57, 0x1F, 1, 0, 0, 0, 0]);
             site.run(&mut level(), 45 * MS + 130_000);
             asked += 1;

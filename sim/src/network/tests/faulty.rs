@@ -6,7 +6,7 @@ use canopen::node::BusState;
 use device::objects::process::Process;
 use tilt::chain::Correction;
 
-use crate::can_bus::State as BusError;
+use crate::can_bus::ErrorState;
 use crate::fault::{NodeFault, SensorFault};
 
 fn rng() -> Rng {
@@ -44,7 +44,7 @@ impl Site {
         self.sync(20);
         for (node, id) in [(0, 0x181), (1, 0x182)] {
             assert_eq!(self.times_of(id).len(), 20);
-            let device = &self.network.units()[node].device;
+            let device = &self.network.nodes()[node].device;
             assert!(
                 device.faults().is_empty(),
                 "node {node} {:?} {:?}",
@@ -75,7 +75,7 @@ fn a_silent_node_says_nothing_until_it_is_healed() {
     site.sync(50);
     assert_eq!(answers(&site), []);
     assert_eq!(site.times_of(0x702), []);
-    assert!(!site.network.units()[1].is_powered());
+    assert!(!site.network.nodes()[1].is_powered());
     site.heal();
     site.works_again();
 }
@@ -181,9 +181,9 @@ fn a_spoiled_sender_goes_bus_off_alone_and_recovers() {
     let off: Process = site.process(1);
     assert_eq!((off.bus.state, off.bus.bus_offs), (2, 1), "{:?}", off.bus);
     assert_eq!(answers(&site), []);
-    let [own, host] = [site.network.units()[0].port, site.host];
+    let [own, host] = [site.network.nodes()[0].port, site.host];
     for port in [own, host] {
-        assert!(site.network.bus.state(port) < BusError::Passive);
+        assert!(site.network.bus.state(port) < ErrorState::Passive);
     }
     assert_eq!(site.times_of(0x181).len(), 10);
     // It tries to come back, and fails.
@@ -200,11 +200,11 @@ fn a_spoiled_sender_goes_bus_off_alone_and_recovers() {
 fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
     let mut site = working();
     let spikes = SensorFault::Spikes { g: 0.2, per_s: 5.0 };
-    site.network.unit(1).electronics.inject(spikes, rng());
+    site.network.node(1).electronics.inject(spikes, rng());
     site.sync(150);
     let shown = site.network.shown(0);
     assert_eq!((shown.state(), shown.blame().0), (8, 2));
-    site.network.unit(1).electronics.heal();
+    site.network.node(1).electronics.heal();
     site.inject(NodeFault::BusOff);
     site.network.reset(1);
     site.run(&mut level(), 3000 * MS);
@@ -237,7 +237,7 @@ fn without_sync_a_node_hears_everything_else() {
 fn a_corrupt_calibration_is_sound_again_after_healing() {
     let mut site = working();
     let matrix = |site: &Site| {
-        let chain = &site.network.units()[1].device.settings().chain;
+        let chain = &site.network.nodes()[1].device.settings().chain;
         let Correction::TwoAxis { vector, .. } = &chain.calibration.correction else {
             panic!("the product has a matrix")
         };
@@ -263,7 +263,7 @@ fn another_fault_heals_the_one_before() {
     site.inject(NodeFault::Silent);
     site.sync(5);
     site.inject(NodeFault::SyncLost);
-    assert!(site.network.units()[1].is_powered());
+    assert!(site.network.nodes()[1].is_powered());
     site.heal();
     site.works_again();
 }
@@ -273,11 +273,11 @@ fn late_samples_reach_a_node_with_their_old_times() {
     let late = |fault: Option<SensorFault>| {
         let mut site = working();
         if let Some(fault) = fault {
-            let electronics = &mut site.network.unit(1).electronics;
+            let electronics = &mut site.network.node(1).electronics;
             electronics.inject(fault, rng());
         }
         site.run(&mut level(), 500 * MS);
-        let unit = &site.network.units()[1];
+        let unit = &site.network.nodes()[1];
         let now = unit.electronics.clock(site.network.now_s());
         let (_, captured) = unit.device.channel().filtered().expect("samples");
         now.micros_since(captured)

@@ -51,10 +51,10 @@ fn an_emcy_waited_behind_three_frames_for_as_long_as_a_flood_lasted() {
     let (mut site, stranger) = flooded();
     assert_eq!(site.emergencies(), 0);
     for told in 1..=3 {
-        let now = site.network.units()[1]
+        let now = site.network.nodes()[1]
             .electronics
             .clock(site.network.now_s());
-        site.network.unit(1).device.frames_lost(told, now);
+        site.network.node(1).device.frames_lost(told, now);
         site.run(&mut level(), 2 * MS);
         assert_eq!(site.emergencies(), usize::from(told));
     }

@@ -23,7 +23,7 @@ impl Site {
         let mut site = Self::new(250);
         for node in 0..2 {
             site.network.power_off(node);
-            let memory = site.network.unit(node).device.memory();
+            let memory = site.network.node(node).device.memory();
             store(memory, Record::Communication, at(0x13FE, 0), VALID);
             store(memory, Record::Profile, at(0x63FE, 0), VALID);
             site.network.power_on(node);

@@ -123,7 +123,7 @@ impl Site {
                 self.send(0x80, &[]);
             }
             self.run(&mut level(), MS / 10);
-            let (unit, shown) = (&self.network.units()[0], self.network.shown(0));
+            let (unit, shown) = (&self.network.nodes()[0], self.network.shown(0));
             let (reason, faults) = (unit.device.channel().reason(), unit.device.faults());
             let faulty = reason.is_some() || faults.has(Fault::SensorSilent);
             let valid = shown.own(0).is_ok() || shown.own(1).is_ok();

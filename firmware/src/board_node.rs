@@ -1,7 +1,7 @@
 //! The device on its board: started, served, reset.
 //!
 //! In: what interrupts have left in the inbox, and the time. Out: everything that the device does.
-//! Events and deadlines are served in the order of their times ([`crate::unit`]).
+//! Events and deadlines are served in the order of their times ([`crate::driver`]).
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,12 +15,12 @@ use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
 use crate::chip::spi::Sensor;
 use crate::crash::Crash;
+use crate::driver::{BoardAction, Driver, DriverCall};
 use crate::image::Image;
 use crate::inbox::Inbox;
 use crate::self_check;
-use crate::unit::{At, Order, Unit};
 
-/// Set by each round of [`Node::serve`], taken back by the watchdog's feeder.
+/// Set by each round of [`BoardNode::serve`], taken back by the watchdog's feeder.
 static ALIVE: AtomicBool = AtomicBool::new(false);
 
 /// Whether the device was served since the last call.
@@ -31,8 +31,8 @@ pub fn was_served() -> bool {
 }
 
 /// The device with all that it needs, as `C` composes it.
-pub struct Node<C: Image> {
-    unit: Unit,
+pub struct BoardNode<C: Image> {
+    driver: Driver,
     device: Device<Sensor<Select>, C::Memory, C::Instrument>,
     can: Can,
     alarm: Alarm,
@@ -40,14 +40,14 @@ pub struct Node<C: Image> {
     running: bool,
 }
 
-impl<C: Image> Node<C> {
+impl<C: Image> BoardNode<C> {
     /// A device that has not been started.
     #[inline(never)]
     pub fn new(board: Board<C::Eraser>) -> Self {
         let factory = C::factory(board.channel, board.serial);
         let memory = C::memory(board.nor);
         Self {
-            unit: Unit::new(),
+            driver: Driver::new(),
             device: Device::new(board.sensor, C::Instrument::check(), factory, memory),
             can: board.can,
             alarm: board.alarm,
@@ -56,8 +56,8 @@ impl<C: Image> Node<C> {
         }
     }
 
-    fn at(&mut self) -> At<'_, Sensor<Select>, C::Memory, Can, C::Instrument> {
-        self.unit.at(&mut self.device, &mut self.can)
+    fn at(&mut self) -> DriverCall<'_, Sensor<Select>, C::Memory, Can, C::Instrument> {
+        self.driver.at(&mut self.device, &mut self.can)
     }
 
     /// Does all that is due, and sets the alarm for what will be.
@@ -85,8 +85,8 @@ impl<C: Image> Node<C> {
             {
                 break;
             }
-            if let Some(order) = self.unit.take_order() {
-                self.obey(order);
+            if let Some(action) = self.driver.take_action() {
+                self.perform(action);
                 inbox.lock(Inbox::forget_edge);
             }
         }
@@ -110,11 +110,11 @@ impl<C: Image> Node<C> {
     }
 
     #[inline(never)]
-    fn obey(&mut self, order: Order) {
-        match order {
-            Order::Reset => SCB::sys_reset(),
+    fn perform(&mut self, action: BoardAction) {
+        match action {
+            BoardAction::Reset => SCB::sys_reset(),
             // A part that still does not answer leaves its channel invalid.
-            Order::Sensor => {
+            BoardAction::Sensor => {
                 let _ = self.device.restart_sensor(&mut Wait, now());
             }
         }

@@ -1,4 +1,4 @@
-//! A unit with a level part and a controller that only notes what it is told.
+//! A driver with a level part and a controller that only notes what it is told.
 
 use core::convert::Infallible;
 use std::vec;
@@ -137,7 +137,7 @@ impl Controller for Notes {
 }
 
 struct Bench {
-    unit: Unit,
+    driver: Driver,
     device: Device<Part, Memory>,
     can: Notes,
     now: Instant,
@@ -151,7 +151,7 @@ impl Bench {
         let factory = product(Channel::A, 7);
         let check = CrossCheck::product();
         let mut bench = Self {
-            unit: Unit::new(),
+            driver: Driver::new(),
             device: Device::new(Part(registers), check, factory, memory()),
             can: Notes::default(),
             now: Instant(1000),
@@ -185,8 +185,8 @@ impl Bench {
         bench
     }
 
-    fn at(&mut self) -> At<'_, Part, Memory, Notes, Whole> {
-        self.unit.at(&mut self.device, &mut self.can)
+    fn at(&mut self) -> DriverCall<'_, Part, Memory, Notes, Whole> {
+        self.driver.at(&mut self.device, &mut self.can)
     }
 
     fn said(&mut self) -> Vec<Told> {
@@ -296,11 +296,11 @@ fn an_emcy_waited_behind_three_frames_that_it_outranks() {
 #[test]
 fn a_boot_up_message_that_bus_off_took_was_never_sent_again() {
     let mut bench = Bench::booting();
-    bench.event(Event::Changed(State::Off, 255, 0));
+    bench.event(Event::Changed(ErrorState::Off, 255, 0));
     let again = [Told::Clear, Told::Post(0, 0x81), Told::Post(1, 0x701)];
     assert_eq!(bench.said(), again);
     bench.empty();
-    bench.event(Event::Changed(State::Off, 255, 0));
+    bench.event(Event::Changed(ErrorState::Off, 255, 0));
     assert_eq!(bench.said(), [Told::Clear]);
 }
 
@@ -309,7 +309,7 @@ fn bus_off_empties_the_mailboxes_and_ends_when_the_device_says() {
     let mut bench = Bench::measuring();
     bench.hear(0x80, &[]);
     bench.said();
-    bench.event(Event::Changed(State::Off, 255, 0));
+    bench.event(Event::Changed(ErrorState::Off, 255, 0));
     assert_eq!(bench.said().first(), Some(&Told::Clear));
     let wait_us = bench.device.recovery(bench.now).unwrap().0 - bench.now.0;
     bench.pass(wait_us - 1);
@@ -342,10 +342,10 @@ fn a_new_bit_rate_comes_after_silence_and_before_silence() {
 #[test]
 fn a_reset_over_the_bus_is_the_boards_business() {
     let mut bench = Bench::measuring();
-    assert_eq!(bench.unit.take_order(), None);
+    assert_eq!(bench.driver.take_action(), None);
     bench.hear(0, &[129, 1]);
-    assert_eq!(bench.unit.take_order(), Some(Order::Reset));
-    assert_eq!(bench.unit.take_order(), None);
+    assert_eq!(bench.driver.take_action(), Some(BoardAction::Reset));
+    assert_eq!(bench.driver.take_action(), None);
 }
 
 #[test]
@@ -356,7 +356,7 @@ fn an_event_late_by_a_stall_does_not_turn_time_back() {
     bench.at().event(Event::Sent(0), before);
     let next = bench.at().next();
     assert!(next >= bench.now, "{next:?}");
-    assert_eq!(vec![bench.unit.reached], vec![bench.now]);
+    assert_eq!(vec![bench.driver.reached], vec![bench.now]);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! In: data-ready edges, what the CAN controller has seen, and the time. Out: what goes into the
 //! controller's mailboxes and what is taken back from there, the bit rate, and what is left for
-//! the board ([`Order`]).
+//! the board ([`BoardAction`]).
 //!
 //! The device is told of each event at the time of the event, not at that of the processor's
 //! getting there, and is polled at the very instants that it asks for. So the same events give the
@@ -32,12 +32,12 @@ pub enum Event {
     /// The frame in this mailbox was given up without having gone out.
     GivenUp(u8),
     /// The error state is another one, with the counters of sending and of receiving.
-    Changed(State, u8, u8),
+    Changed(ErrorState, u8, u8),
 }
 
 /// The controller's error state (RM0008 24.7.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum ErrorState {
     /// Error active, with counters below 96.
     Active,
     /// Error active, with a counter of 96 or more.
@@ -48,7 +48,7 @@ pub enum State {
     Off,
 }
 
-impl State {
+impl ErrorState {
     /// By its number, as `as u8` gives it; bus-off for any beyond.
     pub const fn from_number(number: u8) -> Self {
         match number {
@@ -60,7 +60,7 @@ impl State {
     }
 }
 
-/// The CAN controller as a unit uses it. What is in its mailboxes stays there but for
+/// The CAN controller as a driver uses it. What is in its mailboxes stays there but for
 /// [`Transmitter`]'s methods.
 pub trait Controller: Transmitter {
     /// Asks back from bus-off: after 128 times 11 recessive bits it takes part again.
@@ -69,18 +69,18 @@ pub trait Controller: Transmitter {
     fn set_rate(&mut self, kbit_s: u16, listen_only: bool);
 }
 
-/// What only the board can do, asked for by [`Unit`]'s methods.
+/// What only the board can do, asked for by [`Driver`]'s methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum BoardAction {
     /// Reset the chip.
     Reset,
     /// Call [`Device::restart_sensor`].
     Sensor,
 }
 
-/// State of the driver around a device.
+/// ErrorState of the driver around a device.
 #[derive(Debug)]
-pub struct Unit {
+pub struct Driver {
     mailboxes: Mailboxes,
     /// When to ask the controller back from bus-off.
     recover_at: Option<Instant>,
@@ -91,7 +91,7 @@ pub struct Unit {
     search: Option<Search>,
     /// The latest instant that the device was told: its time does not go back.
     reached: Instant,
-    order: Option<Order>,
+    action: Option<BoardAction>,
 }
 
 /// Lateness that is none: the processor was busy with something else, us.
@@ -117,19 +117,19 @@ fn overdue(next: Instant, now: Instant) -> Instant {
 }
 
 /// A device and what surrounds it, for one call.
-pub struct At<'a, SPI, M, C, I: Instrument> {
-    unit: &'a mut Unit,
+pub struct DriverCall<'a, SPI, M, C, I: Instrument> {
+    driver: &'a mut Driver,
     device: &'a mut Device<SPI, M, I>,
     can: &'a mut C,
 }
 
-impl Default for Unit {
+impl Default for Driver {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Unit {
+impl Driver {
     /// Before the bus is started.
     pub const fn new() -> Self {
         Self {
@@ -139,7 +139,7 @@ impl Unit {
             delay_ms: 0,
             search: None,
             reached: Instant(0),
-            order: None,
+            action: None,
         }
     }
 
@@ -148,17 +148,17 @@ impl Unit {
         &'a mut self,
         device: &'a mut Device<SPI, M, I>,
         can: &'a mut C,
-    ) -> At<'a, SPI, M, C, I> {
-        At {
-            unit: self,
+    ) -> DriverCall<'a, SPI, M, C, I> {
+        DriverCall {
+            driver: self,
             device,
             can,
         }
     }
 
     /// What is left for the board to do, once.
-    pub const fn take_order(&mut self) -> Option<Order> {
-        self.order.take()
+    pub const fn take_action(&mut self) -> Option<BoardAction> {
+        self.action.take()
     }
 
     /// The driver itself waits for something, which is seldom: it is asked before each event.
@@ -182,10 +182,10 @@ impl Unit {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, I> {
+impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> DriverCall<'_, SPI, M, C, I> {
     /// The bus begins: the sensor has been set up.
     pub fn start(&mut self, now: Instant) {
-        let now = self.unit.reach(now);
+        let now = self.driver.reach(now);
         self.device.start_bus(now);
         self.set_rate(self.device.bit_rate(), now);
         self.poll(now);
@@ -213,33 +213,33 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
         None
     }
 
-    /// When [`At::poll`] is next due.
+    /// When [`DriverCall::poll`] is next due.
     pub fn next(&self) -> Instant {
-        let unit = &self.unit;
+        let driver = &self.driver;
         let device = self.device.next_deadline();
-        let next = if unit.has_business() {
-            unit.first(device)
+        let next = if driver.has_business() {
+            driver.first(device)
         } else {
             device
         };
-        next.max(unit.reached)
+        next.max(driver.reached)
     }
 
     /// A data-ready edge of `captured`: a sample is taken, and nothing else.
     pub fn data_ready(&mut self, captured: Instant) {
-        self.unit.reach(captured);
+        self.driver.reach(captured);
         self.device.data_ready(captured);
     }
 
-    /// Does what is due at `now`, which is what [`At::next`] has said.
+    /// Does what is due at `now`, which is what [`DriverCall::next`] has said.
     pub fn poll(&mut self, now: Instant) {
-        let now = self.unit.reach(now);
-        if self.unit.recover_at.is_some_and(|at| at <= now) {
-            self.unit.recover_at = None;
+        let now = self.driver.reach(now);
+        if self.driver.recover_at.is_some_and(|at| at <= now) {
+            self.driver.recover_at = None;
             self.can.recover();
         }
         self.switch(now);
-        if let Some(search) = &mut self.unit.search
+        if let Some(search) = &mut self.driver.search
             && search.poll(now)
         {
             self.can.set_rate(search.kbit_s(), true);
@@ -254,12 +254,12 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     // Apart, because most calls are for a sample, which would set up what only frames need.
     #[inline(never)]
     pub fn event(&mut self, event: Event, at: Instant) {
-        let at = self.unit.reach(at);
+        let at = self.driver.reach(at);
         match event {
             Event::Received(frame) => self.received(&frame, at),
             Event::Sent(place) => self.sent(place, at),
             Event::GivenUp(place) => {
-                self.unit.mailboxes.given_up(place, self.device, at);
+                self.driver.mailboxes.given_up(place, self.device, at);
                 self.pump(at);
             }
             Event::Changed(state, transmit, receive) => self.changed(state, transmit, receive, at),
@@ -267,7 +267,7 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     }
 
     fn received(&mut self, frame: &Frame, at: Instant) {
-        let found = self.unit.search;
+        let found = self.driver.search;
         if let Some(found) = found {
             self.set_rate(Some(found.kbit_s()), at);
         }
@@ -279,26 +279,26 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     }
 
     fn sent(&mut self, place: u8, at: Instant) {
-        let Some(frame) = self.unit.mailboxes.sent(place) else {
+        let Some(frame) = self.driver.mailboxes.sent(place) else {
             return;
         };
         self.device.sent(frame, at);
         if self.device.next_deadline() <= at {
             self.poll(at);
-        } else if self.unit.mailboxes.is_full() {
+        } else if self.driver.mailboxes.is_full() {
             self.pump(at);
         }
     }
 
-    fn changed(&mut self, state: State, transmit: u8, receive: u8, at: Instant) {
+    fn changed(&mut self, state: ErrorState, transmit: u8, receive: u8, at: Instant) {
         let state = match state {
-            State::Active | State::Warning => BusState::Active,
-            State::Passive => BusState::Passive,
-            State::Off => BusState::Off,
+            ErrorState::Active | ErrorState::Warning => BusState::Active,
+            ErrorState::Passive => BusState::Passive,
+            ErrorState::Off => BusState::Off,
         };
         if state == BusState::Off {
-            self.unit.mailboxes.clear(self.can);
-            self.unit.recover_at = self.device.recovery(at);
+            self.driver.mailboxes.clear(self.can);
+            self.driver.recover_at = self.device.recovery(at);
         }
         self.device.bus_state(state, transmit, receive, at);
         self.pump(at);
@@ -308,20 +308,20 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     fn set_rate(&mut self, kbit_s: Option<u16>, now: Instant) {
         let search = kbit_s.is_none().then(|| Search::new(now));
         let rate = search.map_or(kbit_s, |s| Some(s.kbit_s()));
-        self.unit.search = search;
+        self.driver.search = search;
         self.can.set_rate(rate.unwrap_or(0), search.is_some());
         self.device.set_bit_rate(kbit_s.unwrap_or(0));
     }
 
     /// LSS "activate bit timing": silence, the new rate, silence again (CiA 305).
     fn switch(&mut self, now: Instant) {
-        match self.unit.switch_at {
+        match self.driver.switch_at {
             Some((at, Some(kbit_s))) if at <= now => {
                 self.set_rate(kbit_s, now);
-                let later = now.offset(i64::from(self.unit.delay_ms) * 1000);
-                self.unit.switch_at = Some((later, None));
+                let later = now.offset(i64::from(self.driver.delay_ms) * 1000);
+                self.driver.switch_at = Some((later, None));
             }
-            Some((at, None)) if at <= now => self.unit.switch_at = None,
+            Some((at, None)) if at <= now => self.driver.switch_at = None,
             _ => {}
         }
     }
@@ -330,21 +330,21 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> At<'_, SPI, M, C, 
     // Its callers would each hold a copy of it.
     #[inline(never)]
     fn pump(&mut self, now: Instant) {
-        let unit = &mut *self.unit;
-        let silent = unit.switch_at.is_some() || unit.search.is_some();
-        unit.mailboxes.fill(self.device, self.can, silent, now);
+        let driver = &mut *self.driver;
+        let silent = driver.switch_at.is_some() || driver.search.is_some();
+        driver.mailboxes.fill(self.device, self.can, silent, now);
         self.wish(now);
     }
 
     fn wish(&mut self, now: Instant) {
         match self.device.take_request() {
             None => {}
-            Some(BoardRequest::Reset) => self.unit.order = Some(Order::Reset),
-            Some(BoardRequest::Sensor) => self.unit.order = Some(Order::Sensor),
+            Some(BoardRequest::Reset) => self.driver.action = Some(BoardAction::Reset),
+            Some(BoardRequest::Sensor) => self.driver.action = Some(BoardAction::Sensor),
             Some(BoardRequest::BitRate { kbit_s, delay_ms }) => {
-                self.unit.delay_ms = delay_ms;
+                self.driver.delay_ms = delay_ms;
                 let at = now.offset(i64::from(delay_ms) * 1000);
-                self.unit.switch_at = Some((at, Some(kbit_s)));
+                self.driver.switch_at = Some((at, Some(kbit_s)));
             }
         }
     }

@@ -14,13 +14,13 @@ use tilt::observation::Observation;
 
 /// A node's state.
 #[derive(Debug)]
-pub struct Node<SPI> {
+pub struct BenchNode<SPI> {
     /// The channel this node measures with.
     pub channel: Channel<SPI>,
     check: CrossCheck,
 }
 
-impl<SPI: SpiDevice> Node<SPI> {
+impl<SPI: SpiDevice> BenchNode<SPI> {
     /// A node that has not been started, judging by `check`.
     pub fn new(spi: SPI, check: CrossCheck) -> Self {
         Self {

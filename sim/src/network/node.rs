@@ -19,14 +19,14 @@ use tilt::cross_check::CrossCheck;
 
 use super::fault::Faulty;
 use super::standstill::{Held, Standstill};
-use crate::can_bus::{Bus, Mailbox, Port, State};
+use crate::can_bus::{Bus, ErrorState, Mailbox, Port};
 use crate::electronics::Electronics;
 use crate::lis2dw12::SpiPort;
 use crate::memory::{self, Memory, Program};
 
 /// A node's code and the state of its driver.
 #[derive(Debug)]
-pub struct Unit {
+pub struct NetworkNode {
     /// Sensor, supply and clock.
     pub electronics: Electronics,
     /// The device code.
@@ -84,7 +84,7 @@ fn seconds(time_ns: u64) -> f64 {
     time_ns as f64 * 1e-9
 }
 
-impl Unit {
+impl NetworkNode {
     /// A node without power: its part is drawn already, its code has not run.
     pub fn new(
         electronics: Electronics,
@@ -354,16 +354,16 @@ impl Unit {
     }
 
     /// The controller's error state is another one.
-    pub fn bus_changed(&mut self, bus: &mut Bus, state: State, at_ns: u64) {
+    pub fn bus_changed(&mut self, bus: &mut Bus, state: ErrorState, at_ns: u64) {
         if !self.running || self.standstill.takes(Held::Changed(state)) {
             return;
         }
         let now = self.now(at_ns);
         let counters = bus.counters(self.port);
         let state = match state {
-            State::Active | State::Warning => BusState::Active,
-            State::Passive => BusState::Passive,
-            State::BusOff => BusState::Off,
+            ErrorState::Active | ErrorState::Warning => BusState::Active,
+            ErrorState::Passive => BusState::Passive,
+            ErrorState::BusOff => BusState::Off,
         };
         if state == BusState::Off {
             let port = self.port;
@@ -419,7 +419,7 @@ impl Unit {
         }
     }
 
-    /// [`Unit::pump`] of a node whose frames get to the controller late.
+    /// [`NetworkNode::pump`] of a node whose frames get to the controller late.
     fn pump_late(&mut self, can: &mut Controller<'_>, now: Instant, now_ns: u64) {
         while let Some(frame) = self.mailboxes.take_out() {
             self.faulty.delay(frame, now_ns);
