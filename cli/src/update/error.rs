@@ -52,6 +52,10 @@ pub enum UpdateError {
     OnTrial(u8),
     /// A node has no valid angle: while the other one is updated nobody would measure.
     NoAngle(u8),
+    /// A node has no place for a program that comes over the bus.
+    Fixed(u8),
+    /// A node is not OPERATIONAL that would be the only one that measures.
+    Idle(u8),
     /// A node of a pair at work has no valid angle after the update of one.
     Apart(u8),
     /// A node did not finish clearing its memory.
@@ -148,6 +152,11 @@ impl UpdateError {
             Self::Transfer(node) => {
                 write!(f, "the transfer to node {node} came out of step; {AGAIN}")
             }
+            Self::Fixed(node) => write!(
+                f,
+                "node {node} takes no program over the bus, as the paper's instrument does not: \
+                 use a debug probe (docs/bring-up.md)"
+            ),
             Self::Stranger(node) => write!(f, "node {node} is no channel of a Plumb"),
             Self::Hardware(node, id) => {
                 write!(f, "no image is for node {node}: its hardware is {id:08X}h")
@@ -171,6 +180,11 @@ impl UpdateError {
                 f,
                 "node {node} has no valid angle, and one channel has to measure while the other \
                  is updated: repair it first, or use --force"
+            ),
+            Self::Idle(node) => write!(
+                f,
+                "node {node} is not OPERATIONAL, and one channel has to measure while the other \
+                 is updated: start it first, or use --force"
             ),
             Self::Clearing(node) => write!(f, "node {node} does not finish clearing its memory"),
             Self::Found(node, status) => {

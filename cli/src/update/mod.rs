@@ -72,6 +72,9 @@ const HEARTBEAT: Duration = Duration::from_secs(2);
 /// How often a transfer is tried that loses its answers, and a clear.
 const TRIES: usize = 3;
 
+/// The abort code of an object that a node does not have (CiA 301 7.2.4.3.17).
+const NO_OBJECT: u32 = 0x0602_0000;
+
 /// 1F57h of a memory that is clear: there is no program.
 const EMPTY: u32 = 1 << 1;
 
@@ -141,15 +144,17 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
         };
         plans.push((*node, asked?));
     }
-    for (node, _) in &plans {
-        if !arguments.force && !Node::new(&mut bus, *node).measures()? {
-            return Err(UpdateError::NoAngle(*node));
-        }
-    }
     let told = Told {
         progress,
         json: arguments.json,
     };
+    let mut works = false;
+    if !arguments.force {
+        works = rejoin(&mut bus, &arguments.nodes, told)?;
+        for node in &arguments.nodes {
+            Node::new(&mut bus, *node).must_measure(Duration::ZERO)?;
+        }
+    }
     for (node, plan) in plans {
         match plan {
             Plan::Nothing(runs) => told.tell(node, News::Already(runs)),
@@ -159,11 +164,33 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
                     true => Vec::new(),
                     false => others.copied().collect(),
                 };
-                Node::new(&mut bus, node).renew(image, &others, told)?;
+                Node::new(&mut bus, node).renew(image, &others, works, told)?;
             }
         }
     }
     Ok(())
+}
+
+/// Starts the nodes of a pair at work that are not OPERATIONAL: an update that was killed has left
+/// one so, and while it measures for nobody the other one must not be taken out. Whether the pair
+/// is at work: one of its nodes is OPERATIONAL.
+fn rejoin(bus: &mut Bus, nodes: &[u8], told: Told) -> Result<bool, UpdateError> {
+    let mut states = Vec::new();
+    for node in nodes {
+        states.push((*node, Node::new(bus, *node).heartbeat(HEARTBEAT)?));
+    }
+    let works = |(_, state): &(u8, Option<u8>)| *state == Some(OPERATIONAL);
+    if !states.iter().any(works) {
+        return Ok(false);
+    }
+    for (node, state) in states.iter().filter(|one| !works(one)) {
+        // NMT "start", which does nothing to one that is OPERATIONAL and was not heard.
+        Node::new(bus, *node).nmt(1)?;
+        if state.is_some() {
+            told.tell(*node, News::Started);
+        }
+    }
+    Ok(true)
 }
 
 /// A node that is named twice, if there is one.
@@ -218,7 +245,11 @@ impl<'a> Node<'a> {
         if ![PRODUCT_CODE_A, PRODUCT_CODE_B].contains(&self.read(0x1018, 2)?) {
             return Err(UpdateError::Stranger(node));
         }
-        let (hardware, runs) = (self.read(0x2080, 1)?, self.read(0x2080, 2)?);
+        let hardware = match self.read(0x2080, 1) {
+            Err(UpdateError::Refused(_, _, _, NO_OBJECT)) => return Err(UpdateError::Fixed(node)),
+            answer => answer?,
+        };
+        let runs = self.read(0x2080, 2)?;
         let mut fitting = images.iter().filter(|i| i.header.hardware == hardware);
         let version = fitting.clone().next().map(|image| image.header.version.0);
         let version = version.ok_or(UpdateError::Hardware(node, hardware))?;
@@ -246,12 +277,18 @@ impl<'a> Node<'a> {
         Ok(self.read(0x2020, 0)? & 3 != 0)
     }
 
-    /// All of a node's update; it ends in the NMT state in which it was found. `others` have to
-    /// measure when the new program is started.
-    fn renew(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
-        let works = self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
+    /// All of a node's update; it ends in the NMT state in which it was found, or OPERATIONAL where
+    /// its `pair_works`. `others` have to measure when the new program is started.
+    fn renew(
+        &mut self,
+        image: &Image,
+        others: &[u8],
+        pair_works: bool,
+        told: Told,
+    ) -> Result<(), UpdateError> {
+        let works = pair_works || self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
         let ended = match self.leave(others, works) {
-            Ok(()) => self.exchange(image, others, told),
+            Ok(()) => self.exchange(image, (others, works), told),
             Err(error) => Err(error),
         };
         // Whoever has taken the node over would be disturbed.
@@ -292,7 +329,7 @@ impl<'a> Node<'a> {
         let mut together = TOGETHER;
         for left in (0..TRIES).rev() {
             for other in others {
-                Node::new(self.bus, *other).must_measure(together)?;
+                Node::new(self.bus, *other).must_stand_in(works, together)?;
             }
             // NMT "enter PRE-OPERATIONAL".
             self.nmt(128)?;
@@ -319,10 +356,15 @@ impl<'a> Node<'a> {
     }
 
     /// The way from one program to the other.
-    fn exchange(&mut self, image: &Image, others: &[u8], told: Told) -> Result<(), UpdateError> {
+    fn exchange(
+        &mut self,
+        image: &Image,
+        (others, works): (&[u8], bool),
+        told: Told,
+    ) -> Result<(), UpdateError> {
         self.transfer(image, told)?;
         for other in others {
-            Node::new(self.bus, *other).must_measure(Duration::ZERO)?;
+            Node::new(self.bus, *other).must_stand_in(works, Duration::ZERO)?;
         }
         self.start()?;
         self.wait_for_trial(image.header.version.0)?;
@@ -491,6 +533,18 @@ impl<'a> Node<'a> {
     /// need not now.
     fn wait_for_angle(&mut self) -> Result<(), UpdateError> {
         self.measures_for(Duration::ZERO, MEASURING).map(drop)
+    }
+
+    /// Waits until it has measured for so long, in place of a node that `works`: then it has to be
+    /// OPERATIONAL itself, since in any other state its angles reach nobody.
+    fn must_stand_in(&mut self, works: bool, long: Duration) -> Result<(), UpdateError> {
+        if works {
+            let state = self.heartbeat(HEARTBEAT)?;
+            if state.is_some_and(|state| state != OPERATIONAL) {
+                return Err(UpdateError::Idle(self.node));
+            }
+        }
+        self.must_measure(long)
     }
 
     /// Waits until it has measured for so long; nothing leads on without.

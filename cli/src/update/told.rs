@@ -26,6 +26,8 @@ pub struct Told<'a> {
 pub enum News {
     /// It runs this version, and did before.
     Already(u32),
+    /// It was not OPERATIONAL in a pair at work, and was started.
+    Started,
     /// It has so many bytes of the image from a transfer that was broken off.
     GoesOn(usize),
     /// It runs this version now.
@@ -57,6 +59,7 @@ impl Told<'_> {
 fn sentence(node: u8, news: News) -> String {
     match news {
         News::Already(runs) => format!("node {node} runs {} already", version(runs)),
+        News::Started => format!("node {node} was not OPERATIONAL, and is started"),
         News::GoesOn(held) => format!("node {node} continues after {held} bytes"),
         News::Now(runs) => format!("node {node} runs {} now", version(runs)),
     }
@@ -65,6 +68,7 @@ fn sentence(node: u8, news: News) -> String {
 fn line(node_id: u8, news: News) -> Line {
     let (event, runs, held_bytes) = match news {
         News::Already(runs) => ("runs_already", Some(runs), None),
+        News::Started => ("started", None, None),
         News::GoesOn(held) => ("goes_on", None, Some(held)),
         News::Now(runs) => ("runs_now", Some(runs), None),
     };
