@@ -1,0 +1,136 @@
+//! Comparison with a golden, and all that is taken out of an output before it.
+//!
+//! In: the name of the golden, and the text. Out: a failed test with the difference, unless both
+//! are the same. Ports, the program's version and sums over the version are always replaced. What
+//! a run in real time measures goes by [`decimals`], [`numbers`] or [`shape`].
+
+use insta::Settings;
+
+/// What differs from machine to machine or from release to release, and what stands for it.
+const ALWAYS: [(&str, &str); 4] = [
+    (r"127\.0\.0\.1:\d{4,5}", "127.0.0.1:PORT"),
+    (r"port=\d{4,5}", "port=PORT"),
+    (concat!(r"\b", env!("CARGO_PKG_VERSION"), r"\b"), "VERSION"),
+    (r"os error \d+", "os error N"),
+];
+
+/// Compares a text with the golden of this name.
+pub fn check(name: &str, text: &str) {
+    check_with(name, text, &[]);
+}
+
+/// The same, with regular expressions for what differs from run to run in this text alone.
+pub fn check_with(name: &str, text: &str, filters: &[(&str, &str)]) {
+    let mut settings = Settings::new();
+    settings.set_snapshot_path("snapshots");
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    for (pattern, instead) in ALWAYS.iter().chain(filters) {
+        settings.add_filter(pattern, *instead);
+    }
+    settings.bind(|| insta::assert_snapshot!(name, text));
+}
+
+/// The text with `N` for each number that has a fraction: what sensors measure. Versions and
+/// addresses, with more than one point, and whole numbers stay.
+pub fn decimals(text: &str) -> String {
+    aligned(&replaced(text, |number| number.matches('.').count() == 1))
+}
+
+/// The text with `N` for each number: counts and states of a run in real time vary as well.
+pub fn numbers(text: &str) -> String {
+    aligned(&replaced(text, |_| true))
+}
+
+/// The kinds of lines that there are, sorted: for outputs in which the number of lines and their
+/// order vary too.
+pub fn shape(text: &str) -> String {
+    let text = numbers(text);
+    let mut lines: Vec<_> = text.lines().collect();
+    lines.sort_unstable();
+    lines.dedup();
+    lines.join("\n") + "\n"
+}
+
+/// Columns are as wide as their widest number, so their width goes with the numbers; and of equal
+/// lines in a row one remains, with their count.
+fn aligned(text: &str) -> String {
+    let mut lines: Vec<(String, usize)> = Vec::new();
+    for line in text.lines() {
+        let line = narrowed(line);
+        match lines.last_mut() {
+            Some((last, times)) if *last == line && !line.is_empty() => *times += 1,
+            _ => lines.push((line, 1)),
+        }
+    }
+    let told = lines.into_iter().map(|(line, times)| match times {
+        1 => line + "\n",
+        _ => format!("{line}  (x{times})\n"),
+    });
+    told.collect()
+}
+
+/// The line with at most two blanks, or three dashes, in a row behind its indentation.
+fn narrowed(line: &str) -> String {
+    let indented = line.len() - line.trim_start().len();
+    let mut narrow = line[..indented].to_owned();
+    for character in line[indented..].chars() {
+        let most = match character {
+            ' ' => "  ",
+            '-' => "---",
+            _ => "",
+        };
+        if most.is_empty() || !narrow[indented..].ends_with(most) {
+            narrow.push(character);
+        }
+    }
+    narrow
+}
+
+/// The text with `N` for the numbers that are `meant`; digits behind letters are names.
+fn replaced(text: &str, meant: impl Fn(&str) -> bool) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find(|c: char| c.is_ascii_digit()) {
+        out.push_str(&rest[..at]);
+        let (number, behind) = number(&rest[at..]);
+        let name = out.ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        if !name && meant(number) {
+            let signed = out.strip_suffix(['+', '-']);
+            let signed = signed.filter(|before| !before.ends_with(char::is_alphanumeric));
+            out.truncate(signed.map_or(out.len(), str::len));
+            out.push('N');
+        } else {
+            out.push_str(number);
+        }
+        rest = behind;
+    }
+    out + rest
+}
+
+/// The number, with its exponent, that a text begins with, and what is behind it.
+fn number(text: &str) -> (&str, &str) {
+    let digits = |text: &str| {
+        let end = text.find(|c: char| !c.is_ascii_digit() && c != '.');
+        let end = end.unwrap_or(text.len());
+        text[..end].trim_end_matches('.').len()
+    };
+    let mut end = digits(text);
+    if let Some(exponent) = text[end..].strip_prefix('e') {
+        let unsigned = exponent.trim_start_matches(['+', '-']);
+        let length = digits(unsigned);
+        if length > 0 {
+            end += 1 + exponent.len() - unsigned.len() + length;
+        }
+    }
+    text.split_at(end)
+}
+
+#[test]
+fn what_is_measured_is_taken_out_and_names_stay() {
+    let text = "slope_x2 at 127.0.0.1   -1.25 deg,  +3.0e-5 g, node 2, 0.1.0, SHA-256.\n";
+    let told = "slope_x2 at 127.0.0.1  N deg,  N g, node 2, 0.1.0, SHA-256.\n";
+    assert_eq!(decimals(text), told);
+    assert_eq!(numbers("A -7 B 8h\nA +9 B 10h\n"), "A N B Nh  (x2)\n");
+    assert_eq!(shape("b 1\na\nb 2\n"), "a\nb N\n");
+}
