@@ -62,7 +62,7 @@ impl Log {
     }
 
     fn exchange(&mut self, node: u16, told: Told) {
-        let angle = |slope: i16| (i32::from(slope) * (1 << 14) / 36_000 * (1 << 10)).to_le_bytes();
+        let angle = |slope: i16| (i32::from(slope) * (1 << 19) / 1125).to_le_bytes();
         let [x, y] = told.slopes.map(angle);
         self.frame(
             0x380 + node,
@@ -123,7 +123,7 @@ fn happens(log: &mut Log, round: u64) {
             log.emcy(2, 0xFF08, &[12, 21], 0x4D, 7);
             log.emcy(2, 0xFF14, &[12, 13, 21], 0x4D, 7);
         }
-        235 => log.emcy(1, 0x8130, &[14], 0x8F, 8),
+        235 => log.frame(0x081, &[0x30, 0x81, 0x91, 2, 0, 0, 0, 0]),
         280 => {
             log.frame(0x702, &[0]);
             log.frame(0x000, &[1, 2]);

@@ -85,7 +85,7 @@ fn report_tells_of_a_period() {
     let folder = folder("report");
     let lines = [
         "report shift.log --bitrate 250000",
-        "report shift.log --from 6 --to 9 --out part",
+        "report shift.log --from 2023-11-14T22:13:26 --to 1700000009 --out part",
         "report damaged.log --out damaged",
     ];
     check("report-text", &typed(&folder, &lines).text);
