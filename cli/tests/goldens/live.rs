@@ -1,1 +1,52 @@
-//! Empty.
+//! `monitor` on a bus that works, and `replay --onto` such a bus.
+//!
+//! When a verb joins the bus and how much it hears in a second differs from run to run: of the
+//! lines the kinds are kept, without numbers. What it shows of given frames is compared to the
+//! digit in `logs.rs`.
+
+use super::bus::{Bench, plumb};
+use super::golden::{check, decimals, members, shape};
+use super::log_text;
+use super::sensors::Folder;
+use super::transcript::{Transcript, text};
+
+/// Lines of the standard output of a monitor that runs for a while.
+fn monitored(bench: &Bench, line: &str) -> Vec<String> {
+    let words: Vec<_> = line.split(' ').collect();
+    let output = plumb(&words).args(["--bus", &bench.bus]).output().unwrap();
+    let status = (output.status.code(), text(&output.stderr));
+    assert_eq!(status, (Some(0), String::new()), "{line}");
+    text(&output.stdout).lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn monitor_shows_a_bus() {
+    let bench = Bench::new(&[]);
+    let lines = monitored(&bench, "monitor --start --for 4s --bitrate 250000 --plain");
+    // The first seconds depend on when the nodes heard of each other.
+    let last = lines.last().unwrap();
+    let told = lines
+        .iter()
+        .filter(|line| line.contains("operational") || *line == last);
+    let told: Vec<_> = told.cloned().collect();
+    check("monitor-live-text", &shape(&told.join("\n")));
+    let lines = monitored(&bench, "monitor --for 3s --json");
+    let mut told = Transcript::default();
+    told.part("the last line", lines.last().unwrap());
+    check("monitor-live-json", &members(&told.text));
+}
+
+#[test]
+fn replay_sends_a_log_onto_a_bus() {
+    let bench = Bench::quick(&[]);
+    let folder = Folder::new("golden-onto");
+    folder.file("moment.log", log_text::moment());
+    let mut told = Transcript::default();
+    for more in ["--speed 2", "--json"] {
+        let line = format!("replay moment.log --onto {} {more}", bench.bus);
+        let words: Vec<_> = line.split(' ').collect();
+        told.run(plumb(&words).current_dir(&folder.0));
+    }
+    // How late a frame was is the machine's own.
+    check("replay-onto", &decimals(&told.text));
+}
