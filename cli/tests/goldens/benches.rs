@@ -11,8 +11,10 @@ use super::page::text;
 use super::stand::Bench;
 use super::transcript::Transcript;
 
-/// Hashes, check sums, calibrations and dates of what was measured.
-const SUMS: [(&str, &str); 6] = [
+/// Hashes, check sums, calibrations and dates of what was measured; and a guess of what is left,
+/// which has hours on a slow machine.
+const SUMS: [(&str, &str); 7] = [
+    (r"about (N h )?N min left", "about N left"),
     (r"\b[0-9a-f]{64}\b", "SHA256"),
     (r"\b(calibration|crc32:?) [0-9A-F]{8}\b", "$1 CRC32"),
     (r#""([a-z0-9_]*crc32)": "[0-9A-FN]+""#, r#""$1": "CRC32""#),

@@ -2,7 +2,7 @@
 //!
 //! In: the name of the golden, and the text. Out: a failed test with the difference, unless both
 //! are the same. Ports, the program's version and sums over the version are always replaced. What
-//! a run in real time measures goes by [`decimals`], [`numbers`] or [`shape`].
+//! a run in real time measures goes by [`decimals`], [`numbers`] or [`members`].
 
 use insta::Settings;
 
@@ -54,16 +54,6 @@ pub fn numbers(text: &str) -> String {
     aligned(&unsigned(&replaced(&counted(text), |_| {
         Some("N".to_owned())
     })))
-}
-
-/// The kinds of lines that there are, sorted: for outputs in which the number of lines and their
-/// order vary too.
-pub fn shape(text: &str) -> String {
-    let text = numbers(text);
-    let mut lines: Vec<_> = text.lines().collect();
-    lines.sort_unstable();
-    lines.dedup();
-    lines.join("\n") + "\n"
 }
 
 /// JSON in its long form with `N` for each number; of equal objects in a row one remains, with
@@ -232,5 +222,4 @@ fn what_is_measured_is_taken_out_and_names_stay() {
     );
     let list = "[\n  {\n    \"a\": 1\n  },\n  {\n    \"a\": 2.5\n  }\n]\n";
     assert_eq!(members(list), "[\n  {\n    \"a\": N\n  }  (x2)\n]\n");
-    assert_eq!(shape("b 1\na\nb 2\n"), "a\nb N\n");
 }
