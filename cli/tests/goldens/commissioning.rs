@@ -78,7 +78,16 @@ fn objects_are_read() {
     );
 }
 
+/// Long sessions, side by side on a bus each, since they mostly wait.
 #[test]
+fn nodes_are_set_up() {
+    std::thread::scope(|scope| {
+        scope.spawn(objects_are_written_saved_and_restored);
+        scope.spawn(node_ids_are_given);
+        scope.spawn(the_bit_rate_is_read_and_changed);
+    });
+}
+
 fn objects_are_written_saved_and_restored() {
     let bench = Bench::quick(&[]);
     let lines = [
@@ -110,7 +119,6 @@ fn slopes_are_set_to_zero() {
     check("zero-session", &decimals(&session(&bench, &lines)));
 }
 
-#[test]
 fn node_ids_are_given() {
     let bench = Bench::quick(&[]);
     let lines = [
@@ -122,7 +130,6 @@ fn node_ids_are_given() {
 }
 
 /// The adapter of `plumb serve` is told of the new bit rate by hand, as any other one.
-#[test]
 fn the_bit_rate_is_read_and_changed() {
     let mut bench = Bench::quick(&[]);
     let mut told = Transcript::default();
