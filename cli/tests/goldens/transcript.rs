@@ -115,8 +115,8 @@ fn is_plain(rest: &str) -> bool {
 #[test]
 fn json_is_broken_into_lines_and_nothing_else() {
     let told = long(r#"{"a":[1,2.0],"b":[{"c":"x,\"{"}],"d":{}}"#);
-    let lines = "{\n  \"a\": [1, 2.0],\n  \"b\": [\n    {\n      \"c\": \"x,\\\"{\"\n    }\n  ],\n  \
-                 \"d\": {\n    \n  }\n}";
+    let lines = "{\n  \"a\": [1, 2.0],\n  \"b\": [\n    {\n      \"c\": \"x,\\\"{\"\n    }\n  ],\n\
+                 \u{20} \"d\": {\n    \n  }\n}";
     assert_eq!(told, lines);
     let nothing_lost = told.replace(['\n', ' '], "");
     assert_eq!(nothing_lost, r#"{"a":[1,2.0],"b":[{"c":"x,\"{"}],"d":{}}"#);
