@@ -37,6 +37,7 @@ fn read(bench: &Bench, name: &str) -> String {
     std::fs::read_to_string(bench.path(name)).unwrap()
 }
 
+/// Twenty times as fast as real time, and chamber and housing faster still.
 fn bench() -> Bench {
     Bench::new("20", &["--chamber-speed", "300", "--uncalibrated"])
 }
@@ -89,7 +90,7 @@ fn a_motor_calibrates_and_verify_compares() {
 /// The housing stays as it is, so that the second pose is not one.
 #[test]
 fn poses_by_hand_are_asked_for() {
-    let bench = bench();
+    let bench = Bench::new("4", &["--uncalibrated"]);
     let mut command = bench.command(&["calibrate", "--by-hand"]);
     command.current_dir(bench.path(""));
     let mut child = command
@@ -123,7 +124,7 @@ fn a_chamber_characterises() {
 
 #[test]
 fn nodes_get_a_program() {
-    let bench = bench();
+    let bench = Bench::new("10", &["--uncalibrated"]);
     let mut told = Transcript::default();
     run(&mut told, &bench, "update missing.bin");
     for (name, version) in [("p.bin", "1.2.3"), ("old.bin", "1.2.2")] {

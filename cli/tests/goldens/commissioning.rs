@@ -5,6 +5,8 @@
 //! with a fraction are left out where an angle or a temperature is printed. What a node stores is
 //! compared to the digit.
 
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Output, Stdio};
 use std::time::Duration;
 
 use super::bus::{Bench, plumb};
@@ -139,12 +141,21 @@ fn the_bit_rate_is_read_and_changed() {
         &["bitrate", "bitrate --json", "bitrate 500 --node 1"],
     );
     let mut change = plumb(&["bitrate", "500", "--delay", "300", "--bus", &bench.bus]);
-    let output = std::thread::scope(|scope| {
-        let changed = scope.spawn(|| change.output().unwrap());
-        std::thread::sleep(Duration::from_millis(2500));
-        bench.word("bit-rate 500");
-        changed.join().unwrap()
-    });
+    let mut child = change
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = String::new();
+    let mut out = BufReader::new(child.stdout.take().unwrap());
+    out.read_line(&mut first).unwrap();
+    // The nodes pause before the change and behind it; the adapter follows between.
+    std::thread::sleep(Duration::from_millis(400));
+    bench.word("bit-rate 500");
+    let mut stdout = first.into_bytes();
+    out.read_to_end(&mut stdout).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let output = Output { stdout, ..ended };
     told.ended(&change, &output);
     typed(&mut told, &bench, &["bitrate --json"]);
     check("bitrate-session", &told.text);
