@@ -7,8 +7,10 @@
 //! in prose refers to that file; so is a bound in it that is not kept.
 
 use std::path::PathBuf;
+use std::process::Command;
 use std::{fmt, fs, io};
 
+use crate::built;
 use crate::command::{self, CommandError};
 use crate::difference;
 use crate::workspace::Workspace;
@@ -18,6 +20,9 @@ pub const DOCUMENT: &str = "docs/accuracy.md";
 
 /// The same of few units, which every run of the tests repeats.
 const REPEATED: &str = "docs/accuracy-of-few-units.md";
+
+/// Stands in the document before the hash of the commit whose code has printed it.
+const PRINTED: &str = "Printed by the code of commit `";
 
 /// Why the document could not be compared or written.
 #[derive(Debug)]
@@ -32,6 +37,8 @@ pub enum AccuracyError {
     Stale(String),
     /// Rows of the document that are over their bound.
     NotKept(Vec<String>),
+    /// The document does not say which commit has printed it.
+    NoCommit,
 }
 
 impl fmt::Display for AccuracyError {
@@ -51,6 +58,7 @@ impl fmt::Display for AccuracyError {
                 writeln!(out, "{DOCUMENT} has bounds that are not kept:")?;
                 write!(out, "{}", rows.join("\n"))
             }
+            Self::NoCommit => write!(out, "{DOCUMENT} does not say which commit has printed it"),
         }
     }
 }
@@ -58,18 +66,27 @@ impl fmt::Display for AccuracyError {
 /// Fails with the difference when the committed page of few units is not what the generators write,
 /// and with the rows of the document that are over their bounds.
 pub fn compare(workspace: &Workspace) -> Result<(), AccuracyError> {
-    let generated = generate(workspace, &[])?;
+    let generated = of_few(workspace)?;
     let committed = read(workspace, REPEATED)?;
     if committed != generated {
         return Err(AccuracyError::Stale(difference::between(
             &committed, &generated,
         )));
     }
-    let rows = not_kept(&read(workspace, DOCUMENT)?);
-    if rows.is_empty() {
-        return Ok(());
+    judge(&read(workspace, DOCUMENT)?)
+}
+
+/// Whether the document of all units keeps its bounds and says where it comes from.
+fn judge(document: &str) -> Result<(), AccuracyError> {
+    let rows = not_kept(document);
+    if !rows.is_empty() {
+        return Err(AccuracyError::NotKept(rows));
     }
-    Err(AccuracyError::NotKept(rows))
+    if names_commit(document) {
+        Ok(())
+    } else {
+        Err(AccuracyError::NoCommit)
+    }
 }
 
 fn read(workspace: &Workspace, document: &str) -> Result<String, AccuracyError> {
@@ -87,8 +104,8 @@ fn not_kept(page: &str) -> Vec<String> {
 /// page of few units comes last: it is what the tests compare.
 pub fn write(workspace: &Workspace) -> Result<(), AccuracyError> {
     let pages = [
-        (DOCUMENT, generate(workspace, &["--", "--full"])?),
-        (REPEATED, generate(workspace, &[])?),
+        (DOCUMENT, of_all(workspace)?),
+        (REPEATED, of_few(workspace)?),
     ];
     for (document, page) in pages {
         let path = workspace.root().join(document);
@@ -100,30 +117,80 @@ pub fn write(workspace: &Workspace) -> Result<(), AccuracyError> {
     Ok(())
 }
 
-/// Package and example of each part, in their order.
-const PARTS: [(&str, &str); 2] = [("sim", "accuracy"), ("plumb", "coverage")];
+/// The parts, in their order.
+const PARTS: [Part; 2] = [
+    Part {
+        package: "sim",
+        example: "accuracy",
+    },
+    Part {
+        package: "plumb",
+        example: "coverage",
+    },
+];
 
-/// The page that the generators write with these arguments.
-fn generate(workspace: &Workspace, arguments: &[&str]) -> Result<String, AccuracyError> {
+/// A part of the page, and the example that writes it.
+#[derive(Clone, Copy)]
+struct Part {
+    package: &'static str,
+    example: &'static str,
+}
+
+/// The page of few units, by the programs that were built with the tests.
+fn of_few(workspace: &Workspace) -> Result<String, AccuracyError> {
+    page(|part| {
+        let program = built::example(workspace, part.example)?;
+        Ok(workspace.program(&program.to_string_lossy(), &[]))
+    })
+}
+
+/// The page of all units. Optimised as far as can be: it takes longer than that does.
+fn of_all(workspace: &Workspace) -> Result<String, AccuracyError> {
+    let commit = commit(workspace)?;
+    page(|Part { package, example }| {
+        let mut cargo = workspace.cargo(&["run", "--quiet", "--release", "--package", package]);
+        cargo.args(["--example", example, "--", "--full", "--commit", &commit]);
+        Ok(cargo)
+    })
+}
+
+/// What the commands for the parts write.
+fn page(command: impl Fn(Part) -> Result<Command, CommandError>) -> Result<String, AccuracyError> {
     let mut page = String::new();
-    for (package, example) in PARTS {
-        let mut command = workspace.cargo(&[
-            "run",
-            "--quiet",
-            "--release",
-            "--package",
-            package,
-            "--example",
-            example,
-        ]);
-        command.args(arguments);
-        let text = command::capture(command).map_err(AccuracyError::Generator)?;
+    for part in PARTS {
+        let text = command(part).and_then(command::capture);
+        let text = text.map_err(AccuracyError::Generator)?;
         if text.trim().is_empty() {
             return Err(AccuracyError::Empty);
         }
         page += &text;
     }
     Ok(page)
+}
+
+/// The commit whose code prints the page, in the page's words.
+fn commit(workspace: &Workspace) -> Result<String, AccuracyError> {
+    let git = |words: &[&str]| command::capture(workspace.program("git", words));
+    let hash = git(&["rev-parse", "--short=12", "HEAD"]).map_err(AccuracyError::Generator)?;
+    let changes = git(&["status", "--porcelain", "--untracked-files=no"]);
+    let changes = changes.map_err(AccuracyError::Generator)?;
+    Ok(words_of(hash.trim(), !changes.trim().is_empty()))
+}
+
+fn words_of(hash: &str, is_changed: bool) -> String {
+    let changes = if is_changed {
+        " and the changes committed with it"
+    } else {
+        ""
+    };
+    format!("`{hash}`{changes}")
+}
+
+/// Whether a page says which commit has printed it.
+fn names_commit(page: &str) -> bool {
+    let behind = page.split_once(PRINTED).map(|(_, behind)| behind);
+    let hash = behind.and_then(|behind| behind.split('`').next());
+    hash.is_some_and(|hash| hash.len() >= 7 && hash.chars().all(|c| c.is_ascii_hexdigit()))
 }
 
 #[cfg(test)]
@@ -136,5 +203,16 @@ mod tests {
         let over = "| by motor | none | 94.9 % | NO |\n";
         assert_eq!(not_kept(kept), Vec::<String>::new());
         assert_eq!(not_kept(&[kept, over].concat()), [over.trim_end()]);
+    }
+
+    #[test]
+    fn a_page_that_did_not_say_which_commit_had_printed_it_passed() {
+        let page = |words: &str| format!("# Accuracy\n\nPrinted by the code of commit {words}.\n");
+        assert!(judge(&page(&words_of("1d815905842a", false))).is_ok());
+        assert!(judge(&page(&words_of("1d815905842a", true))).is_ok());
+        for silent in ["", "`", "``", "`unknown`", "`1d8`"] {
+            let judged = judge(&page(silent));
+            assert!(matches!(judged, Err(AccuracyError::NoCommit)), "{silent}");
+        }
     }
 }

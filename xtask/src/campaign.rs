@@ -6,25 +6,34 @@
 
 use std::process::Command;
 
+use crate::built;
 use crate::command::{self, CommandError};
 use crate::workspace::Workspace;
 
 /// Seeds of the fixed set.
 const FIXED: &str = "400";
 
+/// Those of it that are run between two changes.
+const FEW: &str = "20";
+
 /// Runs the fixed set, the canary, and the commit's own seed.
 pub fn run(workspace: &Workspace) -> Result<(), CommandError> {
-    command::pass(sim(workspace, &["fixed", "--seeds", FIXED]))?;
-    command::pass(sim(workspace, &["canary"]))?;
+    let sim = sim(workspace)?;
+    command::pass(sim(&["fixed", "--seeds", FIXED]))?;
+    command::pass(sim(&["canary"]))?;
     let seed = commit_seed(workspace).to_string();
-    command::pass(sim(workspace, &["seed", &seed]))
+    command::pass(sim(&["seed", &seed]))
 }
 
-fn sim(workspace: &Workspace, words: &[&str]) -> Command {
-    let mut command = workspace.cargo(&["run", "--release", "--quiet"]);
-    command.args(["--package", "sim", "--bin", "sim", "--"]);
-    command.args(words);
-    command
+/// Runs the first seeds of the fixed set.
+pub fn run_few(workspace: &Workspace) -> Result<(), CommandError> {
+    command::pass(sim(workspace)?(&["fixed", "--seeds", FEW]))
+}
+
+/// Builds the program, and makes commands of it.
+fn sim(workspace: &Workspace) -> Result<impl Fn(&[&str]) -> Command, CommandError> {
+    let program = built::binary(workspace, "sim")?;
+    Ok(move |words: &[&str]| workspace.program(&program.to_string_lossy(), words))
 }
 
 /// The commit's hash as a seed; 1 where there is no repository.

@@ -12,6 +12,7 @@
 //! Left out: settings of cargo's profiles in the environment or in the user's configuration.
 
 use std::collections::BTreeSet;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -25,13 +26,15 @@ use crate::workspace::Workspace;
 pub const TARGET: &str = "thumbv7m-none-eabi";
 /// The profile of the workspace that the firmware is built with.
 const PROFILE: &str = "footprint";
+/// The file in the target folder that is locked by who builds programs of the part and reads them.
+const LOCK: &str = "chip.lock";
 /// What stands between two flags for the compiler (cargo, `CARGO_ENCODED_RUSTFLAGS`).
 const BETWEEN: &str = "\u{1f}";
 
 /// Builds these programs of the firmware, the application for `slot`; the results are in
 /// [`folder`].
 pub fn firmware(workspace: &Workspace, programs: &[&str], slot: Slot) -> Result<(), CommandError> {
-    let mut cargo = cargo(workspace, "build", "firmware")?;
+    let mut cargo = cargo(workspace, "build", &["firmware"])?;
     let wanted = programs.iter().flat_map(|program| ["--bin", program]);
     cargo.args(wanted);
     cargo.env("PLUMB_SLOT", letter(slot).to_uppercase().to_string());
@@ -46,16 +49,32 @@ pub const fn letter(slot: Slot) -> char {
     }
 }
 
-/// Cargo's command `verb`, `build` or `rustc`, for a package of the part.
+/// Cargo's command `verb`, `build` or `rustc`, for packages of the part.
 ///
 /// Errors: the folders of the sources cannot be found out.
-pub fn cargo(workspace: &Workspace, verb: &str, package: &str) -> Result<Command, CommandError> {
-    let words = [verb, "--quiet", "--locked", "--package", package];
-    let mut cargo = workspace.cargo(&words);
+pub fn cargo(
+    workspace: &Workspace,
+    verb: &str,
+    packages: &[&str],
+) -> Result<Command, CommandError> {
+    let mut cargo = workspace.cargo(&[verb, "--quiet", "--locked"]);
+    cargo.args(packages.iter().flat_map(|package| ["--package", package]));
     cargo.args(["--target", TARGET, "--profile", PROFILE]);
     cargo.env_remove("RUSTFLAGS");
     cargo.env("CARGO_ENCODED_RUSTFLAGS", flags(workspace)?.join(BETWEEN));
     Ok(cargo)
+}
+
+/// Keeps others, in this process or another, from building for the part until it is dropped: they
+/// would replace programs that are not read yet.
+pub fn alone(workspace: &Workspace) -> Result<File, CommandError> {
+    let failed = |error| CommandError::Output("building for the part".to_owned(), error);
+    let target = workspace.target();
+    let file = fs::create_dir_all(&target).and_then(|()| File::create(target.join(LOCK)));
+    let file = file.map_err(failed)?;
+    // It ends with the file.
+    file.lock().map_err(failed)?;
+    Ok(file)
 }
 
 /// Where cargo puts the programs.
@@ -123,7 +142,7 @@ mod tests {
 
     #[test]
     fn flags_of_the_environment_do_not_reach_the_image() {
-        let cargo = cargo(&Workspace::locate(), "build", "firmware").unwrap();
+        let cargo = cargo(&Workspace::locate(), "build", &["firmware"]).unwrap();
         let variable = |name: &str| {
             let mut all = cargo.get_envs();
             all.find(|(key, _)| *key == name).map(|(_, value)| value)
@@ -134,5 +153,17 @@ mod tests {
         let maps = |flag: &str| flag.starts_with("--remap-path-prefix=/");
         assert!(flags.split(BETWEEN).all(maps), "{flags}");
         assert!(flags.split(BETWEEN).count() >= 4, "{flags}");
+    }
+
+    #[test]
+    fn images_built_side_by_side_were_mixed() {
+        let workspace = Workspace::locate();
+        let folder = workspace.target().join("alone");
+        let workspace = Workspace::elsewhere(folder.clone(), folder.clone(), folder.clone());
+        let first = alone(&workspace).expect("a lock");
+        let second = File::open(folder.join(LOCK)).expect("its file");
+        assert!(second.try_lock().is_err());
+        drop(first);
+        assert!(second.try_lock().is_ok());
     }
 }

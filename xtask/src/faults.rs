@@ -6,8 +6,10 @@
 //! an instrument that behaved otherwise fails, whatever its figures say.
 
 use std::path::PathBuf;
+use std::process::Command;
 use std::{fmt, fs, io};
 
+use crate::built;
 use crate::command::{self, CommandError};
 use crate::difference;
 use crate::workspace::Workspace;
@@ -63,13 +65,13 @@ impl fmt::Display for FaultsError {
 
 /// Fails when the committed page doesn't belong to what the code does now.
 pub fn compare(workspace: &Workspace) -> Result<(), FaultsError> {
-    let generated = generate(workspace, &[])?;
+    let generated = generate(workspace)?;
     judge(&committed(workspace)?, &generated)
 }
 
 /// Writes the last section anew and leaves the rest as it is.
 pub fn write_short(workspace: &Workspace) -> Result<(), FaultsError> {
-    let generated = generate(workspace, &[])?;
+    let generated = generate(workspace)?;
     let committed = committed(workspace)?;
     let (rest, _) = parts(&committed);
     write(workspace, &format!("{rest}{generated}"))
@@ -77,7 +79,7 @@ pub fn write_short(workspace: &Workspace) -> Result<(), FaultsError> {
 
 /// Writes the whole page anew.
 pub fn write_long(workspace: &Workspace) -> Result<(), FaultsError> {
-    let generated = generate(workspace, &["--long"])?;
+    let generated = generate_all(workspace)?;
     write(workspace, &generated)
 }
 
@@ -119,18 +121,20 @@ fn write(workspace: &Workspace, page: &str) -> Result<(), FaultsError> {
         .map_err(|error| FaultsError::File(path, error))
 }
 
-fn generate(workspace: &Workspace, arguments: &[&str]) -> Result<String, FaultsError> {
-    let mut command = workspace.cargo(&[
-        "run",
-        "--quiet",
-        "--release",
-        "--package",
-        "sim",
-        "--example",
-        "faults",
-        "--",
-    ]);
-    command.args(arguments);
+/// The section that is repeated, by the program that was built with the tests.
+fn generate(workspace: &Workspace) -> Result<String, FaultsError> {
+    let program = built::example(workspace, "faults").map_err(FaultsError::Generator)?;
+    captured(workspace.program(&program.to_string_lossy(), &[]))
+}
+
+/// The whole page. Optimised as far as can be: it takes longer than that does.
+fn generate_all(workspace: &Workspace) -> Result<String, FaultsError> {
+    let mut cargo = workspace.cargo(&["run", "--quiet", "--release", "--package", "sim"]);
+    cargo.args(["--example", "faults", "--", "--long"]);
+    captured(cargo)
+}
+
+fn captured(command: Command) -> Result<String, FaultsError> {
     let text = command::capture(command).map_err(FaultsError::Generator)?;
     if parts(&text).1.is_empty() {
         return Err(FaultsError::Empty);

@@ -2,9 +2,9 @@
 //!
 //! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
 //! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
-//! time: those run first, among themselves, and the cores are idle for most of it. Many compute:
-//! those run afterwards, on a thread each. Beside those that compute, a test of a bus failed in
-//! most runs, a different one each time.
+//! time, and the cores are idle for most of it. Many compute: those run on a thread each, and give
+//! way to those that wait (`beside`). Beside others that did not give way, a test of a bus failed
+//! in most runs, a different one each time.
 //!
 //! Left out: tests in documentation comments, which cargo runs by itself.
 
@@ -13,11 +13,12 @@ use std::collections::VecDeque;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{fs, thread};
 
 use serde_json::Value;
 
+use crate::built;
 use crate::command::{self, CommandError, Tally};
 use crate::workspace::Workspace;
 
@@ -39,6 +40,18 @@ const ROWS: usize = 2;
 /// How many of the slowest are listed.
 const SLOWEST: usize = 10;
 
+/// The file in the target folder with cargo's messages about the last build.
+const MESSAGES: &str = "tests.jsonl";
+
+/// What a program with tests spends its time with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// It waits for a bus in real time.
+    Waits,
+    /// It computes.
+    Computes,
+}
+
 /// One program with tests.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Binary {
@@ -57,17 +70,25 @@ struct Ended {
     outcome: Result<(), CommandError>,
 }
 
-/// Runs all of them, whatever fails, with these variables; the first failure is the error.
+/// Runs all of these kinds, one kind after the other, whatever fails; the first failure is the
+/// error.
 ///
 /// The count stands in `tally` even then.
 pub fn run(
     workspace: &Workspace,
+    kinds: &[Kind],
     variables: &[(&str, &str)],
     tally: &mut Tally,
 ) -> Result<(), CommandError> {
-    let (waiting, computing): (Vec<_>, Vec<_>) = built(workspace)?.into_iter().partition(waits);
-    let mut ended = rows(workspace, variables, waiting);
-    ended.extend(rows(workspace, variables, computing));
+    if !built::is_ready() {
+        build(workspace)?;
+    }
+    let binaries = built(workspace)?;
+    let mut ended = Vec::new();
+    for wanted in kinds {
+        let of_kind = binaries.iter().filter(|binary| kind(binary) == *wanted);
+        ended.extend(rows(workspace, variables, of_kind.cloned().collect()));
+    }
     ended.sort_by_key(|one| Reverse(one.took));
     println!("      the slowest of {}:", ended.len());
     ended.iter().take(SLOWEST).for_each(print);
@@ -100,12 +121,23 @@ fn rows(workspace: &Workspace, variables: &[(&str, &str)], binaries: Vec<Binary>
     })
 }
 
-/// Builds them, in the order of their folders.
-fn built(workspace: &Workspace) -> Result<Vec<Binary>, CommandError> {
-    let mut binaries = Vec::new();
+/// Builds them, with the examples and tools, and keeps what cargo says of them.
+pub fn build(workspace: &Workspace) -> Result<(), CommandError> {
+    let mut messages = String::new();
     command::watch(workspace.cargo(&BUILD), |line| {
-        binaries.extend(binary(line));
+        messages += line;
+        messages.push('\n');
     })?;
+    let path = workspace.target().join(MESSAGES);
+    let failed = |error| CommandError::Output(BUILD.join(" "), error);
+    fs::write(path, messages).map_err(failed)
+}
+
+/// Those of the last build, in the order of their folders.
+fn built(workspace: &Workspace) -> Result<Vec<Binary>, CommandError> {
+    let failed = |error| CommandError::Output(BUILD.join(" "), error);
+    let messages = fs::read_to_string(workspace.target().join(MESSAGES)).map_err(failed)?;
+    let mut binaries: Vec<_> = messages.lines().filter_map(binary).collect();
     binaries.sort();
     Ok(binaries)
 }
@@ -126,7 +158,7 @@ fn binary(message: &str) -> Option<Binary> {
 fn test(workspace: &Workspace, variables: &[(&str, &str)], binary: Binary) -> Ended {
     let program = binary.program.to_string_lossy();
     let mut command = workspace.program(&program, &[]);
-    if !waits(&binary) {
+    if kind(&binary) == Kind::Computes {
         command.args(["--test-threads", "1"]);
     }
     command
@@ -155,10 +187,13 @@ fn title(binary: &Binary) -> String {
     format!("{} {}", folder.to_string_lossy(), binary.name)
 }
 
-/// True for one that waits for a bus in real time.
-fn waits(binary: &Binary) -> bool {
+fn kind(binary: &Binary) -> Kind {
     let title = title(binary);
-    WAITS.iter().any(|begin| title.starts_with(begin))
+    if WAITS.iter().any(|begin| title.starts_with(begin)) {
+        Kind::Waits
+    } else {
+        Kind::Computes
+    }
 }
 
 fn print(ended: &Ended) {
@@ -192,9 +227,9 @@ mod tests {
             name: name.to_owned(),
             program: PathBuf::new(),
         };
-        assert!(waits(&of("/plumb/emulator", "update")));
-        assert!(!waits(&of("/plumb/emulator", "product")));
-        assert!(!waits(&of("/plumb/client", "bench")));
+        assert_eq!(kind(&of("/plumb/emulator", "update")), Kind::Waits);
+        assert_eq!(kind(&of("/plumb/emulator", "product")), Kind::Computes);
+        assert_eq!(kind(&of("/plumb/client", "bench")), Kind::Computes);
     }
 
     #[test]
@@ -202,7 +237,7 @@ mod tests {
         let found = binary(&message(true, r#""/plumb/target/debug/deps/bench-0""#));
         let found = found.expect("a program with tests");
         assert_eq!(title(&found), "cli bench");
-        assert!(waits(&found));
+        assert_eq!(kind(&found), Kind::Waits);
         assert_eq!(found.program, Path::new("/plumb/target/debug/deps/bench-0"));
         assert_eq!(
             binary(&message(false, r#""/plumb/target/debug/plumb""#)),

@@ -15,6 +15,7 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::{env, fmt, fs, io, thread};
 
+use crate::built;
 use crate::command::{self, CommandError, Tally};
 use crate::image::{self, ImageError};
 use crate::workspace::Workspace;
@@ -83,19 +84,6 @@ impl From<ImageError> for InteropError {
         Self::Image(error)
     }
 }
-
-/// Builds the program exactly as the step of all tests has done, so that after it nothing is left
-/// to build: a plain `build` would choose other features of shared dependencies.
-const BUILD: [&str; 8] = [
-    "test",
-    "--quiet",
-    "--workspace",
-    "--no-run",
-    "--test",
-    "serve",
-    "--test",
-    "product",
-];
 
 /// Files that the exact image on emulated boards is not asked to pass: they are about the program
 /// `plumb`, or about another instrument than the image is. Single tests say so by a mark.
@@ -180,7 +168,9 @@ const EMULATED_AT_ONCE: usize = 2;
 /// The count stands in `tally` even when a test fails.
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError> {
     let python = environment(workspace)?;
-    command::pass(workspace.cargo(&BUILD))?;
+    for program in [PRODUCT, IMAGE].map(|served| served.program) {
+        built::binary(workspace, program)?;
+    }
     let all = files(workspace)?;
     let without = |left_out: &[&str]| -> Vec<String> {
         let kept = all.iter().filter(|file| !left_out.contains(&&***file));
@@ -190,16 +180,17 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
     // Once for all, since every bus would build them anew.
     let images = workspace.target().join("emulated").join("interop");
     image::build_into(workspace, images.clone())?;
-    let test = |file: &str, served| test(workspace, &python, &images, file, served);
-    let mut outcomes = side_by_side(AT_ONCE, all, |file| test(file, PRODUCT));
-    outcomes.extend(side_by_side(AT_ONCE, paper, |file| test(file, PAPER)));
-    outcomes.extend(side_by_side(EMULATED_AT_ONCE, emulated, |file| {
-        test(file, IMAGE)
-    }));
+    let test = |job: Job| test(workspace, &python, &images, job);
     let passes = PAPER_IMAGE_PASSES.map(str::to_owned).to_vec();
-    outcomes.extend(side_by_side(EMULATED_AT_ONCE, passes, |file| {
-        test(file, PAPER_IMAGE)
-    }));
+    let virtual_ones = jobs(all, PRODUCT).chain(jobs(paper, PAPER)).collect();
+    let emulated_ones = jobs(emulated, IMAGE).chain(jobs(passes, PAPER_IMAGE));
+    let emulated_ones = emulated_ones.collect();
+    let outcomes: Vec<_> = thread::scope(|scope| {
+        let emulated = scope.spawn(|| side_by_side(EMULATED_AT_ONCE, emulated_ones, test));
+        let mut outcomes = side_by_side(AT_ONCE, virtual_ones, test);
+        outcomes.extend(emulated.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        outcomes
+    });
     let mut failed = None;
     for (counted, outcome) in outcomes {
         *tally = tally.plus(counted);
@@ -212,21 +203,28 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
     }
 }
 
+/// A file of tests, and what it is run against.
+type Job = (String, Served);
+
+fn jobs(files: Vec<String>, served: Served) -> impl Iterator<Item = Job> {
+    files.into_iter().map(move |file| (file, served))
+}
+
 /// How one file has gone.
 type Outcome = (Tally, Result<(), CommandError>);
 
-/// Does `work` for each file, so many of them at a time.
+/// Does `work` for each job, so many of them at a time.
 fn side_by_side(
     at_once: usize,
-    files: Vec<String>,
-    work: impl Fn(&str) -> Outcome + Sync,
+    jobs: Vec<Job>,
+    work: impl Fn(Job) -> Outcome + Copy + Sync,
 ) -> Vec<Outcome> {
-    let waiting = Mutex::new(files.into_iter());
+    let waiting = Mutex::new(jobs.into_iter());
     let next = || {
         let mut waiting = waiting.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.next()
     };
-    let worker = || std::iter::from_fn(next).map(|file| work(&file)).collect();
+    let worker = || std::iter::from_fn(next).map(work).collect();
     thread::scope(|scope| {
         let workers: Vec<_> = (0..at_once).map(|_| scope.spawn(worker)).collect();
         let done = workers.into_iter().map(|worker| worker.join());
@@ -256,13 +254,7 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
 
 /// Runs one file of tests against what is served: its summary is printed, and everything
 /// where a test fails.
-fn test(
-    workspace: &Workspace,
-    python: &Path,
-    images: &Path,
-    file: &str,
-    served: Served,
-) -> Outcome {
+fn test(workspace: &Workspace, python: &Path, images: &Path, (file, served): Job) -> Outcome {
     let Served { program, mode } = served;
     let name = format!("{program}{}", env::consts::EXE_SUFFIX);
     let mut pytest = workspace.program(
@@ -271,7 +263,7 @@ fn test(
     );
     pytest
         .arg(format!("interop/{file}"))
-        .env("PLUMB", workspace.target().join("debug").join(name))
+        .env("PLUMB", built::folder(workspace).join(name))
         .env("PLUMB_IMAGES", images)
         .env("PLUMB_MODE", mode)
         .env("PYTHONDONTWRITEBYTECODE", "1");

@@ -5,19 +5,25 @@
 //! sub-command is not known. Nothing here is shipped and nothing depends on it.
 
 mod accuracy;
+mod beside;
+mod built;
 mod campaign;
 mod chip;
 mod command;
+mod cost;
 mod difference;
+mod failure;
 mod faults;
 mod harness;
 mod image;
 mod interop;
 mod packages;
+mod plan;
 mod program;
 mod size;
 mod steps;
 mod tidy;
+mod toolchain;
 mod workspace;
 
 use std::process::ExitCode;
@@ -27,11 +33,16 @@ use workspace::Workspace;
 const HELP: &str = "\
 usage: cargo xtask COMMAND
 
-  test                everything CI runs, in order, stopping at the first failure
+  test                everything CI runs, stopping at the first failure; what has cost most stands
+                      at the end
+  test --quick        formatting, house rules, clippy, the unit tests of tilt, canopen, flash and
+                      device, and a few seeds; leaves out all other tests, tables, documentation,
+                      images, sizes, python-canopen and the demo
   tidy                the house rules alone: imports, sizes, words, documents
   fmt                 format every crate
   accuracy            repeat the accuracy tables of a few units and compare them
-  accuracy --write    write those and docs/accuracy.md anew, a quarter of an hour
+  accuracy --full     write those anew and, of all units, docs/accuracy.md, which names the commit
+                      that printed it; a quarter of an hour
   faults              repeat the last section of docs/faults.md and compare it
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
   size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
@@ -49,22 +60,24 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let workspace = Workspace::locate();
     match words.as_slice() {
-        ["test"] => steps::test(&workspace),
-        ["tidy"] => steps::alone(&steps::TIDY, &workspace),
-        ["fmt"] => steps::alone(&steps::FORMAT, &workspace),
-        ["accuracy"] => steps::alone(&steps::ACCURACY, &workspace),
-        ["accuracy", "--write"] => steps::alone(&steps::ACCURACY_WRITE, &workspace),
-        ["faults"] => steps::alone(&steps::FAULTS, &workspace),
-        ["faults", "--write"] => steps::alone(&steps::FAULTS_WRITE, &workspace),
-        ["faults", "--write", "--long"] => steps::alone(&steps::FAULTS_WRITE_LONG, &workspace),
-        ["size"] => steps::alone(&steps::SIZE, &workspace),
-        ["size", "--verbose"] => steps::alone(&steps::SIZE_VERBOSE, &workspace),
-        ["size", "--instructions"] => steps::alone(&steps::SIZE_INSTRUCTIONS, &workspace),
-        ["size", "--write"] => steps::alone(&steps::SIZE_WRITE, &workspace),
-        ["image"] => steps::alone(&steps::IMAGE, &workspace),
-        ["program"] => steps::alone(&steps::PROGRAM, &workspace),
-        ["interop"] => steps::alone(&steps::INTEROP, &workspace),
-        ["fuzz-long"] => steps::alone(&steps::FUZZ_LONG, &workspace),
+        ["test"] => plan::test(&workspace),
+        ["test", "--quick"] => plan::quick(&workspace),
+        [beside::WORD, key] => plan::beside(key, &workspace),
+        ["tidy"] => plan::alone(&steps::TIDY, &workspace),
+        ["fmt"] => plan::alone(&steps::FORMAT, &workspace),
+        ["accuracy"] => plan::alone(&steps::ACCURACY, &workspace),
+        ["accuracy", "--full"] => plan::alone(&steps::ACCURACY_FULL, &workspace),
+        ["faults"] => plan::alone(&steps::FAULTS, &workspace),
+        ["faults", "--write"] => plan::alone(&steps::FAULTS_WRITE, &workspace),
+        ["faults", "--write", "--long"] => plan::alone(&steps::FAULTS_WRITE_LONG, &workspace),
+        ["size"] => plan::alone(&steps::SIZE, &workspace),
+        ["size", "--verbose"] => plan::alone(&steps::SIZE_VERBOSE, &workspace),
+        ["size", "--instructions"] => plan::alone(&steps::SIZE_INSTRUCTIONS, &workspace),
+        ["size", "--write"] => plan::alone(&steps::SIZE_WRITE, &workspace),
+        ["image"] => plan::alone(&steps::IMAGE, &workspace),
+        ["program"] => plan::alone(&steps::PROGRAM, &workspace),
+        ["interop"] => plan::alone(&steps::INTEROP, &workspace),
+        ["fuzz-long"] => plan::alone(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
             ExitCode::SUCCESS

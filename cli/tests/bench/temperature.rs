@@ -32,6 +32,10 @@ const AT_ONCE: usize = 3;
 const BEGIN: &str = "<!-- figures of units from the bus: begin -->";
 const END: &str = "<!-- figures of units from the bus: end -->";
 
+/// The whole bench so many times as fast as a real one: what is read here waits for samples, not
+/// for a clock.
+const SPEED: &str = "50";
+
 /// A chamber and a housing so many times as fast as real ones, and 40 min in them, min.
 const CHAMBER_SPEED: &str = "300";
 const DWELL_MIN: &str = "0.13333";
@@ -186,7 +190,7 @@ fn unit(seed: u64) -> Bench {
         "--seed",
         &seed,
     ];
-    Bench::new("20", &speed)
+    Bench::new(SPEED, &speed)
 }
 
 /// Through a verb of the bench.

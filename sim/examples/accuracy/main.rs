@@ -1,8 +1,9 @@
 //! Prints `docs/accuracy.md`: every figure of accuracy that the project claims, in one run.
 //!
 //! Run by `cargo xtask accuracy`, which compares the text with the committed document: without an
-//! argument by few units, with `--full` by all of them. The units are spread over two threads; each
-//! world is a thread of its own, so the figures depend on the seed alone.
+//! argument by few units, with `--full` by all of them and with `--commit` and the commit that does
+//! it, which the page names. The units are spread over two threads; each world is a thread of its
+//! own, so the figures depend on the seed alone.
 
 use std::fmt::Write as _;
 
@@ -94,7 +95,7 @@ fn main() -> Result<(), BenchError> {
 const FULL_OPENING: &str = "\
 # Accuracy
 
-For whoever wants to know how accurate the instrument is. `cargo xtask accuracy --write` prints this
+For whoever wants to know how accurate the instrument is. `cargo xtask accuracy --full` prints this
 page in a quarter of an hour, and with it the same page of a few units, which `cargo xtask test`
 repeats and compares: [accuracy-of-few-units.md](accuracy-of-few-units.md). So the code that printed
 the one prints the other.
@@ -105,16 +106,27 @@ const REPEATED_OPENING: &str = "\
 
 For whoever changes the code: `cargo xtask test` prints this page again and compares it. It is
 [accuracy.md](accuracy.md) of so few units that its figures scatter, and whether a bound is kept is
-judged there, not here. `cargo xtask accuracy --write` writes both.
+judged there, not here. `cargo xtask accuracy --full` writes both.
 ";
+
+/// Where the page comes from: the word behind `--commit`, if there is one.
+fn origin() -> String {
+    let commit = std::env::args()
+        .skip_while(|word| word != "--commit")
+        .nth(1);
+    commit.map_or_else(String::new, |commit| {
+        format!("\nPrinted by the code of commit {commit}.\n")
+    })
+}
 
 /// What the page is, and how many units it is of.
 fn head(scale: &Scale) -> String {
     let Scale { opening, units, .. } = scale;
+    let origin = origin();
     format!(
-        "{opening}\nEverything here is simulated: parts with the errors of the nominal model, on \
-         a virtual rig, read\nthrough the device code. Seed {SEED}, {units} units of each mode, \
-         both nodes of each; {HEAD}"
+        "{opening}{origin}\nEverything here is simulated: parts with the errors of the nominal \
+         model, on a virtual rig, read\nthrough the device code. Seed {SEED}, {units} units of \
+         each mode, both nodes of each; {HEAD}"
     )
 }
 

@@ -132,6 +132,7 @@ pub fn build(workspace: &Workspace) -> Result<(), ImageError> {
 pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageError> {
     let version = env!("CARGO_PKG_VERSION").to_string();
     let believed = keys::believed(|name| env::var(name).ok()).map_err(ImageError::Keys)?;
+    let _alone = chip::alone(workspace)?;
     let outlet = Outlet::clear(folder, version)?;
     let mut over = Vec::new();
     for set in sets() {

@@ -108,6 +108,13 @@ pub fn check(workspace: &Workspace) -> Result<(), SizeError> {
 /// Measures and prints, with crates, the largest functions, constants, statics and frames and the
 /// deepest call; the same of the programs that are flashed.
 pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
+    list(workspace)?;
+    println!("`cargo xtask size --instructions` lists what a sample and a SYNC execute");
+    check(workspace)
+}
+
+fn list(workspace: &Workspace) -> Result<(), SizeError> {
+    let _alone = chip::alone(workspace)?;
     for binary in [STACK, INSTRUMENT] {
         let image = linked(workspace, binary)?;
         println!("\n{binary}\n{}", report::details(&image));
@@ -119,8 +126,7 @@ pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
             println!("\n{program}\n{}", report::details(&image));
         }
     }
-    println!("`cargo xtask size --instructions` lists what a sample and a SYNC execute");
-    check(workspace)
+    Ok(())
 }
 
 /// Prints the instructions of a sample and of a SYNC on the emulated chip. The emulator runs as a
@@ -149,6 +155,7 @@ fn compare(path: &Path, figures: &Figures) -> Result<(), SizeError> {
 }
 
 fn measure(workspace: &Workspace) -> Result<Figures, SizeError> {
+    let _alone = chip::alone(workspace)?;
     canary(workspace)?;
     let version = command::capture(workspace.rustc(&["--version"]))?;
     let stack = linked(workspace, STACK)?;
@@ -183,7 +190,7 @@ fn linked(workspace: &Workspace, binary: &str) -> Result<Image, SizeError> {
 }
 
 fn link(workspace: &Workspace, binary: &str, show_panics: bool) -> Result<Command, CommandError> {
-    let mut cargo = chip::cargo(workspace, "rustc", "bus-footprint")?;
+    let mut cargo = chip::cargo(workspace, "rustc", &["bus-footprint"])?;
     cargo.args(["--bin", binary, "--"]);
     let script = workspace.root().join(SCRIPT);
     cargo.arg(format!("-Clink-arg=-T{}", script.display()));
