@@ -45,8 +45,8 @@ usage: cargo xtask COMMAND
                       that printed it; a quarter of an hour
   faults              repeat the last section of docs/faults.md and compare it
   faults --write      write that section anew; with --long the whole page, a quarter of an hour
-  size [--verbose]    code, RAM and stack of the bus side on the part, beside their budgets
-                      --verbose lists crates, functions and statics, of the firmware too
+  size                code, RAM and stack of each image by crate and by symbol, and the bus side's
+                      beside their budgets
   size --instructions instructions of a sample and of a SYNC, function by function
   size --write        the same, written to docs/size.md
   image               bootloaders and applications of product and paper, to target/images
@@ -70,8 +70,7 @@ fn main() -> ExitCode {
         ["faults"] => plan::alone(&steps::FAULTS, &workspace),
         ["faults", "--write"] => plan::alone(&steps::FAULTS_WRITE, &workspace),
         ["faults", "--write", "--long"] => plan::alone(&steps::FAULTS_WRITE_LONG, &workspace),
-        ["size"] => plan::alone(&steps::SIZE, &workspace),
-        ["size", "--verbose"] => plan::alone(&steps::SIZE_VERBOSE, &workspace),
+        ["size"] => plan::alone(&steps::SIZE_LISTED, &workspace),
         ["size", "--instructions"] => plan::alone(&steps::SIZE_INSTRUCTIONS, &workspace),
         ["size", "--write"] => plan::alone(&steps::SIZE_WRITE, &workspace),
         ["image"] => plan::alone(&steps::IMAGE, &workspace),

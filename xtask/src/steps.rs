@@ -249,13 +249,13 @@ pub const PROGRAM: Step = Step {
 pub const SIZE: Step = Step {
     key: "size",
     name: "size of the bus side on the part, and no panic in it",
-    advice: "`cargo xtask size --verbose` lists functions, constants and stack frames",
+    advice: "`cargo xtask size` lists functions, constants and stack frames",
     run: check_size,
 };
 
 /// Measures the bus side, and lists where the bytes are.
-pub const SIZE_VERBOSE: Step = Step {
-    key: "size-verbose",
+pub const SIZE_LISTED: Step = Step {
+    key: "size-listed",
     name: "size of the bus side on the part, in detail",
     advice: "the lists stand above",
     run: list_size,
@@ -404,7 +404,7 @@ fn check_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 }
 
 fn list_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
-    Ok(size::verbose(workspace)?)
+    Ok(size::listed(workspace)?)
 }
 
 fn list_instructions(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -275,8 +275,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             return None;
         }
         let sound = self.shown(now).measured(0).is_some();
-        let checked_at = self.parts.pair.agreed_at().filter(|_| sound);
-        checked_at
+        self.parts.pair.agreed_at().filter(|_| sound)
     }
 }
 

@@ -107,7 +107,7 @@ pub fn check(workspace: &Workspace) -> Result<(), SizeError> {
 
 /// Measures and prints, with crates, the largest functions, constants, statics and frames and the
 /// deepest call; the same of the programs that are flashed.
-pub fn verbose(workspace: &Workspace) -> Result<(), SizeError> {
+pub fn listed(workspace: &Workspace) -> Result<(), SizeError> {
     list(workspace)?;
     println!("`cargo xtask size --instructions` lists what a sample and a SYNC execute");
     check(workspace)
@@ -132,6 +132,7 @@ fn list(workspace: &Workspace) -> Result<(), SizeError> {
 /// Prints the instructions of a sample and of a SYNC on the emulated chip. The emulator runs as a
 /// program of its own: nothing may depend on it.
 pub fn instructions(workspace: &Workspace) -> Result<(), SizeError> {
+    println!("the images and the emulator are built, then run: some minutes");
     let words = ["run", "--quiet", "--package", "emulator", "--example"];
     let mut cargo = workspace.cargo(&words);
     cargo.arg("profile");

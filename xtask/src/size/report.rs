@@ -213,6 +213,7 @@ pub fn details(image: &Image) -> String {
     let frames = functions.map(|f| (f.name.clone(), u64::from(f.frame.bytes)));
     let [constants, statics] = [&image.constants, &image.statics].map(|all| all.iter().cloned());
     let mut text = String::new();
+    list(&mut text, "flash", flash(image).into_iter());
     list(&mut text, "code by crate", by_path(image, 1).into_iter());
     list(&mut text, "code by module", by_path(image, 2).into_iter());
     list(&mut text, "largest functions", sizes);
@@ -227,6 +228,24 @@ pub fn details(image: &Image) -> String {
     let indirect: u32 = image.functions.values().map(|f| f.frame.indirect).sum();
     let _ = writeln!(text, "  calls through pointers, not followed: {indirect}");
     text
+}
+
+/// What is flashed, and what it consists of. Padding, literals between functions and functions
+/// without a size are in the section of code and in no function.
+fn flash(image: &Image) -> Vec<(String, u64)> {
+    let functions: u64 = image.functions.values().map(|f| f.size).sum();
+    let parts = [
+        ("vectors", image.section(".vector_table")),
+        ("code by functions", functions),
+        ("code between them", code(image).saturating_sub(functions)),
+        ("constants", image.section(".rodata")),
+        ("values that statics begin with", image.section(".data")),
+    ];
+    let sum = parts.iter().map(|(_, bytes)| bytes).sum();
+    let parts = parts.map(|(name, bytes)| (name.to_owned(), bytes));
+    core::iter::once(("in all".to_owned(), sum))
+        .chain(parts)
+        .collect()
 }
 
 fn list(text: &mut String, title: &str, entries: impl Iterator<Item = (String, u64)>) {
