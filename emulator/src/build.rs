@@ -28,17 +28,22 @@ pub enum BuildError {
     Failed(String),
     /// What it made cannot be read.
     Read(PathBuf, io::Error),
-    /// What it made is no image.
-    Image(ImageError),
+    /// A file is no image.
+    Image(PathBuf, ImageError),
 }
+
+/// What helps where files are missing or damaged.
+const AGAIN: &str = "`cargo xtask image` builds the images anew";
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cargo(error) => write!(f, "cargo does not start: {error}"),
             Self::Failed(said) => write!(f, "the image does not build:\n{said}"),
-            Self::Read(path, error) => write!(f, "{}: {error}", path.display()),
-            Self::Image(error) => error.fmt(f),
+            Self::Read(path, error) => {
+                write!(f, "cannot use {}: {error}; {AGAIN}", path.display())
+            }
+            Self::Image(path, error) => write!(f, "{}: {error}; {AGAIN}", path.display()),
         }
     }
 }
@@ -102,7 +107,7 @@ impl Product {
     /// Builds it with `cargo xtask image`, or finds it built, in a folder of its own: what somebody
     /// is about to flash is not to be replaced by it.
     ///
-    /// It believes updates that are signed with the key of the simulated nodes, unless `PLUMB_KEY`
+    /// It accepts updates that are signed with the key of the simulated nodes, unless `PLUMB_KEY`
     /// names another.
     ///
     /// Errors: see [`BuildError`].
@@ -217,8 +222,9 @@ fn images_folder() -> PathBuf {
 }
 
 fn program(folder: &Path, name: &str) -> Result<Image, BuildError> {
-    let bytes = read(&folder.join(name))?;
-    Image::read(&bytes).map_err(BuildError::Image)
+    let path = folder.join(name);
+    let bytes = read(&path)?;
+    Image::read(&bytes).map_err(|error| BuildError::Image(path, error))
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
@@ -237,8 +243,9 @@ impl Recipe<'_> {
     ///
     /// Errors: see [`BuildError`].
     pub fn image(&self) -> Result<Image, BuildError> {
-        let bytes = read(&self.build()?)?;
-        Image::read(&bytes).map_err(BuildError::Image)
+        let path = self.build()?;
+        let bytes = read(&path)?;
+        Image::read(&bytes).map_err(|error| BuildError::Image(path, error))
     }
 
     fn build(&self) -> Result<PathBuf, BuildError> {

@@ -1,6 +1,6 @@
 //! The parts that the firmware is for.
 //!
-//! Out: their maps, which the linker has too, and whose updates the product believes (`build.rs`).
+//! Out: their maps, which the linker has too, and whose updates the product accepts (`build.rs`).
 
 use device::memory::ed25519::{Ed25519, KEY};
 use flash::layout::{C8, Layout, RC};

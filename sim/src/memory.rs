@@ -31,7 +31,7 @@ pub const HARDWARE: u32 = RC.hardware;
 pub const FACTORY: Version = Version::new(0, 1, 0);
 
 /// The secret key that images for simulated nodes are signed with. Everybody may know it: nothing
-/// but a simulated node believes it.
+/// but a simulated node accepts it.
 pub const DEVELOPMENT: &[u8; 32] = b"not secret: for simulated nodes.";
 
 /// The public key that belongs to [`DEVELOPMENT`].

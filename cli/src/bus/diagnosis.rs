@@ -106,7 +106,7 @@ impl fmt::Display for Silence {
             ),
             Self::Others { node, others } => write!(
                 f,
-                "there is no node {node}; {} there: name one of them with --node",
+                "there is no node {node}; {} there: name one of these",
                 listed(others)
             ),
             node => node.fmt_node(f),
@@ -255,7 +255,7 @@ mod tests {
         let other = told(&heard(), Trouble::default(), Some(5));
         assert_eq!(
             other,
-            "there is no node 5; nodes 1 and 2 are there: name one of them with --node"
+            "there is no node 5; nodes 1 and 2 are there: name one of these"
         );
     }
 

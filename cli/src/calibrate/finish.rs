@@ -136,9 +136,10 @@ impl Common {
             Ok(()) => Vec::new(),
             Err(_) => session.roll_back(),
         };
+        let written = kept.of(&session);
         session.leave();
         match (done, left.is_empty()) {
-            (Ok(()), _) => self.print_kept(&kept, "restored"),
+            (Ok(()), _) => self.print_kept(&written, "restored"),
             (Err(error), true) => Err(error),
             (Err(error), false) => Err(CalibrateError::Left(Box::new(error), left)),
         }

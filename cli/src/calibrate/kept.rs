@@ -42,6 +42,21 @@ pub struct Kept {
     pub nodes: Vec<KeptNode>,
 }
 
+impl Kept {
+    /// The same of the nodes of this session alone: a file may have more than are written.
+    pub fn of(&self, session: &Session) -> Self {
+        let is_there = |kept: &&KeptNode| {
+            let mut nodes = session.nodes.iter();
+            nodes.any(|node| node.serial == kept.serial_number)
+        };
+        Self {
+            format: self.format.clone(),
+            version: self.version,
+            nodes: self.nodes.iter().filter(is_there).cloned().collect(),
+        }
+    }
+}
+
 /// Bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -448,7 +448,7 @@ mod tests {
         assert_eq!(shown("state-of-the-pair", 1, 10), "1 (agree)");
         assert_eq!(
             shown("uncertainty.x", 65535, 10),
-            "not known, or larger than that"
+            "not known, or 65.535 deg and more"
         );
         assert_eq!(shown("1014", 0x81, 10), "0x00000081");
         assert_eq!(shown("temperature", -5, 10), "-5 degC");

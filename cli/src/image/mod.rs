@@ -131,6 +131,10 @@ pub enum ImageError {
     Empty(PathBuf),
     /// A body is not linked for its slot: its first two words are no stack and no code there.
     Body(PathBuf, Slot),
+    /// A body is longer than its slot has room for, bytes.
+    Long(PathBuf, u32),
+    /// Two images are for the same slot, of which a file has one each.
+    Twice(Slot),
     /// Images can't be used.
     Images(UpdateError),
     /// What was done can't be printed; it is done.
@@ -156,6 +160,15 @@ impl fmt::Display for ImageError {
                 f,
                 "{} is linked for another slot than {slot:?}: its reset vector is not there",
                 path.display()
+            ),
+            Self::Long(path, room) => write!(
+                f,
+                "{} is longer than the {room} bytes that a slot has",
+                path.display()
+            ),
+            Self::Twice(slot) => write!(
+                f,
+                "two of the images are for slot {slot:?}: give one for each slot"
             ),
             Self::Key(path) => write!(
                 f,
@@ -203,10 +216,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     };
     let mut images = match arguments.version {
         Some(version) => made(arguments, version)?,
-        None => file::read(&arguments.from)?
-            .into_iter()
-            .map(|image| image.bytes)
-            .collect(),
+        None => joined(&arguments.from)?,
     };
     if !arguments.unsigned {
         images.iter_mut().for_each(|image| sign(image, &key));
@@ -232,6 +242,20 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Images of files, one for a slot at most.
+fn joined(paths: &[PathBuf]) -> Result<Vec<Vec<u8>>, ImageError> {
+    let images = file::read(paths)?;
+    for (number, image) in images.iter().enumerate() {
+        if images[..number]
+            .iter()
+            .any(|before| before.slot == image.slot)
+        {
+            return Err(ImageError::Twice(image.slot));
+        }
+    }
+    Ok(images.into_iter().map(|image| image.bytes).collect())
+}
+
 /// Images of bodies, without a signature.
 fn made(arguments: &Arguments, version: Version) -> Result<Vec<Vec<u8>>, ImageError> {
     let hardware = arguments.hardware.unwrap_or(HARDWARE);
@@ -252,8 +276,10 @@ fn made(arguments: &Arguments, version: Version) -> Result<Vec<Vec<u8>>, ImageEr
 /// The body in a file.
 fn body(path: &Path, slot: Slot) -> Result<Vec<u8>, ImageError> {
     let body = read(path)?;
+    let room = RC.slot(slot).map_or(0, |region| region.length - HEADER);
     match body.is_empty() {
         true => Err(ImageError::Empty(path.to_owned())),
+        false if body.len() > room as usize => Err(ImageError::Long(path.to_owned(), room)),
         false if is_for_other(&body, slot) => Err(ImageError::Body(path.to_owned(), slot)),
         false => Ok(body),
     }

@@ -22,6 +22,18 @@ pub enum Moment {
     At(u64),
 }
 
+impl Moment {
+    /// Whether it is behind `other`; `None` where only the log tells, of which one is counted from
+    /// its beginning.
+    pub fn is_after(self, other: Self) -> Option<bool> {
+        match (self, other) {
+            (Self::AfterStart(one), Self::AfterStart(other)) => Some(one > other),
+            (Self::At(one), Self::At(other)) => Some(one > other),
+            _ => None,
+        }
+    }
+}
+
 impl std::str::FromStr for Moment {
     type Err = String;
 

@@ -14,6 +14,8 @@ pub enum PlaybackError {
     Log(LogError),
     /// A data sheet that can't be used.
     Eds(EdsError),
+    /// The end that is asked for is not behind the beginning.
+    NoTime,
     /// Node-ids that are no pairs.
     Nodes,
     /// A table with a name that tells no format.
@@ -43,6 +45,7 @@ impl fmt::Display for PlaybackError {
         match self {
             Self::Log(error) => write!(f, "{error}"),
             Self::Eds(error) => write!(f, "{error}"),
+            Self::NoTime => write!(f, "--to is not after --from: swap them"),
             Self::Nodes => write!(
                 f,
                 "--nodes takes two different node-ids for each instrument, channel A first, and \

@@ -45,6 +45,11 @@ pub fn run(
     json: bool,
     progress: &Progress,
 ) -> Result<ExitCode, PlaybackError> {
+    if let (Some(from), Some(to)) = (from, options.to)
+        && to.is_after(from) == Some(false)
+    {
+        return Err(PlaybackError::NoTime);
+    }
     let devices: Vec<Device> = options
         .eds
         .iter()

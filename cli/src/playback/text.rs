@@ -134,8 +134,9 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
     if interface.holes > 0 {
         let _ = writeln!(
             text,
-            "  nothing at all for more than 0.5 s: {} times, {:.1} s at most",
-            interface.holes, interface.longest_hole_s
+            "  nothing at all for more than 0.5 s: {}, {:.1} s at most",
+            times(interface.holes),
+            interface.longest_hole_s
         );
     }
     if !others.node_ids.is_empty() {
@@ -146,6 +147,13 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
         .instruments
         .iter()
         .for_each(|one| about_instrument(text, one));
+}
+
+fn times(count: impl Into<u64>) -> String {
+    match count.into() {
+        1 => "once".to_owned(),
+        count => format!("{count} times"),
+    }
 }
 
 fn about_instrument(text: &mut String, one: &InstrumentJson) {
@@ -185,8 +193,8 @@ fn about_node(text: &mut String, node: &NodeJson) {
         };
         let _ = writeln!(
             text,
-            "    heartbeat lost: {} times{now}",
-            node.heartbeats_lost
+            "    heartbeat lost: {}{now}",
+            times(node.heartbeats_lost)
         );
     }
     for finding in &node.findings {

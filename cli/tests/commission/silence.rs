@@ -13,7 +13,7 @@ fn when_nobody_answers_it_is_said_why() {
     let told = bench.refused(&["get", "heartbeat", "--node", "5"]);
     assert_eq!(
         told,
-        "plumb: there is no node 5; nodes 1 and 2 are there: name one of them with --node"
+        "plumb: there is no node 5; nodes 1 and 2 are there: name one of these"
     );
     bench.nmt(2, 1);
     let told = bench.refused(&["get", "heartbeat", "--node", "1"]);

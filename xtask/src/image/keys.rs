@@ -16,9 +16,9 @@ pub fn believed(variable: impl Fn(&str) -> Option<String>) -> Result<String, Str
         key => key.filter(|key| key.bytes().any(|digit| digit != b'0')),
     };
     match (variable("PLUMB_UNSIGNED").as_deref(), key) {
-        (None | Some("" | "0"), Some(key)) => Ok(format!("believes updates signed by {key}")),
+        (None | Some("" | "0"), Some(key)) => Ok(format!("accepts updates signed by {key}")),
         (None | Some("" | "0"), None) => Ok(
-            "believes no update over the bus: PLUMB_KEY names nobody (docs/canopen.md, your key)"
+            "accepts no update over the bus: PLUMB_KEY names nobody (docs/canopen.md, your key)"
                 .to_owned(),
         ),
         (Some("1"), _) => Ok("TAKES ANY IMAGE, signed or not: PLUMB_UNSIGNED is 1".to_owned()),

@@ -33,10 +33,57 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
         tree.text(ARCHITECTURE).unwrap_or_default(),
         &tests,
     ));
+    findings.extend(walk(tree));
     findings.extend(paper(tree, &tests));
     findings.extend(figures(tree, README));
     findings.extend(figures(tree, PAPER));
     findings
+}
+
+/// The numbered list of functions under this heading.
+const WALK: &str = "## From a sample to a frame";
+
+/// Each step of the list under [`WALK`] is numbered in order and names a file and its function.
+fn walk(tree: &Tree) -> Vec<Finding> {
+    let text = tree.text(ARCHITECTURE).unwrap_or_default();
+    let (mut inside, mut steps) = (false, 0);
+    let mut findings = Vec::new();
+    for (line, number) in text.lines().zip(1..) {
+        if line.starts_with("## ") {
+            inside = line == WALK;
+        }
+        let digits = line.chars().take_while(char::is_ascii_digit).count();
+        let (count, step) = line.split_at(digits);
+        if !inside || digits == 0 || !step.starts_with(". ") {
+            continue;
+        }
+        steps += 1;
+        if count.parse() != Ok(steps) {
+            let what = format!("step {count} is number {steps}");
+            findings.push(Finding::new(ARCHITECTURE, number, what));
+        }
+        findings
+            .extend(no_function(tree, step).map(|what| Finding::new(ARCHITECTURE, number, what)));
+    }
+    if steps == 0 && !text.is_empty() {
+        let what = format!("no list under `{WALK}`");
+        findings.push(Finding::new(ARCHITECTURE, 0, what));
+    }
+    findings
+}
+
+/// What is wrong with the file and the function that a step names.
+fn no_function(tree: &Tree, step: &str) -> Option<String> {
+    let mut names = step.split('`').skip(1).step_by(2);
+    let (Some(file), Some(function)) = (names.next(), names.next()) else {
+        return Some("a step names a file and a function".to_string());
+    };
+    let Some(source) = tree.sources.iter().find(|source| source.path == file) else {
+        return Some(format!("`{file}` doesn't exist"));
+    };
+    let named = [format!("fn {function}("), format!("fn {function}<")];
+    let is_there = named.iter().any(|name| source.text.contains(name.as_str()));
+    (!is_there).then(|| format!("`{file}` has no function `{function}`"))
 }
 
 /// Each numbered row under the heading "Invariants" names a test in its last cell.
@@ -234,6 +281,22 @@ mod tests {
             vec!["ARCHITECTURE.md:4: names no test"]
         );
         assert_eq!(architecture("").len(), 1);
+    }
+
+    #[test]
+    fn the_walk_of_a_sample_names_functions_that_exist() {
+        let walked = |steps: &str| {
+            let text = format!("{WALK}\n\n{steps}\n## Next\n1. `no.rs` `nothing`\n");
+            texts(walk(&Tree::of(&[CODE, (ARCHITECTURE, text.as_str())])))
+        };
+        let good =
+            "1. `tilt/src/filter.rs` `helper`: first.\n2. `tilt/src/filter.rs` `holds`: second.";
+        assert_eq!(walked(good), [""; 0]);
+        assert!(walked(&good.replace("helper", "gone"))[0].contains("has no function `gone`"));
+        assert!(walked(&good.replace("filter.rs", "gone.rs"))[0].contains("doesn't exist"));
+        assert!(walked(&good.replace("2. ", "3. "))[0].contains("step 3 is number 2"));
+        assert!(walked("1. nothing")[0].contains("names a file and a function"));
+        assert!(walked("")[0].contains("no list"));
     }
 
     fn row(row: &str) -> Vec<String> {
