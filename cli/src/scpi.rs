@@ -73,54 +73,33 @@ impl fmt::Display for Peer {
 }
 
 /// Why a device did not do its part.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ScpiError {
     /// The address is none.
+    #[error(
+        "{a:?} is no {b}: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=115200",
+        a = .0.name,
+        b = .0.device.word()
+    )]
     Address(Peer),
     /// It could not be reached.
+    #[error("cannot reach {0}: {1}; is it on, and is that its address?")]
     Connect(Peer, io::Error),
     /// The connection broke.
+    #[error("{0} is gone: {1}")]
     Lost(Peer, io::Error),
     /// It does not answer this.
+    #[error("{0} does not answer {1:?}: look at its cable and baud rate")]
     Silent(Peer, String),
     /// It answers this with something that is no such answer.
+    #[error("{0} answers {1:?} by {2:?}: does it speak the words of {a}?", a = .0.device.page())]
     Stranger(Peer, String, String),
     /// It has an error of its own.
+    #[error("{0} refuses {1:?}: {a}", a = printable(.2))]
     Refused(Peer, String, String),
     /// Nobody waits for it any longer.
+    #[error("{0} was not waited for")]
     Ended(Peer),
-}
-
-impl std::error::Error for ScpiError {}
-
-impl fmt::Display for ScpiError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Address(Peer { device, name }) => write!(
-                f,
-                "{name:?} is no {}: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=115200",
-                device.word()
-            ),
-            Self::Connect(peer, error) => write!(
-                f,
-                "cannot reach {peer}: {error}; is it on, and is that its address?"
-            ),
-            Self::Lost(peer, error) => write!(f, "{peer} is gone: {error}"),
-            Self::Silent(peer, asked) => write!(
-                f,
-                "{peer} does not answer {asked:?}: look at its cable and baud rate"
-            ),
-            Self::Stranger(peer, asked, said) => write!(
-                f,
-                "{peer} answers {asked:?} by {said:?}: does it speak the words of {}?",
-                peer.device.page()
-            ),
-            Self::Refused(peer, asked, said) => {
-                write!(f, "{peer} refuses {asked:?}: {}", printable(said))
-            }
-            Self::Ended(peer) => write!(f, "{peer} was not waited for"),
-        }
-    }
 }
 
 /// A device that is spoken to in lines.

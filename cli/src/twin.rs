@@ -6,7 +6,6 @@
 //! Left out: what the words mean (`serve::words`), and how the server takes them (`serve::twin`).
 
 use std::ffi::OsStr;
-use std::fmt;
 use std::io::{self, BufRead as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -81,44 +80,32 @@ impl TypedValueParser for WordParser {
 }
 
 /// Why words were not answered.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum TwinError {
     /// Nobody is there.
+    #[error(
+        "no virtual instrument takes words at {0} ({1}): start one with `plumb serve`, or give \
+         the address that it has printed with --to"
+    )]
     NoServer(String, io::Error),
     /// Who is there takes no words.
+    #[error(
+        "what listens at {0} takes no words: give the address that `plumb serve` has printed \
+         behind `plumb twin --to`"
+    )]
     Stranger(String),
     /// The connection has ended before this word was answered.
+    #[error(
+        "the connection to {0} has ended before {1:?} was answered: look whether `plumb serve` \
+         still runs"
+    )]
     Gone(String, String),
     /// The standard input can't be read.
+    #[error("the standard input cannot be read: {0}")]
     Input(io::Error),
     /// It could not be printed.
+    #[error("the answer cannot be printed: {0}")]
     Print(io::Error),
-}
-
-impl std::error::Error for TwinError {}
-
-impl fmt::Display for TwinError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoServer(at, why) => write!(
-                f,
-                "no virtual instrument takes words at {at} ({why}): start one with `plumb serve`, \
-                 or give the address that it has printed with --to"
-            ),
-            Self::Stranger(at) => write!(
-                f,
-                "what listens at {at} takes no words: give the address that `plumb serve` has \
-                 printed behind `plumb twin --to`"
-            ),
-            Self::Gone(at, line) => write!(
-                f,
-                "the connection to {at} has ended before {line:?} was answered: look whether \
-                 `plumb serve` still runs"
-            ),
-            Self::Input(why) => write!(f, "the standard input cannot be read: {why}"),
-            Self::Print(why) => write!(f, "the answer cannot be printed: {why}"),
-        }
-    }
 }
 
 /// Sends the words and prints the answers; exit status 1 when one was refused or not answered.

@@ -1,6 +1,5 @@
 //! Why what nodes remember could not be listed: one sentence that names node or file.
 
-use std::fmt;
 use std::io;
 
 use super::decode::DecodeError;
@@ -9,23 +8,37 @@ use crate::commission::nodes::NodesError;
 use crate::report::replay_tables::printable;
 
 /// What went wrong.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum FaultsError {
     /// The bus, or a node that could not be asked.
+    #[error("{0}")]
     Bus(Fault),
     /// No node could be chosen.
+    #[error("{0}")]
     Nodes(NodesError),
     /// A node has given something else.
+    #[error("what node {0} remembers can't be read: {1}; is it another device?")]
     Node(u8, DecodeError),
     /// A file could not be read.
+    #[error("cannot read {a}: {1}; check the name and the permissions", a = printable(.0))]
     Read(String, io::Error),
     /// A file holds something else.
+    #[error(
+        "{a} can't be used: {1}; take a file that `plumb faults --boxes` has saved",
+        a = printable(.0)
+    )]
     File(String, DecodeError),
     /// A file could not be written.
+    #[error(
+        "cannot write {a}: {1}; make room or choose another folder with --boxes",
+        a = printable(.0)
+    )]
     Write(String, io::Error),
     /// The list could not be turned into JSON.
+    #[error("cannot put the list into JSON: {0}; please report this as a defect")]
     Json(serde_json::Error),
     /// It could not be printed.
+    #[error("cannot print the list: {0}")]
     Print(io::Error),
 }
 
@@ -40,38 +53,3 @@ impl FaultsError {
         )
     }
 }
-
-impl fmt::Display for FaultsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bus(why) => write!(f, "{why}"),
-            Self::Nodes(why) => write!(f, "{why}"),
-            Self::Node(node, why) => write!(
-                f,
-                "what node {node} remembers can't be read: {why}; is it another device?"
-            ),
-            Self::Read(file, why) => write!(
-                f,
-                "cannot read {}: {why}; check the name and the permissions",
-                printable(file)
-            ),
-            Self::File(file, why) => write!(
-                f,
-                "{} can't be used: {why}; take a file that `plumb faults --boxes` has saved",
-                printable(file)
-            ),
-            Self::Write(file, why) => write!(
-                f,
-                "cannot write {}: {why}; make room or choose another folder with --boxes",
-                printable(file)
-            ),
-            Self::Json(why) => write!(
-                f,
-                "cannot put the list into JSON: {why}; please report this as a defect"
-            ),
-            Self::Print(why) => write!(f, "cannot print the list: {why}"),
-        }
-    }
-}
-
-impl std::error::Error for FaultsError {}

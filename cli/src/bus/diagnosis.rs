@@ -6,7 +6,6 @@
 //!
 //! Left out: what only a look at the wires shows.
 
-use std::fmt;
 use std::io;
 use std::time::Duration;
 
@@ -21,14 +20,23 @@ const LISTENING: Duration = Duration::from_millis(1500);
 const MANY_ERRORS: u64 = 3;
 
 /// Why nobody answers.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Silence {
     /// Nothing is heard at all.
+    #[error(
+        "no frame is received on {bus}: no node has power, its wires are open, or the bit rate is \
+         another one"
+    )]
     BusSilent {
         /// The bus.
         bus: String,
     },
     /// Nothing is heard but errors.
+    #[error(
+        "no frame but {errors} errors are received on {bus}: most likely the bit rate is another \
+         one (plumb -b, or `ip link set can0 type can bitrate ...`), or a terminating resistor is \
+         missing"
+    )]
     BitRate {
         /// The bus.
         bus: String,
@@ -36,21 +44,34 @@ pub enum Silence {
         errors: u64,
     },
     /// The adapter cannot send: nobody acknowledges.
+    #[error(
+        "the adapter of {bus} cannot send, since no node acknowledges: no node has power, the \
+         wires are open, or the bit rate is another one"
+    )]
     Unacknowledged {
         /// The bus.
         bus: String,
     },
     /// Only nodes without a node-id are there.
+    #[error(
+        "{a}a node without a node-id is on the bus: give it one with `plumb node-id`",
+        a = absent(.node)
+    )]
     Unconfigured {
         /// The node that was asked, `None` for any.
         node: Option<u8>,
     },
     /// Frames come, but none that a node of this kind sends.
+    #[error(
+        "{frames} frames are received, but no heartbeat and no answer of a CANopen node: is it \
+         the right bus?"
+    )]
     NoNodes {
         /// Frames heard.
         frames: u64,
     },
     /// Other nodes are there.
+    #[error("there is no node {node}; {a} there: name one of these", a = listed(.others))]
     Others {
         /// The node that was asked.
         node: u8,
@@ -58,99 +79,39 @@ pub enum Silence {
         others: Vec<u8>,
     },
     /// Frames by its identifiers come, but no heartbeat and no answer.
+    #[error(
+        "node {0} does not answer and sends no heartbeat, but PDOs or EMCYs by its identifiers \
+         come: is it in STOPPED, or is its SDO channel elsewhere?"
+    )]
     OnlySends(u8),
     /// It is in the state STOPPED.
+    #[error(
+        "node {0} is in STOPPED, where no node answers SDO: bring it to PRE-OPERATIONAL first \
+         (`plumb set` and `plumb save` do so with --stop)"
+    )]
     Stopped(u8),
     /// It has just started.
+    #[error("node {0} sends boot-up messages and does not get further: is its supply weak?")]
     Starts(u8),
     /// Its heartbeat comes, its SDO server is silent.
+    #[error(
+        "node {0} is {1} by its heartbeat, but its SDO server does not answer: the frames to it \
+         are lost, or it is at work for long"
+    )]
     OnlyHeartbeats(u8, State),
     /// Somebody else asks it.
+    #[error("another tool uses the SDO server of node {0}: end the other tool, or wait for it")]
     Busy(u8),
     /// It answers now.
+    #[error(
+        "node {0} did not answer in time, but answers now: frames are lost, or it was at work; \
+         try again"
+    )]
     AnswersNow(u8),
 }
 
-impl fmt::Display for Silence {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BusSilent { bus } => write!(
-                f,
-                "no frame is received on {bus}: no node has power, its wires are open, or the bit \
-                 rate is another one"
-            ),
-            Self::BitRate { bus, errors } => write!(
-                f,
-                "no frame but {errors} errors are received on {bus}: most likely the bit rate is \
-                 another one (plumb -b, or `ip link set can0 type can bitrate ...`), or a \
-                 terminating resistor is missing"
-            ),
-            Self::Unacknowledged { bus } => write!(
-                f,
-                "the adapter of {bus} cannot send, since no node acknowledges: no node has power, \
-                 the wires are open, or the bit rate is another one"
-            ),
-            Self::Unconfigured { node } => {
-                if let Some(node) = node {
-                    write!(f, "node {node} is not there; ")?;
-                }
-                write!(
-                    f,
-                    "a node without a node-id is on the bus: give it one with `plumb node-id`"
-                )
-            }
-            Self::NoNodes { frames } => write!(
-                f,
-                "{frames} frames are received, but no heartbeat and no answer of a CANopen node: \
-                 is it the right bus?"
-            ),
-            Self::Others { node, others } => write!(
-                f,
-                "there is no node {node}; {} there: name one of these",
-                listed(others)
-            ),
-            node => node.fmt_node(f),
-        }
-    }
-}
-
-impl Silence {
-    /// The sentence about a node that is there.
-    fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::OnlySends(node) => write!(
-                f,
-                "node {node} does not answer and sends no heartbeat, but PDOs or EMCYs by its \
-                 identifiers come: is it in STOPPED, or is its SDO channel elsewhere?"
-            ),
-            Self::Stopped(node) => write!(
-                f,
-                "node {node} is in STOPPED, where no node answers SDO: bring it to \
-                 PRE-OPERATIONAL first (`plumb set` and `plumb save` do so with --stop)"
-            ),
-            Self::Starts(node) => write!(
-                f,
-                "node {node} sends boot-up messages and does not get further: is its supply weak?"
-            ),
-            Self::OnlyHeartbeats(node, state) => write!(
-                f,
-                "node {node} is {state} by its heartbeat, but its SDO server does not answer: \
-                 the frames to it are lost, or it is at work for long"
-            ),
-            Self::Busy(node) => write!(
-                f,
-                "another tool uses the SDO server of node {node}: end the other tool, or wait for \
-                 it"
-            ),
-            Self::AnswersNow(node) => write!(
-                f,
-                "node {node} did not answer in time, but answers now: frames are lost, or it was \
-                 at work; try again"
-            ),
-            // The others name no node that is there.
-            _ => Ok(()),
-        }
-    }
+fn absent(node: &Option<u8>) -> String {
+    node.map_or(String::new(), |node| format!("node {node} is not there; "))
 }
 
 /// "node 1 is" or "nodes 1, 2 and 3 are".

@@ -6,7 +6,6 @@
 //!
 //! Left out: identification by ranges, inquiries, and tables of bit timing other than CiA's.
 
-use std::fmt;
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -48,16 +47,28 @@ const FASTSCAN: u8 = 0x51;
 const ANYBODY: u8 = 0x80;
 
 /// Why a service was not carried out.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum LssError {
     /// The bus was lost.
+    #[error("the bus is lost: {0}")]
     Lost(io::Error),
     /// The user has ended it.
+    #[error("interrupted")]
     Interrupted,
     /// No node answers the service of this name.
+    #[error("no node answers LSS \"{0}\": is exactly one in the configuration state?")]
     Silent(&'static str),
     /// A node refuses the service: its error code, and the manufacturer's own.
+    #[error("{a}", a = refused(.0, *.1, *.2))]
     Refused(&'static str, u8, u8),
+}
+
+fn refused(service: &str, error: u8, specific: u8) -> String {
+    match (error, service) {
+        (1, _) => format!("the node refuses LSS \"{service}\": it does not support this value"),
+        (2, "store") => "the node could not store: its memory failed".to_owned(),
+        _ => format!("the node refuses LSS \"{service}\" with error {error} ({specific})"),
+    }
 }
 
 impl LssError {
@@ -66,32 +77,6 @@ impl LssError {
         match error.kind() {
             io::ErrorKind::Interrupted => Self::Interrupted,
             _ => Self::Lost(error),
-        }
-    }
-}
-
-impl std::error::Error for LssError {}
-
-impl fmt::Display for LssError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
-            Self::Interrupted => write!(f, "interrupted"),
-            Self::Silent(service) => write!(
-                f,
-                "no node answers LSS \"{service}\": is exactly one in the configuration state?"
-            ),
-            Self::Refused(service, 1, _) => write!(
-                f,
-                "the node refuses LSS \"{service}\": it does not support this value"
-            ),
-            Self::Refused(service, 2, _) if *service == "store" => {
-                write!(f, "the node could not store: its memory failed")
-            }
-            Self::Refused(service, error, specific) => write!(
-                f,
-                "the node refuses LSS \"{service}\" with error {error} ({specific})"
-            ),
         }
     }
 }

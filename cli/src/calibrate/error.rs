@@ -1,6 +1,5 @@
 //! Why a calibration did not come to its end: one sentence that says who, what, and what to do.
 
-use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
@@ -14,73 +13,138 @@ use crate::bus::sdo::SdoError;
 use crate::report::write::WriteError;
 
 /// Why there is no calibration.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
     /// The bus could not be joined.
+    #[error("{0}")]
     Join(JoinError),
     /// A node did not do its part.
+    #[error("{0}")]
     Sdo(SdoError),
     /// The bus was lost.
+    #[error("the bus is lost: {0}")]
     Lost(io::Error),
     /// The user has ended it.
+    #[error("interrupted; the calibration that was there counts")]
     Interrupted,
     /// The motor did not do its part.
+    #[error("{0}")]
     Motor(MotorError),
     /// Neither a motor nor a hand was named.
+    #[error("state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE")]
     Method,
     /// Both were.
+    #[error(
+        "either a motor turns the housing or a person does: give --motor URL or --by-hand, not \
+         both"
+    )]
     Both,
     /// More or fewer nodes than an instrument has.
+    #[error("give one node or the two of an instrument, as --nodes 1,2")]
     Nodes,
     /// A node is named twice.
+    #[error("node {0} is named twice")]
     Twice(u8),
     /// A node that is no channel of a Plumb.
+    #[error("node {0} is no channel of a Plumb")]
     Stranger(u8),
     /// The nodes measure in different ways.
+    #[error(
+        "the nodes measure in different ways (2030h, 2062h sub 2): calibrate them one by one with \
+         --nodes"
+    )]
     Mixed,
     /// Tables with points so far apart, deg, may err by this between them, deg.
+    #[error(
+        "tables with points {0} deg apart err by up to {1:.3} deg between them: give a smaller \
+         --step, or the --tolerance that is wanted"
+    )]
     Coarse(u32, f64),
     /// This way to calibrate is not for instruments of this kind.
+    #[error("{0}")]
     Kind(&'static str),
     /// A node's calibration can't be read.
+    #[error(
+        "the calibration of node {0} (2061h) is of a format that this release of plumb does not \
+         support"
+    )]
     Undecodable(u8),
     /// A node takes no samples.
+    #[error("node {0} takes no samples: its sensor does not answer; `plumb info` shows more")]
     NoSamples(u8),
     /// The housing does not stand still: node, where, scatter in mg.
+    #[error(
+        "the housing does not stand still {1}: node {0} scatters by {2:.1} mg; keep vibration away"
+    )]
     Restless(u8, String, f64),
     /// A node refuses a point of its table: node, angle, 2060h sub 8.
+    #[error("node {0} does not take the point at {1:.3} deg (2060h sub 8 is {2})")]
     Point(u8, f64, u8),
     /// Readings make no calibration of a node.
+    #[error("node {0}: {1}")]
     Fit(u8, FitError),
     /// Poses make no calibration.
+    #[error("{0}")]
     Hand(HandError),
     /// Something has happened to a node in the middle of the work.
+    #[error("node {0} {a}", a = upset(.1))]
     Upset(u8, Upset),
     /// A node has come back as another one.
+    #[error("node {0} has come back with another serial number or calibration")]
     Exchanged(u8),
     /// What a node reads back is not what was written to it.
+    #[error("node {0} reads back another calibration than was written to it")]
     Differs(u8),
     /// The poses have ended before all were taken.
+    #[error("the input ended before all poses were taken; missing: {0}")]
     Ended(String),
     /// A report could not be written.
+    #[error("{0}")]
     Write(WriteError),
     /// A file could not be read or written.
+    #[error("cannot use {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A file is not what it should be.
+    #[error("{path}: {1}", path = .0.display())]
     Content(PathBuf, &'static str),
     /// A file says nothing of a node's serial number.
+    #[error("{path} has no entry for node {1} with the serial number {2}", path = .0.display())]
     Unknown(PathBuf, u8, u32),
     /// A file of an earlier calibration, and what else to name.
+    #[error(
+        "{path} is there already: choose another {1}, or replace it with --force",
+        path = .0.display()
+    )]
     Earlier(PathBuf, &'static str),
     /// The instrument was not within its tolerance.
+    #[error("the instrument is not within its tolerance")]
     Rejected,
     /// It could not be printed.
+    #[error("cannot print: {0}")]
     Print(io::Error),
     /// Something else, and the nodes that could not be given back what they had.
+    #[error(
+        "{0}; node {a} could not be given back the calibration that it had: write as-found.json \
+         with --restore",
+        a = joined(.1)
+    )]
     Left(Box<CalibrateError>, Vec<u8>),
 }
 
-impl std::error::Error for CalibrateError {}
+const fn upset(what: &Upset) -> &'static str {
+    match what {
+        Upset::Restarted => "has restarted in the middle: look at its supply",
+        Upset::Commanded => {
+            "was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master may command it \
+             meanwhile"
+        }
+    }
+}
+
+fn joined(nodes: &[u8]) -> String {
+    let nodes: Vec<_> = nodes.iter().map(u8::to_string).collect();
+    nodes.join(" and ")
+}
 
 impl From<SdoError> for CalibrateError {
     fn from(error: SdoError) -> Self {
@@ -118,119 +182,5 @@ impl CalibrateError {
     /// What it means that the bus could not be read or written.
     pub fn lost(error: io::Error) -> Self {
         SdoError::lost(error).into()
-    }
-}
-
-impl fmt::Display for CalibrateError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Join(error) => write!(f, "{error}"),
-            Self::Sdo(error) => write!(f, "{error}"),
-            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
-            Self::Interrupted => write!(f, "interrupted; the calibration that was there counts"),
-            Self::Motor(error) => write!(f, "{error}"),
-            Self::Hand(error) => write!(f, "{error}"),
-            Self::Write(error) => write!(f, "{error}"),
-            Self::Print(error) => write!(f, "cannot print: {error}"),
-            Self::Method => write!(
-                f,
-                "state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE"
-            ),
-            Self::Both => write!(
-                f,
-                "either a motor turns the housing or a person does: give --motor URL or --by-hand, \
-                 not both"
-            ),
-            Self::Earlier(path, other) => write!(
-                f,
-                "{} is there already: choose another {other}, or replace it with --force",
-                path.display()
-            ),
-            Self::Nodes => write!(
-                f,
-                "give one node or the two of an instrument, as --nodes 1,2"
-            ),
-            Self::Mixed => write!(
-                f,
-                "the nodes measure in different ways (2030h, 2062h sub 2): calibrate them one by \
-                 one with --nodes"
-            ),
-            Self::Kind(what) => write!(f, "{what}"),
-            Self::Coarse(step, deg) => write!(
-                f,
-                "tables with points {step} deg apart err by up to {deg:.3} deg between them: give \
-                 a smaller --step, or the --tolerance that is wanted"
-            ),
-            Self::Rejected => write!(f, "the instrument is not within its tolerance"),
-            Self::Ended(missing) => write!(
-                f,
-                "the input ended before all poses were taken; missing: {missing}"
-            ),
-            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
-            Self::Content(path, what) => write!(f, "{}: {what}", path.display()),
-            Self::Unknown(path, node, serial) => write!(
-                f,
-                "{} has no entry for node {node} with the serial number {serial}",
-                path.display()
-            ),
-            Self::Left(error, nodes) => {
-                let nodes: Vec<_> = nodes.iter().map(u8::to_string).collect();
-                write!(
-                    f,
-                    "{error}; node {} could not be given back the calibration that it had: write \
-                     as-found.json with --restore",
-                    nodes.join(" and ")
-                )
-            }
-            node => node.fmt_node(f),
-        }
-    }
-}
-
-impl CalibrateError {
-    /// The sentence of an error that names a node.
-    fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Twice(node) => write!(f, "node {node} is named twice"),
-            Self::Stranger(node) => write!(f, "node {node} is no channel of a Plumb"),
-            Self::Undecodable(node) => write!(
-                f,
-                "the calibration of node {node} (2061h) is of a format that this release of plumb \
-                 does not support"
-            ),
-            Self::NoSamples(node) => write!(
-                f,
-                "node {node} takes no samples: its sensor does not answer; `plumb info` shows more"
-            ),
-            Self::Restless(node, place, mg) => write!(
-                f,
-                "the housing does not stand still {place}: node {node} scatters by {mg:.1} mg; \
-                 keep vibration away"
-            ),
-            Self::Point(node, deg, result) => write!(
-                f,
-                "node {node} does not take the point at {deg:.3} deg (2060h sub 8 is {result})"
-            ),
-            Self::Fit(node, error) => write!(f, "node {node}: {error}"),
-            Self::Upset(node, Upset::Restarted) => write!(
-                f,
-                "node {node} has restarted in the middle: look at its supply"
-            ),
-            Self::Upset(node, Upset::Commanded) => write!(
-                f,
-                "node {node} was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master \
-                 may command it meanwhile"
-            ),
-            Self::Exchanged(node) => write!(
-                f,
-                "node {node} has come back with another serial number or calibration"
-            ),
-            Self::Differs(node) => write!(
-                f,
-                "node {node} reads back another calibration than was written to it"
-            ),
-            // The others name none.
-            _ => Ok(()),
-        }
     }
 }

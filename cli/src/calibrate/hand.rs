@@ -17,8 +17,6 @@
 //!
 //! Left out: standstill, and who puts the housing down (`by_hand`).
 
-use std::fmt;
-
 use tilt::angle::Axes;
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
@@ -230,59 +228,50 @@ impl Faces {
 }
 
 /// Why poses make no calibration.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HandError {
     /// These poses of the plan are missing.
+    #[error("poses are missing: {a}", a = names(.0))]
     Missing(Vec<usize>),
     /// A channel's fit came to nothing; its letter.
+    #[error("channel {0}: {1}")]
     Fit(char, FitError),
     /// A channel's poses leave a combination of the parameters nearly open.
+    #[error(
+        "channel {0}: the poses are too alike (condition {1:.0}): lean the housing by about 45 \
+         deg where the plan says half"
+    )]
     IllConditioned(char, f64),
     /// A channel misses gravity's length in a pose, by so many mg.
+    #[error(
+        "channel {a}: gravity is {2:.1} mg off 1 g in the pose {b:?}: it did not stand still, or \
+         its temperature had not settled; take all poses again",
+        a = .0,
+        b = name(*.1)
+    )]
     Length(char, usize, f64),
     /// The surface under this pair is tilted by so many deg.
+    #[error(
+        "the surface under the pose {a:?} is tilted by {1:.1} deg, or the housing was not turned \
+         by 180 deg at one place: take a surface within {SURFACE_DEG} deg of level",
+        a = name(*.0)
+    )]
     Surface(usize, f64),
     /// The side face is off square by so many deg.
+    #[error(
+        "the side that X stands on is {0:.1} deg off the right angle to the base: it gives no \
+         direction of X; was it another side?"
+    )]
     Square(f64),
 }
 
-impl std::error::Error for HandError {}
+fn name(place: usize) -> &'static str {
+    POSES.get(place).map_or("", |pose| pose.words)
+}
 
-impl fmt::Display for HandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |place: &usize| POSES.get(*place).map_or("", |pose| pose.words);
-        match self {
-            Self::Missing(places) => {
-                let names: Vec<_> = places.iter().map(name).collect();
-                write!(f, "poses are missing: {}", names.join("; "))
-            }
-            Self::Fit(channel, error) => write!(f, "channel {}: {error}", channel),
-            Self::IllConditioned(channel, condition) => write!(
-                f,
-                "channel {}: the poses are too alike (condition {condition:.0}): lean the housing \
-                 by about 45 deg where the plan says half",
-                channel
-            ),
-            Self::Length(channel, pose, mg) => write!(
-                f,
-                "channel {}: gravity is {mg:.1} mg off 1 g in the pose {:?}: it did not stand \
-                 still, or its temperature had not settled; take all poses again",
-                channel,
-                name(pose)
-            ),
-            Self::Surface(pose, deg) => write!(
-                f,
-                "the surface under the pose {:?} is tilted by {deg:.1} deg, or the housing was not \
-                 turned by 180 deg at one place: take a surface within {SURFACE_DEG} deg of level",
-                name(pose)
-            ),
-            Self::Square(deg) => write!(
-                f,
-                "the side that X stands on is {deg:.1} deg off the right angle to the base: it \
-                 gives no direction of X; was it another side?"
-            ),
-        }
-    }
+fn names(places: &[usize]) -> String {
+    let names: Vec<_> = places.iter().map(|place| name(*place)).collect();
+    names.join("; ")
 }
 
 /// Corrections for one or two channels, each with its letter, that stood in the same poses; the

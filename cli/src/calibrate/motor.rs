@@ -6,7 +6,6 @@
 //!
 //! Left out: whether the housing shakes, which the sensor itself tells.
 
-use std::fmt;
 use std::time::Duration;
 
 use crate::scpi::{Device, Peer, Scpi, ScpiError};
@@ -73,31 +72,19 @@ pub trait Motor {
 }
 
 /// Why a motor does not turn.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum MotorError {
     /// It could not be spoken to, or refuses.
+    #[error("{0}")]
     Words(ScpiError),
     /// It is told to stand at one angle and stands at another.
+    #[error("{0} was sent to {1:.3} deg and stands at {2:.3} deg: is something in its way?")]
     Elsewhere(Peer, f64, f64),
 }
-
-impl std::error::Error for MotorError {}
 
 impl From<ScpiError> for MotorError {
     fn from(error: ScpiError) -> Self {
         Self::Words(error)
-    }
-}
-
-impl fmt::Display for MotorError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Words(error) => write!(f, "{error}"),
-            Self::Elsewhere(peer, to, at) => write!(
-                f,
-                "{peer} was sent to {to:.3} deg and stands at {at:.3} deg: is something in its way?"
-            ),
-        }
     }
 }
 

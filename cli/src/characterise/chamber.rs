@@ -7,8 +7,6 @@
 //!
 //! Left out: how long a temperature is kept, and whether the sensors have followed (`hold`).
 
-use std::fmt;
-
 use super::profile::REFERENCE_C;
 use crate::calibrate::console::{Answer, Console};
 use crate::scpi::{Device, Peer, Scpi, ScpiError};
@@ -57,40 +55,25 @@ pub trait Chamber {
 }
 
 /// Why a chamber did not do its part.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ChamberError {
     /// It could not be spoken to, or refuses.
+    #[error("{0}")]
     Words(ScpiError),
     /// It states a temperature that no air has.
+    #[error("{0} states an air temperature of {1} degC, which is none: look at its sensor")]
     Nonsense(Peer, f64),
     /// Its range is none.
+    #[error("{0} answers \"CONF:RANG?\" by {1:?}: two temperatures belong there: -40,85")]
     Range(Peer, String),
     /// Nobody answers any more.
+    #[error("the input ended before the chamber was set")]
     Ended,
 }
-
-impl std::error::Error for ChamberError {}
 
 impl From<ScpiError> for ChamberError {
     fn from(error: ScpiError) -> Self {
         Self::Words(error)
-    }
-}
-
-impl fmt::Display for ChamberError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Words(error) => write!(f, "{error}"),
-            Self::Nonsense(peer, degc) => write!(
-                f,
-                "{peer} states an air temperature of {degc} degC, which is none: look at its sensor"
-            ),
-            Self::Range(peer, said) => write!(
-                f,
-                "{peer} answers \"CONF:RANG?\" by {said:?}: two temperatures belong there: -40,85"
-            ),
-            Self::Ended => write!(f, "the input ended before the chamber was set"),
-        }
     }
 }
 

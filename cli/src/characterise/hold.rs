@@ -11,7 +11,6 @@
 //! Left out: asking chamber and nodes (`run`).
 
 use std::collections::VecDeque;
-use std::fmt;
 
 use super::chamber::Air;
 use super::profile::Step;
@@ -47,21 +46,34 @@ const ASTRAY_C: f64 = 5.0;
 const ASTRAY_SHARE: f64 = 0.15;
 
 /// Why a dwell comes to nothing. Temperatures in degC, times in minutes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HoldError {
     /// The air went past its set point, or away from it: set point, air.
+    #[error(
+        "the chamber was sent to {0} degC and its air is at {1:.1} degC: it overshoots or does \
+         not regulate"
+    )]
     Overshoot(f64, f64),
     /// The air does not become stable: set point, air, minutes waited.
+    #[error(
+        "the chamber's air does not become and stay stable at {0} degC within {2:.0} min{a}",
+        a = at(.1)
+    )]
     Unstable(f64, Option<f64>, f64),
     /// The air is said to be stable, and is not at its set point: set point, air.
+    #[error("the chamber reports stable air at {0} degC, but its temperature is {1:.1} degC")]
     Elsewhere(f64, f64),
     /// The sensor of a node does not settle: node's place, set point, how much it moves, minutes.
+    #[error("the sensor of node number {0} does not follow the chamber")]
     Unsettled(usize, f64, f64, f64),
     /// The sensor of a node does not follow the chamber: node's place, and both changes.
+    #[error("the sensor of node number {0} does not follow the chamber")]
     Astray(usize, f64, f64),
 }
 
-impl std::error::Error for HoldError {}
+fn at(air: &Option<f64>) -> String {
+    air.map_or(String::new(), |air| format!("; it is at {air:.1} degC"))
+}
 
 impl HoldError {
     /// The sentence; `node` gives the node-id of a place.
@@ -78,36 +90,6 @@ impl HoldError {
                 node(*place)
             ),
             air => air.to_string(),
-        }
-    }
-}
-
-impl fmt::Display for HoldError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Overshoot(set, air) => write!(
-                f,
-                "the chamber was sent to {set} degC and its air is at {air:.1} degC: it overshoots \
-                 or does not regulate"
-            ),
-            Self::Unstable(set, air, minutes) => {
-                let air = air.map_or(String::new(), |air| format!("; it is at {air:.1} degC"));
-                write!(
-                    f,
-                    "the chamber's air does not become and stay stable at {set} degC within \
-                     {minutes:.0} min{air}"
-                )
-            }
-            Self::Elsewhere(set, air) => write!(
-                f,
-                "the chamber reports stable air at {set} degC, but its temperature is {air:.1} degC"
-            ),
-            Self::Unsettled(place, ..) | Self::Astray(place, ..) => {
-                write!(
-                    f,
-                    "the sensor of node number {place} does not follow the chamber"
-                )
-            }
         }
     }
 }

@@ -7,7 +7,6 @@
 //! A file has a dwell a line, degC and minutes; `runs N` may stand before them, and `#` begins a
 //! comment. Left out: reaching a temperature (`hold`), and what is measured there (`run`).
 
-use std::fmt;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -72,75 +71,43 @@ pub struct Profile {
 }
 
 /// Why a profile is none.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// A file could not be read.
+    #[error("cannot use {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A line of it is no dwell: its number, and what it says.
+    #[error(
+        "{path} line {1}: {2:?} is no dwell: write degC and minutes, as 25 10, or runs 2",
+        path = .0.display()
+    )]
     Line(PathBuf, usize, String),
     /// There are no dwells, or too many.
+    #[error("a profile has 1 to {LONGEST} dwells; this one has {0}")]
     Count(usize),
     /// A temperature is beyond what the sensor is made for.
+    #[error("{0} degC is beyond the sensor's operating range, -40 to 85 degC")]
     Temperature(f64),
     /// A dwell is too short or too long.
+    #[error("a dwell of {0} min is none: take 0.1 to 1440 min")]
     Dwell(f64),
     /// It is run never or too often.
+    #[error("{0} runs are too few or too many: take 1 to 10")]
     Runs(u32),
     /// The stairs do not lead from one end to the other.
+    #[error("no stairs lead there: give --from below --to and a --step above 0")]
     Stairs,
     /// The quadratics want three temperatures over 20 degC.
+    #[error("the quadratic model takes three temperatures over 20 degC or more: add dwells")]
     Narrow,
     /// The stairs of eq 6 are too low, or all of them together are.
+    #[error("the piecewise model takes stairs of {RISE_C} degC or more, {WIDTH_C} degC together")]
     Flat,
     /// Eq 6 has slopes between two to nine rising temperatures; how many there are.
+    #[error(
+        "the piecewise model takes 2 to {KNOTS} rising temperatures in a row; the profile has {0}"
+    )]
     Knots(usize),
-}
-
-impl std::error::Error for ProfileError {}
-
-impl fmt::Display for ProfileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
-            Self::Line(path, line, text) => write!(
-                f,
-                "{} line {line}: {text:?} is no dwell: write degC and minutes, as 25 10, or runs 2",
-                path.display()
-            ),
-            Self::Count(count) => {
-                write!(
-                    f,
-                    "a profile has 1 to {LONGEST} dwells; this one has {count}"
-                )
-            }
-            Self::Temperature(degc) => write!(
-                f,
-                "{degc} degC is beyond the sensor's operating range, -40 to 85 degC"
-            ),
-            Self::Dwell(minutes) => {
-                write!(f, "a dwell of {minutes} min is none: take 0.1 to 1440 min")
-            }
-            Self::Runs(runs) => write!(f, "{runs} runs are too few or too many: take 1 to 10"),
-            Self::Stairs => write!(
-                f,
-                "no stairs lead there: give --from below --to and a --step above 0"
-            ),
-            Self::Narrow => write!(
-                f,
-                "the quadratic model takes three temperatures over 20 degC or more: add dwells"
-            ),
-            Self::Flat => write!(
-                f,
-                "the piecewise model takes stairs of {RISE_C} degC or more, {WIDTH_C} degC \
-                 together"
-            ),
-            Self::Knots(count) => write!(
-                f,
-                "the piecewise model takes 2 to {KNOTS} rising temperatures in a row; the profile \
-                 has {count}"
-            ),
-        }
-    }
 }
 
 impl From<&chamber::Dwell> for Step {

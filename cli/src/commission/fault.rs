@@ -5,7 +5,6 @@
 //!
 //! Left out: what one verb alone refuses.
 
-use std::fmt;
 use std::io;
 
 use crate::bus::diagnosis::{self, Silence};
@@ -14,23 +13,31 @@ use crate::bus::sdo::SdoError;
 use crate::bus::{Bus, JoinError};
 
 /// Why a verb on the bus ended early.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// The bus could not be joined.
+    #[error("{0}")]
     Join(JoinError),
     /// The bus was lost.
+    #[error("the bus is lost: {0}")]
     Lost(io::Error),
     /// The user has ended it.
+    #[error("interrupted")]
     Interrupted,
     /// Nobody answers, and why.
+    #[error("{0}")]
     Silent(Silence),
     /// A write was not answered, and why.
+    #[error("{0}; {1}")]
     Unanswered(SdoError, Silence),
     /// A node has refused, or the transfer failed.
+    #[error("{0}")]
     Sdo(SdoError),
     /// An LSS service failed.
+    #[error("{0}")]
     Lss(LssError),
     /// The answer can't be printed.
+    #[error("the answer cannot be printed: {0}")]
     Print(io::Error),
 }
 
@@ -77,23 +84,6 @@ impl From<LssError> for Fault {
             LssError::Lost(error) => Self::Lost(error),
             LssError::Interrupted => Self::Interrupted,
             error => Self::Lss(error),
-        }
-    }
-}
-
-impl std::error::Error for Fault {}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Join(error) => write!(f, "{error}"),
-            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
-            Self::Interrupted => write!(f, "interrupted"),
-            Self::Silent(why) => write!(f, "{why}"),
-            Self::Unanswered(error, why) => write!(f, "{error}; {why}"),
-            Self::Sdo(error) => write!(f, "{error}"),
-            Self::Lss(error) => write!(f, "{error}"),
-            Self::Print(error) => write!(f, "the answer cannot be printed: {error}"),
         }
     }
 }

@@ -1,44 +1,29 @@
 //! Why a data sheet can't be used: one sentence that names the file.
 
-use std::{fmt, io};
+use std::io;
 
 use crate::report::replay_tables::printable;
 
 /// A data sheet that can't be used.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum EdsError {
     /// The file can't be read.
+    #[error("{a} cannot be read: {1}", a = printable(.0))]
     Open(String, io::Error),
     /// The file is larger than any data sheet.
+    #[error(
+        "{a} is larger than 16 MiB, which no EDS or DCF is; give another file",
+        a = printable(.0)
+    )]
     TooLarge(String),
     /// The file describes no object.
+    #[error("{a} describes no object; give an EDS or DCF (CiA 306)", a = printable(.0))]
     NoObject(String),
     /// Neither the file nor the command line says which node it is.
+    #[error(
+        "{a} does not name its node; write --eds {b}@NODE",
+        a = printable(.0),
+        b = printable(.0)
+    )]
     NoNode(String),
-}
-
-impl std::error::Error for EdsError {}
-
-impl fmt::Display for EdsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Open(file, why) => write!(f, "{} cannot be read: {why}", printable(file)),
-            Self::TooLarge(file) => write!(
-                f,
-                "{} is larger than 16 MiB, which no EDS or DCF is; give another file",
-                printable(file)
-            ),
-            Self::NoObject(file) => write!(
-                f,
-                "{} describes no object; give an EDS or DCF (CiA 306)",
-                printable(file)
-            ),
-            Self::NoNode(file) => write!(
-                f,
-                "{} does not name its node; write --eds {}@NODE",
-                printable(file),
-                printable(file)
-            ),
-        }
-    }
 }

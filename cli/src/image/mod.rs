@@ -7,7 +7,6 @@
 //!
 //! Left out: linking, and keeping secret keys.
 
-use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -121,61 +120,40 @@ impl Done {
 }
 
 /// Why no file was written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// A file can't be read or written.
+    #[error("cannot use {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A file is no secret key.
+    #[error("{path} is no secret key: write 64 hexadecimal digits", path = .0.display())]
     Key(PathBuf),
     /// A file holds no body.
+    #[error("{path} is empty", path = .0.display())]
     Empty(PathBuf),
     /// A body is not linked for its slot: its first two words are no stack and no code there.
+    #[error(
+        "{path} is linked for another slot than {1:?}: its reset vector is not there",
+        path = .0.display()
+    )]
     Body(PathBuf, Slot),
     /// A body is longer than its slot has room for, bytes.
+    #[error("{path} is longer than the {1} bytes that a slot has", path = .0.display())]
     Long(PathBuf, u32),
     /// Two images are for the same slot, of which a file has one each.
+    #[error("two of the images are for slot {0:?}: give one for each slot")]
     Twice(Slot),
     /// Images can't be used.
+    #[error("{0}")]
     Images(UpdateError),
     /// What was done can't be printed; it is done.
+    #[error("cannot print what was done: {0}")]
     Print(io::Error),
 }
 
 impl From<UpdateError> for ImageError {
     fn from(error: UpdateError) -> Self {
         Self::Images(error)
-    }
-}
-
-impl std::error::Error for ImageError {}
-
-impl fmt::Display for ImageError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Images(error) => error.fmt(f),
-            Self::Print(error) => write!(f, "cannot print what was done: {error}"),
-            Self::File(path, error) => write!(f, "cannot use {}: {error}", path.display()),
-            Self::Empty(path) => write!(f, "{} is empty", path.display()),
-            Self::Body(path, slot) => write!(
-                f,
-                "{} is linked for another slot than {slot:?}: its reset vector is not there",
-                path.display()
-            ),
-            Self::Long(path, room) => write!(
-                f,
-                "{} is longer than the {room} bytes that a slot has",
-                path.display()
-            ),
-            Self::Twice(slot) => write!(
-                f,
-                "two of the images are for slot {slot:?}: give one for each slot"
-            ),
-            Self::Key(path) => write!(
-                f,
-                "{} is no secret key: write 64 hexadecimal digits",
-                path.display()
-            ),
-        }
     }
 }
 

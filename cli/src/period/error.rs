@@ -1,6 +1,5 @@
 //! Why no report could be made: one sentence that names the file and what to do.
 
-use std::fmt;
 use std::io;
 
 use crate::blackbox::FaultsError;
@@ -11,63 +10,42 @@ use crate::report::write::WriteError;
 
 /// A report that could not be made. Nothing has been written when one is returned, but for
 /// [`LogError::Incomplete`]: what could be read is in the report then.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum PeriodError {
     /// A log that can't be read.
+    #[error("{0}")]
     Log(LogError),
     /// A data sheet that can't be read.
+    #[error("{0}")]
     Eds(EdsError),
     /// The bit rate is none.
+    #[error("{0}")]
     Bus(JoinError),
     /// What nodes remember can't be read.
+    #[error("{0}")]
     Memory(FaultsError),
     /// No node could be asked: why the first one could not.
+    #[error("{0}")]
     Nobody(String),
     /// Neither a log, nor a black box, nor a bus was given.
+    #[error("nothing to report on: name a log, a folder of logs, a --black-box or a --bus")]
     NothingGiven,
     /// There is no frame in all the logs.
+    #[error("there is no frame in the logs: check that they are candump or ASC files")]
     Empty,
     /// There are frames, this many, but none in the time that was asked for.
+    #[error("all {0} frames are outside the time asked for: look at --from and --to")]
     Outside(u64),
     /// The end lies before the start.
+    #[error("--to is not after --from: swap them")]
     NoTime,
     /// The report could not be written.
+    #[error("{0}")]
     Write(WriteError),
     /// The report could not be turned into JSON.
+    #[error("cannot put the report into JSON: {0}; please report this as a defect")]
     Json(serde_json::Error),
     /// It could not be printed.
+    #[error("cannot print the report: {0}")]
     Print(io::Error),
 }
-
-impl fmt::Display for PeriodError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Log(why) => write!(f, "{why}"),
-            Self::Eds(why) => write!(f, "{why}"),
-            Self::Bus(why) => write!(f, "{why}"),
-            Self::Memory(why) => write!(f, "{why}"),
-            Self::Nobody(why) => write!(f, "{why}"),
-            Self::NothingGiven => write!(
-                f,
-                "nothing to report on: name a log, a folder of logs, a --black-box or a --bus"
-            ),
-            Self::Empty => write!(
-                f,
-                "there is no frame in the logs: check that they are candump or ASC files"
-            ),
-            Self::Outside(frames) => write!(
-                f,
-                "all {frames} frames are outside the time asked for: look at --from and --to"
-            ),
-            Self::NoTime => write!(f, "--to is not after --from: swap them"),
-            Self::Write(why) => write!(f, "{why}"),
-            Self::Json(why) => write!(
-                f,
-                "cannot put the report into JSON: {why}; please report this as a defect"
-            ),
-            Self::Print(why) => write!(f, "cannot print the report: {why}"),
-        }
-    }
-}
-
-impl std::error::Error for PeriodError {}

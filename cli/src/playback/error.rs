@@ -1,6 +1,6 @@
 //! Why logs could not be played back: one sentence each.
 
-use std::{fmt, io};
+use std::io;
 
 use crate::bus::JoinError;
 use crate::eds::EdsError;
@@ -8,77 +8,57 @@ use crate::log::LogError;
 use crate::report::replay_tables::printable;
 
 /// Logs that could not be played back.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum PlaybackError {
     /// A log that can't be read.
+    #[error("{0}")]
     Log(LogError),
     /// A data sheet that can't be used.
+    #[error("{0}")]
     Eds(EdsError),
     /// The end that is asked for is not behind the beginning.
+    #[error("--to is not after --from: swap them")]
     NoTime,
     /// Node-ids that are no pairs.
+    #[error(
+        "--nodes takes two different node-ids for each instrument, channel A first, and each one \
+         once"
+    )]
     Nodes,
     /// A table with a name that tells no format.
+    #[error(
+        "{a} names no format; end the name in .csv or .parquet for a table, .log or .asc for a log",
+        a = printable(.0)
+    )]
     ExportName(String),
     /// The table could not be written.
+    #[error("{a} can't be written: {1}", a = printable(.0))]
     Export(String, io::Error),
     /// The table would overwrite a file that is read.
+    #[error("{a} is read by this replay; give --export another name", a = printable(.0))]
     ExportOverInput(String),
     /// The bus could not be joined.
+    #[error("{0}")]
     Join(JoinError),
     /// The bus was lost, behind so many frames.
+    #[error("{1}, after {0} frames of the log")]
     Lost(u64, io::Error),
     /// The end was asked for, behind so many frames.
+    #[error("interrupted after {0} frames of the log")]
     Interrupted(u64),
     /// Frames of several interfaces can't go onto one bus.
+    #[error(
+        "the log has frames of {a} and of {b}: choose one with --interface",
+        a = printable(.0),
+        b = printable(.1)
+    )]
     TwoInterfaces(String, String),
     /// Standard input can't give both the log and the steps.
+    #[error("--step reads Enter from the standard input, as the log does; give a log file")]
     StepFromStdin,
     /// Standard output could not be written.
+    #[error("standard output can't be written: {0}")]
     Stdout(io::Error),
-}
-
-impl std::error::Error for PlaybackError {}
-
-impl fmt::Display for PlaybackError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Log(error) => write!(f, "{error}"),
-            Self::Eds(error) => write!(f, "{error}"),
-            Self::NoTime => write!(f, "--to is not after --from: swap them"),
-            Self::Nodes => write!(
-                f,
-                "--nodes takes two different node-ids for each instrument, channel A first, and \
-                 each one once"
-            ),
-            Self::ExportName(file) => write!(
-                f,
-                "{} names no format; end the name in .csv or .parquet for a table, .log or .asc \
-                 for a log",
-                printable(file)
-            ),
-            Self::Export(file, why) => write!(f, "{} can't be written: {why}", printable(file)),
-            Self::ExportOverInput(file) => write!(
-                f,
-                "{} is read by this replay; give --export another name",
-                printable(file)
-            ),
-            Self::Join(error) => write!(f, "{error}"),
-            Self::Lost(sent, error) => write!(f, "{error}, after {sent} frames of the log"),
-            Self::Interrupted(sent) => write!(f, "interrupted after {sent} frames of the log"),
-            Self::TwoInterfaces(one, other) => write!(
-                f,
-                "the log has frames of {} and of {}: choose one with --interface",
-                printable(one),
-                printable(other)
-            ),
-            Self::StepFromStdin => write!(
-                f,
-                "--step reads Enter from the standard input, as the log does; give a log file"
-            ),
-            Self::Stdout(error) => write!(f, "standard output can't be written: {error}"),
-        }
-    }
 }
 
 impl From<LogError> for PlaybackError {

@@ -5,8 +5,6 @@
 //! leave the mounting open. By reference: a rotation and three offsets, nothing that would bend
 //! the sensor's axes to a reference that may itself be off by degrees.
 
-use std::fmt;
-
 use tilt::calibration::least_squares::times;
 use tilt::calibration::{FitError, poses};
 use tilt::sample::Temperature;
@@ -124,9 +122,10 @@ fn temperature(celsius: f64) -> Temperature {
 }
 
 /// Why standstills don't make a calibration.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrateError {
     /// Too few standstills; the directions that no standstill comes near.
+    #[error("{have} standstills are too few, it takes {need}; add poses {a}", a = listed(.missing))]
     TooFew {
         /// Standstills there are.
         have: usize,
@@ -136,6 +135,10 @@ pub enum CalibrateError {
         missing: Vec<&'static str>,
     },
     /// Too few of the standstills have a reference.
+    #[error(
+        "{have} standstills with a reference are too few, it takes {need}; record more plateaus \
+         or calibrate from poses"
+    )]
     NoReference {
         /// Those that have one.
         have: usize,
@@ -143,6 +146,10 @@ pub enum CalibrateError {
         need: usize,
     },
     /// Enough standstills, but too alike.
+    #[error(
+        "the standstills are too alike (condition {condition:.3e}); add poses {a}",
+        a = listed(.missing)
+    )]
     IllConditioned {
         /// Condition figure; 1 is best, over 1e6 is refused.
         condition: f64,
@@ -150,39 +157,14 @@ pub enum CalibrateError {
         missing: Vec<&'static str>,
     },
     /// The fit didn't settle or is not what a working sensor can have.
+    #[error("{0}")]
     Implausible(FitError),
 }
 
-impl std::error::Error for CalibrateError {}
-
-impl fmt::Display for CalibrateError {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let listed = |missing: &[&str]| match missing {
-            [] => "in directions between those there are".to_owned(),
-            some => format!("with gravity near {}", some.join(", ")),
-        };
-        match self {
-            Self::TooFew {
-                have,
-                need,
-                missing,
-            } => write!(
-                f,
-                "{have} standstills are too few, it takes {need}; add poses {}",
-                listed(missing)
-            ),
-            Self::NoReference { have, need } => write!(
-                f,
-                "{have} standstills with a reference are too few, it takes {need}; record more \
-                 plateaus or calibrate from poses"
-            ),
-            Self::IllConditioned { condition, missing } => write!(
-                f,
-                "the standstills are too alike (condition {condition:.3e}); add poses {}",
-                listed(missing)
-            ),
-            Self::Implausible(why) => write!(f, "{why}"),
-        }
+fn listed(missing: &[&str]) -> String {
+    match missing {
+        [] => "in directions between those there are".to_owned(),
+        some => format!("with gravity near {}", some.join(", ")),
     }
 }
 

@@ -191,7 +191,19 @@ impl ReplayError {
                 "{calibration}: makes {length_g:.3} g of the standstills of {file} instead of \
                  1 g: it belongs to another sensor; give that sensor's own, or leave it out"
             ),
-            _ => Ok(()),
+            // Each one of these has its sentence above.
+            Self::TooManyFiles(_)
+            | Self::SameFile(_)
+            | Self::SaveOverInput(_)
+            | Self::LsbPerG(..)
+            | Self::Recording(_)
+            | Self::CalibrationFile(_)
+            | Self::Write(_)
+            | Self::Json(_)
+            | Self::Stdout(_)
+            | Self::BothKinds(..)
+            | Self::WrongKind(..)
+            | Self::Playback(_) => Ok(()),
         }
     }
 }

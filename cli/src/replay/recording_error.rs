@@ -17,27 +17,49 @@ pub struct RecordingError {
 }
 
 /// What is wrong with a recording.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Problem {
     /// Not found, a folder, no permission, a failing disk: what the system says.
+    #[error("can't be read ({0}); check the path")]
     NotReadable(String),
     /// No line at all, or blank and comment lines only.
+    #[error("holds no line; give a CSV file with a header")]
     Empty,
     /// The header holds bytes that are no text.
+    #[error(
+        "is no text; give a CSV file of a sensor, or a log of a bus as candump -L or an ASC \
+         logger writes it, plain or gzip"
+    )]
     Binary,
     /// The gzip stream breaks off after this many usable rows.
+    #[error(
+        "the gzip stream breaks off after {0} good rows; copy the file again, or recover the rows \
+         with `gunzip -c` and give the plain CSV"
+    )]
     GzipTruncated(usize),
     /// The gzip stream is damaged after this many usable rows.
+    #[error("the gzip stream is damaged after {0} good rows; copy the file again")]
     GzipCorrupt(usize),
     /// The line is over 64 kB.
+    #[error("is over {LONGEST} bytes long; give a CSV file with one sample a line")]
     LineTooLong,
     /// Over this many rows.
+    #[error("more than {0} rows; cut the file in parts")]
     TooManyRows(usize),
     /// This stands between the names of the header instead of a comma.
+    #[error(
+        "the columns are separated by '{a}'; use commas, and points in numbers",
+        a = .0.escape_default()
+    )]
     Separator(char),
     /// The first line holds numbers.
+    #[error(
+        "holds numbers where the header should be; put a first line such as \
+         `time_s,ax_g,ay_g,az_g`"
+    )]
     NoHeader,
     /// A column isn't there.
+    #[error("no column {wanted}; there is {a}; {b}", a = listed(.there), b = renamed(.nearest))]
     MissingColumn {
         /// The column that is missing.
         wanted: String,
@@ -47,8 +69,10 @@ pub enum Problem {
         nearest: Option<String>,
     },
     /// The three axes differ in unit.
+    #[error("the axes differ in unit ({a}); give all in one", a = listed(.0))]
     MixedUnits(Vec<String>),
     /// A column of time or acceleration whose unit isn't known.
+    #[error("`{column}` has no unit; name it {a}", a = .known.join(" or "))]
     UnknownUnit {
         /// The column.
         column: String,
@@ -56,10 +80,15 @@ pub enum Problem {
         known: Vec<String>,
     },
     /// Two columns give the same quantity.
+    #[error("`{0}` and `{1}` give the same quantity; take one of them out")]
     DuplicateColumn(String, String),
     /// Counts whose length at standstill is near no usual number of counts per g.
+    #[error(
+        "the length at standstill is {0:.1} counts, near no usual counts per g; use --lsb-per-g"
+    )]
     UnknownScale(f64),
     /// The length at standstill isn't near 1 g.
+    #[error("the length at standstill is {norm_g:.4} g instead of 1 g; {advice}")]
     WrongUnit {
         /// Median length at standstill, g by the header's unit.
         norm_g: f64,
@@ -67,6 +96,7 @@ pub enum Problem {
         advice: String,
     },
     /// Too few usable rows.
+    #[error("only {rows} usable rows ({skips}); at least 50 are needed")]
     TooFewRows {
         /// How many there are.
         rows: usize,
@@ -74,6 +104,7 @@ pub enum Problem {
         skips: Box<Skips>,
     },
     /// More rows were left out than kept.
+    #[error("more rows skipped than the {rows} kept ({skips}); mend {a}", a = to_mend(.skips))]
     MostlySkipped {
         /// How many were kept.
         rows: usize,
@@ -81,6 +112,7 @@ pub enum Problem {
         skips: Box<Skips>,
     },
     /// Under 25 or over 10 000 samples per second by the header's unit of time.
+    #[error("{hz:.3} samples per second is outside 25 to 10000; {a}", a = rate_advice(*.fits))]
     Rate {
         /// Samples per second, from the median difference of time.
         hz: f64,
@@ -121,124 +153,31 @@ impl fmt::Display for RecordingError {
     }
 }
 
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::NotReadable(why) => write!(f, "can't be read ({why}); check the path"),
-            Self::Empty => f.write_str("holds no line; give a CSV file with a header"),
-            Self::Binary => f.write_str(
-                "is no text; give a CSV file of a sensor, or a log of a bus as candump -L or an \
-                 ASC logger writes it, plain or gzip",
-            ),
-            Self::GzipTruncated(rows) => write!(
-                f,
-                "the gzip stream breaks off after {rows} good rows; copy the file again, or \
-                 recover the rows with `gunzip -c` and give the plain CSV"
-            ),
-            Self::GzipCorrupt(rows) => {
-                write!(
-                    f,
-                    "the gzip stream is damaged after {rows} good rows; copy the file again"
-                )
-            }
-            Self::LineTooLong => {
-                write!(
-                    f,
-                    "is over {LONGEST} bytes long; give a CSV file with one sample a line"
-                )
-            }
-            Self::TooManyRows(most) => write!(f, "more than {most} rows; cut the file in parts"),
-            Self::Separator(separator) => write!(
-                f,
-                "the columns are separated by '{}'; use commas, and points in numbers",
-                separator.escape_default()
-            ),
-            Self::NoHeader => f.write_str(
-                "holds numbers where the header should be; put a first line such as \
-                 `time_s,ax_g,ay_g,az_g`",
-            ),
-            _ => self.about_columns(f),
+fn to_mend(skips: &Skips) -> &'static str {
+    match skips.worst().map(|(reason, _)| reason) {
+        Some(Reason::BackwardTime | Reason::ForwardJump | Reason::RepeatedTime) => {
+            "the time column"
         }
+        Some(Reason::CellCount) => {
+            "the number of cells in each row, with points and no commas in numbers"
+        }
+        Some(Reason::OverRange) => "the unit of those columns",
+        Some(Reason::AllZero) => "the logger: the sensor did not answer",
+        _ => "those cells",
     }
 }
 
-impl Problem {
-    fn about_columns(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::MissingColumn {
-                wanted,
-                there,
-                nearest,
-            } => {
-                write!(f, "no column {wanted}; there is {}", listed(there))?;
-                match nearest {
-                    Some(name) => write!(f, "; rename `{name}` if it is meant"),
-                    None => f.write_str("; name it in the header"),
-                }
-            }
-            Self::MixedUnits(names) => {
-                write!(
-                    f,
-                    "the axes differ in unit ({}); give all in one",
-                    listed(names)
-                )
-            }
-            Self::UnknownUnit { column, known } => {
-                write!(f, "`{column}` has no unit; name it {}", known.join(" or "))
-            }
-            Self::DuplicateColumn(one, other) => {
-                write!(
-                    f,
-                    "`{one}` and `{other}` give the same quantity; take one of them out"
-                )
-            }
-            _ => self.about_values(f),
-        }
+fn renamed(nearest: &Option<String>) -> String {
+    match nearest {
+        Some(name) => format!("rename `{name}` if it is meant"),
+        None => "name it in the header".to_owned(),
     }
+}
 
-    fn about_values(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::UnknownScale(norm) => write!(
-                f,
-                "the length at standstill is {norm:.1} counts, near no usual counts per g; \
-                 use --lsb-per-g"
-            ),
-            Self::WrongUnit { norm_g, advice } => {
-                write!(
-                    f,
-                    "the length at standstill is {norm_g:.4} g instead of 1 g; {advice}"
-                )
-            }
-            Self::TooFewRows { rows, skips } => {
-                write!(
-                    f,
-                    "only {rows} usable rows ({skips}); at least 50 are needed"
-                )
-            }
-            Self::MostlySkipped { rows, skips } => {
-                write!(f, "more rows skipped than the {rows} kept ({skips}); mend ")?;
-                let worst = skips.worst().map(|(reason, _)| reason);
-                f.write_str(match worst {
-                    Some(Reason::BackwardTime | Reason::ForwardJump | Reason::RepeatedTime) => {
-                        "the time column"
-                    }
-                    Some(Reason::CellCount) => {
-                        "the number of cells in each row, with points and no commas in numbers"
-                    }
-                    Some(Reason::OverRange) => "the unit of those columns",
-                    Some(Reason::AllZero) => "the logger: the sensor did not answer",
-                    _ => "those cells",
-                })
-            }
-            Self::Rate { hz, fits } => {
-                write!(f, "{hz:.3} samples per second is outside 25 to 10000; ")?;
-                match fits {
-                    Some(name) => write!(f, "the time looks as if it were `{name}`"),
-                    None => f.write_str("check the time column, or record faster"),
-                }
-            }
-            _ => Ok(()),
-        }
+fn rate_advice(fits: Option<&str>) -> String {
+    match fits {
+        Some(name) => format!("the time looks as if it were `{name}`"),
+        None => "check the time column, or record faster".to_owned(),
     }
 }
 

@@ -7,7 +7,6 @@
 //!
 //! Left out: the downloaded program, and what a script has broken.
 
-use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -23,33 +22,17 @@ use super::words::node_name;
 const MOST_BYTES: usize = 4096;
 
 /// Why a folder does not keep what it should.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum KeepError {
     /// A file or the folder can't be used.
+    #[error("cannot keep the nodes' records in {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A file is not what was written.
+    #[error(
+        "{path} is damaged: delete it, and the node starts with its defaults",
+        path = .0.display()
+    )]
     Damaged(PathBuf),
-}
-
-impl std::error::Error for KeepError {}
-
-impl fmt::Display for KeepError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(path, error) => {
-                write!(
-                    f,
-                    "cannot keep the nodes' records in {}: {error}",
-                    path.display()
-                )
-            }
-            Self::Damaged(path) => write!(
-                f,
-                "{} is damaged: delete it, and the node starts with its defaults",
-                path.display()
-            ),
-        }
-    }
 }
 
 /// A folder with the records of all nodes.

@@ -37,42 +37,27 @@ pub enum Complaint {
 }
 
 /// Why a script can't be carried out.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     /// The file can't be read.
+    #[error("cannot read the script {path}: {1}", path = .0.display())]
     File(PathBuf, std::io::Error),
     /// The file is too long.
+    #[error(
+        "the script {path} is longer than {b} kB; type the words from a program instead",
+        path = .0.display(),
+        b = MOST_BYTES >> 10
+    )]
     Long(PathBuf),
     /// There is no word in it.
+    #[error(
+        "there is no word in the script {path}: write at least `hold`, or leave --script away",
+        path = .0.display()
+    )]
     Empty(PathBuf),
     /// A line, counted from 1, is wrong.
+    #[error("{path} line {1}: {2}", path = .0.display())]
     Line(PathBuf, usize, Complaint),
-}
-
-impl std::error::Error for ScriptError {}
-
-impl fmt::Display for ScriptError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(path, error) => {
-                write!(f, "cannot read the script {}: {error}", path.display())
-            }
-            Self::Long(path) => write!(
-                f,
-                "the script {} is longer than {} kB; type the words from a program instead",
-                path.display(),
-                MOST_BYTES >> 10
-            ),
-            Self::Empty(path) => write!(
-                f,
-                "there is no word in the script {}: write at least `hold`, or leave --script away",
-                path.display()
-            ),
-            Self::Line(path, line, complaint) => {
-                write!(f, "{} line {line}: {complaint}", path.display())
-            }
-        }
-    }
 }
 
 impl fmt::Display for Complaint {

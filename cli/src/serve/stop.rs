@@ -1,6 +1,5 @@
 //! Why `plumb serve` did not start, or has ended by itself: one sentence each.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use sim::bench::BenchError;
@@ -10,25 +9,37 @@ use super::keep::KeepError;
 use super::script::ScriptError;
 
 /// An end that nobody asked for; exit status 2.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Stopped {
     /// A way for clients could not be opened.
+    #[error("{0}")]
     Door(ServeError),
     /// The script is none.
+    #[error("{0}")]
     Script(ScriptError),
     /// The script has ended, after so many seconds.
+    #[error(
+        "the script {path} has ended after {1:.1} s and nothing moves the instrument any more; \
+         end it with `hold` to serve on, or with `repeat` to begin again",
+        path = .0.display()
+    )]
     ScriptEnded(PathBuf, f64),
     /// The folder for the nodes' records can't be used.
+    #[error("{0}")]
     Keep(KeepError),
     /// So many node-ids for so many nodes.
+    #[error(
+        "{0} node-id{a} for {1} nodes: --node-ids takes one for each, or none",
+        a = if *.0 == 1 { "" } else { "s" }
+    )]
     NodeIds(usize, usize),
     /// An instrument could not be calibrated.
+    #[error("an instrument could not be calibrated: {0}")]
     Bench(BenchError),
     /// The end by Ctrl-C could not be arranged.
+    #[error("cannot be ended by Ctrl-C ({0}), so not begun")]
     Signal(ctrlc::Error),
 }
-
-impl std::error::Error for Stopped {}
 
 impl From<ServeError> for Stopped {
     fn from(error: ServeError) -> Self {
@@ -45,28 +56,5 @@ impl From<ScriptError> for Stopped {
 impl From<KeepError> for Stopped {
     fn from(error: KeepError) -> Self {
         Self::Keep(error)
-    }
-}
-
-impl fmt::Display for Stopped {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Door(error) => error.fmt(f),
-            Self::Script(error) => error.fmt(f),
-            Self::ScriptEnded(path, seconds) => write!(
-                f,
-                "the script {} has ended after {seconds:.1} s and nothing moves the instrument \
-                 any more; end it with `hold` to serve on, or with `repeat` to begin again",
-                path.display()
-            ),
-            Self::Keep(error) => error.fmt(f),
-            Self::NodeIds(given, nodes) => write!(
-                f,
-                "{given} node-id{} for {nodes} nodes: --node-ids takes one for each, or none",
-                if *given == 1 { "" } else { "s" }
-            ),
-            Self::Bench(error) => write!(f, "an instrument could not be calibrated: {error}"),
-            Self::Signal(error) => write!(f, "cannot be ended by Ctrl-C ({error}), so not begun"),
-        }
     }
 }

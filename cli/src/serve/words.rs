@@ -6,7 +6,6 @@
 //!
 //! Left out: what can break in a node (`trouble`); what the words do (`stage`).
 
-use std::fmt;
 use std::ops::RangeInclusive;
 
 use super::trouble::{self, Trouble};
@@ -122,46 +121,38 @@ pub struct Line {
 }
 
 /// Why a line is none.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WordError {
     /// There is no such word.
+    #[error("there is no word {0:?}; the words are {a}", a = all_words())]
     Unknown(String),
     /// The word is followed by something else than it should; how it is written.
+    #[error("{0:?} does not fit: write {1}")]
     Form(String, &'static str),
     /// There is no such node; how many there are.
+    #[error(
+        "there is no node {0:?}; the nodes are {a}, and all of them together are `all`",
+        a = all_nodes(*.1)
+    )]
     NoNode(String, usize),
     /// There is no such fault.
+    #[error("there is no fault {0:?}; the faults are {a}", a = all_faults())]
     NoFault(String),
 }
 
-impl std::error::Error for WordError {}
+fn all_words() -> String {
+    let words: Vec<_> = FORMS.iter().map(|(word, ..)| *word).collect();
+    words.join(", ")
+}
 
-impl fmt::Display for WordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown(word) => {
-                write!(f, "there is no word {word:?}; the words are ")?;
-                for (i, (word, ..)) in FORMS.iter().enumerate() {
-                    write!(f, "{}{word}", if i == 0 { "" } else { ", " })?;
-                }
-                Ok(())
-            }
-            Self::Form(line, form) => write!(f, "{line:?} does not fit: write {form}"),
-            Self::NoNode(name, count) => {
-                write!(f, "there is no node {name:?}; the nodes are ")?;
-                (0..*count).try_for_each(|n| write!(f, "{}, ", node_name(n)))?;
-                write!(f, "and all of them together are `all`")
-            }
-            Self::NoFault(name) => {
-                let faults: Vec<_> = trouble::names().collect();
-                write!(
-                    f,
-                    "there is no fault {name:?}; the faults are {}",
-                    faults.join(", ")
-                )
-            }
-        }
-    }
+fn all_nodes(count: usize) -> String {
+    let names: Vec<_> = (0..count).map(node_name).collect();
+    names.join(", ")
+}
+
+fn all_faults() -> String {
+    let faults: Vec<_> = trouble::names().collect();
+    faults.join(", ")
 }
 
 /// Every word, how it is written, and what it does.

@@ -1,6 +1,5 @@
 //! Why an update ended: one sentence that says where and what to do.
 
-use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
@@ -12,61 +11,114 @@ use crate::bus::diagnosis::Silence;
 use crate::bus::sdo::SdoError;
 
 /// Why an update ended before every node ran the new program.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum UpdateError {
     /// A file can't be read.
+    #[error("cannot read {path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
     /// A file is no image.
+    #[error("{path} is no image: {b}", path = .0.display(), b = no_image(*.1))]
     Image(PathBuf, ImageError),
     /// A file ends early, or its body is damaged.
+    #[error("{path} is damaged: fetch it again", path = .0.display())]
     Damaged(PathBuf),
     /// The files hold images of two versions.
+    #[error(
+        "the images are of two versions, {a} and {b}: give those of one",
+        a = version(*.0),
+        b = version(*.1)
+    )]
     Versions(u32, u32),
     /// The bus can't be joined.
+    #[error("{0}")]
     Join(JoinError),
     /// The bus was lost.
+    #[error("the bus is lost: {0}; {AGAIN}")]
     Lost(io::Error),
     /// The user has ended it.
+    #[error("interrupted; {AGAIN}")]
     Interrupted,
     /// A node is named twice.
+    #[error("node {0} is named twice")]
     Twice(u8),
     /// A node does not answer, and why.
+    #[error("{0}; nothing was changed")]
     NotThere(Silence),
     /// A node does not answer.
+    #[error("node {0} does not answer: look at its node-id, its supply and the bus; {AGAIN}")]
     Silent(u8),
     /// A node has refused a request: index, sub-index, abort code.
+    #[error("node {0} {a}", a = refused(*.1, *.2, *.3))]
     Refused(u8, u16, u8, u32),
     /// The node's transfer came out of step.
+    #[error("the transfer to node {0} came out of step; {AGAIN}")]
     Transfer(u8),
     /// Somebody else has ended the transfer to a node and talks to it now.
+    #[error("another tool uses node {0}, perhaps another update: let one end first; {AGAIN}")]
     Taken(u8),
     /// A node is not one of ours.
+    #[error("node {0} is no channel of a Plumb")]
     Stranger(u8),
     /// No image is for this node's hardware.
+    #[error("no image is for node {0}: its hardware is {1:08X}h")]
     Hardware(u8, u32),
     /// No image is for the slot that this node does not run in.
+    #[error("node {0} needs the image for slot {1}, which is not in the file")]
     Slot(u8, char),
     /// A node runs a later version than the image's.
+    #[error(
+        "node {0} runs version {a}, and the image is the older {b}: nothing was changed",
+        a = version(*.1),
+        b = version(*.2)
+    )]
     Older(u8, u32, u32),
     /// A node runs a program that is on trial.
+    #[error(
+        "node {0} runs a program on trial: wait half a minute until it is confirmed or given up"
+    )]
     OnTrial(u8),
     /// A node has no valid angle: while the other one is updated nobody would measure.
+    #[error(
+        "node {0} has no valid angle, and one channel has to measure while the other is updated: \
+         repair it first, or use --force"
+    )]
     NoAngle(u8),
     /// A node has no place for a program that comes over the bus.
+    #[error(
+        "node {0} takes no program over the bus, as the paper's instrument does not: use a debug \
+         probe (docs/bring-up.md)"
+    )]
     Fixed(u8),
     /// A node is not OPERATIONAL that would be the only one that measures.
+    #[error(
+        "node {0} is not OPERATIONAL, and one channel has to measure while the other is updated: \
+         start it first, or use --force"
+    )]
     Idle(u8),
     /// A node of a pair at work has no valid angle after the update of one.
+    #[error(
+        "node {0} has no valid angle in OPERATIONAL, and had one before the update: look at the \
+         pair with `plumb monitor`"
+    )]
     Apart(u8),
     /// A node did not finish clearing its memory.
+    #[error("node {0} does not finish clearing its memory")]
     Clearing(u8),
     /// A node found the image wrong: what 1F57h says.
+    #[error("node {0} refuses the image: {a}", a = found(*.1))]
     Found(u8, u32),
     /// A node did not come back after the start.
+    #[error("node {0} has not come back after the start of the new program")]
     Gone(u8),
     /// A node has given the new program up and runs this version again.
+    #[error(
+        "node {0} gave the new program up, which did not pass its self-check, and runs version \
+         {a} again",
+        a = version(*.1)
+    )]
     RolledBack(u8, u32),
     /// A node has neither confirmed the new program nor given it up.
+    #[error("node {0} has neither confirmed the new program nor given it up in time")]
     Undecided(u8),
 }
 
@@ -101,133 +153,22 @@ impl From<SdoError> for UpdateError {
     }
 }
 
-impl std::error::Error for UpdateError {}
-
-impl fmt::Display for UpdateError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File(path, error) => write!(f, "cannot read {}: {error}", path.display()),
-            Self::Image(path, error) => {
-                write!(f, "{} is no image: {}", path.display(), no_image(*error))
-            }
-            Self::Damaged(path) => write!(f, "{} is damaged: fetch it again", path.display()),
-            Self::Versions(one, other) => write!(
-                f,
-                "the images are of two versions, {} and {}: give those of one",
-                version(*one),
-                version(*other)
-            ),
-            Self::Join(error) => write!(f, "{error}"),
-            Self::NotThere(why) => write!(f, "{why}; nothing was changed"),
-            Self::Interrupted => write!(f, "interrupted; {AGAIN}"),
-            Self::Lost(error) => write!(f, "the bus is lost: {error}; {AGAIN}"),
-            node => node.fmt_node(f),
-        }
-    }
-}
-
-impl UpdateError {
-    /// The sentence of an error that names a node.
-    fn fmt_node(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Twice(node) => write!(f, "node {node} is named twice"),
-            Self::Silent(node) => write!(
-                f,
-                "node {node} does not answer: look at its node-id, its supply and the bus; {AGAIN}"
-            ),
-            Self::Taken(node) => write!(
-                f,
-                "another tool uses node {node}, perhaps another update: let one end first; \
-                 {AGAIN}"
-            ),
-            Self::Refused(node, index, sub, WRONG_STATE) => write!(
-                f,
-                "node {node} can't do that now (0800 0022h at {index:04X}h sub {sub}): perhaps \
-                 another tool uses it"
-            ),
-            Self::Refused(node, index, sub, code) => write!(
-                f,
-                "node {node} refuses {index:04X}h sub {sub}: abort code {code:08X}h"
-            ),
-            Self::Transfer(node) => {
-                write!(f, "the transfer to node {node} came out of step; {AGAIN}")
-            }
-            Self::Fixed(node) => write!(
-                f,
-                "node {node} takes no program over the bus, as the paper's instrument does not: \
-                 use a debug probe (docs/bring-up.md)"
-            ),
-            Self::Stranger(node) => write!(f, "node {node} is no channel of a Plumb"),
-            Self::Hardware(node, id) => {
-                write!(f, "no image is for node {node}: its hardware is {id:08X}h")
-            }
-            Self::Slot(node, slot) => write!(
-                f,
-                "node {node} needs the image for slot {slot}, which is not in the file"
-            ),
-            Self::Older(node, runs, image) => write!(
-                f,
-                "node {node} runs version {}, and the image is the older {}: nothing was changed",
-                version(*runs),
-                version(*image)
-            ),
-            Self::OnTrial(node) => write!(
-                f,
-                "node {node} runs a program on trial: wait half a minute until it is confirmed or \
-                 given up"
-            ),
-            Self::NoAngle(node) => write!(
-                f,
-                "node {node} has no valid angle, and one channel has to measure while the other \
-                 is updated: repair it first, or use --force"
-            ),
-            Self::Idle(node) => write!(
-                f,
-                "node {node} is not OPERATIONAL, and one channel has to measure while the other \
-                 is updated: start it first, or use --force"
-            ),
-            Self::Clearing(node) => write!(f, "node {node} does not finish clearing its memory"),
-            Self::Found(node, status) => {
-                write!(f, "node {node} refuses the image: {}", found(*status))
-            }
-            started => started.fmt_started(f),
-        }
-    }
-
-    /// The sentence of an error after the new program was started.
-    fn fmt_started(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Gone(node) => write!(
-                f,
-                "node {node} has not come back after the start of the new program"
-            ),
-            Self::RolledBack(node, runs) => write!(
-                f,
-                "node {node} gave the new program up, which did not pass its self-check, and runs \
-                 version {} again",
-                version(*runs)
-            ),
-            Self::Undecided(node) => write!(
-                f,
-                "node {node} has neither confirmed the new program nor given it up in time"
-            ),
-            Self::Apart(node) => write!(
-                f,
-                "node {node} has no valid angle in OPERATIONAL, and had one before the update: \
-                 look at the pair with `plumb monitor`"
-            ),
-            // The others name none.
-            _ => Ok(()),
-        }
-    }
-}
-
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = 0x0800_0022;
 
 /// What helps after most of them.
 const AGAIN: &str =
     "run the same command again: it continues after the part of the image that the node has kept";
+
+/// What a node did with a request, in words.
+fn refused(index: u16, sub: u8, code: u32) -> String {
+    match code {
+        WRONG_STATE => format!(
+            "can't do that now (0800 0022h at {index:04X}h sub {sub}): perhaps another tool uses it"
+        ),
+        _ => format!("refuses {index:04X}h sub {sub}: abort code {code:08X}h"),
+    }
+}
 
 /// Why bytes are no image, in words.
 const fn no_image(error: ImageError) -> &'static str {

@@ -1,26 +1,47 @@
 //! Why an SDO transfer did not come to its end, and what abort codes mean (CiA 301, table 22).
 
-use std::fmt;
 use std::io;
 
 /// Why a transfer ended. Each names node and object.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SdoError {
     /// The bus was lost.
+    #[error("the bus is lost: {0}")]
     Lost(io::Error),
     /// The user has ended it.
+    #[error("interrupted")]
     Interrupted,
     /// The node does not answer a question: node, index, sub-index.
+    #[error("node {0} does not answer when asked for {a}", a = address(*.1, *.2))]
     Silent(u8, u16, u8),
     /// The node did not answer a write, which it may have taken all the same.
+    #[error(
+        "node {0} has not answered the write of {a}: whether it counts is not known, so read it \
+         back before you write again",
+        a = address(*.1, *.2)
+    )]
     Unanswered(u8, u16, u8),
     /// The node has refused: node, index, sub-index, abort code.
+    #[error(
+        "node {0} refuses {a}: {b} (abort code {c:04X} {d:04X}h)",
+        a = address(*.1, *.2),
+        b = meaning(*.3),
+        c = .3 >> 16,
+        d = .3 & 0xFFFF
+    )]
     Refused(u8, u16, u8, u32),
     /// The transfer came out of step: node, index, sub-index, and what was wrong.
+    #[error(
+        "the transfer of {a} with node {0} is out of step ({3}): frames are lost, or another tool \
+         uses its SDO server",
+        a = address(*.1, *.2)
+    )]
     Step(u8, u16, u8, &'static str),
     /// Somebody else uses the node's only SDO channel.
+    #[error("another tool uses the SDO server of node {0}: end the other tool, or wait for it")]
     Taken(u8),
     /// The object has another length than a number has: node, index, sub-index, bytes.
+    #[error("{a} of node {0} has {3} bytes and is no number", a = address(*.1, *.2))]
     Length(u8, u16, u8, usize),
 }
 
@@ -39,57 +60,11 @@ impl SdoError {
     }
 }
 
-impl std::error::Error for SdoError {}
-
 /// An object's address as people write it: `6012h`, or `1018h sub 2`.
 fn address(index: u16, sub: u8) -> String {
     match sub {
         0 => format!("{index:04X}h"),
         _ => format!("{index:04X}h sub {sub}"),
-    }
-}
-
-impl fmt::Display for SdoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Lost(error) => write!(f, "the bus is lost: {error}"),
-            Self::Interrupted => write!(f, "interrupted"),
-            Self::Silent(node, index, sub) => write!(
-                f,
-                "node {node} does not answer when asked for {}",
-                address(*index, *sub)
-            ),
-            Self::Unanswered(node, index, sub) => write!(
-                f,
-                "node {node} has not answered the write of {}: whether it counts is not known, so \
-                 read it back before you write again",
-                address(*index, *sub)
-            ),
-            Self::Refused(node, index, sub, code) => write!(
-                f,
-                "node {node} refuses {}: {} (abort code {:04X} {:04X}h)",
-                address(*index, *sub),
-                meaning(*code),
-                code >> 16,
-                code & 0xFFFF
-            ),
-            Self::Step(node, index, sub, what) => write!(
-                f,
-                "the transfer of {} with node {node} is out of step ({what}): frames are lost, or \
-                 another tool uses its SDO server",
-                address(*index, *sub)
-            ),
-            Self::Taken(node) => write!(
-                f,
-                "another tool uses the SDO server of node {node}: end the other tool, or wait for \
-                 it"
-            ),
-            Self::Length(node, index, sub, bytes) => write!(
-                f,
-                "{} of node {node} has {bytes} bytes and is no number",
-                address(*index, *sub)
-            ),
-        }
     }
 }
 
