@@ -6,8 +6,9 @@
 //! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
 //! puts virtual instruments on a bus, `twin` moves and breaks them, `demo/` tests them, `describe/`
 //! prints their data sheets.
-//! Shared by these: `bus/` talks, `log/` reads and writes logs, `eds/` reads data sheets,
-//! `watch/` decodes frames, `report/` draws.
+//! Shared by these: `bus/` talks, `eds/` reads data sheets, `watch/` decodes frames, `report/` is
+//! what the demo and the replay show. Crates of their own: `bus-logs` reads and writes logs,
+//! `output` draws and prints.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the answer is no (docs/command-line.md).
 
@@ -20,11 +21,9 @@ mod demo;
 mod describe;
 mod eds;
 mod image;
-mod log;
 mod monitor;
 mod period;
 mod playback;
-mod progress;
 mod replay;
 mod report;
 mod scpi;
@@ -32,8 +31,6 @@ mod scpi;
 mod scratch;
 pub mod serve;
 mod shell;
-mod stdout;
-mod text_table;
 mod twin;
 mod update;
 mod verify;
@@ -44,7 +41,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-pub use crate::progress::Progress;
+pub use output::progress::Progress;
 
 /// The fits of `plumb calibrate`, for studies of what they are worth.
 pub mod fits {

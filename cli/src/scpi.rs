@@ -12,7 +12,7 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use crate::bus::intake::{Intake, Stream, connect};
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// How long an answer may take that needs no movement.
 const ANSWER: Duration = Duration::from_secs(5);

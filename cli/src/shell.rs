@@ -15,7 +15,7 @@ use clap::{Args, Command};
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use crate::stdout;
+use output::stdout;
 
 /// Which shell.
 #[derive(Clone, Debug, Args)]

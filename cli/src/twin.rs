@@ -16,7 +16,7 @@ use clap::{Arg, Args, Command};
 use crate::bus::intake::{Intake, connect};
 use crate::serve::twin::{Answer, TWIN_AT};
 use crate::serve::words::{candidates, help, read};
-use crate::stdout;
+use output::stdout;
 
 /// How long a server may take to say that it is one.
 const GREETING: Duration = Duration::from_secs(10);

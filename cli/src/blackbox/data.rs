@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::decode::{FaultLog, Frame, Memory, Samples};
 use super::words;
-use crate::report::series::rounded;
-use crate::text_table::{Cell, Column, Table};
+use output::series::rounded;
+use output::table::{Cell, Column, Table};
 
 /// What a node remembers, or what a file holds of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use std::io;
 use super::decode::DecodeError;
 use crate::commission::fault::Fault;
 use crate::commission::nodes::NodesError;
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]

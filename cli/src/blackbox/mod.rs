@@ -24,8 +24,8 @@ use serde::Serialize;
 
 use crate::bus::{Bus, BusOptions};
 use crate::commission::nodes::NodeOption;
-use crate::report::replay_tables::printable;
-use crate::stdout;
+use output::printable;
+use output::stdout;
 
 use data::MemoryReport;
 use decode::Memory;

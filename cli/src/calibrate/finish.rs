@@ -18,7 +18,7 @@ use super::kept::{self, Kept, KeptNode, hex};
 use super::session::Session;
 use super::{dcc, page};
 use crate::bus::BusOptions;
-use crate::stdout;
+use output::stdout;
 
 /// Which nodes, for whom, and where to.
 #[derive(Clone, Debug, Args)]

@@ -9,9 +9,9 @@
 use super::data::{Channel, Report, Thermal, ThermalDwell};
 use super::dcc::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
 use super::xml::Xml;
-use crate::report::chart::{Chart, Ink, Level, Plot, Shape};
-use crate::report::html;
-use crate::text_table::{Cell, Column, Table};
+use output::chart::{Chart, Ink, Level, Plot, Shape};
+use output::html;
+use output::table::{Cell, Column, Table};
 
 /// The sensor's axes in their order.
 const AXES: [&str; 3] = ["x", "y", "z"];

@@ -7,9 +7,9 @@
 
 use super::data::{Channel, Difference, Method, Point, Report};
 use super::over_temperature;
-use crate::report::chart::{Chart, Ink, Level, Plot, Shape};
-use crate::report::html;
-use crate::text_table::{Cell, Column, Table};
+use output::chart::{Chart, Ink, Level, Plot, Shape};
+use output::html;
+use output::table::{Cell, Column, Table};
 
 /// The page.
 pub fn page(report: &Report) -> String {
@@ -398,7 +398,7 @@ fn footer(report: &Report) -> String {
 mod tests {
     use super::*;
     use crate::calibrate::sample;
-    use crate::report::html::check;
+    use output::check;
 
     #[test]
     fn the_page_is_whole_fetches_nothing_and_is_no_certificate() {

@@ -8,7 +8,7 @@
 use std::cell::Cell;
 
 use super::profile::{Profile, REFERENCE_C};
-use crate::progress::Task;
+use output::progress::Task;
 
 /// What a chamber takes for a degree until its own ramps tell, min: 2 degC/min. `[ASSUME]`
 const MIN_PER_C: f64 = 0.5;
@@ -126,12 +126,12 @@ impl<'a> Left<'a> {
 mod tests {
     use super::super::thermal::Model;
     use super::*;
-    use crate::progress::Progress;
+    use output::progress::Progress;
 
     #[test]
     fn the_paper_s_two_runs_take_a_day_and_the_time_left_follows_the_chamber() {
         let profile = Profile::paper(Model::Piecewise);
-        let progress = Progress::silent();
+        let progress = Progress::hidden();
         let task = progress.task("x", 1);
         let left = Left::new(&profile, &task, 0);
         // Twice 430 min of dwells, ramps of 115 and of 95 + 115 degC, 24 min of readings, and 45 +

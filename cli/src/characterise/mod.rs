@@ -39,7 +39,7 @@ use crate::calibrate::folder::Folder;
 use crate::calibrate::motor::{Axis, Motor, ScpiMotor};
 use crate::calibrate::session::{Session, encode};
 use crate::calibrate::{CalibrateError, Common, finish, kept};
-use crate::progress::Progress;
+use output::progress::Progress;
 
 /// What keeps the temperature, what turns the housing, and through which temperatures.
 #[derive(Clone, Debug, Args)]

@@ -22,7 +22,7 @@ use super::nodes::{NodeOption, NodesError};
 use super::print;
 use crate::bus::sdo::meaning;
 use crate::bus::{Bus, BusOptions};
-use crate::text_table::{Cell, Column, Table};
+use output::table::{Cell, Column, Table};
 
 /// What is read.
 #[derive(Clone, Debug, Args)]

@@ -20,10 +20,10 @@ use super::name::{self, Named};
 use super::nodes::{Meant, NodeOption, NodesError};
 use super::print;
 use crate::bus::BusOptions;
-use crate::report::replay_tables::printable;
 use crate::serve::status::because;
-use crate::text_table::{Cell, Column, Table};
 use crate::update::version;
+use output::printable;
+use output::table::{Cell, Column, Table};
 
 /// Bits of the error register (CiA 301, 7.5.2.2).
 const ERROR_BITS: [&str; 8] = [

@@ -202,7 +202,7 @@ pub fn find(text: &str) -> Result<Vec<Named>, NameError> {
 
 /// What may stand in an error's line.
 fn printable(text: &str) -> String {
-    crate::report::replay_tables::printable(text)
+    output::printable(text)
 }
 
 /// The one object that a name means.

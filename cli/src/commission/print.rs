@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use super::fault::Fault;
-use crate::stdout;
+use output::stdout;
 
 /// Prints text as it is.
 ///

@@ -20,8 +20,8 @@ use super::print;
 use crate::bus::lss::{Identity, Master};
 use crate::bus::survey::{Survey, survey};
 use crate::bus::{Bus, BusOptions};
-use crate::report::replay_tables::printable;
-use crate::text_table::{Cell, Column, Table};
+use output::printable;
+use output::table::{Cell, Column, Table};
 
 /// More nodes without a node-id than this are not looked for.
 const MOST_FRESH: usize = 16;

@@ -15,8 +15,8 @@ use device::objects::table::{self, Channel};
 
 use super::name::Named;
 use crate::describe::{dictionary, meaning};
-use crate::report::replay_tables::printable;
 use crate::serve::status::because;
+use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
 const UNITS: [(&str, &str, f64); 14] = [

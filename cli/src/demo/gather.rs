@@ -19,8 +19,8 @@ use crate::report::data::{
     ErrorType, Figures, Mode as ReportMode, NodeTrace, OneAxisRow, Outcome, Relation,
     SpecificationRow, StaticRow, Table1Row, WeekRow,
 };
-use crate::report::series::{Binner, finite, points};
 use crate::report::tables::FEWEST_FOR_MEDIANS;
+use output::series::{Binner, finite, points};
 
 const MOUNTS: [Mount; 2] = [Mount::X, Mount::Y];
 

@@ -13,7 +13,7 @@ use sim::bench::week::{Day, Trouble};
 use sim::bench::{Bench, BenchError, Mode, World};
 
 use super::Arguments;
-use crate::progress::{Progress, Task};
+use output::progress::{Progress, Task};
 
 /// Length of a scene of Table I, s, and when its trouble begins.
 const SCENE_S: f64 = 1200.0;

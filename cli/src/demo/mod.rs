@@ -12,10 +12,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use crate::progress::Progress;
 use crate::report::write::{self, WriteError};
 use crate::report::{data::DemoReport, terminal};
-use crate::stdout;
+use output::progress::Progress;
+use output::stdout;
 
 /// What to build and test.
 #[derive(Clone, Debug, Args)]

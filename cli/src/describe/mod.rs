@@ -24,7 +24,7 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use device::objects::table::{self, Channel, Models};
 
-use crate::stdout;
+use output::stdout;
 
 /// What to describe, and where to put it.
 #[derive(Clone, Debug, Args)]

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// A data sheet that can't be used.
 #[derive(Debug, thiserror::Error)]

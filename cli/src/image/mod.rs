@@ -18,9 +18,9 @@ use flash::layout::{BASE, HEADER, RAM, RC, Slot};
 use serde::Serialize;
 use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned};
 
-use crate::stdout;
 use crate::update::UpdateError;
 use crate::update::file;
+use output::stdout;
 
 /// What is built.
 #[derive(Clone, Debug, Args)]

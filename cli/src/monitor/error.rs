@@ -5,8 +5,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use crate::bus::JoinError;
-use crate::log::LogError;
-use crate::report::replay_tables::printable;
+use bus_logs::LogError;
+use output::printable;
 
 /// Why monitoring could not be done.
 #[derive(Debug, thiserror::Error)]

@@ -15,8 +15,8 @@ use canopen::Frame;
 use super::feed::{Feed, Step, as_ns};
 use super::reading::Shared;
 use crate::bus::JoinError;
-use crate::log::{LogError, Logged, PaceOptions, PlayOptions, Player, Skip};
-use crate::progress::Progress;
+use bus_logs::{LogError, Logged, PaceOptions, PlayOptions, Player, Skip};
+use output::progress::Progress;
 
 /// With `--skip-gaps` a gap lasts no longer than this.
 const LONGEST_GAP: Duration = Duration::from_secs(2);

@@ -13,7 +13,7 @@ use super::clock::clock;
 use super::events::Event;
 use super::snapshot::{Bus, Channel, Compared, FORMAT, Instrument, Snapshot, SourceState, VERSION};
 use super::words::Level;
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// What `--json` prints for an event.
 #[derive(Serialize)]

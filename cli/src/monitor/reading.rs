@@ -22,7 +22,7 @@ use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
 use super::words::Level;
 use crate::bus;
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// How long a step waits for a frame: after that it is looked what else there is to do.
 const GLANCE: Duration = Duration::from_millis(20);

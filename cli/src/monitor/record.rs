@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::MonitorError;
-use crate::log::{Format, Writer};
+use bus_logs::{Format, Writer};
 
 /// Lines wait no longer than this.
 const HELD_BACK: Duration = Duration::from_millis(500);

@@ -20,7 +20,7 @@ use super::traffic::Traffic;
 use super::verdict;
 use crate::blackbox::data::{PlotReport, PlotRow};
 use crate::blackbox::words;
-use crate::report::series::{Bin, Point, rounded};
+use output::series::{Bin, Point, rounded};
 
 /// The percentiles that are told.
 const PERCENTILES: [f64; 5] = [1.0, 5.0, 50.0, 95.0, 99.0];

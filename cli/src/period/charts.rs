@@ -8,8 +8,8 @@ use super::clock::Clock;
 use super::data::*;
 use super::tables;
 use crate::blackbox::data::{PlotReport, PlotRow};
-use crate::report::chart::{Chart, Ink, Plot, Shape};
-use crate::report::series::{Bin, Point};
+use output::chart::{Chart, Ink, Plot, Shape};
+use output::series::{Bin, Point};
 
 /// Steps of a time axis, s, the last ones of whole days.
 const STEPS_S: [f64; 22] = [

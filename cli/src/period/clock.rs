@@ -4,7 +4,7 @@
 //! text and days for people, and instants from what they type. Nothing knows the time zone of the
 //! machine, neither that of the log nor this one's: all is UTC.
 
-use crate::log::{is_dated, moment, text_utc};
+use bus_logs::{is_dated, moment, text_utc};
 
 /// A second in ns.
 const S: u64 = 1_000_000_000;

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::blackbox::data::{MemoryReport, PlotReport};
-use crate::report::series::{Bin, Point};
+use output::series::{Bin, Point};
 
 /// Name of the format, the field `format`.
 pub const FORMAT: &str = "plumb-period";

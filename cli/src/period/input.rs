@@ -9,8 +9,8 @@ use canopen::Frame;
 
 use super::data::{LogsReport, Skipped};
 use super::error::PeriodError;
-use crate::log::{LogError, Source};
-use crate::progress::Progress;
+use bus_logs::{LogError, Source};
+use output::progress::Progress;
 
 /// What was read.
 #[derive(Debug, Default)]

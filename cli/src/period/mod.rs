@@ -46,13 +46,13 @@ use crate::blackbox::{self, data::MemoryReport};
 use crate::bus::BusOptions;
 use crate::commission::nodes::{NodeOption, Nodes};
 use crate::eds;
-use crate::log::LogError;
-use crate::progress::Progress;
-use crate::report::replay_tables::printable;
 use crate::report::write::{self, Written};
-use crate::stdout;
-use crate::text_table::wrap;
 use crate::watch::Plan;
+use bus_logs::LogError;
+use output::printable;
+use output::progress::Progress;
+use output::stdout;
+use output::table::wrap;
 
 use collect::{Collector, Window};
 use data::PeriodReport;

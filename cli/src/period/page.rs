@@ -8,10 +8,10 @@ use super::data::*;
 use super::tables;
 use super::verdict;
 use crate::blackbox::data::{self, MemoryReport};
-use crate::report::chart::Chart;
-use crate::report::html::{self, escape};
-use crate::report::replay_tables::printable;
-use crate::text_table::Table;
+use output::chart::Chart;
+use output::html::{self, escape};
+use output::printable;
+use output::table::Table;
 
 const LEAD: &str = "What a redundant inclinometer has reported on its bus over a period: when its \
     two channels disagreed, what they measured, and with what uncertainty.";

@@ -7,8 +7,8 @@ use super::clock::{Clock, length};
 use super::data::*;
 use super::kind::Kind;
 use super::verdict::percent;
-use crate::report::replay_tables::printable;
-use crate::text_table::{Cell, Column, Table};
+use output::printable;
+use output::table::{Cell, Column, Table};
 
 /// Rows of a table that are shown; the JSON has them all.
 const SHOWN: usize = 60;

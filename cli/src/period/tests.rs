@@ -8,8 +8,8 @@ use super::bench::{START_NS, Site, candump};
 use super::collect::{Collector, Window};
 use super::data::PeriodReport;
 use super::*;
-use crate::report::html::check;
 use crate::watch::NodePlan;
+use output::check;
 
 /// Two hours' worth of what can happen, in half a minute: motion, a loose board on channel B that
 /// is mended, channel A without supply, a gap.
@@ -222,7 +222,7 @@ fn candump_text_gives_the_same_report() {
     std::fs::write(&path, candump(frames(), 0)).unwrap();
     let mut collector = Collector::new(&Plan::default(), Window::default());
     let take = |_, at_ns, frame: &Frame| collector.take(at_ns, frame);
-    let logs = input::read(&[path], &Progress::silent(), take).unwrap();
+    let logs = input::read(&[path], &Progress::hidden(), take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(logs.report.frames, frames().len() as u64);
     let read = finished(collector, Some(250e3));

@@ -10,7 +10,7 @@ use sim::can_bus::frame_bits;
 
 use super::bins::Bins;
 use super::gaps::{GAP_NS, Gap, Gaps};
-use crate::log::is_dated;
+use bus_logs::is_dated;
 
 /// Bits between two frames.
 const INTERMISSION: u64 = 3;

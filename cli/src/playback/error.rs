@@ -4,8 +4,8 @@ use std::io;
 
 use crate::bus::JoinError;
 use crate::eds::EdsError;
-use crate::log::LogError;
-use crate::report::replay_tables::printable;
+use bus_logs::LogError;
+use output::printable;
 
 /// Logs that could not be played back.
 #[derive(Debug, thiserror::Error)]

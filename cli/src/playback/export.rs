@@ -16,8 +16,8 @@ use super::parquet_file::ParquetFile;
 use super::row::{self, COLUMNS, Row};
 use super::summary::Summary;
 use crate::eds::Device;
-use crate::log::{Format, Logged, Writer};
 use crate::watch::News;
+use bus_logs::{Format, Logged, Writer};
 
 /// A table under way.
 pub struct Export {

@@ -9,8 +9,8 @@ use super::bus::{Bus, Channel, Instrument, Spread};
 use super::export::Exported;
 use super::foreign::Foreign;
 use super::summary::Summary;
-use crate::log::{Skipped, Source, Tally};
 use crate::watch::{Side, Watch};
+use bus_logs::{Skipped, Source, Tally};
 
 /// All of it.
 #[derive(Debug, Serialize)]

@@ -23,9 +23,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use crate::eds::{Device, Request};
-use crate::log::{LogError, Moment, Part, Source};
-use crate::progress::Progress;
-use crate::stdout;
+use bus_logs::{LogError, Moment, Part, Source};
+use output::progress::Progress;
+use output::stdout;
 
 pub use error::PlaybackError;
 pub use options::Options;

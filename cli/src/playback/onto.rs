@@ -14,9 +14,9 @@ use serde::Serialize;
 
 use super::{Options, PlaybackError};
 use crate::bus::{Bus, BusOptions};
-use crate::log::{Logged, Moment, Player, candump_line};
-use crate::progress::Progress;
-use crate::stdout;
+use bus_logs::{Logged, Moment, Player, candump_line};
+use output::progress::Progress;
+use output::stdout;
 
 /// What was played.
 #[derive(Debug, Serialize)]

@@ -8,8 +8,8 @@ use std::time::Duration;
 use clap::Args;
 
 use crate::eds::{Device, Request};
-use crate::log::{Moment, PaceOptions, PlayOptions};
 use crate::watch::Plan;
+use bus_logs::{Moment, PaceOptions, PlayOptions};
 
 /// Options that only bus logs have.
 #[derive(Clone, Debug, Default, Args)]

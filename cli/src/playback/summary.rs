@@ -4,8 +4,8 @@
 
 use super::bus::Bus;
 use super::foreign::Foreign;
-use crate::log::Logged;
 use crate::watch::{News, Plan};
+use bus_logs::Logged;
 
 /// What the logs have shown.
 #[derive(Clone, Debug)]

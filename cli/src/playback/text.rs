@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use super::json::{
     DeviceJson, InstrumentJson, InterfaceJson, NodeJson, Report, SkippedJson, SpreadJson,
 };
-use crate::log::text_utc;
-use crate::report::replay_tables::printable;
+use bus_logs::text_utc;
+use output::printable;
 
 /// The whole text.
 pub fn of(report: &Report) -> String {

@@ -10,8 +10,8 @@ use clap::{Args, ValueEnum};
 
 use super::calibration_file;
 use super::error::ReplayError;
-use crate::log::Moment;
 use crate::playback;
+use bus_logs::Moment;
 
 /// Which chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

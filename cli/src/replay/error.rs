@@ -6,8 +6,8 @@ use super::calibrate::CalibrateError;
 use super::calibration_file::CalibrationFileError;
 use super::recording_error::RecordingError;
 use crate::playback::PlaybackError;
-use crate::report::replay_tables::printable;
 use crate::report::write::WriteError;
+use output::printable;
 
 /// A replay that could not be carried out. Nothing has been written when one is returned.
 #[derive(Debug)]

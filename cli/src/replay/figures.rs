@@ -15,7 +15,7 @@ use super::reference::slopes_deg;
 use super::segments::Segment;
 use crate::report::data::Axis;
 use crate::report::replay_data::{Accuracy, Plateau, SlopeSeries, StandstillUncertainty};
-use crate::report::series::{Binner, MAX_BINS, rounded};
+use output::series::{Binner, MAX_BINS, rounded};
 
 /// Count, mean, mean square and greatest size of values that come one by one.
 #[derive(Clone, Copy, Debug, Default)]

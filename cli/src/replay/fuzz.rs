@@ -13,7 +13,7 @@ use super::play::{play, tests::identity};
 use super::recording::{Options, Recording};
 use super::segments;
 use super::tuning;
-use crate::progress::Progress;
+use output::progress::Progress;
 
 /// Through the chain, in an order of time and in a bounded time.
 fn play_through(recording: Recording) -> Result<(), TestCaseError> {
@@ -25,7 +25,7 @@ fn play_through(recording: Recording) -> Result<(), TestCaseError> {
         &channels,
         &chains,
         Mode::Product,
-        &Progress::silent(),
+        &Progress::hidden(),
         |moment| {
             assert!(last < Some(moment.now));
             last = Some(moment.now);

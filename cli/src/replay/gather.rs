@@ -11,12 +11,12 @@ use super::prepare::Prepared;
 use super::scale::Source;
 use super::tuning;
 use super::verdicts::Judge;
-use crate::progress::Progress;
 use crate::report::data;
 use crate::report::replay_data::{
     CalibrationKind, ReplayChannel, ReplayReport, SkippedRows, SlopeSeries,
 };
-use crate::report::series::rounded;
+use output::progress::Progress;
+use output::series::rounded;
 
 /// Plays the channels and reports. `notes` are said before those that are found here.
 pub fn report(

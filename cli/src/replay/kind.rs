@@ -7,7 +7,6 @@ use std::path::Path;
 
 use super::arguments::Arguments;
 use super::error::ReplayError;
-use crate::log;
 
 /// What only one of both kinds is told by.
 const RECORDINGS: &str = "recordings of sensors (CSV)";
@@ -17,8 +16,8 @@ const LOGS: &str = "logs of a bus";
 pub fn are_logs(arguments: &Arguments) -> Result<bool, ReplayError> {
     let name = |path: &Path| path.display().to_string();
     for file in arguments.files.iter().filter(|file| file.is_file()) {
-        if let Ok(Some(format)) = log::foreign(file) {
-            let why = log::LogError::Foreign(name(file), format);
+        if let Ok(Some(format)) = bus_logs::foreign(file) {
+            let why = bus_logs::LogError::Foreign(name(file), format);
             return Err(ReplayError::Playback(why.into()));
         }
     }
@@ -47,10 +46,10 @@ fn is_log(path: &Path) -> bool {
     let can_be_opened_again = path.is_file();
     // What can't be opened twice is no recording either.
     is_folder || !can_be_opened_again && (path.exists() || path.as_os_str() == "-") || {
-        can_be_opened_again && matches!(log::kind_of(path), Ok(Some(_)))
+        can_be_opened_again && matches!(bus_logs::kind_of(path), Ok(Some(_)))
     }
 }
 
 fn is_recording(path: &Path) -> bool {
-    path.is_file() && matches!(log::kind_of(path), Ok(None))
+    path.is_file() && matches!(bus_logs::kind_of(path), Ok(None))
 }

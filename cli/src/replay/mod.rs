@@ -47,12 +47,12 @@ mod repeatability;
 use std::process::ExitCode;
 
 use crate::playback;
-use crate::progress::Progress;
 use crate::report::replay_data::ReplayReport;
-use crate::report::replay_tables::printable;
 use crate::report::terminal;
 use crate::report::write::{self, Written};
-use crate::stdout;
+use output::printable;
+use output::progress::Progress;
+use output::stdout;
 
 use arguments::Mode;
 

@@ -15,7 +15,7 @@ use super::arguments::Mode;
 use super::prepare::Prepared;
 use super::recording::{GAP_PERIODS, Row};
 use super::tuning;
-use crate::progress::Progress;
+use output::progress::Progress;
 
 /// Time between readings in product mode, microseconds.
 const READ_EVERY_US: u64 = 20_000;

@@ -46,7 +46,7 @@ pub fn identity(recording: Recording, offset_us: u64) -> Prepared {
 fn played(channels: &[Prepared], mode: Mode) -> Vec<Moment> {
     let chains = tuning::chains(channels, mode);
     let mut moments = Vec::new();
-    play(channels, &chains, mode, &Progress::silent(), |moment| {
+    play(channels, &chains, mode, &Progress::hidden(), |moment| {
         moments.push(moment);
     });
     moments

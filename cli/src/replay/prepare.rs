@@ -20,9 +20,9 @@ use super::recording::{Options, Recording, Row};
 use super::segments::{self, Segment, Standstill};
 use super::steady::{Steady, steady};
 use super::windows::{norm, quantile};
-use crate::progress::Progress;
 use crate::report::replay_data::{CalibrationKind, ReplayCalibration};
-use crate::report::replay_tables::printable;
+use output::printable;
+use output::progress::Progress;
 
 /// A recording with everything that its chain needs.
 #[derive(Clone, Debug)]

@@ -8,9 +8,9 @@ use super::arguments::{Arguments, Mode};
 use super::calibration_file;
 use super::gather;
 use super::prepare::{Prepared, prepare};
-use crate::progress::Progress;
 use crate::report::replay_data::{Plateau, ReplayReport, SlopeSeries};
 use crate::report::tables::axis_name;
+use output::progress::Progress;
 
 const PAGE: &str = include_str!("../../../docs/recordings.md");
 
@@ -49,7 +49,7 @@ fn arguments(names: &[&str], mode: Mode) -> Option<Arguments> {
 }
 
 fn replayed(arguments: &Arguments) -> (Vec<Prepared>, ReplayReport) {
-    let progress = Progress::silent();
+    let progress = Progress::hidden();
     let (channels, notes) = prepare(arguments, &progress).unwrap();
     let report = gather::report(&channels, notes, arguments.mode.unwrap(), &progress);
     (channels, report)

@@ -16,7 +16,7 @@ use super::figures::{Sums, seconds};
 use super::play::Moment;
 use crate::report::data::Axis;
 use crate::report::replay_data::{CrossCheck, SlopeDelta, VerdictInterval};
-use crate::report::series::{Binner, MAX_BINS};
+use output::series::{Binner, MAX_BINS};
 
 /// More stretches than this are counted, but not kept.
 const MOST_STRETCHES: usize = 2000;

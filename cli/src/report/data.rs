@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use sim::rig::Mount;
 
-use super::series::{Bin, Point};
+use output::series::{Bin, Point};
 
 /// Name of the format, the field `format`.
 pub const FORMAT: &str = "plumb-report";
@@ -131,7 +131,7 @@ impl SpecificationRow {
             Relation::AtLeast => value >= limit,
             Relation::Exactly => value == limit,
         };
-        let value = super::series::finite(value);
+        let value = output::series::finite(value);
         let (name, unit) = (name.to_owned(), unit.to_owned());
         Self {
             name,

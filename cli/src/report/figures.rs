@@ -7,10 +7,10 @@
 use sim::bench::published::DAYS;
 use sim::bench::week::{FAULT_DAY, HEALTHY_DEG};
 
-use super::chart::{Chart, Ink, Level, Plot, Shape, share_y};
 use super::data::*;
-use super::series::{Bin, Point};
 use super::tables::{axis_name, mode_name, modes};
+use output::chart::{Chart, Ink, Level, Plot, Shape, share_y};
+use output::series::{Bin, Point};
 
 /// Charts that belong together.
 pub struct Group {

@@ -5,10 +5,8 @@
 //! described in `docs/report-format.md`. Nothing is measured or judged here beyond comparing a
 //! value with its limit.
 
-pub mod chart;
 pub mod data;
 pub mod figures;
-pub mod html;
 mod json;
 pub mod page;
 pub mod replay_data;
@@ -16,7 +14,6 @@ pub mod replay_page;
 pub mod replay_tables;
 #[cfg(test)]
 pub mod sample;
-pub mod series;
 pub mod summary;
 pub mod tables;
 pub mod terminal;

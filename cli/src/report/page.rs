@@ -5,10 +5,10 @@
 
 use super::data::DemoReport;
 use super::figures::{self, Group};
-use super::html;
 use super::summary;
 use super::tables;
 use super::terminal;
+use output::html;
 
 /// The page.
 pub fn demo(report: &DemoReport) -> String {
@@ -89,12 +89,7 @@ fn preparation(report: &DemoReport) -> String {
 }
 
 /// A section: heading, introduction, tables, figures.
-fn section(
-    title: &str,
-    intro: &str,
-    tables: &[crate::text_table::Table],
-    groups: &[Group],
-) -> String {
+fn section(title: &str, intro: &str, tables: &[output::table::Table], groups: &[Group]) -> String {
     let tables: String = tables.iter().map(html::table).collect();
     let groups: String = groups.iter().map(group).collect();
     let intro = html::paragraph(intro);
@@ -108,7 +103,7 @@ fn section(
 pub fn group(group: &Group) -> String {
     let charts: String = match group.charts.as_slice() {
         [] => "<p class=\"empty\">Not run.</p>\n".to_owned(),
-        charts => charts.iter().map(super::chart::Chart::html).collect(),
+        charts => charts.iter().map(output::chart::Chart::html).collect(),
     };
     format!(
         "<h3>{}</h3>\n<div class=\"charts\">\n{charts}</div>\n<p class=\"note\">{}</p>\n",
@@ -128,8 +123,9 @@ fn footer(report: &DemoReport) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{html::check, sample};
+    use super::super::sample;
     use super::*;
+    use output::check;
 
     #[test]
     fn the_page_is_whole_and_fetches_nothing() {

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::data::{Axis, Mode};
-use super::series::Bin;
+use output::series::Bin;
 
 /// Name of the format, the field `format`.
 pub const REPLAY_FORMAT: &str = "plumb-replay";

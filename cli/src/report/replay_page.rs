@@ -3,15 +3,15 @@
 //! In: a [`ReplayReport`]. Out: one page that stands alone: what was read, angle and uncertainty
 //! over time, difference of two channels, verdicts, accuracy where a reference was recorded.
 
-use super::chart::{Chart, Ink, Plot, Shape};
 use super::figures::{Group, band, both_signs, ink_of};
-use super::html;
 use super::page::group;
 use super::replay_data::*;
 use super::replay_tables;
-use super::series::Bin;
 use super::tables::axis_name;
 use super::{data::Axis, data::word};
+use output::chart::{Chart, Ink, Plot, Shape};
+use output::html;
+use output::series::Bin;
 
 /// Recordings longer than this are drawn in minutes, s.
 const LONG_S: f64 = 600.0;
@@ -233,8 +233,9 @@ fn footer(report: &ReplayReport) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{html::check, sample};
+    use super::super::sample;
     use super::*;
+    use output::check;
 
     #[test]
     fn the_page_is_whole_and_fetches_nothing() {

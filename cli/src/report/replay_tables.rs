@@ -7,7 +7,8 @@
 use super::data::word;
 use super::replay_data::*;
 use super::tables::axis_name;
-use crate::text_table::{Cell, Column, Table};
+use output::printable;
+use output::table::{Cell, Column, Table};
 
 /// All tables in reading order, those without rows left out.
 pub fn all(report: &ReplayReport) -> Vec<Table> {
@@ -62,21 +63,6 @@ pub fn recordings(report: &ReplayReport) -> Table {
         }
     }
     table
-}
-
-/// The text with escapes for what would break its line or upset a terminal: control characters,
-/// line separators, and marks that turn the direction of writing.
-pub fn printable(text: &str) -> String {
-    let mut line = String::with_capacity(text.len());
-    for c in text.chars() {
-        let turns = matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-        if c.is_control() || turns {
-            line.extend(c.escape_default());
-        } else {
-            line.push(c);
-        }
-    }
-    line
 }
 
 /// Rows that were left out.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::data::*;
 use super::replay_data::*;
-use super::series::{Bin, Binner, Point, points, rounded};
+use output::series::{Bin, Binner, Point, points, rounded};
 
 /// A small repeatable noise, about -1 to 1.
 struct Noise(u64);

@@ -7,7 +7,7 @@ use sim::bench::week::FAULT_DAY;
 
 use super::data::*;
 use super::tables::{mode_name, modes};
-use crate::text_table::{Cell, Column, Table, format_number};
+use output::table::{Cell, Column, Table, format_number};
 
 /// Published, paper mode and product mode, row by row.
 pub fn summary(report: &DemoReport) -> Table {

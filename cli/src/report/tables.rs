@@ -7,7 +7,7 @@
 use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
 
 use super::data::*;
-use crate::text_table::{Cell, Column, Table};
+use output::table::{Cell, Column, Table};
 
 /// Both axes in the order of the tables.
 const AXES: [Axis; 2] = [Axis::X, Axis::Y];

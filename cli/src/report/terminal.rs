@@ -8,7 +8,7 @@ use sim::bench::week::FAULT_DAY;
 use super::data::{DemoReport, Mode};
 use super::replay_data::ReplayReport;
 use super::{replay_tables, summary, tables};
-use crate::text_table::{Table, wrap};
+use output::table::{Table, wrap};
 
 /// The summary, the specification and the verdict of a demo run; with `details` every table.
 pub fn print_demo(report: &DemoReport, details: bool) -> String {

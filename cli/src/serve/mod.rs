@@ -53,12 +53,12 @@ use sim::memory;
 use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting, UNCONFIGURED};
 
-use crate::progress::Progress;
 use climate::Climate;
 use hub::Hub;
 use keep::Keep;
 use line_port::{LineDevice, LinePort};
 use motor::Table;
+use output::progress::Progress;
 use ready::Way;
 use server::Server;
 use stage::Stage;

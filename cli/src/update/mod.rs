@@ -29,9 +29,9 @@ use flash::layout::Slot;
 use crate::bus::diagnosis;
 use crate::bus::sdo::Client;
 use crate::bus::{Bus, BusOptions};
-use crate::progress::Progress;
 pub use error::UpdateError;
 use file::Image;
+use output::progress::Progress;
 use told::{News, Told};
 
 /// A node's state as its heartbeat tells it.

@@ -7,8 +7,8 @@
 
 use serde::Serialize;
 
-use crate::progress::Progress;
-use crate::stdout;
+use output::progress::Progress;
+use output::stdout;
 
 use super::version;
 

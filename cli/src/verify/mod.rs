@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::bus::BusOptions;
 use crate::calibrate::data::FORMAT;
 use crate::calibrate::{CalibrateError, Session, hex};
-use crate::stdout;
+use output::stdout;
 
 /// What to compare.
 #[derive(Clone, Debug, Args)]

@@ -17,7 +17,7 @@ use super::super::words::Level;
 use super::chart;
 use super::picture::Picture;
 use super::screen::{Over, Screen};
-use crate::report::replay_tables::printable;
+use output::printable;
 
 const HELP: [&str; 12] = [
     "q          end",

@@ -20,8 +20,8 @@ use tilt::chain::Chain;
 use super::arguments::{Arguments, Mode};
 use super::prepare::{Prepared, prepare};
 use super::tuning;
-use crate::progress::Progress;
 use channel::Channel;
+use output::progress::Progress;
 use section::Section;
 
 const FILES: [&str; 2] = ["mimu4444/exp1_imu1.csv.gz", "mimu4444/exp1_imu3.csv.gz"];
@@ -46,7 +46,7 @@ fn channels() -> Option<([Prepared; 2], [Chain; 2])> {
         from: None,
         log: crate::playback::Options::default(),
     };
-    let (prepared, _) = prepare(&arguments, &Progress::silent()).unwrap();
+    let (prepared, _) = prepare(&arguments, &Progress::hidden()).unwrap();
     let mut chains = tuning::chains(&prepared, Mode::Product);
     for chain in &mut chains {
         chain.full_scale = channel::RANGE;

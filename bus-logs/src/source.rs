@@ -10,14 +10,14 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::date::is_dated;
-use super::folder::{Candidate, candidates, cannot_open};
-use super::input::{Input, is_stdin};
-use super::reader::{Interfaces, Reader};
-use super::skipped::Skipped;
-use super::sniff::{self, Kind};
-use super::{LogError, Logged};
-use crate::progress::{Progress, Task};
+use crate::date::is_dated;
+use crate::folder::{Candidate, candidates, cannot_open};
+use crate::input::{Input, is_stdin};
+use crate::reader::{Interfaces, Reader};
+use crate::skipped::Skipped;
+use crate::sniff::{self, Kind};
+use crate::{LogError, Logged};
+use output::progress::{Progress, Task};
 
 /// Logs that may overlap.
 const MOST_AT_ONCE: usize = 64;

@@ -7,8 +7,8 @@ use std::collections::HashSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::LogError;
-use super::input::is_stdin;
+use crate::LogError;
+use crate::input::is_stdin;
 
 /// Folders within folders that are looked into.
 const DEPTH: usize = 8;

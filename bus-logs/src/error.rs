@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::report::replay_tables::printable;
+use output::printable;
 
 /// A log that can't be read.
 #[derive(Debug, thiserror::Error)]

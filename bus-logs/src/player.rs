@@ -7,11 +7,11 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::date::{is_dated, moment};
-use super::pace::{Pace, PaceOptions};
-use super::source::Source;
-use super::{LogError, Logged};
-use crate::progress::Progress;
+use crate::date::{is_dated, moment};
+use crate::pace::{Pace, PaceOptions};
+use crate::source::Source;
+use crate::{LogError, Logged};
+use output::progress::Progress;
 
 /// A moment of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 
-use super::sniff::Kind;
 use super::*;
-use crate::progress::Progress;
+use crate::sniff::Kind;
+use output::progress::Progress;
 
 /// Bytes as logs have them, so that random text comes near to being one.
 fn text() -> impl Strategy<Value = Vec<u8>> {
@@ -96,6 +96,6 @@ proptest! {
 
 #[test]
 fn a_progress_that_shows_nothing_does_not_matter() {
-    let missing = Source::open(&["/no/such/file".into()], &Progress::silent());
+    let missing = Source::open(&["/no/such/file".into()], &Progress::hidden());
     assert!(missing.is_err_and(|error| error.to_string().contains("/no/such/file")));
 }

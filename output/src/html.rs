@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use crate::text_table::{Align, Cell, Column, Table, Tone};
+use crate::table::{Align, Cell, Column, Table, Tone};
 
 /// The style sheet, part of every page.
 const STYLE: &str = include_str!("style.css");
@@ -188,49 +188,9 @@ fn classes(table: &Table, index: usize, align: Align, extra: &str) -> String {
 }
 
 #[cfg(test)]
-pub mod check {
-    //! Checks that tests of pages share.
-
-    /// Elements that have no end tag.
-    const VOID: [&str; 1] = ["meta"];
-
-    /// Panics unless every tag that is opened is closed in order.
-    pub fn assert_balanced(html: &str) {
-        let mut open: Vec<&str> = Vec::new();
-        let body = html.strip_prefix("<!doctype html>").expect("a doctype");
-        for piece in body.split('<').skip(1) {
-            let (tag, _) = piece.split_once('>').expect("a tag that ends");
-            let name = tag.split([' ', '/']).find(|part| !part.is_empty()).unwrap();
-            if tag.starts_with('/') {
-                assert_eq!(open.pop(), Some(name), "<{tag}>");
-            } else if !tag.ends_with('/') && !VOID.contains(&name) {
-                open.push(name);
-            }
-        }
-        assert!(open.is_empty(), "{open:?}");
-    }
-
-    /// Panics when the page would fetch or run anything, or when two elements share an id.
-    pub fn assert_stands_alone(html: &str) {
-        for fetch in [
-            "http", "src=", "href=", "<script", "<link", "@import", "url(", "onload",
-        ] {
-            assert!(!html.contains(fetch), "{fetch}");
-        }
-        let ids = html
-            .match_indices(" id=\"")
-            .map(|(at, _)| html[at + 5..].split('"').next());
-        let mut ids: Vec<_> = ids.collect();
-        let count = ids.len();
-        ids.sort_unstable();
-        ids.dedup();
-        assert_eq!(ids.len(), count, "an id is used twice");
-    }
-}
-
-#[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check;
 
     #[test]
     fn markup_in_text_is_only_text() {

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use super::draw::Frame;
 use super::ticks::drawable;
 use super::{Chart, Ink, Shape};
-use crate::text_table::format_number;
+use crate::table::format_number;
 
 /// Bars get their value written above them up to this many.
 const MOST_LABELS: usize = 16;

@@ -6,12 +6,12 @@
 
 use std::io;
 
-use super::asc::Asc;
-use super::input::Input;
-use super::lines::Line;
-use super::skipped::{Damage, Skip, Skipped};
-use super::sniff::Kind;
-use super::{LogError, Logged, candump};
+use crate::asc::Asc;
+use crate::input::Input;
+use crate::lines::Line;
+use crate::skipped::{Damage, Skip, Skipped};
+use crate::sniff::Kind;
+use crate::{LogError, Logged, candump};
 
 /// Interfaces by order of appearance.
 #[derive(Clone, Debug, Default)]

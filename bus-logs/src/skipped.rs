@@ -71,7 +71,7 @@ impl Skip {
 pub struct Tally {
     /// How many.
     pub count: u64,
-    /// The file of the first, by its place in [`Source::files`](super::Source::files).
+    /// The file of the first, by its place in [`Source::files`](crate::Source::files).
     pub file: usize,
     /// The line of the first in its file, counted from 1.
     pub line: u64,

@@ -10,8 +10,8 @@ use std::io::{self, Write};
 use canopen::Frame;
 use canopen::frame::Id;
 
-use super::candump;
-use super::date::{Civil, is_dated};
+use crate::candump;
+use crate::date::{Civil, is_dated};
 
 /// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -114,7 +114,7 @@ pub fn nice_step(range: Range, wanted: usize) -> f64 {
 /// The value with as many decimals as the step needs, a true minus sign and no minus before 0.
 fn label(value: f64, step: f64) -> String {
     let decimals = (-(step * 1.000_001).log10().floor()).clamp(0.0, 9.0) as usize;
-    crate::text_table::format_number(Some(value), decimals).replace('-', "\u{2212}")
+    crate::table::format_number(Some(value), decimals).replace('-', "\u{2212}")
 }
 
 #[cfg(test)]

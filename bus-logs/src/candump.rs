@@ -15,9 +15,9 @@
 use canopen::Frame;
 use canopen::frame::ExtendedId;
 
-use super::cursor::{Cursor, data_frame, hex, identifier, remote_frame};
-use super::date;
-use super::skipped::Skip;
+use crate::cursor::{Cursor, data_frame, hex, identifier, remote_frame};
+use crate::date;
+use crate::skipped::Skip;
 
 /// Bit of the identifier that marks an error frame (Linux, `CAN_ERR_FLAG`).
 const ERROR_FLAG: u32 = 1 << 29;

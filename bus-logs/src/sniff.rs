@@ -5,10 +5,10 @@
 use std::io;
 use std::path::Path;
 
-use super::asc::Asc;
-use super::candump;
-use super::input::Input;
-use super::skipped::Skip;
+use crate::asc::Asc;
+use crate::candump;
+use crate::input::Input;
+use crate::skipped::Skip;
 
 /// A format that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

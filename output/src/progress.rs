@@ -35,12 +35,6 @@ impl Progress {
         Self::on(None, QUIET_FOR)
     }
 
-    /// Silence.
-    #[cfg(test)]
-    pub fn silent() -> Self {
-        Self::on(None, QUIET_FOR)
-    }
-
     fn on(target: Option<ProgressDrawTarget>, quiet_for: Duration) -> Self {
         Self {
             bars: target.map(MultiProgress::with_draw_target),
@@ -190,7 +184,7 @@ mod tests {
 
     #[test]
     fn without_a_terminal_there_is_nothing() {
-        let progress = Progress::silent();
+        let progress = Progress::hidden();
         let task = progress.task("quiet", 3);
         task.advance(3);
         assert!(!task.shown.is_completed());

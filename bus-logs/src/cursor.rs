@@ -6,7 +6,7 @@
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 
-use super::skipped::Skip;
+use crate::skipped::Skip;
 
 /// Not a hexadecimal digit, in [`HEX`].
 const NONE: u8 = 0xFF;

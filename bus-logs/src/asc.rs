@@ -16,10 +16,10 @@
 use canopen::Frame;
 use canopen::frame::Id;
 
-use super::candump::Entry;
-use super::cursor::{Cursor, data_frame, identifier, remote_frame};
-use super::date::{Civil, time_of_day};
-use super::skipped::Skip;
+use crate::candump::Entry;
+use crate::cursor::{Cursor, data_frame, identifier, remote_frame};
+use crate::date::{Civil, time_of_day};
+use crate::skipped::Skip;
 
 /// Bit of a CANFD event's flags that is set in an FD frame, and the one of a remote frame.
 const FD_FLAG: u32 = 1 << 12;

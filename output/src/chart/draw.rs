@@ -10,8 +10,8 @@ use super::bars;
 use super::thin::{self, thin};
 use super::ticks::{Range, Tick, drawable, nice_step, ticks};
 use super::{Chart, Ink, Plot, Shape};
-use crate::report::html::escape;
-use crate::text_table::format_number;
+use crate::html::escape;
+use crate::table::format_number;
 
 /// Width and height of the view box.
 const SIZE: (f64, f64) = (520.0, 306.0);

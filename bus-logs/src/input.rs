@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::lines::{Line, Lines};
-use crate::progress::Task;
+use crate::lines::{Line, Lines};
+use output::progress::Task;
 
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
