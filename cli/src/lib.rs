@@ -6,9 +6,9 @@
 //! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
 //! puts virtual instruments on a bus, `twin` moves and breaks them, `demo/` tests them, `describe/`
 //! prints their data sheets.
-//! Shared by these: `bus/` talks, `eds/` reads data sheets, `watch/` decodes frames, `report/` is
-//! what the demo and the replay show. Crates of their own: `bus-logs` reads and writes logs,
-//! `output` draws and prints.
+//! Shared by these: `bus/` talks, `report/` is what the demo and the replay show. Crates of their
+//! own: `listen` decodes frames, by data sheets where there are some, `bus-logs` reads and writes
+//! logs, `output` draws and prints.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the answer is no (docs/command-line.md).
 
@@ -19,7 +19,6 @@ mod characterise;
 mod commission;
 mod demo;
 mod describe;
-mod eds;
 mod image;
 mod monitor;
 mod period;
@@ -34,7 +33,6 @@ mod shell;
 mod twin;
 mod update;
 mod verify;
-mod watch;
 
 use std::io::Write as _;
 use std::process::ExitCode;

@@ -199,7 +199,7 @@ impl Feed for LogFeed {
 mod tests {
     use super::super::model::{Model, Setup};
     use super::*;
-    use crate::watch::Plan;
+    use listen::Plan;
 
     fn feed(name: &str, text: &str, speed: f64, skip_gaps: bool) -> (LogFeed, Arc<Shared>) {
         let file = format!("plumb-feed-{}-{name}.log", std::process::id());

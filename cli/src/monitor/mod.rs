@@ -49,7 +49,7 @@ use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
 use web::Server;
 
-use crate::watch::Plan;
+use listen::Plan;
 
 /// Lines that may wait for a slow reader of the standard output.
 const LINES_WAITING: usize = 4096;

@@ -15,7 +15,7 @@ use super::pace::{Pace, Patience};
 use super::snapshot::{Snapshot, SourceState};
 use super::trace::Trace;
 use super::words::{self, Level};
-use crate::watch::{Check, Delta, Emergency, News, Nmt, Place, Plan, Side, Watch};
+use listen::{Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
 
 const S: u64 = 1_000_000_000;
 
@@ -245,7 +245,7 @@ impl Model {
 
     fn count(&mut self, time_ns: u64, frame: &Frame) {
         let news = self.watch.take(time_ns, frame);
-        let is_sync = news == News::Sync;
+        let is_sync = news == Meaning::Sync;
         self.load.take(self.now_ns, frame, is_sync);
         self.read(news, frame);
         self.check();
@@ -316,21 +316,21 @@ impl Model {
         }
     }
 
-    fn read(&mut self, news: News, frame: &Frame) {
+    fn read(&mut self, news: Meaning, frame: &Frame) {
         match news {
-            News::Sync => self.synced(),
-            News::Slopes(place, delta) => self.sloped(place, delta),
-            News::Detail(place) => {
+            Meaning::Sync => self.synced(),
+            Meaning::Slopes(place, delta) => self.sloped(place, delta),
+            Meaning::Detail(place) => {
                 let now_ns = self.now_ns;
                 if let Some(extra) = self.extra(place) {
                     extra.detail.take(now_ns);
                 }
             }
-            News::Exchange(place, _) => self.exchanged(place),
-            News::Emergency(place, emergency) => self.emergency(place, &emergency),
-            News::Heartbeat(place, state) => self.heartbeat(place, state),
-            News::Malformed(place) => self.malformed(place, frame),
-            News::Other => self.stranger(frame),
+            Meaning::Exchange(place, _) => self.exchanged(place),
+            Meaning::Emergency(place, emergency) => self.emergency(place, &emergency),
+            Meaning::Heartbeat(place, state) => self.heartbeat(place, state),
+            Meaning::Malformed(place) => self.malformed(place, frame),
+            Meaning::Other => self.stranger(frame),
         }
     }
 

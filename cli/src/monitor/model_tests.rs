@@ -8,7 +8,7 @@ use super::events::Kind;
 use super::model::{Model, Setup};
 use super::snapshot::{Channel, Compared, Snapshot, SourceState};
 use super::words::Level;
-use crate::watch::Plan;
+use listen::Plan;
 
 const MS: u64 = 1_000_000;
 

@@ -13,7 +13,7 @@ use super::snapshot::{
     StandingFault, VERSION, Verdict,
 };
 use super::words::{self, Level};
-use crate::watch::{Detail, Nmt, Pair, Side, Slopes};
+use listen::{Detail, Nmt, Pair, Side, Slopes};
 
 /// k of the expanded uncertainty.
 const COVERAGE: f64 = 2.0;

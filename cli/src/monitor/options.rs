@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::MonitorError;
 use crate::bus::BusOptions;
-use crate::watch::Plan;
+use listen::Plan;
 
 /// Longest time that can be asked for: a year.
 const MOST_S: f64 = 366.0 * 86_400.0;

@@ -194,8 +194,8 @@ mod tests {
     use super::super::events::{Kind, Whom};
     use super::super::model::{Model, Setup};
     use super::*;
-    use crate::watch::Plan;
     use canopen::Frame;
+    use listen::Plan;
 
     fn seen() -> Snapshot {
         let mut model = Model::new(&Plan::default(), Setup::default());

@@ -9,7 +9,7 @@ use device::exchange;
 use device::fault::Fault;
 use tilt::chain::Invalid;
 
-use crate::watch::{Emergency, Nmt};
+use listen::{Emergency, Nmt};
 
 /// How bad it is; each view has a word for it, and a colour where it may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]

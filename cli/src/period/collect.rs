@@ -11,7 +11,7 @@ use super::gaps::GAP_NS;
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
 use crate::blackbox::exchange::Measured;
-use crate::watch::{Checks, Counts, News, Place, Plan, Watch};
+use listen::{Checks, Counts, Meaning, Place, Plan, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.
 const ANSWER_NS: u64 = 2_000_000_000;
@@ -83,14 +83,14 @@ impl Collector {
         self.hand_on(at, news, frame);
     }
 
-    fn hand_on(&mut self, at: Moment, news: News, frame: &Frame) {
+    fn hand_on(&mut self, at: Moment, news: Meaning, frame: &Frame) {
         let now_ns = at.now_ns;
         match news {
-            News::Sync => {
+            Meaning::Sync => {
                 let all = self.instruments.iter_mut();
                 return all.for_each(|instrument| instrument.sync(now_ns));
             }
-            News::Other => return self.other(now_ns, frame),
+            Meaning::Other => return self.other(now_ns, frame),
             _ => {}
         }
         let Some(place) = place_of(&news) else {
@@ -103,29 +103,29 @@ impl Collector {
             return;
         };
         match news {
-            News::Slopes(..) => {
+            Meaning::Slopes(..) => {
                 if let Some(slopes) = &told.slopes {
                     instrument.slopes(now_ns, side, slopes);
                 }
             }
-            News::Detail(_) => {
+            Meaning::Detail(_) => {
                 if let Some(detail) = &told.detail {
                     instrument.detail(now_ns, side, detail);
                 }
             }
-            News::Exchange(_, part) if part.has_angles() => {
+            Meaning::Exchange(_, part) if part.has_angles() => {
                 if let Some(told) = told.told {
                     instrument.measured(now_ns, side, Measured::of(&told.exchange));
                 }
             }
-            News::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
-            News::Heartbeat(_, changed) => {
+            Meaning::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
+            Meaning::Heartbeat(_, changed) => {
                 let keeps = self.reset.is_some_and(|(at_ns, node)| {
                     (node == 0 || node == told.node_id) && now_ns.abs_diff(at_ns) < ANSWER_NS
                 });
                 instrument.heartbeat(at, side, changed, keeps);
             }
-            News::Malformed(_) => return instrument.malformed(side),
+            Meaning::Malformed(_) => return instrument.malformed(side),
             _ => {}
         }
         instrument.seen(at, side);
@@ -200,14 +200,14 @@ pub struct Collected {
     pub undated: u64,
 }
 
-fn place_of(news: &News) -> Option<Place> {
+fn place_of(news: &Meaning) -> Option<Place> {
     match news {
-        News::Slopes(place, _)
-        | News::Detail(place)
-        | News::Exchange(place, _)
-        | News::Emergency(place, _)
-        | News::Heartbeat(place, _)
-        | News::Malformed(place) => Some(*place),
-        News::Sync | News::Other => None,
+        Meaning::Slopes(place, _)
+        | Meaning::Detail(place)
+        | Meaning::Exchange(place, _)
+        | Meaning::Emergency(place, _)
+        | Meaning::Heartbeat(place, _)
+        | Meaning::Malformed(place) => Some(*place),
+        Meaning::Sync | Meaning::Other => None,
     }
 }

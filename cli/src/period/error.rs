@@ -4,9 +4,9 @@ use std::io;
 
 use crate::blackbox::FaultsError;
 use crate::bus::JoinError;
-use crate::eds::EdsError;
 use crate::report::write::WriteError;
 use bus_logs::LogError;
+use listen::eds::EdsError;
 
 /// A report that could not be made. Nothing has been written when one is returned, but for
 /// [`LogError::Incomplete`]: what could be read is in the report then.

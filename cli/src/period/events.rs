@@ -9,7 +9,7 @@
 //! belongs to the bus, or by a restart of the node (docs/canopen.md, EMCY).
 
 use super::kind::{Kind, fault_of};
-use crate::watch::{Emergency, SAME_START_NS};
+use listen::{Emergency, SAME_START_NS};
 
 /// Faults that are kept one by one.
 pub const MOST_FAULTS: usize = 200;

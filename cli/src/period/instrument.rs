@@ -14,7 +14,7 @@ use super::kind::Kind;
 use super::row::Row;
 use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
 use crate::blackbox::exchange::Measured;
-use crate::watch::{Detail, Emergency, Nmt, SAME_START_NS, Slopes};
+use listen::{Detail, Emergency, Nmt, SAME_START_NS, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
 const HOLD_NS: u64 = 1_000_000_000;

@@ -8,7 +8,7 @@ use super::bench::{START_NS, Site, candump};
 use super::collect::{Collector, Window};
 use super::data::PeriodReport;
 use super::*;
-use crate::watch::NodePlan;
+use listen::NodePlan;
 use output::check;
 
 /// Two hours' worth of what can happen, in half a minute: motion, a loose board on channel B that

@@ -4,7 +4,7 @@
 
 use canopen::Frame;
 
-use crate::watch::{Delta, News, Plan, Watch};
+use listen::{Delta, Meaning, Plan, Watch};
 
 /// Smallest, largest and mean of numbers in 0.001 deg.
 #[derive(Clone, Copy, Debug, Default)]
@@ -96,7 +96,7 @@ impl Bus {
 
     /// Takes a frame.
     #[inline]
-    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> News {
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> Meaning {
         let [_, latest] = self.span_ns.get_or_insert([time_ns; 2]);
         *latest = (*latest).max(time_ns);
         let news = self.watch.take(time_ns, frame);
@@ -105,8 +105,9 @@ impl Bus {
     }
 
     #[inline]
-    fn note(&mut self, news: News) {
-        let (News::Slopes(place, _) | News::Detail(place) | News::Emergency(place, _)) = news
+    fn note(&mut self, news: Meaning) {
+        let (Meaning::Slopes(place, _) | Meaning::Detail(place) | Meaning::Emergency(place, _)) =
+            news
         else {
             return;
         };
@@ -116,7 +117,7 @@ impl Bus {
         else {
             return;
         };
-        if let News::Slopes(_, Some(Delta { mdeg, .. })) = news {
+        if let Meaning::Slopes(_, Some(Delta { mdeg, .. })) = news {
             let both = instrument.delta.iter_mut().zip(mdeg);
             both.for_each(|(spread, mdeg)| mdeg.into_iter().for_each(|mdeg| spread.add(mdeg)));
         }
@@ -126,9 +127,9 @@ impl Bus {
             return;
         };
         match news {
-            News::Slopes(..) => channel.slopes(said.slopes.as_ref()),
-            News::Detail(_) => channel.detail(said.detail.as_ref()),
-            News::Emergency(..) => {
+            Meaning::Slopes(..) => channel.slopes(said.slopes.as_ref()),
+            Meaning::Detail(_) => channel.detail(said.detail.as_ref()),
+            Meaning::Emergency(..) => {
                 channel.emergencies += 1;
                 channel.faults |= said.faults;
             }
@@ -138,7 +139,7 @@ impl Bus {
 }
 
 impl Channel {
-    fn slopes(&mut self, slopes: Option<&crate::watch::Slopes>) {
+    fn slopes(&mut self, slopes: Option<&listen::Slopes>) {
         let Some(slopes) = slopes else { return };
         self.readings += 1;
         for (axis, (spread, mdeg)) in self.slopes.iter_mut().zip(slopes.mdeg).enumerate() {
@@ -154,7 +155,7 @@ impl Channel {
         }
     }
 
-    fn detail(&mut self, detail: Option<&crate::watch::Detail>) {
+    fn detail(&mut self, detail: Option<&listen::Detail>) {
         let Some(detail) = detail else { return };
         if let Some(mdeg) = detail.uncertainty_mdeg {
             self.uncertainty.add(i32::from(mdeg));

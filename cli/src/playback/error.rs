@@ -3,8 +3,8 @@
 use std::io;
 
 use crate::bus::JoinError;
-use crate::eds::EdsError;
 use bus_logs::LogError;
+use listen::eds::EdsError;
 use output::printable;
 
 /// Logs that could not be played back.

@@ -15,9 +15,9 @@ use super::PlaybackError;
 use super::parquet_file::ParquetFile;
 use super::row::{self, COLUMNS, Row};
 use super::summary::Summary;
-use crate::eds::Device;
-use crate::watch::News;
 use bus_logs::{Format, Logged, Writer};
+use listen::Meaning;
+use listen::eds::Device;
 
 /// A table under way.
 pub struct Export {
@@ -101,7 +101,7 @@ impl Export {
         &mut self,
         logged: &Logged,
         interfaces: &[String],
-        news: News,
+        news: Meaning,
         summary: &Summary,
     ) -> Result<(), PlaybackError> {
         let interface = interfaces.get(usize::from(logged.interface));

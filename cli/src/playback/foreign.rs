@@ -5,7 +5,7 @@
 
 use canopen::Frame;
 
-use crate::eds::{Device, Pdo, Signal};
+use listen::eds::{Device, Pdo, Signal};
 
 /// A signal over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,8 +9,8 @@ use super::bus::{Bus, Channel, Instrument, Spread};
 use super::export::Exported;
 use super::foreign::Foreign;
 use super::summary::Summary;
-use crate::watch::{Side, Watch};
 use bus_logs::{Skipped, Source, Tally};
+use listen::{Side, Watch};
 
 /// All of it.
 #[derive(Debug, Serialize)]

@@ -2,7 +2,7 @@
 //!
 //! In: logs that `log` reads, files or whole folders. Out: a summary per interface and instrument,
 //! or its JSON; all values as a table; or the frames on a bus, when they are due. Every interface
-//! has a [`crate::watch::Watch`] of its own, so two buses in one log are two instruments.
+//! has a [`listen::Watch`] of its own, so two buses in one log are two instruments.
 //! `docs/logs.md` describes it.
 //!
 //! Left out: recordings of bare sensors, which `replay` runs through the signal chain.
@@ -22,8 +22,8 @@ mod text;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use crate::eds::{Device, Request};
 use bus_logs::{LogError, Moment, Part, Source};
+use listen::eds::{Device, Request};
 use output::progress::Progress;
 use output::stdout;
 

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::eds::{Device, Request};
-use crate::watch::Plan;
 use bus_logs::{Moment, PaceOptions, PlayOptions};
+use listen::Plan;
+use listen::eds::{Device, Request};
 
 /// Options that only bus logs have.
 #[derive(Clone, Debug, Default, Args)]

@@ -6,7 +6,7 @@
 
 use device::exchange::Exchange;
 
-use crate::watch::{News, Nmt, Part, Place, Side, Watch};
+use listen::{Meaning, Nmt, Part, Place, Side, Watch};
 
 /// Names of the numbers in a row, units at the end.
 pub const COLUMNS: [&str; 21] = [
@@ -52,26 +52,26 @@ pub struct Row<'a> {
 }
 
 /// Node, kind and values of a frame with news; `None` without.
-pub fn of_news(news: News, watch: &Watch) -> Option<(u8, &'static str, Values)> {
+pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values)> {
     let mut values = [None; COLUMNS.len()];
     let (place, message) = match news {
-        News::Slopes(place, _) => (place, "slopes"),
-        News::Detail(place) => (place, "detail"),
-        News::Exchange(place, _) => (place, "exchange"),
-        News::Emergency(place, _) => (place, "emcy"),
-        News::Heartbeat(place, _) => (place, "heartbeat"),
-        News::Sync | News::Malformed(_) | News::Other => return None,
+        Meaning::Slopes(place, _) => (place, "slopes"),
+        Meaning::Detail(place) => (place, "detail"),
+        Meaning::Exchange(place, _) => (place, "exchange"),
+        Meaning::Emergency(place, _) => (place, "emcy"),
+        Meaning::Heartbeat(place, _) => (place, "heartbeat"),
+        Meaning::Sync | Meaning::Malformed(_) | Meaning::Other => return None,
     };
     let side = side_at(watch, place)?;
     match news {
-        News::Slopes(_, delta) => {
+        Meaning::Slopes(_, delta) => {
             slopes(&mut values, side);
             let mdeg = delta.map_or([None; 2], |delta| delta.mdeg);
             set(&mut values, 4, mdeg.map(|mdeg| mdeg.map(degrees)));
         }
-        News::Detail(_) => detail(&mut values, side),
-        News::Exchange(_, part) => exchange(&mut values, side, part),
-        News::Emergency(_, emergency) => {
+        Meaning::Detail(_) => detail(&mut values, side),
+        Meaning::Exchange(_, part) => exchange(&mut values, side, part),
+        Meaning::Emergency(_, emergency) => {
             let numbers = [
                 Some(f64::from(emergency.code)),
                 Some(f64::from(emergency.register)),
@@ -163,8 +163,8 @@ fn code(nmt: Nmt) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::watch::Plan;
     use canopen::Frame;
+    use listen::Plan;
 
     #[test]
     fn each_value_stands_in_the_column_of_its_name() {

@@ -4,8 +4,8 @@
 
 use super::bus::Bus;
 use super::foreign::Foreign;
-use crate::watch::{News, Plan};
 use bus_logs::Logged;
+use listen::{Meaning, Plan};
 
 /// What the logs have shown.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ impl Summary {
 
     /// Takes a frame.
     #[inline]
-    pub fn take(&mut self, logged: &Logged) -> News {
+    pub fn take(&mut self, logged: &Logged) -> Meaning {
         let place = usize::from(logged.interface);
         if self.buses.len() <= place {
             self.buses.resize(place + 1, None);
@@ -36,7 +36,7 @@ impl Summary {
             self.foreign.take(&logged.frame);
         }
         let Some(bus) = self.buses.get_mut(place) else {
-            return News::Other;
+            return Meaning::Other;
         };
         let bus = bus.get_or_insert_with(|| Bus::new(&self.plan));
         bus.take(logged.time_ns, &logged.frame)

@@ -32,7 +32,7 @@ use crate::bus::{Bus, BusOptions};
 pub use error::UpdateError;
 use file::Image;
 use output::progress::Progress;
-use told::{News, Told};
+use told::{NodeEvent, Told};
 
 /// A node's state as its heartbeat tells it.
 const OPERATIONAL: u8 = 5;
@@ -157,7 +157,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
     }
     for (node, plan) in plans {
         match plan {
-            Plan::Nothing(runs) => told.tell(node, News::Already(runs)),
+            Plan::Nothing(runs) => told.tell(node, NodeEvent::Already(runs)),
             Plan::Send(image) => {
                 let others = arguments.nodes.iter().filter(|other| **other != node);
                 let others: Vec<u8> = match arguments.force {
@@ -187,7 +187,7 @@ fn rejoin(bus: &mut Bus, nodes: &[u8], told: Told) -> Result<bool, UpdateError> 
         // NMT "start", which does nothing to one that is OPERATIONAL and was not heard.
         Node::new(bus, *node).nmt(1)?;
         if state.is_some() {
-            told.tell(*node, News::Started);
+            told.tell(*node, NodeEvent::Started);
         }
     }
     Ok(true)
@@ -303,7 +303,7 @@ impl<'a> Node<'a> {
         // NMT "start".
         let back = if works { self.nmt(1) } else { Ok(()) };
         ended.and(given_up).and(back)?;
-        told.tell(self.node, News::Now(image.header.version.0));
+        told.tell(self.node, NodeEvent::Now(image.header.version.0));
         if works {
             self.together(others)?;
         }
@@ -391,7 +391,7 @@ impl<'a> Node<'a> {
         let held = self.held(image)?;
         match held {
             0 => self.clear()?,
-            _ => told.tell(node, News::GoesOn(held)),
+            _ => told.tell(node, NodeEvent::GoesOn(held)),
         }
         let rest = image.bytes.get(held..).unwrap_or(&[]);
         let task = told

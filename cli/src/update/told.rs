@@ -23,7 +23,7 @@ pub struct Told<'a> {
 
 /// What has become of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum News {
+pub enum NodeEvent {
     /// It runs this version, and did before.
     Already(u32),
     /// It was not OPERATIONAL in a pair at work, and was started.
@@ -46,31 +46,31 @@ struct Line {
 
 impl Told<'_> {
     /// Tells it.
-    pub fn tell(self, node: u8, news: News) {
+    pub fn tell(self, node: u8, event: NodeEvent) {
         // Whoever reads has gone or has no room; the nodes must not suffer from it.
         let _ = if self.json {
-            stdout::print_json(&line(node, news))
+            stdout::print_json(&line(node, event))
         } else {
-            stdout::print(sentence(node, news) + "\n")
+            stdout::print(sentence(node, event) + "\n")
         };
     }
 }
 
-fn sentence(node: u8, news: News) -> String {
-    match news {
-        News::Already(runs) => format!("node {node} runs {} already", version(runs)),
-        News::Started => format!("node {node} was not OPERATIONAL, and is started"),
-        News::GoesOn(held) => format!("node {node} continues after {held} bytes"),
-        News::Now(runs) => format!("node {node} runs {} now", version(runs)),
+fn sentence(node: u8, event: NodeEvent) -> String {
+    match event {
+        NodeEvent::Already(runs) => format!("node {node} runs {} already", version(runs)),
+        NodeEvent::Started => format!("node {node} was not OPERATIONAL, and is started"),
+        NodeEvent::GoesOn(held) => format!("node {node} continues after {held} bytes"),
+        NodeEvent::Now(runs) => format!("node {node} runs {} now", version(runs)),
     }
 }
 
-fn line(node_id: u8, news: News) -> Line {
-    let (event, runs, held_bytes) = match news {
-        News::Already(runs) => ("runs_already", Some(runs), None),
-        News::Started => ("started", None, None),
-        News::GoesOn(held) => ("goes_on", None, Some(held)),
-        News::Now(runs) => ("runs_now", Some(runs), None),
+fn line(node_id: u8, event: NodeEvent) -> Line {
+    let (event, runs, held_bytes) = match event {
+        NodeEvent::Already(runs) => ("runs_already", Some(runs), None),
+        NodeEvent::Started => ("started", None, None),
+        NodeEvent::GoesOn(held) => ("goes_on", None, Some(held)),
+        NodeEvent::Now(runs) => ("runs_now", Some(runs), None),
     };
     Line {
         format: "plumb-update",
@@ -88,13 +88,13 @@ mod tests {
 
     #[test]
     fn a_node_is_told_of_in_words_and_as_json() {
-        let news = News::Now(0x0102_0003);
-        assert_eq!(sentence(2, news), "node 2 runs 1.2.3 now");
+        let event = NodeEvent::Now(0x0102_0003);
+        assert_eq!(sentence(2, event), "node 2 runs 1.2.3 now");
         assert_eq!(
-            serde_json::to_string(&line(2, news)).unwrap(),
+            serde_json::to_string(&line(2, event)).unwrap(),
             "{\"format\":\"plumb-update\",\"version\":1,\"node_id\":2,\"event\":\"runs_now\",\
              \"program_version\":\"1.2.3\",\"held_bytes\":null}"
         );
-        assert_eq!(line(1, News::GoesOn(7)).held_bytes, Some(7));
+        assert_eq!(line(1, NodeEvent::GoesOn(7)).held_bytes, Some(7));
     }
 }

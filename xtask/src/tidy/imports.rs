@@ -19,7 +19,7 @@ struct Rule {
 }
 
 /// The table of ARCHITECTURE.md. A new crate needs a row here.
-const RULES: [Rule; 14] = [
+const RULES: [Rule; 17] = [
     rule("instant", &[], Some(&[])),
     rule(
         "tilt",
@@ -68,9 +68,14 @@ const RULES: [Rule; 14] = [
         &["emulator", "canopen", "flash", "sim"],
         None,
     ),
+    rule("output", &[], None),
+    rule("bus-logs", &["canopen", "output"], None),
+    rule("listen", &["canopen", "device", "output"], None),
     rule(
         "cli",
-        &["instant", "device", "sim", "tilt", "canopen", "flash"],
+        &[
+            "instant", "device", "sim", "tilt", "canopen", "flash", "bus-logs", "listen", "output",
+        ],
         None,
     ),
     rule("xtask", &["flash"], None),
@@ -85,9 +90,9 @@ pub const UNSAFE: [&str; 4] = [
     "emulator/lockstep",
 ];
 
-const OURS: [&str; 10] = [
-    "instant", "tilt", "canopen", "flash", "device", "firmware", "sim", "emulator", "plumb",
-    "xtask",
+const OURS: [&str; 13] = [
+    "bus-logs", "listen", "output", "instant", "tilt", "canopen", "flash", "device", "firmware",
+    "sim", "emulator", "plumb", "xtask",
 ];
 
 const fn rule(

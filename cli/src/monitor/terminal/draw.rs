@@ -322,7 +322,7 @@ mod tests {
     use super::super::super::model::{Model, Setup};
     use super::super::screen::Key;
     use super::*;
-    use crate::watch::Plan;
+    use listen::Plan;
 
     const S: u64 = 1_000_000_000;
 

@@ -269,8 +269,8 @@ impl Stream for Messages {
 mod tests {
     use super::super::model::{Model, Setup};
     use super::*;
-    use crate::watch::Plan;
     use canopen::Frame;
+    use listen::Plan;
     use std::io::{BufRead, BufReader, Read, Write};
     use std::net::TcpStream;
 

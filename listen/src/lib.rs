@@ -2,7 +2,7 @@
 //! replay and report share.
 //!
 //! In: a [`Plan`] of which nodes make a pair and what their PDOs carry, then frames with their
-//! time. Out: with each frame its [`News`], and in [`Watch`] the last of everything. Angles are
+//! time. Out: with each frame its [`Meaning`], and in [`Watch`] the last of everything. Angles are
 //! in 0.001 deg whatever resolution the bus has. The difference of a pair is formed anew here, of
 //! the two angles of one SYNC, beside what the nodes say of themselves.
 //!
@@ -10,6 +10,7 @@
 
 mod checks;
 mod decode;
+pub mod eds;
 mod pair;
 mod plan;
 mod side;
@@ -58,7 +59,7 @@ impl Part {
 
 /// What a frame has told. The values are in the [`Watch`] by then.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum News {
+pub enum Meaning {
     /// TPDO 1: slopes, validity and state. With `Some`, the pair is complete for this SYNC.
     Slopes(Place, Option<Delta>),
     /// TPDO 2: uncertainty, latency, difference, temperature.
@@ -213,14 +214,14 @@ impl Watch {
 
     /// Takes a frame that was seen at this time, in ns since whatever the source counts from.
     #[inline]
-    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> News {
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> Meaning {
         self.counts.frames += 1;
         self.keep_time(time_ns);
         let news = self.read(time_ns, frame);
         match news {
-            News::Sync => self.counts.syncs += 1,
-            News::Malformed(_) => self.counts.malformed += 1,
-            News::Other => self.counts.others += 1,
+            Meaning::Sync => self.counts.syncs += 1,
+            Meaning::Malformed(_) => self.counts.malformed += 1,
+            Meaning::Other => self.counts.others += 1,
             _ => {}
         }
         news
@@ -266,21 +267,21 @@ impl Watch {
     }
 
     #[inline]
-    fn read(&mut self, time_ns: u64, frame: &Frame) -> News {
+    fn read(&mut self, time_ns: u64, frame: &Frame) -> Meaning {
         let Some(cob_id) = frame.cob_id() else {
             self.counts.extended += 1;
-            return News::Other;
+            return Meaning::Other;
         };
         if frame.is_remote() {
             self.counts.remote += 1;
-            return News::Other;
+            return Meaning::Other;
         }
         match self.targets.get(usize::from(cob_id)) {
             Some(Target::Sync) => {
                 let obeys = |pair: &&mut Pair| pair.sides.iter().any(|s| s.plan.sync == cob_id);
                 let pairs = self.pairs.iter_mut().filter(obeys);
                 pairs.for_each(|pair| pair.sync(time_ns));
-                News::Sync
+                Meaning::Sync
             }
             Some(Target::Pdo(place, number)) => self.pdo(time_ns, *place, *number, frame),
             Some(Target::Emergency(place)) => self.emergency(time_ns, *place, frame),
@@ -290,38 +291,38 @@ impl Watch {
     }
 
     #[inline]
-    fn pdo(&mut self, time_ns: u64, at: Place, number: u8, frame: &Frame) -> News {
+    fn pdo(&mut self, time_ns: u64, at: Place, number: u8, frame: &Frame) -> Meaning {
         let Some(pair) = self.pairs.get_mut(usize::from(at.pair)) else {
-            return News::Other;
+            return Meaning::Other;
         };
         let Some(side) = pair.sides.get_mut(usize::from(at.side)) else {
-            return News::Other;
+            return Meaning::Other;
         };
         side.seen_ns = Some(time_ns);
         let Some(plan) = side.plan.pdos.get(usize::from(number)) else {
-            return News::Other;
+            return Meaning::Other;
         };
         if frame.length() != usize::from(plan.length) {
             side.checks.add(Check::Length, time_ns);
-            return News::Malformed(at);
+            return Meaning::Malformed(at);
         }
         let values = decode::decode(plan, frame.padded(), side.plan.resolution_mdeg);
         side.arrived(number, plan.every, time_ns);
         match side.take(time_ns, usize::from(number), &values) {
-            Kind::Slopes => News::Slopes(at, pair.slopes(usize::from(at.side))),
+            Kind::Slopes => Meaning::Slopes(at, pair.slopes(usize::from(at.side))),
             Kind::Detail => {
                 pair.detail(usize::from(at.side), time_ns);
-                News::Detail(at)
+                Meaning::Detail(at)
             }
             Kind::Exchange(part) => {
                 if part.has_angles() {
                     pair.exchange(usize::from(at.side));
                 }
-                News::Exchange(at, part)
+                Meaning::Exchange(at, part)
             }
             Kind::Other => {
                 self.counts.unplanned += 1;
-                News::Other
+                Meaning::Other
             }
         }
     }
@@ -331,23 +332,23 @@ impl Watch {
         pair.sides.get_mut(usize::from(at.side))
     }
 
-    fn emergency(&mut self, time_ns: u64, at: Place, frame: &Frame) -> News {
+    fn emergency(&mut self, time_ns: u64, at: Place, frame: &Frame) -> Meaning {
         let Some(side) = self.side(at) else {
-            return News::Other;
+            return Meaning::Other;
         };
         side.seen_ns = Some(time_ns);
         match side.emergency(time_ns, frame.bytes()) {
-            Some(emergency) => News::Emergency(at, emergency),
+            Some(emergency) => Meaning::Emergency(at, emergency),
             None => {
                 side.checks.add(Check::Length, time_ns);
-                News::Malformed(at)
+                Meaning::Malformed(at)
             }
         }
     }
 
-    fn heartbeat(&mut self, time_ns: u64, at: Place, frame: &Frame) -> News {
+    fn heartbeat(&mut self, time_ns: u64, at: Place, frame: &Frame) -> Meaning {
         let Some(side) = self.side(at) else {
-            return News::Other;
+            return Meaning::Other;
         };
         side.seen_ns = Some(time_ns);
         let changed = side.heartbeat(time_ns, frame.bytes());
@@ -356,12 +357,14 @@ impl Watch {
         }
         let deadline_ns = side.deadline_ns();
         self.deadline_ns = self.deadline_ns.min(deadline_ns.unwrap_or(NEVER));
-        changed.map_or(News::Malformed(at), |changed| News::Heartbeat(at, changed))
+        changed.map_or(Meaning::Malformed(at), |changed| {
+            Meaning::Heartbeat(at, changed)
+        })
     }
 
     /// A frame that the plan does not have.
     #[cold]
-    fn other(&mut self, cob_id: u16) -> News {
+    fn other(&mut self, cob_id: u16) -> Meaning {
         let node = 1_u128 << (cob_id & 0x7F);
         let counts = &mut self.counts;
         match cob_id {
@@ -378,6 +381,6 @@ impl Watch {
             }
             _ => counts.strangers += 1,
         }
-        News::Other
+        Meaning::Other
     }
 }

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::sheet::Oddity;
 use super::*;
-use crate::watch::NodePlan;
+use crate::NodePlan;
 
 /// An encoder as somebody's tool would write it: one PDO with position and speed.
 const ENCODER: &str = "\

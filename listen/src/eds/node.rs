@@ -4,7 +4,7 @@
 //! `watch` needs to know of an instrument.
 
 use super::sheet::{Oddity, Sheet, Warning};
-use crate::watch::{NodePlan, PdoPlan, What};
+use crate::{NodePlan, PdoPlan, What};
 
 /// PDOs that a node may send (CiA 301).
 const MOST_PDOS: u16 = 512;

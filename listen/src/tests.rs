@@ -38,7 +38,7 @@ fn detail(mdeg: i16) -> Vec<u8> {
 }
 
 impl Bus {
-    fn see(&mut self, id: u16, bytes: &[u8]) -> News {
+    fn see(&mut self, id: u16, bytes: &[u8]) -> Meaning {
         self.now_ns += 100_000;
         self.watch.take(self.now_ns, &Frame::data_frame(id, bytes))
     }
@@ -72,19 +72,19 @@ impl Bus {
 #[test]
 fn slopes_of_one_sync_make_a_difference() {
     let mut watch = Watch::new(&Plan::default());
-    assert_eq!(watch.take(0, &Frame::data_frame(0x80, &[])), News::Sync);
+    assert_eq!(watch.take(0, &Frame::data_frame(0x80, &[])), Meaning::Sync);
     let a = Frame::data_frame(0x181, &[0xE8, 3, 0, 0, 0x3F, 1]);
     let b = Frame::data_frame(0x182, &[0xE6, 3, 0, 0x80, 0x3D, 1]);
-    assert_eq!(watch.take(1, &a), News::Slopes(PLACES[0], None));
+    assert_eq!(watch.take(1, &a), Meaning::Slopes(PLACES[0], None));
     let delta = Delta {
         time_ns: 0,
         mdeg: [Some(20), None],
     };
-    assert_eq!(watch.take(2, &b), News::Slopes(PLACES[1], Some(delta)));
+    assert_eq!(watch.take(2, &b), Meaning::Slopes(PLACES[1], Some(delta)));
     let slopes = watch.pairs()[0].sides[0].slopes.unwrap();
     assert_eq!(slopes.mdeg, [Some(10_000), Some(0)]);
     let cut = Frame::data_frame(0x182, &[1, 2]);
-    assert_eq!(watch.take(3, &cut), News::Malformed(PLACES[1]));
+    assert_eq!(watch.take(3, &cut), Meaning::Malformed(PLACES[1]));
     assert_eq!(watch.counts().malformed, 1);
 }
 
@@ -94,7 +94,7 @@ fn a_healthy_pair_is_found_guilty_of_nothing() {
     for turn in 0..500 {
         bus.round([turn * 7, turn * 7 + 35], [1, 1]);
         if turn % 10 == 9 {
-            assert_eq!(bus.see(0x281, &detail(-35)), News::Detail(PLACES[0]));
+            assert_eq!(bus.see(0x281, &detail(-35)), Meaning::Detail(PLACES[0]));
             bus.see(0x282, &detail(35));
         }
     }
@@ -172,10 +172,10 @@ fn codes_without_a_meaning_are_counted() {
     bus.see(0x181, &slopes(0, 0x3F, 10));
     bus.see(0x381, &[0, 0, 0, 0, 0, 0, 21, 0x70]);
     bus.see(0x081, &[0x01, 0xFF, 0x81, 0, 0, 0x80, 0, 1]);
-    assert_eq!(bus.see(0x701, &[9]), News::Malformed(PLACES[0]));
+    assert_eq!(bus.see(0x701, &[9]), Meaning::Malformed(PLACES[0]));
     assert_eq!(bus.found(0), [(Check::Reserved, 3)]);
-    assert_eq!(bus.see(0x701, &[]), News::Malformed(PLACES[0]));
-    assert_eq!(bus.see(0x081, &[1, 2, 3]), News::Malformed(PLACES[0]));
+    assert_eq!(bus.see(0x701, &[]), Meaning::Malformed(PLACES[0]));
+    assert_eq!(bus.see(0x081, &[1, 2, 3]), Meaning::Malformed(PLACES[0]));
     assert_eq!(bus.found(0), [(Check::Length, 2), (Check::Reserved, 3)]);
 }
 
@@ -265,7 +265,7 @@ fn frames_that_are_nobodys_are_told_apart() {
     for id in [
         0x000, 0x100, 0x581, 0x601, 0x7E4, 0x501, 0x705, 0x185, 0x6F0,
     ] {
-        assert_eq!(bus.see(id, &[1]), News::Other);
+        assert_eq!(bus.see(id, &[1]), Meaning::Other);
     }
     let extended = Frame::with(ExtendedId::new(0x181).unwrap(), &[0; 6]).unwrap();
     let remote = Frame::remote(standard(0x181), 6).unwrap();
