@@ -38,6 +38,7 @@ usage: cargo xtask COMMAND
   test --quick        formatting, house rules, clippy, the unit tests of tilt, canopen, flash and
                       device, and a few seeds; leaves out all other tests, tables, documentation,
                       images, sizes, python-canopen and the demo
+  count               lines of code by crate, and how long functions are
   tidy                the house rules alone: imports, sizes, words, documents
   fmt                 format every crate
   accuracy            repeat the accuracy tables of a few units and compare them
@@ -63,6 +64,7 @@ fn main() -> ExitCode {
         ["test"] => plan::test(&workspace),
         ["test", "--quick"] => plan::quick(&workspace),
         [beside::WORD, key] => plan::beside(key, &workspace),
+        ["count"] => count(&workspace),
         ["tidy"] => plan::alone(&steps::TIDY, &workspace),
         ["fmt"] => plan::alone(&steps::FORMAT, &workspace),
         ["accuracy"] => plan::alone(&steps::ACCURACY, &workspace),
@@ -84,6 +86,20 @@ fn main() -> ExitCode {
         _ => {
             eprintln!("no such command: {:?}\n\n{HELP}", words.join(" "));
             ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints the lines of code by crate.
+fn count(workspace: &Workspace) -> ExitCode {
+    match tidy::count(workspace.root()) {
+        Ok(table) => {
+            print!("{table}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("the checkout cannot be read: {error}");
+            ExitCode::FAILURE
         }
     }
 }

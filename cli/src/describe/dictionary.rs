@@ -98,7 +98,9 @@ pub fn entry_name(rows: &[Row], row: &Row, sub: u8) -> String {
 /// The rows put the inverted twin right behind its plain half and call it inverted.
 fn inverted_twin(rows: &[Row], row: &Row) -> Option<(u16, u8)> {
     let is_inverted = |row: &Row| row.name.to_lowercase().contains("inverted");
-    let place = rows.iter().position(|r| std::ptr::eq(r, row))?;
+    let place = rows
+        .iter()
+        .position(|r| (r.index, r.sub) == (row.index, row.sub))?;
     let next = rows.get(place + 1)?;
     let pair = [row, next].iter().all(|r| r.access.has(Access::SRDO));
     (pair && !is_inverted(row) && is_inverted(next)).then_some((next.index, next.sub))

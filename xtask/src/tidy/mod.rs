@@ -4,6 +4,7 @@
 //! the module named after what it looks at, next to a test that shows it failing on a bad piece.
 
 mod closed_types;
+mod count;
 mod documents;
 pub mod hygiene;
 mod imports;
@@ -62,6 +63,11 @@ pub fn check(root: &Path) -> io::Result<Vec<Finding>> {
         links::check,
     ];
     Ok(rules.iter().flat_map(|rule| rule(&tree)).collect())
+}
+
+/// Lines of code by crate, as text.
+pub fn count(root: &Path) -> io::Result<String> {
+    Ok(count::table(&Tree::load(root)?))
 }
 
 #[cfg(test)]

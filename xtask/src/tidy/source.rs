@@ -78,6 +78,14 @@ impl Source {
             .collect()
     }
 
+    /// The same without those of tests.
+    pub fn functions_outside_tests(&self) -> Vec<Function> {
+        words(&self.code, "fn")
+            .filter(|at| !self.is_test(*at))
+            .filter_map(|at| self.function(at))
+            .collect()
+    }
+
     fn function(&self, at: usize) -> Option<Function> {
         let name = name_after(&self.code, at + "fn".len())?;
         let end = item_end(&self.code, at);
