@@ -51,6 +51,35 @@ pub struct Source {
     frames: u64,
 }
 
+/// The frames in the order of time; `None` at the end of all.
+impl Iterator for Source {
+    type Item = Result<Logged, LogError>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Result<Logged, LogError>> {
+        // One log, and no other begins before its next frame: nearly always so.
+        if let [one] = self.open.as_mut_slice()
+            && self
+                .waiting
+                .front()
+                .is_none_or(|next| is_dated(one.head.time_ns) && next.first_ns > one.head.time_ns)
+        {
+            let given = one.head;
+            match one.reader.next(&mut self.interfaces, &mut self.skipped) {
+                Ok(Some(head)) => one.head = head,
+                Ok(None) => self.close(0),
+                Err(error) => {
+                    self.close(0);
+                    return Some(Err(error));
+                }
+            }
+            self.frames += 1;
+            return Some(Ok(given));
+        }
+        self.next_of_many()
+    }
+}
+
 impl Source {
     /// Opens all logs behind these paths: files, folders, `-` for standard input.
     pub fn open(paths: &[PathBuf], progress: &Progress) -> Result<Self, LogError> {
@@ -141,31 +170,6 @@ impl Source {
         });
         self.files.push(name);
         Ok(())
-    }
-
-    /// The next frame; `None` at the end of all.
-    #[inline]
-    pub fn next(&mut self) -> Option<Result<Logged, LogError>> {
-        // One log, and no other begins before its next frame: nearly always so.
-        if let [one] = self.open.as_mut_slice()
-            && self
-                .waiting
-                .front()
-                .is_none_or(|next| is_dated(one.head.time_ns) && next.first_ns > one.head.time_ns)
-        {
-            let given = one.head;
-            match one.reader.next(&mut self.interfaces, &mut self.skipped) {
-                Ok(Some(head)) => one.head = head,
-                Ok(None) => self.close(0),
-                Err(error) => {
-                    self.close(0);
-                    return Some(Err(error));
-                }
-            }
-            self.frames += 1;
-            return Some(Ok(given));
-        }
-        self.next_of_many()
     }
 
     fn next_of_many(&mut self) -> Option<Result<Logged, LogError>> {
