@@ -1,10 +1,10 @@
 //! The one build of tests, examples and tools, and where its programs are.
 //!
-//! In: the workspace, the name of a program. Out: its path, built as the tests are: all packages
-//! at once and with what the tests depend on, since cargo would choose other features of shared
-//! dependencies for a package alone, and build them a second time. A process that was started
-//! beside others ([`READY`]) builds nothing: all was built before, and cargo lets only one build
-//! go on at a time.
+//! In: the workspace, the name of a program. Out: its path, built as the tests are: all packages at
+//! once and with what the tests depend on, since cargo would choose other features of shared
+//! dependencies for a package alone, and build them a second time. A process that was started side
+//! by side with others ([`READY`]) builds nothing: all was built before, and cargo lets only one
+//! build go on at a time.
 //!
 //! Left out: programs of the chip (`chip`), and the released `plumb` (`program`).
 

@@ -1,7 +1,8 @@
 //! What steps have cost: time by the clock, and by the processors.
 //!
 //! In: a name, and what it took. Out: lines for the end of a run, the most costly first. Steps that
-//! run beside others take longer by the clock; what they take of the processors stays the same.
+//! run side by side with others take longer by the clock; what they take of the processors stays
+//! the same.
 //!
 //! Left out: processor time on systems other than Linux, where only the clock is told.
 

@@ -3,8 +3,8 @@
 //! In: the binaries that `cargo test --no-run` has built. Out: the count of each as it ends, all
 //! that a failing one has printed, and those that took longest. Many tests wait for a bus in real
 //! time, and the cores are idle for most of it. Many compute: those run on a thread each, and give
-//! way to those that wait (`beside`). Beside others that did not give way, a test of a bus failed
-//! in most runs, a different one each time.
+//! way to those that wait (`side_by_side`). Beside others that did not give way, a test of a bus
+//! failed in most runs, a different one each time.
 //!
 //! Left out: tests in documentation comments, which cargo runs by itself.
 

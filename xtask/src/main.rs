@@ -5,7 +5,6 @@
 //! sub-command is not known. Nothing here is shipped and nothing depends on it.
 
 mod accuracy;
-mod beside;
 mod built;
 mod campaign;
 mod chip;
@@ -20,6 +19,7 @@ mod interop;
 mod packages;
 mod plan;
 mod program;
+mod side_by_side;
 mod size;
 mod steps;
 mod tidy;
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     match words.as_slice() {
         ["test"] => plan::test(&workspace),
         ["test", "--quick"] => plan::quick(&workspace),
-        [beside::WORD, key] => plan::beside(key, &workspace),
+        [side_by_side::WORD, key] => plan::one_step(key, &workspace),
         ["count"] => count(&workspace),
         ["tidy"] => plan::alone(&steps::TIDY, &workspace),
         ["fmt"] => plan::alone(&steps::FORMAT, &workspace),

@@ -6,15 +6,15 @@
 //! The rest runs side by side: a row that waits for buses in real time, and rows that compute with
 //! what the first one leaves.
 //!
-//! Left out: the steps themselves (`steps`), and their processes (`beside`).
+//! Left out: the steps themselves (`steps`), and their processes (`side_by_side`).
 
 use std::process::ExitCode;
 use std::time::Instant;
 
-use crate::beside::{self, Row};
 use crate::command::Tally;
 use crate::cost::{self, Cost};
 use crate::failure::StepError;
+use crate::side_by_side::{self, Row};
 use crate::steps::{self, Step};
 use crate::workspace::Workspace;
 
@@ -29,7 +29,7 @@ const FIRST: [&Step; 5] = [
 
 /// Side by side. The long ones come first, so that none of them is left alone for long; what one
 /// step builds and another one uses stands in one row.
-const BESIDE: [Row; 3] = [
+const SIDE_BY_SIDE: [Row; 3] = [
     Row {
         steps: &[&steps::WAITING_TESTS, &steps::INTEROP],
         gives_way: false,
@@ -96,16 +96,16 @@ pub fn alone(step: &Step, workspace: &Workspace) -> ExitCode {
 }
 
 /// Runs one step for the process that has started this one.
-pub fn beside(key: &str, workspace: &Workspace) -> ExitCode {
-    let mut steps = BESIDE.iter().flat_map(|row| row.steps);
+pub fn one_step(key: &str, workspace: &Workspace) -> ExitCode {
+    let mut steps = SIDE_BY_SIDE.iter().flat_map(|row| row.steps);
     let Some(step) = steps.find(|step| step.key == key) else {
         eprintln!("no such step: {key}");
         return ExitCode::from(2);
     };
-    beside::end_with_caller();
+    side_by_side::end_with_caller();
     let mut tally = Tally::default();
     let succeeded = perform(step, workspace, &mut tally);
-    println!("{}", beside::report(tally));
+    println!("{}", side_by_side::report(tally));
     exit_code(succeeded)
 }
 
@@ -125,9 +125,12 @@ fn in_order(steps: &[&Step], workspace: &Workspace, run: &mut Run) -> bool {
 }
 
 fn side_by_side(workspace: &Workspace, run: &mut Run) -> bool {
-    let count = BESIDE.iter().map(|row| row.steps.len()).sum::<usize>();
+    let count = SIDE_BY_SIDE
+        .iter()
+        .map(|row| row.steps.len())
+        .sum::<usize>();
     println!("{count} steps side by side; what each has to say stands here when it has ended");
-    let ended = beside::run(workspace, &BESIDE, &mut run.tally, &mut run.costs);
+    let ended = side_by_side::run(workspace, &SIDE_BY_SIDE, &mut run.tally, &mut run.costs);
     ended.unwrap_or_else(|error| {
         eprintln!("failed: steps side by side could not be started ({error})");
         false
@@ -253,8 +256,8 @@ mod tests {
 
     #[test]
     fn every_step_has_a_key_of_its_own() {
-        let beside = BESIDE.iter().flat_map(|row| row.steps);
-        let all: Vec<_> = FIRST.iter().chain(beside).map(|step| step.key).collect();
+        let rest = SIDE_BY_SIDE.iter().flat_map(|row| row.steps);
+        let all: Vec<_> = FIRST.iter().chain(rest).map(|step| step.key).collect();
         let different: BTreeSet<_> = all.iter().collect();
         assert_eq!(different.len(), all.len(), "{all:?}");
     }

@@ -50,7 +50,7 @@ const TESTS_ADVICE: &str = "the failing tests stand above; `cargo test -p CRATE 
 
 /// One thing to do.
 pub struct Step {
-    /// By which a process of its own is told to do it (`beside`); no two have the same.
+    /// By which a process of its own is told to do it (`side_by_side`); no two have the same.
     pub key: &'static str,
     /// What it does, as the heading.
     pub name: &'static str,

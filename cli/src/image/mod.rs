@@ -78,11 +78,26 @@ pub struct Arguments {
 const SIGNED_FOR_ALL: &str = "plumb: warning: signed with the public development key, which only \
     simulated and emulated nodes accept: give --key to sign for a board";
 
+/// Warns where a program that may be for a board is built with another key than it is signed with:
+/// a node that runs it accepts no update by this key any more.
+const OTHER_KEY: &str = "plumb: warning: the program was not built with the public key of the key \
+    that signs it (PLUMB_KEY of `cargo xtask image`): a node that runs it accepts no later update \
+    signed with this key";
+
+/// Whether a program accepts updates that are signed by the key with this public one: it has it.
+fn accepts(image: &[u8], public: &[u8; 32]) -> bool {
+    image.windows(public.len()).any(|bytes| bytes == public)
+}
+
 impl Arguments {
+    /// The program may be for a board: it is no text for the nodes of `plumb serve`.
+    const fn is_for_boards(&self) -> bool {
+        self.a.is_some() || !self.from.is_empty()
+    }
+
     /// The signature is by the key that everybody has, and the program may be for a board.
     const fn is_signed_for_all(&self) -> bool {
-        let is_for_boards = self.a.is_some() || !self.from.is_empty();
-        is_for_boards && self.key.is_none() && !self.unsigned
+        self.is_for_boards() && self.key.is_none() && !self.unsigned
     }
 }
 
@@ -199,12 +214,17 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
     if !arguments.unsigned {
         images.iter_mut().for_each(|image| sign(image, &key));
     }
+    let public = public_key(&key);
+    let is_other = arguments.is_for_boards() && !arguments.unsigned;
+    let is_other = is_other && !images.iter().all(|image| accepts(image, &public));
     let file = images.concat();
     let length = file.len();
     let written = fs::write(out, file);
     written.map_err(|error| ImageError::File(out.clone(), error))?;
     if arguments.is_signed_for_all() {
         eprintln!("{SIGNED_FOR_ALL}");
+    } else if is_other {
+        eprintln!("{OTHER_KEY}");
     }
     if arguments.json {
         let done = Done {
@@ -309,6 +329,15 @@ mod tests {
     fn an_id_is_hexadecimal() {
         assert_eq!(number("31424c50"), Ok(0x3142_4C50));
         assert!(number("x").is_err() && number("123456789").is_err());
+    }
+
+    #[test]
+    fn a_program_that_would_refuse_the_next_update_was_signed_without_a_word() {
+        let key = [7; 32];
+        let with = [&[0; 99][..], &public_key(&key), &[1; 5]].concat();
+        assert!(accepts(&with, &public_key(&key)));
+        assert!(!accepts(&with, &public_key(&[8; 32])));
+        assert!(!accepts(&[0; 200], &public_key(&key)) && !accepts(&[], &public_key(&key)));
     }
 
     #[test]

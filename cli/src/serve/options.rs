@@ -41,7 +41,7 @@ impl FromStr for NodeIds {
 pub enum Mode {
     /// Two axes, 400 samples/s
     Product,
-    /// The paper's: 50 samples/s, tables
+    /// The paper's: 50 samples/s, tables; it has the product's objects beside its own
     Paper,
     /// One axis over 360 deg
     OneAxis,

@@ -25,7 +25,7 @@ use crate::steps::Step;
 use crate::workspace::Workspace;
 
 /// The word before a step's key.
-pub const WORD: &str = "beside";
+pub const WORD: &str = "step";
 
 /// Begins the last line of such a process, which counts for its caller.
 const REPORT: &str = "report of the step:";
@@ -86,7 +86,7 @@ pub fn run(
 
 /// This program under a name that no build replaces meanwhile.
 fn copy(workspace: &Workspace) -> io::Result<PathBuf> {
-    let name = format!("xtask-beside{}", env::consts::EXE_SUFFIX);
+    let name = format!("xtask-step{}", env::consts::EXE_SUFFIX);
     let path = workspace.target().join(name);
     let temporary = path.with_extension(process::id().to_string());
     fs::copy(env::current_exe()?, &temporary)?;
