@@ -2,7 +2,7 @@
 //! found in the world, which is seldom as the standard asks.
 //!
 //! In: the bytes of a file. Out: a [`Sheet`]: the objects with names, types and values, and a
-//! [`Warning`] with its line for everything that is not as it should be and could be understood
+//! a warning with its line for everything that is not as it should be and could be understood
 //! all the same. From a sheet and a node-id comes a [`Device`]: what the node sends, and what each
 //! PDO carries.
 //!

@@ -14,12 +14,15 @@
 //! counters stand still here; and a change of who acknowledges within one frame.
 //!
 //! ```
-//! use canopen::Frame; use sim::can_bus::{Bus, Event, TransmitOrder}; let mut bus =
-//! Bus::new(500_000, 1); let (node, _host) = (bus.attach(TransmitOrder::Identifier),
-//! bus.attach(TransmitOrder::Identifier)); bus.offer(node, Frame::data_frame(0x701,
-//! &[0])).unwrap(); // 19 header, 8 data, 15 CRC and 4 stuff bits, then 9 more, each of 2 us. let
-//! first = bus.step(1_000_000); assert!(matches!(first, Some(Event::Delivered { at_ns: 110_000, ..
-//! })), "{first:?}");
+//! use canopen::Frame;
+//! use sim::can_bus::{Bus, Event, TransmitOrder};
+//! let mut bus = Bus::new(500_000, 1);
+//! let (node, _host) =
+//!     (bus.attach(TransmitOrder::Identifier), bus.attach(TransmitOrder::Identifier));
+//! bus.offer(node, Frame::data_frame(0x701, &[0])).unwrap();
+//! // 19 header, 8 data, 15 CRC and 4 stuff bits, then 9 more, each of 2 us.
+//! let first = bus.step(1_000_000);
+//! assert!(matches!(first, Some(Event::Delivered { at_ns: 110_000, .. })), "{first:?}");
 //! ```
 
 mod attempt;
