@@ -332,6 +332,35 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
 }
 
 #[test]
+fn an_image_that_no_node_could_use_was_built() {
+    let bench = Bench::new();
+    let both = bench.image("1.0.0", &[]);
+    let long = bench.folder.join("long").display().to_string();
+    std::fs::write(&long, vec![0x5A; 200_000]).unwrap();
+    let twice = ["image", "out", "--from", &both, &both];
+    let body = [
+        "image",
+        "out",
+        "--version",
+        "1.0.0",
+        "--a",
+        &long,
+        "--b",
+        &long,
+    ];
+    for (words, sentence) in [
+        (&twice[..], "two of the images are for slot A"),
+        (&body, "is longer than the 103936 bytes that a slot has"),
+    ] {
+        let refused = plumb(words).current_dir(&bench.folder).output();
+        let (status, out, err) = said(&refused.unwrap());
+        assert_eq!((status, out.as_str()), (Some(2), ""), "{err}");
+        assert!(err.contains(sentence), "{err}");
+        assert!(!bench.folder.join("out").exists());
+    }
+}
+
+#[test]
 fn the_public_key_of_a_key_file_is_what_a_node_is_built_with() {
     use device::memory::ed25519::Ed25519;
     use device::memory::update::Signatures;

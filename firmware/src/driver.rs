@@ -78,7 +78,7 @@ pub enum BoardAction {
     Sensor,
 }
 
-/// ErrorState of the driver around a device.
+/// State of the driver around a device.
 #[derive(Debug)]
 pub struct Driver {
     mailboxes: Mailboxes,

@@ -102,7 +102,7 @@ impl Side {
 /// Two sides on one housing.
 #[derive(Debug)]
 pub struct Instrument {
-    /// BenchNode 1 and node 2.
+    /// Node 1 and node 2.
     pub sides: [Side; 2],
     ticks: u64,
 }
@@ -112,7 +112,7 @@ pub struct Instrument {
 pub struct Pair {
     /// Both readings.
     pub readings: [Reading; 2],
-    /// BenchNode 1's verdict on them.
+    /// Node 1's verdict on them.
     pub verdict: Verdict,
 }
 

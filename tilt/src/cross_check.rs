@@ -43,9 +43,9 @@ use instant::Instant;
 /// The two channels of an instrument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Member {
-    /// Member 1, the one that runs the check.
+    /// Node 1, the one that runs the check.
     Own,
-    /// Member 2.
+    /// Node 2.
     Peer,
 }
 
@@ -101,12 +101,12 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Member 1's reading.
+    /// Node 1's reading.
     pub const fn own(&self) -> Reading {
         self.own
     }
 
-    /// Member 2's reading.
+    /// Node 2's reading.
     pub const fn peer(&self) -> Reading {
         self.peer
     }
@@ -116,7 +116,7 @@ impl Verdict {
         self.judgement
     }
 
-    /// Member 1 minus node 2 on each axis that both measure.
+    /// Node 1 minus node 2 on each axis that both measure.
     pub fn delta(&self) -> Axes<Option<Angle>> {
         Axes {
             x: apart(&self.own.x, &self.peer.x).ok(),

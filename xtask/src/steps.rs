@@ -325,15 +325,20 @@ fn build(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 }
 
 fn waiting_tests(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
-    tests_of(workspace, &[Kind::Waits], tally)
+    tests_of(workspace, &[Kind::Waits], &[], tally)
 }
 
 fn computing_tests(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
-    tests_of(workspace, &[Kind::Computes], tally)
+    tests_of(workspace, &[Kind::Computes], &[], tally)
 }
 
-fn tests_of(workspace: &Workspace, kinds: &[Kind], tally: &mut Tally) -> Result<(), StepError> {
-    harness::run(workspace, kinds, &[], tally)?;
+fn tests_of(
+    workspace: &Workspace,
+    kinds: &[Kind],
+    variables: &[(&str, &str)],
+    tally: &mut Tally,
+) -> Result<(), StepError> {
+    harness::run(workspace, kinds, variables, tally)?;
     if tally.passed == 0 {
         return Err(StepError::NoTests);
     }
@@ -353,7 +358,7 @@ fn quick_tests(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError
 
 fn fuzz_long(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
     let variables = [("PROPTEST_CASES", "100000")];
-    harness::run(workspace, &[Kind::Waits, Kind::Computes], &variables, tally)?;
+    tests_of(workspace, &[Kind::Waits, Kind::Computes], &variables, tally)?;
     documented_tests(workspace, tally)
 }
 

@@ -29,7 +29,7 @@ pub enum CalibrateError {
     Interrupted,
     /// The motor did not do its part.
     #[error("{0}")]
-    Motor(MotorError),
+    Motor(#[from] MotorError),
     /// Neither a motor nor a hand was named.
     #[error("state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE")]
     Method,
@@ -85,7 +85,7 @@ pub enum CalibrateError {
     Fit(u8, FitError),
     /// Poses make no calibration.
     #[error("{0}")]
-    Hand(HandError),
+    Hand(#[from] HandError),
     /// Something has happened to a node in the middle of the work.
     #[error("node {0} {a}", a = upset(.1))]
     Upset(u8, Upset),
@@ -153,18 +153,6 @@ impl From<SdoError> for CalibrateError {
             SdoError::Lost(error) => Self::Lost(error),
             error => Self::Sdo(error),
         }
-    }
-}
-
-impl From<MotorError> for CalibrateError {
-    fn from(error: MotorError) -> Self {
-        Self::Motor(error)
-    }
-}
-
-impl From<HandError> for CalibrateError {
-    fn from(error: HandError) -> Self {
-        Self::Hand(error)
     }
 }
 

@@ -244,10 +244,9 @@ pub enum HandError {
     IllConditioned(char, f64),
     /// A channel misses gravity's length in a pose, by so many mg.
     #[error(
-        "channel {a}: gravity is {2:.1} mg off 1 g in the pose {b:?}: it did not stand still, or \
+        "channel {0}: gravity is {2:.1} mg off 1 g in the pose {a:?}: it did not stand still, or \
          its temperature had not settled; take all poses again",
-        a = .0,
-        b = name(*.1)
+        a = name(*.1)
     )]
     Length(char, usize, f64),
     /// The surface under this pair is tilted by so many deg.

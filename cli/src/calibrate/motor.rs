@@ -76,16 +76,10 @@ pub trait Motor {
 pub enum MotorError {
     /// It could not be spoken to, or refuses.
     #[error("{0}")]
-    Words(ScpiError),
+    Words(#[from] ScpiError),
     /// It is told to stand at one angle and stands at another.
     #[error("{0} was sent to {1:.3} deg and stands at {2:.3} deg: is something in its way?")]
     Elsewhere(Peer, f64, f64),
-}
-
-impl From<ScpiError> for MotorError {
-    fn from(error: ScpiError) -> Self {
-        Self::Words(error)
-    }
 }
 
 /// How long a move may take.

@@ -59,7 +59,7 @@ pub trait Chamber {
 pub enum ChamberError {
     /// It could not be spoken to, or refuses.
     #[error("{0}")]
-    Words(ScpiError),
+    Words(#[from] ScpiError),
     /// It states a temperature that no air has.
     #[error("{0} states an air temperature of {1} degC, which is none: look at its sensor")]
     Nonsense(Peer, f64),
@@ -69,12 +69,6 @@ pub enum ChamberError {
     /// Nobody answers any more.
     #[error("the input ended before the chamber was set")]
     Ended,
-}
-
-impl From<ScpiError> for ChamberError {
-    fn from(error: ScpiError) -> Self {
-        Self::Words(error)
-    }
 }
 
 /// A chamber that is spoken to in lines.

@@ -14,13 +14,13 @@ use crate::calibrate::motor::MotorError;
 pub enum CharacteriseError {
     /// What the work with the nodes, the motor and the report has come to.
     #[error("{0}")]
-    Work(CalibrateError),
+    Work(#[from] CalibrateError),
     /// The chamber did not do its part.
     #[error("{0}")]
-    Chamber(ChamberError),
+    Chamber(#[from] ChamberError),
     /// The profile is none.
     #[error("{0}")]
-    Profile(ProfileError),
+    Profile(#[from] ProfileError),
     /// A dwell has come to nothing; the sentence, with the node named.
     #[error("{0}")]
     Hold(String),
@@ -115,27 +115,9 @@ pub enum CharacteriseError {
     Lost(Box<CharacteriseError>, Box<CharacteriseError>),
 }
 
-impl From<CalibrateError> for CharacteriseError {
-    fn from(error: CalibrateError) -> Self {
-        Self::Work(error)
-    }
-}
-
 impl From<MotorError> for CharacteriseError {
     fn from(error: MotorError) -> Self {
         Self::Work(error.into())
-    }
-}
-
-impl From<ChamberError> for CharacteriseError {
-    fn from(error: ChamberError) -> Self {
-        Self::Chamber(error)
-    }
-}
-
-impl From<ProfileError> for CharacteriseError {
-    fn from(error: ProfileError) -> Self {
-        Self::Profile(error)
     }
 }
 

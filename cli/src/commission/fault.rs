@@ -17,7 +17,7 @@ use crate::bus::{Bus, JoinError};
 pub enum Fault {
     /// The bus could not be joined.
     #[error("{0}")]
-    Join(JoinError),
+    Join(#[from] JoinError),
     /// The bus was lost.
     #[error("the bus is lost: {0}")]
     Lost(io::Error),
@@ -69,12 +69,6 @@ impl Fault {
     /// Nobody at all answers.
     pub fn nobody(bus: &mut Bus) -> Self {
         diagnosis::silence(bus, None).map_or_else(Self::bus, Self::Silent)
-    }
-}
-
-impl From<JoinError> for Fault {
-    fn from(error: JoinError) -> Self {
-        Self::Join(error)
     }
 }
 

@@ -160,16 +160,10 @@ pub enum ImageError {
     Twice(Slot),
     /// Images can't be used.
     #[error("{0}")]
-    Images(UpdateError),
+    Images(#[from] UpdateError),
     /// What was done can't be printed; it is done.
     #[error("cannot print what was done: {0}")]
     Print(io::Error),
-}
-
-impl From<UpdateError> for ImageError {
-    fn from(error: UpdateError) -> Self {
-        Self::Images(error)
-    }
 }
 
 fn number(text: &str) -> Result<u32, String> {

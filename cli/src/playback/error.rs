@@ -12,10 +12,10 @@ use output::printable;
 pub enum PlaybackError {
     /// A log that can't be read.
     #[error("{0}")]
-    Log(LogError),
+    Log(#[from] LogError),
     /// A data sheet that can't be used.
     #[error("{0}")]
-    Eds(EdsError),
+    Eds(#[from] EdsError),
     /// The end that is asked for is not behind the beginning.
     #[error("--to is not after --from: swap them")]
     NoTime,
@@ -59,16 +59,4 @@ pub enum PlaybackError {
     /// Standard output could not be written.
     #[error("standard output can't be written: {0}")]
     Stdout(io::Error),
-}
-
-impl From<LogError> for PlaybackError {
-    fn from(error: LogError) -> Self {
-        Self::Log(error)
-    }
-}
-
-impl From<EdsError> for PlaybackError {
-    fn from(error: EdsError) -> Self {
-        Self::Eds(error)
-    }
 }

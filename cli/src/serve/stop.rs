@@ -13,10 +13,10 @@ use super::script::ScriptError;
 pub enum Stopped {
     /// A way for clients could not be opened.
     #[error("{0}")]
-    Door(ServeError),
+    Door(#[from] ServeError),
     /// The script is none.
     #[error("{0}")]
-    Script(ScriptError),
+    Script(#[from] ScriptError),
     /// The script has ended, after so many seconds.
     #[error(
         "the script {path} has ended after {1:.1} s and nothing moves the instrument any more; \
@@ -26,7 +26,7 @@ pub enum Stopped {
     ScriptEnded(PathBuf, f64),
     /// The folder for the nodes' records can't be used.
     #[error("{0}")]
-    Keep(KeepError),
+    Keep(#[from] KeepError),
     /// So many node-ids for so many nodes.
     #[error(
         "{0} node-id{a} for {1} nodes: --node-ids takes one for each, or none",
@@ -39,22 +39,4 @@ pub enum Stopped {
     /// The end by Ctrl-C could not be arranged.
     #[error("cannot be ended by Ctrl-C ({0}), so not begun")]
     Signal(ctrlc::Error),
-}
-
-impl From<ServeError> for Stopped {
-    fn from(error: ServeError) -> Self {
-        Self::Door(error)
-    }
-}
-
-impl From<ScriptError> for Stopped {
-    fn from(error: ScriptError) -> Self {
-        Self::Script(error)
-    }
-}
-
-impl From<KeepError> for Stopped {
-    fn from(error: KeepError) -> Self {
-        Self::Keep(error)
-    }
 }

@@ -158,6 +158,7 @@ const OTHERS: [(&str, &[&str]); 11] = [
             "a.log --eds missing.eds@1",
             "a.log --eds note.txt@5",
             "a.log --from poses",
+            "a.log --from 9 --to 8",
             "a.log --onto 127.0.0.1:1",
             "a.log --speed 2",
             "note.txt --nodes 1,2",

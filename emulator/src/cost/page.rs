@@ -60,8 +60,8 @@ const CRATES: &str = "
 By crate, what was built into its caller counted there; `others` are the library, copying, and code
 that the compiler has put together. The count by function includes what the background takes of
 functions that interrupts use too, which the last row takes off again.
-`cargo xtask size --instructions` lists the functions, of a run of its own that differs by less than
-1 %.
+`cargo xtask size --instructions` lists the functions, of a run of its own, so its sums differ a
+little.
 
 | Instructions | a sample | a SYNC |
 |---|---:|---:|

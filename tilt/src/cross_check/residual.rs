@@ -299,7 +299,7 @@ mod tests {
         }
     }
 
-    /// Steps of 20 ms; a baseline of `baseline` mg for `before` pairs, then the pair until it is
+    /// Steps of 20 ms; `baseline` mg for `before` pairs, then the pair until it is
     /// found.
     fn found_after(baseline: f64, before: usize, mg: f64, most: usize) -> Option<usize> {
         let mut state = ResidualState::default();
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_habit_is_taken_off_up_to_2_mg() {
+    fn a_baseline_is_taken_off_up_to_2_mg() {
         assert_eq!(found_after(1.5, 1000, 1.5, 10_000), None);
         let five = found_after(1.5, 1000, 6.5, 100).expect("found");
         assert!((15..36).contains(&five), "{five}");

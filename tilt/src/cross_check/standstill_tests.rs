@@ -8,7 +8,7 @@ use super::product_tests::{Bench, G, along, faulty, pose, turned};
 use super::*;
 use crate::vector::Corrected;
 
-/// Own and peer in one pose for so long that each other's habits are known.
+/// Own and peer in one pose for so long that each other's baselines are known.
 fn acquainted(gravity: [f64; 3]) -> Bench {
     let mut bench = Bench::new();
     assert_eq!(bench.holds(gravity, gravity, 8.0), [Judgement::Agree]);

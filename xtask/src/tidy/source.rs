@@ -73,15 +73,18 @@ impl Source {
 
     /// Every function with a body, tests and nested ones too.
     pub fn functions(&self) -> Vec<Function> {
-        words(&self.code, "fn")
-            .filter_map(|at| self.function(at))
-            .collect()
+        self.functions_at(|_| true)
     }
 
     /// The same without those of tests.
     pub fn functions_outside_tests(&self) -> Vec<Function> {
+        self.functions_at(|at| !self.is_test(at))
+    }
+
+    /// Those whose position is wanted.
+    fn functions_at(&self, wanted: impl Fn(usize) -> bool) -> Vec<Function> {
         words(&self.code, "fn")
-            .filter(|at| !self.is_test(*at))
+            .filter(|at| wanted(*at))
             .filter_map(|at| self.function(at))
             .collect()
     }
