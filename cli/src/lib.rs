@@ -13,7 +13,6 @@
 //! work was done and the answer is no (docs/command-line.md).
 
 mod blackbox;
-mod bus;
 mod calibrate;
 mod characterise;
 mod commission;
@@ -28,7 +27,6 @@ mod report;
 mod scpi;
 #[cfg(test)]
 mod scratch;
-pub mod serve;
 mod shell;
 mod twin;
 mod update;
@@ -98,7 +96,7 @@ enum Verb {
     /// Report a period of an instrument on one page, from logs of the bus
     Report(period::Arguments),
     /// Put virtual instruments on a CAN bus that other programs can join
-    Serve(serve::Arguments),
+    Serve(virtual_bus::Arguments),
     /// Move and break the virtual instrument of a running `plumb serve`
     Twin(twin::Arguments),
     /// Build, characterise, calibrate and test virtual instruments, and dig for a week
@@ -145,7 +143,7 @@ fn carry_out(verb: &Verb, progress: &Progress) -> Result<ExitCode, String> {
         Verb::Image(arguments) => image::run(arguments).map_err(said),
         Verb::Replay(arguments) => replay::run(arguments, progress).map_err(said),
         Verb::Report(arguments) => period::run(arguments, progress).map_err(said),
-        Verb::Serve(arguments) => serve::run(arguments, progress).map_err(said),
+        Verb::Serve(arguments) => virtual_bus::run(arguments, progress).map_err(said),
         Verb::Twin(arguments) => twin::run(arguments).map_err(said),
         Verb::Demo(arguments) => demo::run(arguments, progress).map_err(said),
         Verb::Describe(arguments) => describe::run(arguments).map_err(said),

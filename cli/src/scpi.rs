@@ -11,7 +11,7 @@ use std::fmt;
 use std::io;
 use std::time::{Duration, Instant};
 
-use crate::bus::intake::{Intake, Stream, connect};
+use bus_master::intake::{Intake, Stream, connect};
 use output::printable;
 
 /// How long an answer may take that needs no movement.

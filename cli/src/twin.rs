@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Arg, Args, Command};
 
-use crate::bus::intake::{Intake, connect};
-use crate::serve::twin::{Answer, TWIN_AT};
-use crate::serve::words::{candidates, help, read};
+use bus_master::intake::{Intake, connect};
+use virtual_bus::twin::{Answer, TWIN_AT};
+use virtual_bus::words::{candidates, help, read};
 use output::stdout;
 
 /// How long a server may take to say that it is one.

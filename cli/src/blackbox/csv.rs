@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::decode::{Frame, Samples};
-use super::words;
+use codes::words;
 
 /// Columns of one channel.
 const CHANNEL: [&str; 10] = [

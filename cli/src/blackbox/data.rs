@@ -8,7 +8,7 @@ use device::fault_log::Entry;
 use serde::{Deserialize, Serialize};
 
 use super::decode::{FaultLog, Frame, Memory, Samples};
-use super::words;
+use codes::words;
 use output::series::rounded;
 use output::table::{Cell, Column, Table};
 

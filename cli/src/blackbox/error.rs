@@ -3,8 +3,8 @@
 use std::io;
 
 use super::decode::DecodeError;
-use crate::commission::fault::Fault;
-use crate::commission::nodes::NodesError;
+use bus_master::fault::Fault;
+use bus_master::nodes::NodesError;
 use output::printable;
 
 /// What went wrong.

@@ -13,7 +13,6 @@ mod decode;
 mod error;
 pub mod exchange;
 mod read;
-pub mod words;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,8 +21,8 @@ use std::process::ExitCode;
 use clap::Args;
 use serde::Serialize;
 
-use crate::bus::{Bus, BusOptions};
-use crate::commission::nodes::NodeOption;
+use bus_master::{Bus, BusOptions};
+use bus_master::nodes::NodeOption;
 use output::printable;
 use output::stdout;
 

@@ -3,9 +3,9 @@
 //! In: a bus and a node-id. Out: the bytes of its fault log and of its boxes, by SDO, as they
 //! came. Nothing is changed in the node: emptying the log is somebody's decision, not a reader's.
 
-use crate::bus::Bus;
-use crate::bus::sdo::{Client, SdoError};
-use crate::commission::fault::Fault;
+use bus_master::Bus;
+use bus_master::sdo::{Client, SdoError};
+use bus_master::fault::Fault;
 
 /// The fault log.
 const LOG: u16 = 0x2070;

@@ -8,8 +8,8 @@ use tilt::calibration::FitError;
 use super::hand::HandError;
 use super::motor::MotorError;
 use super::session::Upset;
-use crate::bus::JoinError;
-use crate::bus::sdo::SdoError;
+use bus_master::JoinError;
+use bus_master::sdo::SdoError;
 use crate::report::write::WriteError;
 
 /// Why there is no calibration.

@@ -17,7 +17,7 @@ use super::folder::Folder;
 use super::kept::{self, Kept, KeptNode, hex};
 use super::session::Session;
 use super::{dcc, page};
-use crate::bus::BusOptions;
+use bus_master::BusOptions;
 use output::stdout;
 
 /// Which nodes, for whom, and where to.

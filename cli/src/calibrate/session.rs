@@ -18,8 +18,8 @@ use device::objects::table::Channel;
 use tilt::chain::Calibration;
 
 use super::error::CalibrateError;
-use crate::bus::sdo::{Client, SdoError};
-use crate::bus::{Bus, Received};
+use bus_master::sdo::{Client, SdoError};
+use bus_master::{Bus, Received};
 
 /// NMT states as heartbeats tell them, and the commands that lead there.
 const OPERATIONAL: (u8, u8) = (5, 1);

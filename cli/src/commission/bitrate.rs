@@ -15,15 +15,15 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::nodes::{Meant, NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use bus_master::nodes::{Meant, NodeOption, NodesError};
 use super::print;
-use crate::bus::lss::{BIT_RATES, Identity, Master};
-use crate::bus::nmt::{self, Command, State};
-use crate::bus::sdo::{Client, SdoError};
-use crate::bus::survey::survey;
-use crate::bus::{Bus, BusOptions};
+use bus_master::lss::{BIT_RATES, Identity, Master};
+use bus_master::nmt::{self, Command, State};
+use bus_master::sdo::{Client, SdoError};
+use bus_master::survey::survey;
+use bus_master::{Bus, BusOptions};
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);

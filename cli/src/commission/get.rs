@@ -15,13 +15,13 @@ use canopen::object::Access;
 use clap::Args;
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::name::{self, NameError, Named};
-use super::nodes::{NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name::{self, NameError, Named};
+use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use crate::bus::sdo::meaning;
-use crate::bus::{Bus, BusOptions};
+use bus_master::sdo::meaning;
+use bus_master::{Bus, BusOptions};
 use output::table::{Cell, Column, Table};
 
 /// What is read.

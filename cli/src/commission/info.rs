@@ -14,13 +14,13 @@ use clap::Args;
 use device::fault::Fault as DeviceFault;
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::name::{self, Named};
-use super::nodes::{Meant, NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name::{self, Named};
+use bus_master::nodes::{Meant, NodeOption, NodesError};
 use super::print;
-use crate::bus::BusOptions;
-use crate::serve::status::because;
+use bus_master::BusOptions;
+use codes::words::because;
 use crate::update::version;
 use output::printable;
 use output::table::{Cell, Column, Table};
@@ -267,7 +267,7 @@ fn report(node: &mut Node) -> Result<Fact, Fault> {
     match node.try_read(0x2063, 0)? {
         Ok(hash) => text = Some(beginning(&hash)),
         Err(NO_DATA) => reason = Some("no report of this calibration is known to it".to_owned()),
-        Err(code) => reason = Some(crate::bus::sdo::meaning(code).to_owned()),
+        Err(code) => reason = Some(bus_master::sdo::meaning(code).to_owned()),
     }
     Ok(Fact {
         label: REPORT,
@@ -295,7 +295,7 @@ fn fact(node: &mut Node, label: &'static str, named: &Named) -> Result<Fact, Fau
             fact.text = Some(in_words(named, shown.raw).unwrap_or(shown.text));
             fact.reason = shown.reason;
         }
-        Err(code) => fact.reason = Some(crate::bus::sdo::meaning(code).to_owned()),
+        Err(code) => fact.reason = Some(bus_master::sdo::meaning(code).to_owned()),
     }
     Ok(fact)
 }

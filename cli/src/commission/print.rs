@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 
-use super::fault::Fault;
+use bus_master::fault::Fault;
 use output::stdout;
 
 /// Prints text as it is.

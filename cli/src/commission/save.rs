@@ -12,12 +12,12 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::nodes::{NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use crate::bus::BusOptions;
-use crate::bus::sdo::SdoError;
+use bus_master::BusOptions;
+use bus_master::sdo::SdoError;
 
 /// "save", lowest byte first (CiA 301, 7.5.2.13).
 const SAVE: [u8; 4] = *b"save";

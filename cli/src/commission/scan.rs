@@ -14,12 +14,12 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
+use bus_master::node::Node;
+use bus_master::fault::Fault;
 use super::print;
-use crate::bus::lss::{Identity, Master};
-use crate::bus::survey::{Survey, survey};
-use crate::bus::{Bus, BusOptions};
+use bus_master::lss::{Identity, Master};
+use bus_master::survey::{Survey, survey};
+use bus_master::{Bus, BusOptions};
 use output::printable;
 use output::table::{Cell, Column, Table};
 

@@ -14,17 +14,17 @@ use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::name::{self, NameError, Named};
-use super::nodes::{NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name::{self, NameError, Named};
+use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use super::value::{self, ValueError};
+use codes::value::{self, ValueError};
 use super::zero::remedy;
-use crate::bus::BusOptions;
-use crate::bus::nmt::State;
-use crate::bus::sdo::SdoError;
-use crate::serve::status::because;
+use bus_master::BusOptions;
+use bus_master::nmt::State;
+use bus_master::sdo::SdoError;
+use codes::words::because;
 
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = 0x0800_0022;

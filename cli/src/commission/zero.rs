@@ -20,14 +20,14 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::name::{self, Named};
-use super::nodes::{NodeOption, NodesError};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name::{self, Named};
+use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use super::value::{self, ValueError, decimal};
-use crate::bus::{Bus, BusOptions};
-use crate::serve::status::because;
+use codes::value::{self, ValueError, decimal};
+use bus_master::{Bus, BusOptions};
+use codes::words::because;
 
 /// Bit of 6111h: preset and offsets count.
 const SCALING: u32 = 2;

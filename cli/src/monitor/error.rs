@@ -4,7 +4,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use crate::bus::JoinError;
+use bus_master::JoinError;
 use bus_logs::LogError;
 use output::printable;
 

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use canopen::Frame;
 
-use crate::bus::survey::Survey;
-use crate::bus::{Bus, BusOptions, JoinError, diagnosis};
+use bus_master::survey::Survey;
+use bus_master::{Bus, BusOptions, JoinError, diagnosis};
 
 /// What a source has to say.
 #[derive(Debug)]

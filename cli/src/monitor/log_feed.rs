@@ -14,7 +14,7 @@ use canopen::Frame;
 
 use super::feed::{Feed, Step, as_ns};
 use super::reading::Shared;
-use crate::bus::JoinError;
+use bus_master::JoinError;
 use bus_logs::{LogError, Logged, PaceOptions, PlayOptions, Player, Skip};
 use output::progress::Progress;
 

@@ -1,6 +1,6 @@
 //! `plumb monitor`: what happens on a bus, or has happened in a log, as it is seen.
 //!
-//! In: frames of a bus (`crate::bus`) or of logs (`bus_logs`). Out: the same knowledge in three
+//! In: frames of a bus (`bus_master`) or of logs (`bus_logs`). Out: the same knowledge in three
 //! views, a terminal, a web page and plain lines, and a recording of everything that came.
 //! `feed` is where frames come from, `reading` the thread that takes them, `model` what is known,
 //! `moment` that at one instant (`snapshot`).

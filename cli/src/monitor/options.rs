@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::MonitorError;
-use crate::bus::BusOptions;
+use bus_master::BusOptions;
 use listen::Plan;
 
 /// Longest time that can be asked for: a year.

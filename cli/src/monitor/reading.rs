@@ -21,7 +21,7 @@ use super::own::Own;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
 use super::words::Level;
-use crate::bus;
+use bus_master as bus;
 use output::printable;
 
 /// How long a step waits for a frame: after that it is looked what else there is to do.

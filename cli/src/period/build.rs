@@ -19,7 +19,7 @@ use super::tally::Tally;
 use super::traffic::Traffic;
 use super::verdict;
 use crate::blackbox::data::{PlotReport, PlotRow};
-use crate::blackbox::words;
+use codes::words;
 use output::series::{Bin, Point, rounded};
 
 /// The percentiles that are told.

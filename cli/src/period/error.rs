@@ -3,7 +3,7 @@
 use std::io;
 
 use crate::blackbox::FaultsError;
-use crate::bus::JoinError;
+use bus_master::JoinError;
 use crate::report::write::WriteError;
 use bus_logs::LogError;
 use listen::eds::EdsError;

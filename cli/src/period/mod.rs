@@ -43,8 +43,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::blackbox::{self, data::MemoryReport};
-use crate::bus::BusOptions;
-use crate::commission::nodes::{NodeOption, Nodes};
+use bus_master::BusOptions;
+use bus_master::nodes::{NodeOption, Nodes};
 use crate::report::write::{self, Written};
 use bus_logs::LogError;
 use listen::Plan;

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::bus::JoinError;
+use bus_master::JoinError;
 use bus_logs::LogError;
 use listen::eds::EdsError;
 use output::printable;

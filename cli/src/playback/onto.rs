@@ -13,7 +13,7 @@ use canopen::Frame;
 use serde::Serialize;
 
 use super::{Options, PlaybackError};
-use crate::bus::{Bus, BusOptions};
+use bus_master::{Bus, BusOptions};
 use bus_logs::{Logged, Moment, Player, candump_line};
 use output::progress::Progress;
 use output::stdout;

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use flash::image::ImageError;
 
 use super::version;
-use crate::bus::JoinError;
-use crate::bus::diagnosis::Silence;
-use crate::bus::sdo::SdoError;
+use bus_master::JoinError;
+use bus_master::diagnosis::Silence;
+use bus_master::sdo::SdoError;
 
 /// Why an update ended before every node ran the new program.
 #[derive(Debug, thiserror::Error)]

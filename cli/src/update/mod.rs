@@ -26,9 +26,9 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use flash::layout::Slot;
 
-use crate::bus::diagnosis;
-use crate::bus::sdo::Client;
-use crate::bus::{Bus, BusOptions};
+use bus_master::diagnosis;
+use bus_master::sdo::Client;
+use bus_master::{Bus, BusOptions};
 pub use error::UpdateError;
 use file::Image;
 use output::progress::Progress;

@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde::Serialize;
 
-use crate::bus::BusOptions;
+use bus_master::BusOptions;
 use crate::calibrate::data::FORMAT;
 use crate::calibrate::{CalibrateError, Session, hex};
 use output::stdout;

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use emulator::build::{BuildError, Paper, Product};
 use emulator::pair::{Outfit, deliver};
-use plumb::serve;
+use virtual_bus as serve;
 use sim::bench::{Mode, World};
 use sim::network::Network;
 use sim::network::instrument::{Delivered, UNCONFIGURED};

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::super::fault::Fault;
-use super::super::nodes::NodesError;
+use bus_master::fault::Fault;
+use bus_master::nodes::NodesError;
 use super::super::save::SaveError;
 
 /// Why a node has not got its node-id, or the two do not find each other.

@@ -10,9 +10,9 @@ use canopen::object::Access;
 use device::objects::row::Default;
 use device::objects::table;
 
-use super::super::ask::Node;
-use super::super::fault::Fault;
-use super::super::name;
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name;
 use super::super::save;
 use super::NodeIdError;
 

@@ -25,17 +25,17 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use super::ask::Node;
-use super::fault::Fault;
-use super::name;
-use super::nodes::{self, NodeOption, Nodes};
+use bus_master::node::Node;
+use bus_master::fault::Fault;
+use codes::name;
+use bus_master::nodes::{self, NodeOption, Nodes};
 use super::print;
-use crate::bus::lss::{Identity, Master};
-use crate::bus::nmt::{self, Command, State};
-use crate::bus::sdo::{Client, SdoError};
-use crate::bus::survey::survey;
-use crate::bus::{Bus, BusOptions};
-use crate::describe::meaning;
+use bus_master::lss::{Identity, Master};
+use bus_master::nmt::{self, Command, State};
+use bus_master::sdo::{Client, SdoError};
+use bus_master::survey::survey;
+use bus_master::{Bus, BusOptions};
+use codes::meaning;
 
 pub use error::NodeIdError;
 
@@ -495,7 +495,7 @@ fn member(identity: Identity) -> Member {
         _ => None,
     };
     Member {
-        channel: channel.map(crate::describe::dictionary::letter),
+        channel: channel.map(codes::dictionary::letter),
         old_node: None,
         node: 0,
         serial_number: identity[3],

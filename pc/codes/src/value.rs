@@ -14,8 +14,8 @@ use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
 use super::name::Named;
-use crate::describe::{dictionary, meaning};
-use crate::serve::status::because;
+use crate::{dictionary, meaning};
+use crate::words::because;
 use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
@@ -381,7 +381,7 @@ fn quantity(named: &Named, scale: &Scale, text: &str) -> Result<i64, ValueError>
 
 #[cfg(test)]
 mod tests {
-    use super::super::name;
+    use crate::name;
     use super::*;
     use proptest::prelude::*;
 

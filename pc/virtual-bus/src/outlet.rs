@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use canopen::Frame;
 
-use super::{slcan, socketcand};
+use can_text::{slcan, socketcand};
 
 /// Bytes of frames that may wait for one client: about 20 000 frames.
 pub const FRAMES_LIMIT: usize = 1 << 20;

@@ -6,7 +6,7 @@ use std::net::TcpListener;
 use std::thread::{JoinHandle, spawn};
 
 use super::*;
-use crate::bus::address::{self, BusAddress};
+use crate::address::{self, BusAddress};
 
 /// A bus whose other end says to each request what `answers` has for it, as words of
 /// socketcand; it returns the requests.

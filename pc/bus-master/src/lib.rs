@@ -9,11 +9,14 @@
 pub mod address;
 pub mod diagnosis;
 mod error;
+pub mod fault;
 pub mod intake;
 #[cfg(target_os = "linux")]
 mod kernel;
 pub mod lss;
 pub mod nmt;
+pub mod node;
+pub mod nodes;
 pub mod options;
 pub mod sdo;
 mod slcan;

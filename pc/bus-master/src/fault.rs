@@ -7,10 +7,10 @@
 
 use std::io;
 
-use crate::bus::diagnosis::{self, Silence};
-use crate::bus::lss::LssError;
-use crate::bus::sdo::SdoError;
-use crate::bus::{Bus, JoinError};
+use crate::diagnosis::{self, Silence};
+use crate::lss::LssError;
+use crate::sdo::SdoError;
+use crate::{Bus, JoinError};
 
 /// Why a verb on the bus ended early.
 #[derive(Debug, thiserror::Error)]

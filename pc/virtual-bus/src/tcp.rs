@@ -40,7 +40,7 @@ pub fn listen_socketcand(
     at: SocketAddr,
     bus_name: &str,
 ) -> Result<SocketAddr, ServeError> {
-    if !socketcand::is_bus_name(bus_name) {
+    if !can_text::socketcand::is_bus_name(bus_name) {
         return Err(ServeError::BusName(bus_name.to_owned()));
     }
     let name = bus_name.to_owned();

@@ -8,7 +8,6 @@
 
 mod climate;
 mod error;
-pub(crate) mod hex;
 mod hub;
 mod keep;
 mod line_port;
@@ -22,17 +21,17 @@ mod ready;
 mod round_robin;
 mod script;
 mod server;
-pub(crate) mod slcan;
+mod slcan;
 mod socketcan;
-pub(crate) mod socketcand;
+mod socketcand;
 mod stage;
-pub(crate) mod status;
+mod status;
 mod stop;
 mod tcp;
 mod trouble;
-pub(crate) mod twin;
+pub mod twin;
 mod typed;
-pub(crate) mod words;
+pub mod words;
 
 #[cfg(test)]
 mod stage_tests;

@@ -3,7 +3,7 @@
 //! In: lines of the words ([`super::words`]). Out: an [`Answer`] to each, as one line of JSON. A
 //! word that was put off is answered at once, `wait` when it is over.
 //!
-//! Left out: how the lines travel (`line_server`), and the client (`crate::twin`).
+//! Left out: how the lines travel (`line_server`), and the client (`plumb twin`).
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 

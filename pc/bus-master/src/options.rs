@@ -10,7 +10,7 @@ use clap::Args;
 
 use super::address::{self, Address, BUS_NAME, BusAddress, SOCKETCAND_PORT};
 use super::{Bus, JoinError};
-use crate::serve::slcan::RATES;
+use can_text::slcan::RATES;
 
 /// The bus.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Args)]

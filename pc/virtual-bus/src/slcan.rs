@@ -10,10 +10,9 @@
 
 use std::time::Duration;
 
-use canopen::Frame;
-use canopen::frame::{ExtendedId, Id, StandardId};
 
-use super::hex;
+use can_text::hex;
+use can_text::slcan::{Form, RATES, frame};
 use super::hub::{Dialogue, Heard};
 use super::outlet::Tap;
 
@@ -28,77 +27,6 @@ const VERSION: &[u8] = b"V0100";
 
 /// Four letters or digits.
 const SERIAL_NUMBER: &[u8] = b"NPLMB";
-
-/// kbit/s of `S0` to `S8`.
-pub const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
-
-/// How a client wants its frames, set by `Z`, `M` and `m`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Form {
-    stamped: bool,
-    code: u32,
-    mask: u32,
-}
-
-impl Default for Form {
-    fn default() -> Self {
-        Self {
-            stamped: false,
-            code: 0,
-            mask: u32::MAX,
-        }
-    }
-}
-
-impl Form {
-    /// Appends a frame of the bus, unless the filter keeps it away; the time is in microseconds.
-    pub fn put_frame(self, out: &mut Vec<u8>, frame: &Frame, time_us: u64) {
-        if !self.passes(frame) {
-            return;
-        }
-        match (frame.id(), frame.is_remote()) {
-            (Id::Standard(id), remote) => {
-                out.push(if remote { b'r' } else { b't' });
-                hex::put(out, u32::from(id.as_raw()), 3);
-            }
-            (Id::Extended(id), remote) => {
-                out.push(if remote { b'R' } else { b'T' });
-                hex::put(out, id.as_raw(), 8);
-            }
-        }
-        hex::put(out, frame.length() as u32, 1);
-        hex::put_bytes(out, frame.bytes());
-        if self.stamped {
-            // Milliseconds that start again every minute.
-            hex::put(out, (time_us / 1000 % 60_000) as u32, 4);
-        }
-        out.push(CR);
-    }
-
-    /// The two 16-bit filters of the SJA1000 in dual mode; a mask bit of 1 lets anything pass.
-    fn passes(self, frame: &Frame) -> bool {
-        let equal = |value: u32, code: u32, mask: u32| (value ^ code) & !mask & 0xFFFF == 0;
-        let (first, second) = (self.code >> 16, self.code & 0xFFFF);
-        let (first_mask, second_mask) = (self.mask >> 16, self.mask & 0xFFFF);
-        match frame.id() {
-            Id::Extended(id) => {
-                let upper = id.as_raw() >> 13;
-                equal(upper, first, first_mask) || equal(upper, second, second_mask)
-            }
-            Id::Standard(id) => {
-                let head = u32::from(id.as_raw()) << 5 | u32::from(frame.is_remote()) << 4;
-                // The first filter also compares the first data byte, its lower half with the
-                // lowest bits of the second; without a data byte those bits don't count.
-                let byte = frame.bytes().first().map(|byte| u32::from(*byte));
-                let unused = if byte.is_some() { 0 } else { 0xF };
-                let (upper, lower) = (byte.unwrap_or(0) >> 4, byte.unwrap_or(0) & 0xF);
-                let one = equal(head | upper, first, first_mask | unused)
-                    && equal(lower, second & 0xF, second_mask | 0xFFF0 | unused);
-                one || equal(head, second, second_mask | 0xF)
-            }
-        }
-    }
-}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Channel {
@@ -235,26 +163,11 @@ impl Dialogue for Session {
     }
 }
 
-/// The frame after its letter: identifier, one digit of length, and as many bytes exactly.
-pub fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
-    let digits = if letter.is_ascii_lowercase() { 3 } else { 8 };
-    let (id, rest) = rest.split_at_checked(digits)?;
-    let id = hex::number(id)?;
-    let id = match digits {
-        3 => Id::Standard(StandardId::new(u16::try_from(id).ok()?)?),
-        _ => Id::Extended(ExtendedId::new(id)?),
-    };
-    let (length, bytes) = rest.split_first()?;
-    let length = char::from(*length).to_digit(9)? as usize;
-    let bytes = hex::bytes(bytes)?;
-    if letter.eq_ignore_ascii_case(&b'r') {
-        return bytes.is_empty().then(|| Frame::remote(id, length))?;
-    }
-    (bytes.len() == length).then(|| Frame::with(id, &bytes))?
-}
-
 #[cfg(test)]
 mod tests {
+    use canopen::Frame;
+    use canopen::frame::{ExtendedId, StandardId};
+
     use super::*;
 
     fn hear(session: &mut Session, text: &str) -> Heard {
@@ -407,24 +320,6 @@ mod tests {
             text(form, &Frame::remote(id(0x181), 0).unwrap(), 0),
             "r1810\r"
         );
-    }
-
-    #[test]
-    fn the_first_filter_sees_the_first_byte() {
-        // Filter 1: 181h with 5Ah first; filter 2: 7FFh, so that it lets nothing else pass.
-        let form = Form {
-            stamped: false,
-            code: 0x3025_FFEA,
-            mask: 0x0010_0010,
-        };
-        assert!(form.passes(&Frame::data_frame(0x181, &[0x5A])));
-        assert!(!form.passes(&Frame::data_frame(0x181, &[0x5B])));
-        assert!(!form.passes(&Frame::data_frame(0x181, &[0x6A])));
-        assert!(form.passes(&Frame::data_frame(0x181, &[])));
-        assert!(form.passes(&Frame::data_frame(0x7FF, &[0])));
-        let long = ExtendedId::new(0x3025 << 13).unwrap();
-        assert!(form.passes(&Frame::with(long, &[]).unwrap()));
-        assert!(!form.passes(&Frame::with(ExtendedId::ZERO, &[]).unwrap()));
     }
 
     #[test]

@@ -7,15 +7,6 @@
 //!
 //! Left out: reading such files, and what a device on a bus really holds.
 
-mod dbc;
-mod dcf;
-pub mod dictionary;
-mod eds;
-mod markdown;
-pub mod meaning;
-#[cfg(test)]
-mod tests;
-
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
@@ -157,12 +148,12 @@ fn text(arguments: &Arguments) -> Result<String, DescribeError> {
     let models = Models::from(arguments.instrument);
     let rows = table::rows_of(models);
     Ok(match arguments.document {
-        Document::Eds => eds::sheet(rows, channel),
+        Document::Eds => codes::sheet(rows, channel),
         Document::Dcf => {
             let node_id = arguments.node_id.unwrap_or(channel.node_id());
-            dcf::configuration(rows, channel, node_id)
+            codes::configuration(rows, channel, node_id)
         }
-        Document::Dbc => dbc::database(rows),
-        Document::Objects => markdown::page(models, rows),
+        Document::Dbc => codes::database(rows),
+        Document::Objects => codes::page(models, rows),
     })
 }

@@ -20,7 +20,7 @@ use std::fmt;
 use device::objects::row::{Row, Shape};
 use device::objects::table;
 
-use crate::describe::dictionary::{self, Object};
+use crate::dictionary::{self, Object};
 
 /// Short names for what is used daily.
 pub const SHORT: [(&str, u16, u8); 11] = [

@@ -248,7 +248,7 @@ mod tests {
     use std::io::{BufRead, BufReader, Write};
     use std::net::TcpListener;
 
-    use crate::bus::address::{self, BusAddress};
+    use crate::address::{self, BusAddress};
 
     /// A bus with these slaves, each with an identity and a node-id or none.
     fn bus(slaves: Vec<(Identity, u8)>) -> Bus {

@@ -14,7 +14,7 @@ use canopen::Frame;
 
 use super::intake::{self, Intake, Stream};
 use super::{Received, Trouble, now_ns};
-use crate::serve::slcan::{Form, RATES, frame};
+use can_text::slcan::{Form, RATES, frame};
 
 /// How long an adapter has for an answer.
 const ANSWER: Duration = Duration::from_secs(1);
@@ -225,7 +225,7 @@ fn read(line: &[u8], end: u8) -> Said {
             read.map_or(Said::Done, |frame| Said::Frame(Received { time_ns, frame }))
         }
         Some((b'F', flags)) => {
-            let flags = crate::serve::hex::number(flags).and_then(|flags| u8::try_from(flags).ok());
+            let flags = can_text::hex::number(flags).and_then(|flags| u8::try_from(flags).ok());
             flags.map_or(Said::Done, Said::Flags)
         }
         _ => Said::Done,

@@ -352,7 +352,7 @@ mod tests {
             let row = format!("\n| {} | `", name.trim_end_matches(" (bus)"));
             let (_, rest) = page.split_once(&row).expect(name);
             let (word, _) = rest.split_once('`').unwrap();
-            let line = crate::serve::words::read(word, 2);
+            let line = crate::words::read(word, 2);
             assert!(matches!(line, Ok(Some(_))), "{name}: {word}: {line:?}");
             found += 1;
         }

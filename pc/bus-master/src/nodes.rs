@@ -17,11 +17,11 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
 
-use super::ask::Node;
+use super::node::Node;
 use super::fault::Fault;
-use crate::bus::Bus;
-use crate::bus::sdo::{Client, SdoError};
-use crate::bus::survey::{self, Survey};
+use crate::Bus;
+use crate::sdo::{Client, SdoError};
+use crate::survey::{self, Survey};
 
 /// How long is waited for answers; heartbeats need not come for this.
 const ASKING: Duration = Duration::from_millis(400);

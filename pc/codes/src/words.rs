@@ -6,7 +6,9 @@
 
 use std::borrow::Cow;
 
+use device::exchange;
 use device::fault::Fault;
+use tilt::chain::Invalid;
 
 /// What an EMCY code says.
 pub fn code(code: u16) -> Cow<'static, str> {
@@ -94,6 +96,36 @@ pub fn blamed(blamed: u8, side: usize) -> Option<&'static str> {
 /// The name of a channel.
 pub const fn channel(side: usize) -> &'static str {
     if side == 0 { "A" } else { "B" }
+}
+
+/// The reason behind a code of 2025h or 2027h.
+pub fn because(code: u8) -> String {
+    let Some(reason) = exchange::reason(code) else {
+        return format!("reason {code}");
+    };
+    let text = match reason {
+        Invalid::NoSample => "no sample yet",
+        Invalid::Settling => "settling",
+        Invalid::Stale => "samples have stopped",
+        Invalid::OverRange => "over range",
+        Invalid::NoTemperature => "temperature not known",
+        Invalid::NotMeasured => "axis not measured",
+        Invalid::PartReset => "sensor has lost its set-up",
+        Invalid::Bus => "sensor does not answer",
+        Invalid::Stuck => "codes stand still",
+        Invalid::Noise => "too noisy",
+        Invalid::Spikes => "spikes",
+        Invalid::Thermometer => "thermometer jumps",
+        Invalid::Biased => "gravity of the wrong length",
+        Invalid::Corrupt => "calibration corrupted",
+        Invalid::Silent => "not heard",
+        Invalid::Late => "data late",
+        Invalid::Refused => "channels disagree",
+        Invalid::Unconfirmed => "other channel not received yet",
+        Invalid::Alone => "alone, which 2005h forbids",
+        Invalid::Unlike => "presets, offsets or inversion differ from the other channel's",
+    };
+    text.to_owned()
 }
 
 #[cfg(test)]

@@ -9,13 +9,12 @@
 use std::fmt::Write as _;
 
 use canopen::nmt;
-use device::exchange::reason;
+use codes::words::because;
 use device::objects::process::Shown;
 use sim::fault::{NodeFault, SensorFault};
 use sim::lis2dw12::Fault;
 use sim::network::{Network, NetworkNode};
 use tilt::angle::Angle;
-use tilt::chain::Invalid;
 
 use super::stage::Stage;
 use super::words::node_name;
@@ -163,34 +162,4 @@ fn verdict(shown: &Shown<'_>) -> String {
         0 => state.to_owned(),
         why => format!("{state} ({})", because(why)),
     }
-}
-
-/// The reason behind a code of 2025h or 2027h.
-pub fn because(code: u8) -> String {
-    let Some(reason) = reason(code) else {
-        return format!("reason {code}");
-    };
-    let text = match reason {
-        Invalid::NoSample => "no sample yet",
-        Invalid::Settling => "settling",
-        Invalid::Stale => "samples have stopped",
-        Invalid::OverRange => "over range",
-        Invalid::NoTemperature => "temperature not known",
-        Invalid::NotMeasured => "axis not measured",
-        Invalid::PartReset => "sensor has lost its set-up",
-        Invalid::Bus => "sensor does not answer",
-        Invalid::Stuck => "codes stand still",
-        Invalid::Noise => "too noisy",
-        Invalid::Spikes => "spikes",
-        Invalid::Thermometer => "thermometer jumps",
-        Invalid::Biased => "gravity of the wrong length",
-        Invalid::Corrupt => "calibration corrupted",
-        Invalid::Silent => "not heard",
-        Invalid::Late => "data late",
-        Invalid::Refused => "channels disagree",
-        Invalid::Unconfirmed => "other channel not received yet",
-        Invalid::Alone => "alone, which 2005h forbids",
-        Invalid::Unlike => "presets, offsets or inversion differ from the other channel's",
-    };
-    text.to_owned()
 }

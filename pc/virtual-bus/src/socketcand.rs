@@ -12,7 +12,7 @@ use std::time::Duration;
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 
-use super::hex;
+use can_text::hex;
 use super::hub::{Dialogue, Heard};
 use super::outlet::Tap;
 
@@ -28,50 +28,6 @@ pub const HOLD: Duration = Duration::from_millis(20);
 
 /// What a client is told at first.
 pub const GREETING: &[u8] = b"< hi >";
-
-/// True for a name that can stand in `open`: a network interface's length, and no odd signs.
-pub fn is_bus_name(name: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    (1..=15).contains(&name.len()) && name.chars().all(legal)
-}
-
-/// Appends a data frame of the bus; the time is in microseconds and shown in seconds.
-pub fn put_frame(out: &mut Vec<u8>, frame: &Frame, time_us: u64) {
-    if frame.is_remote() {
-        return;
-    }
-    out.extend_from_slice(b"< frame ");
-    match frame.id() {
-        Id::Standard(id) => hex::put(out, u32::from(id.as_raw()), 3),
-        Id::Extended(id) => hex::put(out, id.as_raw(), 8),
-    }
-    out.push(b' ');
-    put_seconds(out, time_us);
-    // The space stays when no bytes follow: python-can takes the third word, empty or not.
-    out.push(b' ');
-    hex::put_bytes(out, frame.bytes());
-    out.extend_from_slice(b" >");
-}
-
-/// Seconds with six decimals.
-fn put_seconds(out: &mut Vec<u8>, time_us: u64) {
-    let mut digits = [b'0'; 21];
-    let mut rest = time_us;
-    let mut used = 0;
-    for (place, digit) in digits.iter_mut().rev().enumerate() {
-        if place == 6 {
-            *digit = b'.';
-            continue;
-        }
-        if place > 7 && rest == 0 {
-            break;
-        }
-        *digit = b'0' + (rest % 10) as u8;
-        rest /= 10;
-        used = place + 1;
-    }
-    out.extend_from_slice(&digits[digits.len() - used..]);
-}
 
 /// One client's side of the protocol.
 #[derive(Debug)]
@@ -258,6 +214,7 @@ fn identifier(text: &str) -> Option<Id> {
 
 #[cfg(test)]
 mod tests {
+    use can_text::socketcand::put_frame;
     use super::*;
 
     fn hear(session: &mut Session, text: &str) -> Heard {

@@ -1,0 +1,10 @@
+//! A CAN frame as text and back, as two protocols have it on a wire.
+//!
+//! In: frames, or the bytes of a line. Out: the text, or the frame. Both ends of a line are made
+//! with the same code: a client that joins a bus, and a server that offers one.
+//!
+//! Left out: who speaks when (the two ends), and the text of log files (`bus-logs`).
+
+pub mod hex;
+pub mod slcan;
+pub mod socketcand;
