@@ -157,3 +157,35 @@ fn text(arguments: &Arguments) -> Result<String, DescribeError> {
         Document::Objects => codes::page(models, rows),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_that_say_nothing_about_a_document_are_refused() {
+        let ask = |document, channel, node_id| {
+            text(&Arguments {
+                instrument: InstrumentName::Product,
+                document,
+                channel,
+                node_id,
+                output: None,
+            })
+        };
+        let a = Some(ChannelName::A);
+        for document in [Document::Dbc, Document::Objects] {
+            assert!(matches!(
+                ask(document, a, None),
+                Err(DescribeError::BothChannels)
+            ));
+        }
+        for document in [Document::Dbc, Document::Objects, Document::Eds] {
+            assert!(matches!(
+                ask(document, None, Some(3)),
+                Err(DescribeError::NoNodeId)
+            ));
+        }
+        assert!(ask(Document::Dcf, a, Some(3)).is_ok());
+    }
+}

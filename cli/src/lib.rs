@@ -1,49 +1,31 @@
 //! `plumb`: the person's side of the instrument.
 //!
-//! One verb per file or folder. On a bus: `commission/` finds nodes, reads and writes objects,
-//! zeroes, saves, gives node-ids; `monitor/` watches and records; `calibrate/`, `characterise/` and
-//! `verify/` are the bench; `blackbox/` reads what nodes remember; `update/` brings a new program.
-//! Behind it: `playback/` and `period/` work on logs, `replay/` on recordings of sensors. `serve/`
-//! puts virtual instruments on a bus, `twin` moves and breaks them, `demo/` tests them, `describe/`
-//! prints their data sheets.
-//! Shared by these: `bus/` talks, `report/` is what the demo and the replay show. Crates of their
-//! own: `listen` decodes frames, by data sheets where there are some, `bus-logs` reads and writes
-//! logs, `output` draws and prints.
+//! One verb per file or folder. `commission/` finds nodes, reads and writes objects, zeroes, saves,
+//! gives node-ids; `update/` brings a new program, which `image` makes; `describe` prints data
+//! sheets; `twin` moves and breaks the virtual instrument. The other verbs are crates of their own:
+//! `monitor`, `calibrate`, `bus-report`, `virtual-bus` and `bench`. `bus-master` talks on a bus,
+//! `codes` names what is on it, `listen` decodes frames, by data sheets where there are some,
+//! `bus-logs` reads and writes logs, `output` draws and prints.
 //! Errors are one sentence on stderr and exit status 2; exit status 1 means that the
 //! work was done and the answer is no (docs/command-line.md).
 
-mod blackbox;
-mod calibrate;
-mod characterise;
 mod commission;
-mod demo;
 mod describe;
 mod image;
-mod monitor;
-mod period;
-mod playback;
 mod replay;
-mod report;
-mod scpi;
-#[cfg(test)]
-mod scratch;
 mod shell;
 mod twin;
 mod update;
-mod verify;
 
 use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-pub use output::progress::Progress;
-
-/// The fits of `plumb calibrate`, for studies of what they are worth.
-pub mod fits {
-    pub use crate::calibrate::motor::Axis;
-    pub use crate::calibrate::{Reading, fit, hand};
-}
+use bench::demo;
+use bus_report::{blackbox, period};
+use calibrate::{characterise, verify};
+use output::progress::Progress;
 
 /// Plumb, an open redundant inclinometer: commission it, calibrate it, watch it, and try it out on
 /// a virtual bus.

@@ -14,9 +14,9 @@ use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Arg, Args, Command};
 
 use bus_master::intake::{Intake, connect};
+use output::stdout;
 use virtual_bus::twin::{Answer, TWIN_AT};
 use virtual_bus::words::{candidates, help, read};
-use output::stdout;
 
 /// How long a server may take to say that it is one.
 const GREETING: Duration = Duration::from_secs(10);

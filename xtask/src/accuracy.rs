@@ -1,8 +1,8 @@
 //! `docs/accuracy.md` is generated, and belongs to what the code gives now.
 //!
 //! The generators are the example `accuracy` of `sim` and, for what the stated uncertainty covers,
-//! `coverage` of `plumb`, which write its parts on standard output. All units take a quarter of an
-//! hour, so the tests repeat and compare the same page of a few units, which is written together
+//! `coverage` of `calibrate`, which write its parts on standard output. All units take a quarter of
+//! an hour, so the tests repeat and compare the same page of a few units, which is written together
 //! with the other one and never without it. A difference is a failure, because every figure quoted
 //! in prose refers to that file; so is a bound in it that is not kept.
 
@@ -124,7 +124,7 @@ const PARTS: [Part; 2] = [
         example: "accuracy",
     },
     Part {
-        package: "plumb",
+        package: "calibrate",
         example: "coverage",
     },
 ];

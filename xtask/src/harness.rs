@@ -30,9 +30,15 @@ const BUILD: [&str; 4] = [
     "--message-format=json-render-diagnostics",
 ];
 
-/// How the titles of those begin that wait for a bus in real time: all of `plumb`, and the update
-/// of emulated nodes.
-const WAITS: [&str; 2] = ["cli ", "emulator update"];
+/// How the titles of those begin that wait for a bus in real time: all of `plumb`, both ends of a
+/// bus, and the update of emulated nodes.
+const WAITS: [&str; 5] = [
+    "cli ",
+    "bus-master ",
+    "monitor ",
+    "virtual-bus ",
+    "emulator update",
+];
 
 /// How many run at a time.
 const ROWS: usize = 2;

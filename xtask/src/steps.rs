@@ -201,7 +201,7 @@ pub const ACCURACY: Step = Step {
 pub const ACCURACY_FULL: Step = Step {
     key: "accuracy-full",
     name: "writing docs/accuracy.md and the page of few units, which takes a quarter of an hour",
-    advice: "the generators are the examples `accuracy` of `sim` and `coverage` of `plumb`",
+    advice: "the generators are the examples `accuracy` of `sim` and `coverage` of `calibrate`",
     run: write_accuracy,
 };
 

@@ -15,12 +15,12 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use bus_master::nodes::{Meant, NodeOption, NodesError};
 use super::print;
+use bus_master::fault::Fault;
 use bus_master::lss::{BIT_RATES, Identity, Master};
 use bus_master::nmt::{self, Command, State};
+use bus_master::node::Node;
+use bus_master::nodes::{Meant, NodeOption, NodesError};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
 use bus_master::{Bus, BusOptions};

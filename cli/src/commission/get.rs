@@ -15,13 +15,13 @@ use canopen::object::Access;
 use clap::Args;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name::{self, NameError, Named};
-use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
+use bus_master::fault::Fault;
+use bus_master::node::Node;
+use bus_master::nodes::{NodeOption, NodesError};
 use bus_master::sdo::meaning;
 use bus_master::{Bus, BusOptions};
+use codes::name::{self, NameError, Named};
 use output::table::{Cell, Column, Table};
 
 /// What is read.

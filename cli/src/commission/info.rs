@@ -14,14 +14,14 @@ use clap::Args;
 use device::fault::Fault as DeviceFault;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name::{self, Named};
-use bus_master::nodes::{Meant, NodeOption, NodesError};
 use super::print;
-use bus_master::BusOptions;
-use codes::words::because;
 use crate::update::version;
+use bus_master::BusOptions;
+use bus_master::fault::Fault;
+use bus_master::node::Node;
+use bus_master::nodes::{Meant, NodeOption, NodesError};
+use codes::name::{self, Named};
+use codes::words::because;
 use output::printable;
 use output::table::{Cell, Column, Table};
 

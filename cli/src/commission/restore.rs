@@ -14,13 +14,13 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use bus_master::nodes::{self, NodeOption, NodesError};
 use super::print;
 use super::save::Group;
 use bus_master::BusOptions;
+use bus_master::fault::Fault;
 use bus_master::nmt::{self, Command, State};
+use bus_master::node::Node;
+use bus_master::nodes::{self, NodeOption, NodesError};
 
 /// "load", lowest byte first (CiA 301, 7.5.2.14).
 const LOAD: [u8; 4] = *b"load";

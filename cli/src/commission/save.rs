@@ -12,11 +12,11 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
 use bus_master::BusOptions;
+use bus_master::fault::Fault;
+use bus_master::node::Node;
+use bus_master::nodes::{NodeOption, NodesError};
 use bus_master::sdo::SdoError;
 
 /// "save", lowest byte first (CiA 301, 7.5.2.13).

@@ -14,10 +14,10 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
 use super::print;
+use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
+use bus_master::node::Node;
 use bus_master::survey::{Survey, survey};
 use bus_master::{Bus, BusOptions};
 use output::printable;

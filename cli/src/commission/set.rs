@@ -14,16 +14,16 @@ use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name::{self, NameError, Named};
-use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use codes::value::{self, ValueError};
 use super::zero::remedy;
 use bus_master::BusOptions;
+use bus_master::fault::Fault;
 use bus_master::nmt::State;
+use bus_master::node::Node;
+use bus_master::nodes::{NodeOption, NodesError};
 use bus_master::sdo::SdoError;
+use codes::name::{self, NameError, Named};
+use codes::value::{self, ValueError};
 use codes::words::because;
 
 /// The abort code of what can't be done in a node's present state.

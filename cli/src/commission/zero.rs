@@ -20,13 +20,13 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name::{self, Named};
-use bus_master::nodes::{NodeOption, NodesError};
 use super::print;
-use codes::value::{self, ValueError, decimal};
+use bus_master::fault::Fault;
+use bus_master::node::Node;
+use bus_master::nodes::{NodeOption, NodesError};
 use bus_master::{Bus, BusOptions};
+use codes::name::{self, Named};
+use codes::value::{self, ValueError, decimal};
 use codes::words::because;
 
 /// Bit of 6111h: preset and offsets count.

@@ -11,10 +11,10 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use emulator::build::{BuildError, Paper, Product};
 use emulator::pair::{Outfit, deliver};
-use virtual_bus as serve;
 use sim::bench::{Mode, World};
 use sim::network::Network;
 use sim::network::instrument::{Delivered, UNCONFIGURED};
+use virtual_bus as serve;
 
 /// Runs the exact images of bootloader and application on emulated boards.
 #[derive(Debug, Parser)]

@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::fault::Fault;
-use codes::name::Named;
-use codes::value::{self, Shown};
 use crate::Bus;
 use crate::diagnosis::Silence;
 use crate::nmt::{self, Command, State};
 use crate::sdo::{Client, SdoError};
+use codes::name::Named;
+use codes::value::{self, Shown};
 
 /// How long a heartbeat is waited for: five of those that are delivered.
 const HEARTBEAT: Duration = Duration::from_secs(1);

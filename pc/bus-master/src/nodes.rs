@@ -17,8 +17,8 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
 
-use super::node::Node;
 use super::fault::Fault;
+use super::node::Node;
 use crate::Bus;
 use crate::sdo::{Client, SdoError};
 use crate::survey::{self, Survey};

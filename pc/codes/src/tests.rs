@@ -10,7 +10,6 @@ use tilt::cross_check::{Judgement, Member};
 
 use super::dictionary::{access_name, delivered_at, objects};
 use super::meaning::{named_values, scale};
-use super::{Arguments, ChannelName, DescribeError, Document};
 use super::{dbc, dcf, eds, markdown};
 
 const CHANNELS: [Channel; 2] = [Channel::A, Channel::B];
@@ -419,31 +418,4 @@ fn signal_names_fit_the_format() {
         let first = name.chars().next().unwrap();
         assert!(first.is_ascii_alphabetic(), "{name}");
     }
-}
-
-#[test]
-fn options_that_say_nothing_about_a_document_are_refused() {
-    let ask = |document, channel, node_id| {
-        super::text(&Arguments {
-            instrument: super::InstrumentName::Product,
-            document,
-            channel,
-            node_id,
-            output: None,
-        })
-    };
-    let a = Some(ChannelName::A);
-    for document in [Document::Dbc, Document::Objects] {
-        assert!(matches!(
-            ask(document, a, None),
-            Err(DescribeError::BothChannels)
-        ));
-    }
-    for document in [Document::Dbc, Document::Objects, Document::Eds] {
-        assert!(matches!(
-            ask(document, None, Some(3)),
-            Err(DescribeError::NoNodeId)
-        ));
-    }
-    assert!(ask(Document::Dcf, a, Some(3)).is_ok());
 }

@@ -14,8 +14,8 @@ use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
 use super::name::Named;
-use crate::{dictionary, meaning};
 use crate::words::because;
+use crate::{dictionary, meaning};
 use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
@@ -381,8 +381,8 @@ fn quantity(named: &Named, scale: &Scale, text: &str) -> Result<i64, ValueError>
 
 #[cfg(test)]
 mod tests {
-    use crate::name;
     use super::*;
+    use crate::name;
     use proptest::prelude::*;
 
     fn steps(name: &str, text: &str) -> Result<i64, ValueError> {

@@ -8,10 +8,12 @@
 pub mod chart;
 pub mod check;
 pub mod html;
+mod json;
 mod printable;
 pub mod progress;
 pub mod series;
 pub mod stdout;
 pub mod table;
+pub mod write;
 
 pub use printable::printable;

@@ -10,11 +10,10 @@
 
 use std::time::Duration;
 
-
-use can_text::hex;
-use can_text::slcan::{Form, RATES, frame};
 use super::hub::{Dialogue, Heard};
 use super::outlet::Tap;
+use can_text::hex;
+use can_text::slcan::{Form, RATES, frame};
 
 const CR: u8 = b'\r';
 const BEL: u8 = 7;

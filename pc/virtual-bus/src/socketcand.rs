@@ -12,9 +12,9 @@ use std::time::Duration;
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 
-use can_text::hex;
 use super::hub::{Dialogue, Heard};
 use super::outlet::Tap;
+use can_text::hex;
 
 /// Faults in a row after which a client is shown the door.
 const FAULTS_LIMIT: u32 = 8;
@@ -214,8 +214,8 @@ fn identifier(text: &str) -> Option<Id> {
 
 #[cfg(test)]
 mod tests {
-    use can_text::socketcand::put_frame;
     use super::*;
+    use can_text::socketcand::put_frame;
 
     fn hear(session: &mut Session, text: &str) -> Heard {
         let mut heard = Heard::default();

@@ -11,9 +11,6 @@ use std::fmt::Write as _;
 use super::source::Function;
 use super::tree::Tree;
 
-/// The crates of a person's side, by folder: what `pc-side` budgets are about.
-const PC_SIDE: [&str; 4] = ["output", "bus-logs", "listen", "cli"];
-
 /// How many of the longest functions are listed.
 const LONGEST: usize = 10;
 
@@ -62,7 +59,7 @@ pub fn table(tree: &Tree) -> String {
         }
         let functions = source.functions_outside_tests();
         let mut counted = vec![crates.entry(home).or_default(), &mut all];
-        if PC_SIDE.contains(home) {
+        if is_pc_side(home) {
             counted.push(&mut pc_side);
         }
         for of in counted {
@@ -104,6 +101,11 @@ fn homes(tree: &Tree) -> Vec<&str> {
         .collect();
     homes.sort_by_key(|home| std::cmp::Reverse(home.len()));
     homes
+}
+
+/// True for the folder of a crate on a person's side of the bus.
+fn is_pc_side(home: &str) -> bool {
+    home == "cli" || home.starts_with("pc/")
 }
 
 fn is_inside(path: &str, home: &str) -> bool {

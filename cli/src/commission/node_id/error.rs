@@ -2,9 +2,9 @@
 
 use std::fmt;
 
+use super::super::save::SaveError;
 use bus_master::fault::Fault;
 use bus_master::nodes::NodesError;
-use super::super::save::SaveError;
 
 /// Why a node has not got its node-id, or the two do not find each other.
 #[derive(Debug)]

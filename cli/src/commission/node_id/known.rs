@@ -10,11 +10,11 @@ use canopen::object::Access;
 use device::objects::row::Default;
 use device::objects::table;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name;
 use super::super::save;
 use super::NodeIdError;
+use bus_master::fault::Fault;
+use bus_master::node::Node;
+use codes::name;
 
 /// Bit 31 of a COB-ID: the PDO is off.
 const OFF: u32 = 1 << 31;

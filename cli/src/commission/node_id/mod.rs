@@ -25,17 +25,17 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use bus_master::node::Node;
-use bus_master::fault::Fault;
-use codes::name;
-use bus_master::nodes::{self, NodeOption, Nodes};
 use super::print;
+use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
 use bus_master::nmt::{self, Command, State};
+use bus_master::node::Node;
+use bus_master::nodes::{self, NodeOption, Nodes};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
 use bus_master::{Bus, BusOptions};
 use codes::meaning;
+use codes::name;
 
 pub use error::NodeIdError;
 

@@ -218,7 +218,7 @@ fn a_pdo_that_is_off_or_of_29_bit_is_left_out() {
 #[test]
 fn our_own_sheets_are_the_plan_as_delivered_and_give_no_warning() {
     for channel in [Channel::A, Channel::B] {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../eds");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../eds");
         let letter = if channel == Channel::A { 'a' } else { 'b' };
         let node_id = channel.node_id();
         for name in [format!("plumb-{letter}.eds"), format!("plumb-{letter}.dcf")] {

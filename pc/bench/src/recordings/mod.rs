@@ -1,0 +1,100 @@
+//! `plumb replay`: real recordings through the instrument's own chain.
+//!
+//! In: one CSV file per channel (plain or gzip), one or two. Out: the tables on the terminal,
+//! `report.html` and `report.json` in a folder, and a calibration file if one is asked for.
+//! A [`recording::Recording`] of checked samples with every skipped row counted gives the
+//! [`segments::Segment`]s in which the sensor stood still, these a [`calibrate::Fit`], that the
+//! chain of `tilt`, and that the readings which are judged and reported. Everything is computed
+//! before the first byte is written. The formats are described in `docs/recordings.md`.
+//!
+//! Left out: logs of a bus (`bus_report::playback`).
+
+mod alignment;
+mod arguments;
+mod calibrate;
+mod calibration_file;
+mod columns;
+mod error;
+mod figures;
+mod gather;
+mod lines;
+mod play;
+mod prepare;
+mod recording;
+mod recording_error;
+mod reference;
+mod rotation;
+mod scale;
+mod segments;
+mod skips;
+mod steady;
+mod tuning;
+mod verdicts;
+mod windows;
+
+#[cfg(test)]
+mod fuzz;
+#[cfg(test)]
+mod injected;
+#[cfg(test)]
+mod real;
+#[cfg(test)]
+mod real_chain;
+#[cfg(test)]
+mod repeatability;
+
+use std::process::ExitCode;
+
+use crate::report::replay_data::ReplayReport;
+use crate::report::{replay_page, terminal};
+use output::printable;
+use output::progress::Progress;
+use output::stdout;
+use output::write::{self, Written};
+
+use arguments::Mode;
+
+pub use arguments::{Arguments, CalibrateFrom, Options};
+pub use error::ReplayError;
+
+/// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
+    let mode = arguments.options.mode.unwrap_or(Mode::Product);
+    let (channels, notes) = prepare::prepare(arguments, progress)?;
+    let report = gather::report(&channels, notes, mode, progress);
+    let json = serde_json::to_string(&report).map_err(ReplayError::Json)?;
+    let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
+    // Complete beside its place before the report is written, put in its place after.
+    let kept = match &arguments.options.save_calibration {
+        Some(path) => Some(calibration_file::stage(path, &records)?),
+        None => None,
+    };
+    let written = write::both(arguments.folder(), &replay_page::replay(&report), &report)
+        .map_err(ReplayError::Write)?;
+    if let Some(kept) = kept {
+        kept.put_in_place()?;
+    }
+    let text = if arguments.json {
+        json + "\n"
+    } else {
+        shown(arguments, &report, &written)
+    };
+    stdout::print(&text).map_err(ReplayError::Stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> String {
+    let mut text = terminal::print_replay(report);
+    text.push_str(&format!(
+        "\nReport: {} and {}\n",
+        printable(&written.html.display().to_string()),
+        printable(&written.json.display().to_string())
+    ));
+    if let Some(path) = &arguments.options.save_calibration {
+        text.push_str(&format!(
+            "Calibration: {}\n",
+            printable(&path.display().to_string())
+        ));
+    }
+    text
+}

@@ -1,0 +1,11 @@
+//! What happened on a bus, afterwards: from logs, and from what the nodes remember.
+//!
+//! In: logs of a bus, and the fault logs and black boxes of nodes. Out: a summary, a table of all
+//! values, the frames on a bus again ([`playback`]); the report of a period ([`period`]); the lists
+//! of faults and the samples around them ([`blackbox`]).
+//!
+//! Left out: the bus while it lives (`monitor`).
+
+pub mod blackbox;
+pub mod period;
+pub mod playback;

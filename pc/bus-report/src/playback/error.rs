@@ -1,0 +1,62 @@
+//! Why logs could not be played back: one sentence each.
+
+use std::io;
+
+use bus_logs::LogError;
+use bus_master::JoinError;
+use listen::eds::EdsError;
+use output::printable;
+
+/// Logs that could not be played back.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaybackError {
+    /// A log that can't be read.
+    #[error("{0}")]
+    Log(#[from] LogError),
+    /// A data sheet that can't be used.
+    #[error("{0}")]
+    Eds(#[from] EdsError),
+    /// The end that is asked for is not behind the beginning.
+    #[error("--to is not after --from: swap them")]
+    NoTime,
+    /// Node-ids that are no pairs.
+    #[error(
+        "--nodes takes two different node-ids for each instrument, channel A first, and each one \
+         once"
+    )]
+    Nodes,
+    /// A table with a name that tells no format.
+    #[error(
+        "{a} names no format; end the name in .csv or .parquet for a table, .log or .asc for a log",
+        a = printable(.0)
+    )]
+    ExportName(String),
+    /// The table could not be written.
+    #[error("{a} can't be written: {1}", a = printable(.0))]
+    Export(String, io::Error),
+    /// The table would overwrite a file that is read.
+    #[error("{a} is read by this replay; give --export another name", a = printable(.0))]
+    ExportOverInput(String),
+    /// The bus could not be joined.
+    #[error("{0}")]
+    Join(JoinError),
+    /// The bus was lost, behind so many frames.
+    #[error("{1}, after {0} frames of the log")]
+    Lost(u64, io::Error),
+    /// The end was asked for, behind so many frames.
+    #[error("interrupted after {0} frames of the log")]
+    Interrupted(u64),
+    /// Frames of several interfaces can't go onto one bus.
+    #[error(
+        "the log has frames of {a} and of {b}: choose one with --interface",
+        a = printable(.0),
+        b = printable(.1)
+    )]
+    TwoInterfaces(String, String),
+    /// Standard input can't give both the log and the steps.
+    #[error("--step reads Enter from the standard input, as the log does; give a log file")]
+    StepFromStdin,
+    /// Standard output could not be written.
+    #[error("standard output can't be written: {0}")]
+    Stdout(io::Error),
+}

@@ -1,0 +1,401 @@
+//! From what a run has measured to new calibrations and to the report of it.
+//!
+//! In: the readings of every dwell, and the nodes as they were found. Out: for each node the
+//! calibration with the model in it, and a [`Report`] in the form of `plumb calibrate`'s, judged
+//! by what the model leaves at the dwells.
+//!
+//! Left out: the fit itself (`thermal`), and the report's forms (`crate`).
+
+use tilt::ONE_G;
+use tilt::chain::Calibration;
+use tilt::sample::Temperature;
+use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
+use tilt::uncertainty::{Budget, Span, TCO};
+
+use super::error::CharacteriseError;
+use super::measured::{Dwelt, Measured};
+use super::profile::Branch;
+use super::run::READINGS;
+use super::thermal::{Fitted, Model, Sight, between_runs_mg, fit, hysteresis_mg, rms, with_model};
+use crate::CalibrateError;
+use crate::compose::{Frame, combine};
+use crate::data::{
+    Channel, Coefficient, Contribution, Method, Reference, Report, Thermal, ThermalDwell,
+};
+use crate::fit::temperature;
+use crate::session::Node;
+
+/// What a temperature that is told to a degree is off by, degC (k = 1): uniform.
+const THERMOMETER_C: f64 = 0.289;
+
+/// A model never counts as better than this, mg: the 1/f floor of the sensor. `[ASSUME]`
+const FLOOR_MG: f64 = 0.04;
+
+/// What a node is to get.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// Its calibration with the model.
+    pub calibration: Calibration,
+    /// The model.
+    fitted: Fitted,
+    /// The readings that it was fitted to.
+    sights: Vec<Sight>,
+    /// Where its angles are those of before, degC.
+    unchanged_c: Option<f64>,
+}
+
+/// The calibration of each node with its model in it.
+///
+/// Errors: a fit that is refused, and [`CharacteriseError::Beyond`].
+pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CharacteriseError> {
+    let made = |(place, node): (usize, &Node)| {
+        let sights = measured.sights(place);
+        let fitted = fit(measured.begun.model, &measured.begun.profile, &sights);
+        let fitted = fitted.map_err(|error| CalibrateError::Fit(node.id, error))?;
+        let before = &node.calibration;
+        let at = middle(before.budget.span);
+        let bare = before.temperature == TemperatureModel::None;
+        let new = with_model(before, fitted.model, at);
+        let mut calibration = new.ok_or(CharacteriseError::Beyond(node.id))?;
+        let left_mg = left_mg(measured, &sights, &fitted);
+        calibration.budget = budget(&before.budget, &fitted, left_mg);
+        Ok(Made {
+            calibration,
+            fitted,
+            sights,
+            unchanged_c: bare.then(|| f64::from(at.0) / 256.0),
+        })
+    };
+    nodes.iter().enumerate().map(made).collect()
+}
+
+/// The middle of the temperatures at which a calibration was made.
+fn middle(span: Span) -> Temperature {
+    Temperature(span.low.0.midpoint(span.high.0))
+}
+
+/// What the model leaves over the run, rms, mg; `None` where one branch only was met. Points that
+/// each have a reading of their own, as those of eq 6, leave nothing by construction, and that says
+/// nothing of the hysteresis.
+fn left_mg(measured: &Measured, sights: &[Sight], fitted: &Fitted) -> Option<f64> {
+    let residuals_mg = &fitted.residuals_mg;
+    let both = hysteresis_mg(&measured.begun.profile, sights, residuals_mg);
+    both.map(|_| rms(residuals_mg))
+}
+
+/// The budget of before, for the temperatures of the run. What the model leaves over them, where
+/// both branches were met, takes the place of the hysteresis that was assumed: neither is known in
+/// use.
+fn budget(before: &Budget, fitted: &Fitted, left_mg: Option<f64>) -> Budget {
+    let [low, high] = fitted.span_c.map(temperature);
+    let left = |mg: f64| (mg.max(FLOOR_MG) / 1000.0 * f64::from(ONE_G)).round() as u32;
+    Budget {
+        hysteresis: left_mg.map_or(before.hysteresis, left),
+        tco: TCO,
+        span: Span { low, high },
+        ..*before
+    }
+}
+
+/// The report of a run.
+pub fn report(frame: &Frame, measured: &Measured, made: &[Made]) -> Report {
+    let method = match measured.begun.model {
+        Model::Quadratic => Method::ChamberQuadratic,
+        Model::Piecewise => Method::ChamberPiecewise,
+    };
+    let temperatures: Vec<f64> = made
+        .iter()
+        .flat_map(|made| made.sights.iter().map(|sight| sight.temperature_c))
+        .collect();
+    let mut report = frame.report(method, reference(measured), &temperatures);
+    report.environment.statement = "Temperature as measured by the sensors, to a degree, over all \
+     dwells. Humidity and vibration were not measured."
+        .to_owned();
+    let tolerance = frame.tolerance_deg;
+    report.decision.rule = format!(
+        "Accepted when the largest that the model leaves of an axis at a dwell, as an angle, and \
+         its expanded uncertainty (k = 2) together are within {tolerance} deg (guarded \
+         acceptance, JCGM 106, 8.3.2)."
+    );
+    for (place, (node, made)) in frame.session.nodes.iter().zip(made).enumerate() {
+        let channel = frame.channel(place, node);
+        report.channels.push(with_figures(channel, measured, made));
+    }
+    judge(&mut report);
+    report
+}
+
+fn reference(measured: &Measured) -> Reference {
+    let turned = match &measured.begun.turned_by {
+        Some(name) => format!(" The housing was turned by: {name}."),
+        None => String::new(),
+    };
+    Reference {
+        name: measured.begun.chamber.clone(),
+        standard_uncertainty_deg: None,
+        statement: format!(
+            "The temperatures of the model are those of the sensors' own thermometers, which the \
+             nodes read in use as well; the chamber's own statement is shown next to them. \
+             Gravity's share of each axis is taken from the readings. Scale, axes and zero of the \
+             angles are those of the calibration before.{turned}"
+        ),
+    }
+}
+
+/// A small acceleration across gravity as the angle that it makes, deg.
+fn angle_deg(mg: f64) -> f64 {
+    (mg / 1000.0).to_degrees()
+}
+
+fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Channel {
+    let Made { fitted, sights, .. } = made;
+    let left_mg = left_mg(measured, sights, fitted);
+    let assumed = f64::from(made.calibration.budget.hysteresis) / f64::from(ONE_G);
+    let scatter = measured.dwells.iter().flat_map(|dwelt| &dwelt.orientations);
+    let scatter: Vec<f64> = scatter.flatten().map(|felt| felt.scatter_mg).collect();
+    let squares: f64 = scatter.iter().map(|mg| mg * mg).sum();
+    // One axis of three, and the readings as independent.
+    let noise_mg = (squares / scatter.len().max(1) as f64 / 3.0 / f64::from(READINGS)).sqrt();
+    let profile = &measured.begun.profile;
+    channel.residual_mg = left_mg;
+    channel.uncertainty = vec![
+        match left_mg {
+            Some(mg) => Contribution::new(
+                "Left by the model",
+                "A",
+                angle_deg(mg),
+                "both branches, all runs",
+            ),
+            None => Contribution::new(
+                "Thermal hysteresis",
+                "B",
+                angle_deg(assumed * 1000.0),
+                "assumed: one branch was met",
+            ),
+        },
+        Contribution::new(
+            "Noise of a mean",
+            "A",
+            angle_deg(noise_mg),
+            "scatter of the readings",
+        ),
+        Contribution::new(
+            "Thermometer",
+            "B",
+            angle_deg(THERMOMETER_C * steepest_mg_per_c(fitted)),
+            "resolution of one degree, times the steepest coefficient",
+        ),
+    ];
+    combine(&mut channel);
+    let [low, high] = fitted.span_c;
+    channel.thermal = Some(Thermal {
+        model: measured.begun.model.name().to_owned(),
+        sensor_min_degc: low,
+        sensor_max_degc: high,
+        unchanged_at_degc: made.unchanged_c,
+        coefficients: coefficients(&fitted.model),
+        without_model_mg: fitted.without_mg,
+        hysteresis_mg: hysteresis_mg(profile, sights, &fitted.residuals_mg),
+        between_runs_mg: between_runs_mg(sights, &fitted.residuals_mg),
+        dwells: measured
+            .dwells
+            .iter()
+            .map(|dwelt| dwell(dwelt, measured, made))
+            .collect(),
+    });
+    channel
+}
+
+/// One dwell of a channel: the readings of its run and number.
+fn dwell(dwelt: &Dwelt, measured: &Measured, made: &Made) -> ThermalDwell {
+    let profile = &measured.begun.profile;
+    let readings = made.sights.iter().zip(&made.fitted.residuals_mg);
+    let here =
+        |(sight, _): &(&Sight, &[f64; 3])| (sight.run, sight.step) == (dwelt.run, dwelt.step);
+    let here: Vec<_> = readings.filter(here).collect();
+    let count = here.len().max(1) as f64;
+    let sensors: f64 = here.iter().map(|(sight, _)| sight.temperature_c).sum();
+    let sum = |axis: usize| here.iter().map(|(_, mg)| mg[axis]).sum::<f64>();
+    let all = here.iter().flat_map(|(_, mg)| mg.iter());
+    let branch = match profile.branch(dwelt.run, dwelt.step) {
+        Branch::Start => "start",
+        Branch::Up => "up",
+        Branch::Down => "down",
+    };
+    ThermalDwell {
+        run: dwelt.run,
+        branch: branch.to_owned(),
+        set_degc: profile.steps[dwelt.step].temperature_degc,
+        air_degc: dwelt.air_degc,
+        sensor_degc: sensors / count,
+        residuals_mg: std::array::from_fn(|axis| sum(axis) / count),
+        largest_mg: all.map(|mg| mg.abs()).fold(0.0, f64::max),
+        repeated: dwelt.repeated,
+    }
+}
+
+/// Steps of 2^-26 g with so many fractional bits as mg.
+fn mg(value: i32, bits: u32) -> f64 {
+    f64::from(value) / 2f64.powi(bits as i32) / f64::from(ONE_G) * 1000.0
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+fn coefficients(model: &TemperatureModel) -> Vec<Coefficient> {
+    match model {
+        TemperatureModel::Quadratic(quadratic) => of_quadratic(quadratic),
+        TemperatureModel::Piecewise(piecewise) => of_piecewise(piecewise),
+        TemperatureModel::None | TemperatureModel::DataSheet(_) => Vec::new(),
+    }
+}
+
+fn of_quadratic(quadratic: &Quadratic) -> Vec<Coefficient> {
+    let all = AXES.iter().enumerate().flat_map(|(axis, name)| {
+        let gain = |value: i32, bits: i32| f64::from(value) / 2f64.powi(bits);
+        [
+            ("Offset", mg(quadratic.offset1_q8[axis], 8), "mg/degC"),
+            (
+                "Offset, quadratic",
+                mg(quadratic.offset2_q16[axis], 16) * 1e3,
+                "ug/degC^2",
+            ),
+            (
+                "Gain",
+                gain(quadratic.gain1_q38[axis], 38) * 1e6,
+                "ppm/degC",
+            ),
+            (
+                "Gain, quadratic",
+                gain(quadratic.gain2_q46[axis], 46) * 1e9,
+                "ppb/degC^2",
+            ),
+        ]
+        .map(|(called, value, unit)| Coefficient {
+            name: called.to_owned(),
+            axis: (*name).to_owned(),
+            value,
+            unit: unit.to_owned(),
+        })
+    });
+    all.collect()
+}
+
+fn of_piecewise(piecewise: &Piecewise) -> Vec<Coefficient> {
+    let mut all = Vec::new();
+    for (interval, slopes) in piecewise.slopes_q8.iter().enumerate() {
+        let knot = |n: usize| f64::from(piecewise.knots[n.min(KNOTS - 1)].0) / 256.0;
+        let (low, high) = (knot(interval), knot(interval + 1));
+        for (name, slope) in AXES.iter().zip(slopes) {
+            all.push(Coefficient {
+                name: format!("Offset from {low:.1} to {high:.1} degC"),
+                axis: (*name).to_owned(),
+                value: mg(*slope, 8),
+                unit: "mg/degC".to_owned(),
+            });
+        }
+    }
+    all
+}
+
+/// The steepest change of a reading of 1 g over the span, mg/degC.
+fn steepest_mg_per_c(fitted: &Fitted) -> f64 {
+    let far = fitted
+        .span_c
+        .map(|c| (c - 25.0).abs())
+        .into_iter()
+        .fold(0.0, f64::max);
+    let all = match &fitted.model {
+        TemperatureModel::Quadratic(q) => (0..3)
+            .map(|axis| {
+                let offset =
+                    mg(q.offset1_q8[axis], 8).abs() + 2.0 * far * mg(q.offset2_q16[axis], 16).abs();
+                let gain = f64::from(q.gain1_q38[axis]).abs() / 2f64.powi(38)
+                    + 2.0 * far * f64::from(q.gain2_q46[axis]).abs() / 2f64.powi(46);
+                offset + 1000.0 * gain
+            })
+            .collect(),
+        TemperatureModel::Piecewise(p) => p
+            .slopes_q8
+            .as_flattened()
+            .iter()
+            .map(|slope| mg(*slope, 8).abs())
+            .collect(),
+        TemperatureModel::None | TemperatureModel::DataSheet(_) => Vec::new(),
+    };
+    all.into_iter().fold(0.0, f64::max)
+}
+
+/// Accepted when each channel's largest, with its U, is within.
+fn judge(report: &mut Report) {
+    let largest = |channel: &Channel| {
+        let dwells = channel.thermal.iter().flat_map(|thermal| &thermal.dwells);
+        dwells
+            .map(|dwell| angle_deg(dwell.largest_mg))
+            .reduce(f64::max)
+    };
+    let tolerance = report.decision.tolerance_deg;
+    let within = |channel: &Channel| {
+        let u = channel.expanded_uncertainty_deg;
+        largest(channel).is_some_and(|largest| largest + u <= tolerance)
+    };
+    report.decision.accepted = report.channels.iter().all(within);
+    report.decision.largest_error_deg = report.channels.iter().filter_map(largest).reduce(f64::max);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fitted(mg: f64) -> Fitted {
+        Fitted {
+            model: TemperatureModel::Quadratic(Quadratic::default()),
+            span_c: [-7.0, 73.0],
+            residuals_mg: vec![[mg; 3]; 4],
+            without_mg: 5.0,
+        }
+    }
+
+    #[test]
+    fn the_budget_holds_for_the_run_s_temperatures_with_what_the_model_leaves() {
+        let before = Calibration::NOMINAL.budget;
+        let left = budget(&before, &fitted(0.5), Some(0.5));
+        assert_eq!(
+            left.span,
+            Span {
+                low: temperature(-7.0),
+                high: temperature(73.0)
+            }
+        );
+        assert_eq!((left.tco, left.noise), (TCO, before.noise));
+        assert!((f64::from(left.hysteresis) / f64::from(ONE_G) * 1000.0 - 0.5).abs() < 1e-4);
+        // A fit that leaves nothing is luck.
+        assert!(budget(&before, &fitted(0.0), Some(0.0)).hysteresis > 2000);
+    }
+
+    #[test]
+    fn points_that_leave_nothing_by_construction_took_the_hysteresis_away() {
+        let before = Calibration::NOMINAL.budget;
+        let left = budget(&before, &fitted(0.0), None);
+        assert_eq!(left.hysteresis, before.hysteresis);
+    }
+
+    #[test]
+    fn coefficients_are_told_in_the_units_of_the_data_sheet() {
+        let quadratic = Quadratic {
+            offset1_q8: [3_435_974, 0, 0],
+            gain1_q38: [0, 27_487_791, 0],
+            ..Quadratic::default()
+        };
+        let all = of_quadratic(&quadratic);
+        assert_eq!(all.len(), 12);
+        assert!((all[0].value - 0.2).abs() < 1e-6 && all[0].unit == "mg/degC");
+        let gain = all
+            .iter()
+            .find(|c| c.name == "Gain" && c.axis == "y")
+            .unwrap();
+        assert!((gain.value - 100.0).abs() < 1e-3, "{gain:?}");
+        let mut steep = fitted(0.1);
+        steep.model = TemperatureModel::Quadratic(quadratic);
+        assert!((steepest_mg_per_c(&steep) - 0.2).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,368 @@
+//! The run: from dwell to dwell through the profile, with readings at the end of each.
+//!
+//! In: a session, a chamber, and what turns the housing. Out: what was measured, handed on after
+//! each dwell so that it can be kept. Time is told by the nodes' samples, so a virtual bus may run
+//! at any speed. A node that restarts or is commanded by somebody else spoils the dwell under way,
+//! which then begins anew; one that stays silent ends the run.
+//!
+//! Left out: when a dwell is over (`hold`), and what follows from the readings (`thermal`).
+
+use std::time::Duration;
+
+use tilt::ONE_G;
+
+use super::chamber::Chamber;
+use super::error::CharacteriseError;
+use super::hold::{Hold, Phase, follows};
+use super::left::Left;
+use super::measured::{Dwelt, Felt, Measured};
+use super::profile::{Profile, Step};
+use super::thermal::{Model, alike};
+use crate::CalibrateError;
+use crate::by_hand;
+use crate::by_motor::{Kind, level, still, turn};
+use crate::console::{Console, GLANCE};
+use crate::hand::{NEAR_DEG, POSES, angle_deg};
+use crate::motor::{Axis, Motor};
+use crate::session::{Reading, Session};
+
+/// Readings of an orientation.
+pub const READINGS: u32 = 20;
+
+/// Looks at chamber and nodes in a dwell, and bounds of the time between two of them, s.
+const LOOKS: f64 = 40.0;
+const LOOK_S: (f64, f64) = (0.25, 10.0);
+
+/// How often a dwell is begun anew before the run is given up.
+const REPEATS: u32 = 3;
+
+/// How long a silent node is waited for.
+const BACK: Duration = Duration::from_secs(10);
+
+/// The angle of a tetrahedron's edge to the plane that halves it, deg.
+const EDGE_DEG: f64 = 54.7356;
+
+/// Four orientations of a motor that turns one of its two axes at a time: the corners of a regular
+/// tetrahedron, in which each axis of the housing has the same variance of gravity's share, a third
+/// of a g^2, and the mean of all is nothing. No four orientations tell offset from gain any better.
+const BY_MOTOR: [(Axis, f64); 4] = [
+    (Axis::X, 180.0 - EDGE_DEG),
+    (Axis::X, EDGE_DEG - 180.0),
+    (Axis::Y, EDGE_DEG),
+    (Axis::Y, -EDGE_DEG),
+];
+
+/// Four of the poses by hand, on sides of the housing that a person finds in a cold chamber: base,
+/// upside down, X up, Y up.
+const BY_HAND: [usize; 4] = [0, 7, 2, 5];
+
+/// What turns the housing.
+pub enum Turner<'a> {
+    /// Nothing: it lies level.
+    Nothing,
+    /// A motor with two axes.
+    Motor(&'a mut dyn Motor),
+    /// A person.
+    Hand(&'a Console),
+}
+
+/// Everything of a run.
+pub struct Bench<'a> {
+    /// The nodes.
+    pub session: &'a mut Session,
+    /// The chamber around them.
+    pub chamber: &'a mut dyn Chamber,
+    /// What turns the housing.
+    pub turner: Turner<'a>,
+    /// Where a line goes for each dwell, and what is asked for.
+    pub tell: &'a dyn Fn(&str),
+    /// How much of the run is left.
+    pub left: Left<'a>,
+}
+
+/// A dwell that was held: how long it took, and the air at its end.
+struct Held {
+    minutes: f64,
+    air_degc: Option<f64>,
+    sensors_degc: Vec<f64>,
+}
+
+impl Bench<'_> {
+    /// Goes on with what is missing, to the end of the profile, and conditions the part. `keep`
+    /// gets what was measured after each dwell.
+    ///
+    /// Errors: see [`CharacteriseError`]; what `keep` has got so far stands.
+    pub fn run(
+        &mut self,
+        measured: &mut Measured,
+        keep: &dyn Fn(&Measured) -> Result<(), CharacteriseError>,
+    ) -> Result<(), CharacteriseError> {
+        let profile = measured.begun.profile.clone();
+        let missing = measured.missing();
+        let begun = !measured.dwells.is_empty();
+        if let (true, Some((run, step))) = (begun, missing.first()) {
+            self.approach(&profile, *run, *step)?;
+        }
+        for (run, step) in missing {
+            self.announce(&profile, run, step);
+            let dwelt = self.dwell(measured, run, step)?;
+            self.tell_dwelt(&dwelt);
+            measured.dwells.push(dwelt);
+            keep(measured)?;
+            if measured.dwells.len() == 1 {
+                self.judge_orientations(measured)?;
+            }
+            self.left.over(run, step);
+        }
+        (self.tell)("conditioning: past 25 degC and back");
+        let dwell_min = profile.steps.iter().map(|step| step.dwell_min);
+        let dwell_min = dwell_min.fold(0.0, f64::max);
+        for temperature_degc in profile.conditioning() {
+            let step = Step {
+                temperature_degc,
+                dwell_min,
+            };
+            self.again_and_again(&step, |bench| bench.hold(&step))?;
+        }
+        Ok(())
+    }
+
+    /// Takes up the way where it was left: the dwell before the next one, without readings, so that
+    /// the next one lies on the branch of the hysteresis that it belongs to.
+    fn approach(
+        &mut self,
+        profile: &Profile,
+        run: u32,
+        step: usize,
+    ) -> Result<(), CharacteriseError> {
+        let Some(before) = profile.before(run, step) else {
+            return Ok(());
+        };
+        let degc = before.temperature_degc;
+        (self.tell)(&format!("going on from {degc} degC, which was measured"));
+        self.again_and_again(&before, |bench| bench.hold(&before))?;
+        Ok(())
+    }
+
+    fn announce(&self, profile: &Profile, run: u32, step: usize) {
+        let (steps, runs) = (profile.steps.len(), profile.runs);
+        let degc = profile.steps[step].temperature_degc;
+        let left = self.left.words();
+        (self.tell)(&format!(
+            "run {run} of {runs}, dwell {} of {steps}: {degc} degC; {left}",
+            step + 1
+        ));
+    }
+
+    fn tell_dwelt(&self, dwelt: &Dwelt) {
+        let mut line = "  taken:".to_owned();
+        let first = dwelt.orientations.first();
+        for (node, felt) in self.session.nodes.iter().zip(first.into_iter().flatten()) {
+            line += &format!(" {} {:.1} degC,", node.letter(), felt.sensor_degc);
+        }
+        if let Some(air) = dwelt.air_degc {
+            line += &format!(" air {air:.1} degC,");
+        }
+        (self.tell)(&format!("{line} after {:.1} min", dwelt.minutes));
+    }
+
+    /// One dwell with its readings.
+    fn dwell(
+        &mut self,
+        measured: &Measured,
+        run: u32,
+        step: usize,
+    ) -> Result<Dwelt, CharacteriseError> {
+        let profile = &measured.begun.profile;
+        let this = profile.steps[step];
+        let model = measured.begun.model;
+        let first = measured.dwells.first().map(|first| {
+            let sensors = first.orientations.first().into_iter().flatten();
+            let sensors: Vec<f64> = sensors.map(|felt| felt.sensor_degc).collect();
+            (profile.steps[first.step].temperature_degc, sensors)
+        });
+        let ((held, orientations), repeated) = self.again_and_again(&this, |bench| {
+            let held = bench.hold(&this)?;
+            if let Some((set, sensors)) = &first {
+                let now = (this.temperature_degc, &held.sensors_degc[..]);
+                let followed = follows((*set, sensors), now);
+                followed.map_err(|error| bench.of_hold(&error))?;
+            }
+            let orientations = bench.orientations(model, this.temperature_degc)?;
+            bench.session.confirm()?;
+            Ok((held, orientations))
+        })?;
+        Ok(Dwelt {
+            run,
+            step,
+            air_degc: held.air_degc,
+            minutes: held.minutes,
+            repeated,
+            orientations,
+        })
+    }
+
+    /// Does it until no node was disturbed meanwhile; how often it was begun anew.
+    fn again_and_again<T>(
+        &mut self,
+        step: &Step,
+        mut work: impl FnMut(&mut Self) -> Result<T, CharacteriseError>,
+    ) -> Result<(T, u32), CharacteriseError> {
+        let mut repeated = 0;
+        loop {
+            let error = match work(self) {
+                Ok(done) => return Ok((done, repeated)),
+                Err(CharacteriseError::Work(error)) if error.is_upset() => error,
+                Err(error) => return Err(error),
+            };
+            if repeated == REPEATS {
+                return Err(CharacteriseError::Spoilt(step.temperature_degc, error));
+            }
+            self.session.recover(BACK)?;
+            repeated += 1;
+            (self.tell)(&format!("  {error}: this dwell starts again"));
+        }
+    }
+
+    fn of_hold(&self, error: &super::hold::HoldError) -> CharacteriseError {
+        let node = |place: usize| self.session.nodes.get(place).map_or(0, |node| node.id);
+        CharacteriseError::of_hold(error, node)
+    }
+
+    /// Brings air and sensors to a temperature and keeps it.
+    fn hold(&mut self, step: &Step) -> Result<Held, CharacteriseError> {
+        let from = self.chamber.air()?.degc;
+        self.set(step.temperature_degc)?;
+        let look_s = (step.dwell_min * 60.0 / LOOKS).clamp(LOOK_S.0, LOOK_S.1);
+        let begun = self.session.samples(0)?;
+        let mut hold = Hold::new(*step, 0.0, from);
+        let mut ramp_min = None;
+        loop {
+            self.session.settle(look_s)?;
+            let passed = self.session.samples(0)?.wrapping_sub(begun);
+            let now_s = f64::from(passed) * self.session.nodes[0].period_s;
+            let air = self.chamber.air()?;
+            let sensors_degc = self.session.temperatures_c()?;
+            let phase = hold.look(now_s, air, &sensors_degc);
+            match phase.map_err(|error| self.of_hold(&error))? {
+                Phase::Ready => {
+                    let way = from.map(|from| (step.temperature_degc - from).abs());
+                    self.left.ramped(way, ramp_min);
+                    return Ok(Held {
+                        minutes: now_s / 60.0,
+                        air_degc: air.degc,
+                        sensors_degc,
+                    });
+                }
+                Phase::Ramp => ramp_min = Some(now_s / 60.0),
+                Phase::Dwell(minutes) => self.left.dwelt(minutes),
+                Phase::Settling => {}
+            }
+        }
+    }
+
+    /// Sets the chamber; the bus is heard meanwhile, Ctrl-C included.
+    fn set(&mut self, degc: f64) -> Result<(), CharacteriseError> {
+        let Self {
+            session, chamber, ..
+        } = self;
+        let set = session.meanwhile(GLANCE, |wait| chamber.set(degc, wait))?;
+        Ok(set?)
+    }
+
+    /// The readings of a dwell, by orientation.
+    fn orientations(
+        &mut self,
+        model: Model,
+        degc: f64,
+    ) -> Result<Vec<Vec<Felt>>, CharacteriseError> {
+        let settle_s = Kind::of(self.session)?.settle_s();
+        let Self {
+            session,
+            turner,
+            tell,
+            ..
+        } = self;
+        let readings = match turner {
+            Turner::Nothing => {
+                let at = format!("at {degc} degC");
+                let readings = still(session, settle_s, READINGS, &at)?;
+                let tilted = |r: &Reading| angle_deg(r.accel, [0.0, 0.0, 1.0]) > NEAR_DEG;
+                if let Some(place) = readings.iter().position(tilted) {
+                    return Err(CharacteriseError::Tilted(session.nodes[place].id));
+                }
+                vec![readings]
+            }
+            Turner::Motor(motor) => by_motor(session, *motor, settle_s)?,
+            Turner::Hand(console) => by_person(session, console, *tell, degc)?,
+        };
+        debug_assert_eq!(readings.len(), model.orientations());
+        Ok(readings
+            .iter()
+            .map(|all| all.iter().map(felt).collect())
+            .collect())
+    }
+
+    /// Whether the first dwell's orientations tell offset from gain, before days are spent on them.
+    fn judge_orientations(&self, measured: &Measured) -> Result<(), CharacteriseError> {
+        if measured.begun.model == Model::Piecewise {
+            return Ok(());
+        }
+        for (place, node) in self.session.nodes.iter().enumerate() {
+            if let Some(axis) = alike(&measured.sights(place)) {
+                return Err(CharacteriseError::Alike(node.id, axis));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn felt(reading: &Reading) -> Felt {
+    Felt {
+        accel_g: reading.accel.map(|a| a / f64::from(ONE_G)),
+        scatter_mg: reading.scatter_mg,
+        sensor_degc: reading.temperature_c,
+    }
+}
+
+fn by_motor(
+    session: &mut Session,
+    motor: &mut dyn Motor,
+    settle_s: f64,
+) -> Result<Vec<Vec<Reading>>, CharacteriseError> {
+    level(session, motor, &[Axis::X, Axis::Y])?;
+    let mut all = Vec::new();
+    for (axis, deg) in BY_MOTOR {
+        turn(session, motor, axis, deg)?;
+        let at = format!("at slope {} of {deg:.1} deg", axis.letter());
+        all.push(still(session, settle_s, READINGS, &at)?);
+        // Back to its stop: one axis rests while the other is turned.
+        if deg == BY_MOTOR[1].1 || deg == BY_MOTOR[3].1 {
+            turn(session, motor, axis, 0.0)?;
+        }
+    }
+    Ok(all)
+}
+
+fn by_person(
+    session: &mut Session,
+    console: &Console,
+    tell: &dyn Fn(&str),
+    degc: f64,
+) -> Result<Vec<Vec<Reading>>, CharacteriseError> {
+    let mut all: Vec<Vec<Reading>> = Vec::new();
+    for (number, place) in BY_HAND.into_iter().enumerate() {
+        let words = POSES[place].words;
+        let what = format!("at {degc} degC, {} of 4: {words}", number + 1);
+        let mut bench = by_hand::Bench {
+            session: &mut *session,
+            console,
+            tell,
+        };
+        let before = all.last().cloned();
+        let taken = bench.pose(place, &what, before.as_deref())?;
+        let ended = || CalibrateError::Ended(words.to_owned());
+        all.push(taken.ok_or_else(ended)?);
+    }
+    Ok(all)
+}

@@ -1,0 +1,245 @@
+//! What verbs that put a calibration into the nodes share: their options, and how they end.
+//!
+//! In: a session with something new in its nodes, and its report. Out: the report on disk and its
+//! hash in the nodes, or the nodes with what they had. Calibrations are kept in a file and given
+//! back from it.
+//!
+//! Left out: how the new calibration came about.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::data::Report;
+use super::error::CalibrateError;
+use super::folder::Folder;
+use super::kept::{self, Kept, KeptNode, hex};
+use super::session::Session;
+use super::{dcc, page};
+use bus_master::BusOptions;
+use output::stdout;
+
+/// Which nodes, for whom, and where to.
+#[derive(Clone, Debug, Args)]
+pub struct Common {
+    /// The nodes of the instrument, or one of them
+    #[arg(long, value_delimiter = ',', default_value = "1,2", value_name = "ID,ID",
+          value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub nodes: Vec<u8>,
+    /// Replace an earlier report in that folder, or the file of --keep; what is not accepted
+    /// replaces nothing and goes into a folder of its own in there
+    #[arg(long)]
+    pub force: bool,
+    /// Who calibrates, for the report
+    #[arg(long, value_name = "NAME")]
+    pub laboratory: Option<String>,
+    /// Who stands at the bench, for the report
+    #[arg(long, value_name = "NAME")]
+    pub operator: Option<String>,
+    /// For whom, for the report
+    #[arg(long, value_name = "NAME")]
+    pub customer: Option<String>,
+    /// Country of the laboratory, two letters of ISO 3166, for dcc.xml; ZZ is not stated
+    #[arg(long, default_value = "ZZ", value_parser = country, value_name = "CODE")]
+    pub country: String,
+    /// Only write the calibrations that the nodes have to this file
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["motor", "by_hand", "restore"])]
+    pub keep: Option<PathBuf>,
+    /// Only give the nodes the calibrations in this file, by their serial numbers
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["motor", "by_hand"])]
+    pub restore: Option<PathBuf>,
+    /// Print the report as one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// The bus.
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+fn country(text: &str) -> Result<String, String> {
+    let fits = text.len() == 2 && text.bytes().all(|b| b.is_ascii_uppercase());
+    fits.then(|| text.to_owned())
+        .ok_or_else(|| "write two capital letters, as IT".to_owned())
+}
+
+/// A report, and the folder that it is in.
+pub type Done = Result<(Report, PathBuf), CalibrateError>;
+
+impl Common {
+    /// One node, or two that differ.
+    ///
+    /// Errors: [`CalibrateError::Twice`], [`CalibrateError::Nodes`].
+    pub fn ids(&self) -> Result<Vec<u8>, CalibrateError> {
+        match self.nodes[..] {
+            [one, other] if one == other => Err(CalibrateError::Twice(one)),
+            [_] | [_, _] => Ok(self.nodes.clone()),
+            _ => Err(CalibrateError::Nodes),
+        }
+    }
+
+    /// Joins the bus and takes the nodes to PRE-OPERATIONAL.
+    ///
+    /// Errors: see [`Session::open`].
+    pub fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
+        let bus = self.bus.join().map_err(CalibrateError::Join)?;
+        Session::open(bus, ids)
+    }
+
+    /// Does what --keep or --restore ask for; `None` when neither is given.
+    ///
+    /// Errors: a file that is there already or is none of --keep's, and those of the nodes.
+    pub fn keep_or_restore(&self, ids: &[u8]) -> Result<Option<ExitCode>, CalibrateError> {
+        match (&self.keep, &self.restore) {
+            (Some(path), _) => self.keep(ids, path).map(Some),
+            (None, Some(path)) => self.restore(ids, path).map(Some),
+            (None, None) => Ok(None),
+        }
+    }
+
+    /// Prints what has come of it: `figures` and the verdict, or the report with --json. Exit
+    /// status 1: the instrument was not accepted.
+    ///
+    /// Errors: [`CalibrateError::Print`].
+    pub fn end(
+        &self,
+        figures: String,
+        report: &Report,
+        place: &Path,
+    ) -> Result<ExitCode, CalibrateError> {
+        let printed = match self.json {
+            true => stdout::print_json(report),
+            false => stdout::print(figures + &verdict(report, place)),
+        };
+        printed.map_err(CalibrateError::Print)?;
+        Ok(match report.decision.accepted {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::from(1),
+        })
+    }
+
+    fn keep(&self, ids: &[u8], path: &Path) -> Result<ExitCode, CalibrateError> {
+        if path.symlink_metadata().is_ok() && !self.force {
+            return Err(CalibrateError::Earlier(path.to_owned(), "file with --keep"));
+        }
+        let mut session = self.open(ids)?;
+        let kept = kept::as_found(&session);
+        session.leave();
+        kept::save(path, &kept)?;
+        self.print_kept(&kept, "kept")
+    }
+
+    fn restore(&self, ids: &[u8], path: &Path) -> Result<ExitCode, CalibrateError> {
+        let kept = kept::load(path)?;
+        let mut session = self.open(ids)?;
+        let done = kept::restore(&mut session, path, &kept);
+        let left = match done {
+            Ok(()) => Vec::new(),
+            Err(_) => session.roll_back(),
+        };
+        let written = kept.of(&session);
+        session.leave();
+        match (done, left.is_empty()) {
+            (Ok(()), _) => self.print_kept(&written, "restored"),
+            (Err(error), true) => Err(error),
+            (Err(error), false) => Err(CalibrateError::Left(Box::new(error), left)),
+        }
+    }
+
+    fn print_kept(&self, kept: &Kept, word: &str) -> Result<ExitCode, CalibrateError> {
+        let printed = if self.json {
+            stdout::print_json(kept)
+        } else {
+            let line = |node: &KeptNode| {
+                let (serial, crc) = (node.serial_number, &node.crc32);
+                format!("serial number {serial}: calibration {crc} {word}\n")
+            };
+            stdout::print(kept.nodes.iter().map(line).collect::<String>())
+        };
+        printed.map_err(CalibrateError::Print)?;
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Whether it was accepted, and where the report is.
+fn verdict(report: &Report, place: &Path) -> String {
+    let tolerance = report.decision.tolerance_deg;
+    let mut text = match report.decision.accepted {
+        true => format!("accepted: within {tolerance} deg; stored, read back, the same\n"),
+        false => format!(
+            "NOT accepted: not within {tolerance} deg; the nodes have the calibration that they \
+             had\n"
+        ),
+    };
+    let folder = place.display();
+    text += &format!("report: {folder}/report.html, report.json, dcc.xml\n");
+    if let Some(hash) = &report.dcc_sha256 {
+        text += &format!("the nodes keep the SHA-256 of dcc.xml: {hash}\n");
+    }
+    text
+}
+
+/// Gives back what the nodes had unless all went well.
+pub fn settle(folder: &Folder, session: &mut Session, done: Done) -> Done {
+    if done
+        .as_ref()
+        .is_ok_and(|(report, _)| report.decision.accepted)
+    {
+        return done;
+    }
+    let left = session.roll_back();
+    let error = match (done, left.is_empty()) {
+        (Ok(done), true) => return Ok(done),
+        (Err(error), true) => {
+            // The nodes have it again.
+            folder.forget();
+            return Err(error);
+        }
+        (Err(error), false) => error,
+        (Ok(_), false) => CalibrateError::Rejected,
+    };
+    super::tell(&format!(
+        "what the nodes had is in {}",
+        folder.found().display()
+    ));
+    Err(CalibrateError::Left(Box::new(error), left))
+}
+
+/// Writes certificate, data and page, and the certificate's hash into the nodes of an instrument
+/// that was accepted.
+///
+/// Errors: a folder that can't be written, and a node that does not take the hash.
+pub fn publish(folder: &Folder, session: &mut Session, mut report: Report, country: &str) -> Done {
+    let certificate = dcc::document(&report, country);
+    if report.decision.accepted {
+        let hash = hmac_sha256::Hash::hash(certificate.as_bytes());
+        for place in 0..session.nodes.len() {
+            session.write_hash(place, &hash)?;
+        }
+        report.dcc_sha256 = Some(hex(&hash));
+    }
+    let json = serde_json::to_string_pretty(&report);
+    let json = json.map_err(|e| CalibrateError::Print(e.into()))? + "\n";
+    let files = [
+        ("dcc.xml", certificate.as_str()),
+        ("report.json", &json),
+        ("report.html", &page::page(&report)),
+    ];
+    let place = folder.write(&files, report.decision.accepted)?;
+    if place != folder.out() {
+        let (place, out) = (place.display(), folder.out().display());
+        super::tell(&format!(
+            "not accepted: its report is in {place}, the one in {out} stays"
+        ));
+    }
+    Ok((report, place))
+}
+
+/// 2061h of each node as it is now.
+///
+/// Errors: a node that does not answer.
+pub fn made(session: &mut Session) -> Result<Vec<Vec<u8>>, CalibrateError> {
+    (0..session.nodes.len())
+        .map(|place| session.calibration(place))
+        .collect()
+}

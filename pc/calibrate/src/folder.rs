@@ -1,0 +1,219 @@
+//! Where the report of a calibration goes, so that none replaces an earlier one by accident.
+//!
+//! In: the folder of --out and whether --force was given. Out: a folder that holds nothing of a
+//! report, or with --force one whose earlier report stays until a new calibration is accepted;
+//! what was not accepted goes into a folder of its own beside it.
+//!
+//! Left out: what the files hold.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::compose::now;
+use super::data::utc;
+use super::error::CalibrateError;
+use super::kept::{self, Kept};
+use output::write;
+
+/// What the nodes had before.
+const AS_FOUND: &str = "as-found.json";
+
+/// What `plumb characterise` has measured.
+pub const MEASURED: &str = "measured.json";
+
+/// Each of them makes a folder one of a calibration.
+const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
+
+/// The folder of a report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Folder {
+    /// What --out says.
+    out: PathBuf,
+    /// Where the files go before the calibration is accepted: `out` unless a report is there.
+    own: PathBuf,
+}
+
+impl Folder {
+    /// Takes a folder, which is made when it is not there; nothing in it changes.
+    ///
+    /// Errors: [`CalibrateError::Earlier`] without `force` where a report is; a folder that can't
+    /// be written.
+    pub fn claim(out: &Path, force: bool) -> Result<Self, CalibrateError> {
+        let mut places = NAMES.iter().map(|name| out.join(name));
+        let earlier = places.find(|place| place.symlink_metadata().is_ok());
+        let own = match earlier {
+            None => out.to_owned(),
+            Some(_) if force => {
+                let time = utc(now()).replace(['-', ':'], "");
+                out.join(format!("not-accepted-{time}"))
+            }
+            Some(place) => return Err(CalibrateError::Earlier(place, "folder with --out")),
+        };
+        write::try_folder(out).map_err(CalibrateError::Write)?;
+        let out = out.to_owned();
+        Ok(Self { out, own })
+    }
+
+    /// Takes the folder of a run that was interrupted, to go on with it.
+    ///
+    /// Errors: [`CalibrateError::Earlier`] where a report is: that run has come to its end.
+    pub fn resume(out: &Path) -> Result<Self, CalibrateError> {
+        let report = out.join("report.json");
+        if report.symlink_metadata().is_ok() {
+            return Err(CalibrateError::Earlier(report, "folder with --out"));
+        }
+        let (out, own) = (out.to_owned(), out.to_owned());
+        Ok(Self { out, own })
+    }
+
+    /// True when it holds what `plumb characterise` has measured, and no report.
+    pub fn is_unfinished(out: &Path) -> bool {
+        let is_there = |name: &str| out.join(name).symlink_metadata().is_ok();
+        is_there(MEASURED) && !is_there("report.json")
+    }
+
+    /// Where the files go until the calibration is accepted.
+    pub fn own(&self) -> &Path {
+        &self.own
+    }
+
+    /// Writes down what the nodes had.
+    ///
+    /// Errors: [`CalibrateError::File`].
+    pub fn keep(&self, kept: &Kept) -> Result<(), CalibrateError> {
+        if self.own != self.out {
+            let failed = |error| CalibrateError::File(self.own.clone(), error);
+            // Fails where one is, which so is never replaced.
+            fs::create_dir(&self.own).map_err(failed)?;
+        }
+        kept::save(&self.found(), kept)
+    }
+
+    /// What --out says.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// Where it stands what the nodes had.
+    pub fn found(&self) -> PathBuf {
+        self.own.join(AS_FOUND)
+    }
+
+    /// Writes the files of the report and returns the folder that they are in. What was accepted
+    /// takes the place of an earlier report, what was not stands in a folder of its own.
+    ///
+    /// Errors: [`CalibrateError::Write`], [`CalibrateError::File`].
+    pub fn write(&self, files: &[(&str, &str)], accepted: bool) -> Result<PathBuf, CalibrateError> {
+        if !accepted || self.own == self.out {
+            write::together(&self.own, files).map_err(CalibrateError::Write)?;
+            return Ok(self.own.clone());
+        }
+        let found = fs::read_to_string(self.found());
+        let found = found.map_err(|error| CalibrateError::File(self.found(), error))?;
+        let mut all = vec![(AS_FOUND, found.as_str())];
+        all.extend_from_slice(files);
+        write::together(&self.out, &all).map_err(CalibrateError::Write)?;
+        self.forget();
+        Ok(self.out.clone())
+    }
+
+    /// Takes back what [`Folder::keep`] has written, when it is of no more use: it stands
+    /// elsewhere, or the nodes have it again.
+    pub fn forget(&self) {
+        // What can't be removed is in nobody's way.
+        let _ = fs::remove_file(self.found());
+        if self.own != self.out {
+            let _ = fs::remove_dir(&self.own);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tempfile::TempDir;
+
+    use super::*;
+
+    fn kept(format: &str) -> Kept {
+        Kept {
+            format: format.to_owned(),
+            version: 1,
+            nodes: Vec::new(),
+        }
+    }
+
+    /// Files of a calibration; a chamber run has one more.
+    const WRITTEN: usize = NAMES.len() - 1;
+
+    fn text(scratch: &TempDir, name: &str) -> String {
+        fs::read_to_string(scratch.path().join(name)).unwrap()
+    }
+
+    fn names(scratch: &TempDir) -> Vec<String> {
+        let entries = fs::read_dir(scratch.path()).unwrap();
+        entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect()
+    }
+
+    fn run(scratch: &TempDir, force: bool, what: &str, accepted: bool) -> PathBuf {
+        let folder = Folder::claim(scratch.path(), force).unwrap();
+        folder.keep(&kept(what)).unwrap();
+        let files = [
+            ("dcc.xml", what),
+            ("report.json", what),
+            ("report.html", what),
+        ];
+        folder.write(&files, accepted).unwrap()
+    }
+
+    #[test]
+    fn an_earlier_report_was_replaced_without_a_word() {
+        let scratch = tempfile::tempdir().unwrap();
+        run(&scratch, false, "first", true);
+        let told = Folder::claim(scratch.path(), false)
+            .unwrap_err()
+            .to_string();
+        assert!(told.contains("as-found.json is there already"), "{told}");
+        assert!(told.contains("--out") && told.contains("--force"), "{told}");
+        for name in NAMES {
+            let alone = tempfile::tempdir().unwrap();
+            fs::create_dir_all(alone.path()).unwrap();
+            fs::write(alone.path().join(name), "").unwrap();
+            assert!(Folder::claim(alone.path(), false).is_err(), "{name}");
+        }
+        run(&scratch, true, "second", true);
+        assert_eq!(text(&scratch, "dcc.xml"), "second");
+        assert!(text(&scratch, AS_FOUND).contains("second"));
+        assert_eq!(names(&scratch).len(), WRITTEN, "{:?}", names(&scratch));
+    }
+
+    #[test]
+    fn a_rejected_run_replaced_what_an_accepted_one_had_written() {
+        let scratch = tempfile::tempdir().unwrap();
+        run(&scratch, false, "first", true);
+        let beside = run(&scratch, true, "second", false);
+        for name in NAMES.into_iter().filter(|name| *name != MEASURED) {
+            assert!(text(&scratch, name).contains("first"), "{name}");
+            let text = fs::read_to_string(beside.join(name)).unwrap();
+            assert!(text.contains("second"), "{name}");
+        }
+        let name = beside.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(name.starts_with("not-accepted-2"), "{name}");
+    }
+
+    #[test]
+    fn a_run_that_came_to_nothing_leaves_nothing() {
+        let scratch = tempfile::tempdir().unwrap();
+        let folder = Folder::claim(scratch.path(), false).unwrap();
+        folder.keep(&kept("first")).unwrap();
+        folder.forget();
+        assert!(names(&scratch).is_empty(), "{:?}", names(&scratch));
+        run(&scratch, false, "first", true);
+        let folder = Folder::claim(scratch.path(), true).unwrap();
+        folder.keep(&kept("second")).unwrap();
+        folder.forget();
+        assert_eq!(names(&scratch).len(), WRITTEN, "{:?}", names(&scratch));
+        assert!(text(&scratch, AS_FOUND).contains("first"));
+    }
+}

@@ -1,0 +1,438 @@
+//! The calibration report as a page: report.html.
+//!
+//! In: a [`Report`]. Out: one page that stands alone, in the order of ISO/IEC 17025, 7.8: who and
+//! what, reference, surroundings, as found, as left, uncertainty, decision.
+//!
+//! Left out: a signature, and the word certificate as its title.
+
+use super::data::{Channel, Difference, Method, Point, Report};
+use super::over_temperature;
+use output::chart::{Chart, Ink, Level, Plot, Shape};
+use output::html;
+use output::table::{Cell, Column, Table};
+
+/// The page.
+pub fn page(report: &Report) -> String {
+    let mut body = header(report);
+    body += &section("Reference and surroundings", &reference(report));
+    let angles = |c: &Channel| !c.as_left.is_empty();
+    if report.channels.iter().any(angles) {
+        body += &section("Results", &results(report));
+    }
+    if report.method == Method::ByHand {
+        body += &section("Poses", &poses(report));
+    }
+    let thermal = over_temperature::page(report);
+    if !thermal.is_empty() {
+        body += &section("Over temperature", &thermal);
+    }
+    body += &section("Uncertainty", &uncertainty(report));
+    body += &format!("<footer>{}</footer>\n", html::paragraph(&footer(report)));
+    html::page("Calibration report", &body)
+}
+
+fn section(title: &str, content: &str) -> String {
+    format!(
+        "<section>\n<h2>{}</h2>\n{content}</section>\n",
+        html::escape(title)
+    )
+}
+
+fn said(text: &Option<String>) -> String {
+    text.clone().unwrap_or_else(|| "not stated".to_owned())
+}
+
+const fn method(method: Method) -> &'static str {
+    match method {
+        Method::Motor => "by a motor; parameters and harmonics fitted on the host",
+        Method::MotorTables => "by a motor; tables made by the nodes",
+        Method::ByHand => "by hand, in poses, without a motor",
+        Method::ChamberQuadratic => "in a chamber; offset and gain over temperature",
+        Method::ChamberPiecewise => "in a chamber, level; the paper's eq 6",
+    }
+}
+
+fn header(report: &Report) -> String {
+    let decision = &report.decision;
+    let verdict = match decision.accepted {
+        true => "The instrument is within its tolerance.",
+        false => "The instrument is NOT within its tolerance; the calibration found counts again.",
+    };
+    let facts = [
+        ("Report", report.identifier.clone()),
+        ("Method", method(report.method).to_owned()),
+        ("Begun (UTC)", report.begun_utc.clone()),
+        ("Ended (UTC)", report.ended_utc.clone()),
+        ("Laboratory", said(&report.laboratory)),
+        ("Operator", said(&report.operator)),
+        ("Customer", said(&report.customer)),
+        ("Bus", report.bus.clone()),
+        ("Plumb", report.plumb_version.clone()),
+    ];
+    format!(
+        "<header>\n<h1>Calibration report</h1>\n<p class=\"lead\">A report of a redundant \
+         inclinometer, made by whoever is named in it. It is no certificate of an accredited \
+         laboratory.</p>\n{}{}{}{}</header>\n",
+        html::verdict(decision.accepted, verdict),
+        html::paragraph(&decision.rule),
+        html::facts(&facts),
+        html::table(&items(report)),
+    )
+}
+
+fn items(report: &Report) -> Table {
+    let columns = vec![
+        Column::text("Channel"),
+        Column::number("Node"),
+        Column::number("Serial number"),
+        Column::text("Product"),
+        Column::text("Program"),
+        Column::text("Calibration as found"),
+        Column::text("Calibration as left"),
+    ];
+    let mut table = Table::new("Calibrated", columns);
+    for channel in &report.channels {
+        let found = match channel.calibrated_before {
+            true => channel.as_found_crc32.clone(),
+            false => format!("{} (none of its own)", channel.as_found_crc32),
+        };
+        table.rows.push(vec![
+            Cell::text(&channel.channel),
+            Cell::text(channel.node.to_string()),
+            Cell::text(channel.serial_number.to_string()),
+            Cell::text(format!("{:08X}h", channel.product_code)),
+            Cell::text(&channel.software),
+            Cell::text(found),
+            Cell::text(&channel.as_left_crc32),
+        ]);
+    }
+    table
+}
+
+fn reference(report: &Report) -> String {
+    let reference = &report.reference;
+    let uncertainty = reference.standard_uncertainty_deg;
+    let uncertainty = uncertainty.map_or("not stated".to_owned(), |u| format!("{u:.4} deg"));
+    let environment = &report.environment;
+    let temperature = match (environment.sensor_min_degc, environment.sensor_max_degc) {
+        (Some(low), Some(high)) => format!("{low:.1} to {high:.1} degC"),
+        _ => "not known".to_owned(),
+    };
+    let facts = [
+        ("Reference", reference.name.clone()),
+        ("Its standard uncertainty", uncertainty),
+        ("Temperature of the sensors", temperature),
+    ];
+    let mut out = html::facts(&facts);
+    out += &html::paragraph(&reference.statement);
+    out += &html::paragraph(&environment.statement);
+    out += &html::paragraph(&report.spans());
+    out
+}
+
+fn results(report: &Report) -> String {
+    let mut out = html::table(&summary(report));
+    for axis in ["X", "Y"] {
+        let charts: String = [
+            errors(report, axis, true),
+            errors(report, axis, false),
+            difference(report, axis),
+        ]
+        .into_iter()
+        .flatten()
+        .map(|chart| chart.html())
+        .collect();
+        if !charts.is_empty() {
+            out += &format!("<h3>Slope {axis}</h3>\n<div class=\"charts\">\n{charts}</div>\n");
+        }
+    }
+    for channel in &report.channels {
+        out += &html::table(&readings(channel));
+    }
+    out
+}
+
+fn largest(points: &[Point]) -> Option<f64> {
+    let errors = points.iter().filter_map(|p| p.error_deg);
+    errors.map(f64::abs).reduce(f64::max)
+}
+
+fn rms(points: &[Point]) -> Option<f64> {
+    let errors: Vec<f64> = points.iter().filter_map(|p| p.error_deg).collect();
+    let squares: f64 = errors.iter().map(|e| e * e).sum();
+    (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
+}
+
+fn summary(report: &Report) -> Table {
+    let columns = vec![
+        Column::text("Channel"),
+        Column::number("largest").under("Error as found, deg"),
+        Column::number("rms").under("Error as found, deg"),
+        Column::number("largest").under("Error as left, deg"),
+        Column::number("rms").under("Error as left, deg"),
+        Column::number("U (k = 2), deg"),
+        Column::number("Residual of the fit, deg"),
+        Column::text("Within tolerance"),
+    ];
+    let mut table = Table::new("Errors", columns);
+    for channel in &report.channels {
+        let u = channel.expanded_uncertainty_deg;
+        let left = largest(&channel.as_left);
+        let within = left.is_some_and(|e| e + u <= report.decision.tolerance_deg);
+        table.rows.push(vec![
+            Cell::text(&channel.channel),
+            Cell::number(largest(&channel.as_found), 3),
+            Cell::number(rms(&channel.as_found), 3),
+            Cell::number(left, 3),
+            Cell::number(rms(&channel.as_left), 3),
+            Cell::number(Some(u), 3),
+            Cell::number(channel.residual_deg, 4),
+            Cell::verdict(within, "yes", "NO"),
+        ]);
+    }
+    table
+}
+
+fn readings(channel: &Channel) -> Table {
+    let columns = vec![
+        Column::text("Slope"),
+        Column::number("Reference, deg"),
+        Column::number("Reading, deg"),
+        Column::number("Error, deg"),
+    ];
+    let title = format!("Channel {} as left, at other angles", channel.channel);
+    let mut table = Table::new(&title, columns);
+    for point in &channel.as_left {
+        table.rows.push(vec![
+            Cell::text(&point.axis),
+            Cell::number(Some(point.reference_deg), 3),
+            Cell::number(point.reading_deg, 3),
+            Cell::number(point.error_deg, 3),
+        ]);
+    }
+    table
+}
+
+/// Errors of both channels over the reference's angle.
+fn errors(report: &Report, axis: &str, found: bool) -> Option<Chart> {
+    let (when, word) = match found {
+        true => ("found", "as found"),
+        false => ("left", "as left and residuals"),
+    };
+    let mut plots = Vec::new();
+    for (channel, ink) in report.channels.iter().zip([Ink::First, Ink::Second]) {
+        let of = |points: &[Point]| -> Vec<(f64, f64)> {
+            let here = points.iter().filter(|p| p.axis == axis);
+            by_angle(here.filter_map(|p| Some((p.reference_deg, p.error_deg?))))
+        };
+        let name = format!("Channel {}", channel.channel);
+        if found {
+            plots.push(Plot::new(name, ink, Shape::Line(of(&channel.as_found))));
+        } else {
+            let fit = format!("{name}, residual of the fit");
+            plots.push(Plot::new(fit, ink, Shape::Line(of(&channel.residuals))));
+            plots.push(Plot::new(name, ink, Shape::Markers(of(&channel.as_left))));
+        }
+    }
+    let empty = |plot: &Plot| match &plot.shape {
+        Shape::Line(points) | Shape::Markers(points) => points.is_empty(),
+        _ => true,
+    };
+    plots.retain(|plot| !empty(plot));
+    (!plots.is_empty()).then(|| Chart {
+        id: format!("{when}-{}", axis.to_lowercase()),
+        title: format!("Errors of slope {axis} {word}"),
+        description: format!("Reading less reference of slope {axis} over the reference's angle"),
+        x_label: "Reference, deg".to_owned(),
+        y_label: "Error, deg".to_owned(),
+        plots,
+        ..Chart::default()
+    })
+}
+
+/// Points in the order of their angles, those of both ways of a sweep as their mean.
+fn by_angle(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut points: Vec<_> = points.collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let same = |a: &(f64, f64), b: &(f64, f64)| b.0 - a.0 < 0.01;
+    let mean = |group: &[(f64, f64)]| {
+        let sum = group.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
+        let count = group.len() as f64;
+        (sum.0 / count, sum.1 / count)
+    };
+    points.chunk_by(same).map(mean).collect()
+}
+
+/// A less B, as found and as left.
+fn difference(report: &Report, axis: &str) -> Option<Chart> {
+    let of = |all: &[Difference]| -> Vec<(f64, f64)> {
+        let here = all.iter().filter(|d| d.axis == axis);
+        by_angle(here.filter_map(|d| Some((d.reference_deg, d.difference_deg?))))
+    };
+    let (found, left) = (
+        of(&report.difference_as_found),
+        of(&report.difference_as_left),
+    );
+    if left.is_empty() {
+        return None;
+    }
+    Some(Chart {
+        id: format!("difference-{}", axis.to_lowercase()),
+        title: format!("Channel A less channel B, slope {axis}"),
+        description: format!("Difference of the channels over the reference's angle, slope {axis}"),
+        x_label: "Reference, deg".to_owned(),
+        y_label: "Difference, deg".to_owned(),
+        plots: vec![
+            Plot::new("as found", Ink::Reference, Shape::Line(found)),
+            Plot::new("as left", Ink::First, Shape::Markers(left)),
+        ],
+        levels: vec![Level {
+            at: 0.0,
+            name: String::new(),
+        }],
+        ..Chart::default()
+    })
+}
+
+fn poses(report: &Report) -> String {
+    let mut out = String::new();
+    if let Some(faces) = &report.faces {
+        out += &html::facts(&[
+            (
+                "Surface under the base",
+                format!("{:.2} deg off level", faces.base_surface_deg),
+            ),
+            (
+                "Surface under the side",
+                format!("{:.2} deg off level", faces.side_surface_deg),
+            ),
+            (
+                "Side to base",
+                format!("{:+.2} deg off square", faces.off_square_deg),
+            ),
+            (
+                "Between channels",
+                format!("{:.3} deg rms", faces.between_channels_deg),
+            ),
+        ]);
+    }
+    for channel in &report.channels {
+        let columns = vec![
+            Column::text("Pose"),
+            Column::number("Length less 1 g, mg"),
+            Column::number("X").under("As found, deg"),
+            Column::number("Y").under("As found, deg"),
+            Column::number("X").under("With the new calibration, deg"),
+            Column::number("Y").under("With the new calibration, deg"),
+        ];
+        let mut table = Table::new(&format!("Channel {}", channel.channel), columns);
+        for pose in &channel.poses {
+            let [found_x, found_y] = pose.as_found_deg;
+            let [left_x, left_y] = pose.as_left_deg;
+            table.rows.push(vec![
+                Cell::text(&pose.words),
+                Cell::number(Some(pose.length_error_mg), 3),
+                Cell::number(found_x, 3),
+                Cell::number(found_y, 3),
+                Cell::number(Some(left_x), 3),
+                Cell::number(Some(left_y), 3),
+            ]);
+        }
+        out += &html::table(&table);
+    }
+    out
+}
+
+fn uncertainty(report: &Report) -> String {
+    let columns = vec![
+        Column::text("Channel"),
+        Column::text("Contribution"),
+        Column::text("Evaluation"),
+        Column::number("Standard uncertainty, deg"),
+        Column::text("Source"),
+    ];
+    let mut table = Table::new("Of an error as left", columns);
+    for channel in &report.channels {
+        for contribution in &channel.uncertainty {
+            table.rows.push(vec![
+                Cell::text(&channel.channel),
+                Cell::text(&contribution.name),
+                Cell::text(&contribution.evaluation),
+                Cell::number(Some(contribution.standard_uncertainty_deg), 4),
+                Cell::text(&contribution.source),
+            ]);
+        }
+        table.rows.push(vec![
+            Cell::text(&channel.channel),
+            Cell::text("Combined; expanded U with k = 2"),
+            Cell::text(""),
+            Cell::number(Some(channel.combined_uncertainty_deg), 4),
+            Cell::text(format!("U = {:.4} deg", channel.expanded_uncertainty_deg)),
+        ]);
+    }
+    table.notes.push(
+        "The expanded uncertainty is the standard uncertainty times k = 2, about 95 % for a normal \
+         distribution (JCGM 100). It is that of the errors at the time of the calibration: what a \
+         later power-on, another temperature and time do is told by the node itself (2022h)."
+            .to_owned(),
+    );
+    html::table(&table)
+}
+
+fn footer(report: &Report) -> String {
+    let kept = match &report.dcc_sha256 {
+        Some(hash) => format!(
+            "The nodes store the SHA-256 of the dcc.xml in the same folder (2063h): {hash}. \
+             `plumb verify dcc.xml` compares."
+        ),
+        None => "The nodes keep no hash of this report.".to_owned(),
+    };
+    format!(
+        "{kept} The same figures are in report.json (format {}, version {}). The report may be \
+         copied as a whole only.",
+        report.format, report.version
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+    use output::check;
+
+    #[test]
+    fn the_page_is_whole_fetches_nothing_and_is_no_certificate() {
+        let page = page(&sample::report());
+        check::assert_balanced(&page);
+        check::assert_stands_alone(&page);
+        assert!(page.contains("<title>Calibration report</title>"));
+        assert!(page.contains("<h1>Calibration report</h1>"));
+        assert!(page.contains("no certificate of an accredited"));
+    }
+
+    #[test]
+    fn a_chamber_s_run_is_shown_by_temperature_and_without_empty_tables_of_angles() {
+        let page = page(&sample::chamber());
+        check::assert_balanced(&page);
+        check::assert_stands_alone(&page);
+        assert!(page.contains("<h2>Over temperature</h2>"));
+        assert!(!page.contains("<h2>Results</h2>"));
+        assert!(page.contains("-7.0 to 73.0 degC"), "{page}");
+    }
+
+    #[test]
+    fn both_ways_of_a_sweep_are_one_point() {
+        let swept = [(0.0, 1.0), (5.0, 2.0), (5.0, 4.0), (0.0, 2.0)];
+        assert_eq!(by_angle(swept.into_iter()), [(0.0, 1.5), (5.0, 3.0)]);
+    }
+
+    #[test]
+    fn a_channel_outside_says_so() {
+        let mut report = sample::report();
+        report.decision.tolerance_deg = 0.04;
+        report.decision.accepted = false;
+        let page = page(&report);
+        assert!(page.contains("<td class=\"fail\">NO</td>"));
+        assert!(page.contains("NOT within its tolerance"));
+    }
+}

@@ -1,0 +1,284 @@
+//! `plumb verify`: does a calibration report belong to the instrument on the bus?
+//!
+//! In: dcc.xml of `plumb calibrate`, and the nodes. Out: for each node whether the
+//! calibration in force is the one in the file and whether it vouches for this very file (2062h,
+//! 2063h). docs/calibration-report.md says what is compared.
+//!
+//! Left out: whether the report's figures are right.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::data::FORMAT;
+use crate::{CalibrateError, Session, hex};
+use bus_master::BusOptions;
+use output::stdout;
+
+/// What to compare.
+#[derive(Clone, Debug, Args)]
+pub struct Arguments {
+    /// dcc.xml of a calibration
+    pub file: PathBuf,
+    /// The nodes to compare
+    #[arg(long, value_delimiter = ',', default_value = "1,2", value_name = "ID,ID",
+          value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub nodes: Vec<u8>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+    /// The bus.
+    #[command(flatten)]
+    pub bus: BusOptions,
+}
+
+/// What a node and a file have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The calibration in force is that of the file, and the node vouches for it.
+    Match,
+    /// Another calibration is in force.
+    AnotherCalibration,
+    /// The calibration may be the file's, but the node vouches for another report.
+    AnotherReport,
+    /// The calibration may be the file's, but the node vouches for no report.
+    NoReport,
+    /// The file is of another instrument.
+    AnotherInstrument,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Match => "the calibration in force and the report are those of the file",
+            Self::AnotherCalibration => "another calibration is in force",
+            Self::AnotherReport => "it has this calibration, and another report belongs to it",
+            Self::NoReport => "it has this calibration, and no report belongs to it",
+            Self::AnotherInstrument => "the file is of another instrument",
+        })
+    }
+}
+
+/// One node.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+struct NodeVerdict {
+    node: u8,
+    serial_number: u32,
+    crc32: String,
+    report_sha256: Option<String>,
+    verdict: Verdict,
+}
+
+/// The output of --json.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+struct Verified {
+    format: &'static str,
+    version: u32,
+    file_sha256: String,
+    matches: bool,
+    nodes: Vec<NodeVerdict>,
+}
+
+/// What a file says of the nodes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Claim {
+    /// The hash that the nodes should have.
+    hash: Vec<u8>,
+    /// Serial number and check sum of each channel.
+    channels: Vec<(u32, String)>,
+}
+
+/// Compares. Exit status 1: a node does not match.
+///
+/// Errors: see [`CalibrateError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
+    let bytes = std::fs::read(&arguments.file);
+    let bytes = bytes.map_err(|error| CalibrateError::File(arguments.file.clone(), error))?;
+    let claim = claim(&arguments.file, &bytes)?;
+    let bus = arguments.bus.join().map_err(CalibrateError::Join)?;
+    let session = Session::look(bus, &arguments.nodes)?;
+    let nodes: Vec<_> = session
+        .nodes
+        .iter()
+        .map(|node| NodeVerdict {
+            node: node.id,
+            serial_number: node.serial,
+            crc32: format!("{:08X}", node.found_sum()),
+            report_sha256: node.hash.as_deref().map(hex),
+            verdict: claim.judge(node.serial, node.found_sum(), node.hash.as_deref()),
+        })
+        .collect();
+    let matches = nodes.iter().all(|node| node.verdict == Verdict::Match);
+    let verified = Verified {
+        format: "plumb-verify",
+        version: 1,
+        file_sha256: hex(&hmac_sha256::Hash::hash(&bytes)),
+        matches,
+        nodes,
+    };
+    let printed = match arguments.json {
+        true => stdout::print_json(&verified),
+        false => stdout::print(text(&verified)),
+    };
+    printed.map_err(CalibrateError::Print)?;
+    Ok(match matches {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::from(1),
+    })
+}
+
+fn text(verified: &Verified) -> String {
+    let line = |node: &NodeVerdict| {
+        format!(
+            "node {} (serial number {}, calibration {}): {}\n",
+            node.node, node.serial_number, node.crc32, node.verdict
+        )
+    };
+    verified.nodes.iter().map(line).collect()
+}
+
+impl Claim {
+    fn judge(&self, serial: u32, sum: u32, hash: Option<&[u8]>) -> Verdict {
+        let of = |(number, _): &&(u32, String)| *number == serial;
+        let Some((_, crc)) = self.channels.iter().find(of) else {
+            return Verdict::AnotherInstrument;
+        };
+        if *crc != format!("{sum:08X}") {
+            return Verdict::AnotherCalibration;
+        }
+        match hash {
+            Some(hash) if hash == self.hash => Verdict::Match,
+            Some(_) => Verdict::AnotherReport,
+            None => Verdict::NoReport,
+        }
+    }
+}
+
+/// What a file claims.
+///
+/// Errors: [`CalibrateError::Content`] for a file that `plumb calibrate` has not written.
+fn claim(path: &Path, bytes: &[u8]) -> Result<Claim, CalibrateError> {
+    let wrong = |what| CalibrateError::Content(path.to_owned(), what);
+    let text = std::str::from_utf8(bytes).map_err(|_| wrong(NO_REPORT))?;
+    if !text.trim_start_matches('\u{feff}').starts_with("<?xml") {
+        let json = serde_json::from_str(text).ok();
+        let twin = json.is_some_and(|json: serde_json::Value| json["format"] == FORMAT);
+        return Err(wrong(if twin { TWIN } else { NO_REPORT }));
+    }
+    let channels = identities(text);
+    if channels.is_empty() {
+        return Err(wrong(NO_REPORT));
+    }
+    let hash = hmac_sha256::Hash::hash(bytes).to_vec();
+    Ok(Claim { hash, channels })
+}
+
+/// What a file is not.
+const NO_REPORT: &str = "this is no dcc.xml of plumb calibrate";
+
+/// Of report.json: nothing that a node keeps tells whether its figures are as they were written.
+const TWIN: &str = "the nodes keep a hash of dcc.xml and of no other file, so the figures in \
+                    report.json cannot be checked: give the dcc.xml of the same folder";
+
+/// Serial number and check sum of each item of a DCC that this program wrote: the values of the
+/// first and the last identification of an item.
+fn identities(text: &str) -> Vec<(u32, String)> {
+    let value = |part: &str| {
+        let (_, rest) = part.split_once("<dcc:value>")?;
+        Some(rest.split_once("</dcc:value>")?.0.to_owned())
+    };
+    let identity = |item: &str| {
+        let (item, _) = item.split_once("</dcc:item>")?;
+        let mut values = item.split("<dcc:identification>").skip(1).filter_map(value);
+        let serial = values.next()?.parse().ok()?;
+        let crc = values.last().filter(|crc| crc.len() == 8)?;
+        Some((serial, crc))
+    };
+    text.split("<dcc:item ")
+        .skip(1)
+        .filter_map(identity)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{sample_dcc, sample_report};
+
+    fn path() -> PathBuf {
+        PathBuf::from("f")
+    }
+
+    #[test]
+    fn a_certificate_names_its_channels_by_serial_number_and_check_sum() {
+        let text = sample_dcc();
+        let claim = claim(&path(), text.as_bytes()).unwrap();
+        let crc = "DEADBEEF".to_owned();
+        assert_eq!(claim.channels, [(1, crc.clone()), (2, crc)]);
+        let hash = claim.hash.clone();
+        assert_eq!(claim.judge(1, 0xDEAD_BEEF, Some(&hash)), Verdict::Match);
+        assert_eq!(
+            claim.judge(2, 0xDEAD_BEEF, Some(&[0; 32])),
+            Verdict::AnotherReport
+        );
+        assert_eq!(claim.judge(2, 0xDEAD_BEEF, None), Verdict::NoReport);
+        assert_eq!(claim.judge(2, 1, Some(&hash)), Verdict::AnotherCalibration);
+        assert_eq!(
+            claim.judge(3, 0xDEAD_BEEF, Some(&hash)),
+            Verdict::AnotherInstrument
+        );
+    }
+
+    #[test]
+    fn a_changed_byte_of_the_certificate_is_another_report() {
+        let whole = claim(&path(), sample_dcc().as_bytes()).unwrap();
+        let text = sample_dcc().replace("52.500000", "52.400000");
+        let other = claim(&path(), text.as_bytes()).unwrap();
+        assert_eq!(
+            other.judge(1, 0xDEAD_BEEF, Some(&whole.hash)),
+            Verdict::AnotherReport
+        );
+    }
+
+    #[test]
+    fn a_forged_report_in_json_was_said_to_match() {
+        let text = serde_json::to_string(&sample_report()).unwrap();
+        let forged = text.replace("7.52", "45.0");
+        assert_ne!(forged, text);
+        for text in [text, forged] {
+            let told = claim(&path(), text.as_bytes()).unwrap_err().to_string();
+            assert_eq!(told, format!("f: {TWIN}"));
+        }
+    }
+
+    #[test]
+    fn anything_else_is_no_report() {
+        for (bytes, what) in [
+            (&b""[..], NO_REPORT),
+            (b"\xFF\xFE", NO_REPORT),
+            (b"{}", NO_REPORT),
+            (b"<?xml version=\"1.0\"?><a/>", NO_REPORT),
+            (b"[]", NO_REPORT),
+            (b"{\"format\":\"plumb-period\"}", NO_REPORT),
+        ] {
+            let told = claim(&path(), bytes).unwrap_err().to_string();
+            assert_eq!(told, format!("f: {what}"));
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_bytes_are_a_report_or_an_error(
+            bytes in proptest::collection::vec(proptest::num::u8::ANY, 0..400),
+            cut in 0_usize..8000,
+        ) {
+            let _ = claim(&path(), &bytes);
+            let whole = sample_dcc();
+            let _ = claim(&path(), &whole.as_bytes()[..cut.min(whole.len())]);
+        }
+    }
+}
