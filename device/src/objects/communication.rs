@@ -316,7 +316,7 @@ pub const COMMUNICATION: &[Row] = &[
         2,
         "Internal error",
         Unsigned8,
-        "After a fault of the instrument itself. The default stays: validity and state tell, and \
+        "After a fault of the instrument itself. The default stays: validity and state show it, and \
          a machine that has lost its angle still hears why.",
     )
     .rw()
@@ -414,7 +414,7 @@ pub const PROGRAM: &[Row] = &[
 ];
 
 const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; a time of 0, and a \
-     node-id of 0 or above 127, supervises nobody. Supervision begins with the first heartbeat. As \
+     node-id of 0 or above 127, supervises no node. Supervision begins with the first heartbeat. As \
      delivered, each channel watches the other.";
 const SAVE: &str = "Write \"save\" (65766173h) to store. Reads 1: stores on command only.";
 const LOAD: &str = "Write \"load\" (64616F6Ch) to restore. Reads 1: restores on command only.";

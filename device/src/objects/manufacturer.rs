@@ -79,7 +79,7 @@ pub const MANUFACTURER: &[Row] = &[
         0x2010,
         9,
         "Exchange sent",
-        "What this channel tells the other at each SYNC.",
+        "Data for the other channel, sent at each SYNC.",
     ),
     member(0x2010, 1, "Angle X", Integer24, ANGLE)
         .tpdo()
@@ -101,7 +101,7 @@ pub const MANUFACTURER: &[Row] = &[
         0x2011,
         9,
         "Exchange received",
-        "What the other channel has told; mapped into RPDO 1 and 2 as delivered.",
+        "Data received from the other channel; mapped into RPDO 1 and 2 as delivered.",
     ),
     member(0x2011, 1, "Angle X", Integer24, ANGLE)
         .rpdo()
@@ -285,7 +285,7 @@ pub const MANUFACTURER: &[Row] = &[
         0x2033,
         "Sample period",
         Unsigned32,
-        "Time between two samples, as this device's clock sees it.",
+        "Time between two samples, by this device's clock.",
     )
     .unit("1/256 us"),
     record(
@@ -452,7 +452,7 @@ pub const SAFE_SLOPES: &[Row] = &[
         0x2012,
         4,
         "Safe slopes received",
-        "What a received SRDO carries, in the sender's unit; for a machine that wants this node \
+        "What a received SRDO carries, in the sender's unit; for a machine in which this node has \
          to take the other channel's SRDO 1.",
     ),
     member(0x2012, 1, "Slope X", Integer16, "Plain.")
@@ -550,7 +550,7 @@ const fn range(sub: u8, name: &'static str, default: i32) -> Row {
 }
 
 const ANGLE: &str = "Without preset and offsets. Counts only where the quality is 32 or more.";
-const QUALITY: &str = "0: nothing said yet. 1 to 31: no angle, for the reason of 2025h. 32 and up: \
+const QUALITY: &str = "0: no value yet. 1 to 31: no angle, for the reason of 2025h. 32 and up: \
      standard uncertainty of the angle on a logarithmic scale.";
 const COARSE: &str = "2^-13 g";
 const VECTOR: &str = "Along the housing's axes X, Y, Z; -32768: there is none.";
