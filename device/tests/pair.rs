@@ -78,7 +78,7 @@ fn a_channel_that_started_alone_was_valid_without_ever_having_been_compared() {
 }
 
 #[test]
-fn a_peer_that_was_never_heard_was_ill_for_having_no_sample() {
+fn a_peer_that_was_never_heard_was_faulty_for_having_no_sample() {
     let mut pair = Pair::new();
     pair.peer.silent = true;
     pair.hears(0, &[1, 0]);

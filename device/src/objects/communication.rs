@@ -316,8 +316,8 @@ pub const COMMUNICATION: &[Row] = &[
         2,
         "Internal error",
         Unsigned8,
-        "After a fault of the instrument itself. The default stays: validity and state show it, and \
-         a machine that has lost its angle still hears why.",
+        "After a fault of the instrument itself. The default stays: validity and state show it, \
+         and a machine that has lost its angle still receives the reason.",
     )
     .rw()
     .stored()
@@ -414,8 +414,8 @@ pub const PROGRAM: &[Row] = &[
 ];
 
 const SUPERVISED: &str = "Node-id in bits 16 to 23, time in the lower half; a time of 0, and a \
-     node-id of 0 or above 127, supervises no node. Supervision begins with the first heartbeat. As \
-     delivered, each channel watches the other.";
+     node-id of 0 or above 127, supervises no node. Supervision begins with the first heartbeat. \
+     As delivered, each channel supervises the other.";
 const SAVE: &str = "Write \"save\" (65766173h) to store. Reads 1: stores on command only.";
 const LOAD: &str = "Write \"load\" (64616F6Ch) to restore. Reads 1: restores on command only.";
 

@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_promise_both_channels_are_ill_at_once_by_different_faults() {
+    fn beyond_the_promise_both_channels_are_faulty_at_once_by_different_faults() {
         let beyond: Vec<_> = (1..500).map(draw).filter(|s| !s.within_promise).collect();
         assert!((30..100).contains(&beyond.len()), "{}", beyond.len());
         for setup in beyond {

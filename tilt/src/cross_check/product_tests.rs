@@ -190,7 +190,7 @@ fn the_first_finding_about_a_channel_stays_the_finding() {
 }
 
 #[test]
-fn an_ill_channel_explains_what_differs_later() {
+fn a_faulty_channel_explains_what_differs_later() {
     let mut bench = Bench::working();
     bench.lasts(loud(120), level(), 0.5);
     assert_eq!(bench.last, faulty(Member::Own, Invalid::Noise));
@@ -206,7 +206,7 @@ fn an_ill_channel_explains_what_differs_later() {
 }
 
 #[test]
-fn both_channels_ill_is_no_channel() {
+fn both_channels_faulty_is_no_channel() {
     let mut bench = Bench::working();
     let (a, b) = (Invalid::Bus, Invalid::Stuck);
     let pair = (Observation::absent(a), Observation::absent(b));
@@ -391,7 +391,7 @@ fn two_channels_that_clip_in_turn_are_not_added_up() {
 }
 
 #[test]
-fn a_shock_after_an_illness_was_added_to_one_before_it() {
+fn a_shock_after_a_fault_was_added_to_one_before_it() {
     let mut bench = Bench::that_forgives(1);
     bench.lasts(level(), level(), 1.0);
     let clipped = level().refused(Invalid::OverRange);

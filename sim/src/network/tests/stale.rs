@@ -143,7 +143,7 @@ impl Site {
 /// A reading that was younger than 10 ms was left as it was, also where the fault was younger: for
 /// up to 10 ms 6010h had an angle and 2025h a 0 while the EMCY was on the bus.
 #[test]
-fn a_fault_was_told_beside_an_angle_that_still_read_as_valid() {
+fn a_fault_was_reported_together_with_an_angle_that_still_read_as_valid() {
     for wrong in WRONG {
         for sync_us in [None, Some(5_000), Some(10_000), Some(20_000), Some(100_000)] {
             for state in [State::PreOperational, State::Operational] {
