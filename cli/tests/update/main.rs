@@ -1,93 +1,14 @@
 //! `plumb update` from the outside, against the nodes of `plumb serve`.
 
+mod bench;
+mod killed;
+
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::process::Stdio;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
-
-/// A bus with two nodes, much faster than real time, and a folder; both gone with it.
-struct Bench {
-    server: Child,
-    bus: String,
-    folder: PathBuf,
-}
-
-impl Bench {
-    fn new() -> Self {
-        Self::with_speed("20")
-    }
-
-    fn with_speed(speed: &str) -> Self {
-        Self::serving(&["--uncalibrated", "--speed", speed])
-    }
-
-    fn serving(more: &[&str]) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-update-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--bit-rate", "1000"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
-        // Sensors have to settle before an update is let in.
-        std::thread::sleep(Duration::from_millis(400));
-        Self {
-            bus: bus.to_owned(),
-            server,
-            folder,
-        }
-    }
-
-    /// The file of an image.
-    fn image(&self, version: &str, more: &[&str]) -> String {
-        let path = self.folder.join(version).display().to_string();
-        let built = plumb(&["image", &path, "--version", version])
-            .args(more)
-            .output();
-        assert!(built.unwrap().status.success());
-        path
-    }
-
-    fn update(&self, image: &str, more: &[&str]) -> Output {
-        let command = ["update", image, "--bus", &self.bus];
-        plumb(&command).args(more).output().unwrap()
-    }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-        let _ = std::fs::remove_dir_all(&self.folder);
-    }
-}
-
-fn said(output: &Output) -> (Option<i32>, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    (
-        output.status.code(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
-}
+use bench::{Bench, longest_without_an_angle, plumb, said};
 
 #[test]
 fn both_nodes_get_a_new_program_one_after_the_other() {
@@ -115,43 +36,6 @@ fn both_nodes_get_a_new_program_one_after_the_other() {
         "{err}"
     );
     assert!(from.elapsed() < Duration::from_secs(60));
-}
-
-/// A master on the bus: SYNC every 20 ms. The longest time in which neither channel had a valid
-/// slope X in its TPDO 1, from the first one that was valid; and the states of the pair (2021h) in
-/// it from then on.
-fn longest_without_an_angle(bus: &str, done: &AtomicBool) -> (Duration, BTreeSet<String>) {
-    let mut stream = TcpStream::connect(bus).unwrap();
-    let patience = Some(Duration::from_millis(5));
-    stream.set_read_timeout(patience).unwrap();
-    write!(stream, "< open plumb >< rawmode >< send 0 2 1 0 >").unwrap();
-    let (mut text, mut bytes) = (String::new(), [0; 4096]);
-    let (mut valid, mut longest) = (None, Duration::ZERO);
-    let mut states = BTreeSet::new();
-    let mut next = Instant::now();
-    while !done.load(Ordering::Relaxed) {
-        if Instant::now() >= next {
-            next += Duration::from_millis(20);
-            write!(stream, "< send 80 0 >").unwrap();
-        }
-        if let Ok(count) = stream.read(&mut bytes) {
-            text += &String::from_utf8_lossy(&bytes[..count]);
-        }
-        while let Some((frame, rest)) = text.split_once('>') {
-            let words: Vec<_> = frame.split_whitespace().collect();
-            if let [.., "frame", "181" | "182", _, data] = words[..] {
-                if !data.starts_with("0080") {
-                    let before = valid.replace(Instant::now());
-                    longest = longest.max(before.map_or(Duration::ZERO, |b: Instant| b.elapsed()));
-                }
-                if valid.is_some() {
-                    states.insert(data[10..].to_owned());
-                }
-            }
-            text = rest.to_owned();
-        }
-    }
-    (longest, states)
 }
 
 /// Updates a pair at work, at real time: how long nobody measured, and the states of the pair.

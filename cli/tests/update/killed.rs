@@ -1,0 +1,268 @@
+//! `plumb update`, killed at any point and called again.
+//!
+//! Between the program and the bus stands a relay that reads what the program sends, and kills it
+//! behind a frame of its choice. Whatever that frame is, and whichever node comes first, the same
+//! command then brings both nodes to the new program, and in both calls together there is no longer
+//! time without a valid angle than in an update that nobody disturbs.
+
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use super::bench::{Bench, longest_without_an_angle, plumb, said};
+
+/// A frame of the update of one node, in the order in which they come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Point {
+    /// The first question of all.
+    Question,
+    /// NMT "enter PRE-OPERATIONAL".
+    Leave,
+    /// 1F51h: stop the program, which lets the memory be changed.
+    Stop,
+    /// 1F51h: clear the memory.
+    Clear,
+    /// 1F50h: the first block is asked for.
+    Download,
+    /// In the middle of the blocks.
+    Middle,
+    /// 1F51h: start the new program.
+    Start,
+    /// A question behind that: the image is checked, the node restarts, or is on trial.
+    Trial,
+    /// NMT "start" behind the trial.
+    Return,
+    /// The first question behind that: the pair comes together.
+    Together,
+}
+
+const POINTS: [Point; 10] = [
+    Point::Question,
+    Point::Leave,
+    Point::Stop,
+    Point::Clear,
+    Point::Download,
+    Point::Middle,
+    Point::Start,
+    Point::Trial,
+    Point::Return,
+    Point::Together,
+];
+
+/// Frames between the request of a download and its middle.
+const MIDDLE: usize = 60;
+
+/// How many cases run at a time: they wait for a bus in real time.
+const ROWS: usize = 8;
+
+/// Where the first call is killed.
+#[derive(Clone, Copy, Debug)]
+struct Case {
+    /// The order of the update.
+    nodes: [u8; 2],
+    /// At which of them, 0 or 1.
+    which: usize,
+    point: Point,
+}
+
+impl Case {
+    /// All there are: both orders, both nodes of each, every point.
+    fn all() -> Vec<Self> {
+        let orders = [[1, 2], [2, 1]].into_iter();
+        let nodes = orders.flat_map(|nodes| [0, 1].map(|which| (nodes, which)));
+        let cases = nodes.flat_map(|(nodes, which)| {
+            POINTS.map(|point| Self {
+                nodes,
+                which,
+                point,
+            })
+        });
+        cases.collect()
+    }
+}
+
+/// What the program has sent to the node of a case.
+struct Watch {
+    case: Case,
+    /// 1F51h sub 1 was written with 1.
+    started: bool,
+    /// NMT "start" has come behind that.
+    returned: bool,
+    /// Frames since the request of the first block.
+    blocks: Option<usize>,
+    /// Requests since the start of the new program.
+    questions: usize,
+}
+
+impl Watch {
+    const fn new(case: Case) -> Self {
+        Self {
+            case,
+            started: false,
+            returned: false,
+            blocks: None,
+            questions: 0,
+        }
+    }
+
+    /// Whether this frame is the point.
+    fn is_reached(&mut self, id: u16, data: &[u8]) -> bool {
+        let node = self.case.nodes[self.case.which];
+        let request = id == 0x600 + u16::from(node);
+        let program = |order| request && data.starts_with(&[0x2F, 0x51, 0x1F, 1, order]);
+        let nmt = |command| id == 0 && *data == [command, node];
+        let any = (0x601..=0x67F).contains(&id);
+        let first_block = request && data.get(1..4) == Some(&[0x50, 0x1F, 1]) && data[0] == 0xC6;
+        if first_block {
+            self.blocks = Some(0);
+        }
+        let block = self.blocks.filter(|_| request);
+        self.blocks = self.blocks.map(|blocks| blocks + usize::from(request));
+        self.questions += usize::from(request && self.started);
+        let together = self.returned && any;
+        let back = self.started && nmt(1);
+        self.started |= program(1);
+        self.returned |= back;
+        match self.case.point {
+            Point::Question => request,
+            Point::Leave => nmt(128),
+            Point::Stop => program(0),
+            Point::Clear => program(3),
+            Point::Download => first_block,
+            Point::Middle => block == Some(MIDDLE),
+            Point::Start => program(1),
+            Point::Trial => self.questions == 2,
+            Point::Return => back,
+            Point::Together => together,
+        }
+    }
+}
+
+/// A command of socketcand as a frame; `None` for what sends none.
+fn frame(command: &str) -> Option<(u16, Vec<u8>)> {
+    let mut words = command.split_whitespace();
+    words.find(|word| *word == "send")?;
+    let id = u16::from_str_radix(words.next()?, 16).ok()?;
+    let bytes = words.skip(1).map(|byte| u8::from_str_radix(byte, 16).ok());
+    Some((id, bytes.collect::<Option<_>>()?))
+}
+
+/// Passes on what the program sends until its point is reached, and kills it. False where it ended
+/// before.
+fn relay(from: &mut TcpStream, to: &mut TcpStream, case: Case, program: &Mutex<Child>) -> bool {
+    let mut watch = Watch::new(case);
+    let (mut text, mut bytes) = (String::new(), [0; 4096]);
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        text += &String::from_utf8_lossy(&bytes[..count]);
+        while let Some(end) = text.find('>') {
+            let command: String = text.drain(..=end).collect();
+            if to.write_all(command.as_bytes()).is_err() {
+                return false;
+            }
+            let sent = frame(command.trim_matches(|c: char| "<> ".contains(c)));
+            if sent.is_some_and(|(id, data)| watch.is_reached(id, &data)) {
+                let mut program = program.lock().unwrap_or_else(PoisonError::into_inner);
+                program.kill().unwrap();
+                program.wait().unwrap();
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Runs the update through a relay up to its point; whether it got there.
+fn killed(bench: &Bench, image: &str, case: Case) -> bool {
+    let door = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = door.local_addr().unwrap().to_string();
+    let program = plumb(&["update", image, "--bus", &at, "--nodes", &order(case)])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let program = Mutex::new(program);
+    let (mut from, _) = door.accept().unwrap();
+    let mut to = TcpStream::connect(&bench.bus).unwrap();
+    let (mut answers, mut back) = (to.try_clone().unwrap(), from.try_clone().unwrap());
+    thread::scope(|scope| {
+        scope.spawn(|| std::io::copy(&mut answers, &mut back));
+        let reached = relay(&mut from, &mut to, case, &program);
+        let _ = to.shutdown(std::net::Shutdown::Both);
+        reached
+    })
+}
+
+fn order(case: Case) -> String {
+    case.nodes.map(|node| node.to_string()).join(",")
+}
+
+/// What went wrong with a case, if anything did.
+fn carry_out(case: Case) -> Option<String> {
+    let bench = Bench::serving(&[]);
+    let image = bench.image("1.0.0", &[]);
+    let done = AtomicBool::new(false);
+    let (reached, (status, out, err), (longest, _)) = thread::scope(|scope| {
+        let watch = scope.spawn(|| longest_without_an_angle(&bench.bus, &done));
+        thread::sleep(Duration::from_secs(3));
+        let reached = killed(&bench, &image, case);
+        let again = said(&bench.update(&image, &["--nodes", &order(case)]));
+        done.store(true, Ordering::Relaxed);
+        (reached, again, watch.join().unwrap())
+    });
+    let both = case.nodes.map(|node| format!("node {node} runs 1.0.0"));
+    let run = both.iter().all(|line| out.contains(line));
+    let angle = longest > Duration::ZERO && longest < Duration::from_secs(2);
+    let sound = reached && status == Some(0) && run && angle;
+    (!sound).then(|| {
+        format!(
+            "{case:?}: reached {reached}, {status:?}, {longest:?} without an angle, {out} {err}"
+        )
+    })
+}
+
+/// Carries all of these out, some at a time, and fails with what went wrong in each.
+fn carry_out_all(cases: impl IntoIterator<Item = Case>) {
+    let cases = Mutex::new(VecDeque::from_iter(cases));
+    let row = || -> Vec<String> {
+        let next = || cases.lock().unwrap().pop_front();
+        std::iter::from_fn(next).filter_map(carry_out).collect()
+    };
+    let wrong: Vec<String> = thread::scope(|scope| {
+        let rows: Vec<_> = (0..ROWS).map(|_| scope.spawn(row)).collect();
+        rows.into_iter()
+            .flat_map(|row| row.join().unwrap())
+            .collect()
+    });
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// True in a long run (`cargo xtask fuzz-long`), which asks for more random cases than any other.
+fn is_long() -> bool {
+    let cases = std::env::var("PROPTEST_CASES").ok();
+    cases
+        .and_then(|n| n.parse().ok())
+        .is_some_and(|n: u32| n >= 10_000)
+}
+
+/// A long run tries every case; any other one of each kind: a node that leaves, one amid its
+/// download, one that restarts, one that comes back, in both orders and at both nodes.
+#[test]
+fn an_update_killed_at_any_point_is_brought_to_its_end() {
+    let chosen = [
+        ([1, 2], 0, Point::Leave),
+        ([2, 1], 0, Point::Middle),
+        ([1, 2], 1, Point::Trial),
+        ([2, 1], 1, Point::Return),
+    ];
+    let few = chosen.map(|(nodes, which, point)| Case {
+        nodes,
+        which,
+        point,
+    });
+    carry_out_all(if is_long() { Case::all() } else { few.to_vec() });
+}
