@@ -1,50 +1,17 @@
 //! `plumb replay` of bus logs from the outside.
 
 use std::fmt::Write as _;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::Value;
 
-fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
+mod program;
 
-/// A folder that goes with the test.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-logs-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-
-    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> String {
-        std::fs::write(self.0.join(name), content).unwrap();
-        self.path(name)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
+use program::{Folder, Served, plumb};
 
 fn gzip(text: &str) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
@@ -223,7 +190,7 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
     let log = folder.file("a.log", rounds(1_700_000_000, 3, "can0"));
     let note = folder.file("note.txt", "nothing of the kind\n");
     let wide = folder.file("wide.log", b"\xFF\xFE(\x001\x00");
-    std::fs::create_dir(folder.0.join("empty")).unwrap();
+    std::fs::create_dir(folder.0.path().join("empty")).unwrap();
     refused(
         &[&folder.path("missing.log"), &log],
         &["missing.log", "cannot be opened"],
@@ -290,11 +257,11 @@ fn a_folder_is_read_in_the_order_of_time_whatever_its_files_are_called() {
     let folder = Folder::new();
     folder.file("b.log", rounds(1_700_000_000, 100, "can0"));
     folder.file("a.log.gz", gzip(&rounds(1_700_000_001, 100, "can0")));
-    std::fs::create_dir(folder.0.join("day")).unwrap();
+    std::fs::create_dir(folder.0.path().join("day")).unwrap();
     folder.file("day/c.log", rounds(1_700_000_002, 100, "can0"));
     folder.file("notes.txt", "not a log\n");
     folder.file(".hidden.log", rounds(1_600_000_000, 10, "can0"));
-    let whole = folder.0.display().to_string();
+    let whole = folder.path("");
     let report = json(&[&whole]);
     assert_eq!(number(&report, "/frames"), 1500.0);
     assert!(report["backwards"].is_null(), "{report}");
@@ -392,7 +359,7 @@ fn every_value_goes_into_a_table() {
     let bytes = std::fs::read(&parquet).unwrap();
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
     assert!(bytes.windows(11).any(|name| name == b"slope_x_deg"));
-    assert!(!folder.0.join("a.parquet.part").exists());
+    assert!(!folder.0.path().join("a.parquet.part").exists());
     refused(
         &[&log, "--export", &folder.path("no/folder.csv")],
         &["folder.csv"],
@@ -497,38 +464,6 @@ fn memory_does_not_grow_with_the_log() {
     assert!(long < short + 1000, "{short} kB, then {long} kB");
 }
 
-/// A virtual bus, which ends with it.
-struct Served {
-    server: Child,
-    at: String,
-}
-
-impl Served {
-    fn new() -> Self {
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--uncalibrated"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, at) = ready.trim().rsplit_once(' ').unwrap();
-        Self {
-            at: at.to_owned(),
-            server,
-        }
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-    }
-}
-
 /// A client of socketcand that listens.
 fn listener(at: &str) -> TcpStream {
     let mut stream = TcpStream::connect(at).unwrap();
@@ -560,7 +495,7 @@ fn heard(stream: &mut TcpStream) -> String {
 
 #[test]
 fn a_log_goes_onto_a_bus_at_its_own_pace() {
-    let (folder, served) = (Folder::new(), Served::new());
+    let (folder, served) = (Folder::new(), Served::start(&["--uncalibrated"]));
     let mut text = String::new();
     for frame in 0..51 {
         writeln!(
@@ -571,8 +506,8 @@ fn a_log_goes_onto_a_bus_at_its_own_pace() {
         .unwrap();
     }
     let log = folder.file("a.log", &text);
-    let mut stream = listener(&served.at);
-    let onto = ["--onto", &served.at];
+    let mut stream = listener(&served.bus);
+    let onto = ["--onto", &served.bus];
     let played = json(&[&log, onto[0], onto[1], "--speed", "2"]);
     assert_eq!(number(&played, "/sent"), 51.0);
     // 0.98 s at twice the speed, and what the machine makes of it.
@@ -605,13 +540,13 @@ fn a_log_goes_onto_a_bus_at_its_own_pace() {
 
 #[test]
 fn a_log_that_is_played_for_ever_ends_with_the_bus() {
-    let (folder, served) = (Folder::new(), Served::new());
+    let (folder, served) = (Folder::new(), Served::start(&["--uncalibrated"]));
     let log = folder.file(
         "a.log",
         "(1700000000.0) can0 123#00\n(1700000000.02) can0 123#01\n",
     );
-    let mut stream = listener(&served.at);
-    let mut endless = plumb(&["replay", &log, "--loop", "--onto", &served.at])
+    let mut stream = listener(&served.bus);
+    let mut endless = plumb(&["replay", &log, "--loop", "--onto", &served.bus])
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()

@@ -1,68 +1,31 @@
 //! `plumb report` and `plumb faults` from the outside, against the nodes of `plumb serve`.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::Output;
 use std::time::Duration;
 
 use serde_json::Value;
 
-fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
+mod program;
 
-/// A folder, gone with it.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-period-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+use program::{Folder, Served, plumb};
 
 /// A bus with two nodes in OPERATIONAL, of which the second one has got noisy.
 struct Bench {
-    server: Child,
+    served: Served,
     bus: String,
     log: String,
 }
 
 impl Bench {
     fn new() -> Self {
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0"])
-            .args(["--speed", "20", "--bit-rate", "1000", "--await-client"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let arguments = ["--speed", "20", "--bit-rate", "1000", "--await-client"];
+        let served = Served::start(&arguments);
         let mut bench = Self {
-            bus: bus.to_owned(),
-            server,
+            bus: served.bus.clone(),
+            served,
             log: String::new(),
         };
         bench.record();
@@ -70,9 +33,7 @@ impl Bench {
     }
 
     fn say(&mut self, word: &str) {
-        let input = self.server.stdin.as_mut().unwrap();
-        writeln!(input, "{word}").unwrap();
-        input.flush().unwrap();
+        self.served.word(word);
     }
 
     /// Writes down what is on the bus until a fault has been told and some SYNCs have passed.
@@ -129,13 +90,6 @@ fn take(bus: &mut TcpStream, text: &mut String) {
     text.push_str(std::str::from_utf8(&bytes[..count]).unwrap());
 }
 
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-    }
-}
-
 fn said(output: &Output) -> (Option<i32>, String, String) {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
     (
@@ -166,9 +120,9 @@ fn a_fault_is_in_the_log_in_the_memory_of_the_nodes_and_on_the_page() {
     assert_eq!(status, Some(0), "{err}");
     assert!(text.starts_with("One instrument, "), "{text}");
     assert!(text.contains("the sensor is too noisy"), "{text}");
-    let page = fs::read_to_string(folder.0.join("out/report.html")).unwrap();
+    let page = fs::read_to_string(folder.0.path().join("out/report.html")).unwrap();
     assert!(page.contains("What is remembered: node 2") && page.contains("Plot 1"));
-    let report = fs::read_to_string(folder.0.join("out/report.json")).unwrap();
+    let report = fs::read_to_string(folder.0.path().join("out/report.json")).unwrap();
     let report: Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["format"], "plumb-period");
     assert_eq!(report["memories"].as_array().unwrap().len(), 2);
@@ -202,7 +156,7 @@ fn asked_alone_and_read_later(folder: &Folder, url: &str) {
             .unwrap()
             .is_empty()
     );
-    let table = fs::read_to_string(folder.0.join("boxes/node-2-box-1.csv")).unwrap();
+    let table = fs::read_to_string(folder.0.path().join("boxes/node-2-box-1.csv")).unwrap();
     assert!(table.lines().count() > 20, "{table}");
     let saved = folder.path("boxes/node-2-box-1.bin");
     let log = folder.path("boxes/node-2-fault-log.bin");
@@ -244,7 +198,7 @@ fn what_can_not_be_reported_on_is_said_in_a_sentence() {
         assert_eq!((status, text.as_str()), (Some(2), ""), "{err}");
         assert!(err.contains(sentence), "{err}");
         assert_eq!(err.lines().count(), 1, "{err}");
-        assert!(!folder.0.join("out").exists());
+        assert!(!folder.0.path().join("out").exists());
     };
     refused(&[], "nothing to report on");
     refused(&["no such file"], "no such file");

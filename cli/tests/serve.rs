@@ -2,17 +2,18 @@
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
+
+mod program;
+
+use program::{Folder, plumb};
 
 const SOON: Duration = Duration::from_secs(10);
 
 fn command(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.arg("serve").args(arguments).stdin(Stdio::null());
-    command
+    plumb(&[&["serve"], arguments].concat())
 }
 
 /// Runs to the end.
@@ -26,36 +27,6 @@ fn refused(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
     said
-}
-
-/// A file or folder of this test alone, gone with it.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-serve-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn script(&self, text: &str) -> String {
-        let path = self.0.join("script");
-        std::fs::write(&path, text).unwrap();
-        path.display().to_string()
-    }
-
-    fn path(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 /// A running server.
@@ -229,8 +200,8 @@ fn time_begins_with_the_first_client_who_sees_both_boot_ups() {
 
 #[test]
 fn a_script_turns_the_instrument() {
-    let scratch = Scratch::new();
-    let script = scratch.script("rate 80\npitch 30\nroll -10\nhold\n");
+    let folder = Folder::new();
+    let script = folder.file("script", "rate 80\npitch 30\nroll -10\nhold\n");
     let server = Server::start(&["--script", &script, "--speed", "20"]);
     let mut client = Client::connect(server.at());
     // The resolution is 0.001 deg unless 6000h says 10, 100 or 1000.
@@ -289,10 +260,10 @@ fn a_closed_input_is_no_end() {
 
 #[test]
 fn what_was_stored_is_there_after_a_restart() {
-    let scratch = Scratch::new();
-    let folder = scratch.path().join("state").display().to_string();
+    let folder = Folder::new();
+    let state = folder.path("state");
     {
-        let server = Server::start(&["--state", &folder, "--node-ids", "5,6"]);
+        let server = Server::start(&["--state", &state, "--node-ids", "5,6"]);
         let mut client = Client::connect(server.at());
         // LSS: switch node 6 (all four numbers of 1018h) to configuration, set 9, store.
         let identity = [1, 2, 3, 4].map(|sub| client.upload(6, 0x1018, sub));
@@ -310,7 +281,7 @@ fn what_was_stored_is_there_after_a_restart() {
         assert_eq!(client.frame(0x585)[0], 0x60);
         client.download(5, 0x1010, 1, *b"save");
     }
-    let server = Server::start(&["--state", &folder, "--node-ids", "5,6"]);
+    let server = Server::start(&["--state", &state, "--node-ids", "5,6"]);
     assert!(server.ready.contains("2 nodes (5, 9)"), "{}", server.ready);
     let mut client = Client::connect(server.at());
     assert_eq!(client.upload(9, 0x1018, 4), 2);
@@ -319,10 +290,10 @@ fn what_was_stored_is_there_after_a_restart() {
 
 #[test]
 fn a_damaged_record_is_named() {
-    let scratch = Scratch::new();
-    std::fs::write(scratch.path().join("a-lss"), "nothing").unwrap();
-    let folder = scratch.path().display().to_string();
-    let said = refused(&served(&["--listen", "127.0.0.1:0", "--state", &folder]));
+    let folder = Folder::new();
+    folder.file("a-lss", "nothing");
+    let state = folder.path("");
+    let said = refused(&served(&["--listen", "127.0.0.1:0", "--state", &state]));
     assert!(said.contains("a-lss is damaged: delete it"), "{said}");
 }
 
@@ -340,8 +311,8 @@ fn a_port_in_use_is_named_with_another_one() {
 
 #[test]
 fn an_unknown_word_is_found_before_anything_is_served() {
-    let scratch = Scratch::new();
-    let script = scratch.script("pitch 30\n\npich 20 # a slip\nhold\n");
+    let folder = Folder::new();
+    let script = folder.file("script", "pitch 30\n\npich 20 # a slip\nhold\n");
     let output = served(&["--listen", "127.0.0.1:0", "--script", &script]);
     let said = refused(&output);
     assert!(
@@ -353,9 +324,9 @@ fn an_unknown_word_is_found_before_anything_is_served() {
 
 #[test]
 fn a_script_without_a_word_was_served_before_the_complaint() {
-    let scratch = Scratch::new();
+    let folder = Folder::new();
     for text in ["", "\n\n", "# nothing yet\n"] {
-        let script = scratch.script(text);
+        let script = folder.file("script", text);
         let output = served(&["--listen", "127.0.0.1:0", "--script", &script]);
         let said = refused(&output);
         assert!(said.contains("there is no word in the script"), "{said}");
@@ -365,8 +336,8 @@ fn a_script_without_a_word_was_served_before_the_complaint() {
 
 #[test]
 fn a_script_that_ends_says_so() {
-    let scratch = Scratch::new();
-    let script = scratch.script("pitch 10\nwait\nwait 1\n");
+    let folder = Folder::new();
+    let script = folder.file("script", "pitch 10\nwait\nwait 1\n");
     let arguments = [
         "--listen",
         "127.0.0.1:0",
@@ -417,7 +388,7 @@ fn a_typed_fault_is_blamed_by_the_status_and_a_wrong_one_is_named() {
 
 #[test]
 fn a_wrong_fault_in_a_script_is_named_with_what_is_possible() {
-    let scratch = Scratch::new();
+    let folder = Folder::new();
     for (line, told) in [
         (
             "fault b wobbly",
@@ -428,7 +399,7 @@ fn a_wrong_fault_in_a_script_is_named_with_what_is_possible() {
             "write fault NODE bias AXIS MG (-2000 to 2000)",
         ),
     ] {
-        let script = scratch.script(line);
+        let script = folder.file("script", line);
         let said = refused(&served(&["--listen", "127.0.0.1:0", "--script", &script]));
         assert!(
             said.contains("script line 1: ") && said.contains(told),

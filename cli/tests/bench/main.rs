@@ -3,5 +3,7 @@
 
 mod calibrate;
 mod characterise;
+#[path = "../program/mod.rs"]
+mod program;
 mod stand;
 mod temperature;

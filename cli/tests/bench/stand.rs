@@ -1,78 +1,41 @@
 //! A virtual instrument on its bus with a motor and a chamber, for the tests of the bench's verbs.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Write};
-use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{Child, Command};
 use std::time::Duration;
 
-pub fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
+pub use crate::program::{plumb, said};
+
+use crate::program::{Folder, Served};
 
 /// A bus with two nodes, a motor, a chamber, and a folder; all gone with it.
 pub struct Bench {
-    server: Child,
-    words: ChildStdin,
+    served: Served,
     pub bus: String,
     pub motor: String,
     pub chamber: String,
-    folder: PathBuf,
+    folder: Folder,
 }
 
 impl Bench {
     pub fn new(speed: &str, more: &[&str]) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-bench-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        fs::create_dir_all(&folder).unwrap();
         let free = "127.0.0.1:0";
-        let mut server = plumb(&[
-            "serve",
-            "--listen",
-            free,
-            "--motor",
-            free,
-            "--chamber",
-            free,
-        ])
-        .args(["--speed", speed, "--bit-rate", "1000"])
-        .args(more)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-        let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
-        let mut next = || lines.next().unwrap().unwrap();
-        let ready = next();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
-        let mut behind = |flag: &str| loop {
-            if let Some((_, at)) = next().split_once(flag) {
-                break at.to_owned();
-            }
-        };
-        let (motor, chamber) = (behind("--motor "), behind("--chamber "));
-        // The rest is read so that the server never waits for it.
-        std::thread::spawn(move || lines.for_each(drop));
-        let words = server.stdin.take().unwrap();
+        let devices = ["--motor", free, "--chamber", free];
+        let bus = ["--speed", speed, "--bit-rate", "1000"];
+        let mut served = Served::start(&[&devices[..], &bus, more].concat());
+        let (motor, chamber) = (served.behind("--motor "), served.behind("--chamber "));
         std::thread::sleep(Duration::from_millis(400));
         Self {
-            bus: bus.to_owned(),
-            server,
-            words,
+            bus: served.bus.clone(),
+            served,
             motor,
             chamber,
-            folder,
+            folder: Folder::new(),
         }
     }
 
     pub fn path(&self, name: &str) -> String {
-        self.folder.join(name).display().to_string()
+        self.folder.path(name)
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {
@@ -97,26 +60,8 @@ impl Bench {
     }
 
     pub fn say(&mut self, words: &str) {
-        writeln!(self.words, "{words}").unwrap();
+        self.served.word(words);
     }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
-/// Exit status, standard output and standard error.
-pub fn said(output: &Output) -> (Option<i32>, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    (
-        output.status.code(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
 }
 
 /// A number of a report.

@@ -1,50 +1,30 @@
 //! A bus with nodes, the program on it, and what it says.
 
-use serde_json::Value;
-use std::io::{BufRead, BufReader, Write};
+use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-pub fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    for variable in ["CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE"] {
-        command.env_remove(variable);
-    }
-    command
-}
+use serde_json::Value;
+
+pub use crate::program::{Said, plumb, said};
+
+use crate::program::Served;
 
 /// A bus with an instrument; gone with it.
 pub struct Bench {
-    pub server: Child,
+    pub served: Served,
     pub bus: String,
 }
-
-/// What a verb has come to: exit status, standard output, standard error.
-pub type Said = (Option<i32>, String, String);
 
 impl Bench {
     /// With these options of `plumb serve`.
     pub fn new(more: &[&str]) -> Self {
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--bit-rate", "250"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let served = Served::start(&[&["--bit-rate", "250"], more].concat());
         // Sensors have to settle before an angle is valid.
         std::thread::sleep(Duration::from_millis(1200));
-        Self {
-            bus: bus.to_owned(),
-            server,
-        }
+        let bus = served.bus.clone();
+        Self { served, bus }
     }
 
     /// One whose nodes are not calibrated, which is ready sooner.
@@ -85,8 +65,7 @@ impl Bench {
 
     /// Types a word of `plumb serve`.
     pub fn word(&mut self, word: &str) {
-        let typed = self.server.stdin.as_mut().unwrap();
-        writeln!(typed, "{word}").unwrap();
+        self.served.word(word);
     }
 
     /// An NMT command, by hand over socketcand.
@@ -100,19 +79,6 @@ impl Bench {
         .unwrap();
         std::thread::sleep(Duration::from_millis(700));
     }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-    }
-}
-
-pub fn said(output: &Output) -> Said {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    let (out, err) = (text(&output.stdout), text(&output.stderr));
-    (output.status.code(), out, err)
 }
 
 /// A file in the folder for temporary ones, gone with it.

@@ -1,5 +1,7 @@
 //! The verbs that commission an instrument from the outside, against the nodes of `plumb serve`.
 
 mod bench;
+#[path = "../program/mod.rs"]
+mod program;
 mod silence;
 mod verbs;

@@ -76,7 +76,7 @@ fn a_server_that_goes_away_ends_a_verb_at_once() {
         .spawn()
         .unwrap();
     std::thread::sleep(Duration::from_millis(700));
-    bench.server.kill().unwrap();
+    bench.served.child.kill().unwrap();
     let from = Instant::now();
     let (status, _, err) = said(&scan.wait_with_output().unwrap());
     assert_eq!(status, Some(2));

@@ -18,6 +18,8 @@ mod log_text;
 mod logs;
 mod memory;
 mod page;
+#[path = "../program/mod.rs"]
+mod program;
 mod recordings;
 mod transcript;
 mod virtual_bus;

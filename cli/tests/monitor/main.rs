@@ -1,43 +1,30 @@
 //! `plumb monitor` from the outside, against `plumb serve` and against a server made here.
 
+#[path = "../program/mod.rs"]
+mod program;
 mod server;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+use program::{Folder, Served, said};
 use server::{Server, Serving};
 
 fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    for name in ["CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE"] {
-        command.env_remove(name);
-    }
-    command.arg("monitor").args(arguments).stdin(Stdio::null());
-    command
-}
-
-fn folder() -> PathBuf {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let name = format!("plumb-monitor-{}-{number}", std::process::id());
-    let folder = std::env::temp_dir().join(name);
-    fs::create_dir_all(&folder).unwrap();
-    folder
+    program::plumb(&[&["monitor"], arguments].concat())
 }
 
 /// Two nodes in real time, and a folder; both gone with it.
 struct Bench {
-    server: Child,
+    served: Served,
     bus: String,
-    folder: PathBuf,
+    folder: Folder,
 }
 
 impl Bench {
@@ -46,32 +33,16 @@ impl Bench {
     }
 
     fn with(more: &[&str]) -> Self {
-        let mut server = Command::new(env!("CARGO_BIN_EXE_plumb"))
-            .args(["serve", "--listen", "127.0.0.1:0"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
-        let bus = bus.to_owned();
-        // Who types gets an answer, which somebody has to read.
-        thread::spawn(move || out.read_to_end(&mut Vec::new()));
+        let served = Served::start(more);
         Self {
-            bus,
-            server,
-            folder: folder(),
+            bus: served.bus.clone(),
+            served,
+            folder: Folder::new(),
         }
     }
 
     fn type_line(&mut self, words: &str) {
-        let stdin = self.server.stdin.as_mut().unwrap();
-        writeln!(stdin, "{words}").unwrap();
-        stdin.flush().unwrap();
+        self.served.word(words);
     }
 
     fn watch(&self, more: &[&str]) -> Command {
@@ -81,22 +52,8 @@ impl Bench {
     }
 
     fn file(&self, name: &str) -> String {
-        self.folder.join(name).display().to_string()
+        self.folder.path(name)
     }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
-fn said(output: &Output) -> (Option<i32>, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    let status = output.status.code();
-    (status, text(&output.stdout), text(&output.stderr))
 }
 
 /// Lines of a monitor that goes on.
@@ -262,7 +219,7 @@ fn a_bus_that_dies_is_named_and_what_was_recorded_is_whole() {
     let mut seen = Watched::new(&mut bench.watch(&options));
     seen.until("ok: both agree");
     seen.until("frames/s");
-    bench.server.kill().unwrap();
+    bench.served.child.kill().unwrap();
     let (status, err) = seen.end();
     assert_eq!(status, Some(2));
     assert!(err.starts_with("plumb: socketcand://127.0.0.1:"), "{err}");
@@ -328,13 +285,12 @@ fn a_reader_that_has_enough_ends_it_without_a_word() {
 
 #[test]
 fn what_cannot_be_done_is_one_sentence() {
-    let folder = folder();
-    let no_log = folder.join("no.log");
+    let folder = Folder::new();
+    let no_log = folder.path("no.log");
     fs::write(&no_log, "#!/bin/sh\n").unwrap();
-    let no_log = no_log.display().to_string();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = taken.local_addr().unwrap().to_string();
-    let file = |name: &str| folder.join(name).display().to_string();
+    let file = |name: &str| folder.path(name);
     let (empty, packed, nowhere) = (file("empty.log"), file("bus.log.gz"), file("none/bus.log"));
     for (options, sentence) in [
         (vec!["--bus", "127.0.0.1:1"], "127.0.0.1:1"),
@@ -352,13 +308,12 @@ fn what_cannot_be_done_is_one_sentence() {
         assert_eq!(err.lines().count(), 1, "{err}");
     }
     assert!(!fs::exists(&empty).unwrap(), "an empty recording was left");
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
 fn a_log_runs_at_its_own_time_and_gaps_are_told() {
-    let folder = folder();
-    let path = folder.join("gap.log");
+    let folder = Folder::new();
+    let path = folder.path("gap.log");
     let mut text = String::new();
     for (from, count) in [(1_700_000_000.0, 200), (1_700_003_600.0, 200)] {
         for n in 0..count {
@@ -370,7 +325,6 @@ fn a_log_runs_at_its_own_time_and_gaps_are_told() {
     }
     text += "(1700003610.000000) can0 18";
     fs::write(&path, text).unwrap();
-    let path = path.display().to_string();
     let from = Instant::now();
     let options = ["--log", &path, "--speed", "10", "--skip-gaps"];
     let (status, out, err) = said(&plumb(&options).output().unwrap());
@@ -388,7 +342,6 @@ fn a_log_runs_at_its_own_time_and_gaps_are_told() {
     );
     assert!(out.contains("warning: 1 lines cut short"), "{out}");
     assert!(out.contains("the log has ended"), "{out}");
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
@@ -553,8 +506,8 @@ fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
         .map(|_| Server::start(Serving::Frames(RATE)))
         .collect();
     let at = |place: usize| ["--bus", &servers[place].at, "-b", "1000000"];
-    let folder = folder();
-    let file = folder.join("load.log").display().to_string();
+    let folder = Folder::new();
+    let file = folder.path("load.log");
     let mut lines = Watched::new(plumb(&at(0)).args(["--record", &file]));
     let mut page = Watched::new(plumb(&at(1)).args(["--web", "127.0.0.1:0"]));
     let address = page.line();
@@ -580,7 +533,6 @@ fn at_2000_frames_a_second_each_view_takes_less_than_a_twentieth_of_a_core() {
         child.wait().unwrap();
     }
     servers.into_iter().for_each(|server| drop(server.end()));
-    fs::remove_dir_all(folder).unwrap();
     for taken in [plain, browser, screen] {
         assert!(taken > 0.0 && taken < 5.0, "{taken} %");
     }

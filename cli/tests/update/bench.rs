@@ -1,25 +1,19 @@
 //! A bus with two nodes for an update, and what a master on it sees of their angles.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::process::Output;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The program with these arguments, and nothing on its standard input.
-pub fn plumb(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
+use crate::program::{Folder, Served, plumb};
 
 /// A bus with two nodes, much faster than real time, and a folder; both gone with it.
 pub struct Bench {
-    server: Child,
+    _served: Served,
     pub bus: String,
-    pub folder: PathBuf,
+    pub folder: Folder,
 }
 
 impl Bench {
@@ -32,34 +26,19 @@ impl Bench {
     }
 
     pub fn serving(more: &[&str]) -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("plumb-update-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
-        let mut server = plumb(&["serve", "--listen", "127.0.0.1:0", "--bit-rate", "1000"])
-            .args(more)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut ready = String::new();
-        let mut out = BufReader::new(server.stdout.take().unwrap());
-        out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let served = Served::start(&[&["--bit-rate", "1000"], more].concat());
         // Sensors have to settle before an update is let in.
         std::thread::sleep(Duration::from_millis(400));
         Self {
-            bus: bus.to_owned(),
-            server,
-            folder,
+            bus: served.bus.clone(),
+            _served: served,
+            folder: Folder::new(),
         }
     }
 
     /// The file of an image.
     pub fn image(&self, version: &str, more: &[&str]) -> String {
-        let path = self.folder.join(version).display().to_string();
+        let path = self.folder.path(version);
         let built = plumb(&["image", &path, "--version", version])
             .args(more)
             .output();
@@ -71,24 +50,6 @@ impl Bench {
         let command = ["update", image, "--bus", &self.bus];
         plumb(&command).args(more).output().unwrap()
     }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-        let _ = std::fs::remove_dir_all(&self.folder);
-    }
-}
-
-/// Exit status, standard output and errors of a program that has ended.
-pub fn said(output: &Output) -> (Option<i32>, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    (
-        output.status.code(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
 }
 
 /// A master on the bus: SYNC every 20 ms. The longest time in which neither channel had a valid

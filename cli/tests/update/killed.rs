@@ -14,7 +14,8 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use super::bench::{Bench, longest_without_an_angle, plumb, said};
+use super::bench::{Bench, longest_without_an_angle};
+use super::program::{plumb, said};
 
 /// A frame of the update of one node, in the order in which they come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

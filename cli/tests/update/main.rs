@@ -2,13 +2,16 @@
 
 mod bench;
 mod killed;
+#[path = "../program/mod.rs"]
+mod program;
 
 use std::collections::BTreeSet;
 use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use bench::{Bench, longest_without_an_angle, plumb, said};
+use bench::{Bench, longest_without_an_angle};
+use program::{plumb, said};
 
 #[test]
 fn both_nodes_get_a_new_program_one_after_the_other() {
@@ -83,7 +86,7 @@ fn an_update_of_the_paper_s_pair_at_work_asked_for_a_stop() {
 #[test]
 fn an_update_after_a_killed_one_took_the_only_channel_at_work_out() {
     let bench = Bench::serving(&[]);
-    let body = bench.folder.join("body");
+    let body = bench.folder.0.path().join("body");
     std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
     let body = body.display().to_string();
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
@@ -134,7 +137,7 @@ fn a_program_that_fails_its_self_check_is_rolled_back_and_the_other_node_left_al
 #[test]
 fn an_update_that_was_broken_off_goes_on_with_the_same_command() {
     let bench = Bench::with_speed("1");
-    let body = bench.folder.join("body");
+    let body = bench.folder.0.path().join("body");
     std::fs::write(&body, vec![0x5A; 100_000]).unwrap();
     let body = body.display().to_string();
     let image = bench.image("1.0.0", &["--a", &body, "--b", &body]);
@@ -172,7 +175,7 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
     );
     let bare = bench.image("3.0.1", &["--unsigned"]);
     refused(&bare, 1, "node 1 refuses the image: it is not signed");
-    let key = bench.folder.join("key");
+    let key = bench.folder.0.path().join("key");
     std::fs::write(&key, "5a".repeat(32)).unwrap();
     let forged = bench.image("3.0.2", &["--key", &key.display().to_string()]);
     refused(
@@ -219,7 +222,7 @@ fn what_cannot_be_let_in_is_refused_with_a_sentence() {
 fn an_image_that_no_node_could_use_was_built() {
     let bench = Bench::new();
     let both = bench.image("1.0.0", &[]);
-    let long = bench.folder.join("long").display().to_string();
+    let long = bench.folder.path("long");
     std::fs::write(&long, vec![0x5A; 200_000]).unwrap();
     let twice = ["image", "out", "--from", &both, &both];
     let body = [
@@ -236,11 +239,11 @@ fn an_image_that_no_node_could_use_was_built() {
         (&twice[..], "two of the images are for slot A"),
         (&body, "is longer than the 103936 bytes that a slot has"),
     ] {
-        let refused = plumb(words).current_dir(&bench.folder).output();
+        let refused = plumb(words).current_dir(bench.folder.0.path()).output();
         let (status, out, err) = said(&refused.unwrap());
         assert_eq!((status, out.as_str()), (Some(2), ""), "{err}");
         assert!(err.contains(sentence), "{err}");
-        assert!(!bench.folder.join("out").exists());
+        assert!(!bench.folder.0.path().join("out").exists());
     }
 }
 

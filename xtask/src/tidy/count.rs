@@ -1,13 +1,15 @@
 //! Lines of code by crate, and how long its functions are: `cargo xtask count`.
 //!
 //! In: the checkout. Out: a table. Counted are lines that hold code: no comments, no blank lines,
-//! no tests, benches or examples. A function has the lines from `fn` to its closing brace.
+//! no tests, benches or examples. A function has the lines from `fn` to its closing brace. Circles
+//! are those of `circles`, which looks at a person's side only.
 //!
 //! Left out: limits, which are those of `sizes`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use super::circles;
 use super::source::Function;
 use super::tree::Tree;
 
@@ -20,6 +22,7 @@ struct Crate {
     files: usize,
     lines: usize,
     functions: Vec<usize>,
+    circles: usize,
 }
 
 impl Crate {
@@ -35,11 +38,12 @@ impl Crate {
         let functions = self.functions.len();
         let longest = self.functions.iter().max().copied().unwrap_or(0);
         format!(
-            "{name:<24}{:>7}{:>8}{functions:>11}{:>6}{:>6}{longest:>9}\n",
+            "{name:<24}{:>7}{:>8}{functions:>11}{:>6}{:>6}{longest:>9}{:>9}\n",
             self.files,
             self.lines,
             self.quantile(50),
-            self.quantile(90)
+            self.quantile(90),
+            self.circles
         )
     }
 }
@@ -75,9 +79,13 @@ pub fn table(tree: &Tree) -> String {
         );
     }
     let mut text = format!(
-        "{:<24}{:>7}{:>8}{:>11}{:>6}{:>6}{:>9}\n",
-        "crate", "files", "lines", "functions", "p50", "p90", "longest"
+        "{:<24}{:>7}{:>8}{:>11}{:>6}{:>6}{:>9}{:>9}\n",
+        "crate", "files", "lines", "functions", "p50", "p90", "longest", "circles"
     );
+    for (home, circles) in circles::count(tree) {
+        crates.entry(home).or_default().circles = circles;
+        pc_side.circles += circles;
+    }
     crates.iter().for_each(|(name, of)| text += &of.row(name));
     text += &pc_side.row("a person's side");
     text += &all.row("all");
@@ -94,7 +102,7 @@ pub fn table(tree: &Tree) -> String {
 }
 
 /// The folders of crates, those inside others first.
-fn homes(tree: &Tree) -> Vec<&str> {
+pub fn homes(tree: &Tree) -> Vec<&str> {
     let manifests = tree.files.iter().map(|file| file.path.as_str());
     let mut homes: Vec<&str> = manifests
         .filter_map(|path| path.strip_suffix("/Cargo.toml"))
@@ -104,11 +112,11 @@ fn homes(tree: &Tree) -> Vec<&str> {
 }
 
 /// True for the folder of a crate on a person's side of the bus.
-fn is_pc_side(home: &str) -> bool {
+pub fn is_pc_side(home: &str) -> bool {
     home == "cli" || home.starts_with("pc/")
 }
 
-fn is_inside(path: &str, home: &str) -> bool {
+pub fn is_inside(path: &str, home: &str) -> bool {
     path.strip_prefix(home)
         .is_some_and(|rest| rest.starts_with("/src/"))
 }
@@ -140,7 +148,7 @@ mod tests {
             let numbers = line.trim_start_matches(name).split_whitespace();
             numbers.map(str::to_owned).collect::<Vec<_>>()
         };
-        assert_eq!(row("cli"), ["1", "3", "1", "3", "3", "3"]);
+        assert_eq!(row("cli"), ["1", "3", "1", "3", "3", "3", "0"]);
         assert_eq!(row("sim/inner"), row("cli"));
         assert_eq!(row("a person's side"), row("cli"));
         assert_eq!(row("all")[..3], ["2", "6", "2"]);

@@ -3,6 +3,7 @@
 //! In: the checkout. Out: a list of breaches, each with its file and line. Every rule lives in
 //! the module named after what it looks at, next to a test that shows it failing on a bad piece.
 
+mod circles;
 mod closed_types;
 mod count;
 mod documents;
@@ -13,6 +14,7 @@ mod mask;
 mod sizes;
 mod source;
 mod tree;
+mod uses;
 mod words;
 
 use std::path::Path;
@@ -61,6 +63,7 @@ pub fn check(root: &Path) -> io::Result<Vec<Finding>> {
         hygiene::check,
         documents::check,
         links::check,
+        circles::check,
     ];
     Ok(rules.iter().flat_map(|rule| rule(&tree)).collect())
 }

@@ -1,0 +1,106 @@
+//! The program as its tests run it: a call, a virtual bus of its own, a folder.
+//!
+//! In: arguments. Out: exit status and texts; a bus whose nodes live as long as the value that
+//! stands for it.
+
+#![allow(dead_code, reason = "each program with tests uses a part of this")]
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
+
+use tempfile::TempDir;
+
+/// What a call has come to: exit status, standard output, standard error.
+pub type Said = (Option<i32>, String, String);
+
+/// The program with these arguments, without the variables of python-can, and with nothing to read.
+pub fn plumb(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumb"));
+    command.args(arguments).stdin(Stdio::null());
+    for variable in ["CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE"] {
+        command.env_remove(variable);
+    }
+    command
+}
+
+/// What a program that has ended has come to, without the spaces around its texts.
+pub fn said(output: &Output) -> Said {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    let status = output.status.code();
+    (status, text(&output.stdout), text(&output.stderr))
+}
+
+/// A `plumb serve` that runs; it ends with this.
+pub struct Served {
+    /// The process.
+    pub child: Child,
+    /// Where its bus is: HOST:PORT of socketcand.
+    pub bus: String,
+    /// What it prints behind its first line.
+    pub out: BufReader<ChildStdout>,
+}
+
+impl Served {
+    /// Starts one with these arguments at a free port, and waits until it is ready.
+    pub fn start(arguments: &[&str]) -> Self {
+        let mut child = plumb(&["serve", "--listen", "127.0.0.1:0"])
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut ready = String::new();
+        out.read_line(&mut ready).unwrap();
+        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
+        let bus = bus.to_owned();
+        Self { child, bus, out }
+    }
+
+    /// What stands behind these words in the next line that has them.
+    pub fn behind(&mut self, words: &str) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(self.out.read_line(&mut line).unwrap() > 0, "never: {words}");
+            if let Some((_, rest)) = line.trim().split_once(words) {
+                return rest.to_owned();
+            }
+        }
+    }
+
+    /// Types a line of words.
+    pub fn word(&mut self, words: &str) {
+        let typed = self.child.stdin.as_mut().unwrap();
+        writeln!(typed, "{words}").unwrap();
+        typed.flush().unwrap();
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// An empty folder, gone with this.
+pub struct Folder(pub TempDir);
+
+impl Folder {
+    /// One for a test alone.
+    pub fn new() -> Self {
+        Self(tempfile::Builder::new().prefix("plumb-").tempdir().unwrap())
+    }
+
+    /// The path of a name in it.
+    pub fn path(&self, name: &str) -> String {
+        self.0.path().join(name).display().to_string()
+    }
+
+    /// Writes a file; its path.
+    pub fn file(&self, name: &str, contents: impl AsRef<[u8]>) -> String {
+        std::fs::write(self.0.path().join(name), contents).unwrap();
+        self.path(name)
+    }
+}
