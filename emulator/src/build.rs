@@ -1,8 +1,11 @@
 //! Images made from the sources of this checkout, by cargo.
 //!
 //! In: a package, a binary, and what is set around it. Out: the linked ELF file, as the product's
-//! images are built (profile `footprint`). Left out: doing it when nothing has changed; cargo sees
-//! to that.
+//! images are built (profile `footprint`).
+//!
+//! Left out: doing it when nothing has changed. Cargo sees to that, but a program that is linked
+//! for slot A has to be linked anew after one for slot B, so the test command builds the images of
+//! product and paper once and has every test read those ([`READY`]).
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -18,6 +21,9 @@ use crate::image::{Image, ImageError};
 const CHIP: &str = "thumbv7m-none-eabi";
 /// The profile that images are built with.
 const PROFILE: &str = "footprint";
+
+/// The variable by which the test command (`built` of `xtask`) says that everything is built.
+const READY: &str = "PLUMB_BUILT";
 
 /// Why there is no image.
 #[derive(Debug)]
@@ -105,7 +111,8 @@ pub struct Product {
 
 impl Product {
     /// Builds it with `cargo xtask image`, or finds it built, in a folder of its own: what somebody
-    /// is about to flash is not to be replaced by it.
+    /// is about to flash is not to be replaced by it. Where the test command has built it, it is
+    /// only read.
     ///
     /// It accepts updates that are signed with the key of the simulated nodes, unless `PLUMB_KEY`
     /// names another.
@@ -185,7 +192,7 @@ impl Paper {
     }
 }
 
-/// Lets `cargo xtask image` build, and reads what it has left.
+/// Lets `cargo xtask image` build unless that is done, and reads what it has left.
 fn built<T>(found: impl FnOnce(&Path) -> Result<T, BuildError>) -> Result<T, BuildError> {
     let target = target_folder();
     // Tests and servers that build at the same time would read each other's half of it. The lock
@@ -195,25 +202,33 @@ fn built<T>(found: impl FnOnce(&Path) -> Result<T, BuildError>) -> Result<T, Bui
         .and_then(|()| File::create(&lock))
         .and_then(|file| file.lock().map(|()| file))
         .map_err(|error| BuildError::Read(lock, error))?;
+    if env::var_os(READY).is_none() {
+        build_images(&target)?;
+    }
+    let built = found(&images_folder())?;
+    drop(lock);
+    Ok(built)
+}
+
+/// Calls `cargo xtask image`.
+fn build_images(target: &Path) -> Result<(), BuildError> {
     let mut cargo = cargo();
     cargo
         .args(["run", "--quiet", "--locked", "--package", "xtask"])
         .args(["--", "image"])
-        .env("CARGO_TARGET_DIR", &target)
+        .env("CARGO_TARGET_DIR", target)
         .env("PLUMB_IMAGES", images_folder());
     if env::var_os("PLUMB_KEY").is_none() {
         let digits = development_key().map(|byte| format!("{byte:02x}"));
         cargo.env("PLUMB_KEY", digits.concat());
     }
     let output = cargo.output().map_err(BuildError::Cargo)?;
-    if !output.status.success() {
-        let said = [output.stdout, output.stderr].concat();
-        let said = String::from_utf8_lossy(&said).into_owned();
-        return Err(BuildError::Failed(said));
+    if output.status.success() {
+        return Ok(());
     }
-    let built = found(&images_folder())?;
-    drop(lock);
-    Ok(built)
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8_lossy(&said).into_owned();
+    Err(BuildError::Failed(said))
 }
 
 /// Where images for emulation are.

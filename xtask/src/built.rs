@@ -4,7 +4,7 @@
 //! once and with what the tests depend on, since cargo would choose other features of shared
 //! dependencies for a package alone, and build them a second time. A process that was started side
 //! by side with others ([`READY`]) builds nothing: all was built before, and cargo lets only one
-//! build go on at a time.
+//! build go on at a time. The emulator goes by the same variable and takes its images as they are.
 //!
 //! Left out: programs of the chip (`chip`), and the released `plumb` (`program`).
 

@@ -19,12 +19,13 @@ use crate::steps::{self, Step};
 use crate::workspace::Workspace;
 
 /// What the rest needs, and what fails soonest.
-const FIRST: [&Step; 5] = [
+const FIRST: [&Step; 6] = [
     &steps::TOOLCHAIN,
     &steps::CHECK_FORMAT,
     &steps::TIDY,
     &steps::CLIPPY,
     &steps::BUILD,
+    &steps::EMULATED_IMAGES,
 ];
 
 /// Side by side. The long ones come first, so that none of them is left alone for long; what one

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::{env, fs, process};
 
 use crate::accuracy;
+use crate::built;
 use crate::campaign;
 use crate::chip;
 use crate::command::{self, Tally};
@@ -90,6 +91,14 @@ pub const BUILD: Step = Step {
     name: "one build of tests, examples and tools",
     advice: "what the compiler says stands above",
     run: build,
+};
+
+/// Builds what tests on emulated boards run.
+pub const EMULATED_IMAGES: Step = Step {
+    key: "emulated-images",
+    name: "images for emulated boards, once for all tests",
+    advice: "what the linker says stands above; `cargo xtask image` builds the same",
+    run: build_emulated_images,
 };
 
 /// The crates of the part, for the part.
@@ -322,6 +331,14 @@ fn provide_toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepErr
 
 fn build(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
     Ok(harness::build(workspace)?)
+}
+
+/// Calls the function that each test would call (`emulator::build`), before they run.
+fn build_emulated_images(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    let program = built::example(workspace, "images")?;
+    Ok(command::pass(
+        workspace.program(&program.to_string_lossy(), &[]),
+    )?)
 }
 
 fn waiting_tests(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {

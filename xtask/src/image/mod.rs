@@ -135,12 +135,10 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     let _alone = chip::alone(workspace)?;
     let outlet = Outlet::clear(folder, version)?;
     let mut over = Vec::new();
-    for set in sets() {
-        for slot in set.slots() {
-            let [boot, app] = link(workspace, &outlet, set, slot)?;
-            over.extend(judge(set, slot, &boot, &app));
-            offer(&outlet, set, slot, &boot, &app)?;
-        }
+    for (set, slot) in by_slot() {
+        let [boot, app] = link(workspace, &outlet, set, slot)?;
+        over.extend(judge(set, slot, &boot, &app));
+        offer(&outlet, set, slot, &boot, &app)?;
     }
     println!("      {believed}");
     println!("      {}", outlet.folder.display());
@@ -149,6 +147,15 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     } else {
         Err(ImageError::Over(over))
     }
+}
+
+/// What is linked, all of slot A first: for another slot than before, cargo compiles the firmware
+/// anew.
+fn by_slot() -> Vec<(&'static Set, Slot)> {
+    let of_set = |set: &'static Set| set.slots().map(move |slot| (set, slot));
+    let mut all: Vec<_> = sets().iter().flat_map(of_set).collect();
+    all.sort_by_key(|(_, slot)| *slot == Slot::B);
+    all
 }
 
 /// Links both programs of a set, the application for `slot`, and keeps the linked files.
@@ -337,6 +344,12 @@ mod tests {
         program(&mut nor, 0, &whole).unwrap();
         let found = verify(&mut nor, C8.a, C8.hardware).map(|header| header.version);
         assert_eq!(found, Ok(Version::new(1, 2, 3)));
+    }
+
+    #[test]
+    fn the_firmware_was_compiled_anew_for_a_slot_that_it_had_been_compiled_for() {
+        let slots: Vec<_> = by_slot().into_iter().map(|(_, slot)| slot).collect();
+        assert_eq!(slots, [Slot::A, Slot::A, Slot::B]);
     }
 
     #[test]
