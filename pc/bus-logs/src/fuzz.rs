@@ -1,5 +1,6 @@
 //! Whatever stands in a log, every line is counted once and nothing grows.
 
+use canopen::Frame;
 use proptest::prelude::*;
 
 use super::*;

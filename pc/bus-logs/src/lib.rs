@@ -16,6 +16,7 @@ mod error;
 mod folder;
 mod input;
 mod lines;
+mod logged;
 mod pace;
 mod player;
 mod reader;
@@ -27,26 +28,13 @@ mod writer;
 #[cfg(test)]
 mod fuzz;
 
-use canopen::Frame;
-
 pub use candump::line as candump_line;
 pub use date::{is_dated, moment, text_utc};
 pub use error::LogError;
+pub use logged::Logged;
 pub use pace::PaceOptions;
 pub use player::{Moment, Part, PlayOptions, Player};
 pub use skipped::{Skip, Skipped, Tally};
 pub use sniff::{foreign, kind_of};
 pub use source::Source;
 pub use writer::{Format, Writer};
-
-/// A frame of a log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Logged {
-    /// When it was seen, in ns since 1970 (UTC), or since the log began where that has no date;
-    /// 0 in all frames of a log without times.
-    pub time_ns: u64,
-    /// The interface it was seen on, by its place in [`Source::interfaces`].
-    pub interface: u8,
-    /// What was seen.
-    pub frame: Frame,
-}
