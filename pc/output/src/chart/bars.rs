@@ -6,9 +6,8 @@
 
 use std::fmt::Write;
 
-use super::draw::Frame;
-use super::ticks::drawable;
-use super::{Chart, Ink, Shape};
+use super::data::Chart;
+use super::frame::{Frame, slot};
 use crate::table::format_number;
 
 /// Bars get their value written above them up to this many.
@@ -17,42 +16,9 @@ const MOST_LABELS: usize = 16;
 const DIGIT: f64 = 8.5;
 const LINE: f64 = 15.0;
 
-/// The bar series of a chart: colour and points that can be drawn.
-fn series(chart: &Chart) -> Vec<(Ink, Vec<(f64, f64)>)> {
-    let seen = |points: &[(f64, f64)]| {
-        let points = points
-            .iter()
-            .filter(|point| drawable(point.0) && drawable(point.1));
-        points.copied().collect()
-    };
-    let of = chart.plots.iter().filter_map(|plot| match &plot.shape {
-        Shape::Bars(points) => Some((plot.ink, seen(points))),
-        _ => None,
-    });
-    of.collect()
-}
-
-/// Where bars stand, in order, each place once.
-pub fn places(chart: &Chart) -> Vec<f64> {
-    let points = series(chart).into_iter().flat_map(|(_, points)| points);
-    let mut places: Vec<f64> = points.map(|point| point.0).collect();
-    places.sort_by(f64::total_cmp);
-    places.dedup();
-    places
-}
-
-/// Width of one group: the least distance between two places, 1 when there is only one.
-pub fn slot(chart: &Chart) -> f64 {
-    let places = places(chart);
-    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    steps
-        .reduce(f64::min)
-        .map_or(1.0, |step| step.clamp(1e-3, 1e6))
-}
-
 /// Draws all bars, then their values.
 pub fn push(chart: &Chart, frame: &Frame, out: &mut String) {
-    let series = series(chart);
+    let series = chart.bars();
     let group = 0.8 * (frame.x(slot(chart)) - frame.x(0.0));
     let width = group / series.len().max(1) as f64;
     let mut labels = Vec::new();

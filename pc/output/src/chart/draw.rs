@@ -1,122 +1,15 @@
 //! From a chart to SVG elements.
 //!
-//! In: a chart and the ranges of its data. Out: one `svg` element. Lengths are units of the view
-//! box; the text is larger on narrow screens (the style sheet does that), so the margins leave
-//! room for 17 units.
+//! In: a chart and the ranges of its data. Out: one `svg` element.
 
 use std::fmt::Write;
 
 use super::bars;
+use super::data::{Chart, Ink, Plot, Shape};
+use super::frame::{ABOVE, Frame, SIZE};
 use super::thin::{self, thin};
-use super::ticks::{Range, Tick, drawable, nice_step, ticks};
-use super::{Chart, Ink, Plot, Shape};
+use super::ticks::{Range, drawable};
 use crate::html::escape;
-use crate::table::format_number;
-
-/// Width and height of the view box.
-const SIZE: (f64, f64) = (520.0, 306.0);
-/// Margins above, right of and below the plot; the left one fits the labels.
-const ABOVE: f64 = 36.0;
-const RIGHT: f64 = 20.0;
-const BELOW: f64 = 50.0;
-/// Space that one character of a tick label may take.
-const CHARACTER: f64 = 9.5;
-/// At most this many places of bars are labelled.
-const MOST_BAR_TICKS: usize = 12;
-
-/// The plot area and its ranges.
-pub struct Frame {
-    left: f64,
-    x: Range,
-    y: Range,
-    x_ticks: Vec<Tick>,
-    y_ticks: Vec<Tick>,
-}
-
-impl Frame {
-    fn new(chart: &Chart, x: Range, y: Range) -> Self {
-        let y = chart.y_range.map_or(y, |range| range.join(y)).widened();
-        let step = nice_step(y, 5);
-        let y = y.to_multiples(step);
-        let x = padded(chart, x).widened();
-        let y_ticks = ticks(y, step);
-        let longest = y_ticks.iter().map(|tick| tick.label.chars().count()).max();
-        let left = 14.0 + CHARACTER * longest.unwrap_or(1) as f64;
-        Self {
-            left,
-            x,
-            y,
-            x_ticks: x_ticks(chart, x),
-            y_ticks,
-        }
-    }
-
-    fn right(&self) -> f64 {
-        SIZE.0 - RIGHT
-    }
-
-    fn bottom(&self) -> f64 {
-        SIZE.1 - BELOW
-    }
-
-    /// Place of a value on the horizontal axis.
-    pub fn x(&self, value: f64) -> f64 {
-        self.left + self.x.share(value) * (self.right() - self.left)
-    }
-
-    /// Place of a value on the vertical axis.
-    pub fn y(&self, value: f64) -> f64 {
-        self.bottom() - self.y.share(value) * (self.bottom() - ABOVE)
-    }
-}
-
-/// Bars need half a slot at each end, markers a little air; lines fill the width.
-fn padded(chart: &Chart, x: Range) -> Range {
-    let has = |wanted: fn(&Shape) -> bool| chart.plots.iter().any(|plot| wanted(&plot.shape));
-    let air = if chart.x_range.is_some() {
-        0.0
-    } else if has(|shape| matches!(shape, Shape::Bars(_))) {
-        0.5 * bars::slot(chart)
-    } else if has(|shape| matches!(shape, Shape::Markers(_))) {
-        0.03 * (x.to - x.from)
-    } else {
-        0.0
-    };
-    Range {
-        from: x.from - air,
-        to: x.to + air,
-    }
-}
-
-/// Names where there are any. Bars are labelled at their own places; other axes get round ticks.
-fn x_ticks(chart: &Chart, x: Range) -> Vec<Tick> {
-    if !chart.x_names.is_empty() {
-        let named = chart
-            .x_names
-            .iter()
-            .filter(|(at, _)| (x.from..=x.to).contains(at));
-        return named
-            .map(|(at, name)| Tick {
-                at: *at,
-                label: name.clone(),
-            })
-            .collect();
-    }
-    let places = bars::places(chart);
-    if places.is_empty() || chart.x_ticks_are_round {
-        let many = |step: f64| (x.to - x.from) / step > 12.0;
-        let step = chart.x_step.filter(|step| *step > 0.0 && !many(*step));
-        return ticks(x, step.unwrap_or_else(|| nice_step(x, 6)));
-    }
-    let every = places.len().div_ceil(MOST_BAR_TICKS);
-    let labelled = places.into_iter().step_by(every);
-    labelled
-        .map(|at| Tick {
-            at,
-            label: format_number(Some(at), 0),
-        })
-        .collect()
-}
 
 /// The drawing.
 pub fn svg(chart: &Chart, x: Range, y: Range) -> String {
