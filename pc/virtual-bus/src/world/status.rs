@@ -142,20 +142,9 @@ fn degrees(angle: Option<Angle>, reason: u8) -> String {
 
 /// Objects 2021h and 2027h in words: the state of the pair, which channel is blamed, and why.
 fn verdict(shown: &Shown<'_>) -> String {
-    let state = match shown.state() {
-        0 => "not compared",
-        1 => "both agree",
-        2 => "they differ, not for long",
-        3 => "stop the motion",
-        4 => "data were late",
-        5 => "physical fault",
-        6 => "they differ and neither can be blamed",
-        7 => "this channel is faulty",
-        8 => "the other channel is faulty",
-        _ => "neither measures",
-    };
+    let state = codes::words::state(shown.state());
     match shown.blame().1 {
-        0 => state.to_owned(),
+        0 => state.into_owned(),
         why => format!("{state} ({})", because(why)),
     }
 }
