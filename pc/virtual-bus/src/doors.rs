@@ -39,17 +39,16 @@ impl Doors {
         if let Some(name) = &arguments.can {
             hub.open_kernel(name)?;
         }
-        let mut devices = Vec::new();
+        let (seed, mut devices) = (arguments.seed, Vec::new());
         let mut listen = |at: Option<SocketAddr>, option, device: Box<dyn LineDevice>| {
             let Some(at) = at else { return Ok(None) };
-            let port = LinePort::listen(at, option, device)?;
+            let port = LinePort::listen(at, option, (device, seed))?;
             let at = port.at;
             devices.push(port);
             Ok::<_, ServeError>(Some(at))
         };
-        let seed = arguments.seed;
         let motor = listen(arguments.motor, "--motor", Box::new(Table::new(seed)))?;
-        let chamber = listen(arguments.chamber, "--chamber", Box::new(Climate { seed }))?;
+        let chamber = listen(arguments.chamber, "--chamber", Box::new(Climate))?;
         // Last, so that it takes no port that somebody has asked for.
         let twin = match arguments.twin {
             Some(at) => TwinPort::listen(at)?,

@@ -13,15 +13,11 @@ use crate::world::stage::Stage;
 
 /// The chamber's words.
 #[derive(Debug)]
-pub struct Climate {
-    /// Its serial number.
-    pub seed: u64,
-}
+pub struct Climate;
 
 impl LineDevice for Climate {
-    fn identity(&self) -> String {
-        let release = env!("CARGO_PKG_VERSION");
-        format!("Plumb,Virtual chamber,{},{release}", self.seed)
+    fn model(&self) -> &'static str {
+        "Virtual chamber"
     }
 
     fn obey(&mut self, words: &[&str], stage: &mut Stage) -> Result<Answer, Error> {
@@ -51,7 +47,7 @@ mod tests {
     fn the_air_goes_where_it_is_told_and_is_stable_when_it_is_there() {
         let mut stage = Stage::new(Network::new(250_000, 1), 1);
         stage.chamber_speed = 60.0;
-        let mut lines = Lines::new(Box::new(Climate { seed: 1 }));
+        let mut lines = Lines::new(Box::new(Climate), 1);
         let mut said = |line: &str, stage: &mut Stage| lines.hear(line, stage);
         let line = |text: &str| Answer::Line(text.to_owned());
         assert_eq!(said("temp:setp 15", &mut stage), Answer::Nothing);

@@ -59,8 +59,8 @@ pub fn number(text: &str, low: f64, high: f64) -> Result<f64, Error> {
 
 /// A device that is spoken to in lines.
 pub trait LineDevice: Debug {
-    /// Maker, model, serial number and release.
-    fn identity(&self) -> String;
+    /// What kind of device it is.
+    fn model(&self) -> &'static str;
 
     /// Carries out a line of its own words, in capital letters.
     ///
@@ -72,16 +72,25 @@ pub trait LineDevice: Debug {
 #[derive(Debug)]
 pub struct Lines {
     device: Box<dyn LineDevice>,
+    /// Its serial number.
+    seed: u64,
     errors: VecDeque<Error>,
 }
 
 impl Lines {
-    /// This device, without an error.
-    pub fn new(device: Box<dyn LineDevice>) -> Self {
+    /// This device, with its serial number and without an error.
+    pub fn new(device: Box<dyn LineDevice>, seed: u64) -> Self {
         Self {
             device,
+            seed,
             errors: VecDeque::new(),
         }
+    }
+
+    /// Maker, model, serial number and release.
+    fn identity(&self) -> String {
+        let (model, seed) = (self.device.model(), self.seed);
+        format!("Plumb,{model},{seed},{}", env!("CARGO_PKG_VERSION"))
     }
 
     /// Carries out a line.
@@ -93,7 +102,7 @@ impl Lines {
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
         let outcome = match words[..] {
             [] => Ok(Answer::Nothing),
-            ["*IDN?"] => Ok(Answer::Line(self.device.identity())),
+            ["*IDN?"] => Ok(Answer::Line(self.identity())),
             ["SYST:ERR?"] => {
                 let (number, text) = self.errors.pop_front().unwrap_or((0, "No error"));
                 Ok(Answer::Line(format!("{number},\"{text}\"")))
@@ -128,11 +137,11 @@ impl LinePort {
     pub fn listen(
         at: SocketAddr,
         option: &'static str,
-        device: Box<dyn LineDevice>,
+        (device, seed): (Box<dyn LineDevice>, u64),
     ) -> Result<Self, ServeError> {
         let server = LineServer::listen(at, option, MANNER)?;
         Ok(Self {
-            lines: Lines::new(device),
+            lines: Lines::new(device, seed),
             at: server.at,
             server,
             waiting: Vec::new(),
@@ -170,8 +179,8 @@ mod tests {
     struct Deaf;
 
     impl LineDevice for Deaf {
-        fn identity(&self) -> String {
-            "Deaf".to_owned()
+        fn model(&self) -> &'static str {
+            "Deaf"
         }
 
         fn obey(&mut self, _: &[&str], _: &mut Stage) -> Result<Answer, Error> {
@@ -182,10 +191,10 @@ mod tests {
     #[test]
     fn a_full_queue_of_errors_keeps_the_first() {
         let mut stage = Stage::new(Network::new(250_000, 1), 1);
-        let mut lines = Lines::new(Box::new(Deaf));
+        let mut lines = Lines::new(Box::new(Deaf), 7);
         assert_eq!(
             lines.hear("*idn?", &mut stage),
-            Answer::Line("Deaf".to_owned())
+            Answer::Line(format!("Plumb,Deaf,7,{}", env!("CARGO_PKG_VERSION")))
         );
         for _ in 0..ERRORS_LIMIT + 5 {
             assert_eq!(lines.hear("what?", &mut stage), Answer::Nothing);

@@ -48,7 +48,6 @@ pub struct Table {
     speed_deg_s: f64,
     /// Time of the motors' own, in which a move is over when the next one begins.
     time_s: f64,
-    seed: u64,
 }
 
 impl Table {
@@ -59,7 +58,6 @@ impl Table {
             axes: [Axis::draw(&mut rng), Axis::draw(&mut rng)],
             speed_deg_s: SPEED_DEG_S,
             time_s: 0.0,
-            seed,
         }
     }
 
@@ -94,9 +92,8 @@ impl Table {
 }
 
 impl LineDevice for Table {
-    fn identity(&self) -> String {
-        let release = env!("CARGO_PKG_VERSION");
-        format!("Plumb,Virtual motor,{},{release}", self.seed)
+    fn model(&self) -> &'static str {
+        "Virtual motor"
     }
 
     fn obey(&mut self, words: &[&str], stage: &mut Stage) -> Result<Answer, Error> {
@@ -127,7 +124,7 @@ mod tests {
 
     fn table() -> (Lines, Stage) {
         let stage = Stage::new(Network::new(250_000, 1), 1);
-        (Lines::new(Box::new(Table::new(1))), stage)
+        (Lines::new(Box::new(Table::new(1)), 1), stage)
     }
 
     fn line(text: &str) -> Answer {
