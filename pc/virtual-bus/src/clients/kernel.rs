@@ -32,22 +32,19 @@ mod linux {
     use std::thread;
     use std::time::Duration;
 
+    use can_text::kernel::{FULL_WAIT, from_kernel, may_send_again, to_kernel};
     use canopen::Frame;
     use rustix::io::Errno;
-    use socketcan::{CanFrame, CanSocket, EmbeddedFrame, ShouldRetry, Socket};
+    use socketcan::{CanSocket, ShouldRetry as _, Socket as _};
 
     use super::super::shared::{Client, Port, Shared};
     use crate::error::ServeError;
-    use crate::threads::spawn;
 
     /// Frames that may wait for the interface.
     const QUEUE: usize = 4096;
 
     /// How often the threads look whether to stop.
     const LOOK: Duration = Duration::from_millis(100);
-
-    /// How long to wait when the interface's own queue is full: eight frames at 1 Mbit/s.
-    const FULL_WAIT: Duration = Duration::from_millis(1);
 
     pub fn open(shared: &Arc<Shared>, name: &str) -> Result<(), ServeError> {
         let socket = CanSocket::open(name).map_err(|error| unusable(name, error))?;
@@ -61,10 +58,12 @@ mod linux {
         let full = || ServeError::Interface(name.to_owned(), io::Error::other("too many clients"));
         let client = joined.ok_or_else(full)?;
         let socket = Arc::new(socket);
-        let (for_writer, at) = (Arc::clone(&client), Arc::clone(&socket));
-        let (one, other) = (Arc::clone(shared), Arc::clone(shared));
-        spawn("can writer", move || write(&one, &for_writer, &at, &frames))?;
-        spawn("can reader", move || read(&other, &client, &socket))
+        let at = Arc::clone(&socket);
+        shared.start(
+            &client,
+            move |shared, client| write(shared, client, &at, &frames),
+            move |shared, client| read(shared, client, &socket),
+        )
     }
 
     fn unusable(name: &str, error: io::Error) -> ServeError {
@@ -100,11 +99,10 @@ mod linux {
                 continue;
             };
             while let Err(error) = socket.write_frame(&frame) {
-                let full = error.raw_os_error() == Some(Errno::NOBUFS.raw_os_error());
                 if shared.is_stopped() {
                     return;
                 }
-                if !full && !error.should_retry() {
+                if !may_send_again(&error) {
                     return shared.leave(client, &format!("is lost: {error}"));
                 }
                 thread::sleep(FULL_WAIT);
@@ -112,40 +110,9 @@ mod linux {
         }
     }
 
-    /// `None` for an error frame.
-    fn from_kernel(frame: &CanFrame) -> Option<Frame> {
-        match frame {
-            CanFrame::Data(data) => Frame::with(data.id(), data.data()),
-            CanFrame::Remote(remote) => Frame::remote(remote.id(), remote.dlc()),
-            CanFrame::Error(_) => None,
-        }
-    }
-
-    fn to_kernel(frame: &Frame) -> Option<CanFrame> {
-        match frame.is_remote() {
-            true => CanFrame::new_remote(frame.id(), frame.length()),
-            false => CanFrame::new(frame.id(), frame.bytes()),
-        }
-    }
-
     #[cfg(test)]
     mod tests {
         use super::*;
-        use canopen::frame::{ExtendedId, standard};
-
-        #[test]
-        fn frames_pass_the_kernel_unchanged() {
-            let long = ExtendedId::new(0x1234_5678).unwrap();
-            for frame in [
-                Frame::data_frame(0x80, &[]),
-                Frame::data_frame(0x181, &[1, 2, 3, 4, 5, 6, 7, 8]),
-                Frame::with(long, &[9]).unwrap(),
-                Frame::remote(standard(0x701), 1).unwrap(),
-            ] {
-                let there = to_kernel(&frame).unwrap();
-                assert_eq!(from_kernel(&there), Some(frame));
-            }
-        }
 
         #[test]
         fn each_way_to_fail_has_its_own_sentence() {

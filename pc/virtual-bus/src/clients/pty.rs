@@ -46,7 +46,7 @@ mod unix {
     use super::super::shared::{Client, Port, Shared};
     use super::super::slcan::Session;
     use crate::error::ServeError;
-    use crate::threads::{lock, spawn};
+    use crate::threads::lock;
 
     /// How often a terminal without a client is looked at, and a thread looks whether to stop.
     const LOOK: Duration = Duration::from_millis(50);
@@ -127,10 +127,12 @@ mod unix {
             end: master,
             left: Mutex::new(0),
         });
-        let (for_writer, at) = (Arc::clone(&client), Arc::clone(&master));
-        let (one, other) = (Arc::clone(shared), Arc::clone(shared));
-        spawn("pty writer", move || write(&one, &for_writer, &at))?;
-        spawn("pty reader", move || read(&other, &client, &master))?;
+        let at = Arc::clone(&master);
+        shared.start(
+            &client,
+            move |shared, client| write(shared, client, &at),
+            move |shared, client| read(shared, client, &master),
+        )?;
         Ok(path)
     }
 

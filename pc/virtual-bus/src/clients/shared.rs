@@ -17,7 +17,8 @@ use canopen::Frame;
 use super::dialogue::Heard;
 use super::outlet::{FRAMES_LIMIT, Full, Outlet, Tap};
 use super::round_robin::{ClientId, Incoming, RoundRobin};
-use crate::threads::lock;
+use crate::error::ServeError;
+use crate::threads::{lock, spawn};
 
 /// Frames of one client that may wait for the bus.
 const INCOMING_LIMIT: usize = 1024;
@@ -100,6 +101,7 @@ pub struct Shared {
     /// How long a client may stay without opening the bus.
     pub open_within: Duration,
     last_id: AtomicU32,
+    /// All threads are to end.
     pub stopped: AtomicBool,
 }
 
@@ -135,6 +137,21 @@ impl Shared {
         let client = Arc::new(Client { id, label, port });
         clients.push(Arc::clone(&client));
         Some(client)
+    }
+
+    /// Starts the two threads of a client.
+    ///
+    /// Errors: [`ServeError::Thread`].
+    pub fn start(
+        self: &Arc<Self>,
+        client: &Arc<Client>,
+        write: impl FnOnce(&Self, &Client) + Send + 'static,
+        read: impl FnOnce(&Self, &Client) + Send + 'static,
+    ) -> Result<(), ServeError> {
+        let (shared, writer) = (Arc::clone(self), Arc::clone(client));
+        spawn("client writer", move || write(&shared, &writer))?;
+        let (shared, reader) = (Arc::clone(self), Arc::clone(client));
+        spawn("client reader", move || read(&shared, &reader))
     }
 
     /// Takes a client away and says why; nothing when it is away already.

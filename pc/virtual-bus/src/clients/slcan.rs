@@ -13,13 +13,7 @@ use std::time::Duration;
 use super::dialogue::{Dialogue, Heard};
 use super::outlet::Tap;
 use can_text::hex;
-use can_text::slcan::{Form, RATES, frame};
-
-const CR: u8 = b'\r';
-const BEL: u8 = 7;
-
-/// Bytes of the longest command (`T`, identifier, length, 8 bytes), and some.
-const LINE_LIMIT: usize = 32;
+use can_text::slcan::{BEL, CR, FRAME_LETTERS, Flags, Form, LINE_LIMIT, RATES, frame};
 
 /// Hardware and software version, two digits each.
 const VERSION: &[u8] = b"V0100";
@@ -71,13 +65,13 @@ impl Session {
 
     fn obey(&mut self, letter: u8, rest: &[u8], heard: &mut Heard) -> Result<(), Refused> {
         match (letter, rest) {
-            (b't' | b'T' | b'r' | b'R', _) => self.transmit(letter, rest, heard),
+            _ if FRAME_LETTERS.contains(&letter) => self.transmit(letter, rest, heard),
             (b'O', []) => self.open(Channel::Open, heard),
             (b'L', []) => self.open(Channel::ListenOnly, heard),
             (b'C', []) => self.close(heard),
             (b'V', []) => say(VERSION, heard),
             (b'N', []) => say(SERIAL_NUMBER, heard),
-            (b'F', []) if self.channel != Channel::Closed => say(b"F00", heard),
+            (b'F', []) if self.channel != Channel::Closed => say(&Flags::default().text(), heard),
             _ if self.channel == Channel::Closed => self.set(letter, rest),
             _ => Err(Refused),
         }

@@ -18,7 +18,7 @@ use super::outlet::Outlet;
 use super::shared::{Client, Port, Shared};
 use super::{slcan, socketcand};
 use crate::error::ServeError;
-use crate::threads::{self, spawn};
+use crate::threads;
 
 /// A write that makes no progress for so long ends the connection.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -91,13 +91,11 @@ fn start(
         // An empty queue has room for a greeting.
         let _ = outlet.answer(greeting);
     }
-    let (writer, reader) = (Arc::clone(&client), Arc::clone(&client));
-    let (for_writer, for_reader) = (Arc::clone(shared), Arc::clone(shared));
-    let started = spawn("writer", move || write(&for_writer, &writer, writing)).and_then(|()| {
-        spawn("reader", move || {
-            read(&for_reader, &reader, stream, dialogue)
-        })
-    });
+    let started = shared.start(
+        &client,
+        move |shared, client| write(shared, client, writing),
+        move |shared, client| read(shared, client, stream, dialogue),
+    );
     started.map_err(|error| {
         shared.leave(&client, "dropped");
         error.to_string()
