@@ -3,7 +3,7 @@
 //! In: words, from the command line or the standard input. Out: the server's answer to each, as
 //! text or JSON; exit status 1 when one of them was refused, or the server went before its answer.
 //!
-//! Left out: what the words mean (`serve::words`), and how the server takes them (`serve::twin`).
+//! Left out: what the words mean (`virtual-bus`), and how the server takes them (there as well).
 
 use std::ffi::OsStr;
 use std::io::{self, BufRead as _};
@@ -15,8 +15,7 @@ use clap::{Arg, Args, Command};
 
 use bus_master::intake::{Intake, connect};
 use output::stdout;
-use virtual_bus::twin::{Answer, TWIN_AT};
-use virtual_bus::words::{candidates, help, read};
+use virtual_bus::{Answer, TWIN_AT, candidates, help, read};
 
 /// How long a server may take to say that it is one.
 const GREETING: Duration = Duration::from_secs(10);

@@ -7,13 +7,11 @@
 use std::io;
 use std::time::{Duration, Instant};
 
+use can_text::kernel::{FULL_WAIT, from_kernel, may_send_again, to_kernel};
 use canopen::Frame;
-use socketcan::{CanFrame, CanSocket, EmbeddedFrame, ShouldRetry, Socket, SocketOptions};
+use socketcan::{CanSocket, ShouldRetry as _, Socket as _, SocketOptions as _};
 
 use super::{Received, Trouble, now_ns};
-
-/// How long to wait when the interface's own queue is full: eight frames at 1 Mbit/s.
-const FULL_WAIT: Duration = Duration::from_millis(1);
 
 /// How often a full queue is tried again.
 const TRIES: u32 = 1000;
@@ -48,7 +46,7 @@ impl Client {
         for _ in 0..TRIES {
             match self.socket.write_frame(&frame) {
                 Ok(()) => return Ok(()),
-                Err(error) if error.should_retry() || is_full(&error) => {
+                Err(error) if may_send_again(&error) => {
                     std::thread::sleep(FULL_WAIT);
                 }
                 Err(error) => return Err(error),
@@ -88,26 +86,5 @@ impl Client {
     /// What error frames have told.
     pub const fn trouble(&self) -> Trouble {
         self.trouble
-    }
-}
-
-fn is_full(error: &io::Error) -> bool {
-    let full = rustix::io::Errno::NOBUFS.raw_os_error();
-    error.raw_os_error() == Some(full)
-}
-
-/// `None` for an error frame.
-pub fn from_kernel(frame: &CanFrame) -> Option<Frame> {
-    match frame {
-        CanFrame::Data(data) => Frame::with(data.id(), data.data()),
-        CanFrame::Remote(remote) => Frame::remote(remote.id(), remote.dlc()),
-        CanFrame::Error(_) => None,
-    }
-}
-
-fn to_kernel(frame: &Frame) -> Option<CanFrame> {
-    match frame.is_remote() {
-        true => CanFrame::new_remote(frame.id(), frame.length()),
-        false => CanFrame::new(frame.id(), frame.bytes()),
     }
 }

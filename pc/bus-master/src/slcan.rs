@@ -14,7 +14,7 @@ use canopen::Frame;
 
 use super::intake::{self, Intake, Stream};
 use super::{Received, Trouble, now_ns};
-use can_text::slcan::{Form, RATES, frame};
+use can_text::slcan::{BEL, CR, FRAME_LETTERS, Flags, Form, RATES, frame};
 
 /// How long an adapter has for an answer.
 const ANSWER: Duration = Duration::from_secs(1);
@@ -26,12 +26,6 @@ const OPENINGS: usize = 3;
 
 /// After which errors the opening is tried again: no answer in time, and a refusal.
 const AGAIN: [io::ErrorKind; 2] = [io::ErrorKind::TimedOut, io::ErrorKind::InvalidData];
-
-/// Status flags (CAN232 manual, `F`): error warning, error passive, bus error.
-const BAD: u8 = 1 << 2 | 1 << 5 | 1 << 7;
-
-/// Status flag: the queue of frames to be sent is full.
-const UNSENT: u8 = 1 << 1;
 
 /// An adapter whose channel is open.
 #[derive(Debug)]
@@ -52,7 +46,7 @@ enum Said {
     /// BEL.
     Refused,
     /// Status flags.
-    Flags(u8),
+    Flags(Flags),
 }
 
 impl Client {
@@ -142,7 +136,7 @@ impl Client {
     }
 
     fn said(&mut self, until: Instant) -> io::Result<Option<Said>> {
-        let line = self.intake.next(b"\r\x07", until)?;
+        let line = self.intake.next(&[CR, BEL], until)?;
         Ok(line.map(|(line, end)| read(line, end)))
     }
 
@@ -178,9 +172,9 @@ impl Client {
         }
     }
 
-    const fn note(&mut self, flags: u8) {
-        self.trouble.errors += (flags & BAD).count_ones() as u64;
-        self.trouble.unsent |= flags & UNSENT != 0;
+    const fn note(&mut self, flags: Flags) {
+        self.trouble.errors += flags.errors() as u64;
+        self.trouble.unsent |= flags.is_unsent();
     }
 
     /// Asks for the status flags; an adapter that does not know the question is not in trouble.
@@ -213,21 +207,18 @@ impl Drop for Client {
 fn read(line: &[u8], end: u8) -> Said {
     // Some adapters end lines with CR and LF.
     let line = line.trim_ascii();
-    if end != b'\r' {
+    if end != CR {
         return Said::Refused;
     }
     match line.split_first() {
-        Some((letter @ (b't' | b'T' | b'r' | b'R'), rest)) => {
+        Some((letter, rest)) if FRAME_LETTERS.contains(letter) => {
             // An adapter that was told to stamp by somebody before appends four digits.
             let cut = rest.len().checked_sub(4).and_then(|end| rest.get(..end));
             let read = frame(*letter, rest).or_else(|| frame(*letter, cut?));
             let time_ns = now_ns();
             read.map_or(Said::Done, |frame| Said::Frame(Received { time_ns, frame }))
         }
-        Some((b'F', flags)) => {
-            let flags = can_text::hex::number(flags).and_then(|flags| u8::try_from(flags).ok());
-            flags.map_or(Said::Done, Said::Flags)
-        }
+        Some((b'F', flags)) => Flags::read(flags).map_or(Said::Done, Said::Flags),
         _ => Said::Done,
     }
 }

@@ -1,16 +1,62 @@
-//! A frame in the serial line protocol of Lawicel's CAN adapters (SLCAN): text and back.
+//! Lines of the serial protocol of Lawicel's CAN adapters (SLCAN), as both ends have them.
 //!
 //! In: a frame of the bus, and what the client has asked for; or a line. Out: `t`, `T`, `r` or `R`
-//! with identifier, length, bytes and CR, as in the CAN232/CANUSB manuals; or the frame.
+//! with identifier, length, bytes and CR, as in the CAN232/CANUSB manuals; or the frame. Bit rates
+//! and status flags have their digits here as well.
 //!
-//! Left out: the other commands of the protocol, which the two ends of a line have themselves.
+//! Left out: when which command is sent, and how it is answered, which the two ends decide.
 
 use canopen::Frame;
 use canopen::frame::{ExtendedId, Id, StandardId};
 
 use crate::hex;
 
-const CR: u8 = b'\r';
+/// Ends a command; alone it is the answer to one that was carried out.
+pub const CR: u8 = b'\r';
+
+/// The answer to a command that was refused.
+pub const BEL: u8 = 7;
+
+/// Bytes of the longest command (`T`, identifier, length, 8 bytes), and some.
+pub const LINE_LIMIT: usize = 32;
+
+/// Letters of the lines that are frames.
+pub const FRAME_LETTERS: [u8; 4] = *b"tTrR";
+
+/// Status flags (CAN232 manual, `F`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Flags(pub u8);
+
+impl Flags {
+    /// Error warning, error passive, bus error.
+    const BAD: u8 = 1 << 2 | 1 << 5 | 1 << 7;
+
+    /// The queue of frames to be sent is full.
+    const UNSENT: u8 = 1 << 1;
+
+    /// The flags behind `F`.
+    pub fn read(digits: &[u8]) -> Option<Self> {
+        let flags = hex::number(digits)?;
+        u8::try_from(flags).ok().map(Self)
+    }
+
+    /// `F` and the flags, without the end of the line.
+    pub fn text(self) -> Vec<u8> {
+        let mut text = b"F".to_vec();
+        hex::put_bytes(&mut text, &[self.0]);
+        text
+    }
+
+    /// How many of them are errors of the bus.
+    pub const fn errors(self) -> u32 {
+        (self.0 & Self::BAD).count_ones()
+    }
+
+    /// True when frames wait that could not be sent.
+    pub const fn is_unsent(self) -> bool {
+        self.0 & Self::UNSENT != 0
+    }
+}
 
 /// kbit/s of `S0` to `S8`.
 pub const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
@@ -107,6 +153,17 @@ pub fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn flags_come_back_and_those_of_a_bus_in_trouble_count() {
+        let text = Flags(0xA6).text();
+        assert_eq!(text, b"FA6");
+        let flags = Flags::read(&text[1..]).unwrap();
+        assert_eq!(flags, Flags(0xA6));
+        assert!(flags.errors() == 3 && flags.is_unsent());
+        assert!(Flags(0x59).errors() == 0 && !Flags(0x59).is_unsent());
+        assert_eq!(Flags::read(b"100"), None);
+    }
 
     #[test]
     fn the_first_filter_sees_the_first_byte() {

@@ -9,10 +9,10 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use sim::bench;
 
-use super::pace::Speed;
-use super::stop::Stopped;
-use super::tcp;
-use super::words::{BIT_RATES, help};
+use crate::addresses::SOCKETCAND_AT;
+use crate::error::ServeError;
+use crate::pace::Speed;
+use crate::words::line::{BIT_RATES, help};
 
 /// Node-ids in the order of the nodes, or none for all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,7 +74,7 @@ fn chamber_speed(text: &str) -> Result<f64, String> {
 #[command(after_help = format!("Words, typed or in a script:\n{}", help()))]
 pub struct Arguments {
     /// Where socketcand clients connect; port 0 for any free one
-    #[arg(long, default_value_t = tcp::SOCKETCAND_AT, value_name = "ADDRESS:PORT")]
+    #[arg(long, default_value_t = SOCKETCAND_AT, value_name = "ADDRESS:PORT")]
     pub listen: SocketAddr,
     /// The channel that socketcand clients open
     #[arg(long, default_value = "plumb", value_name = "NAME")]
@@ -142,8 +142,8 @@ pub struct Arguments {
 impl Arguments {
     /// The node-id of each node.
     ///
-    /// Errors: [`Stopped::NodeIds`] when there are more or fewer of them than nodes.
-    pub fn node_ids(&self) -> Result<Vec<Option<u8>>, Stopped> {
+    /// Errors: [`ServeError::NodeIds`] when there are more or fewer of them than nodes.
+    pub fn node_ids(&self) -> Result<Vec<Option<u8>>, ServeError> {
         let nodes = 2 * usize::from(self.instruments);
         match &self.node_ids {
             None => Ok((1..).map(Some).take(nodes).collect()),
@@ -151,7 +151,7 @@ impl Arguments {
             Some(NodeIds(Some(ids))) if ids.len() == nodes => {
                 Ok(ids.iter().copied().map(Some).collect())
             }
-            Some(NodeIds(Some(ids))) => Err(Stopped::NodeIds(ids.len(), nodes)),
+            Some(NodeIds(Some(ids))) => Err(ServeError::NodeIds(ids.len(), nodes)),
         }
     }
 }

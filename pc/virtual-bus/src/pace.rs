@@ -44,7 +44,8 @@ impl FromStr for Speed {
 /// The pace of one run.
 #[derive(Debug)]
 pub struct Pace {
-    speed: Speed,
+    /// How fast virtual time goes.
+    pub speed: Speed,
     anchor: Instant,
     anchor_ns: u64,
 }

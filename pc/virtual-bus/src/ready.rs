@@ -1,16 +1,17 @@
-//! Lines that a person pastes into another program to join the bus, and the same for programs.
+//! Where the bus can be reached, as lines that a person pastes into another program, or as JSON.
 //!
-//! In: where the bus can be reached. Out: one block of text for each way, or one line of JSON. The
+//! In: every way in. Out: one block of text for each way, or a value for one line of JSON. The
 //! lines are those of python-can 4.6, python-canopen 2.4 and can-utils.
 //!
-//! Left out: the motion of the instrument, and anything about its nodes.
+//! Left out: the motion of the instrument, and anything about its nodes but their node-ids.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::net::SocketAddr;
 
 use serde::Serialize;
 
-/// Where the bus is, for `--json`.
+use crate::addresses::reached;
+
+/// Every way in, as `--json` prints them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ready {
     /// "plumb-serve".
@@ -22,116 +23,131 @@ pub struct Ready {
     /// Bit rate.
     pub bit_rate_kbit_s: u16,
     /// ADDRESS:PORT of the socketcand server.
-    pub socketcand: String,
+    pub socketcand: SocketAddr,
     /// The name by which its clients open the bus.
     pub bus_name: String,
     /// ADDRESS:PORT of the SLCAN server.
-    pub slcan: Option<String>,
+    pub slcan: Option<SocketAddr>,
     /// Path of the pseudo-terminal.
     pub pty: Option<String>,
     /// Interface of the kernel.
     pub can_interface: Option<String>,
     /// ADDRESS:PORT of the virtual motor.
-    pub motor: Option<String>,
+    pub motor: Option<SocketAddr>,
     /// ADDRESS:PORT of the virtual climatic chamber.
-    pub chamber: Option<String>,
+    pub chamber: Option<SocketAddr>,
     /// ADDRESS:PORT of the port for words, for `plumb twin --to`.
-    pub twin: String,
+    pub twin: SocketAddr,
 }
 
-/// What a typed word has told, for `--json`.
-#[derive(Clone, Debug, Serialize)]
-pub struct Told<'a> {
-    /// "plumb-serve-told".
-    pub format: &'static str,
-    /// 1.
-    pub version: u32,
-    /// The text, in lines.
-    pub lines: Vec<&'a str>,
+/// One way for CAN clients.
+struct Way {
+    /// In the list of all ways.
+    place: String,
+    title: String,
+    /// What python-can wants.
+    keywords: String,
+    /// A line for a shell.
+    shell: String,
 }
 
-impl<'a> Told<'a> {
-    /// This text.
-    pub fn new(text: &'a str) -> Self {
-        Self {
-            format: "plumb-serve-told",
-            version: 1,
-            lines: text.lines().collect(),
+impl Ready {
+    /// What is printed once all is ready: one line to wait for, then the lines to paste.
+    pub fn text(&self) -> String {
+        let id = |id: &Option<u8>| id.map_or("none".to_owned(), |id| id.to_string());
+        let ids: Vec<_> = self.node_ids.iter().map(id).collect();
+        let ways = self.ways();
+        let places: Vec<_> = ways.iter().map(|way| way.place.as_str()).collect();
+        let mut text = format!(
+            "serving {} nodes ({}) at {} kbit/s on {}\n",
+            ids.len(),
+            ids.join(", "),
+            self.bit_rate_kbit_s,
+            places.join(", ")
+        );
+        text.extend(ways.iter().map(Way::lines));
+        text += &format!("plumb twin --to {} WORD\n", reached(self.twin));
+        if let Some(at) = self.motor {
+            text += &format!("plumb calibrate --motor tcp://{at}\n");
         }
+        if let Some(at) = self.chamber {
+            text += &format!("plumb characterise --chamber tcp://{at}\n");
+        }
+        text
+    }
+
+    fn ways(&self) -> Vec<Way> {
+        let mut ways = vec![Way::socketcand(self.socketcand, &self.bus_name)];
+        ways.extend(self.slcan.map(Way::slcan));
+        ways.extend(self.pty.as_deref().map(Way::pty));
+        ways.extend(self.can_interface.as_deref().map(Way::kernel));
+        ways
     }
 }
 
-/// One line of JSON.
-pub fn json(value: &impl Serialize) -> String {
-    // Text, numbers and lists always have a form in JSON.
-    serde_json::to_string(value).unwrap_or_default() + "\n"
-}
+impl Way {
+    fn socketcand(at: SocketAddr, name: &str) -> Self {
+        let place = format!("socketcand {at}");
+        let at = reached(at);
+        let (host, port) = (at.ip(), at.port());
+        Self {
+            place,
+            title: format!("socketcand on {at}, bus {name}"),
+            keywords: format!(
+                "interface=\"socketcand\", host=\"{host}\", port={port}, channel={name:?}"
+            ),
+            shell: format!(
+                "python -m can.logger -i socketcand -c {name} --bus-kwargs host={host} port={port}"
+            ),
+        }
+    }
 
-/// One way to the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way<'a> {
-    /// socketcand over TCP: where, and the name of the bus.
-    Socketcand(SocketAddr, &'a str),
-    /// SLCAN over TCP: where.
-    SlcanTcp(SocketAddr),
-    /// SLCAN on a pseudo-terminal: its path.
-    SlcanPty(&'a Path),
-    /// An interface of the kernel: its name.
-    Kernel(&'a str),
-}
+    fn slcan(at: SocketAddr) -> Self {
+        let url = format!("socket://{}", reached(at));
+        Self {
+            place: format!("SLCAN {at}"),
+            title: format!("SLCAN on {}", reached(at)),
+            keywords: slcan_keywords(&url),
+            shell: format!("python -m can.logger -i slcan -c {url}"),
+        }
+    }
 
-/// The lines for one way to the bus, which end with a line feed each.
-pub fn lines(way: Way) -> String {
-    let (title, keywords, shell) = match way {
-        Way::Socketcand(at, name) => {
-            let at = reached(at);
-            let (host, port) = (at.ip(), at.port());
-            (
-                format!("socketcand on {at}, bus {name}"),
-                format!(
-                    "interface=\"socketcand\", host=\"{host}\", port={port}, \
-                     channel={name:?}"
-                ),
-                format!(
-                    "python -m can.logger -i socketcand -c {name} --bus-kwargs host={host} \
-                     port={port}"
-                ),
-            )
+    fn pty(path: &str) -> Self {
+        Self {
+            place: format!("SLCAN {path}"),
+            title: format!("SLCAN on {path}"),
+            keywords: slcan_keywords(path),
+            shell: format!("sudo slcand -o -c {path} slcan0 && sudo ip link set slcan0 up"),
         }
-        Way::SlcanTcp(at) => {
-            let at = reached(at);
-            let url = format!("socket://{at}");
-            let shell = format!("python -m can.logger -i slcan -c {url}");
-            (format!("SLCAN on {at}"), slcan_keywords(&url), shell)
+    }
+
+    fn kernel(name: &str) -> Self {
+        Self {
+            place: format!("CAN interface {name}"),
+            title: format!("SocketCAN interface {name}"),
+            keywords: format!("interface=\"socketcan\", channel={name:?}"),
+            shell: format!("candump -L {name}"),
         }
-        Way::SlcanPty(path) => {
-            let path = path.display().to_string();
-            let shell = format!("sudo slcand -o -c {path} slcan0 && sudo ip link set slcan0 up");
-            (format!("SLCAN on {path}"), slcan_keywords(&path), shell)
-        }
-        Way::Kernel(name) => (
-            format!("SocketCAN interface {name}"),
-            format!("interface=\"socketcan\", channel={name:?}"),
-            format!("candump -L {name}"),
-        ),
-    };
-    format!(
-        "{title}\n  python-can:  can.Bus({keywords})\n  canopen:     \
-         network.connect({keywords})\n  shell:       {shell}\n"
-    )
+    }
+
+    /// The lines to paste, which end with a line feed each.
+    fn lines(&self) -> String {
+        let Self {
+            title,
+            keywords,
+            shell,
+            ..
+        } = self;
+        format!(
+            "{title}\n  python-can:  can.Bus({keywords})\n  canopen:     \
+             network.connect({keywords})\n  shell:       {shell}\n"
+        )
+    }
 }
 
 fn slcan_keywords(channel: &str) -> String {
     // The pause of two seconds is for adapters that restart when opened.
     format!("interface=\"slcan\", channel={channel:?}, sleep_after_open=0")
-}
-
-/// An address that a client on this machine can connect to.
-pub fn reached(mut at: SocketAddr) -> SocketAddr {
-    if at.ip().is_unspecified() {
-        at.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
-    }
-    at
 }
 
 #[cfg(test)]
@@ -140,7 +156,7 @@ mod tests {
 
     #[test]
     fn python_can_gets_its_four_keywords() {
-        let text = lines(Way::Socketcand(([127, 0, 0, 1], 29536).into(), "plumb"));
+        let text = Way::socketcand(([127, 0, 0, 1], 29536).into(), "plumb").lines();
         assert!(text.contains(
             "can.Bus(interface=\"socketcand\", host=\"127.0.0.1\", port=29536, \
              channel=\"plumb\")"
@@ -150,18 +166,18 @@ mod tests {
 
     #[test]
     fn an_address_for_everybody_is_reached_at_this_machine() {
-        let text = lines(Way::SlcanTcp(([0, 0, 0, 0], 4000).into()));
+        let text = Way::slcan(([0, 0, 0, 0], 4000).into()).lines();
         assert!(text.contains("\"socket://127.0.0.1:4000\""), "{text}");
     }
 
     #[test]
     fn a_terminal_and_an_interface_go_by_name() {
-        let pty = lines(Way::SlcanPty(Path::new("/dev/pts/9")));
+        let pty = Way::pty("/dev/pts/9").lines();
         assert!(
             pty.contains("interface=\"slcan\", channel=\"/dev/pts/9\""),
             "{pty}"
         );
-        let kernel = lines(Way::Kernel("vcan0"));
+        let kernel = Way::kernel("vcan0").lines();
         assert!(
             kernel.contains("interface=\"socketcan\", channel=\"vcan0\""),
             "{kernel}"
