@@ -2,8 +2,8 @@
 //!
 //! In: the tree. Out: a finding for each set of files that name each other's items in a circle,
 //! with a shortest circle and the line of each step, so that a reader sees where it can be cut.
-//! Sets that were there before the rule stand in [`LEFT`], which may only shrink: one that has gone,
-//! or has lost a file, must leave it.
+//! Sets that were there before the rule stand in [`LEFT`], which may only shrink: one that has
+//! gone, or has lost a file, must leave it.
 //!
 //! Left out: the crates for the part and the world; their circles are a module and its parts.
 
@@ -220,7 +220,7 @@ mod tests {
             ),
             (
                 "pc/x/src/a.rs",
-                "use super::Bus;\nuse std::a::Bus as B;\n#[cfg(test)]\nmod tests { use super::*; }\n",
+                "use super::Bus;\nuse std::a::B;\n#[cfg(test)]\nmod tests { use super::*; }\n",
             ),
             ("pc/x/src/tests.rs", "use super::a;\n"),
         ]);
