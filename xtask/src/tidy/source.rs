@@ -132,6 +132,14 @@ impl Source {
             .collect()
     }
 
+    /// The files, beside this one, that modules under `#[cfg(test)]` are read from by
+    /// `#[path = "..."]`.
+    pub fn test_files(&self) -> Vec<&str> {
+        let items = self.tests.iter().map(|range| &self.text[range.clone()]);
+        let named = items.filter_map(|item| item.split_once("#[path = \"")?.1.split_once('"'));
+        named.map(|(file, _)| file).collect()
+    }
+
     /// The parts the compiler evaluates: `const NAME: T = ...;` and `const { ... }`.
     pub fn constants(&self) -> Vec<Range<usize>> {
         words(&self.code, "const")
@@ -254,6 +262,12 @@ mod tests {
     fn test_modules_in_their_own_files_are_named() {
         let text = "#[cfg(test)]\nmod tests;\n#[cfg(test)]\nextern crate std;\nmod real;\n";
         assert_eq!(source(text).test_modules(), vec!["tests"]);
+    }
+
+    #[test]
+    fn files_of_tests_behind_a_path_were_counted_as_code() {
+        let text = "// é\n#[cfg(test)]\n#[path = \"x_tests.rs\"]\nmod tests;\nmod real;\n";
+        assert_eq!(source(text).test_files(), vec!["x_tests.rs"]);
     }
 
     #[test]

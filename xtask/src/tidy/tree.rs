@@ -107,7 +107,7 @@ impl Tree {
     }
 }
 
-/// The two places where the test modules that a file declares may live.
+/// The places where the test modules that a file declares may live.
 fn test_module_paths(source: &Source) -> Vec<String> {
     let (folder, file) = source.path.rsplit_once('/').unwrap_or(("", &source.path));
     let stem = file.trim_end_matches(".rs");
@@ -116,8 +116,10 @@ fn test_module_paths(source: &Source) -> Vec<String> {
         _ => format!("{folder}/{stem}"),
     };
     let modules = source.test_modules().into_iter();
-    modules
-        .flat_map(|name| [format!("{home}/{name}.rs"), format!("{home}/{name}/")])
+    let by_name = modules.flat_map(|name| [format!("{home}/{name}.rs"), format!("{home}/{name}/")]);
+    let by_path = source.test_files().into_iter();
+    by_name
+        .chain(by_path.map(|file| format!("{folder}/{file}")))
         .collect()
 }
 
