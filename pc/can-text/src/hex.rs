@@ -1,7 +1,10 @@
 //! Hexadecimal text, as both wire formats have it.
 //!
-//! In: numbers and bytes, or ASCII digits of either case. Out: upper-case digits, or the value.
+//! In: numbers, bytes and identifiers, or ASCII digits of either case. Out: upper-case digits, or
+//! the value.
 //! Left out: signs, prefixes and separators.
+
+use canopen::frame::{ExtendedId, Id, StandardId};
 
 const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
 
@@ -15,6 +18,23 @@ pub fn put(out: &mut Vec<u8>, value: u32, digits: u32) {
 pub fn put_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
     for byte in bytes {
         put(out, u32::from(*byte), 2);
+    }
+}
+
+/// Appends an identifier: three digits for 11 bits, eight for 29.
+pub fn put_id(out: &mut Vec<u8>, id: Id) {
+    match id {
+        Id::Standard(id) => put(out, u32::from(id.as_raw()), 3),
+        Id::Extended(id) => put(out, id.as_raw(), 8),
+    }
+}
+
+/// An identifier: up to three digits make one of 11 bits, more one of 29.
+pub fn id(text: &[u8]) -> Option<Id> {
+    let value = number(text)?;
+    match text.len() {
+        ..=3 => StandardId::new(u16::try_from(value).ok()?).map(Id::Standard),
+        _ => ExtendedId::new(value).map(Id::Extended),
     }
 }
 
@@ -49,6 +69,18 @@ mod tests {
         assert_eq!(text, b"01A00FE");
         assert_eq!(number(b"01a"), Some(0x1A));
         assert_eq!(bytes(b"00fE"), Some(vec![0, 0xFE]));
+    }
+
+    #[test]
+    fn an_identifier_keeps_its_length() {
+        for text in [&b"001"[..], b"7FF", b"00000001", b"1FFFFFFF"] {
+            let mut again = Vec::new();
+            put_id(&mut again, id(text).unwrap());
+            assert_eq!(again, text);
+        }
+        for text in [&b""[..], b"800", b"20000000", b"7FG"] {
+            assert_eq!(id(text), None);
+        }
     }
 
     #[test]

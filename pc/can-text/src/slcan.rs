@@ -7,7 +7,7 @@
 //! Left out: when which command is sent, and how it is answered, which the two ends decide.
 
 use canopen::Frame;
-use canopen::frame::{ExtendedId, Id, StandardId};
+use canopen::frame::Id;
 
 use crate::hex;
 
@@ -88,16 +88,13 @@ impl Form {
         if !self.passes(frame) {
             return;
         }
-        match (frame.id(), frame.is_remote()) {
-            (Id::Standard(id), remote) => {
-                out.push(if remote { b'r' } else { b't' });
-                hex::put(out, u32::from(id.as_raw()), 3);
-            }
-            (Id::Extended(id), remote) => {
-                out.push(if remote { b'R' } else { b'T' });
-                hex::put(out, id.as_raw(), 8);
-            }
-        }
+        out.push(match (frame.id(), frame.is_remote()) {
+            (Id::Standard(_), false) => b't',
+            (Id::Standard(_), true) => b'r',
+            (Id::Extended(_), false) => b'T',
+            (Id::Extended(_), true) => b'R',
+        });
+        hex::put_id(out, frame.id());
         hex::put(out, frame.length() as u32, 1);
         hex::put_bytes(out, frame.bytes());
         if self.stamped {
@@ -136,11 +133,7 @@ impl Form {
 pub fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
     let digits = if letter.is_ascii_lowercase() { 3 } else { 8 };
     let (id, rest) = rest.split_at_checked(digits)?;
-    let id = hex::number(id)?;
-    let id = match digits {
-        3 => Id::Standard(StandardId::new(u16::try_from(id).ok()?)?),
-        _ => Id::Extended(ExtendedId::new(id)?),
-    };
+    let id = hex::id(id)?;
     let (length, bytes) = rest.split_first()?;
     let length = char::from(*length).to_digit(9)? as usize;
     let bytes = hex::bytes(bytes)?;
@@ -153,6 +146,7 @@ pub fn frame(letter: u8, rest: &[u8]) -> Option<Frame> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canopen::frame::ExtendedId;
 
     #[test]
     fn flags_come_back_and_those_of_a_bus_in_trouble_count() {

@@ -6,7 +6,6 @@
 //! Left out: remote frames, for which the protocol has no text, and all other words of it.
 
 use canopen::Frame;
-use canopen::frame::{ExtendedId, Id, StandardId};
 
 use crate::hex;
 
@@ -22,10 +21,7 @@ pub fn put_frame(out: &mut Vec<u8>, frame: &Frame, time_us: u64) {
         return;
     }
     out.extend_from_slice(b"< frame ");
-    match frame.id() {
-        Id::Standard(id) => hex::put(out, u32::from(id.as_raw()), 3),
-        Id::Extended(id) => hex::put(out, id.as_raw(), 8),
-    }
+    hex::put_id(out, frame.id());
     out.push(b' ');
     put_seconds(out, time_us);
     // The space stays when no bytes follow: python-can takes the third word, empty or not.
@@ -57,10 +53,7 @@ fn put_seconds(out: &mut Vec<u8>, time_us: u64) {
 /// Appends a data frame as a client sends it.
 pub fn put_send(text: &mut Vec<u8>, frame: &Frame) {
     text.extend_from_slice(b"< send ");
-    match frame.id() {
-        Id::Standard(id) => hex::put(text, u32::from(id.as_raw()), 3),
-        Id::Extended(id) => hex::put(text, id.as_raw(), 8),
-    }
+    hex::put_id(text, frame.id());
     text.extend_from_slice(format!(" {} ", frame.length()).as_bytes());
     for byte in frame.bytes() {
         hex::put(text, u32::from(*byte), 2);
@@ -77,12 +70,7 @@ pub fn frame(word: &[u8]) -> Option<(Frame, Option<u64>)> {
     if words.next() != Some(b"frame") {
         return None;
     }
-    let id = words.next()?;
-    let number = hex::number(id)?;
-    let id = match id.len() {
-        ..=3 => Id::Standard(StandardId::new(u16::try_from(number).ok()?)?),
-        _ => Id::Extended(ExtendedId::new(number)?),
-    };
+    let id = hex::id(words.next()?)?;
     let time_ns = words.next().and_then(stamp);
     let bytes = hex::bytes(words.next().unwrap_or(&[]))?;
     let frame = Frame::with(id, &bytes)?;
@@ -105,6 +93,7 @@ fn stamp(word: &[u8]) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canopen::frame::{ExtendedId, Id};
     use proptest::prelude::*;
 
     #[test]

@@ -2,8 +2,7 @@
 //!
 //! In: text, or a value. Out: standard output, as text or as one line of JSON, and standard error.
 
-use std::io::Write as _;
-
+use output::stdout;
 use serde::Serialize;
 
 /// What a typed word has told, for `--json`.
@@ -28,21 +27,14 @@ impl<'a> Told<'a> {
     }
 }
 
-/// One line of JSON, without its end.
-pub fn json(value: &impl Serialize) -> String {
-    // Text, numbers and lists always have a form in JSON.
-    serde_json::to_string(value).unwrap_or_default()
-}
-
 /// Prints. A reader that has gone is no reason to end the bus for all others.
 pub fn say(text: &str) {
-    let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    let _ = stdout::print(text);
 }
 
 /// Prints a line of JSON, as [`say`] does.
 pub fn say_json(value: &impl Serialize) {
-    say(&(json(value) + "\n"));
+    let _ = stdout::print_json(value);
 }
 
 /// Tells what is the matter.

@@ -153,15 +153,10 @@ impl Outlet {
         self.queue().tap != Tap::Closed
     }
 
-    /// Waits for bytes and moves them to `out` (which is emptied first); false when the client is
-    /// gone and nothing is left for it.
-    pub fn next(&self, out: &mut Vec<u8>) -> bool {
-        self.next_for(out).is_some()
-    }
-
-    /// As [`Outlet::next`]; tells how many clients had left when the bytes were taken, because
-    /// they are for nobody who comes later.
-    pub fn next_for(&self, out: &mut Vec<u8>) -> Option<u32> {
+    /// Waits for bytes and moves them to `out` (which is emptied first); `None` when the client is
+    /// gone and nothing is left for it. Returns how many clients had left when the bytes were
+    /// taken, because they are for nobody who comes later.
+    pub fn next(&self, out: &mut Vec<u8>) -> Option<u32> {
         out.clear();
         let mut queue = self.queue();
         loop {
@@ -231,11 +226,11 @@ mod tests {
         let outlet = Outlet::new();
         let mut out = Vec::new();
         outlet.answer(b"\r").unwrap();
-        assert_eq!(outlet.next_for(&mut out), Some(0));
+        assert_eq!(outlet.next(&mut out), Some(0));
         outlet.answer(b"z\r").unwrap();
         assert_eq!(outlet.leave(), 1);
         outlet.answer(b"\x07").unwrap();
-        assert_eq!(outlet.next_for(&mut out), Some(1));
+        assert_eq!(outlet.next(&mut out), Some(1));
         assert_eq!(out, b"\x07");
     }
 
@@ -274,6 +269,6 @@ mod tests {
         outlet.answer(b"< error >").unwrap();
         outlet.end();
         assert_eq!(taken(&outlet), "< error >");
-        assert!(!outlet.next(&mut Vec::new()));
+        assert_eq!(outlet.next(&mut Vec::new()), None);
     }
 }

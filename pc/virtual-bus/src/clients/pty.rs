@@ -193,7 +193,7 @@ mod unix {
             return;
         };
         let mut bytes = Vec::new();
-        while let Some(for_this) = outlet.next_for(&mut bytes) {
+        while let Some(for_this) = outlet.next(&mut bytes) {
             master.write(&bytes, for_this, shared);
         }
     }

@@ -10,7 +10,6 @@
 use std::time::Duration;
 
 use canopen::Frame;
-use canopen::frame::{ExtendedId, Id, StandardId};
 
 use super::dialogue::{Dialogue, Heard};
 use super::outlet::Tap;
@@ -186,7 +185,10 @@ fn shown(word: &str) -> String {
 
 /// The frame of a `send`: identifier, length and bytes, all hexadecimal.
 fn frame(id: &str, length: &str, bytes: &[&str]) -> Result<Frame, String> {
-    let id = identifier(id).ok_or_else(|| format!("{} is no CAN identifier", shown(id)))?;
+    // With four to seven digits it is not clear which length was meant.
+    let digits = Some(id.as_bytes()).filter(|digits| matches!(digits.len(), 1..=3 | 8));
+    let no_id = || format!("{} is no CAN identifier", shown(id));
+    let id = digits.and_then(hex::id).ok_or_else(no_id)?;
     let length = hex::number(length.as_bytes()).filter(|length| *length <= 8);
     let length = length.ok_or("the length is 0 to 8 bytes")?;
     if bytes.len() != length as usize {
@@ -202,20 +204,11 @@ fn frame(id: &str, length: &str, bytes: &[&str]) -> Result<Frame, String> {
     Frame::with(id, &bytes).ok_or_else(|| "the length is 0 to 8 bytes".to_owned())
 }
 
-/// Up to three digits make an 11-bit identifier, eight a 29-bit one.
-fn identifier(text: &str) -> Option<Id> {
-    let value = hex::number(text.as_bytes())?;
-    match text.len() {
-        1..=3 => StandardId::new(u16::try_from(value).ok()?).map(Id::Standard),
-        8 => ExtendedId::new(value).map(Id::Extended),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use can_text::socketcand::put_frame;
+    use canopen::frame::{ExtendedId, StandardId};
 
     fn hear(session: &mut Session, text: &str) -> Heard {
         let mut heard = Heard::default();

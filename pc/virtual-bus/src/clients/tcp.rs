@@ -107,7 +107,7 @@ fn write(shared: &Shared, client: &Client, mut stream: TcpStream) {
         return;
     };
     let mut bytes = Vec::new();
-    while outlet.next(&mut bytes) {
+    while outlet.next(&mut bytes).is_some() {
         if let Err(error) = stream.write_all(&bytes) {
             shared.leave(
                 client,

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::line_server::{LineServer, Manner, Request};
 use crate::addresses::here;
-use crate::console::{complain, json};
+use crate::console::complain;
 use crate::error::ServeError;
 use crate::world::agenda::{Agenda, Outcome, Until};
 use crate::world::effects::Done;
@@ -73,7 +73,8 @@ impl Answer {
     }
 
     fn line(&self) -> String {
-        json(self)
+        // Text, numbers and lists always have a form in JSON.
+        serde_json::to_string(self).unwrap_or_default()
     }
 }
 
