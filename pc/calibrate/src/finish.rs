@@ -20,6 +20,10 @@ use super::{dcc, page};
 use bus_master::BusOptions;
 use output::stdout;
 
+/// More or fewer nodes than an instrument has.
+pub const NODES: CalibrateError =
+    CalibrateError::Request("give one node or the two of an instrument, as --nodes 1,2");
+
 /// Which nodes, for whom, and where to.
 #[derive(Clone, Debug, Args)]
 pub struct Common {
@@ -69,12 +73,12 @@ pub type Done = Result<(Report, PathBuf), CalibrateError>;
 impl Common {
     /// One node, or two that differ.
     ///
-    /// Errors: [`CalibrateError::Twice`], [`CalibrateError::Nodes`].
+    /// Errors: [`CalibrateError::Twice`], [`CalibrateError::Request`].
     pub fn ids(&self) -> Result<Vec<u8>, CalibrateError> {
         match self.nodes[..] {
             [one, other] if one == other => Err(CalibrateError::Twice(one)),
             [_] | [_, _] => Ok(self.nodes.clone()),
-            _ => Err(CalibrateError::Nodes),
+            _ => Err(NODES),
         }
     }
 
@@ -82,8 +86,7 @@ impl Common {
     ///
     /// Errors: see [`Session::open`].
     pub fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
-        let bus = self.bus.join().map_err(CalibrateError::Join)?;
-        Session::open(bus, ids)
+        Session::open(self.bus.join()?, ids)
     }
 
     /// Does what --keep or --restore ask for; `None` when neither is given.

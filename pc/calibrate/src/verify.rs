@@ -96,11 +96,10 @@ struct Claim {
 ///
 /// Errors: see [`CalibrateError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
-    let bytes = std::fs::read(&arguments.file);
-    let bytes = bytes.map_err(|error| CalibrateError::File(arguments.file.clone(), error))?;
-    let claim = claim(&arguments.file, &bytes)?;
-    let bus = arguments.bus.join().map_err(CalibrateError::Join)?;
-    let session = Session::look(bus, &arguments.nodes)?;
+    let file = &arguments.file;
+    let bytes = std::fs::read(file).map_err(CalibrateError::file(file))?;
+    let claim = claim(file, &bytes)?;
+    let session = Session::look(arguments.bus.join()?, &arguments.nodes)?;
     let nodes: Vec<_> = session
         .nodes
         .iter()

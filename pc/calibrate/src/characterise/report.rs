@@ -12,7 +12,6 @@ use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO};
 
-use super::error::CharacteriseError;
 use super::measured::{Dwelt, Measured};
 use super::profile::Branch;
 use super::run::READINGS;
@@ -46,8 +45,8 @@ pub struct Made {
 
 /// The calibration of each node with its model in it.
 ///
-/// Errors: a fit that is refused, and [`CharacteriseError::Beyond`].
-pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CharacteriseError> {
+/// Errors: a fit that is refused, and [`CalibrateError::Beyond`].
+pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateError> {
     let made = |(place, node): (usize, &Node)| {
         let sights = measured.sights(place);
         let fitted = fit(measured.begun.model, &measured.begun.profile, &sights);
@@ -56,7 +55,7 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, Characteri
         let at = middle(before.budget.span);
         let bare = before.temperature == TemperatureModel::None;
         let new = with_model(before, fitted.model, at);
-        let mut calibration = new.ok_or(CharacteriseError::Beyond(node.id))?;
+        let mut calibration = new.ok_or(CalibrateError::Beyond(node.id))?;
         let left_mg = left_mg(measured, &sights, &fitted);
         calibration.budget = budget(&before.budget, &fitted, left_mg);
         Ok(Made {
