@@ -82,10 +82,27 @@ impl Common {
         }
     }
 
+    /// Does `work` with the nodes, takes them back to the NMT state in which they were found, and
+    /// prints what has come of it.
+    ///
+    /// Errors: those of the work, and of the nodes before it.
+    pub fn with_nodes(
+        &self,
+        ids: &[u8],
+        figures: fn(&Report) -> String,
+        work: impl FnOnce(&mut Session) -> Done,
+    ) -> Result<ExitCode, CalibrateError> {
+        let mut session = self.open(ids)?;
+        let done = work(&mut session);
+        session.leave();
+        let (report, place) = done?;
+        self.end(figures(&report), &report, &place)
+    }
+
     /// Joins the bus and takes the nodes to PRE-OPERATIONAL.
     ///
     /// Errors: see [`Session::open`].
-    pub fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
+    fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
         Session::open(self.bus.join()?, ids)
     }
 
@@ -104,7 +121,7 @@ impl Common {
     /// status 1: the instrument was not accepted.
     ///
     /// Errors: [`CalibrateError::Print`].
-    pub fn end(
+    fn end(
         &self,
         figures: String,
         report: &Report,

@@ -131,17 +131,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     let folder = Folder::claim(&arguments.out, common.force)?;
     let motor = arguments.motor.as_deref().map(ScpiMotor::connect);
     let motor = motor.transpose()?;
-    let mut session = common.open(&ids)?;
-    let fine = arguments.fine_enough(&session);
-    if let Err(error) = fine.and_then(|()| folder.keep(&kept::as_found(&session))) {
-        session.leave();
-        return Err(error);
-    }
-    let done = work(arguments, &folder, &mut session, motor);
-    let done = finish::settle(&folder, &mut session, done);
-    session.leave();
-    let (report, place) = done?;
-    common.end(figures(&report), &report, &place)
+    common.with_nodes(&ids, figures, |session| {
+        arguments.fine_enough(session)?;
+        folder.keep(&kept::as_found(session))?;
+        let done = work(arguments, &folder, session, motor);
+        finish::settle(&folder, session, done)
+    })
 }
 
 impl Arguments {

@@ -32,7 +32,7 @@ use thermal::Model;
 use crate::by_motor::Kind;
 use crate::compose::{Frame, now};
 use crate::console::Console;
-use crate::data::Channel;
+use crate::data::{Channel, Report};
 use crate::finish::{self, Done};
 use crate::folder::Folder;
 use crate::motor::{Axis, Motor, ScpiMotor};
@@ -121,12 +121,10 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Calib
             error => error,
         })?,
     };
-    let mut session = common.open(&ids)?;
-    let done = characterise(arguments, progress, &folder, &mut session);
-    session.leave();
-    let (report, place) = done?;
-    let figures = report.channels.iter().map(figures).collect();
-    common.end(figures, &report, &place)
+    let figures = |report: &Report| report.channels.iter().map(figures).collect();
+    common.with_nodes(&ids, figures, |session| {
+        characterise(arguments, progress, &folder, session)
+    })
 }
 
 /// The whole of it with the chamber that was named.
