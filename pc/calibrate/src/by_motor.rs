@@ -12,6 +12,7 @@ use tilt::chain::Correction;
 use tilt::table::Rule;
 
 use super::error::CalibrateError;
+use super::finish::NODES;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
 use super::session::{Reading, Session, encode};
@@ -79,12 +80,15 @@ pub enum Kind {
 impl Kind {
     /// The kind that all nodes of a session share.
     ///
-    /// Errors: [`CalibrateError::Mixed`].
+    /// Errors: [`CalibrateError::Request`].
     pub fn of(session: &Session) -> Result<Self, CalibrateError> {
         let mut kinds = session.nodes.iter().map(|node| node.kind);
-        let first = kinds.next().ok_or(CalibrateError::Nodes)?;
+        let first = kinds.next().ok_or(NODES)?;
         if kinds.any(|kind| kind != first) {
-            return Err(CalibrateError::Mixed);
+            return Err(CalibrateError::Request(
+                "the nodes measure in different ways (2030h, 2062h sub 2): calibrate them one by \
+                 one with --nodes",
+            ));
         }
         Ok(match first {
             0 => Self::Tables,

@@ -6,7 +6,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use device::calibration::encoding::identity;
+use device::calibration::encoding::{identity, kind};
 use tilt::chain::Correction;
 use tilt::sample::Temperature;
 use tilt::temperature::Compensated;
@@ -51,8 +51,14 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// A report without channels, not yet accepted.
-    pub fn report(&self, method: Method, reference: Reference, temperatures: &[f64]) -> Report {
+    /// A report that is not accepted yet; `figures` gives each channel what was found out about it.
+    pub fn report(
+        &self,
+        method: Method,
+        reference: Reference,
+        temperatures: &[f64],
+        figures: impl Fn(usize, &mut Channel),
+    ) -> Report {
         let Common {
             laboratory,
             operator,
@@ -94,7 +100,7 @@ impl Frame<'_> {
                 accepted: false,
                 largest_error_deg: None,
             },
-            channels: Vec::new(),
+            channels: self.channels(figures),
             difference_as_found: Vec::new(),
             difference_as_left: Vec::new(),
             faces: None,
@@ -102,10 +108,24 @@ impl Frame<'_> {
         }
     }
 
+    fn channels(&self, figures: impl Fn(usize, &mut Channel)) -> Vec<Channel> {
+        let nodes = self.session.nodes.iter().enumerate();
+        let channels = nodes.map(|(place, node)| {
+            let mut channel = self.channel(place, node);
+            figures(place, &mut channel);
+            let combined = Contribution::combined_deg(&channel.uncertainty);
+            channel.combined_uncertainty_deg = combined;
+            channel.expanded_uncertainty_deg = 2.0 * combined;
+            channel
+        });
+        channels.collect()
+    }
+
     /// A channel without figures.
-    pub fn channel(&self, place: usize, node: &Node) -> Channel {
+    fn channel(&self, place: usize, node: &Node) -> Channel {
         let made = self.made.get(place).and_then(|bytes| decode(bytes));
         let left = made.as_ref().map_or(0, identity);
+        let kind = made.as_ref().map(|made| kind(&made.correction));
         let span = made.map(|calibration| calibration.budget.span);
         // Two runs over the tables may have no temperature in common.
         let span = span.filter(|span| span.low <= span.high);
@@ -116,29 +136,14 @@ impl Frame<'_> {
             serial_number: node.serial,
             product_code: node.product,
             software: node.software.clone(),
-            kind: self.kind_of(place).unwrap_or(node.kind),
+            kind: kind.unwrap_or(node.kind),
             calibrated_before: node.calibrated,
             as_found_crc32: format!("{:08X}", node.found_sum()),
             as_left_crc32: format!("{left:08X}"),
             span_min_degc: span.map(|span| degc(span.low)),
             span_max_degc: span.map(|span| degc(span.high)),
-            condition: None,
-            residual_deg: None,
-            residual_mg: None,
-            as_found: Vec::new(),
-            residuals: Vec::new(),
-            as_left: Vec::new(),
-            poses: Vec::new(),
-            thermal: None,
-            uncertainty: Vec::new(),
-            combined_uncertainty_deg: 0.0,
-            expanded_uncertainty_deg: 0.0,
+            ..Channel::default()
         }
-    }
-
-    fn kind_of(&self, place: usize) -> Option<u8> {
-        let made = self.made.get(place).and_then(|bytes| decode(bytes))?;
-        Some(device::calibration::encoding::kind(&made.correction))
     }
 
     /// The report of a round by motor.
@@ -160,119 +165,106 @@ impl Frame<'_> {
         let temperatures: Vec<f64> = all
             .flat_map(|stand| stand.readings.iter().map(|r| r.temperature_c))
             .collect();
-        let mut report = self.report(method, reference, &temperatures);
-        for (place, node) in self.session.nodes.iter().enumerate() {
-            let mut channel = self.channel(place, node);
+        let mut report = self.report(method, reference, &temperatures, |place, channel| {
             let points = |stands: &[Stand]| stands.iter().map(|s| point(s, place)).collect();
             channel.as_found = points(&swept.found);
             channel.as_left = points(&swept.left);
             if let Some(fit) = swept.fits.get(place) {
                 channel.condition = Some(fit.condition);
                 channel.residual_deg = Some(fit.residual_deg());
-                let residuals = fit.residuals.iter();
-                channel.residuals = residuals
-                    .map(|(axis, at, left)| known(*axis, *at, at + left))
-                    .collect();
+                let left = fit.residuals.iter();
+                let left =
+                    left.map(|(axis, at, left)| Point::new(axis.letter(), *at, Ok(at + left)));
+                channel.residuals = left.collect();
             }
+            let noise_deg = mean_uncertainty_deg(&swept.left, place);
+            let scatter = "scatter of the readings of the verification round";
             channel.uncertainty = vec![
                 Contribution::new("Reference", "B", reference_deg, "as the motor states it"),
-                Contribution::new(
-                    "Noise of a mean",
-                    "A",
-                    mean_uncertainty_deg(&swept.left, place),
-                    "scatter of the readings of the verification round",
-                ),
-                Contribution::new("1/f noise", "B", FLOOR_DEG, "0.04 mg, an assumption"),
+                Contribution::new("Noise of a mean", "A", noise_deg, scatter),
+                floor(),
             ];
-            combine(&mut channel);
-            report.channels.push(channel);
-        }
+        });
         report.difference_as_found = differences(&swept.found);
         report.difference_as_left = differences(&swept.left);
-        judge(&mut report);
+        judge_angles(&mut report);
         report
     }
 
     /// The report of a round by hand.
     pub fn by_hand(&self, handled: &Handled) -> Report {
-        let reference = Reference {
-            name: "Gravity at the place of the calibration".to_owned(),
-            standard_uncertainty_deg: Some(handled.faces.zero_uncertainty_deg()),
-            statement: format!(
-                "Gravity's length is the same in every pose. The zero of both slopes is the base \
-                 of the housing, by two poses turned by 180 deg on a surface {:.2} deg off level; \
-                 the direction of X is the side that it stood on, {:+.2} deg off square. A turn by \
-                 hand is taken as good to {} deg (k = 1). Not known without another reference: \
-                 whether base and side are flat, and what of the sensors' nonlinearity all poses \
-                 share.",
-                handled.faces.base_surface_deg,
-                handled.faces.off_square_deg,
-                hand::TURN_DEG
-            ),
-        };
-        let temperatures: Vec<f64> = handled
-            .poses
-            .iter()
-            .flatten()
-            .map(|reading| reading.temperature_c)
-            .collect();
-        let mut report = self.report(Method::ByHand, reference, &temperatures);
-        for (place, node) in self.session.nodes.iter().enumerate() {
-            let mut channel = self.channel(place, node);
+        let faces = &handled.faces;
+        let zero_deg = faces.zero_uncertainty_deg();
+        let all = handled.poses.iter().flatten();
+        let temperatures: Vec<f64> = all.map(|reading| reading.temperature_c).collect();
+        let gravity = gravity(faces);
+        let mut report = self.report(Method::ByHand, gravity, &temperatures, |place, channel| {
             let fit = &handled.fits[place];
             channel.condition = Some(fit.condition);
             channel.residual_mg = Some(fit.length_rms_mg());
             channel.poses = poses(handled, place);
             channel.as_left = zero(handled, place);
             let residual_deg = (fit.length_rms_mg() / 1000.0).to_degrees();
-            let zero_deg = handled.faces.zero_uncertainty_deg();
+            let turn = "half the surface's tilt times the turn's error";
+            let thermometer = "known to a degree only; 0.1 mg/degC, an assumption";
             channel.uncertainty = vec![
                 Contribution::new("Fit", "A", residual_deg, "what the poses miss of 1 g"),
-                Contribution::new(
-                    "Turn by 180 deg",
-                    "B",
-                    zero_deg,
-                    "half the surface's tilt times the turn's error",
-                ),
-                Contribution::new("1/f noise", "B", FLOOR_DEG, "0.04 mg, an assumption"),
-                Contribution::new(
-                    "Temperature",
-                    "B",
-                    TEMPERATURE_DEG,
-                    "known to a degree only; 0.1 mg/degC, an assumption",
-                ),
+                Contribution::new("Turn by 180 deg", "B", zero_deg, turn),
+                floor(),
+                Contribution::new("Temperature", "B", TEMPERATURE_DEG, thermometer),
             ];
-            combine(&mut channel);
-            report.channels.push(channel);
-        }
+        });
         report.difference_as_left = zero_differences(&report.channels);
         report.faces = Some(super::data::Faces {
-            base_surface_deg: handled.faces.base_surface_deg,
-            side_surface_deg: handled.faces.side_surface_deg,
-            off_square_deg: handled.faces.off_square_deg,
-            between_channels_deg: handled.faces.between_deg,
+            base_surface_deg: faces.base_surface_deg,
+            side_surface_deg: faces.side_surface_deg,
+            off_square_deg: faces.off_square_deg,
+            between_channels_deg: faces.between_deg,
         });
-        judge(&mut report);
+        judge_angles(&mut report);
         report
     }
 }
 
-/// Adds the contributions up.
-pub fn combine(channel: &mut Channel) {
-    let combined = Contribution::combined_deg(&channel.uncertainty);
-    channel.combined_uncertainty_deg = combined;
-    channel.expanded_uncertainty_deg = 2.0 * combined;
+/// What a calibration by hand is referred to.
+fn gravity(faces: &hand::Faces) -> Reference {
+    Reference {
+        name: "Gravity at the place of the calibration".to_owned(),
+        standard_uncertainty_deg: Some(faces.zero_uncertainty_deg()),
+        statement: format!(
+            "Gravity's length is the same in every pose. The zero of both slopes is the base of \
+             the housing, by two poses turned by 180 deg on a surface {:.2} deg off level; the \
+             direction of X is the side that it stood on, {:+.2} deg off square. A turn by hand is \
+             taken as good to {} deg (k = 1). Not known without another reference: whether base \
+             and side are flat, and what of the sensors' nonlinearity all poses share.",
+            faces.base_surface_deg,
+            faces.off_square_deg,
+            hand::TURN_DEG
+        ),
+    }
 }
 
-/// Accepted when each channel read every angle, and each error with its U is within.
-fn judge(report: &mut Report) {
+fn floor() -> Contribution {
+    Contribution::new("1/f noise", "B", FLOOR_DEG, "0.04 mg, an assumption")
+}
+
+/// Accepted when `largest` of each channel is there and, with the channel's U, within.
+pub fn judge(report: &mut Report, largest: impl Fn(&Channel) -> Option<f64>) {
     let tolerance = report.decision.tolerance_deg;
     let within = |channel: &Channel| {
         let u = channel.expanded_uncertainty_deg;
-        let fits = |p: &Point| p.error_deg.is_some_and(|e| e.abs() + u <= tolerance);
-        !channel.as_left.is_empty() && channel.as_left.iter().all(fits)
+        largest(channel).is_some_and(|largest| largest + u <= tolerance)
     };
     report.decision.accepted = report.channels.iter().all(within);
+}
+
+/// The same of the angles as left; a channel has to have read each of them.
+fn judge_angles(report: &mut Report) {
+    let is_read = |p: &Point| p.error_deg.is_some_and(f64::is_finite);
+    judge(report, |channel| {
+        let whole = channel.as_left.iter().all(is_read);
+        channel.largest_error_deg().filter(|_| whole)
+    });
     if let Some([low, high]) = judged_deg(report) {
         report.decision.rule += &format!(" Judged from {low:.1} to {high:.1} deg only.");
     }
@@ -291,27 +283,11 @@ fn judged_deg(report: &Report) -> Option<[f64; 2]> {
     ends.reduce(|[low, high], [deg, _]| [low.min(deg), high.max(deg)])
 }
 
-fn known(axis: Axis, reference_deg: f64, reading_deg: f64) -> Point {
-    Point {
-        axis: axis.letter().to_owned(),
-        reference_deg,
-        reading_deg: Some(reading_deg),
-        error_deg: Some(reading_deg - reference_deg),
-        reason: None,
-    }
-}
-
 fn point(stand: &Stand, place: usize) -> Point {
-    match stand.error_deg(place) {
-        Ok(error) => known(stand.axis, stand.reference_deg, stand.reference_deg + error),
-        Err(reason) => Point {
-            axis: stand.axis.letter().to_owned(),
-            reference_deg: stand.reference_deg,
-            reading_deg: None,
-            error_deg: None,
-            reason: Some(reason),
-        },
-    }
+    let reading = stand
+        .error_deg(place)
+        .map(|error| stand.reference_deg + error);
+    Point::new(stand.axis.letter(), stand.reference_deg, reading)
 }
 
 /// A less B at each stand of two channels.
@@ -337,20 +313,13 @@ fn differences(stands: &[Stand]) -> Vec<Difference> {
 fn zero(handled: &Handled, place: usize) -> Vec<Point> {
     let [first, second] = &handled.left;
     let both = [&first[place], &second[place]];
-    let mut points = Vec::new();
-    for (number, axis) in [Axis::X, Axis::Y].into_iter().enumerate() {
-        points.push(match both.map(|r: &Reading| r.angle_deg[number]) {
-            [Ok(one), Ok(other)] => known(axis, 0.0, (one + other) / 2.0),
-            [Err(reason), _] | [_, Err(reason)] => Point {
-                axis: axis.letter().to_owned(),
-                reference_deg: 0.0,
-                reading_deg: None,
-                error_deg: None,
-                reason: Some(reason),
-            },
-        });
-    }
-    points
+    let mean = |number: usize| match both.map(|r: &Reading| r.angle_deg[number]) {
+        [Ok(one), Ok(other)] => Ok((one + other) / 2.0),
+        [Err(reason), _] | [_, Err(reason)] => Err(reason),
+    };
+    let axes = [Axis::X, Axis::Y].into_iter().enumerate();
+    axes.map(|(number, axis)| Point::new(axis.letter(), 0.0, mean(number)))
+        .collect()
 }
 
 fn zero_differences(channels: &[Channel]) -> Vec<Difference> {

@@ -163,7 +163,7 @@ pub struct Thermal {
 }
 
 /// One channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// A or B.
     pub channel: String,
@@ -279,6 +279,19 @@ pub struct Report {
     pub dcc_sha256: Option<String>,
 }
 
+impl Point {
+    /// What was read at an angle of the reference, or the reason why nothing was.
+    pub fn new(axis: &str, reference_deg: f64, reading_deg: Result<f64, u8>) -> Self {
+        Self {
+            axis: axis.to_owned(),
+            reference_deg,
+            reading_deg: reading_deg.ok(),
+            error_deg: reading_deg.ok().map(|read| read - reference_deg),
+            reason: reading_deg.err(),
+        }
+    }
+}
+
 impl Channel {
     /// The largest error as left without sign.
     pub fn largest_error_deg(&self) -> Option<f64> {
@@ -325,31 +338,12 @@ impl Contribution {
     }
 }
 
-/// A day and time, UTC, of seconds since 1970: `2026-11-22T02:17:00Z`.
+/// A day and time, UTC, of seconds since 1970: `2026-11-22T02:17:00Z`; the begin of 1970 for what
+/// no calendar has.
 pub fn utc(seconds: u64) -> String {
-    let (days, rest) = (seconds / 86_400, seconds % 86_400);
-    let (hour, minute, second) = (rest / 3600, rest / 60 % 60, rest % 60);
-    let (year, month, day) = date(days);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
-}
-
-/// Year, month and day of a number of days since 1970, by counting leap years of four centuries
-/// from a first of March.
-fn date(days: u64) -> (u64, u64, u64) {
-    let from_march = days + 719_468;
-    let (era, day_of_era) = (from_march / 146_097, from_march % 146_097);
-    let leaps = day_of_era / 1460 + day_of_era / 146_096 - day_of_era / 36_524;
-    let year_of_era = (day_of_era - leaps) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
-    let month = if shifted < 10 {
-        shifted + 3
-    } else {
-        shifted - 9
-    };
-    let year = era * 400 + year_of_era + u64::from(month <= 2);
-    (year, month, day)
+    let seconds = i64::try_from(seconds).unwrap_or_default();
+    let time = jiff::Timestamp::from_second(seconds).unwrap_or_default();
+    time.to_string()
 }
 
 #[cfg(test)]

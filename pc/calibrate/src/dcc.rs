@@ -10,6 +10,10 @@ use super::data::{Channel, Contribution, Difference, Method, Point, Report};
 use super::over_temperature;
 use super::xml::Xml;
 
+/// The format's root, and its release.
+pub const ROOT: &str = "dcc:digitalCalibrationCertificate";
+pub const RELEASE: &str = "3.2.1";
+
 /// What the report is and is not.
 const NO_CERTIFICATE: &str = "This is a calibration report made with open software. It is not a \
     calibration certificate of an accredited laboratory.";
@@ -26,9 +30,9 @@ pub fn document(report: &Report, country: &str) -> String {
     let root = [
         ("xmlns:dcc", "https://ptb.de/dcc"),
         ("xmlns:si", "https://ptb.de/si"),
-        ("schemaVersion", "3.2.1"),
+        ("schemaVersion", RELEASE),
     ];
-    xml.element("dcc:digitalCalibrationCertificate", &root, |xml| {
+    xml.element(ROOT, &root, |xml| {
         xml.of("dcc:administrativeData", |xml| {
             administration(xml, report, country);
         });

@@ -1,25 +1,27 @@
 //! Why a calibration did not come to its end: one sentence that says who, what, and what to do.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use tilt::calibration::FitError;
 
+use super::characterise::hold::HoldError;
+use super::characterise::profile::ProfileError;
 use super::hand::HandError;
-use super::motor::MotorError;
+use super::scpi::DeviceError;
 use super::session::Upset;
 use bus_master::JoinError;
 use bus_master::sdo::SdoError;
 use output::write::WriteError;
 
-/// Why there is no calibration.
+/// Why there is no calibration, or no temperature model.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
     /// The bus could not be joined.
-    #[error("{0}")]
-    Join(JoinError),
+    #[error(transparent)]
+    Join(#[from] JoinError),
     /// A node did not do its part.
-    #[error("{0}")]
+    #[error(transparent)]
     Sdo(SdoError),
     /// The bus was lost.
     #[error("the bus is lost: {0}")]
@@ -27,42 +29,36 @@ pub enum CalibrateError {
     /// The user has ended it.
     #[error("interrupted; the calibration that was there counts")]
     Interrupted,
-    /// The motor did not do its part.
+    /// A motor or a chamber did not do its part.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The profile of a chamber run is none.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+    /// A dwell has come to nothing.
+    #[error(transparent)]
+    Hold(#[from] HoldError),
+    /// Poses make no calibration.
+    #[error(transparent)]
+    Hand(#[from] HandError),
+    /// A report could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// What was asked for is nothing that can be done with these nodes and devices.
     #[error("{0}")]
-    Motor(#[from] MotorError),
-    /// Neither a motor nor a hand was named.
-    #[error("state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE")]
-    Method,
-    /// Both were.
-    #[error(
-        "either a motor turns the housing or a person does: give --motor URL or --by-hand, not \
-         both"
-    )]
-    Both,
-    /// More or fewer nodes than an instrument has.
-    #[error("give one node or the two of an instrument, as --nodes 1,2")]
-    Nodes,
+    Request(&'static str),
     /// A node is named twice.
     #[error("node {0} is named twice")]
     Twice(u8),
     /// A node that is no channel of a Plumb.
     #[error("node {0} is no channel of a Plumb")]
     Stranger(u8),
-    /// The nodes measure in different ways.
-    #[error(
-        "the nodes measure in different ways (2030h, 2062h sub 2): calibrate them one by one with \
-         --nodes"
-    )]
-    Mixed,
     /// Tables with points so far apart, deg, may err by this between them, deg.
     #[error(
         "tables with points {0} deg apart err by up to {1:.3} deg between them: give a smaller \
          --step, or the --tolerance that is wanted"
     )]
     Coarse(u32, f64),
-    /// This way to calibrate is not for instruments of this kind.
-    #[error("{0}")]
-    Kind(&'static str),
     /// A node's calibration can't be read.
     #[error(
         "the calibration of node {0} (2061h) is of a format that this release of plumb does not \
@@ -83,11 +79,8 @@ pub enum CalibrateError {
     /// Readings make no calibration of a node.
     #[error("node {0}: {1}")]
     Fit(u8, FitError),
-    /// Poses make no calibration.
-    #[error("{0}")]
-    Hand(#[from] HandError),
     /// Something has happened to a node in the middle of the work.
-    #[error("node {0} {a}", a = upset(.1))]
+    #[error("node {0} {1}")]
     Upset(u8, Upset),
     /// A node has come back as another one.
     #[error("node {0} has come back with another serial number or calibration")]
@@ -98,23 +91,17 @@ pub enum CalibrateError {
     /// The poses have ended before all were taken.
     #[error("the input ended before all poses were taken; missing: {0}")]
     Ended(String),
-    /// A report could not be written.
-    #[error("{0}")]
-    Write(WriteError),
     /// A file could not be read or written.
-    #[error("cannot use {path}: {1}", path = .0.display())]
+    #[error("cannot use {0}: {1}")]
     File(PathBuf, io::Error),
     /// A file is not what it should be.
-    #[error("{path}: {1}", path = .0.display())]
+    #[error("{0}: {1}")]
     Content(PathBuf, &'static str),
     /// A file says nothing of a node's serial number.
-    #[error("{path} has no entry for node {1} with the serial number {2}", path = .0.display())]
+    #[error("{0} has no entry for node {1} with the serial number {2}")]
     Unknown(PathBuf, u8, u32),
     /// A file of an earlier calibration, and what else to name.
-    #[error(
-        "{path} is there already: choose another {1}, or replace it with --force",
-        path = .0.display()
-    )]
+    #[error("{0} is there already: choose another {1}, or replace it with --force")]
     Earlier(PathBuf, &'static str),
     /// The instrument was not within its tolerance.
     #[error("the instrument is not within its tolerance")]
@@ -129,16 +116,66 @@ pub enum CalibrateError {
         a = joined(.1)
     )]
     Left(Box<CalibrateError>, Vec<u8>),
-}
-
-const fn upset(what: &Upset) -> &'static str {
-    match what {
-        Upset::Restarted => "has restarted in the middle: look at its supply",
-        Upset::Commanded => {
-            "was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master may command it \
-             meanwhile"
-        }
-    }
+    /// The chamber does not reach a temperature of the profile: it, and the chamber's range.
+    #[error(
+        "the profile has {0} degC, and the chamber goes from {a} to {b} degC: choose another \
+         profile with --profile, --from or --to",
+        a = .1[0],
+        b = .1[1]
+    )]
+    Range(f64, [f64; 2]),
+    /// The orientations do not tell offset from gain: node-id, axis.
+    #[error(
+        "the orientations are too alike for axis {1} of node {0}: does the motor turn this \
+         housing?"
+    )]
+    Alike(u8, char),
+    /// The housing does not stand level: node-id.
+    #[error(
+        "node {0} does not lie level, which the piecewise model takes: put the housing on its base"
+    )]
+    Tilted(u8),
+    /// A dwell was spoilt too often: set point, and by what the last time.
+    #[error("the dwell at {0} degC was begun too often: {1}")]
+    Spoilt(f64, Box<CalibrateError>),
+    /// There is no run to go on from.
+    #[error(
+        "{0} is not there: no run to go on from; leave --resume out, or name its folder with --out"
+    )]
+    NoRun(PathBuf),
+    /// A folder holds a run that was interrupted.
+    #[error(
+        "{0} holds a run that was interrupted: go on with --resume, choose another folder with \
+         --out, or start again with --force"
+    )]
+    Unfinished(PathBuf),
+    /// A file is none that a run has written.
+    #[error(
+        "{0} is damaged, was changed, or was not written by plumb characterise: bring it back from \
+         a copy, or choose another folder with --out"
+    )]
+    Damaged(PathBuf),
+    /// A file is of a newer program.
+    #[error(
+        "{0} is of a newer version of plumb: go on with that one, or choose another folder with \
+         --out"
+    )]
+    Newer(PathBuf),
+    /// A file is of a run that was begun with something else.
+    #[error("{0} was begun with another {1}: start again with --force, or with another --out")]
+    Another(PathBuf, &'static str),
+    /// The model does not fit the chain's numbers: node-id.
+    #[error(
+        "the model of node {0} does not fit its calibration's numbers: the sensor is faulty, or \
+         it did not stand still"
+    )]
+    Beyond(u8),
+    /// Something else, and where stands what was measured until then.
+    #[error("{0} (what was measured so far is kept: go on with --resume --out {1})")]
+    Kept(Box<CalibrateError>, PathBuf),
+    /// Something else, and why what was measured until then could not be kept.
+    #[error("{0} (what was measured is lost: {1})")]
+    Unkept(Box<CalibrateError>, Box<CalibrateError>),
 }
 
 fn joined(nodes: &[u8]) -> String {
@@ -170,5 +207,25 @@ impl CalibrateError {
     /// What it means that the bus could not be read or written.
     pub fn lost(error: io::Error) -> Self {
         SdoError::lost(error).into()
+    }
+
+    /// Of two ways to do it one has to be named.
+    ///
+    /// Errors: [`CalibrateError::Request`] with one of both sentences.
+    pub fn unless_one(
+        named: [bool; 2],
+        neither: &'static str,
+        both: &'static str,
+    ) -> Result<(), Self> {
+        match named {
+            [false, false] => Err(Self::Request(neither)),
+            [true, true] => Err(Self::Request(both)),
+            _ => Ok(()),
+        }
+    }
+
+    /// What it means that this file could not be read or written.
+    pub fn file(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |error| Self::File(path.to_owned(), error)
     }
 }

@@ -20,6 +20,10 @@ use super::{dcc, page};
 use bus_master::BusOptions;
 use output::stdout;
 
+/// More or fewer nodes than an instrument has.
+pub const NODES: CalibrateError =
+    CalibrateError::Request("give one node or the two of an instrument, as --nodes 1,2");
+
 /// Which nodes, for whom, and where to.
 #[derive(Clone, Debug, Args)]
 pub struct Common {
@@ -69,21 +73,37 @@ pub type Done = Result<(Report, PathBuf), CalibrateError>;
 impl Common {
     /// One node, or two that differ.
     ///
-    /// Errors: [`CalibrateError::Twice`], [`CalibrateError::Nodes`].
+    /// Errors: [`CalibrateError::Twice`], [`CalibrateError::Request`].
     pub fn ids(&self) -> Result<Vec<u8>, CalibrateError> {
         match self.nodes[..] {
             [one, other] if one == other => Err(CalibrateError::Twice(one)),
             [_] | [_, _] => Ok(self.nodes.clone()),
-            _ => Err(CalibrateError::Nodes),
+            _ => Err(NODES),
         }
+    }
+
+    /// Does `work` with the nodes, takes them back to the NMT state in which they were found, and
+    /// prints what has come of it.
+    ///
+    /// Errors: those of the work, and of the nodes before it.
+    pub fn with_nodes(
+        &self,
+        ids: &[u8],
+        figures: fn(&Report) -> String,
+        work: impl FnOnce(&mut Session) -> Done,
+    ) -> Result<ExitCode, CalibrateError> {
+        let mut session = self.open(ids)?;
+        let done = work(&mut session);
+        session.leave();
+        let (report, place) = done?;
+        self.end(figures(&report), &report, &place)
     }
 
     /// Joins the bus and takes the nodes to PRE-OPERATIONAL.
     ///
     /// Errors: see [`Session::open`].
-    pub fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
-        let bus = self.bus.join().map_err(CalibrateError::Join)?;
-        Session::open(bus, ids)
+    fn open(&self, ids: &[u8]) -> Result<Session, CalibrateError> {
+        Session::open(self.bus.join()?, ids)
     }
 
     /// Does what --keep or --restore ask for; `None` when neither is given.
@@ -101,7 +121,7 @@ impl Common {
     /// status 1: the instrument was not accepted.
     ///
     /// Errors: [`CalibrateError::Print`].
-    pub fn end(
+    fn end(
         &self,
         figures: String,
         report: &Report,

@@ -3,14 +3,14 @@
 //! In: stands, each with the motor's angle and what the node's sensor felt, and the calibration
 //! that the node had. Out: a new one with the same temperature compensation, and its residuals.
 //! Twelve parameters and three harmonics for each slope, or six parameters for a turn of 360 deg,
-//! as the virtual bench fits them (`sim::bench::calibrate`), with the fits of `tilt::calibration`.
+//! as the virtual bench fits them (`sim::bench::calibrate`), by `tilt::calibration::motor`.
 //!
 //! Left out: the tables of the paper's mode, which the node makes itself.
 
 use tilt::ONE_G;
-use tilt::angle::{Angle, Axes, Harmonics, slopes, turn};
+use tilt::angle::{Angle, Harmonics, slopes, turn};
 use tilt::calibration::FitError;
-use tilt::calibration::motor::{HarmonicFit, PlaneFit, VectorFit};
+use tilt::calibration::motor::{self, Slope};
 use tilt::chain::{Calibration, Correction};
 use tilt::filter::Filtered;
 use tilt::sample::Temperature;
@@ -63,12 +63,6 @@ fn rms_deg(residuals: &[(Axis, f64, f64)]) -> f64 {
     (squares / residuals.len().max(1) as f64).sqrt()
 }
 
-/// Beyond this the fold at the vertical bends what harmonics and residuals would follow, deg.
-const FOLD_DEG: f64 = 86.0;
-
-/// Variance of one stand over that expected of a harmonic: (0.012 / 0.04)^2.
-const RIDGE: f64 = 0.09;
-
 /// A mean reading, in steps of 2^-26 g, compensated by `model` at this temperature.
 pub fn compensated(model: &TemperatureModel, accel: [f64; 3], t: Temperature) -> Compensated {
     let filtered = Filtered {
@@ -117,20 +111,17 @@ pub fn budget(
     budget
 }
 
-/// What a stand is to the fits.
-struct Point {
-    axis: Axis,
-    reference_deg: f64,
-    felt: Compensated,
-}
-
-impl Point {
-    fn reference_g(&self) -> [f64; 3] {
-        let (sin, cos) = self.reference_deg.to_radians().sin_cos();
-        match self.axis {
-            Axis::X => [sin, 0.0, cos],
-            Axis::Y => [0.0, sin, cos],
-        }
+/// A stand as the fits take it: what node number `node` felt there, by this temperature model.
+fn stand(model: &TemperatureModel, node: usize, stand: &Stand) -> motor::Stand {
+    let reading = &stand.readings[node];
+    motor::Stand {
+        slope: match stand.axis {
+            Axis::X => Slope::X,
+            Axis::Y => Slope::Y,
+        },
+        reference_deg: stand.reference_deg,
+        sin_cos: stand.reference_deg.to_radians().sin_cos(),
+        felt: compensated(model, reading.accel, temperature(reading.temperature_c)),
     }
 }
 
@@ -144,28 +135,13 @@ pub fn by_motor(
     stands: &[Stand],
     reference_deg: f64,
 ) -> Result<Fitted, FitError> {
-    let points: Vec<Point> = stands
-        .iter()
-        .map(|stand| {
-            let Reading {
-                accel,
-                temperature_c,
-                ..
-            } = &stand.readings[node];
-            let t = temperature(*temperature_c);
-            Point {
-                axis: stand.axis,
-                reference_deg: stand.reference_deg,
-                felt: compensated(&before.temperature, *accel, t),
-            }
-        })
-        .collect();
-    let one_axis = matches!(before.correction, Correction::OneAxis { .. });
-    let (correction, condition) = match one_axis {
-        true => one_axis_fit(&points)?,
-        false => two_axis_fit(&points)?,
+    let points = stands.iter().map(|s| stand(&before.temperature, node, s));
+    let points: Vec<motor::Stand> = points.collect();
+    let (correction, condition) = match before.correction {
+        Correction::OneAxis { .. } => motor::one_axis(&points)?,
+        _ => motor::two_axis(&points)?,
     };
-    let residuals = residuals(&correction, &points);
+    let residuals = residuals(&correction, stands, &points);
     // What the reference itself scatters is in its own term already.
     let unexpected = rms_deg(&residuals).powi(2) - reference_deg.powi(2);
     let residual_deg = unexpected.max(0.0).sqrt();
@@ -183,62 +159,24 @@ pub fn by_motor(
     })
 }
 
-type Found = Result<(Correction, f64), FitError>;
-
-fn two_axis_fit(points: &[Point]) -> Found {
-    let mut fit = VectorFit::default();
-    points.iter().for_each(|p| fit.add(p.reference_g(), p.felt));
-    let fitted = fit.solve()?;
-    let mut left = Axes::<HarmonicFit>::default();
-    for p in points.iter().filter(|p| p.reference_deg.abs() <= FOLD_DEG) {
-        let found = slopes(fitted.vector.apply(p.felt));
-        let reference = Angle::from_degrees(p.reference_deg);
-        match p.axis {
-            Axis::X => left.x.add(found.x, reference),
-            Axis::Y => left.y.add(found.y, reference),
-        }
-    }
-    let harmonics = Axes::<Harmonics> {
-        x: left.x.solve(RIDGE)?,
-        y: left.y.solve(RIDGE)?,
-    };
-    let vector = fitted.vector;
-    Ok((Correction::TwoAxis { vector, harmonics }, fitted.condition))
-}
-
-fn one_axis_fit(points: &[Point]) -> Found {
-    let mut fit = PlaneFit::default();
-    for p in points {
-        let [sin, _, cos] = p.reference_g();
-        fit.add(sin, cos, p.felt);
-    }
-    let fitted = fit.solve()?;
-    let vector = fitted.vector;
-    let mut left = HarmonicFit::default();
-    for p in points {
-        left.add(
-            turn(vector.apply(p.felt)),
-            Angle::from_degrees(p.reference_deg),
-        );
-    }
-    let harmonics = left.solve(0.0)?;
-    Ok((Correction::OneAxis { vector, harmonics }, fitted.condition))
-}
-
 /// What the correction finds at the points less the reference.
-fn residuals(correction: &Correction, points: &[Point]) -> Vec<(Axis, f64, f64)> {
+fn residuals(
+    correction: &Correction,
+    stands: &[Stand],
+    points: &[motor::Stand],
+) -> Vec<(Axis, f64, f64)> {
     let corrected = |harmonics: &Harmonics, angle: Angle| {
         angle.degrees() + harmonics.correction(angle).degrees()
     };
     let mut all = Vec::new();
-    for p in points {
+    for (stand, p) in stands.iter().zip(points) {
         let found = match correction {
             Correction::TwoAxis { vector, harmonics } => {
-                if p.reference_deg.abs() > FOLD_DEG {
+                if p.reference_deg.abs() > motor::FOLD_DEG {
                     continue;
                 }
                 let found = slopes(vector.apply(p.felt));
-                match p.axis {
+                match stand.axis {
                     Axis::X => corrected(&harmonics.x, found.x),
                     Axis::Y => corrected(&harmonics.y, found.y),
                 }
@@ -248,7 +186,7 @@ fn residuals(correction: &Correction, points: &[Point]) -> Vec<(Axis, f64, f64)>
             }
             Correction::Tables { .. } => continue,
         };
-        all.push((p.axis, p.reference_deg, wrap(found - p.reference_deg)));
+        all.push((stand.axis, p.reference_deg, wrap(found - p.reference_deg)));
     }
     all
 }

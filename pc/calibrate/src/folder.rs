@@ -24,6 +24,19 @@ pub const MEASURED: &str = "measured.json";
 /// Each of them makes a folder one of a calibration.
 const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
 
+/// Writes a file; it appears whole or not at all, and a loss of power finds it on the disk.
+///
+/// Errors: [`CalibrateError::File`].
+pub fn put(path: &Path, text: &str) -> Result<(), CalibrateError> {
+    let new = path.with_extension("part");
+    let write = || {
+        fs::write(&new, text)?;
+        fs::File::open(&new)?.sync_all()?;
+        fs::rename(&new, path)
+    };
+    write().map_err(CalibrateError::file(path))
+}
+
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Folder {
@@ -49,7 +62,7 @@ impl Folder {
             }
             Some(place) => return Err(CalibrateError::Earlier(place, "folder with --out")),
         };
-        write::try_folder(out).map_err(CalibrateError::Write)?;
+        write::try_folder(out)?;
         let out = out.to_owned();
         Ok(Self { out, own })
     }
@@ -82,9 +95,8 @@ impl Folder {
     /// Errors: [`CalibrateError::File`].
     pub fn keep(&self, kept: &Kept) -> Result<(), CalibrateError> {
         if self.own != self.out {
-            let failed = |error| CalibrateError::File(self.own.clone(), error);
             // Fails where one is, which so is never replaced.
-            fs::create_dir(&self.own).map_err(failed)?;
+            fs::create_dir(&self.own).map_err(CalibrateError::file(&self.own))?;
         }
         kept::save(&self.found(), kept)
     }
@@ -105,14 +117,14 @@ impl Folder {
     /// Errors: [`CalibrateError::Write`], [`CalibrateError::File`].
     pub fn write(&self, files: &[(&str, &str)], accepted: bool) -> Result<PathBuf, CalibrateError> {
         if !accepted || self.own == self.out {
-            write::together(&self.own, files).map_err(CalibrateError::Write)?;
+            write::together(&self.own, files)?;
             return Ok(self.own.clone());
         }
-        let found = fs::read_to_string(self.found());
-        let found = found.map_err(|error| CalibrateError::File(self.found(), error))?;
+        let found = self.found();
+        let found = fs::read_to_string(&found).map_err(CalibrateError::file(&found))?;
         let mut all = vec![(AS_FOUND, found.as_str())];
         all.extend_from_slice(files);
-        write::together(&self.out, &all).map_err(CalibrateError::Write)?;
+        write::together(&self.out, &all)?;
         self.forget();
         Ok(self.out.clone())
     }

@@ -11,6 +11,7 @@ use device::calibration::encoding::identity;
 use serde::{Deserialize, Serialize};
 
 use super::error::CalibrateError;
+use super::folder::put;
 use super::session::{Session, decode};
 
 /// Name of the format.
@@ -93,20 +94,17 @@ pub fn as_found(session: &Session) -> Kept {
 ///
 /// Errors: [`CalibrateError::File`].
 pub fn save(path: &Path, kept: &Kept) -> Result<(), CalibrateError> {
-    let failed = |error| CalibrateError::File(path.to_owned(), error);
-    let text = serde_json::to_string_pretty(kept).map_err(|error| failed(error.into()))?;
-    let new = path.with_extension("part");
-    std::fs::write(&new, text + "\n").map_err(failed)?;
-    std::fs::rename(&new, path).map_err(failed)
+    let text = serde_json::to_string_pretty(kept);
+    let text = text.map_err(|error| CalibrateError::File(path.to_owned(), error.into()))?;
+    put(path, &(text + "\n"))
 }
 
 /// Reads a file.
 ///
 /// Errors: [`CalibrateError::File`], [`CalibrateError::Content`].
 pub fn load(path: &Path) -> Result<Kept, CalibrateError> {
-    let failed = |error| CalibrateError::File(path.to_owned(), error);
     let wrong = |what| CalibrateError::Content(path.to_owned(), what);
-    let text = std::fs::read(path).map_err(failed)?;
+    let text = std::fs::read(path).map_err(CalibrateError::file(path))?;
     let kept: Kept = serde_json::from_slice(&text).map_err(|_| wrong(NOT_KEPT))?;
     if kept.format != FORMAT || kept.version != 1 {
         return Err(wrong(NOT_KEPT));

@@ -122,25 +122,21 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     if let Some(kept) = common.keep_or_restore(&ids)? {
         return Ok(kept);
     }
-    match (&arguments.motor, arguments.by_hand) {
-        (None, false) => return Err(CalibrateError::Method),
-        (Some(_), true) => return Err(CalibrateError::Both),
-        _ => {}
-    }
+    CalibrateError::unless_one(
+        [arguments.motor.is_some(), arguments.by_hand],
+        "state how to calibrate: --motor URL, --by-hand, or --keep or --restore FILE",
+        "either a motor turns the housing or a person does: give --motor URL or --by-hand, not \
+         both",
+    )?;
     let folder = Folder::claim(&arguments.out, common.force)?;
     let motor = arguments.motor.as_deref().map(ScpiMotor::connect);
     let motor = motor.transpose()?;
-    let mut session = common.open(&ids)?;
-    let fine = arguments.fine_enough(&session);
-    if let Err(error) = fine.and_then(|()| folder.keep(&kept::as_found(&session))) {
-        session.leave();
-        return Err(error);
-    }
-    let done = work(arguments, &folder, &mut session, motor);
-    let done = finish::settle(&folder, &mut session, done);
-    session.leave();
-    let (report, place) = done?;
-    common.end(figures(&report), &report, &place)
+    common.with_nodes(&ids, figures, |session| {
+        arguments.fine_enough(session)?;
+        folder.keep(&kept::as_found(session))?;
+        let done = work(arguments, &folder, session, motor);
+        finish::settle(&folder, session, done)
+    })
 }
 
 impl Arguments {
@@ -187,13 +183,13 @@ fn with_motor(
     let name = motor.identity()?;
     let stated = motor.uncertainty_deg()?;
     let reference_deg = arguments.motor_uncertainty.or(stated);
-    let reference_deg = reference_deg.ok_or(CalibrateError::Kind(
+    let reference_deg = reference_deg.ok_or(CalibrateError::Request(
         "the motor states no uncertainty of its angles: give --motor-uncertainty",
     ))?;
     let kind = Kind::of(session)?;
     let axes = motor.axes()?;
     if !kind.axes().iter().all(|axis| axes.contains(axis)) {
-        return Err(CalibrateError::Kind(
+        return Err(CalibrateError::Request(
             "the motor turns one axis only, and two slopes need both: see docs/motor.md",
         ));
     }
@@ -241,7 +237,7 @@ fn with_hands(
     begun: u64,
 ) -> Result<Report, CalibrateError> {
     if Kind::of(session)? != Kind::TwoAxis {
-        return Err(CalibrateError::Kind(
+        return Err(CalibrateError::Request(
             "by hand goes for two slopes by vector only: calibrate one that reads tables, or \
              measures one angle of 360 deg, by a motor",
         ));

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use crate::scpi::{Device, Peer, Scpi, ScpiError};
+use crate::scpi::{Device, DeviceError, Scpi};
 
 /// Which slope is turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,45 +41,34 @@ impl Axis {
 pub trait Motor {
     /// Who it is, as it goes into the report.
     ///
-    /// Errors: see [`MotorError`].
-    fn identity(&mut self) -> Result<String, MotorError>;
+    /// Errors: see [`DeviceError`].
+    fn identity(&mut self) -> Result<String, DeviceError>;
 
     /// The axes that it turns without the housing being mounted anew.
     ///
-    /// Errors: see [`MotorError`].
-    fn axes(&mut self) -> Result<Vec<Axis>, MotorError>;
+    /// Errors: see [`DeviceError`].
+    fn axes(&mut self) -> Result<Vec<Axis>, DeviceError>;
 
     /// Standard uncertainty (k = 1) of its angles in deg; `None` when it does not say.
     ///
-    /// Errors: see [`MotorError`].
-    fn uncertainty_deg(&mut self) -> Result<Option<f64>, MotorError>;
+    /// Errors: see [`DeviceError`].
+    fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError>;
 
     /// Turns to `deg` and returns when it stands there. `wait` is called again and again
     /// meanwhile; when it is false, nobody waits any longer.
     ///
-    /// Errors: see [`MotorError`].
+    /// Errors: see [`DeviceError`].
     fn turn(
         &mut self,
         axis: Axis,
         deg: f64,
         wait: &mut dyn FnMut() -> bool,
-    ) -> Result<(), MotorError>;
+    ) -> Result<(), DeviceError>;
 
     /// Where it stands by its own measure, deg: the reference of the calibration.
     ///
-    /// Errors: see [`MotorError`].
-    fn position_deg(&mut self, axis: Axis) -> Result<f64, MotorError>;
-}
-
-/// Why a motor does not turn.
-#[derive(Debug, thiserror::Error)]
-pub enum MotorError {
-    /// It could not be spoken to, or refuses.
-    #[error("{0}")]
-    Words(#[from] ScpiError),
-    /// It is told to stand at one angle and stands at another.
-    #[error("{0} was sent to {1:.3} deg and stands at {2:.3} deg: is something in its way?")]
-    Elsewhere(Peer, f64, f64),
+    /// Errors: see [`DeviceError`].
+    fn position_deg(&mut self, axis: Axis) -> Result<f64, DeviceError>;
 }
 
 /// How long a move may take.
@@ -97,30 +86,30 @@ pub struct ScpiMotor {
 impl ScpiMotor {
     /// Connects to `tcp://HOST:PORT`, `HOST:PORT` or `serial://PATH?baud=RATE`.
     ///
-    /// Errors: [`ScpiError::Address`], [`ScpiError::Connect`].
-    pub fn connect(url: &str) -> Result<Self, MotorError> {
+    /// Errors: [`DeviceError::Address`], [`DeviceError::Connect`].
+    pub fn connect(url: &str) -> Result<Self, DeviceError> {
         let scpi = Scpi::connect(Device::Motor, url)?;
         Ok(Self { scpi })
     }
 }
 
 impl Motor for ScpiMotor {
-    fn identity(&mut self) -> Result<String, MotorError> {
-        Ok(self.scpi.identity()?)
+    fn identity(&mut self) -> Result<String, DeviceError> {
+        self.scpi.identity()
     }
 
-    fn axes(&mut self) -> Result<Vec<Axis>, MotorError> {
+    fn axes(&mut self) -> Result<Vec<Axis>, DeviceError> {
         const ASKED: &str = "CONF:AXES?";
         let said = self.scpi.ask(ASKED)?;
         let named = |axis: &Axis| said.split(',').any(|word| word.trim() == axis.word());
         let axes: Vec<_> = [Axis::X, Axis::Y].into_iter().filter(named).collect();
         match axes.is_empty() {
-            true => Err(self.scpi.stranger(ASKED, &said).into()),
+            true => Err(self.scpi.stranger(ASKED, &said)),
             false => Ok(axes),
         }
     }
 
-    fn uncertainty_deg(&mut self) -> Result<Option<f64>, MotorError> {
+    fn uncertainty_deg(&mut self) -> Result<Option<f64>, DeviceError> {
         let said = self.scpi.number("CONF:UNC?")?;
         Ok(Some(said).filter(|deg| *deg > 0.0))
     }
@@ -130,22 +119,22 @@ impl Motor for ScpiMotor {
         axis: Axis,
         deg: f64,
         wait: &mut dyn FnMut() -> bool,
-    ) -> Result<(), MotorError> {
+    ) -> Result<(), DeviceError> {
         const STANDS: &str = "*OPC?";
         self.scpi.order(&format!("POS:{} {deg:.4}", axis.word()))?;
         let said = self.scpi.ask_while(STANDS, MOVE, wait)?;
         if said != "1" {
-            return Err(self.scpi.stranger(STANDS, &said).into());
+            return Err(self.scpi.stranger(STANDS, &said));
         }
         let at = self.position_deg(axis)?;
         if (at - deg).abs() > NEAR_DEG {
-            return Err(MotorError::Elsewhere(self.scpi.peer(), deg, at));
+            return Err(DeviceError::Elsewhere(self.scpi.peer(), deg, at));
         }
         Ok(())
     }
 
-    fn position_deg(&mut self, axis: Axis) -> Result<f64, MotorError> {
-        Ok(self.scpi.number(&format!("POS:{}?", axis.word()))?)
+    fn position_deg(&mut self, axis: Axis) -> Result<f64, DeviceError> {
+        self.scpi.number(&format!("POS:{}?", axis.word()))
     }
 }
 
@@ -191,10 +180,7 @@ mod tests {
             glances < 4
         };
         let turned = motor(&["0\n", "", ""]).turn(Axis::X, 5.0, &mut wait);
-        assert!(matches!(
-            turned,
-            Err(MotorError::Words(ScpiError::Ended(_)))
-        ));
+        assert!(matches!(turned, Err(DeviceError::Ended(_))));
         assert_eq!(glances, 4);
     }
 

@@ -97,59 +97,54 @@ fn chart(channel: &Channel, thermal: &Thermal, axis: usize) -> Chart {
 }
 
 fn coefficients(channel: &Channel, thermal: &Thermal) -> Table {
-    let columns = vec![
-        Column::text("Coefficient"),
-        Column::text("Axis"),
-        Column::number("Value"),
-        Column::text("Unit"),
-    ];
-    let title = format!("Temperature model of channel {}", channel.channel);
-    let mut table = Table::new(&title, columns);
-    for coefficient in &thermal.coefficients {
-        table.rows.push(vec![
-            Cell::text(&coefficient.name),
-            Cell::text(&coefficient.axis),
-            Cell::number(Some(coefficient.value), 5),
-            Cell::text(&coefficient.unit),
-        ]);
-    }
-    table
+    Table::of(
+        &format!("Temperature model of channel {}", channel.channel),
+        &thermal.coefficients,
+        [
+            (Column::text("Coefficient"), |c| Cell::text(&c.name)),
+            (Column::text("Axis"), |c| Cell::text(&c.axis)),
+            (Column::number("Value"), |c| Cell::number(Some(c.value), 5)),
+            (Column::text("Unit"), |c| Cell::text(&c.unit)),
+        ],
+    )
 }
 
 fn dwells(channel: &Channel, thermal: &Thermal) -> Table {
-    let columns = vec![
-        Column::number("Run"),
-        Column::text("Branch"),
-        Column::number("set").under("Temperature, degC"),
-        Column::number("air").under("Temperature, degC"),
-        Column::number("sensor").under("Temperature, degC"),
-        Column::number("x").under("Left by the model, mg"),
-        Column::number("y").under("Left by the model, mg"),
-        Column::number("z").under("Left by the model, mg"),
-        Column::number("largest").under("Left by the model, mg"),
-        Column::number("Begun anew"),
-    ];
-    let title = format!(
-        "Dwells of channel {}, means of the orientations",
-        channel.channel
-    );
-    let mut table = Table::new(&title, columns);
-    for dwell in &thermal.dwells {
-        let [x, y, z] = dwell.residuals_mg;
-        table.rows.push(vec![
-            Cell::number(Some(f64::from(dwell.run)), 0),
-            Cell::text(&dwell.branch),
-            Cell::number(Some(dwell.set_degc), 1),
-            Cell::number(dwell.air_degc, 1),
-            Cell::number(Some(dwell.sensor_degc), 1),
-            Cell::number(Some(x), 2),
-            Cell::number(Some(y), 2),
-            Cell::number(Some(z), 2),
-            Cell::number(Some(dwell.largest_mg), 2),
-            Cell::number(Some(f64::from(dwell.repeated)), 0),
-        ]);
-    }
-    table
+    const AT: &str = "Temperature, degC";
+    const LEFT: &str = "Left by the model, mg";
+    Table::of(
+        &format!(
+            "Dwells of channel {}, means of the orientations",
+            channel.channel
+        ),
+        &thermal.dwells,
+        [
+            (Column::number("Run"), |d| {
+                Cell::number(Some(f64::from(d.run)), 0)
+            }),
+            (Column::text("Branch"), |d| Cell::text(&d.branch)),
+            (Column::number("set").under(AT), |d| degc(d.set_degc)),
+            (Column::number("air").under(AT), |d| {
+                Cell::number(d.air_degc, 1)
+            }),
+            (Column::number("sensor").under(AT), |d| degc(d.sensor_degc)),
+            (Column::number("x").under(LEFT), |d| mg(d.residuals_mg[0])),
+            (Column::number("y").under(LEFT), |d| mg(d.residuals_mg[1])),
+            (Column::number("z").under(LEFT), |d| mg(d.residuals_mg[2])),
+            (Column::number("largest").under(LEFT), |d| mg(d.largest_mg)),
+            (Column::number("Begun anew"), |d| {
+                Cell::number(Some(f64::from(d.repeated)), 0)
+            }),
+        ],
+    )
+}
+
+fn degc(degc: f64) -> Cell {
+    Cell::number(Some(degc), 1)
+}
+
+fn mg(mg: f64) -> Cell {
+    Cell::number(Some(mg), 2)
 }
 
 /// Units of the certificate (SIunitx).

@@ -81,32 +81,29 @@ fn header(report: &Report) -> String {
 }
 
 fn items(report: &Report) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::number("Node"),
-        Column::number("Serial number"),
-        Column::text("Product"),
-        Column::text("Program"),
-        Column::text("Calibration as found"),
-        Column::text("Calibration as left"),
-    ];
-    let mut table = Table::new("Calibrated", columns);
-    for channel in &report.channels {
-        let found = match channel.calibrated_before {
-            true => channel.as_found_crc32.clone(),
-            false => format!("{} (none of its own)", channel.as_found_crc32),
-        };
-        table.rows.push(vec![
-            Cell::text(&channel.channel),
-            Cell::text(channel.node.to_string()),
-            Cell::text(channel.serial_number.to_string()),
-            Cell::text(format!("{:08X}h", channel.product_code)),
-            Cell::text(&channel.software),
-            Cell::text(found),
-            Cell::text(&channel.as_left_crc32),
-        ]);
-    }
-    table
+    let found = |c: &&Channel| match c.calibrated_before {
+        true => Cell::text(&c.as_found_crc32),
+        false => Cell::text(format!("{} (none of its own)", c.as_found_crc32)),
+    };
+    Table::of(
+        "Calibrated",
+        &report.channels,
+        [
+            (Column::text("Channel"), |c| Cell::text(&c.channel)),
+            (Column::number("Node"), |c| Cell::text(c.node.to_string())),
+            (Column::number("Serial number"), |c| {
+                Cell::text(c.serial_number.to_string())
+            }),
+            (Column::text("Product"), |c| {
+                Cell::text(format!("{:08X}h", c.product_code))
+            }),
+            (Column::text("Program"), |c| Cell::text(&c.software)),
+            (Column::text("Calibration as found"), found),
+            (Column::text("Calibration as left"), |c| {
+                Cell::text(&c.as_left_crc32)
+            }),
+        ],
+    )
 }
 
 fn reference(report: &Report) -> String {
@@ -164,53 +161,63 @@ fn rms(points: &[Point]) -> Option<f64> {
 }
 
 fn summary(report: &Report) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::number("largest").under("Error as found, deg"),
-        Column::number("rms").under("Error as found, deg"),
-        Column::number("largest").under("Error as left, deg"),
-        Column::number("rms").under("Error as left, deg"),
-        Column::number("U (k = 2), deg"),
-        Column::number("Residual of the fit, deg"),
-        Column::text("Within tolerance"),
-    ];
-    let mut table = Table::new("Errors", columns);
-    for channel in &report.channels {
-        let u = channel.expanded_uncertainty_deg;
-        let left = largest(&channel.as_left);
-        let within = left.is_some_and(|e| e + u <= report.decision.tolerance_deg);
-        table.rows.push(vec![
-            Cell::text(&channel.channel),
-            Cell::number(largest(&channel.as_found), 3),
-            Cell::number(rms(&channel.as_found), 3),
-            Cell::number(left, 3),
-            Cell::number(rms(&channel.as_left), 3),
-            Cell::number(Some(u), 3),
-            Cell::number(channel.residual_deg, 4),
-            Cell::verdict(within, "yes", "NO"),
-        ]);
-    }
-    table
+    const FOUND: &str = "Error as found, deg";
+    const LEFT: &str = "Error as left, deg";
+    let within = |(c, tolerance_deg): &(&Channel, f64)| {
+        let u = c.expanded_uncertainty_deg;
+        let within = largest(&c.as_left).is_some_and(|error| error + u <= *tolerance_deg);
+        Cell::verdict(within, "yes", "NO")
+    };
+    let tolerance_deg = report.decision.tolerance_deg;
+    Table::of(
+        "Errors",
+        report
+            .channels
+            .iter()
+            .map(|channel| (channel, tolerance_deg)),
+        [
+            (Column::text("Channel"), |(c, _)| Cell::text(&c.channel)),
+            (Column::number("largest").under(FOUND), |(c, _)| {
+                number(largest(&c.as_found))
+            }),
+            (Column::number("rms").under(FOUND), |(c, _)| {
+                number(rms(&c.as_found))
+            }),
+            (Column::number("largest").under(LEFT), |(c, _)| {
+                number(largest(&c.as_left))
+            }),
+            (Column::number("rms").under(LEFT), |(c, _)| {
+                number(rms(&c.as_left))
+            }),
+            (Column::number("U (k = 2), deg"), |(c, _)| {
+                number(Some(c.expanded_uncertainty_deg))
+            }),
+            (Column::number("Residual of the fit, deg"), |(c, _)| {
+                Cell::number(c.residual_deg, 4)
+            }),
+            (Column::text("Within tolerance"), within),
+        ],
+    )
+}
+
+/// Degrees, or mg, with three decimals.
+fn number(value: Option<f64>) -> Cell {
+    Cell::number(value, 3)
 }
 
 fn readings(channel: &Channel) -> Table {
-    let columns = vec![
-        Column::text("Slope"),
-        Column::number("Reference, deg"),
-        Column::number("Reading, deg"),
-        Column::number("Error, deg"),
-    ];
-    let title = format!("Channel {} as left, at other angles", channel.channel);
-    let mut table = Table::new(&title, columns);
-    for point in &channel.as_left {
-        table.rows.push(vec![
-            Cell::text(&point.axis),
-            Cell::number(Some(point.reference_deg), 3),
-            Cell::number(point.reading_deg, 3),
-            Cell::number(point.error_deg, 3),
-        ]);
-    }
-    table
+    Table::of(
+        &format!("Channel {} as left, at other angles", channel.channel),
+        &channel.as_left,
+        [
+            (Column::text("Slope"), |p| Cell::text(&p.axis)),
+            (Column::number("Reference, deg"), |p| {
+                number(Some(p.reference_deg))
+            }),
+            (Column::number("Reading, deg"), |p| number(p.reading_deg)),
+            (Column::number("Error, deg"), |p| number(p.error_deg)),
+        ],
+    )
 }
 
 /// Errors of both channels over the reference's angle.
@@ -297,48 +304,41 @@ fn difference(report: &Report, axis: &str) -> Option<Chart> {
 fn poses(report: &Report) -> String {
     let mut out = String::new();
     if let Some(faces) = &report.faces {
+        let off_level = |deg: f64| format!("{deg:.2} deg off level");
+        let off_square = format!("{:+.2} deg off square", faces.off_square_deg);
+        let between = format!("{:.3} deg rms", faces.between_channels_deg);
         out += &html::facts(&[
-            (
-                "Surface under the base",
-                format!("{:.2} deg off level", faces.base_surface_deg),
-            ),
-            (
-                "Surface under the side",
-                format!("{:.2} deg off level", faces.side_surface_deg),
-            ),
-            (
-                "Side to base",
-                format!("{:+.2} deg off square", faces.off_square_deg),
-            ),
-            (
-                "Between channels",
-                format!("{:.3} deg rms", faces.between_channels_deg),
-            ),
+            ("Surface under the base", off_level(faces.base_surface_deg)),
+            ("Surface under the side", off_level(faces.side_surface_deg)),
+            ("Side to base", off_square),
+            ("Between channels", between),
         ]);
     }
+    const FOUND: &str = "As found, deg";
+    const LEFT: &str = "With the new calibration, deg";
     for channel in &report.channels {
-        let columns = vec![
-            Column::text("Pose"),
-            Column::number("Length less 1 g, mg"),
-            Column::number("X").under("As found, deg"),
-            Column::number("Y").under("As found, deg"),
-            Column::number("X").under("With the new calibration, deg"),
-            Column::number("Y").under("With the new calibration, deg"),
-        ];
-        let mut table = Table::new(&format!("Channel {}", channel.channel), columns);
-        for pose in &channel.poses {
-            let [found_x, found_y] = pose.as_found_deg;
-            let [left_x, left_y] = pose.as_left_deg;
-            table.rows.push(vec![
-                Cell::text(&pose.words),
-                Cell::number(Some(pose.length_error_mg), 3),
-                Cell::number(found_x, 3),
-                Cell::number(found_y, 3),
-                Cell::number(Some(left_x), 3),
-                Cell::number(Some(left_y), 3),
-            ]);
-        }
-        out += &html::table(&table);
+        out += &html::table(&Table::of(
+            &format!("Channel {}", channel.channel),
+            &channel.poses,
+            [
+                (Column::text("Pose"), |p| Cell::text(&p.words)),
+                (Column::number("Length less 1 g, mg"), |p| {
+                    number(Some(p.length_error_mg))
+                }),
+                (Column::number("X").under(FOUND), |p| {
+                    number(p.as_found_deg[0])
+                }),
+                (Column::number("Y").under(FOUND), |p| {
+                    number(p.as_found_deg[1])
+                }),
+                (Column::number("X").under(LEFT), |p| {
+                    number(Some(p.as_left_deg[0]))
+                }),
+                (Column::number("Y").under(LEFT), |p| {
+                    number(Some(p.as_left_deg[1]))
+                }),
+            ],
+        ));
     }
     out
 }

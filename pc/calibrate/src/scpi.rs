@@ -74,7 +74,7 @@ impl fmt::Display for Peer {
 
 /// Why a device did not do its part.
 #[derive(Debug, thiserror::Error)]
-pub enum ScpiError {
+pub enum DeviceError {
     /// The address is none.
     #[error(
         "{a:?} is no {b}: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=115200",
@@ -100,6 +100,18 @@ pub enum ScpiError {
     /// Nobody waits for it any longer.
     #[error("{0} was not waited for")]
     Ended(Peer),
+    /// A motor was sent to one angle and stands at another, deg.
+    #[error("{0} was sent to {1:.3} deg and stands at {2:.3} deg: is something in its way?")]
+    Elsewhere(Peer, f64, f64),
+    /// A chamber states a temperature that no air has, degC.
+    #[error("{0} states an air temperature of {1} degC, which is none: look at its sensor")]
+    Nonsense(Peer, f64),
+    /// A chamber's range is none.
+    #[error("{0} answers \"CONF:RANG?\" by {1:?}: two temperatures belong there: -40,85")]
+    Range(Peer, String),
+    /// The person who sets the chamber answers no more.
+    #[error("the input ended before the chamber was set")]
+    Unset,
 }
 
 /// A device that is spoken to in lines.
@@ -112,11 +124,11 @@ pub struct Scpi {
 impl Scpi {
     /// Connects to `tcp://HOST:PORT`, `HOST:PORT` or `serial://PATH?baud=RATE`.
     ///
-    /// Errors: [`ScpiError::Address`], [`ScpiError::Connect`].
-    pub fn connect(device: Device, url: &str) -> Result<Self, ScpiError> {
+    /// Errors: [`DeviceError::Address`], [`DeviceError::Connect`].
+    pub fn connect(device: Device, url: &str) -> Result<Self, DeviceError> {
         let peer = Peer::new(device, url);
-        let failed = |error| ScpiError::Connect(peer.clone(), error);
-        let address = || ScpiError::Address(peer.clone());
+        let failed = |error| DeviceError::Connect(peer.clone(), error);
+        let address = || DeviceError::Address(peer.clone());
         let stream: Box<dyn Stream> = match url.strip_prefix("serial://") {
             Some(port) => {
                 let (path, rate) = port.split_once('?').unwrap_or((port, "baud=115200"));
@@ -151,32 +163,32 @@ impl Scpi {
         self.peer.clone()
     }
 
-    fn lost(&self, error: io::Error) -> ScpiError {
-        ScpiError::Lost(self.peer(), error)
+    fn lost(&self, error: io::Error) -> DeviceError {
+        DeviceError::Lost(self.peer(), error)
     }
 
-    fn say(&mut self, line: &str) -> Result<(), ScpiError> {
+    fn say(&mut self, line: &str) -> Result<(), DeviceError> {
         let said = self.intake.write(format!("{line}\n").as_bytes());
         said.map_err(|error| self.lost(error))
     }
 
     /// The answer to a question, without space around it.
     ///
-    /// Errors: see [`ScpiError`].
-    pub fn ask(&mut self, question: &str) -> Result<String, ScpiError> {
+    /// Errors: see [`DeviceError`].
+    pub fn ask(&mut self, question: &str) -> Result<String, DeviceError> {
         self.ask_while(question, ANSWER, &mut || true)
     }
 
     /// The same of a question whose answer may take so long. `wait` is called again and again
     /// meanwhile; when it is false, nobody waits any longer.
     ///
-    /// Errors: see [`ScpiError`].
+    /// Errors: see [`DeviceError`].
     pub fn ask_while(
         &mut self,
         question: &str,
         patience: Duration,
         wait: &mut dyn FnMut() -> bool,
-    ) -> Result<String, ScpiError> {
+    ) -> Result<String, DeviceError> {
         self.say(question)?;
         let until = Instant::now() + patience;
         while wait() {
@@ -184,29 +196,29 @@ impl Scpi {
             match self.intake.next(b"\n", glance) {
                 Ok(Some((line, _))) => return Ok(String::from_utf8_lossy(line).trim().to_owned()),
                 Ok(None) if Instant::now() < until => {}
-                Ok(None) => return Err(ScpiError::Silent(self.peer(), question.to_owned())),
+                Ok(None) => return Err(DeviceError::Silent(self.peer(), question.to_owned())),
                 Err(error) => return Err(self.lost(error)),
             }
         }
-        Err(ScpiError::Ended(self.peer()))
+        Err(DeviceError::Ended(self.peer()))
     }
 
     /// The answer to a question, a finite number.
     ///
-    /// Errors: see [`ScpiError`]; [`ScpiError::Stranger`] for anything else.
-    pub fn number(&mut self, question: &str) -> Result<f64, ScpiError> {
+    /// Errors: see [`DeviceError`]; [`DeviceError::Stranger`] for anything else.
+    pub fn number(&mut self, question: &str) -> Result<f64, DeviceError> {
         let said = self.ask(question)?;
         let number = said.parse().ok().filter(|number: &f64| number.is_finite());
         number.ok_or_else(|| self.stranger(question, &said))
     }
 
     /// What it means that this is the answer to that.
-    pub fn stranger(&self, asked: &str, said: &str) -> ScpiError {
-        ScpiError::Stranger(self.peer(), asked.to_owned(), said.to_owned())
+    pub fn stranger(&self, asked: &str, said: &str) -> DeviceError {
+        DeviceError::Stranger(self.peer(), asked.to_owned(), said.to_owned())
     }
 
     /// The oldest error that it has not told of yet.
-    fn error(&mut self) -> Result<Option<String>, ScpiError> {
+    fn error(&mut self) -> Result<Option<String>, DeviceError> {
         const ASKED: &str = "SYST:ERR?";
         let said = self.ask(ASKED)?;
         let number = said.split(',').next().unwrap_or("");
@@ -219,19 +231,19 @@ impl Scpi {
 
     /// Says what has no answer, and asks whether it was taken.
     ///
-    /// Errors: see [`ScpiError`]; [`ScpiError::Refused`] with the device's own words.
-    pub fn order(&mut self, line: &str) -> Result<(), ScpiError> {
+    /// Errors: see [`DeviceError`]; [`DeviceError::Refused`] with the device's own words.
+    pub fn order(&mut self, line: &str) -> Result<(), DeviceError> {
         self.say(line)?;
         match self.error()? {
             None => Ok(()),
-            Some(said) => Err(ScpiError::Refused(self.peer(), line.to_owned(), said)),
+            Some(said) => Err(DeviceError::Refused(self.peer(), line.to_owned(), said)),
         }
     }
 
     /// Who it is by its own words. Errors of before are not this work's and are passed over.
     ///
-    /// Errors: see [`ScpiError`].
-    pub fn identity(&mut self) -> Result<String, ScpiError> {
+    /// Errors: see [`DeviceError`].
+    pub fn identity(&mut self) -> Result<String, DeviceError> {
         for _ in 0..ERRORS_LIMIT {
             if self.error()?.is_none() {
                 break;

@@ -102,11 +102,16 @@ pub struct Node {
 }
 
 /// What spoils the work with a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Upset {
     /// It has started anew.
+    #[error("has restarted in the middle: look at its supply")]
     Restarted,
     /// It was taken to another NMT state than PRE-OPERATIONAL.
+    #[error(
+        "was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master may command it \
+         meanwhile"
+    )]
     Commanded,
 }
 

@@ -11,10 +11,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use quick_xml::Reader;
+use quick_xml::escape::resolve_predefined_entity;
+use quick_xml::events::{BytesStart, Event};
 use serde::Serialize;
 
 use crate::data::FORMAT;
-use crate::{CalibrateError, Session, hex};
+use crate::{CalibrateError, Session, dcc, hex};
 use bus_master::BusOptions;
 use output::stdout;
 
@@ -96,11 +99,10 @@ struct Claim {
 ///
 /// Errors: see [`CalibrateError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
-    let bytes = std::fs::read(&arguments.file);
-    let bytes = bytes.map_err(|error| CalibrateError::File(arguments.file.clone(), error))?;
-    let claim = claim(&arguments.file, &bytes)?;
-    let bus = arguments.bus.join().map_err(CalibrateError::Join)?;
-    let session = Session::look(bus, &arguments.nodes)?;
+    let file = &arguments.file;
+    let bytes = std::fs::read(file).map_err(CalibrateError::file(file))?;
+    let claim = claim(file, &bytes)?;
+    let session = Session::look(arguments.bus.join()?, &arguments.nodes)?;
     let nodes: Vec<_> = session
         .nodes
         .iter()
@@ -164,12 +166,13 @@ impl Claim {
 fn claim(path: &Path, bytes: &[u8]) -> Result<Claim, CalibrateError> {
     let wrong = |what| CalibrateError::Content(path.to_owned(), what);
     let text = std::str::from_utf8(bytes).map_err(|_| wrong(NO_REPORT))?;
-    if !text.trim_start_matches('\u{feff}').starts_with("<?xml") {
+    let text = text.trim_start_matches('\u{feff}');
+    if !text.starts_with("<?xml") {
         let json = serde_json::from_str(text).ok();
         let twin = json.is_some_and(|json: serde_json::Value| json["format"] == FORMAT);
         return Err(wrong(if twin { TWIN } else { NO_REPORT }));
     }
-    let channels = identities(text);
+    let channels = identities(text).map_err(wrong)?;
     if channels.is_empty() {
         return Err(wrong(NO_REPORT));
     }
@@ -184,24 +187,109 @@ const NO_REPORT: &str = "this is no dcc.xml of plumb calibrate";
 const TWIN: &str = "the nodes keep a hash of dcc.xml and of no other file, so the figures in \
                     report.json cannot be checked: give the dcc.xml of the same folder";
 
+/// Of a copy that was cut, or changed by hand.
+const DAMAGED: &str = "it is cut or damaged: take a whole copy of the dcc.xml";
+
+/// Of a certificate of another program, or of a later one of this.
+const RELEASE: &str = "this dcc.xml is of another release of the format than 3.2.1, which plumb \
+                       calibrate writes";
+
+/// Where the value of an identification stands.
+const VALUE: &str = "/dcc:item/dcc:identifications/dcc:identification/dcc:value";
+
 /// Serial number and check sum of each item of a DCC that this program wrote: the values of the
 /// first and the last identification of an item.
-fn identities(text: &str) -> Vec<(u32, String)> {
-    let value = |part: &str| {
-        let (_, rest) = part.split_once("<dcc:value>")?;
-        Some(rest.split_once("</dcc:value>")?.0.to_owned())
+///
+/// Errors: what the document is, where it is not one that this program writes.
+fn identities(text: &str) -> Result<Vec<(u32, String)>, &'static str> {
+    let mut reader = Reader::from_str(text);
+    let mut walk = Walk::default();
+    loop {
+        match reader.read_event().map_err(|_| DAMAGED)? {
+            Event::Start(tag) => walk.enter(&tag)?,
+            Event::End(_) => walk.leave(),
+            Event::Text(text) => walk.text(&text)?,
+            Event::GeneralRef(name) => walk.entity(&name)?,
+            Event::Decl(_) => {}
+            Event::Eof => break,
+            // What this program does not write could say something else than is read here.
+            _ => return Err(NO_REPORT),
+        }
+    }
+    let identity = |values: &Vec<String>| {
+        let serial = values.first()?.parse().ok()?;
+        let crc = values.get(1..)?.last().filter(|crc| crc.len() == 8)?;
+        Some((serial, crc.clone()))
     };
-    let identity = |item: &str| {
-        let (item, _) = item.split_once("</dcc:item>")?;
-        let mut values = item.split("<dcc:identification>").skip(1).filter_map(value);
-        let serial = values.next()?.parse().ok()?;
-        let crc = values.last().filter(|crc| crc.len() == 8)?;
-        Some((serial, crc))
-    };
-    text.split("<dcc:item ")
-        .skip(1)
-        .filter_map(identity)
-        .collect()
+    match walk.path.is_empty() {
+        true => Ok(walk.items.iter().filter_map(identity).collect()),
+        false => Err(DAMAGED),
+    }
+}
+
+/// The way through a certificate.
+#[derive(Default)]
+struct Walk {
+    /// Names of the elements that are open, each behind a slash.
+    path: String,
+    /// Whether the root has begun.
+    begun: bool,
+    /// Whether the identification that is open has its value.
+    has_value: bool,
+    /// Of each item the values of its identifications.
+    items: Vec<Vec<String>>,
+}
+
+impl Walk {
+    fn enter(&mut self, tag: &BytesStart) -> Result<(), &'static str> {
+        let name = tag.name().0;
+        if self.path.is_empty() {
+            let release = tag.try_get_attribute("schemaVersion");
+            let release = release.map_err(|_| DAMAGED)?.map(|release| release.value);
+            match release {
+                _ if self.begun || name != dcc::ROOT => return Err(NO_REPORT),
+                Some(release) if release == dcc::RELEASE => self.begun = true,
+                _ => return Err(RELEASE),
+            }
+        }
+        self.path = format!("{}/{name}", self.path);
+        if self.path.ends_with("/dcc:item") {
+            self.items.push(Vec::new());
+        } else if self.path.ends_with("/dcc:identification") {
+            self.has_value = false;
+        } else if self.path.ends_with(VALUE) {
+            if std::mem::replace(&mut self.has_value, true) {
+                return Err(NO_REPORT);
+            }
+            self.items.last_mut().ok_or(NO_REPORT)?.push(String::new());
+        }
+        Ok(())
+    }
+
+    fn leave(&mut self) {
+        let parent = self.path.rfind('/').unwrap_or(0);
+        self.path.truncate(parent);
+    }
+
+    fn text(&mut self, text: &str) -> Result<(), &'static str> {
+        if self.path.is_empty() && !text.trim().is_empty() {
+            return Err(NO_REPORT);
+        }
+        if self.path.ends_with(VALUE) {
+            let value = self.items.last_mut().and_then(|values| values.last_mut());
+            value.ok_or(NO_REPORT)?.push_str(text);
+        }
+        Ok(())
+    }
+
+    /// An entity: those that the writer escapes with, and none in a value.
+    fn entity(&self, name: &str) -> Result<(), &'static str> {
+        let written = resolve_predefined_entity(name).is_some();
+        match written && !self.path.ends_with(VALUE) {
+            true => Ok(()),
+            false => Err(NO_REPORT),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -268,6 +356,42 @@ mod tests {
             let told = claim(&path(), bytes).unwrap_err().to_string();
             assert_eq!(told, format!("f: {what}"));
         }
+    }
+
+    #[test]
+    fn what_a_certificate_can_not_be_is_refused_with_its_reason() {
+        let whole = sample_dcc();
+        let told = |text: &str| {
+            let told = claim(&path(), text.as_bytes()).unwrap_err().to_string();
+            told.strip_prefix("f: ").unwrap().to_owned()
+        };
+        let changed = |from: &str, to: &str| {
+            assert!(whole.contains(from), "{from}");
+            told(&whole.replacen(from, to, 1))
+        };
+        for cut in [60, whole.len() / 2, whole.len() - 10] {
+            assert!(
+                [DAMAGED, RELEASE].contains(&told(&whole[..cut]).as_str()),
+                "{cut}"
+            );
+        }
+        assert_eq!(changed("</dcc:items>", "</dcc:item>"), DAMAGED);
+        assert_eq!(changed("3.2.1", "3.3.0"), RELEASE);
+        let root = "dcc:digitalCalibrationCertificate";
+        assert_eq!(told(&whole.replace(root, "dcc:other")), NO_REPORT);
+        let (_, body) = whole.split_once('\n').unwrap();
+        assert_eq!(told(&format!("{whole}{body}")), NO_REPORT);
+        assert_eq!(told(&format!("{whole}more")), NO_REPORT);
+        let value = "<dcc:value>1</dcc:value>";
+        assert_eq!(changed(value, &format!("{value}{value}")), NO_REPORT);
+        assert_eq!(changed(value, "<dcc:value>&#49;</dcc:value>"), NO_REPORT);
+        assert_eq!(
+            changed(value, "<dcc:value><![CDATA[1]]></dcc:value>"),
+            NO_REPORT
+        );
+        assert_eq!(changed(value, "<dcc:value>&one;</dcc:value>"), NO_REPORT);
+        let doctype = "<!DOCTYPE d [<!ENTITY one \"1\">]>\n<dcc:digital";
+        assert_eq!(changed("<dcc:digital", doctype), NO_REPORT);
     }
 
     proptest::proptest! {

@@ -13,8 +13,8 @@
 //! of assumption A7; above the tolerance of 0.20 deg the calibration is made anew, three times at
 //! most, and what it ended with is reported.
 
-use tilt::angle::{Angle, Axes, Harmonics};
-use tilt::calibration::motor::{FittedVector, HarmonicFit, PlaneFit, VectorFit};
+use tilt::angle::{Angle, Axes};
+use tilt::calibration::motor::{Slope, Stand, one_axis, two_axis};
 use tilt::chain::{Correction, Timing};
 use tilt::sample::Temperature;
 use tilt::table::{Point, Table};
@@ -201,8 +201,8 @@ impl Bench {
                     0.0,
                 )
             }
-            Mode::Product => fit_two_axis(memories).map_err(fit_error)?,
-            Mode::OneAxis => fit_one_axis(memories).map_err(fit_error)?,
+            Mode::Product => two_axis(&stands(memories)).map_err(fit_error)?,
+            Mode::OneAxis => one_axis(&stands(memories)).map_err(fit_error)?,
         };
         let chain = &mut self.instrument.sides[node].settings.chain;
         chain.calibration.correction = correction;
@@ -279,65 +279,18 @@ fn paper_tables(memories: &[Memory]) -> Result<Axes<Table>, tilt::table::TableEr
     })
 }
 
-fn reference_g(memory: &Memory) -> [f64; 3] {
-    let (sin, cos) = memory.reference_deg.to_radians().sin_cos();
-    match memory.mount {
-        Mount::X => [sin, 0.0, cos],
-        Mount::Y => [0.0, sin, cos],
-    }
-}
-
-/// Beyond this the fold at the vertical bends what the harmonics would follow.
-const HARMONICS_UP_TO_DEG: f64 = 86.0;
-
-/// Variance of one memorised point over that expected of a harmonic: (0.012 / 0.04)^2.
-const HARMONIC_RIDGE: f64 = 0.09;
-
-type Fitted = Result<(Correction, f64), tilt::calibration::FitError>;
-
-fn fit_two_axis(memories: &[Memory]) -> Fitted {
-    let mut fit = VectorFit::default();
-    memories
-        .iter()
-        .for_each(|m| fit.add(reference_g(m), m.compensated));
-    let FittedVector {
-        vector, condition, ..
-    } = fit.solve()?;
-    let mut left = Axes::<HarmonicFit>::default();
-    for m in memories
-        .iter()
-        .filter(|m| m.reference_deg.abs() <= HARMONICS_UP_TO_DEG)
-    {
-        let found = tilt::angle::slopes(vector.apply(m.compensated));
-        let reference = Angle::from_degrees(m.reference_deg);
-        match m.mount {
-            Mount::X => left.x.add(found.x, reference),
-            Mount::Y => left.y.add(found.y, reference),
-        }
-    }
-    let harmonics = Axes::<Harmonics> {
-        x: left.x.solve(HARMONIC_RIDGE)?,
-        y: left.y.solve(HARMONIC_RIDGE)?,
+/// The memorised points as the fits take them.
+fn stands(memories: &[Memory]) -> Vec<Stand> {
+    let stand = |m: &Memory| Stand {
+        slope: match m.mount {
+            Mount::X => Slope::X,
+            Mount::Y => Slope::Y,
+        },
+        reference_deg: m.reference_deg,
+        sin_cos: m.reference_deg.to_radians().sin_cos(),
+        felt: m.compensated,
     };
-    Ok((Correction::TwoAxis { vector, harmonics }, condition))
-}
-
-fn fit_one_axis(memories: &[Memory]) -> Fitted {
-    let mut fit = PlaneFit::default();
-    for m in memories {
-        let [sin, _, cos] = reference_g(m);
-        fit.add(sin, cos, m.compensated);
-    }
-    let FittedVector {
-        vector, condition, ..
-    } = fit.solve()?;
-    let mut left = HarmonicFit::default();
-    for m in memories {
-        let found = tilt::angle::turn(vector.apply(m.compensated));
-        left.add(found, Angle::from_degrees(m.reference_deg));
-    }
-    let harmonics = left.solve(0.0)?;
-    Ok((Correction::OneAxis { vector, harmonics }, condition))
+    memories.iter().map(stand).collect()
 }
 
 /// Rms of what the chain finds at the memorised points, deg, the fold at +-90 deg left out.

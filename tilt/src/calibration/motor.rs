@@ -4,14 +4,104 @@
 //! feel. Out: the twelve parameters and the harmonics. All twelve are fitted from the two mounts
 //! (roll and pitch runs) together: one run alone leaves the third column of the matrix open,
 //! which showed as 3.5 deg of error at 5 deg roll in the study this design rests on. The
-//! conditioning is checked, so such a set is refused rather than fitted.
+//! conditioning is checked, so such a set is refused rather than fitted. [`two_axis`] and
+//! [`one_axis`] make a whole correction from the stands of a motor.
 
 use super::FitError;
 use super::least_squares::{Normal, invert, times};
 use crate::ONE_G;
-use crate::angle::{Angle, Harmonics};
+use crate::angle::{Angle, Axes, Harmonics, slopes, turn};
+use crate::chain::Correction;
 use crate::temperature::Compensated;
 use crate::vector::Vector;
+
+/// Beyond this the fold at the vertical bends what the harmonics of a slope would follow, deg.
+pub const FOLD_DEG: f64 = 86.0;
+
+/// Variance of one stand over that expected of a harmonic: (0.012 / 0.04)^2.
+const RIDGE: f64 = 0.09;
+
+/// What a motor turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Slope {
+    /// Slope X; all of the turn of a one-axis instrument.
+    X,
+    /// Slope Y.
+    Y,
+}
+
+/// One stand of a motor.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand {
+    /// What was turned.
+    pub slope: Slope,
+    /// The motor's angle, deg.
+    pub reference_deg: f64,
+    /// Sine and cosine of it: the fits have nothing but + - * /.
+    pub sin_cos: (f64, f64),
+    /// What the part felt.
+    pub felt: Compensated,
+}
+
+impl Stand {
+    /// The specific force that the part should feel, g.
+    pub const fn reference_g(&self) -> [f64; 3] {
+        let (sin, cos) = self.sin_cos;
+        match self.slope {
+            Slope::X => [sin, 0.0, cos],
+            Slope::Y => [0.0, sin, cos],
+        }
+    }
+}
+
+/// A correction of two slopes with its condition figure: twelve parameters, and three harmonics of
+/// each slope.
+///
+/// Errors: see [`FitError`].
+pub fn two_axis(stands: &[Stand]) -> Result<(Correction, f64), FitError> {
+    let mut fit = VectorFit::default();
+    for stand in stands {
+        fit.add(stand.reference_g(), stand.felt);
+    }
+    let fitted = fit.solve()?;
+    let vector = fitted.vector;
+    let mut left = Axes::<HarmonicFit>::default();
+    let unfolded = |stand: &&Stand| stand.reference_deg.abs() <= FOLD_DEG;
+    for stand in stands.iter().filter(unfolded) {
+        let found = slopes(vector.apply(stand.felt));
+        let reference = Angle::from_degrees(stand.reference_deg);
+        match stand.slope {
+            Slope::X => left.x.add(found.x, reference),
+            Slope::Y => left.y.add(found.y, reference),
+        }
+    }
+    let harmonics = Axes::<Harmonics> {
+        x: left.x.solve(RIDGE)?,
+        y: left.y.solve(RIDGE)?,
+    };
+    Ok((Correction::TwoAxis { vector, harmonics }, fitted.condition))
+}
+
+/// A correction of a turn of 360 deg with its condition figure: six parameters, and three
+/// harmonics.
+///
+/// Errors: see [`FitError`].
+pub fn one_axis(stands: &[Stand]) -> Result<(Correction, f64), FitError> {
+    let mut fit = PlaneFit::default();
+    for stand in stands {
+        let (sin, cos) = stand.sin_cos;
+        fit.add(sin, cos, stand.felt);
+    }
+    let fitted = fit.solve()?;
+    let vector = fitted.vector;
+    let mut left = HarmonicFit::default();
+    for stand in stands {
+        let found = turn(vector.apply(stand.felt));
+        left.add(found, Angle::from_degrees(stand.reference_deg));
+    }
+    let harmonics = left.solve(0.0)?;
+    Ok((Correction::OneAxis { vector, harmonics }, fitted.condition))
+}
 
 /// Accumulates standing readings with their reference.
 #[derive(Clone, Debug, Default)]
@@ -129,6 +219,7 @@ mod tests {
     use super::*;
     use crate::angle::slopes;
     use std::f64::consts::PI;
+    use std::vec::Vec;
 
     const M: [[f64; 3]; 3] = [
         [1.01, 0.02, -0.015],
@@ -165,6 +256,39 @@ mod tests {
         let got = slopes(fitted.vector.apply(feel(f)));
         assert!((got.x.degrees() - 0.6f64.asin() * 180.0 / PI).abs() < 2e-4);
         assert!((got.y.degrees() + 0.48f64.asin() * 180.0 / PI).abs() < 2e-4);
+    }
+
+    fn stands(slopes: &[Slope]) -> Vec<Stand> {
+        let stand = |slope: Slope, d: i32| {
+            let stand = Stand {
+                slope,
+                reference_deg: f64::from(d),
+                sin_cos: (f64::from(d) * PI / 180.0).sin_cos(),
+                felt: Compensated { accel: [0; 3] },
+            };
+            let felt = feel(stand.reference_g());
+            Stand { felt, ..stand }
+        };
+        let all = slopes.iter().flat_map(|s| (-90..=90).map(move |d| (*s, d)));
+        all.map(|(slope, d)| stand(slope, d)).collect()
+    }
+
+    #[test]
+    fn stands_of_both_slopes_give_a_whole_correction_and_those_of_one_only_a_turn() {
+        let both = stands(&[Slope::X, Slope::Y]);
+        let (correction, condition) = two_axis(&both).unwrap();
+        assert!(condition < 100.0, "{condition}");
+        let Correction::TwoAxis { vector, harmonics } = correction else {
+            panic!("{correction:?}");
+        };
+        let found = slopes(vector.apply(feel([0.5, 0.0, 0.75f64.sqrt()]))).x;
+        let found = found.degrees() + harmonics.x.correction(found).degrees();
+        assert!((found - 30.0).abs() < 1e-3, "{found}");
+        let one = stands(&[Slope::X]);
+        let refused = two_axis(&one).map(|(_, condition)| condition);
+        assert!(matches!(refused, Err(FitError::IllConditioned { .. })));
+        let (correction, _) = one_axis(&one).unwrap();
+        assert!(matches!(correction, Correction::OneAxis { .. }));
     }
 
     #[test]

@@ -9,7 +9,7 @@
 
 use super::profile::REFERENCE_C;
 use crate::console::{Answer, Console};
-use crate::scpi::{Device, Peer, Scpi, ScpiError};
+use crate::scpi::{Device, DeviceError, Scpi};
 
 /// Temperatures that no chamber of air has, degC: below and above them a reading is nonsense.
 const POSSIBLE_DEGC: std::ops::RangeInclusive<f64> = -100.0..=200.0;
@@ -30,45 +30,28 @@ pub struct Air {
 pub trait Chamber {
     /// Who it is, as it goes into the report.
     ///
-    /// Errors: see [`ChamberError`].
-    fn identity(&mut self) -> Result<String, ChamberError>;
+    /// Errors: see [`DeviceError`].
+    fn identity(&mut self) -> Result<String, DeviceError>;
 
     /// The lowest and the highest set point, degC; `None` where it does not say.
     ///
-    /// Errors: see [`ChamberError`].
-    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, ChamberError>;
+    /// Errors: see [`DeviceError`].
+    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, DeviceError>;
 
     /// Asks for another temperature of the air, degC. `wait` is called again and again where this
     /// takes its time; when it is false, nobody waits any longer.
     ///
-    /// Errors: see [`ChamberError`].
-    fn set(&mut self, degc: f64, wait: &mut dyn FnMut() -> bool) -> Result<(), ChamberError>;
+    /// Errors: see [`DeviceError`].
+    fn set(&mut self, degc: f64, wait: &mut dyn FnMut() -> bool) -> Result<(), DeviceError>;
 
     /// What the air is like now.
     ///
-    /// Errors: see [`ChamberError`].
-    fn air(&mut self) -> Result<Air, ChamberError>;
+    /// Errors: see [`DeviceError`].
+    fn air(&mut self) -> Result<Air, DeviceError>;
 
     /// Leaves the chamber near room temperature when the run has ended early, as far as it can be
     /// reached.
     fn leave(&mut self);
-}
-
-/// Why a chamber did not do its part.
-#[derive(Debug, thiserror::Error)]
-pub enum ChamberError {
-    /// It could not be spoken to, or refuses.
-    #[error("{0}")]
-    Words(#[from] ScpiError),
-    /// It states a temperature that no air has.
-    #[error("{0} states an air temperature of {1} degC, which is none: look at its sensor")]
-    Nonsense(Peer, f64),
-    /// Its range is none.
-    #[error("{0} answers \"CONF:RANG?\" by {1:?}: two temperatures belong there: -40,85")]
-    Range(Peer, String),
-    /// Nobody answers any more.
-    #[error("the input ended before the chamber was set")]
-    Ended,
 }
 
 /// A chamber that is spoken to in lines.
@@ -80,16 +63,16 @@ pub struct ScpiChamber {
 impl ScpiChamber {
     /// Connects to `tcp://HOST:PORT`, `HOST:PORT` or `serial://PATH?baud=RATE`.
     ///
-    /// Errors: [`ScpiError::Address`], [`ScpiError::Connect`].
-    pub fn connect(url: &str) -> Result<Self, ChamberError> {
+    /// Errors: [`DeviceError::Address`], [`DeviceError::Connect`].
+    pub fn connect(url: &str) -> Result<Self, DeviceError> {
         let scpi = Scpi::connect(Device::Chamber, url)?;
         Ok(Self { scpi })
     }
 
-    fn told(&self, degc: f64) -> Result<f64, ChamberError> {
+    fn told(&self, degc: f64) -> Result<f64, DeviceError> {
         match POSSIBLE_DEGC.contains(&degc) {
             true => Ok(degc),
-            false => Err(ChamberError::Nonsense(self.scpi.peer(), degc)),
+            false => Err(DeviceError::Nonsense(self.scpi.peer(), degc)),
         }
     }
 }
@@ -99,26 +82,26 @@ fn order(degc: f64) -> String {
 }
 
 impl Chamber for ScpiChamber {
-    fn identity(&mut self) -> Result<String, ChamberError> {
-        Ok(self.scpi.identity()?)
+    fn identity(&mut self) -> Result<String, DeviceError> {
+        self.scpi.identity()
     }
 
-    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, ChamberError> {
+    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, DeviceError> {
         let said = self.scpi.ask("CONF:RANG?")?;
         let number = |text: &str| text.trim().parse().ok().filter(|n: &f64| n.is_finite());
         let ends = said.split_once(',');
         let ends = ends.and_then(|(low, high)| Some([number(low)?, number(high)?]));
         match ends {
             Some([low, high]) if low < high => Ok(Some([low, high])),
-            _ => Err(ChamberError::Range(self.scpi.peer(), said)),
+            _ => Err(DeviceError::Range(self.scpi.peer(), said)),
         }
     }
 
-    fn set(&mut self, degc: f64, _: &mut dyn FnMut() -> bool) -> Result<(), ChamberError> {
-        Ok(self.scpi.order(&order(degc))?)
+    fn set(&mut self, degc: f64, _: &mut dyn FnMut() -> bool) -> Result<(), DeviceError> {
+        self.scpi.order(&order(degc))
     }
 
-    fn air(&mut self) -> Result<Air, ChamberError> {
+    fn air(&mut self) -> Result<Air, DeviceError> {
         const STABLE: &str = "TEMP:STAB?";
         let degc = self.scpi.number("TEMP?")?;
         let degc = self.told(degc)?;
@@ -126,7 +109,7 @@ impl Chamber for ScpiChamber {
         let stable = match said.as_str() {
             "0" => false,
             "1" => true,
-            _ => return Err(self.scpi.stranger(STABLE, &said).into()),
+            _ => return Err(self.scpi.stranger(STABLE, &said)),
         };
         Ok(Air {
             degc: Some(degc),
@@ -149,25 +132,25 @@ pub struct HandChamber<'a> {
 }
 
 impl Chamber for HandChamber<'_> {
-    fn identity(&mut self) -> Result<String, ChamberError> {
+    fn identity(&mut self) -> Result<String, DeviceError> {
         Ok(BY_HAND.to_owned())
     }
 
-    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, ChamberError> {
+    fn range_degc(&mut self) -> Result<Option<[f64; 2]>, DeviceError> {
         Ok(None)
     }
 
-    fn set(&mut self, degc: f64, wait: &mut dyn FnMut() -> bool) -> Result<(), ChamberError> {
+    fn set(&mut self, degc: f64, wait: &mut dyn FnMut() -> bool) -> Result<(), DeviceError> {
         (self.tell)(&format!(
             "set the chamber to {degc} degC; press Enter when its air is stable there"
         ));
         match self.console.wait_while(wait) {
             Some(Answer::Done) => Ok(()),
-            Some(Answer::Ended) | None => Err(ChamberError::Ended),
+            Some(Answer::Ended) | None => Err(DeviceError::Unset),
         }
     }
 
-    fn air(&mut self) -> Result<Air, ChamberError> {
+    fn air(&mut self) -> Result<Air, DeviceError> {
         Ok(Air {
             degc: None,
             stable: true,

@@ -63,35 +63,22 @@ pub enum HoldError {
     /// The air is said to be stable, and is not at its set point: set point, air.
     #[error("the chamber reports stable air at {0} degC, but its temperature is {1:.1} degC")]
     Elsewhere(f64, f64),
-    /// The sensor of a node does not settle: node's place, set point, how much it moves, minutes.
-    #[error("the sensor of node number {0} does not follow the chamber")]
-    Unsettled(usize, f64, f64, f64),
-    /// The sensor of a node does not follow the chamber: node's place, and both changes.
-    #[error("the sensor of node number {0} does not follow the chamber")]
-    Astray(usize, f64, f64),
+    /// The sensor of a node does not settle: node-id, set point, how much it moves, minutes.
+    #[error(
+        "the sensor of node {0} does not settle at {1} degC: it still moves by {2:.0} degC after \
+         {3:.0} min; take longer dwells"
+    )]
+    Unsettled(u8, f64, f64, f64),
+    /// The sensor of a node does not follow the chamber: node-id, and both changes.
+    #[error(
+        "the sensor of node {0} has changed by {1:+.0} degC where the chamber was sent by \
+         {2:+.0} degC: is the instrument in this chamber?"
+    )]
+    Astray(u8, f64, f64),
 }
 
 fn at(air: &Option<f64>) -> String {
     air.map_or(String::new(), |air| format!("; it is at {air:.1} degC"))
-}
-
-impl HoldError {
-    /// The sentence; `node` gives the node-id of a place.
-    pub fn sentence(&self, node: impl Fn(usize) -> u8) -> String {
-        match self {
-            Self::Unsettled(place, set, moved, minutes) => format!(
-                "the sensor of node {} does not settle at {set} degC: it still moves by {moved:.0} \
-                 degC after {minutes:.0} min; take longer dwells",
-                node(*place)
-            ),
-            Self::Astray(place, part, set) => format!(
-                "the sensor of node {} has changed by {part:+.0} degC where the chamber was sent \
-                 by {set:+.0} degC: is the instrument in this chamber?",
-                node(*place)
-            ),
-            air => air.to_string(),
-        }
-    }
 }
 
 /// Where a dwell stands.
@@ -111,6 +98,8 @@ pub enum Phase {
 #[derive(Clone, Debug)]
 pub struct Hold {
     step: Step,
+    /// The nodes whose sensors are looked at.
+    ids: Vec<u8>,
     begun_s: f64,
     /// The air when it was sent off.
     from_c: Option<f64>,
@@ -125,11 +114,12 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Begins a dwell at `now_s`, from air of this temperature.
-    pub fn new(step: Step, now_s: f64, from_c: Option<f64>) -> Self {
+    /// Begins a dwell of these nodes at `now_s`, from air of this temperature.
+    pub fn new(step: Step, now_s: f64, from_c: Option<f64>, ids: Vec<u8>) -> Self {
         let way = from_c.map_or(100.0, |from| (step.temperature_degc - from).abs());
         Self {
             step,
+            ids,
             begun_s: now_s,
             from_c,
             ramp_min: way / SLOWEST_C_MIN + PATIENCE_MIN,
@@ -170,7 +160,7 @@ impl Hold {
         match self.moving() {
             None => Ok(Phase::Ready),
             Some((place, moved)) if dwelt_min > self.longest_min() => {
-                Err(HoldError::Unsettled(place, set, moved, dwelt_min))
+                Err(HoldError::Unsettled(self.ids[place], set, moved, dwelt_min))
             }
             Some(_) => Ok(Phase::Settling),
         }
@@ -237,14 +227,15 @@ impl Hold {
 ///
 /// Errors: [`HoldError::Astray`].
 pub fn follows(
+    ids: &[u8],
     (first_set, first): (f64, &[f64]),
     (set, parts): (f64, &[f64]),
 ) -> Result<(), HoldError> {
     let asked = set - first_set;
-    for (place, (before, now)) in first.iter().zip(parts).enumerate() {
+    for (id, (before, now)) in ids.iter().zip(first.iter().zip(parts)) {
         let changed = now - before;
         if (changed - asked).abs() > ASTRAY_C + ASTRAY_SHARE * asked.abs() {
-            return Err(HoldError::Astray(place, changed, asked));
+            return Err(HoldError::Astray(*id, changed, asked));
         }
     }
     Ok(())
@@ -268,7 +259,7 @@ mod tests {
 
     /// Looks each minute: from, to, and what air and sensors do at that minute.
     fn run(minutes: u32, look: impl Fn(f64) -> (Air, Vec<f64>)) -> Result<(u32, Phase), HoldError> {
-        let mut hold = Hold::new(STEP, 0.0, Some(40.0));
+        let mut hold = Hold::new(STEP, 0.0, Some(40.0), vec![1, 2]);
         let mut last = Phase::Ramp;
         for minute in 0..minutes {
             let (air, parts) = look(f64::from(minute));
@@ -342,8 +333,8 @@ mod tests {
     #[test]
     fn a_sensor_that_never_settles_is_named() {
         let told = run(1000, |m| (air(50.0), vec![50.0, (m / 4.0).round()])).unwrap_err();
-        assert!(matches!(told, HoldError::Unsettled(1, ..)), "{told:?}");
-        let sentence = told.sentence(|place| place as u8 + 1);
+        assert!(matches!(told, HoldError::Unsettled(2, ..)), "{told:?}");
+        let sentence = told.to_string();
         assert!(
             sentence.contains("the sensor of node 2 does not settle"),
             "{sentence}"
@@ -363,10 +354,10 @@ mod tests {
     #[test]
     fn an_instrument_outside_the_chamber_is_noticed() {
         let first = (25.0, &[31.0, 22.0][..]);
-        assert_eq!(follows(first, (70.0, &[77.5, 66.0])), Ok(()));
-        let told = follows(first, (0.0, &[7.0, 21.0])).unwrap_err();
-        assert_eq!(told, HoldError::Astray(1, -1.0, -25.0));
-        let sentence = told.sentence(|_| 7);
+        assert_eq!(follows(&[3, 7], first, (70.0, &[77.5, 66.0])), Ok(()));
+        let told = follows(&[3, 7], first, (0.0, &[7.0, 21.0])).unwrap_err();
+        assert_eq!(told, HoldError::Astray(7, -1.0, -25.0));
+        let sentence = told.to_string();
         assert!(
             sentence.contains("is the instrument in this chamber"),
             "{sentence}"

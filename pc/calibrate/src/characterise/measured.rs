@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::error::CharacteriseError;
 use super::profile::Profile;
 use super::thermal::{Model, Sight};
-use crate::folder::MEASURED;
+use crate::CalibrateError;
+use crate::folder::{MEASURED, put};
 use crate::kept::hex;
 use crate::session::Node;
 
@@ -168,48 +168,40 @@ impl Measured {
     /// Writes the file; it appears whole or not at all. A folder that has gone meanwhile is made
     /// again.
     ///
-    /// Errors: [`CharacteriseError::File`].
-    pub fn save(&self, folder: &Path) -> Result<(), CharacteriseError> {
+    /// Errors: [`CalibrateError::File`].
+    pub fn save(&self, folder: &Path) -> Result<(), CalibrateError> {
         let path = Self::path(folder);
-        let failed = |error| CharacteriseError::File(path.clone(), error);
-        let text = serde_json::to_string_pretty(self).map_err(|error| failed(error.into()))?;
-        let text = sealed(&(text + "\n"), "");
-        let new = path.with_extension("part");
-        let write = || {
-            fs::create_dir_all(folder)?;
-            fs::write(&new, text)?;
-            // A loss of power in the next hour must find it on the disk.
-            fs::File::open(&new)?.sync_all()?;
-            fs::rename(&new, &path)
-        };
-        write().map_err(failed)
+        let text = serde_json::to_string_pretty(self);
+        let text = text.map_err(|error| CalibrateError::File(path.clone(), error.into()))?;
+        fs::create_dir_all(folder).map_err(CalibrateError::file(&path))?;
+        put(&path, &sealed(&(text + "\n"), ""))
     }
 
     /// The run in a folder, to go on from with what `begun` says.
     ///
-    /// Errors: [`CharacteriseError::NoRun`], [`CharacteriseError::File`],
-    /// [`CharacteriseError::Newer`], [`CharacteriseError::Content`],
-    /// [`CharacteriseError::Another`].
-    pub fn resume(folder: &Path, begun: &Begun) -> Result<Self, CharacteriseError> {
+    /// Errors: [`CalibrateError::NoRun`], [`CalibrateError::File`],
+    /// [`CalibrateError::Newer`], [`CalibrateError::Damaged`],
+    /// [`CalibrateError::Another`].
+    pub fn resume(folder: &Path, begun: &Begun) -> Result<Self, CalibrateError> {
         let path = Self::path(folder);
         let text = match fs::read_to_string(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                return Err(CharacteriseError::NoRun(path));
+                return Err(CalibrateError::NoRun(path));
             }
             // Bytes that are no text were not written by a run.
             Err(error) if error.kind() == ErrorKind::InvalidData => String::new(),
-            read => read.map_err(|error| CharacteriseError::File(path.clone(), error))?,
+            read => read.map_err(CalibrateError::file(&path))?,
         };
         let tagged: Option<Tagged> = serde_json::from_str(&text).ok();
         if tagged.is_some_and(|tagged| tagged.format == FORMAT && tagged.version > VERSION) {
-            return Err(CharacteriseError::Newer(path));
+            return Err(CalibrateError::Newer(path));
         }
         let measured: Option<Self> = serde_json::from_str(&text).ok();
         let whole = measured.filter(|run| sealed(&text, &run.sha256) == text && run.is_sound());
-        let mut measured = whole.ok_or_else(|| CharacteriseError::Content(path.clone()))?;
+        let mut measured = whole.ok_or_else(|| CalibrateError::Damaged(path.clone()))?;
         measured.sha256.clear();
         match measured.begun.differs(begun) {
-            Some(what) => Err(CharacteriseError::Another(path, what)),
+            Some(what) => Err(CalibrateError::Another(path, what)),
             None => Ok(measured),
         }
     }
@@ -374,7 +366,7 @@ mod tests {
         let refused = |run: &Measured| {
             run.save(scratch.path()).unwrap();
             let told = Measured::resume(scratch.path(), &begun());
-            matches!(told, Err(CharacteriseError::Content(_)))
+            matches!(told, Err(CalibrateError::Damaged(_)))
         };
         let whole = Measured::new(begun(), 5);
         assert!(!refused(&whole));
@@ -387,7 +379,7 @@ mod tests {
         assert!(!refused(&with(&|_| ())));
         with(&|run| run.version = 2).save(scratch.path()).unwrap();
         let told = Measured::resume(scratch.path(), &begun());
-        assert!(matches!(told, Err(CharacteriseError::Newer(_))));
+        assert!(matches!(told, Err(CalibrateError::Newer(_))));
         assert!(refused(&with(&|run| run.dwells[0].step = 1)));
         assert!(refused(&with(&|run| run.dwells[0].orientations.clear())));
         assert!(refused(&with(&|run| run.dwells[0].orientations[0].clear())));
@@ -396,7 +388,7 @@ mod tests {
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, &text[..text.len() / 2]).unwrap();
         let told = Measured::resume(scratch.path(), &begun());
-        assert!(matches!(told, Err(CharacteriseError::Content(_))));
+        assert!(matches!(told, Err(CalibrateError::Damaged(_))));
     }
 
     #[test]

@@ -9,11 +9,10 @@
 //! Left out: scale, axes and zero of the angles, which `plumb calibrate` makes and which stay.
 
 pub mod chamber;
-mod error;
-mod hold;
+pub mod hold;
 mod left;
 mod measured;
-mod profile;
+pub mod profile;
 mod report;
 mod run;
 mod thermal;
@@ -24,7 +23,6 @@ use std::process::ExitCode;
 use clap::Args;
 
 use chamber::{Chamber, HandChamber, ScpiChamber};
-pub use error::CharacteriseError;
 use left::Left;
 use measured::{Begun, Measured};
 use profile::Profile;
@@ -35,10 +33,11 @@ use crate::by_motor::Kind;
 use crate::compose::{Frame, now};
 use crate::console::Console;
 use crate::data::{Channel, Report};
+use crate::finish::{self, Done};
 use crate::folder::Folder;
 use crate::motor::{Axis, Motor, ScpiMotor};
 use crate::session::{Session, encode};
-use crate::{CalibrateError, Common, finish, kept};
+use crate::{CalibrateError, Common, kept};
 use output::progress::Progress;
 
 /// What keeps the temperature, what turns the housing, and through which temperatures.
@@ -90,39 +89,42 @@ pub struct Arguments {
     pub common: Common,
 }
 
-/// A report, and the folder that it is in.
-type Done = Result<(Report, PathBuf), CharacteriseError>;
+/// What it takes to reach a temperature.
+const NO_CHAMBER: &str = "state what controls the temperature: --chamber URL or --by-hand; --keep \
+                          and --restore FILE work without";
+
+/// What the quadratic model takes of a motor.
+const ONE_AXIS: &str = "the motor turns one axis only, and the quadratic model takes both: leave \
+                        --motor out and turn the housing by hand (docs/chamber.md)";
 
 /// Characterises, or keeps and restores calibrations. Exit status 1: the model leaves more than the
 /// tolerance, and the nodes have the calibration that they had.
 ///
-/// Errors: see [`CharacteriseError`].
-pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, CharacteriseError> {
+/// Errors: see [`CalibrateError`].
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, CalibrateError> {
     let common = &arguments.common;
     let ids = common.ids()?;
     if let Some(kept) = common.keep_or_restore(&ids)? {
         return Ok(kept);
     }
-    match (&arguments.chamber, arguments.by_hand) {
-        (None, false) => return Err(CharacteriseError::Method),
-        (Some(_), true) => return Err(CharacteriseError::Both),
-        _ => {}
-    }
+    CalibrateError::unless_one(
+        [arguments.chamber.is_some(), arguments.by_hand],
+        NO_CHAMBER,
+        "a program or a person sets the chamber: give --chamber URL or --by-hand, not both",
+    )?;
     let folder = match arguments.resume {
         true => Folder::resume(&arguments.out)?,
         false => Folder::claim(&arguments.out, common.force).map_err(|error| match error {
             CalibrateError::Earlier(..) if Folder::is_unfinished(&arguments.out) => {
-                CharacteriseError::Unfinished(arguments.out.clone())
+                CalibrateError::Unfinished(arguments.out.clone())
             }
-            error => error.into(),
+            error => error,
         })?,
     };
-    let mut session = common.open(&ids)?;
-    let done = characterise(arguments, progress, &folder, &mut session);
-    session.leave();
-    let (report, place) = done?;
-    let figures = report.channels.iter().map(figures).collect();
-    Ok(common.end(figures, &report, &place)?)
+    let figures = |report: &Report| report.channels.iter().map(figures).collect();
+    common.with_nodes(&ids, figures, |session| {
+        characterise(arguments, progress, &folder, session)
+    })
 }
 
 /// The whole of it with the chamber that was named.
@@ -139,7 +141,10 @@ fn characterise(
         (Some(mut motor), Model::Quadratic) => {
             let axes = motor.axes()?;
             let both = [Axis::X, Axis::Y].iter().all(|axis| axes.contains(axis));
-            Some(both.then_some(motor).ok_or(CharacteriseError::OneAxis)?)
+            Some(
+                both.then_some(motor)
+                    .ok_or(CalibrateError::Request(ONE_AXIS))?,
+            )
         }
         // Level all the time: there is nothing to turn.
         (_, Model::Piecewise) | (None, _) => None,
@@ -153,7 +158,7 @@ fn characterise(
             console,
             tell: &tell,
         }),
-        (None, None) => return Err(CharacteriseError::Method),
+        (None, None) => return Err(CalibrateError::Request(NO_CHAMBER)),
     };
     Work {
         arguments,
@@ -166,16 +171,16 @@ fn characterise(
 }
 
 /// The model that goes with the nodes, unless another is asked for.
-fn model(arguments: &Arguments, session: &Session) -> Result<Model, CharacteriseError> {
+fn model(arguments: &Arguments, session: &Session) -> Result<Model, CalibrateError> {
     // Nodes of one kind have corrections of one kind.
     Kind::of(session)?;
-    let first = session.nodes.first().ok_or(CalibrateError::Nodes)?;
+    let first = session.nodes.first().ok_or(finish::NODES)?;
     let usual = Model::of(&first.calibration.correction);
     Ok(arguments.model.unwrap_or(usual))
 }
 
 /// The sequence of temperatures that was asked for.
-fn sequence(arguments: &Arguments, model: Model) -> Result<Profile, CharacteriseError> {
+fn sequence(arguments: &Arguments, model: Model) -> Result<Profile, CalibrateError> {
     const RUNS: u32 = 2;
     let Arguments {
         from,
@@ -228,7 +233,7 @@ impl Work<'_> {
             (_, _, Model::Piecewise) => Turner::Nothing,
             (Some(motor), ..) => Turner::Motor(motor),
             (None, Some(console), _) => Turner::Hand(console),
-            (None, None, _) => return Err(CharacteriseError::Method),
+            (None, None, _) => return Err(CalibrateError::Request(NO_CHAMBER)),
         };
         let mut bench = Bench {
             session: &mut *session,
@@ -256,12 +261,12 @@ impl Work<'_> {
         motor: Option<&mut ScpiMotor>,
         model: Model,
         profile: Profile,
-    ) -> Result<Begun, CharacteriseError> {
+    ) -> Result<Begun, CalibrateError> {
         let name = chamber.identity()?;
         if let Some([low, high]) = chamber.range_degc()? {
             let mut all = profile.ends().into_iter().chain(profile.conditioning());
             if let Some(beyond) = all.find(|degc| !(low..=high).contains(degc)) {
-                return Err(CharacteriseError::Range(beyond, [low, high]));
+                return Err(CalibrateError::Range(beyond, [low, high]));
             }
         }
         let motor = motor.map(Motor::identity).transpose()?;
@@ -276,7 +281,7 @@ impl Work<'_> {
     }
 
     /// A new run, or the one to go on from.
-    fn measured(&self, session: &Session, begun: Begun) -> Result<Measured, CharacteriseError> {
+    fn measured(&self, session: &Session, begun: Begun) -> Result<Measured, CalibrateError> {
         let found = kept::as_found(session);
         if !self.arguments.resume {
             self.folder.keep(&found)?;
@@ -292,15 +297,15 @@ impl Work<'_> {
     }
 
     /// An error, with where what was measured stands if anything was.
-    fn kept(&self, error: CharacteriseError, measured: &Measured) -> CharacteriseError {
+    fn kept(&self, error: CalibrateError, measured: &Measured) -> CalibrateError {
         if measured.dwells.is_empty() {
             self.folder.forget();
             return error;
         }
         let own = self.folder.own();
         match measured.save(own) {
-            Ok(()) => CharacteriseError::Kept(Box::new(error), own.to_owned()),
-            Err(why) => CharacteriseError::Lost(Box::new(error), Box::new(why)),
+            Ok(()) => CalibrateError::Kept(Box::new(error), own.to_owned()),
+            Err(why) => CalibrateError::Unkept(Box::new(error), Box::new(why)),
         }
     }
 
@@ -310,15 +315,10 @@ impl Work<'_> {
         session.recover(std::time::Duration::ZERO)?;
         let made = report::make(measured, &session.nodes)?;
         let done = self.store(session, measured, &made);
-        Ok(finish::settle(self.folder, session, done)?)
+        finish::settle(self.folder, session, done)
     }
 
-    fn store(
-        &self,
-        session: &mut Session,
-        measured: &Measured,
-        made: &[report::Made],
-    ) -> finish::Done {
+    fn store(&self, session: &mut Session, measured: &Measured, made: &[report::Made]) -> Done {
         for (place, made) in made.iter().enumerate() {
             session.write(place, &encode(&made.calibration))?;
         }

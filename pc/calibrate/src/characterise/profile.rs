@@ -7,7 +7,6 @@
 //! A file has a dwell a line, degC and minutes; `runs N` may stand before them, and `#` begins a
 //! comment. Left out: reaching a temperature (`hold`), and what is measured there (`run`).
 
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +15,7 @@ use sim::chamber;
 use tilt::temperature::KNOTS;
 
 use super::thermal::Model;
+use crate::CalibrateError;
 
 /// Temperatures of a dwell, degC: the sensor's operating range is -40 to 85 degC.
 const TEMPERATURES: std::ops::RangeInclusive<f64> = -40.0..=85.0;
@@ -73,14 +73,8 @@ pub struct Profile {
 /// Why a profile is none.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
-    /// A file could not be read.
-    #[error("cannot use {path}: {1}", path = .0.display())]
-    File(PathBuf, io::Error),
     /// A line of it is no dwell: its number, and what it says.
-    #[error(
-        "{path} line {1}: {2:?} is no dwell: write degC and minutes, as 25 10, or runs 2",
-        path = .0.display()
-    )]
+    #[error("{0} line {1}: {2:?} is no dwell: write degC and minutes, as 25 10, or runs 2")]
     Line(PathBuf, usize, String),
     /// There are no dwells, or too many.
     #[error("a profile has 1 to {LONGEST} dwells; this one has {0}")]
@@ -158,10 +152,9 @@ impl Profile {
 
     /// The profile in a file; `runs` where the file does not say.
     ///
-    /// Errors: [`ProfileError::File`], [`ProfileError::Line`].
-    pub fn read(path: &Path, runs: u32) -> Result<Self, ProfileError> {
-        let text = std::fs::read_to_string(path);
-        let text = text.map_err(|error| ProfileError::File(path.to_owned(), error))?;
+    /// Errors: [`CalibrateError::File`], [`ProfileError::Line`].
+    pub fn read(path: &Path, runs: u32) -> Result<Self, CalibrateError> {
+        let text = std::fs::read_to_string(path).map_err(CalibrateError::file(path))?;
         let mut profile = Self {
             runs,
             steps: Vec::new(),
@@ -422,7 +415,7 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(
             Profile::read(&path, 2),
-            Err(ProfileError::File(..))
+            Err(CalibrateError::File(..))
         ));
     }
 }

@@ -12,13 +12,12 @@ use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO};
 
-use super::error::CharacteriseError;
 use super::measured::{Dwelt, Measured};
 use super::profile::Branch;
 use super::run::READINGS;
 use super::thermal::{Fitted, Model, Sight, between_runs_mg, fit, hysteresis_mg, rms, with_model};
 use crate::CalibrateError;
-use crate::compose::{Frame, combine};
+use crate::compose::{Frame, judge};
 use crate::data::{
     Channel, Coefficient, Contribution, Method, Reference, Report, Thermal, ThermalDwell,
 };
@@ -46,8 +45,8 @@ pub struct Made {
 
 /// The calibration of each node with its model in it.
 ///
-/// Errors: a fit that is refused, and [`CharacteriseError::Beyond`].
-pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CharacteriseError> {
+/// Errors: a fit that is refused, and [`CalibrateError::Beyond`].
+pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateError> {
     let made = |(place, node): (usize, &Node)| {
         let sights = measured.sights(place);
         let fitted = fit(measured.begun.model, &measured.begun.profile, &sights);
@@ -56,7 +55,7 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, Characteri
         let at = middle(before.budget.span);
         let bare = before.temperature == TemperatureModel::None;
         let new = with_model(before, fitted.model, at);
-        let mut calibration = new.ok_or(CharacteriseError::Beyond(node.id))?;
+        let mut calibration = new.ok_or(CalibrateError::Beyond(node.id))?;
         let left_mg = left_mg(measured, &sights, &fitted);
         calibration.budget = budget(&before.budget, &fitted, left_mg);
         Ok(Made {
@@ -107,7 +106,10 @@ pub fn report(frame: &Frame, measured: &Measured, made: &[Made]) -> Report {
         .iter()
         .flat_map(|made| made.sights.iter().map(|sight| sight.temperature_c))
         .collect();
-    let mut report = frame.report(method, reference(measured), &temperatures);
+    let reference = reference(measured);
+    let mut report = frame.report(method, reference, &temperatures, |place, channel| {
+        figures(channel, measured, &made[place]);
+    });
     report.environment.statement = "Temperature as measured by the sensors, to a degree, over all \
      dwells. Humidity and vibration were not measured."
         .to_owned();
@@ -117,11 +119,12 @@ pub fn report(frame: &Frame, measured: &Measured, made: &[Made]) -> Report {
          its expanded uncertainty (k = 2) together are within {tolerance} deg (guarded \
          acceptance, JCGM 106, 8.3.2)."
     );
-    for (place, (node, made)) in frame.session.nodes.iter().zip(made).enumerate() {
-        let channel = frame.channel(place, node);
-        report.channels.push(with_figures(channel, measured, made));
-    }
-    judge(&mut report);
+    judge(&mut report, largest_deg);
+    report.decision.largest_error_deg = report
+        .channels
+        .iter()
+        .filter_map(largest_deg)
+        .reduce(f64::max);
     report
 }
 
@@ -147,7 +150,7 @@ fn angle_deg(mg: f64) -> f64 {
     (mg / 1000.0).to_degrees()
 }
 
-fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Channel {
+fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
     let Made { fitted, sights, .. } = made;
     let left_mg = left_mg(measured, sights, fitted);
     let assumed = f64::from(made.calibration.budget.hysteresis) / f64::from(ONE_G);
@@ -158,35 +161,25 @@ fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Chann
     let noise_mg = (squares / scatter.len().max(1) as f64 / 3.0 / f64::from(READINGS)).sqrt();
     let profile = &measured.begun.profile;
     channel.residual_mg = left_mg;
+    let (called, evaluation, mg, source) = match left_mg {
+        Some(mg) => ("Left by the model", "A", mg, "both branches, all runs"),
+        None => {
+            let source = "assumed: one branch was met";
+            ("Thermal hysteresis", "B", assumed * 1000.0, source)
+        }
+    };
+    let steepest_mg = THERMOMETER_C * steepest_mg_per_c(fitted);
+    let resolution = "resolution of one degree, times the steepest coefficient";
     channel.uncertainty = vec![
-        match left_mg {
-            Some(mg) => Contribution::new(
-                "Left by the model",
-                "A",
-                angle_deg(mg),
-                "both branches, all runs",
-            ),
-            None => Contribution::new(
-                "Thermal hysteresis",
-                "B",
-                angle_deg(assumed * 1000.0),
-                "assumed: one branch was met",
-            ),
-        },
+        Contribution::new(called, evaluation, angle_deg(mg), source),
         Contribution::new(
             "Noise of a mean",
             "A",
             angle_deg(noise_mg),
             "scatter of the readings",
         ),
-        Contribution::new(
-            "Thermometer",
-            "B",
-            angle_deg(THERMOMETER_C * steepest_mg_per_c(fitted)),
-            "resolution of one degree, times the steepest coefficient",
-        ),
+        Contribution::new("Thermometer", "B", angle_deg(steepest_mg), resolution),
     ];
-    combine(&mut channel);
     let [low, high] = fitted.span_c;
     channel.thermal = Some(Thermal {
         model: measured.begun.model.name().to_owned(),
@@ -203,7 +196,6 @@ fn with_figures(mut channel: Channel, measured: &Measured, made: &Made) -> Chann
             .map(|dwelt| dwell(dwelt, measured, made))
             .collect(),
     });
-    channel
 }
 
 /// One dwell of a channel: the readings of its run and number.
@@ -325,21 +317,11 @@ fn steepest_mg_per_c(fitted: &Fitted) -> f64 {
     all.into_iter().fold(0.0, f64::max)
 }
 
-/// Accepted when each channel's largest, with its U, is within.
-fn judge(report: &mut Report) {
-    let largest = |channel: &Channel| {
-        let dwells = channel.thermal.iter().flat_map(|thermal| &thermal.dwells);
-        dwells
-            .map(|dwell| angle_deg(dwell.largest_mg))
-            .reduce(f64::max)
-    };
-    let tolerance = report.decision.tolerance_deg;
-    let within = |channel: &Channel| {
-        let u = channel.expanded_uncertainty_deg;
-        largest(channel).is_some_and(|largest| largest + u <= tolerance)
-    };
-    report.decision.accepted = report.channels.iter().all(within);
-    report.decision.largest_error_deg = report.channels.iter().filter_map(largest).reduce(f64::max);
+/// The largest that the model leaves at a dwell, as an angle.
+fn largest_deg(channel: &Channel) -> Option<f64> {
+    let dwells = channel.thermal.iter().flat_map(|thermal| &thermal.dwells);
+    let angles = dwells.map(|dwell| angle_deg(dwell.largest_mg));
+    angles.reduce(f64::max)
 }
 
 #[cfg(test)]

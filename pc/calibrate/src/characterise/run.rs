@@ -12,7 +12,6 @@ use std::time::Duration;
 use tilt::ONE_G;
 
 use super::chamber::Chamber;
-use super::error::CharacteriseError;
 use super::hold::{Hold, Phase, follows};
 use super::left::Left;
 use super::measured::{Dwelt, Felt, Measured};
@@ -91,12 +90,12 @@ impl Bench<'_> {
     /// Goes on with what is missing, to the end of the profile, and conditions the part. `keep`
     /// gets what was measured after each dwell.
     ///
-    /// Errors: see [`CharacteriseError`]; what `keep` has got so far stands.
+    /// Errors: see [`CalibrateError`]; what `keep` has got so far stands.
     pub fn run(
         &mut self,
         measured: &mut Measured,
-        keep: &dyn Fn(&Measured) -> Result<(), CharacteriseError>,
-    ) -> Result<(), CharacteriseError> {
+        keep: &dyn Fn(&Measured) -> Result<(), CalibrateError>,
+    ) -> Result<(), CalibrateError> {
         let profile = measured.begun.profile.clone();
         let missing = measured.missing();
         let begun = !measured.dwells.is_empty();
@@ -129,12 +128,7 @@ impl Bench<'_> {
 
     /// Takes up the way where it was left: the dwell before the next one, without readings, so that
     /// the next one lies on the branch of the hysteresis that it belongs to.
-    fn approach(
-        &mut self,
-        profile: &Profile,
-        run: u32,
-        step: usize,
-    ) -> Result<(), CharacteriseError> {
+    fn approach(&mut self, profile: &Profile, run: u32, step: usize) -> Result<(), CalibrateError> {
         let Some(before) = profile.before(run, step) else {
             return Ok(());
         };
@@ -172,7 +166,7 @@ impl Bench<'_> {
         measured: &Measured,
         run: u32,
         step: usize,
-    ) -> Result<Dwelt, CharacteriseError> {
+    ) -> Result<Dwelt, CalibrateError> {
         let profile = &measured.begun.profile;
         let this = profile.steps[step];
         let model = measured.begun.model;
@@ -185,8 +179,7 @@ impl Bench<'_> {
             let held = bench.hold(&this)?;
             if let Some((set, sensors)) = &first {
                 let now = (this.temperature_degc, &held.sensors_degc[..]);
-                let followed = follows((*set, sensors), now);
-                followed.map_err(|error| bench.of_hold(&error))?;
+                follows(&bench.ids(), (*set, sensors), now)?;
             }
             let orientations = bench.orientations(model, this.temperature_degc)?;
             bench.session.confirm()?;
@@ -206,17 +199,20 @@ impl Bench<'_> {
     fn again_and_again<T>(
         &mut self,
         step: &Step,
-        mut work: impl FnMut(&mut Self) -> Result<T, CharacteriseError>,
-    ) -> Result<(T, u32), CharacteriseError> {
+        mut work: impl FnMut(&mut Self) -> Result<T, CalibrateError>,
+    ) -> Result<(T, u32), CalibrateError> {
         let mut repeated = 0;
         loop {
             let error = match work(self) {
                 Ok(done) => return Ok((done, repeated)),
-                Err(CharacteriseError::Work(error)) if error.is_upset() => error,
+                Err(error) if error.is_upset() => error,
                 Err(error) => return Err(error),
             };
             if repeated == REPEATS {
-                return Err(CharacteriseError::Spoilt(step.temperature_degc, error));
+                return Err(CalibrateError::Spoilt(
+                    step.temperature_degc,
+                    Box::new(error),
+                ));
             }
             self.session.recover(BACK)?;
             repeated += 1;
@@ -224,18 +220,17 @@ impl Bench<'_> {
         }
     }
 
-    fn of_hold(&self, error: &super::hold::HoldError) -> CharacteriseError {
-        let node = |place: usize| self.session.nodes.get(place).map_or(0, |node| node.id);
-        CharacteriseError::of_hold(error, node)
+    fn ids(&self) -> Vec<u8> {
+        self.session.nodes.iter().map(|node| node.id).collect()
     }
 
     /// Brings air and sensors to a temperature and keeps it.
-    fn hold(&mut self, step: &Step) -> Result<Held, CharacteriseError> {
+    fn hold(&mut self, step: &Step) -> Result<Held, CalibrateError> {
         let from = self.chamber.air()?.degc;
         self.set(step.temperature_degc)?;
         let look_s = (step.dwell_min * 60.0 / LOOKS).clamp(LOOK_S.0, LOOK_S.1);
         let begun = self.session.samples(0)?;
-        let mut hold = Hold::new(*step, 0.0, from);
+        let mut hold = Hold::new(*step, 0.0, from, self.ids());
         let mut ramp_min = None;
         loop {
             self.session.settle(look_s)?;
@@ -243,8 +238,7 @@ impl Bench<'_> {
             let now_s = f64::from(passed) * self.session.nodes[0].period_s;
             let air = self.chamber.air()?;
             let sensors_degc = self.session.temperatures_c()?;
-            let phase = hold.look(now_s, air, &sensors_degc);
-            match phase.map_err(|error| self.of_hold(&error))? {
+            match hold.look(now_s, air, &sensors_degc)? {
                 Phase::Ready => {
                     let way = from.map(|from| (step.temperature_degc - from).abs());
                     self.left.ramped(way, ramp_min);
@@ -262,7 +256,7 @@ impl Bench<'_> {
     }
 
     /// Sets the chamber; the bus is heard meanwhile, Ctrl-C included.
-    fn set(&mut self, degc: f64) -> Result<(), CharacteriseError> {
+    fn set(&mut self, degc: f64) -> Result<(), CalibrateError> {
         let Self {
             session, chamber, ..
         } = self;
@@ -271,11 +265,7 @@ impl Bench<'_> {
     }
 
     /// The readings of a dwell, by orientation.
-    fn orientations(
-        &mut self,
-        model: Model,
-        degc: f64,
-    ) -> Result<Vec<Vec<Felt>>, CharacteriseError> {
+    fn orientations(&mut self, model: Model, degc: f64) -> Result<Vec<Vec<Felt>>, CalibrateError> {
         let settle_s = Kind::of(self.session)?.settle_s();
         let Self {
             session,
@@ -289,7 +279,7 @@ impl Bench<'_> {
                 let readings = still(session, settle_s, READINGS, &at)?;
                 let tilted = |r: &Reading| angle_deg(r.accel, [0.0, 0.0, 1.0]) > NEAR_DEG;
                 if let Some(place) = readings.iter().position(tilted) {
-                    return Err(CharacteriseError::Tilted(session.nodes[place].id));
+                    return Err(CalibrateError::Tilted(session.nodes[place].id));
                 }
                 vec![readings]
             }
@@ -304,13 +294,13 @@ impl Bench<'_> {
     }
 
     /// Whether the first dwell's orientations tell offset from gain, before days are spent on them.
-    fn judge_orientations(&self, measured: &Measured) -> Result<(), CharacteriseError> {
+    fn judge_orientations(&self, measured: &Measured) -> Result<(), CalibrateError> {
         if measured.begun.model == Model::Piecewise {
             return Ok(());
         }
         for (place, node) in self.session.nodes.iter().enumerate() {
             if let Some(axis) = alike(&measured.sights(place)) {
-                return Err(CharacteriseError::Alike(node.id, axis));
+                return Err(CalibrateError::Alike(node.id, axis));
             }
         }
         Ok(())
@@ -329,7 +319,7 @@ fn by_motor(
     session: &mut Session,
     motor: &mut dyn Motor,
     settle_s: f64,
-) -> Result<Vec<Vec<Reading>>, CharacteriseError> {
+) -> Result<Vec<Vec<Reading>>, CalibrateError> {
     level(session, motor, &[Axis::X, Axis::Y])?;
     let mut all = Vec::new();
     for (axis, deg) in BY_MOTOR {
@@ -349,7 +339,7 @@ fn by_person(
     console: &Console,
     tell: &dyn Fn(&str),
     degc: f64,
-) -> Result<Vec<Vec<Reading>>, CharacteriseError> {
+) -> Result<Vec<Vec<Reading>>, CalibrateError> {
     let mut all: Vec<Vec<Reading>> = Vec::new();
     for (number, place) in BY_HAND.into_iter().enumerate() {
         let words = POSES[place].words;
