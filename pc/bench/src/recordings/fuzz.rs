@@ -8,7 +8,8 @@ use proptest::prelude::*;
 
 use super::arguments::Mode;
 use super::calibrate::{calibrate_from_poses, calibrate_from_reference};
-use super::calibration_file::{self, CalibrationFileError};
+use super::calibration_file;
+use super::error::FileError;
 use super::play::{play, tests::identity};
 use super::recording::{Options, Recording};
 use super::segments;
@@ -174,7 +175,7 @@ proptest! {
                 prop_assert_eq!(channels, unchanged);
             }
             Err(problem) => {
-                let error = CalibrationFileError { file: "fuzz.json".to_owned(), problem };
+                let error = FileError::of_file("fuzz.json", problem);
                 prop_assert!(error.to_string().starts_with("fuzz.json: "));
                 prop_assert!(!error.to_string().contains(char::is_control));
             }

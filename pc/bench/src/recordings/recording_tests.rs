@@ -25,7 +25,7 @@ fn rows_scaled(count: usize, per_g: f64) -> String {
     text
 }
 
-fn read(text: impl AsRef<[u8]>) -> Result<Recording, RecordingError> {
+fn read(text: impl AsRef<[u8]>) -> Result<Recording, FileError> {
     Recording::read("a.csv", text.as_ref(), Options::default())
 }
 
@@ -345,7 +345,8 @@ fn zeros_behind_a_gzip_stream_are_let_pass() {
 fn paths_that_lead_nowhere() {
     let none =
         Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();
-    let expected = "no/such/file.csv: can't be read (there is no such file); check the path";
+    let expected =
+        "no/such/file.csv: can't be read (there is no such file or folder); check the path";
     assert_eq!(none.to_string(), expected);
     let folder = Recording::open(
         Path::new(env!("CARGO_MANIFEST_DIR")),
