@@ -5,6 +5,7 @@
 
 use std::fmt::Write;
 
+use crate::chart::Chart;
 use crate::table::{Align, Cell, Column, Table, Tone};
 
 /// The style sheet, part of every page.
@@ -36,6 +37,36 @@ pub fn page(title: &str, body: &str) -> String {
          <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
         escape(title)
     )
+}
+
+/// The head of a page: its title, what it is about, and more, which is HTML.
+pub fn header(title: &str, lead: &str, more: &str) -> String {
+    format!(
+        "<header>\n<h1>{}</h1>\n<p class=\"lead\">{}</p>\n{more}</header>\n",
+        escape(title),
+        escape(lead)
+    )
+}
+
+/// A part of a page under its heading; the content is HTML.
+pub fn section(title: &str, content: &str) -> String {
+    let title = escape(title);
+    format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
+}
+
+/// Charts side by side.
+pub fn charts(charts: &[Chart]) -> String {
+    let all: String = charts.iter().map(Chart::html).collect();
+    format!("<div class=\"charts\">\n{all}</div>\n")
+}
+
+/// The last line of a page: that the same figures are in `report.json`, and in which format.
+pub fn footer(format: &str, version: u32, more: &str) -> String {
+    let text = format!(
+        "The same figures are in report.json in the same folder (format {format}, version \
+         {version}).{more}"
+    );
+    format!("<footer>{}</footer>\n", paragraph(&text))
 }
 
 /// A paragraph.
