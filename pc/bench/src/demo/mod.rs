@@ -6,6 +6,7 @@
 
 mod gather;
 mod jobs;
+mod specification;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
