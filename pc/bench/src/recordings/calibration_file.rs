@@ -397,7 +397,7 @@ pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, FileError> {
     let read = || {
         let unreadable = |error: io::Error| Problem::not_readable(&error);
         if fs::metadata(path).map_err(unreadable)?.is_dir() {
-            return Err(Problem::NotReadable("it is a folder".to_owned()));
+            return Err(unreadable(io::ErrorKind::IsADirectory.into()));
         }
         // Devices and pipes have no length and may have no end.
         let mut text = Vec::new();

@@ -5,10 +5,10 @@
 
 use std::io;
 
+use bus_logs::LONGEST_LINE;
 use output::printable;
 use tilt::calibration::FitError;
 
-use super::lines::LONGEST;
 use super::skips::{Reason, Skips};
 
 /// What to do about a calibration file that is none.
@@ -91,7 +91,7 @@ pub enum Problem {
     #[error("the gzip stream is damaged after {0} good rows; copy the file again")]
     GzipCorrupt(usize),
     /// The line is over 64 kB.
-    #[error("is over {LONGEST} bytes long; give a CSV file with one sample a line")]
+    #[error("is over {LONGEST_LINE} bytes long; give a CSV file with one sample a line")]
     LineTooLong,
     /// Over this many rows.
     #[error("more than {0} rows; cut the file in parts")]
@@ -286,6 +286,7 @@ impl Problem {
 fn plain(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::NotFound => "there is no such file or folder".to_owned(),
+        io::ErrorKind::IsADirectory => "it is a folder".to_owned(),
         io::ErrorKind::PermissionDenied => "no permission".to_owned(),
         _ => error.to_string(),
     }

@@ -17,7 +17,6 @@ mod columns;
 mod error;
 mod figures;
 mod gather;
-mod lines;
 mod play;
 mod prepare;
 mod recording;

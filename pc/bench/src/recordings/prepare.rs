@@ -5,6 +5,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use tilt::uncertainty::Uncertainty;
 
@@ -109,7 +110,7 @@ fn open(path: &Path, lsb_per_g: Option<f64>, progress: &Progress) -> Result<Reco
     let bytes = fs::metadata(path).map_or(0, |about| about.len());
     let task = progress.task("Reading", bytes);
     let options = Options { lsb_per_g };
-    Recording::open(path, options, |read| task.advance(read))
+    Recording::open(path, options, Some(Arc::new(task)))
 }
 
 fn find(recording: &Recording) -> Standstill {
