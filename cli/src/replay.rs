@@ -76,7 +76,7 @@ pub enum ReplayError {
     Log(#[from] PlaybackError),
     /// Recordings that can't be replayed.
     #[error("{0}")]
-    Recordings(#[from] recordings::ReplayError),
+    Recordings(#[from] bench::Error),
 }
 
 /// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.

@@ -7,5 +7,8 @@
 //! Left out: anything on a bus.
 
 pub mod demo;
+mod error;
 pub mod recordings;
 mod report;
+
+pub use error::Error;

@@ -1,8 +1,8 @@
 //! Lines of any reader, one at a time, in a buffer that never grows.
 //!
-//! In: bytes. Out: each line without its line end. A line over [`LONGEST`] is passed over, however
-//! long it is. Other than the lines of recordings (`replay::lines`) these are counted in millions
-//! a second, and a bad one is no reason to stop.
+//! In: bytes. Out: each line without its line end. Of a line over [`LONGEST`] the beginning is
+//! given; whoever asks for another line has the rest passed over, however long it is. Lines of logs
+//! are counted in millions a second, and a bad one is no reason to stop.
 
 use std::io::{self, Read};
 
@@ -19,8 +19,8 @@ pub enum Line<'a> {
     Whole(&'a [u8]),
     /// The last one, without a line end.
     Unended(&'a [u8]),
-    /// One that was passed over.
-    TooLong,
+    /// The beginning of one that is longer than [`LONGEST`].
+    TooLong(&'a [u8]),
 }
 
 /// Reads line by line.
@@ -31,6 +31,10 @@ pub struct Lines {
     end: usize,
     number: u64,
     ended: bool,
+    /// Why the reader ended, to be told behind what came before.
+    failed: Option<io::Error>,
+    /// The line that was given last was too long, and its rest has not been passed over.
+    is_inside: bool,
 }
 
 impl Lines {
@@ -43,6 +47,8 @@ impl Lines {
             end: 0,
             number: 0,
             ended: false,
+            failed: None,
+            is_inside: false,
         }
     }
 
@@ -52,9 +58,13 @@ impl Lines {
     }
 
     /// What the reader begins with, at least 16 KiB of it where it has as much; nothing is taken.
+    /// A reader that fails on the way fails again behind its last line.
     pub fn head(&mut self) -> io::Result<&[u8]> {
         while self.end - self.start < LONGEST / 4 && !self.ended {
-            self.fill()?;
+            self.fill();
+            if let Some(error) = &self.failed {
+                return Err(copy(error));
+            }
         }
         Ok(&self.buffer[self.start..self.end])
     }
@@ -67,6 +77,10 @@ impl Lines {
     /// The next line, or `None` at the end.
     #[inline]
     pub fn next_line(&mut self) -> io::Result<Option<Line<'_>>> {
+        if self.is_inside {
+            self.pass_over();
+            self.is_inside = false;
+        }
         let mut scanned = 0;
         let end = loop {
             let fresh = &self.buffer[self.start + scanned..self.end];
@@ -74,15 +88,18 @@ impl Lines {
                 break self.start + scanned + at;
             }
             scanned = self.end - self.start;
+            if let Some(error) = self.failed.take() {
+                return Err(error);
+            }
             if self.ended {
                 return Ok(self.rest());
             }
             if scanned > LONGEST {
-                self.pass_over()?;
+                self.is_inside = true;
                 self.number += 1;
-                return Ok(Some(Line::TooLong));
+                return Ok(Some(Line::TooLong(&self.buffer[self.start..self.end])));
             }
-            self.fill()?;
+            self.fill();
         };
         let line = &self.buffer[self.start..end];
         self.start = end + 1;
@@ -106,23 +123,23 @@ impl Lines {
     }
 
     /// Goes on behind the next line end, wherever it is.
-    fn pass_over(&mut self) -> io::Result<()> {
+    fn pass_over(&mut self) {
         loop {
             let found = memchr::memchr(b'\n', &self.buffer[self.start..self.end]);
             if let Some(at) = found {
                 self.start += at + 1;
-                return Ok(());
+                return;
             }
             self.start = self.end;
             if self.ended {
-                return Ok(());
+                return;
             }
-            self.fill()?;
+            self.fill();
         }
     }
 
     /// Reads once, behind what has not been taken yet.
-    fn fill(&mut self) -> io::Result<()> {
+    fn fill(&mut self) {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
             self.end -= self.start;
@@ -135,10 +152,16 @@ impl Lines {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) => {
                 self.ended = true;
-                return Err(error);
+                self.failed = Some(error);
             }
         }
-        Ok(())
+    }
+}
+
+fn copy(error: &io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => io::Error::new(error.kind(), error.to_string()),
     }
 }
 
@@ -156,7 +179,7 @@ mod tests {
             found.push(match line {
                 Line::Whole(line) => String::from_utf8_lossy(line).into_owned(),
                 Line::Unended(line) => format!("{}...", String::from_utf8_lossy(line)),
-                Line::TooLong => "too long".to_owned(),
+                Line::TooLong(_) => "too long".to_owned(),
             });
         }
         assert_eq!(lines.number(), found.len() as u64);
@@ -183,6 +206,35 @@ mod tests {
         }
         let endless = io::repeat(b'7').take(1 << 26);
         assert_eq!(all(lines(endless)), ["too long"]);
+    }
+
+    #[test]
+    fn a_line_without_end_is_given_up_without_holding_it() {
+        let mut endless = lines((&b"ab\n"[..]).chain(io::repeat(b'7')));
+        assert_eq!(endless.next_line().unwrap(), Some(Line::Whole(b"ab")));
+        let Some(Line::TooLong(start)) = endless.next_line().unwrap() else {
+            panic!("another line");
+        };
+        assert!(start.iter().all(|byte| *byte == b'7'));
+        assert_eq!((endless.number(), endless.buffer.len()), (2, CAPACITY));
+    }
+
+    #[test]
+    fn a_reader_that_fails_while_its_head_is_read_fails_behind_its_last_line() {
+        struct Fails;
+        impl Read for Fails {
+            fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::InvalidData.into())
+            }
+        }
+        let mut lines = lines((&b"ab\ncd"[..]).chain(Fails));
+        assert!(lines.head().is_err());
+        assert_eq!(lines.head().unwrap(), b"ab\ncd");
+        assert_eq!(lines.next_line().unwrap(), Some(Line::Whole(b"ab")));
+        let kind = lines.next_line().unwrap_err().kind();
+        assert_eq!(kind, io::ErrorKind::InvalidData);
+        assert_eq!(lines.next_line().unwrap(), Some(Line::Unended(b"cd")));
+        assert_eq!(lines.next_line().unwrap(), None);
     }
 
     #[test]

@@ -123,11 +123,17 @@ impl Reader {
             let (line, is_whole) = match self.input.next_line() {
                 Ok(Some(Line::Whole(line))) => (line, true),
                 Ok(Some(Line::Unended(line))) => (line, false),
-                Ok(Some(Line::TooLong)) => {
+                Ok(Some(Line::TooLong(_))) => {
                     skipped.add(Skip::TooLong, self.file, self.input.number());
                     continue;
                 }
-                Ok(None) => return Ok(None),
+                Ok(None) => {
+                    // What follows a compressed text is none of it, but was meant to be read.
+                    if self.input.take_trailing_bytes() {
+                        skipped.damaged.push((self.file, Damage::Corrupt));
+                    }
+                    return Ok(None);
+                }
                 Err(error) => {
                     self.give_up(error, skipped)?;
                     continue;
@@ -163,12 +169,8 @@ impl Reader {
 
     /// The end of a compressed file may be missing; what comes before it counts.
     fn give_up(&self, error: io::Error, skipped: &mut Skipped) -> Result<(), LogError> {
-        let damage = match error.kind() {
-            io::ErrorKind::UnexpectedEof if self.input.is_gzip() => Damage::Cut,
-            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput if self.input.is_gzip() => {
-                Damage::Corrupt
-            }
-            _ => return Err(LogError::Read(self.name.clone(), error)),
+        let Some(damage) = self.input.damage(&error) else {
+            return Err(LogError::Read(self.name.clone(), error));
         };
         skipped.damaged.push((self.file, damage));
         Ok(())

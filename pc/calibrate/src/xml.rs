@@ -5,28 +5,13 @@
 //!
 //! Left out: reading, comments, CDATA, processing instructions.
 
+use output::html::escape;
+
 /// A document on its way.
 #[derive(Debug)]
 pub struct Xml {
     text: String,
     open: Vec<&'static str>,
-}
-
-/// Text that is safe between tags and in a quoted attribute (XML 1.0, 2.2 and 2.4).
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\u{FFFE}' | '\u{FFFF}' => out.push(' '),
-            character if character.is_control() => out.push(' '),
-            character => out.push(character),
-        }
-    }
-    out
 }
 
 impl Xml {

@@ -5,13 +5,17 @@
 
 use std::fmt::Write;
 
+use crate::chart::Chart;
 use crate::table::{Align, Cell, Column, Table, Tone};
 
-/// The style sheet, part of every page.
+/// Colours and boxes that all pages share, also those that are served.
+pub const BASE: &str = include_str!("base.css");
+
+/// The style sheet of reports, behind [`BASE`].
 const STYLE: &str = include_str!("style.css");
 
-/// Text that is safe between tags and inside a quoted attribute. Characters that HTML does not
-/// allow (controls) become spaces.
+/// Text that is safe between tags and inside a quoted attribute, of HTML and of XML 1.0 (2.2 and
+/// 2.4). Characters that either does not allow (controls, U+FFFE, U+FFFF) become spaces.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for character in text.chars() {
@@ -21,6 +25,7 @@ pub fn escape(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
+            '\u{FFFE}' | '\u{FFFF}' => out.push(' '),
             character if character.is_control() => out.push(' '),
             character => out.push(character),
         }
@@ -33,9 +38,40 @@ pub fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
+         <title>{}</title>\n<style>\n{BASE}{STYLE}</style>\n</head>\n\
+         <body>\n{body}</body>\n</html>\n",
         escape(title)
     )
+}
+
+/// The head of a page: its title, what it is about, and more, which is HTML.
+pub fn header(title: &str, lead: &str, more: &str) -> String {
+    format!(
+        "<header>\n<h1>{}</h1>\n<p class=\"lead\">{}</p>\n{more}</header>\n",
+        escape(title),
+        escape(lead)
+    )
+}
+
+/// A part of a page under its heading; the content is HTML.
+pub fn section(title: &str, content: &str) -> String {
+    let title = escape(title);
+    format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
+}
+
+/// Charts side by side.
+pub fn charts(charts: &[Chart]) -> String {
+    let all: String = charts.iter().map(Chart::html).collect();
+    format!("<div class=\"charts\">\n{all}</div>\n")
+}
+
+/// The last line of a page: that the same figures are in `report.json`, and in which format.
+pub fn footer(format: &str, version: u32, more: &str) -> String {
+    let text = format!(
+        "The same figures are in report.json in the same folder (format {format}, version \
+         {version}).{more}"
+    );
+    format!("<footer>{}</footer>\n", paragraph(&text))
 }
 
 /// A paragraph.

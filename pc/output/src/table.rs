@@ -96,6 +96,73 @@ impl Cell {
     }
 }
 
+/// A table with a row for each value of a list, made column by column: each has a name, a format
+/// and what it shows of a value.
+pub struct Rows<'a, R> {
+    of: &'a [R],
+    table: Table,
+}
+
+impl<'a, R> Rows<'a, R> {
+    /// A table of these values, still without columns.
+    pub fn of(title: &str, values: &'a [R]) -> Self {
+        let mut table = Table::new(title, Vec::new());
+        table.rows = vec![Vec::new(); values.len()];
+        Self { of: values, table }
+    }
+
+    /// The table.
+    pub fn table(self) -> Table {
+        self.table
+    }
+
+    /// A column of words.
+    pub fn text<T: ToString>(self, name: &str, of: impl Fn(&'a R) -> T) -> Self {
+        self.column(Column::text(name), |row| Cell::text(of(row).to_string()))
+    }
+
+    /// A column of whole numbers.
+    pub fn count<T: ToString>(self, name: &str, of: impl Fn(&'a R) -> T) -> Self {
+        self.column(Column::number(name), |row| Cell::text(of(row).to_string()))
+    }
+
+    /// A column of numbers with this many decimals.
+    pub fn number<T: Into<Option<f64>>>(
+        self,
+        name: &str,
+        decimals: usize,
+        of: impl Fn(&'a R) -> T,
+    ) -> Self {
+        let cell = |row| Cell::number(of(row).into(), decimals);
+        self.column(Column::number(name), cell)
+    }
+
+    /// A column of limits that were kept or not, and the word for each.
+    pub fn verdict(self, name: &str, words: [&str; 2], of: impl Fn(&'a R) -> bool) -> Self {
+        let [kept, broken] = words;
+        self.column(Column::text(name), |row| {
+            Cell::verdict(of(row), kept, broken)
+        })
+    }
+
+    /// A column with cells of its own making.
+    pub fn column(mut self, head: Column, cell: impl Fn(&'a R) -> Cell) -> Self {
+        self.table.columns.push(head);
+        for (cells, value) in self.table.rows.iter_mut().zip(self.of) {
+            cells.push(cell(value));
+        }
+        self
+    }
+
+    /// Puts the column that was added last under a group heading.
+    pub fn under(mut self, group: &str) -> Self {
+        if let Some(last) = self.table.columns.last_mut() {
+            last.group = group.to_owned();
+        }
+        self
+    }
+}
+
 /// A number with this many decimals, `-` when it is absent or not finite, and no minus before 0.
 pub fn format_number(value: Option<f64>, decimals: usize) -> String {
     let Some(value) = value.filter(|value| value.is_finite()) else {
@@ -146,6 +213,12 @@ impl Table {
             rows: values.into_iter().map(row).collect(),
             ..Self::new(title, columns)
         }
+    }
+
+    /// The table with a sentence below it.
+    pub fn noted(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
     }
 
     /// Neighbouring columns of the same group: name and number of columns. Columns without a
@@ -328,6 +401,27 @@ Y, short |                 |
         let at = |line: usize| text.lines().nth(line).unwrap().rfind('|').unwrap();
         assert_eq!(at(1), at(2));
         assert_eq!(at(2), at(4));
+    }
+
+    #[test]
+    fn a_table_is_made_column_by_column() {
+        let made = Rows::of("Squares", &[-1.0, 2.0])
+            .text("Of", |x| format!("{x:.0}"))
+            .number("Square", 1, |x| x * x)
+            .under("Exact")
+            .count("Roots", |x| if *x < 0.0 { 0 } else { 2 })
+            .verdict("Root", ["yes", "NO"], |x| *x >= 0.0)
+            .table();
+        let expected = "\
+Squares
+   | Exact  |
+Of | Square | Roots  Root
+-- | ------ | -----  ----
+-1 |    1.0 |     0  NO
+2  |    4.0 |     2  yes
+Seen.
+";
+        assert_eq!(made.noted("Seen.").to_text(), expected);
     }
 
     #[test]

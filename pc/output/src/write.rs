@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-use super::json;
+use super::{json, printable};
 
 /// Where the report went.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,40 +22,55 @@ pub struct Written {
     pub json: PathBuf,
 }
 
+impl Written {
+    /// Where it is, as a line for the terminal.
+    pub fn line(&self) -> String {
+        format!("Report: {} and {}\n", shown(&self.html), shown(&self.json))
+    }
+}
+
 /// Why a report could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The folder could not be made.
     #[error(
         "cannot make the folder {}: {why}; choose another one with --out",
-        .0.display(), why = .1
+        shown(.0), why = .1
     )]
     Folder(PathBuf, #[source] io::Error),
     /// A file in it could not be written.
     #[error(
         "cannot write {}: {why}; make room or choose another folder with --out",
-        .0.display(), why = .1
+        shown(.0), why = .1
     )]
     File(PathBuf, #[source] io::Error),
     /// A complete file could not be put in its place.
     #[error(
         "cannot replace {}: {why}; move it away or choose another folder with --out",
-        .0.display(), why = .1
+        shown(.0), why = .1
     )]
     Replace(PathBuf, #[source] io::Error),
     /// The report could not be turned into JSON.
     #[error(
         "cannot put the report into JSON for {}: {why}; please report this as a defect",
-        .0.display(), why = .1
+        shown(.0), why = .1
     )]
     Encode(PathBuf, #[source] serde_json::Error),
+}
+
+fn shown(path: &Path) -> String {
+    printable(&path.display().to_string())
 }
 
 /// Makes `folder` and tries it out, so that a long run does not end at a folder that cannot be
 /// written. Leaves nothing behind but the folder.
 pub fn try_folder(folder: &Path) -> Result<(), WriteError> {
     fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
-    Pending::write(&folder.join("report.json"), "").map(drop)
+    let place = folder.join("report.json");
+    match Staged::write(&place, "") {
+        Ok(_) => Ok(()),
+        Err(why) => Err(WriteError::File(place, why)),
+    }
 }
 
 /// Writes a page and its data into `folder`: both files are complete before the first is put in
@@ -67,17 +82,7 @@ pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Writte
     };
     let json =
         json::to_lines(report).map_err(|why| WriteError::Encode(written.json.clone(), why))?;
-    try_folder(folder)?;
-    let html = Pending::write(&written.html, html)?;
-    let json = Pending::write(&written.json, &json)?;
-    for place in [&written.json, &written.html] {
-        if place.is_dir() {
-            let why = io::Error::from(io::ErrorKind::IsADirectory);
-            return Err(WriteError::Replace(place.clone(), why));
-        }
-    }
-    json.put_in_place(&written.json)?;
-    html.put_in_place(&written.html)?;
+    together(folder, &[("report.json", &json), ("report.html", html)])?;
     Ok(written)
 }
 
@@ -87,46 +92,58 @@ pub fn both(folder: &Path, html: &str, report: &impl Serialize) -> Result<Writte
 /// Errors: see [`WriteError`].
 pub fn together(folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
     fs::create_dir_all(folder).map_err(|why| WriteError::Folder(folder.to_owned(), why))?;
-    let mut pending = Vec::new();
+    let mut staged = Vec::new();
     for (name, text) in files {
         let place = folder.join(name);
         if place.is_dir() {
             let why = io::Error::from(io::ErrorKind::IsADirectory);
             return Err(WriteError::Replace(place, why));
         }
-        pending.push((Pending::write(&place, text)?, place));
+        let file = Staged::write(&place, text);
+        staged.push((
+            file.map_err(|why| WriteError::File(place.clone(), why))?,
+            place,
+        ));
     }
-    pending
-        .into_iter()
-        .try_for_each(|(file, place)| file.put_in_place(&place))
+    staged.into_iter().try_for_each(|(file, place)| {
+        let placed = file.put_in_place();
+        placed.map_err(|why| WriteError::Replace(place, why))
+    })
 }
 
-/// A complete file under a name of its own; removed again unless it gets to its place.
-struct Pending(NamedTempFile);
+/// A complete file beside its place, under a name of its own; removed again unless it is put in
+/// its place.
+#[derive(Debug)]
+pub struct Staged {
+    file: NamedTempFile,
+    place: PathBuf,
+}
 
-impl Pending {
-    fn write(place: &Path, text: &str) -> Result<Self, WriteError> {
-        let fill = || {
-            let mut file = beside(place)?;
-            file.write_all(text.as_bytes())?;
-            file.as_file().sync_all()?;
-            Ok(file)
-        };
-        let file = fill().map_err(|why| WriteError::File(place.to_owned(), why))?;
-        Ok(Self(file))
+impl Staged {
+    /// Writes a file beside `place`, hidden, with the rights of any new file.
+    ///
+    /// Errors: what the system says.
+    pub fn write(place: &Path, text: &str) -> io::Result<Self> {
+        let mut file = beside(place)?;
+        file.write_all(text.as_bytes())?;
+        file.as_file().sync_all()?;
+        let place = place.to_owned();
+        Ok(Self { file, place })
     }
 
-    fn put_in_place(self, place: &Path) -> Result<(), WriteError> {
-        let placed = self.0.persist(place).map(drop);
-        placed.map_err(|failed| WriteError::Replace(place.to_owned(), failed.error))
+    /// Puts the file in its place, where it replaces an older one.
+    ///
+    /// Errors: what the system says.
+    pub fn put_in_place(self) -> io::Result<()> {
+        let placed = self.file.persist(&self.place).map(drop);
+        placed.map_err(|failed| failed.error)
     }
 }
 
-/// An empty file in the folder of `place`, hidden, with the rights of any new file.
 fn beside(place: &Path) -> io::Result<NamedTempFile> {
-    let name = place.file_name().unwrap_or_default().to_string_lossy();
+    let name = place.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
     let folder = place.parent().filter(|folder| *folder != Path::new(""));
-    let prefix = format!(".{name}.");
+    let prefix = format!(".{}.", name.to_string_lossy());
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(".part");
     #[cfg(unix)]

@@ -92,7 +92,11 @@ const RULES: [Rule; 25] = [
         ],
         None,
     ),
-    rule("pc/bench", &["instant", "tilt", "sim", "output"], None),
+    rule(
+        "pc/bench",
+        &["instant", "tilt", "sim", "bus-logs", "output"],
+        None,
+    ),
     rule(
         "pc/calibrate",
         &["tilt", "canopen", "device", "sim", "bus-master", "output"],

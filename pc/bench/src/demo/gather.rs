@@ -5,7 +5,7 @@
 
 use sim::bench::Mode;
 use sim::bench::calibrate::{CalibrationReport, TOLERANCE_DEG};
-use sim::bench::dynamic_test::DynamicResult;
+use sim::bench::dynamic_test::{DynamicPoint, DynamicResult};
 use sim::bench::static_test::{StaticPoint, differences, errors};
 use sim::bench::statistics::{Tally, median};
 use sim::bench::unit::UnitResult;
@@ -14,12 +14,12 @@ use sim::rig::Mount;
 
 use super::Arguments;
 use super::jobs::{Kind, Results, two_axes};
+use super::specification;
 use crate::report::data::{
     Angles, Axis, CalibrationRow, Curve, DeltaTrace, DemoReport, DynamicRow, DynamicTrace,
-    ErrorType, Figures, Mode as ReportMode, NodeTrace, OneAxisRow, Outcome, Relation,
-    SpecificationRow, StaticRow, Table1Row, WeekRow,
+    ErrorType, Figures, Mode as ReportMode, NodeTrace, OneAxisRow, Outcome, StaticRow, Table1Row,
+    WeekRow,
 };
-use crate::report::tables::FEWEST_FOR_MEDIANS;
 use output::series::{Binner, finite, points};
 
 const MOUNTS: [Mount; 2] = [Mount::X, Mount::Y];
@@ -29,37 +29,26 @@ const DRAWN_S: f64 = 6.0;
 
 /// The whole report.
 pub fn report(arguments: &Arguments, results: &Results) -> DemoReport {
-    let specification = specification(results);
-    let mut report = DemoReport::new(
-        arguments.seed,
-        arguments.units,
-        arguments.days,
-        specification,
-    );
-    for kind in two_axes(arguments) {
-        let name = report_mode(kind);
-        for mount in MOUNTS {
-            let axis = Axis::from(mount);
-            report
-                .static_test
-                .extend(static_rows(results, kind, mount, (name, axis)));
-            report
-                .dynamic
-                .extend(dynamic_rows(results, kind, mount, (name, axis)));
-        }
-        report
-            .calibration
-            .extend(calibration_rows(results, kind, name));
+    let kinds = || two_axes(arguments).into_iter();
+    let mounted = || kinds().flat_map(|kind| MOUNTS.map(|mount| (kind, mount)));
+    let weeks = results.weeks.iter();
+    let Arguments {
+        seed, units, days, ..
+    } = *arguments;
+    DemoReport {
+        static_test: mounted().flat_map(|of| static_rows(results, of)).collect(),
+        dynamic: mounted().flat_map(|of| dynamic_rows(results, of)).collect(),
+        week: weeks
+            .flat_map(|(kind, days)| days.iter().map(|day| week_row(*kind, day)))
+            .collect(),
+        one_axis: [0, 1].map(|node| one_axis_row(results, node)).to_vec(),
+        calibration: kinds()
+            .flat_map(|kind| calibration_rows(results, kind))
+            .collect(),
+        table1: results.table_one.iter().map(table_one_row).collect(),
+        figures: figures(arguments, results),
+        ..DemoReport::new(seed, units, days, specification::judged(results))
     }
-    for (kind, days) in &results.weeks {
-        report
-            .week
-            .extend(days.iter().map(|day| week_row(*kind, day)));
-    }
-    report.one_axis = [0, 1].map(|node| one_axis_row(results, node)).to_vec();
-    report.table1 = results.table_one.iter().map(table_one_row).collect();
-    report.figures = figures(arguments, results);
-    report
 }
 
 fn report_mode(kind: Kind) -> ReportMode {
@@ -78,87 +67,65 @@ fn static_points(unit: &UnitResult, mount: Mount, knots: bool) -> &[StaticPoint]
     run.map_or(&[], |run| run.points.as_slice())
 }
 
-fn static_rows(
-    results: &Results,
-    kind: Kind,
-    mount: Mount,
-    (name, axis): (ReportMode, Axis),
-) -> Vec<StaticRow> {
+fn static_rows(results: &Results, (kind, mount): (Kind, Mount)) -> Vec<StaticRow> {
     let mut rows = Vec::new();
     for (knots, angles) in [(true, Angles::Knots), (false, Angles::Random)] {
-        let lists: Vec<_> = results
-            .of(kind)
-            .map(|u| static_points(u, mount, knots))
-            .collect();
+        let units = results.of(kind);
+        let lists: Vec<_> = units.map(|u| static_points(u, mount, knots)).collect();
         let mut difference = Tally::default();
-        lists
-            .iter()
-            .for_each(|points| difference.join(&differences(points)));
-        let warnings = lists
-            .iter()
-            .flat_map(|p| p.iter())
-            .filter(|p| p.warning)
-            .count();
-        for node in 0..2 {
+        for points in &lists {
+            difference.join(&differences(points));
+        }
+        let warned = lists.iter().flat_map(|points| *points);
+        let warnings = warned.filter(|point| point.warning).count();
+        rows.extend([0, 1].map(|node| {
             let tallies: Vec<_> = lists.iter().map(|points| errors(points, node)).collect();
-            rows.push(StaticRow {
-                mode: name,
-                axis,
+            StaticRow {
+                mode: report_mode(kind),
+                axis: Axis::from(mount),
                 node: node as u8 + 1,
                 angles,
                 rmse_deg: median_rms(&tallies),
                 max_deg: largest(&tallies),
                 mean_node_difference_deg: finite(difference.mean()),
                 warnings: warnings as u64,
-            });
-        }
+            }
+        }));
     }
     rows
 }
 
-fn median_rms(tallies: &[Tally]) -> Option<f64> {
-    let mut rms: Vec<_> = tallies
-        .iter()
-        .filter(|t| t.count() > 0)
-        .map(Tally::rms)
-        .collect();
+/// The median unit's root mean square, of those that have a value.
+pub fn median_rms(tallies: &[Tally]) -> Option<f64> {
+    let filled = tallies.iter().filter(|tally| tally.count() > 0);
+    let mut rms: Vec<_> = filled.map(Tally::rms).collect();
     (!rms.is_empty()).then(|| median(&mut rms))
 }
 
-fn largest(tallies: &[Tally]) -> Option<f64> {
-    tallies
-        .iter()
-        .filter(|t| t.count() > 0)
-        .map(Tally::largest)
-        .reduce(f64::max)
+/// The largest value of any unit.
+pub fn largest(tallies: &[Tally]) -> Option<f64> {
+    let filled = tallies.iter().filter(|tally| tally.count() > 0);
+    filled.map(Tally::largest).reduce(f64::max)
 }
 
-fn dynamic_rows(
-    results: &Results,
-    kind: Kind,
-    mount: Mount,
-    (name, axis): (ReportMode, Axis),
-) -> Vec<DynamicRow> {
+fn dynamic_rows(results: &Results, (kind, mount): (Kind, Mount)) -> Vec<DynamicRow> {
     let mut rows = Vec::new();
     for arm in [0, 2, 5] {
-        let runs: Vec<&DynamicResult> = results
-            .of(kind)
-            .flat_map(|unit| &unit.dynamics)
-            .filter(|run| run.mount == mount && run.lever_arm_cm == arm)
-            .map(|run| &run.result)
-            .collect();
+        let runs = results.of(kind).flat_map(|unit| &unit.dynamics);
+        let runs = runs.filter(|run| run.mount == mount && run.lever_arm_cm == arm);
+        let runs: Vec<&DynamicResult> = runs.map(|run| &run.result).collect();
         let mut difference = Tally::default();
         runs.iter().for_each(|run| difference.join(&run.difference));
-        for node in 0..2 {
+        rows.extend([0, 1].map(|node| {
             let of = |pick: fn(&DynamicResult) -> &[Tally; 2]| -> Vec<Tally> {
                 runs.iter().map(|run| pick(run)[node]).collect()
             };
             let arrives = of(|run| &run.as_it_arrives);
             let aligned = of(|run| &run.aligned);
             let mut latency: Vec<_> = of(|run| &run.latency_ms).iter().map(Tally::mean).collect();
-            rows.push(DynamicRow {
-                mode: name,
-                axis,
+            DynamicRow {
+                mode: report_mode(kind),
+                axis: Axis::from(mount),
                 node: node as u8 + 1,
                 lever_arm_cm: arm,
                 rmse_deg: median_rms(&arrives),
@@ -168,37 +135,31 @@ fn dynamic_rows(
                 max_aligned_deg: largest(&aligned),
                 mean_node_difference_deg: finite(difference.mean()),
                 warnings: runs.iter().map(|run| run.warnings).sum(),
-            });
-        }
+            }
+        }));
     }
     rows
 }
 
-fn calibration_rows(results: &Results, kind: Kind, name: ReportMode) -> Vec<CalibrationRow> {
-    let row = |node: usize| {
-        let reports: Vec<CalibrationReport> = results
-            .of(kind)
-            .map(|unit| unit.calibration[node])
-            .collect();
-        let worst = |pick: fn(&CalibrationReport) -> f64| {
-            let value = reports.iter().map(pick).fold(0.0, f64::max);
+fn calibration_rows(results: &Results, kind: Kind) -> [CalibrationRow; 2] {
+    [0, 1].map(|node: usize| {
+        let reports = || results.of(kind).map(|unit| unit.calibration[node]);
+        let worst = |pick: fn(CalibrationReport) -> f64| {
+            let value = reports().map(pick).fold(0.0, f64::max);
             (kind.mode() != Mode::Paper).then_some(value)
         };
+        let verified = reports().map(|report| report.verification.largest());
         CalibrationRow {
-            mode: name,
+            mode: report_mode(kind),
             node: node as u8 + 1,
-            residual_deg: worst(|r| r.residual_deg),
-            condition: worst(|r| r.condition),
-            verification_max_deg: reports
-                .iter()
-                .map(|r| r.verification.largest())
-                .reduce(f64::max),
+            residual_deg: worst(|report| report.residual_deg),
+            condition: worst(|report| report.condition),
+            verification_max_deg: verified.reduce(f64::max),
             tolerance_deg: TOLERANCE_DEG,
-            rounds: reports.iter().map(|r| r.rounds).max().unwrap_or(0),
-            accepted: reports.iter().all(CalibrationReport::passed),
+            rounds: reports().map(|report| report.rounds).max().unwrap_or(0),
+            accepted: reports().all(|report| report.passed()),
         }
-    };
-    [0, 1].map(row).to_vec()
+    })
 }
 
 /// As printed the instrument reports faults without a cause on every day, so that there one after
@@ -242,20 +203,14 @@ fn one_axis_row(results: &Results, node: usize) -> OneAxisRow {
 }
 
 fn table_one_row((kind, trouble, day): &(Kind, Trouble, Day)) -> Table1Row {
-    let delay = matches!(trouble, Trouble::Delay { .. });
-    let expected = if delay {
-        Outcome::DataDelay
-    } else {
-        Outcome::PhysicalFault
+    let (error_type, expected) = match trouble {
+        Trouble::Delay { .. } => (ErrorType::DataDelay, Outcome::DataDelay),
+        _ => (ErrorType::PhysicalFault, Outcome::PhysicalFault),
     };
     let outcome = outcome(*kind, day);
     Table1Row {
         mode: report_mode(*kind),
-        error_type: if delay {
-            ErrorType::DataDelay
-        } else {
-            ErrorType::PhysicalFault
-        },
+        error_type,
         warnings: day.warnings,
         stop_s: if day.stops > 0 { 45.0 } else { 0.0 },
         delta_after_stop_deg: day.delta_after_stop_deg,
@@ -264,187 +219,59 @@ fn table_one_row((kind, trouble, day): &(Kind, Trouble, Day)) -> Table1Row {
     }
 }
 
-/// The specification of product mode, as the demo can check it.
-fn specification(results: &Results) -> Vec<SpecificationRow> {
-    let line = |name: &str, value: Option<f64>, limit: f64| {
-        SpecificationRow::new(
-            name,
-            value.unwrap_or(f64::NAN),
-            Relation::AtMost,
-            limit,
-            "deg",
-        )
-    };
-    let units: Vec<_> = results.of(Kind::Product).collect();
-    let per_unit = |pick: &dyn Fn(&UnitResult) -> Tally| -> Vec<Tally> {
-        units.iter().map(|unit| pick(unit)).collect()
-    };
-    let random = per_unit(&|unit| all_errors(unit, |run_knots, _| !run_knots));
-    let vertical = per_unit(&|unit| all_errors(unit, |knots, p| knots && p.truth_deg.abs() > 89.0));
-    let swing = per_unit(&|unit| {
-        let mut tally = Tally::default();
-        for run in unit.dynamics.iter().filter(|run| run.lever_arm_cm == 0) {
-            run.result.aligned.iter().for_each(|t| tally.join(t));
-        }
-        tally
-    });
-    let one_axis: Vec<_> = results
-        .of(Kind::OneAxis)
-        .map(|u| all_errors(u, |k, _| !k))
-        .collect();
-    let medians = [
-        line(
-            "two axes, random angles +-90, RMSE, median unit",
-            median_rms(&random),
-            0.040,
-        ),
-        line(
-            "two axes, at +-90 only, RMSE, median unit",
-            median_rms(&vertical),
-            0.09,
-        ),
-        line(
-            "one axis 360 deg, RMSE, median unit",
-            median_rms(&one_axis),
-            0.035,
-        ),
-        line(
-            "80 deg/s, lever arm 0, aligned, RMSE, median unit",
-            median_rms(&swing),
-            0.045,
-        ),
-    ];
-    let largest = largest(&random);
-    let mut lines = vec![line(
-        "two axes, random angles +-90, largest error",
-        largest,
-        0.20,
-    )];
-    if units.len() >= FEWEST_FOR_MEDIANS as usize {
-        lines.extend(medians);
-    }
-    lines.extend(week_specification(results));
-    lines
-}
-
-fn all_errors(unit: &UnitResult, keep: impl Fn(bool, &StaticPoint) -> bool) -> Tally {
-    let mut tally = Tally::default();
-    for run in &unit.statics {
-        let kept: Vec<_> = run
-            .points
-            .iter()
-            .copied()
-            .filter(|p| keep(run.knots, p))
-            .collect();
-        (0..2).for_each(|node| tally.join(&errors(&kept, node)));
-    }
-    tally
-}
-
-fn week_specification(results: &Results) -> Vec<SpecificationRow> {
-    let days = results
-        .weeks
-        .iter()
-        .filter(|(kind, _)| *kind == Kind::Product);
-    let days: Vec<_> = days.flat_map(|(_, days)| days).collect();
-    if days.is_empty() {
-        return Vec::new();
-    }
-    let quiet: u64 = days
-        .iter()
-        .filter(|d| d.day != FAULT_DAY)
-        .map(|d| d.warnings)
-        .sum();
-    let count = |name: &str, value: u64, relation, limit| {
-        SpecificationRow::new(name, value as f64, relation, limit, "")
-    };
-    let mut lines = vec![count(
-        "excavator, warnings on days with a good supply",
-        quiet,
-        Relation::Exactly,
-        0.0,
-    )];
-    if let Some(day) = days.iter().find(|d| d.day == FAULT_DAY) {
-        let name = "excavator, faults reported on the day of the bad supply";
-        lines.push(count(name, day.faults, Relation::AtLeast, 1.0));
-        let name = "excavator, faults left after the supply was mended and reset";
-        lines.push(count(name, day.after_cure, Relation::Exactly, 0.0));
-    }
-    lines
-}
-
+/// The figures are those of the first unit.
 fn figures(arguments: &Arguments, results: &Results) -> Figures {
     let mut figures = Figures::default();
     for kind in two_axes(arguments) {
-        let name = report_mode(kind);
+        let mode = report_mode(kind);
         let Some(unit) = results.of(kind).next() else {
             continue;
         };
         for mount in MOUNTS {
             let axis = Axis::from(mount);
             let knots = static_points(unit, mount, true);
-            figures.static_error.extend(error_curves(knots, name, axis));
-            let delta = knots
-                .iter()
-                .map(|p| (p.truth_deg, p.delta_deg.unwrap_or(f64::NAN)));
-            let points = points(delta);
-            figures.static_delta.push(Curve {
-                mode: name,
+            let curve = |node: Option<usize>, value: &dyn Fn(&StaticPoint) -> f64| Curve {
+                mode,
                 axis,
-                node: None,
-                points,
-            });
-            let swing = unit
-                .dynamics
-                .iter()
-                .find(|r| r.mount == mount && r.lever_arm_cm == 0);
-            figures
-                .dynamic
-                .extend(swing.map(|run| trace(&run.result, name, axis)));
+                node: node.map(|node| node as u8 + 1),
+                points: points(knots.iter().map(|p| (p.truth_deg, value(p)))),
+            };
+            let error = |node| curve(Some(node), &|p| p.nodes[node].error_deg);
+            figures.static_error.extend([0, 1].map(error));
+            let delta = curve(None, &|p| p.delta_deg.unwrap_or(f64::NAN));
+            figures.static_delta.push(delta);
+            let mut swings = unit.dynamics.iter();
+            let swing = swings.find(|run| run.mount == mount && run.lever_arm_cm == 0);
+            let drawn = swing.map(|run| trace(&run.result, mode, axis));
+            figures.dynamic.extend(drawn);
         }
     }
     for (kind, days) in &results.weeks {
         let day = days.iter().find(|day| day.day == FAULT_DAY);
-        figures
-            .delta
-            .extend(day.map(|day| delta_trace(report_mode(*kind), day)));
+        let drawn = day.map(|day| delta_trace(report_mode(*kind), day));
+        figures.delta.extend(drawn);
     }
     figures
 }
 
-fn error_curves(knots: &[StaticPoint], mode: ReportMode, axis: Axis) -> [Curve; 2] {
-    [0, 1].map(|node| Curve {
-        mode,
-        axis,
-        node: Some(node as u8 + 1),
-        points: points(knots.iter().map(|p| (p.truth_deg, p.nodes[node].error_deg))),
-    })
-}
-
 fn trace(result: &DynamicResult, mode: ReportMode, axis: Axis) -> DynamicTrace {
-    let drawn: Vec<_> = result
-        .points
-        .iter()
-        .take_while(|p| p.time_s <= DRAWN_S)
-        .collect();
+    let drawn = || result.points.iter().take_while(|p| p.time_s <= DRAWN_S);
+    let over_time = |value: &dyn Fn(&DynamicPoint) -> f64| {
+        points(drawn().map(|point| (point.time_s, value(point))))
+    };
     let node_trace = |node: usize| {
-        let angle =
-            |p: &sim::bench::dynamic_test::DynamicPoint| p.nodes_deg[node].unwrap_or(f64::NAN);
+        let angle = |p: &DynamicPoint| p.nodes_deg[node].unwrap_or(f64::NAN);
         NodeTrace {
             node: node as u8 + 1,
-            angle: points(drawn.iter().map(|p| (p.time_s, angle(p)))),
-            error: points(drawn.iter().map(|p| (p.time_s, angle(p) - p.truth_deg))),
-            error_aligned: points(
-                drawn
-                    .iter()
-                    .map(|p| (p.time_s, angle(p) - p.truth_then_deg[node])),
-            ),
+            angle: over_time(&angle),
+            error: over_time(&|p| angle(p) - p.truth_deg),
+            error_aligned: over_time(&|p| angle(p) - p.truth_then_deg[node]),
         }
     };
     DynamicTrace {
         mode,
         axis,
-        reference: points(drawn.iter().map(|p| (p.time_s, p.truth_deg))),
+        reference: over_time(&|p| p.truth_deg),
         nodes: [0, 1].map(node_trace).to_vec(),
     }
 }

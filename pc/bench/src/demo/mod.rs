@@ -6,16 +6,18 @@
 
 mod gather;
 mod jobs;
+mod specification;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 
+use crate::Error;
 use crate::report::{data::DemoReport, page, terminal};
 use output::progress::Progress;
 use output::stdout;
-use output::write::{self, WriteError};
+use output::write;
 
 /// What to build and test.
 #[derive(Clone, Debug, Args)]
@@ -43,56 +45,18 @@ pub struct Arguments {
     pub json: bool,
 }
 
-/// Why the demo could not be carried out.
-#[derive(Debug)]
-pub enum DemoError {
-    /// An instrument could not be brought up.
-    Bench(sim::bench::BenchError),
-    /// The report could not be written.
-    Write(WriteError),
-    /// The result could not be printed; the report itself is written.
-    Print(std::io::Error),
-    /// The report could not be turned into JSON.
-    Json(serde_json::Error),
-}
-
-impl std::fmt::Display for DemoError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Bench(e) => write!(f, "an instrument could not be calibrated: {e}"),
-            Self::Write(e) => write!(f, "{e}"),
-            Self::Print(e) => {
-                write!(
-                    f,
-                    "the result cannot be printed: {e}; the report is in its folder"
-                )
-            }
-            Self::Json(e) => write!(f, "the report cannot be written as JSON: {e}"),
-        }
-    }
-}
-
 /// Runs the demo; exit status 0 when product mode is within its specification, else 1.
-pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, DemoError> {
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error> {
     // A folder that cannot be written is better found before the work than after it.
-    write::try_folder(&arguments.out).map_err(DemoError::Write)?;
-    let results = jobs::run(arguments, progress).map_err(DemoError::Bench)?;
+    write::try_folder(&arguments.out)?;
+    let results = jobs::run(arguments, progress)?;
     let report: DemoReport = gather::report(arguments, &results);
-    let written =
-        write::both(&arguments.out, &page::demo(&report), &report).map_err(DemoError::Write)?;
-    let text = if arguments.json {
-        serde_json::to_string(&report).map_err(DemoError::Json)? + "\n"
+    let written = write::both(&arguments.out, &page::demo(&report), &report)?;
+    let printed = if arguments.json {
+        stdout::print_json(&report)
     } else {
-        let (html, json) = (written.html.display(), written.json.display());
-        format!(
-            "{}Report: {html} and {json}\n",
-            terminal::print_demo(&report, arguments.details)
-        )
+        stdout::print(terminal::print_demo(&report, arguments.details) + &written.line())
     };
-    stdout::print(&text).map_err(DemoError::Print)?;
-    Ok(if report.within_specification {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::from(1)
-    })
+    printed.map_err(Error::Print)?;
+    Ok(ExitCode::from(u8::from(!report.within_specification)))
 }

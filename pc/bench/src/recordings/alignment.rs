@@ -9,7 +9,8 @@
 
 use tilt::calibration::least_squares::times;
 
-use super::calibrate::{CalibrateError, FEWEST_PLATEAUS, Fit, align};
+use super::calibrate::{FEWEST_PLATEAUS, Fit, align};
+use super::error::CalibrateError;
 use super::reference::angle_between_deg;
 use super::rotation::best_rotation;
 use super::windows::quantile;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::calibration_file;
-use super::error::ReplayError;
+use super::error::{FileError, Problem};
 
 /// Which chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -89,31 +89,30 @@ impl Arguments {
     }
 
     /// Refuses what can't be meant, before any file is read.
-    pub fn check(&self) -> Result<(), ReplayError> {
+    pub fn check(&self) -> Result<(), FileError> {
+        let refuse =
+            |file: &Path, problem| Err(FileError::of_file(file.display().to_string(), problem));
         if let Some(third) = self.files.get(2) {
-            return Err(ReplayError::TooManyFiles(third.display().to_string()));
+            return refuse(third, Problem::TooManyFiles);
         }
-        if let Some(counts) = self.options.lsb_per_g
+        if let (Some(counts), Some(file)) = (self.options.lsb_per_g, self.files.first())
             && !(counts.is_finite() && counts > 0.0)
         {
-            let file = self.files.first().map(|file| file.display().to_string());
-            return Err(ReplayError::LsbPerG(file.unwrap_or_default(), counts));
+            return refuse(file, Problem::LsbPerG(counts));
         }
         if let [one, other] = self.files.as_slice()
             && is_same(one, other)
         {
-            return Err(ReplayError::SameFile(other.display().to_string()));
+            return refuse(other, Problem::SameFile);
         }
-        let inputs = || self.files.iter().chain(&self.options.calibration);
-        if let Some(save) = &self.options.save_calibration
-            && inputs().any(|input| is_same(input, save))
-        {
-            return Err(ReplayError::SaveOverInput(save.display().to_string()));
+        let mut inputs = self.files.iter().chain(&self.options.calibration);
+        let Some(save) = &self.options.save_calibration else {
+            return Ok(());
+        };
+        if inputs.any(|input| is_same(input, save)) {
+            return refuse(save, Problem::SaveOverInput);
         }
-        if let Some(save) = &self.options.save_calibration {
-            calibration_file::check_place(save)?;
-        }
-        Ok(())
+        calibration_file::check_place(save).map(drop)
     }
 }
 

@@ -12,6 +12,7 @@ use tilt::uncertainty::{Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
 use super::calibration_file::{BudgetSteps, Channel, HarmonicSteps, Method, base_name};
+use super::error::CalibrateError;
 use super::recording::Recording;
 use super::reference::angle_between_deg;
 use super::rotation::best_rotation;
@@ -119,53 +120,6 @@ impl Fit {
 
 fn temperature(celsius: f64) -> Temperature {
     Temperature((celsius * 256.0).round() as i32)
-}
-
-/// Why standstills don't make a calibration.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CalibrateError {
-    /// Too few standstills; the directions that no standstill comes near.
-    #[error("{have} standstills are too few, it takes {need}; add poses {a}", a = listed(.missing))]
-    TooFew {
-        /// Standstills there are.
-        have: usize,
-        /// Standstills needed.
-        need: usize,
-        /// Directions of gravity in the sensor's axes that are missing, as in `+x`.
-        missing: Vec<&'static str>,
-    },
-    /// Too few of the standstills have a reference.
-    #[error(
-        "{have} standstills with a reference are too few, it takes {need}; record more plateaus \
-         or calibrate from poses"
-    )]
-    NoReference {
-        /// Those that have one.
-        have: usize,
-        /// Those needed.
-        need: usize,
-    },
-    /// Enough standstills, but too alike.
-    #[error(
-        "the standstills are too alike (condition {condition:.3e}); add poses {a}",
-        a = listed(.missing)
-    )]
-    IllConditioned {
-        /// Condition figure; 1 is best, over 1e6 is refused.
-        condition: f64,
-        /// Directions of gravity in the sensor's axes that are missing.
-        missing: Vec<&'static str>,
-    },
-    /// The fit didn't settle or is not what a working sensor can have.
-    #[error("{0}")]
-    Implausible(FitError),
-}
-
-fn listed(missing: &[&str]) -> String {
-    match missing {
-        [] => "in directions between those there are".to_owned(),
-        some => format!("with gravity near {}", some.join(", ")),
-    }
 }
 
 /// The six directions in which gravity should lie once, in the sensor's axes.

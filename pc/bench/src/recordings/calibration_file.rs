@@ -10,9 +10,8 @@
 //! numbers as `serde_json` writes them. Saving writes a temporary file in the same
 //! folder and renames it: there is the old file or the new one, never half of one.
 
-use std::fmt;
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -24,6 +23,9 @@ use tilt::sample::Temperature;
 use tilt::temperature::{Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
+
+use super::error::{FileError, Impossible, Problem};
+use output::write::Staged;
 
 /// What `format` says.
 pub const FORMAT: &str = "plumb-calibration";
@@ -164,42 +166,6 @@ pub struct Channel {
     /// The uncertainty budget.
     #[serde(default)]
     pub budget: BudgetSteps,
-}
-
-/// Why a channel's values can't be those of a sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Impossible {
-    /// A matrix entry of 2 g/g or more.
-    Gain,
-    /// An offset of over 1 g.
-    Offset,
-    /// A number that isn't finite, or negative where it can't be.
-    Number,
-    /// The matrix has lost an axis.
-    Singular,
-    /// The matrix makes a left hand of a right one.
-    Mirrored,
-    /// Two axes are over 20 deg off a right angle.
-    Shear,
-    /// Some acceleration comes out at less than half or more than twice its length.
-    Stretch,
-    /// The integers and the numbers for the reader disagree.
-    Disagree,
-}
-
-impl fmt::Display for Impossible {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Gain => "a matrix entry is 2 g/g or more",
-            Self::Offset => "an offset is over 1 g",
-            Self::Number => "a residual, rate or scale is negative or not finite",
-            Self::Singular => "the matrix is singular",
-            Self::Mirrored => "the matrix mirrors, which no sensor does",
-            Self::Shear => "two axes are more than 20 deg off a right angle",
-            Self::Stretch => "the matrix halves or doubles some acceleration",
-            Self::Disagree => "`matrix_q30` or `offset_q26` disagrees with `matrix` or `offset_g`",
-        })
-    }
 }
 
 fn real_matrix(q30: &[[i64; 3]; 3]) -> [[f64; 3]; 3] {
@@ -349,86 +315,6 @@ impl Channel {
     }
 }
 
-/// A calibration file that can't be used or written.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CalibrationFileError {
-    /// The file as the caller named it.
-    pub file: String,
-    /// What is wrong.
-    pub problem: Problem,
-}
-
-/// What is wrong with a calibration file.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Problem {
-    /// Not found, a folder, no permission: what the system says.
-    NotReadable(String),
-    /// It could not be written: what the system says.
-    NotWritable(String),
-    /// Over 1 MiB.
-    TooLarge,
-    /// No JSON, or a field of the wrong kind.
-    Malformed(String),
-    /// `format` is something else.
-    Format,
-    /// A version that isn't read here.
-    Version(String),
-    /// `channels` was changed after it was written: the CRC it should have, and the one stated.
-    Crc {
-        /// Of the channels as they stand.
-        computed: u32,
-        /// As the file says.
-        stated: String,
-    },
-    /// Another number of channels than recordings.
-    ChannelCount {
-        /// In the file.
-        found: usize,
-        /// Recordings given.
-        expected: usize,
-    },
-    /// A channel, counted from 1, with values that no sensor has.
-    Channel(usize, Impossible),
-}
-
-impl std::error::Error for CalibrationFileError {}
-
-impl fmt::Display for CalibrationFileError {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "{}: {}", self.file, self.problem)
-    }
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        const ANEW: &str = "make it again with --save-calibration";
-        match self {
-            Self::NotReadable(why) => write!(f, "can't be read ({why}); check the path"),
-            Self::NotWritable(why) => write!(f, "can't be written ({why}); give another path"),
-            Self::TooLarge => write!(f, "too large for a calibration file; {ANEW}"),
-            Self::Malformed(why) => write!(f, "is no calibration file ({why}); {ANEW}"),
-            Self::Format => write!(f, "`format` is not \"{FORMAT}\"; {ANEW}"),
-            Self::Version(found) => {
-                write!(
-                    f,
-                    "version {found} can't be read here, only version {VERSION}; {ANEW}"
-                )
-            }
-            Self::Crc { computed, stated } => write!(
-                f,
-                "the CRC-32 of its channels is {computed:08x} and not {stated}: it was changed or \
-                 damaged; {ANEW}"
-            ),
-            Self::ChannelCount { found, expected } => write!(
-                f,
-                "holds {found} channels for {expected} recordings; give as many recordings, in \
-                 the same order"
-            ),
-            Self::Channel(number, why) => write!(f, "channel {number}: {why}; {ANEW}"),
-        }
-    }
-}
-
 /// CRC-32/ISO-HDLC of the channels as they stand in the file, in their one compact form.
 fn checksum(channels: &Value) -> u32 {
     let mut crc = flate2::Crc::new();
@@ -456,11 +342,11 @@ pub fn to_text(channels: &[Channel]) -> Result<String, Problem> {
 pub fn from_text(text: &[u8], expected: usize) -> Result<Vec<Channel>, Problem> {
     let file: Value = serde_json::from_slice(text).map_err(malformed)?;
     if file.get("format").and_then(Value::as_str) != Some(FORMAT) {
-        return Err(Problem::Format);
+        return Err(Problem::Format(FORMAT));
     }
     match file.get("version") {
         Some(version) if version.as_u64() == Some(VERSION) => {}
-        Some(other) => return Err(Problem::Version(shortened(other))),
+        Some(other) => return Err(Problem::Version(shortened(other), VERSION)),
         None => return Err(Problem::Malformed("no `version`".to_owned())),
     }
     let value = file
@@ -507,116 +393,60 @@ fn shortened(value: &Value) -> String {
 }
 
 /// Reads a calibration file that must hold `expected` channels.
-pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, CalibrationFileError> {
-    let fail = |problem| CalibrationFileError {
-        file: path.display().to_string(),
-        problem,
+pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, FileError> {
+    let read = || {
+        let unreadable = |error: io::Error| Problem::not_readable(&error);
+        if fs::metadata(path).map_err(unreadable)?.is_dir() {
+            return Err(unreadable(io::ErrorKind::IsADirectory.into()));
+        }
+        // Devices and pipes have no length and may have no end.
+        let mut text = Vec::new();
+        fs::File::open(path)
+            .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut text))
+            .map_err(unreadable)?;
+        if text.len() as u64 > LARGEST_BYTES {
+            return Err(Problem::TooLarge);
+        }
+        from_text(&text, expected)
     };
-    let unreadable = |error: io::Error| fail(Problem::NotReadable(plain(&error)));
-    let about = fs::metadata(path).map_err(unreadable)?;
-    if about.is_dir() {
-        return Err(fail(Problem::NotReadable("it is a folder".to_owned())));
-    }
-    // Devices and pipes have no length and may have no end.
-    let mut text = Vec::new();
-    fs::File::open(path)
-        .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut text))
-        .map_err(unreadable)?;
-    if text.len() as u64 > LARGEST_BYTES {
-        return Err(fail(Problem::TooLarge));
-    }
-    from_text(&text, expected).map_err(fail)
-}
-
-/// A complete calibration file under a name of its own in the folder where it shall be; removed
-/// again unless it is put in its place.
-#[derive(Debug)]
-pub struct Staged {
-    path: PathBuf,
-    temporary: PathBuf,
-    placed: bool,
+    read().map_err(|problem| FileError::of_file(path.display().to_string(), problem))
 }
 
 /// Refuses a place that holds anything but a regular file: a rename would replace a device.
 ///
 /// Out: where the file itself is, which is elsewhere for a link. A link that leads nowhere is
 /// refused as well.
-pub fn check_place(path: &Path) -> Result<PathBuf, CalibrationFileError> {
-    let fail = |why: String| CalibrationFileError {
-        file: path.display().to_string(),
-        problem: Problem::NotWritable(why),
-    };
+pub fn check_place(path: &Path) -> Result<PathBuf, FileError> {
+    let fail = |why: &str| not_written(path)(Problem::NotWritable(why.to_owned()));
     if fs::symlink_metadata(path).is_err() {
         return Ok(path.to_owned());
     }
-    let about = fs::metadata(path).map_err(|_| fail("the link leads nowhere".to_owned()))?;
+    let about = fs::metadata(path).map_err(|_| fail("the link leads nowhere"))?;
     if about.is_dir() {
-        return Err(fail("it is a folder".to_owned()));
+        return Err(fail("it is a folder"));
     }
     if !about.is_file() {
-        return Err(fail("it is no regular file".to_owned()));
+        return Err(fail("it is no regular file"));
     }
-    path.canonicalize().map_err(|error| fail(plain(&error)))
+    let place = path.canonicalize();
+    place.map_err(|error| not_written(path)(Problem::not_writable(&error)))
 }
 
 /// Writes a calibration file beside its place.
-pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, CalibrationFileError> {
-    let fail = |problem| CalibrationFileError {
-        file: path.display().to_string(),
-        problem,
-    };
-    let refuse = |error: io::Error| fail(Problem::NotWritable(plain(&error)));
-    let text = to_text(channels).map_err(fail)?;
-    let path = check_place(path)?;
-    let name = path
-        .file_name()
-        .ok_or_else(|| refuse(io::Error::from(io::ErrorKind::InvalidFilename)))?;
-    let temporary = path.with_file_name(format!(
-        ".{}.{}.tmp",
-        name.to_string_lossy(),
-        std::process::id()
-    ));
-    // Made before the first byte, so that a half-written file is removed as well.
-    let staged = Staged {
-        path,
-        temporary,
-        placed: false,
-    };
-    fs::File::create(&staged.temporary)
-        .and_then(|mut file| {
-            file.write_all(text.as_bytes())
-                .and_then(|()| file.sync_all())
-        })
-        .map_err(refuse)?;
-    Ok(staged)
+pub fn stage(path: &Path, channels: &[Channel]) -> Result<Staged, FileError> {
+    let text = to_text(channels).map_err(not_written(path))?;
+    let file = Staged::write(&check_place(path)?, &text);
+    file.map_err(|error| not_written(path)(Problem::not_writable(&error)))
 }
 
-impl Staged {
-    /// Puts the file in its place, where it replaces an older one.
-    pub fn put_in_place(mut self) -> Result<(), CalibrationFileError> {
-        fs::rename(&self.temporary, &self.path).map_err(|error| CalibrationFileError {
-            file: self.path.display().to_string(),
-            problem: Problem::NotWritable(plain(&error)),
-        })?;
-        self.placed = true;
-        Ok(())
-    }
+/// Puts a calibration file in its place, where it replaces an older one.
+pub fn put_in_place(path: &Path, file: Staged) -> Result<(), FileError> {
+    let placed = file.put_in_place();
+    placed.map_err(|error| not_written(path)(Problem::not_writable(&error)))
 }
 
-impl Drop for Staged {
-    fn drop(&mut self) {
-        if !self.placed {
-            // Whatever went wrong first is what the caller should hear of.
-            let _ = fs::remove_file(&self.temporary);
-        }
-    }
-}
-
-fn plain(error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::NotFound => "there is no such file or folder".to_owned(),
-        _ => error.to_string(),
-    }
+fn not_written(path: &Path) -> impl Fn(Problem) -> FileError {
+    |problem| FileError::of_file(path.display().to_string(), problem)
 }
 
 /// The name of a recording without its folder.

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn save(path: &Path, channels: &[Channel]) -> Result<(), CalibrationFileError> {
-    stage(path, channels)?.put_in_place()
+fn save(path: &Path, channels: &[Channel]) -> Result<(), FileError> {
+    put_in_place(path, stage(path, channels)?)
 }
 
 /// A channel as a pose calibration leaves it.
@@ -118,12 +118,15 @@ fn a_file_of_before_the_span_is_read_and_kept_as_it_is() {
 fn anything_else_is_refused() {
     let text = to_text(&[channel()]).unwrap();
     assert!(matches!(refused(""), Problem::Malformed(_)));
-    assert!(matches!(refused("[1, 2]"), Problem::Format));
+    assert!(matches!(refused("[1, 2]"), Problem::Format(_)));
     assert!(matches!(
         refused(&text[..text.len() / 2]),
         Problem::Malformed(_)
     ));
-    assert_eq!(refused(&text.replace(FORMAT, "other")), Problem::Format);
+    assert_eq!(
+        refused(&text.replace(FORMAT, "other")),
+        Problem::Format(FORMAT)
+    );
     let newer = refused(&text.replace("\"version\": 1", "\"version\": 7"));
     assert!(
         newer

@@ -4,7 +4,7 @@
 //! [`Problem`] with the header. Columns may stand in any order; those that mean nothing here are
 //! named and left alone. Upper and lower case, spaces around a name and quotes don't matter.
 
-use super::recording_error::Problem;
+use super::error::Problem;
 
 /// The unit of the time column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,14 +1,15 @@
 //! Recordings and calibration files as chance makes them: never a panic, always an answer.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{Cursor, Write as _};
 
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 
 use super::arguments::Mode;
 use super::calibrate::{calibrate_from_poses, calibrate_from_reference};
-use super::calibration_file::{self, CalibrationFileError};
+use super::calibration_file;
+use super::error::FileError;
 use super::play::{play, tests::identity};
 use super::recording::{Options, Recording};
 use super::segments;
@@ -39,7 +40,7 @@ fn play_through(recording: Recording) -> Result<(), TestCaseError> {
 
 /// What must hold whatever came in.
 fn examine(bytes: &[u8]) -> Result<(), TestCaseError> {
-    match Recording::read("fuzz.csv", bytes, Options::default()) {
+    match Recording::read("fuzz.csv", Cursor::new(bytes.to_vec()), Options::default()) {
         Ok(recording) => {
             let kept = recording.rows.len() as u64;
             prop_assert_eq!(kept + recording.skips.total(), recording.data_lines);
@@ -124,7 +125,7 @@ fn cell() -> impl Strategy<Value = String> {
 
 #[test]
 fn the_sound_one_is_sound() {
-    let read = Recording::read("fuzz.csv", sound().as_slice(), Options::default()).unwrap();
+    let read = Recording::read("fuzz.csv", Cursor::new(sound()), Options::default()).unwrap();
     assert_eq!(
         (read.rows.len(), read.skips.total(), read.unread_extras.rows),
         (120, 0, 0)
@@ -174,7 +175,7 @@ proptest! {
                 prop_assert_eq!(channels, unchanged);
             }
             Err(problem) => {
-                let error = CalibrationFileError { file: "fuzz.json".to_owned(), problem };
+                let error = FileError::of_file("fuzz.json", problem);
                 prop_assert!(error.to_string().starts_with("fuzz.json: "));
                 prop_assert!(!error.to_string().contains(char::is_control));
             }

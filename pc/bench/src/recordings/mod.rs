@@ -17,11 +17,9 @@ mod columns;
 mod error;
 mod figures;
 mod gather;
-mod lines;
 mod play;
 mod prepare;
 mod recording;
-mod recording_error;
 mod reference;
 mod rotation;
 mod scale;
@@ -45,6 +43,7 @@ mod repeatability;
 
 use std::process::ExitCode;
 
+use crate::Error;
 use crate::report::replay_data::ReplayReport;
 use crate::report::{replay_page, terminal};
 use output::printable;
@@ -55,41 +54,36 @@ use output::write::{self, Written};
 use arguments::Mode;
 
 pub use arguments::{Arguments, CalibrateFrom, Options};
-pub use error::ReplayError;
+pub use error::FileError;
 
 /// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.
-pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, ReplayError> {
+pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error> {
     let mode = arguments.options.mode.unwrap_or(Mode::Product);
     let (channels, notes) = prepare::prepare(arguments, progress)?;
     let report = gather::report(&channels, notes, mode, progress);
-    let json = serde_json::to_string(&report).map_err(ReplayError::Json)?;
     let records: Vec<_> = channels.into_iter().map(|channel| channel.record).collect();
     // Complete beside its place before the report is written, put in its place after.
     let kept = match &arguments.options.save_calibration {
-        Some(path) => Some(calibration_file::stage(path, &records)?),
+        Some(path) => Some((path, calibration_file::stage(path, &records)?)),
         None => None,
     };
-    let written = write::both(arguments.folder(), &replay_page::replay(&report), &report)
-        .map_err(ReplayError::Write)?;
-    if let Some(kept) = kept {
-        kept.put_in_place()?;
+    let written = write::both(arguments.folder(), &replay_page::replay(&report), &report)?;
+    if let Some((path, kept)) = kept {
+        calibration_file::put_in_place(path, kept)?;
     }
-    let text = if arguments.json {
-        json + "\n"
+    let printed = if arguments.json {
+        stdout::print_json(&report)
     } else {
-        shown(arguments, &report, &written)
+        stdout::print(shown(arguments, &report, &written))
     };
-    stdout::print(&text).map_err(ReplayError::Stdout)?;
+    printed.map_err(Error::Print)?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn shown(arguments: &Arguments, report: &ReplayReport, written: &Written) -> String {
     let mut text = terminal::print_replay(report);
-    text.push_str(&format!(
-        "\nReport: {} and {}\n",
-        printable(&written.html.display().to_string()),
-        printable(&written.json.display().to_string())
-    ));
+    text.push('\n');
+    text.push_str(&written.line());
     if let Some(path) = &arguments.options.save_calibration {
         text.push_str(&format!(
             "Calibration: {}\n",

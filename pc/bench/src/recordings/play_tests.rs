@@ -1,5 +1,7 @@
 //! Recordings made of a few lines, played: what is read when, and what is stepped over.
 
+use std::io::Cursor;
+
 use super::*;
 use crate::recordings::calibration_file::Channel;
 use crate::recordings::calibration_file::tests::channel as some_calibration;
@@ -18,7 +20,7 @@ fn prepared(spans: &[(u64, u64)], offset_us: u64) -> Prepared {
     for at in spans.iter().flat_map(|&(from, to)| from..to) {
         text.push_str(&format!("{},0,0,1\n", at * 10_000));
     }
-    let recording = Recording::read("test.csv", text.as_bytes(), Options::default()).unwrap();
+    let recording = Recording::read("test.csv", Cursor::new(text), Options::default()).unwrap();
     identity(recording, offset_us)
 }
 

@@ -5,17 +5,16 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use tilt::uncertainty::Uncertainty;
 
 use super::alignment::{Aligned, align_robustly};
 use super::arguments::{Arguments, CalibrateFrom};
-use super::calibrate::{
-    CalibrateError, Fit, calibrate_from_poses, calibrate_from_reference, overlapping,
-};
+use super::calibrate::{Fit, calibrate_from_poses, calibrate_from_reference, overlapping};
 use super::calibration_file::{self, Channel, Method};
 use super::columns::AccelUnit;
-use super::error::ReplayError;
+use super::error::{CalibrateError, FileError, Problem};
 use super::recording::{Options, Recording, Row};
 use super::segments::{self, Segment, Standstill};
 use super::steady::{Steady, steady};
@@ -71,7 +70,7 @@ impl Prepared {
 pub type Ready = (Vec<Prepared>, Vec<String>);
 
 /// Reads and calibrates.
-pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, ReplayError> {
+pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, FileError> {
     arguments.check()?;
     let kept = match &arguments.options.calibration {
         Some(path) => Some(calibration_file::load(path, arguments.files.len())?),
@@ -107,15 +106,11 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, Repl
     Ok((channels, notes))
 }
 
-fn open(
-    path: &Path,
-    lsb_per_g: Option<f64>,
-    progress: &Progress,
-) -> Result<Recording, ReplayError> {
+fn open(path: &Path, lsb_per_g: Option<f64>, progress: &Progress) -> Result<Recording, FileError> {
     let bytes = fs::metadata(path).map_or(0, |about| about.len());
     let task = progress.task("Reading", bytes);
     let options = Options { lsb_per_g };
-    Ok(Recording::open(path, options, |read| task.advance(read))?)
+    Recording::open(path, options, Some(Arc::new(task)))
 }
 
 fn find(recording: &Recording) -> Standstill {
@@ -124,18 +119,18 @@ fn find(recording: &Recording) -> Standstill {
 
 /// Where each recording begins on the common clock, from the earliest of them; an error when two
 /// recordings have no time in common.
-fn offsets(recordings: &[Recording]) -> Result<Vec<u64>, ReplayError> {
+fn offsets(recordings: &[Recording]) -> Result<Vec<u64>, FileError> {
     let ends = |r: &Recording| [r.start_us, r.start_us.saturating_add_unsigned(length_us(r))];
     if let [one, other] = recordings {
         let ([from, to], [other_from, other_to]) = (ends(one), ends(other));
         if from.max(other_from) >= to.min(other_to) {
             let seconds = |ends: [i64; 2]| ends.map(|us| us as f64 / 1e6);
-            return Err(ReplayError::NoOverlap {
+            let problem = Problem::NoOverlap {
+                own_s: seconds([other_from, other_to]),
                 one: one.file.clone(),
                 one_s: seconds([from, to]),
-                other: other.file.clone(),
-                other_s: seconds([other_from, other_to]),
-            });
+            };
+            return Err(FileError::of_file(&*other.file, problem));
         }
     }
     let earliest = recordings.iter().map(|r| r.start_us).min().unwrap_or(0);
@@ -154,7 +149,7 @@ fn from_file(
     records: Vec<Channel>,
     recordings: &[Recording],
     standstills: &[Standstill],
-) -> Result<(Vec<Calibrated>, Vec<String>), ReplayError> {
+) -> Result<(Vec<Calibrated>, Vec<String>), FileError> {
     let path = arguments.options.calibration.as_deref();
     let path = path.map_or_else(String::new, |path| path.display().to_string());
     let mut notes = Vec::new();
@@ -163,12 +158,12 @@ fn from_file(
         let (made_for, found) = (record.numbers_per_g, recording.scale.per_g);
         // The file keeps nine decimals.
         if (made_for - found).abs() > 1e-6 * found {
-            return Err(ReplayError::OtherScale {
-                calibration: path,
-                file: recording.file.clone(),
+            let problem = Problem::OtherScale {
+                recording: recording.file.clone(),
                 made_for,
                 found,
-            });
+            };
+            return Err(FileError::of_file(path, problem));
         }
         let source = printable(&record.source);
         notes.push(format!("Channel {number}: calibrated on {source}."));
@@ -218,14 +213,15 @@ fn judge_length(
     recording: &Recording,
     length_g: f64,
     number: u8,
-) -> Result<Option<String>, ReplayError> {
+) -> Result<Option<String>, FileError> {
     let off_g = (length_g - 1.0).abs();
     if off_g > OTHER_SENSOR_G {
-        return Err(ReplayError::OtherSensor {
-            calibration: calibration.to_owned(),
-            file: recording.file.clone(),
+        let recording = recording.file.clone();
+        let problem = Problem::OtherSensor {
+            recording,
             length_g,
-        });
+        };
+        return Err(FileError::of_file(calibration, problem));
     }
     Ok((off_g > DOUBTFUL_G).then(|| {
         format!(
@@ -254,7 +250,7 @@ fn fitted(
     recordings: &[Recording],
     standstills: &[Standstill],
     offsets: &[u64],
-) -> Result<(Vec<Calibrated>, Vec<String>), ReplayError> {
+) -> Result<(Vec<Calibrated>, Vec<String>), FileError> {
     let mut fits = Vec::new();
     for (recording, found) in recordings.iter().zip(standstills) {
         fits.push(fit(from, recording, found)?);
@@ -276,7 +272,7 @@ fn fitted(
                 "Channel 2 was not turned onto channel 1, beyond what the reference columns do: \
                  of what stands still in both, {why}."
             )),
-            (Err(why), _) => return Err(ReplayError::Align(other.file.clone(), why)),
+            (Err(why), _) => return Err(FileError::of_file(&*other.file, Problem::Align(why))),
         }
     }
     let mut calibrated = Vec::new();
@@ -294,17 +290,17 @@ fn fit(
     from: Option<CalibrateFrom>,
     recording: &Recording,
     found: &Standstill,
-) -> Result<Fit, ReplayError> {
-    let file = &recording.file;
+) -> Result<Fit, FileError> {
+    let refuse = |problem| FileError::of_file(&*recording.file, problem);
     let fitted = match from {
         Some(CalibrateFrom::Reference) if !recording.has_reference() => {
-            return Err(ReplayError::NoReference(file.clone()));
+            return Err(refuse(Problem::NoReference));
         }
         Some(CalibrateFrom::Poses) => calibrate_from_poses(&found.segments),
         None if !recording.has_reference() => calibrate_from_poses(&found.segments),
         _ => calibrate_from_reference(&found.segments),
     };
-    fitted.map_err(|why| ReplayError::Calibrate(file.clone(), why))
+    fitted.map_err(|why| refuse(Problem::Calibrate(why)))
 }
 
 /// Mean readings over the standstills that both recordings show at the same time.
@@ -328,15 +324,15 @@ fn shared(standstills: &[Standstill], offsets: &[u64]) -> Vec<super::alignment::
 /// Further apart than this at most of their common standstills, two recordings show two motions.
 const OTHER_MOTION_DEG: f64 = 5.0;
 
-fn check_motion(one: &Recording, other: &Recording, aligned: &Aligned) -> Result<(), ReplayError> {
+fn check_motion(one: &Recording, other: &Recording, aligned: &Aligned) -> Result<(), FileError> {
     if aligned.median_deg <= OTHER_MOTION_DEG {
         return Ok(());
     }
-    Err(ReplayError::OtherMotion {
-        file: other.file.clone(),
+    let problem = Problem::OtherMotion {
         other: one.file.clone(),
         left_deg: aligned.median_deg,
-    })
+    };
+    Err(FileError::of_file(&*other.file, problem))
 }
 
 /// The turned fit with the residual to the reference that it had before; the angle left between
@@ -370,10 +366,10 @@ fn record(
     left_deg: f64,
     recording: &Recording,
     found: &Standstill,
-) -> Result<Calibrated, ReplayError> {
+) -> Result<Calibrated, FileError> {
     let implausible = || {
         let why = CalibrateError::Implausible(tilt::calibration::FitError::Implausible);
-        ReplayError::Calibrate(recording.file.clone(), why)
+        FileError::of_file(&*recording.file, Problem::Calibrate(why))
     };
     let mut record = fit.channel(recording, found).ok_or_else(implausible)?;
     let residual = Uncertainty(record.budget.residual_steps);

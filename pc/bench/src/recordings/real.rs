@@ -21,7 +21,7 @@ fn open(name: &str) -> Option<(Recording, Standstill)> {
         println!("skipped: recording not present ({name})");
         return None;
     }
-    let recording = Recording::open(&path, Options::default(), |_| {}).unwrap();
+    let recording = Recording::open(&path, Options::default(), None).unwrap();
     let options = segments::Options::for_recording(&recording);
     let found = segments::find(&recording, options);
     Some((recording, found))

@@ -2,23 +2,25 @@
 //!
 //! In: a CSV file, plain or gzip, whose header names the columns and their units (`columns`).
 //! Out: [`Recording`]: rows with strictly rising time from 0, with the nominal period, the gaps
-//! and the count of every row that was skipped; or one [`RecordingError`]. Comment lines (`#`)
+//! and the count of every row that was skipped; or one [`FileError`]. Comment lines (`#`)
 //! and blank lines don't count as rows. A row stands by its time and its accelerations alone: a
 //! temperature or reference that can't be read is left out of the row and counted apart.
 
-use std::fs::File;
-use std::io::Read;
+use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
+use bus_logs::{Damage, Input, Line};
 use tilt::sample::{Counts, FullScale};
 
 use super::columns::{Columns, ReferenceColumns, TIMES, TimeUnit, clean};
-use super::lines::{LineError, Lines};
-use super::recording_error::{Problem, RecordingError};
+use super::error::{FileError, Problem};
+
 use super::reference::{Attitude, Reference};
 use super::scale::{Scale, scale_of};
 use super::skips::{Count, Reason, Skips};
 use super::windows::quantile;
+use output::progress::Task;
 
 /// Fewest rows that are worth looking at.
 pub const FEWEST_ROWS: usize = 50;
@@ -100,24 +102,29 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads a file. `watch` is told of the bytes as they are read.
-    pub fn open(
-        path: &Path,
-        options: Options,
-        watch: impl FnMut(u64),
-    ) -> Result<Self, RecordingError> {
-        let name = path.display().to_string();
-        let refuse = |why: String| RecordingError::of_file(&name, Problem::NotReadable(why));
-        let file = File::open(path).map_err(|error| refuse(plain(&error)))?;
-        if file.metadata().is_ok_and(|about| about.is_dir()) {
-            return Err(refuse("it is a folder".to_owned()));
-        }
-        Self::read(&name, Watched { file, watch }, options)
+    /// Reads a file. The task is told of the bytes as they are read.
+    pub fn open(path: &Path, options: Options, task: Option<Arc<Task>>) -> Result<Self, FileError> {
+        Self::parse(
+            &path.display().to_string(),
+            Input::open(path, task),
+            options,
+        )
     }
 
     /// Reads any stream; `name` is what errors call it.
-    pub fn read(name: &str, source: impl Read, options: Options) -> Result<Self, RecordingError> {
-        Parser::run(name, source)?.finish(options)
+    #[cfg(test)]
+    pub fn read(
+        name: &str,
+        source: impl io::Read + Send + 'static,
+        options: Options,
+    ) -> Result<Self, FileError> {
+        Self::parse(name, Input::new(source, None), options)
+    }
+
+    fn parse(name: &str, input: io::Result<Input>, options: Options) -> Result<Self, FileError> {
+        let input =
+            input.map_err(|error| FileError::of_file(name, Problem::not_readable(&error)))?;
+        Parser::run(name, input)?.finish(options)
     }
 
     /// Nominal samples per second.
@@ -157,28 +164,6 @@ impl Row {
     }
 }
 
-/// A file that tells how much of it has been read.
-struct Watched<W> {
-    file: File,
-    watch: W,
-}
-
-impl<W: FnMut(u64)> Read for Watched<W> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let bytes = self.file.read(buffer)?;
-        (self.watch)(bytes as u64);
-        Ok(bytes)
-    }
-}
-
-fn plain(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
-        std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),
-        _ => error.to_string(),
-    }
-}
-
 /// A row as it stands in the file, before the scale is known.
 struct Raw {
     line: u64,
@@ -202,10 +187,8 @@ struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
-    fn run(name: &'a str, source: impl Read + 'a) -> Result<Self, RecordingError> {
-        let fail = |line, error: LineError| explain(name, line, error, 0);
-        let mut lines = Lines::new(source).map_err(|error| fail(0, error))?;
-        let (columns, header_line) = header(name, &mut lines)?;
+    fn run(name: &'a str, mut input: Input) -> Result<Self, FileError> {
+        let (columns, header_line) = header(name, &mut input)?;
         let mut parser = Self {
             name,
             columns,
@@ -218,19 +201,22 @@ impl<'a> Parser<'a> {
             trailing_bytes: false,
         };
         loop {
-            let line = lines.number() + 1;
-            match lines.next_line() {
-                Ok(Some(bytes)) => parser.take(line, bytes)?,
+            let line = input.number() + 1;
+            match input.next_line() {
+                Ok(Some(Line::Whole(bytes) | Line::Unended(bytes))) => parser.take(line, bytes)?,
+                Ok(Some(Line::TooLong(_))) => {
+                    return Err(FileError::of_line(name, line, Problem::LineTooLong));
+                }
                 Ok(None) => {
-                    parser.trailing_bytes = lines.has_trailing_bytes();
+                    parser.trailing_bytes = input.take_trailing_bytes();
                     return Ok(parser);
                 }
-                Err(error) => return Err(explain(name, line, error, parser.raws.len())),
+                Err(error) => return Err(explain(name, &input, &error, parser.raws.len())),
             }
         }
     }
 
-    fn take(&mut self, line: u64, bytes: &[u8]) -> Result<(), RecordingError> {
+    fn take(&mut self, line: u64, bytes: &[u8]) -> Result<(), FileError> {
         if is_silent(bytes) {
             return Ok(());
         }
@@ -247,7 +233,7 @@ impl<'a> Parser<'a> {
             Err(reason) => self.skips.add(reason, line),
             Ok(_) if self.raws.len() >= MOST_ROWS => {
                 let problem = Problem::TooManyRows(MOST_ROWS);
-                return Err(RecordingError::of_line(self.name, line, problem));
+                return Err(FileError::of_line(self.name, line, problem));
             }
             Ok(time_us) => {
                 self.times_us.push(time_us);
@@ -368,14 +354,14 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn finish(mut self, options: Options) -> Result<Recording, RecordingError> {
+    fn finish(mut self, options: Options) -> Result<Recording, FileError> {
         self.take_back_last();
         self.check_rows(self.raws.len())?;
         let accel: Vec<[f64; 3]> = self.raws.iter().map(|raw| raw.accel).collect();
         let period_us = self.period_us()?;
         let (unit, times_us) = (self.columns.unit, &self.times_us);
         let scale = scale_of(unit, times_us, &accel, options.lsb_per_g)
-            .map_err(|problem| RecordingError::of_line(self.name, self.header_line, problem))?;
+            .map_err(|problem| FileError::of_line(self.name, self.header_line, problem))?;
         let first_us = self.first_us();
         let (mut rows, late_us) = self.rows(scale.per_g);
         self.check_rows(rows.len())?;
@@ -395,19 +381,19 @@ impl<'a> Parser<'a> {
         })
     }
 
-    fn check_rows(&self, rows: usize) -> Result<(), RecordingError> {
+    fn check_rows(&self, rows: usize) -> Result<(), FileError> {
         let skips = Box::new(self.skips.clone());
         if skips.total() > rows as u64 {
             let line = skips.worst().map(|(_, count)| count.first_line);
             let problem = Problem::MostlySkipped { rows, skips };
-            return Err(RecordingError {
+            return Err(FileError {
                 file: self.name.to_owned(),
                 line,
                 problem,
             });
         }
         if rows < FEWEST_ROWS {
-            return Err(RecordingError::of_file(
+            return Err(FileError::of_file(
                 self.name,
                 Problem::TooFewRows { rows, skips },
             ));
@@ -415,7 +401,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    fn period_us(&self) -> Result<u64, RecordingError> {
+    fn period_us(&self) -> Result<u64, FileError> {
         let steps = self.times_us.iter().zip(self.times_us.iter().skip(1));
         let steps = steps
             .map(|(before, after)| (after - before) as f64)
@@ -430,11 +416,7 @@ impl<'a> Parser<'a> {
             self.columns.time_unit,
         );
         let problem = Problem::Rate { hz, fits };
-        Err(RecordingError::of_line(
-            self.name,
-            self.header_line,
-            problem,
-        ))
+        Err(FileError::of_line(self.name, self.header_line, problem))
     }
 
     /// The time column at the first row, microseconds; a time beyond what 64 bits hold stops there.
@@ -476,30 +458,29 @@ fn is_silent(bytes: &[u8]) -> bool {
     text.is_empty() || text.starts_with(b"#")
 }
 
-fn header(name: &str, lines: &mut Lines) -> Result<(Columns, u64), RecordingError> {
+fn header(name: &str, input: &mut Input) -> Result<(Columns, u64), FileError> {
     loop {
-        let line = lines.number() + 1;
-        let bytes = match lines.next_line().map(|read| read.map(<[u8]>::to_vec)) {
-            Ok(Some(bytes)) => bytes,
-            Ok(None) => return Err(RecordingError::of_file(name, Problem::Empty)),
-            Err(LineError::TooLong) if is_binary(lines.partial()) => {
-                return Err(RecordingError::of_line(name, line, Problem::Binary));
-            }
-            Err(error) => return Err(explain(name, line, error, 0)),
+        let line = input.number() + 1;
+        let refuse = |problem| Err(FileError::of_line(name, line, problem));
+        let bytes = match input.next_line() {
+            Ok(Some(Line::Whole(bytes) | Line::Unended(bytes))) => bytes,
+            Ok(Some(Line::TooLong(start))) if is_binary(start) => return refuse(Problem::Binary),
+            Ok(Some(Line::TooLong(_))) => return refuse(Problem::LineTooLong),
+            Ok(None) => return Err(FileError::of_file(name, Problem::Empty)),
+            Err(error) => return Err(explain(name, input, &error, 0)),
         };
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
         if is_binary(bytes) {
-            return Err(RecordingError::of_line(name, line, Problem::Binary));
+            return refuse(Problem::Binary);
         }
         if is_silent(bytes) {
             continue;
         }
         let text = String::from_utf8_lossy(bytes);
         let names: Vec<String> = text.split(',').map(clean).collect();
-        let columns = Columns::from_names(&names)
-            .map_err(|problem| other_separator(&text).unwrap_or(problem))
-            .map_err(|problem| RecordingError::of_line(name, line, problem))?;
-        return Ok((columns, line));
+        return match Columns::from_names(&names) {
+            Ok(columns) => Ok((columns, line)),
+            Err(problem) => refuse(other_separator(&text).unwrap_or(problem)),
+        };
     }
 }
 
@@ -518,13 +499,14 @@ fn is_binary(bytes: &[u8]) -> bool {
     bytes.contains(&0) || std::str::from_utf8(bytes).is_err_and(|error| !is_cut(error))
 }
 
-fn explain(name: &str, line: u64, error: LineError, rows: usize) -> RecordingError {
-    match error {
-        LineError::TooLong => RecordingError::of_line(name, line, Problem::LineTooLong),
-        LineError::Truncated => RecordingError::of_line(name, line, Problem::GzipTruncated(rows)),
-        LineError::Corrupt => RecordingError::of_line(name, line, Problem::GzipCorrupt(rows)),
-        LineError::Io(error) => RecordingError::of_file(name, Problem::NotReadable(plain(&error))),
-    }
+/// Why there is no line behind the one that was read last, with so many rows before it.
+fn explain(name: &str, input: &Input, error: &io::Error, rows: usize) -> FileError {
+    let problem = match input.damage(error) {
+        Some(Damage::Cut) => Problem::GzipTruncated(rows),
+        Some(Damage::Corrupt) => Problem::GzipCorrupt(rows),
+        None => return FileError::of_file(name, Problem::not_readable(error)),
+    };
+    FileError::of_line(name, input.number() + 1, problem)
 }
 
 fn required(cell: &str) -> Result<f64, Reason> {

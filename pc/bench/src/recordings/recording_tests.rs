@@ -1,7 +1,7 @@
 //! Recordings as they come: every fault that can be skipped, and every one that can't.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{Cursor, Write as _};
 
 use flate2::{Compression, write::GzEncoder};
 
@@ -25,8 +25,12 @@ fn rows_scaled(count: usize, per_g: f64) -> String {
     text
 }
 
-fn read(text: impl AsRef<[u8]>) -> Result<Recording, RecordingError> {
-    Recording::read("a.csv", text.as_ref(), Options::default())
+fn read(text: impl AsRef<[u8]>) -> Result<Recording, FileError> {
+    Recording::read(
+        "a.csv",
+        Cursor::new(text.as_ref().to_vec()),
+        Options::default(),
+    )
 }
 
 fn refusal(text: impl AsRef<[u8]>) -> String {
@@ -144,7 +148,7 @@ fn units_of_time_and_acceleration() {
         lsb_per_g: Some(2000.0),
     };
     let text = format!("time_s,ax_lsb,ay_lsb,az_lsb\n{lsb}");
-    let given = Recording::read("a", text.as_bytes(), options).unwrap();
+    let given = Recording::read("a", Cursor::new(text), options).unwrap();
     assert_eq!(
         (given.scale.per_g, given.scale.source),
         (2000.0, Source::Given)
@@ -344,13 +348,14 @@ fn zeros_behind_a_gzip_stream_are_let_pass() {
 #[test]
 fn paths_that_lead_nowhere() {
     let none =
-        Recording::open(Path::new("no/such/file.csv"), Options::default(), |_| {}).unwrap_err();
-    let expected = "no/such/file.csv: can't be read (there is no such file); check the path";
+        Recording::open(Path::new("no/such/file.csv"), Options::default(), None).unwrap_err();
+    let expected =
+        "no/such/file.csv: can't be read (there is no such file or folder); check the path";
     assert_eq!(none.to_string(), expected);
     let folder = Recording::open(
         Path::new(env!("CARGO_MANIFEST_DIR")),
         Options::default(),
-        |_| {},
+        None,
     );
     assert!(folder.unwrap_err().to_string().contains("it is a folder"));
 }

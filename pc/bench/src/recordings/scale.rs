@@ -8,7 +8,7 @@
 //! the rest tells no unit do they count, since a coarse sensor at rest may repeat itself, too.
 
 use super::columns::AccelUnit;
-use super::recording_error::Problem;
+use super::error::Problem;
 use super::windows::{Sums, Window, moving, norm, quantile};
 
 /// Standard gravity, m/s^2.

@@ -1,6 +1,7 @@
 //! Standstills in made-up recordings whose truth is known.
 
 use std::fmt::Write as _;
+use std::io::Cursor;
 
 use super::*;
 use crate::recordings::recording;
@@ -37,7 +38,7 @@ fn recording(poses: &[([f64; 3], f64)], noise_g: f64) -> Recording {
         }
         last = pose;
     }
-    Recording::read("made up", text.as_bytes(), recording::Options::default()).unwrap()
+    Recording::read("made up", Cursor::new(text), recording::Options::default()).unwrap()
 }
 
 const LEVEL: [f64; 3] = [0.0, 0.0, 1.0];
@@ -109,7 +110,7 @@ fn a_slow_turn_is_no_standstill() {
         let t = f64::from(i) * 0.01;
         writeln!(text, "{t:.2},{:.5},0.001,{:.5}", angle.sin(), angle.cos()).unwrap();
     }
-    let read = Recording::read("turn", text.as_bytes(), recording::Options::default()).unwrap();
+    let read = Recording::read("turn", Cursor::new(text), recording::Options::default()).unwrap();
     let found = find(&read, Options::POSES);
     assert!(found.segments.is_empty(), "{found:?}");
 }
@@ -133,7 +134,7 @@ fn the_reference_over_a_plateau_ignores_its_sign_and_its_early_leave() {
         )
         .unwrap();
     }
-    let read = Recording::read("ref", text.as_bytes(), recording::Options::default()).unwrap();
+    let read = Recording::read("ref", Cursor::new(text), recording::Options::default()).unwrap();
     assert_eq!(Options::for_recording(&read), Options::PLATEAUS);
     let found = find(&read, Options::PLATEAUS);
     let reference = found.segments[0].reference.unwrap();

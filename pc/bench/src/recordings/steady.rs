@@ -93,6 +93,8 @@ fn between(before: &Row, after: &Row, at_us: u64) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::super::recording::Options;
     use super::*;
 
@@ -103,7 +105,7 @@ mod tests {
             let at = (i * 10_000).saturating_add_signed(jitter(i));
             text.push_str(&format!("{at},{},0,1\n", at as f64 / 1e7));
         }
-        Recording::read("test.csv", text.as_bytes(), Options::default()).unwrap()
+        Recording::read("test.csv", Cursor::new(text), Options::default()).unwrap()
     }
 
     #[test]

@@ -328,7 +328,7 @@ pub struct Figures {
 }
 
 /// Everything `plumb demo` found; the content of `report.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DemoReport {
     /// Always [`FORMAT`].
     pub format: String,
@@ -377,14 +377,28 @@ impl DemoReport {
             days,
             within_specification: pass,
             specification,
-            static_test: Vec::new(),
-            dynamic: Vec::new(),
-            week: Vec::new(),
-            one_axis: Vec::new(),
-            calibration: Vec::new(),
-            table1: Vec::new(),
-            figures: Figures::default(),
+            ..Self::default()
         }
+    }
+
+    /// The static test of one node.
+    pub fn static_row(
+        &self,
+        mode: Mode,
+        axis: Axis,
+        angles: Angles,
+        node: u8,
+    ) -> Option<&StaticRow> {
+        let wanted = (mode, axis, angles, node);
+        let mut rows = self.static_test.iter();
+        rows.find(|row| (row.mode, row.axis, row.angles, row.node) == wanted)
+    }
+
+    /// The dynamic test of one node at one lever arm.
+    pub fn dynamic_row(&self, mode: Mode, axis: Axis, arm: u32, node: u8) -> Option<&DynamicRow> {
+        let wanted = (mode, axis, arm, node);
+        let mut rows = self.dynamic.iter();
+        rows.find(|row| (row.mode, row.axis, row.lever_arm_cm, row.node) == wanted)
     }
 }
 

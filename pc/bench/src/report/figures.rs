@@ -10,6 +10,7 @@ use sim::bench::week::{FAULT_DAY, HEALTHY_DEG};
 use super::data::*;
 use super::tables::{axis_name, mode_name, modes};
 use output::chart::{Chart, Ink, Level, Plot, Shape, share_y};
+use output::html;
 use output::series::{Bin, Point};
 
 /// Charts that belong together.
@@ -17,9 +18,33 @@ pub struct Group {
     /// Which figure of the paper, and what it shows.
     pub title: String,
     /// What the reader sees.
-    pub caption: String,
+    caption: &'static str,
     /// The charts, in reading order.
     pub charts: Vec<Chart>,
+}
+
+impl Group {
+    /// Charts under a title, with a caption.
+    pub fn new(title: impl Into<String>, caption: &'static str, charts: Vec<Chart>) -> Self {
+        Self {
+            title: title.into(),
+            caption,
+            charts,
+        }
+    }
+
+    /// A figure of one or more charts with its caption.
+    pub fn html(&self) -> String {
+        let charts = match self.charts.as_slice() {
+            [] => "<div class=\"charts\">\n<p class=\"empty\">Not run.</p>\n</div>\n".to_owned(),
+            charts => html::charts(charts),
+        };
+        format!(
+            "<h3>{}</h3>\n{charts}<p class=\"note\">{}</p>\n",
+            html::escape(&self.title),
+            html::escape(self.caption)
+        )
+    }
 }
 
 /// Tolerance of one channel, deg (paper IV.A).
@@ -28,20 +53,15 @@ const TOLERANCE_DEG: f64 = 0.20;
 const THRESHOLD_DEG: f64 = 0.40;
 
 /// Points for the chart; an absent value becomes NaN there, which is a gap.
-pub fn pairs(points: &[Point]) -> Vec<(f64, f64)> {
-    points
-        .iter()
-        .map(|point| (point.0, point.1.unwrap_or(f64::NAN)))
-        .collect()
+fn pairs(points: &[Point]) -> Vec<(f64, f64)> {
+    let pair = |point: &Point| (point.0, point.1.unwrap_or(f64::NAN));
+    points.iter().map(pair).collect()
 }
 
 /// Bins for the chart, x divided by `divisor`.
 pub fn band(bins: &[Bin], divisor: f64) -> Shape {
-    Shape::Band(
-        bins.iter()
-            .map(|bin| (bin.0 / divisor, bin.1, bin.2))
-            .collect(),
-    )
+    let scaled = |bin: &Bin| (bin.0 / divisor, bin.1, bin.2);
+    Shape::Band(bins.iter().map(scaled).collect())
 }
 
 /// A limit and its mirror image.
@@ -62,6 +82,27 @@ pub fn ink_of(node: u8) -> Ink {
     }
 }
 
+/// The mode's word as part of an identifier.
+fn id_of(mode: Mode) -> String {
+    word(mode).replace(' ', "-")
+}
+
+/// A chart, once for each mode: with the mode in its name and title, and its plots.
+fn per_mode(report: &DemoReport, drawn: Chart, plots: impl Fn(Mode) -> Vec<Plot>) -> Vec<Chart> {
+    let charts = modes(report).into_iter().map(|mode| Chart {
+        id: format!("{}-{}", drawn.id, id_of(mode)),
+        title: format!("{}{}", mode_name(mode), drawn.title),
+        plots: plots(mode),
+        ..drawn.clone()
+    });
+    alike(charts.collect())
+}
+
+fn alike(mut charts: Vec<Chart>) -> Vec<Chart> {
+    share_y(&mut charts);
+    charts
+}
+
 /// Figures 14 to 16.
 pub fn static_test(report: &DemoReport) -> Vec<Group> {
     vec![
@@ -71,94 +112,76 @@ pub fn static_test(report: &DemoReport) -> Vec<Group> {
     ]
 }
 
-/// The mode's word as part of an identifier.
-fn id_of(mode: Mode) -> String {
-    word(mode).replace(' ', "-")
+/// A chart over the reference angle, still without plots.
+fn over_angle(id: String, y_label: &str, description: String, limit_deg: f64) -> Chart {
+    Chart {
+        id,
+        description,
+        x_label: "reference angle, deg".to_owned(),
+        x_step: Some(30.0),
+        y_label: y_label.to_owned(),
+        levels: both_signs(limit_deg),
+        ..Chart::default()
+    }
+}
+
+/// The curves of a mode, each with its name and colour.
+fn curves<'a>(
+    curves: &'a [Curve],
+    mode: Mode,
+    named: impl Fn(&Curve) -> Option<(String, Ink)> + 'a,
+) -> Vec<Plot> {
+    let of_mode = curves.iter().filter(|curve| curve.mode == mode);
+    let plot = |curve: &Curve| {
+        let (name, ink) = named(curve)?;
+        Some(Plot::new(name, ink, Shape::Markers(pairs(&curve.points))))
+    };
+    of_mode.filter_map(plot).collect()
 }
 
 fn static_error(report: &DemoReport, axis: Axis, figure: u32) -> Group {
     let name = axis_name(axis);
-    let chart = |mode: Mode| {
-        let curves = report.figures.static_error.iter();
-        let plots = curves
-            .filter(|curve| curve.mode == mode && curve.axis == axis)
-            .map(node_plot);
-        Chart {
-            id: format!("f{figure}-{}", id_of(mode)),
-            title: mode_name(mode).to_owned(),
-            description: format!(
-                "Error of both nodes on axis {name} at every 10 degrees, {}, against the \
-                 tolerance of 0.20 degrees.",
-                mode_name(mode).to_lowercase()
-            ),
-            x_label: "reference angle, deg".to_owned(),
-            x_step: Some(30.0),
-            y_label: "angle \u{2212} reference, deg".to_owned(),
-            plots: plots.collect(),
-            levels: both_signs(TOLERANCE_DEG),
-            ..Chart::default()
-        }
+    let node = |curve: &Curve| {
+        let node = curve.node.filter(|_| curve.axis == axis)?;
+        Some((format!("Node {node}"), ink_of(node)))
     };
-    Group {
-        title: format!("Figure {figure}: error on axis {name}, static"),
-        caption: "Each marker is one standstill on a calibration angle. The paper draws absolute \
-                  values; here the sign is kept. The dashed lines are the tolerance of one \
-                  channel. A single axis loses its sensitivity towards 90 deg, which paper mode \
-                  shows at both ends."
-            .to_owned(),
-        charts: alike(modes(report).into_iter().map(chart).collect()),
-    }
-}
-
-fn node_plot(curve: &Curve) -> Plot {
-    let node = curve.node.unwrap_or(0);
-    let name = curve
-        .node
-        .map_or("Both".to_owned(), |node| format!("Node {node}"));
-    Plot::new(name, ink_of(node), Shape::Markers(pairs(&curve.points)))
-}
-
-fn alike(mut charts: Vec<Chart>) -> Vec<Chart> {
-    share_y(&mut charts);
-    charts
+    let description = format!(
+        "Error of both nodes on axis {name} at every 10 degrees against the tolerance of 0.20 \
+         degrees."
+    );
+    let label = "angle \u{2212} reference, deg";
+    let drawn = over_angle(format!("f{figure}"), label, description, TOLERANCE_DEG);
+    Group::new(
+        format!("Figure {figure}: error on axis {name}, static"),
+        "Each marker is one standstill on a calibration angle. The paper draws absolute values; \
+         here the sign is kept. The dashed lines are the tolerance of one channel. A single axis \
+         loses its sensitivity towards 90 deg, which paper mode shows at both ends.",
+        per_mode(report, drawn, |mode| {
+            curves(&report.figures.static_error, mode, node)
+        }),
+    )
 }
 
 fn static_delta(report: &DemoReport) -> Group {
-    let chart = |mode: Mode| {
-        let curves = report
-            .figures
-            .static_delta
-            .iter()
-            .filter(|curve| curve.mode == mode);
-        let plot = |curve: &Curve| {
-            let ink = if curve.axis == Axis::X {
-                Ink::First
-            } else {
-                Ink::Second
-            };
-            let name = format!("Axis {}", axis_name(curve.axis));
-            Plot::new(name, ink, Shape::Markers(pairs(&curve.points)))
+    let axis = |curve: &Curve| {
+        let ink = match curve.axis {
+            Axis::X => Ink::First,
+            Axis::Y => Ink::Second,
         };
-        Chart {
-            id: format!("f16-{}", id_of(mode)),
-            title: mode_name(mode).to_owned(),
-            description: "Difference of the two nodes over the angle, both axes.".to_owned(),
-            x_label: "reference angle, deg".to_owned(),
-            x_step: Some(30.0),
-            y_label: "node 1 \u{2212} node 2, deg".to_owned(),
-            plots: curves.map(plot).collect(),
-            levels: both_signs(THRESHOLD_DEG),
-            ..Chart::default()
-        }
+        Some((format!("Axis {}", axis_name(curve.axis)), ink))
     };
-    Group {
-        title: "Figure 16: difference of the two nodes, static".to_owned(),
-        caption: "The difference at each standstill, as in the cross-check. Errors that both \
-         nodes share, such as that of the reference, cancel here and remain undetected. The \
-         dashed lines are the warning threshold."
-            .to_owned(),
-        charts: alike(modes(report).into_iter().map(chart).collect()),
-    }
+    let description = "Difference of the two nodes over the angle, both axes.".to_owned();
+    let label = "node 1 \u{2212} node 2, deg";
+    let drawn = over_angle("f16".to_owned(), label, description, THRESHOLD_DEG);
+    Group::new(
+        "Figure 16: difference of the two nodes, static",
+        "The difference at each standstill, as in the cross-check. Errors that both nodes share, \
+         such as that of the reference, cancel here and remain undetected. The dashed lines are \
+         the warning threshold.",
+        per_mode(report, drawn, |mode| {
+            curves(&report.figures.static_delta, mode, axis)
+        }),
+    )
 }
 
 /// Figures 17 and 18.
@@ -166,101 +189,91 @@ pub fn dynamic_test(report: &DemoReport) -> Vec<Group> {
     vec![dynamic(report, Axis::X, 17), dynamic(report, Axis::Y, 18)]
 }
 
-fn dynamic(report: &DemoReport, axis: Axis, figure: u32) -> Group {
-    let find = |mode: Mode| {
-        let mut traces = report.figures.dynamic.iter();
-        traces.find(|trace| trace.mode == mode && trace.axis == axis)
-    };
-    let of = |part: DynamicPart| {
-        modes(report)
-            .into_iter()
-            .map(|mode| dynamic_chart(find(mode), mode, figure, part))
-            .collect()
-    };
-    let mut charts = alike(of(DynamicPart::Angle));
-    charts.extend(alike(of(DynamicPart::Error)));
-    charts.extend(alike(of(DynamicPart::Aligned)));
-    Group {
-        title: format!(
-            "Figure {figure}: motion at 80 deg/s on axis {}",
-            axis_name(axis)
-        ),
-        caption: "The beginning of the dynamic test without lever arm. First the angles, then \
-                  what separates them from the reference: as they arrive, which is mostly the \
-                  delay of the filter, and with the declared latency taken off."
-            .to_owned(),
-        charts,
-    }
+/// One of the charts of a dynamic figure.
+struct DynamicPart {
+    id: &'static str,
+    title: &'static str,
+    y_label: &'static str,
+    points: fn(&NodeTrace) -> &[Point],
+    /// The motor's own angle is drawn, too.
+    with_motor: bool,
+    /// The tolerance applies.
+    limited: bool,
 }
 
-/// The three charts of a dynamic figure.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum DynamicPart {
-    Angle,
-    Error,
-    Aligned,
-}
+const DYNAMIC_PARTS: [DynamicPart; 3] = [
+    DynamicPart {
+        id: "angle",
+        title: "angle",
+        y_label: "angle, deg",
+        points: |trace| &trace.angle,
+        with_motor: true,
+        limited: false,
+    },
+    DynamicPart {
+        id: "error",
+        title: "error as it arrives",
+        y_label: "angle \u{2212} reference, deg",
+        points: |trace| &trace.error,
+        with_motor: false,
+        limited: false,
+    },
+    DynamicPart {
+        id: "aligned",
+        title: "error aligned",
+        y_label: "angle \u{2212} reference, deg",
+        points: |trace| &trace.error_aligned,
+        with_motor: false,
+        limited: true,
+    },
+];
 
 impl DynamicPart {
-    /// Name for the id, title, label of y.
-    fn words(self) -> (&'static str, &'static str, &'static str) {
-        match self {
-            Self::Angle => ("angle", "angle", "angle, deg"),
-            Self::Error => (
-                "error",
-                "error as it arrives",
-                "angle \u{2212} reference, deg",
-            ),
-            Self::Aligned => ("aligned", "error aligned", "angle \u{2212} reference, deg"),
-        }
+    fn charts(&self, report: &DemoReport, axis: Axis, figure: u32) -> Vec<Chart> {
+        let title = self.title;
+        let limit = self.limited.then(|| both_signs(TOLERANCE_DEG));
+        let drawn = Chart {
+            id: format!("f{figure}-{}", self.id),
+            title: format!(": {title}"),
+            description: format!("{title} of both nodes over time during the motion of the motor."),
+            x_label: "time, s".to_owned(),
+            y_label: self.y_label.to_owned(),
+            levels: limit.unwrap_or_default(),
+            ..Chart::default()
+        };
+        per_mode(report, drawn, |mode| {
+            let mut traces = report.figures.dynamic.iter();
+            let trace = traces.find(|trace| trace.mode == mode && trace.axis == axis);
+            trace.map_or_else(Vec::new, |trace| self.plots(trace))
+        })
     }
 
-    fn points(self, trace: &NodeTrace) -> &[Point] {
-        match self {
-            Self::Angle => &trace.angle,
-            Self::Error => &trace.error,
-            Self::Aligned => &trace.error_aligned,
-        }
+    fn plots(&self, trace: &DynamicTrace) -> Vec<Plot> {
+        let motor = self.with_motor.then(|| {
+            let shape = Shape::Line(pairs(&trace.reference));
+            Plot::new("Motor", Ink::Reference, shape)
+        });
+        let node = |node: &NodeTrace| {
+            let shape = Shape::Line(pairs((self.points)(node)));
+            Plot::new(format!("Node {}", node.node), ink_of(node.node), shape)
+        };
+        let nodes = trace.nodes.iter().map(node);
+        motor.into_iter().chain(nodes).collect()
     }
 }
 
-fn dynamic_chart(
-    trace: Option<&DynamicTrace>,
-    mode: Mode,
-    figure: u32,
-    part: DynamicPart,
-) -> Chart {
-    let (id, title, y_label) = part.words();
-    let mut plots = Vec::new();
-    if let Some(trace) = trace {
-        if part == DynamicPart::Angle {
-            let shape = Shape::Line(pairs(&trace.reference));
-            plots.push(Plot::new("Motor", Ink::Reference, shape));
-        }
-        plots.extend(trace.nodes.iter().map(|node| {
-            let name = format!("Node {}", node.node);
-            Plot::new(
-                name,
-                ink_of(node.node),
-                Shape::Line(pairs(part.points(node))),
-            )
-        }));
-    }
-    let limited = part == DynamicPart::Aligned;
-    Chart {
-        id: format!("f{figure}-{id}-{}", id_of(mode)),
-        title: format!("{}: {title}", mode_name(mode)),
-        description: format!("{title} of both nodes over time during the motion of the motor."),
-        x_label: "time, s".to_owned(),
-        y_label: y_label.to_owned(),
-        plots,
-        levels: if limited {
-            both_signs(TOLERANCE_DEG)
-        } else {
-            Vec::new()
-        },
-        ..Chart::default()
-    }
+fn dynamic(report: &DemoReport, axis: Axis, figure: u32) -> Group {
+    let name = axis_name(axis);
+    let parts = DYNAMIC_PARTS.iter();
+    Group::new(
+        format!("Figure {figure}: motion at 80 deg/s on axis {name}"),
+        "The beginning of the dynamic test without lever arm. First the angles, then what \
+         separates them from the reference: as they arrive, which is mostly the delay of the \
+         filter, and with the declared latency taken off.",
+        parts
+            .flat_map(|part| part.charts(report, axis, figure))
+            .collect(),
+    )
 }
 
 /// Figures 20 and 21.
@@ -278,56 +291,48 @@ fn published_faults(report: &DemoReport) -> Option<Plot> {
     Some(Plot::new("Published", Ink::Reference, bars))
 }
 
+/// The bars of a mode; `None` without a single day, where there is nothing to draw.
+fn bars(report: &DemoReport, mode: Mode, count: fn(&WeekRow) -> u64) -> Option<Plot> {
+    let days = report.week.iter().filter(|row| row.mode == mode);
+    let bar = |row: &WeekRow| (f64::from(row.day), count(row) as f64);
+    let bars: Vec<_> = days.map(bar).collect();
+    let ink = match mode {
+        Mode::Paper => Ink::Other,
+        Mode::AsPrinted => Ink::Second,
+        Mode::Product => Ink::First,
+    };
+    (!bars.is_empty()).then(|| Plot::new(mode_name(mode), ink, Shape::Bars(bars)))
+}
+
 fn per_day(report: &DemoReport) -> Group {
-    let chart = |title: &str, id: &str, published, count: fn(&WeekRow) -> u64| {
-        let bars = |mode: Mode| {
-            let rows = report.week.iter().filter(|row| row.mode == mode);
-            let points = rows
-                .map(|row| (f64::from(row.day), count(row) as f64))
-                .collect();
-            let ink = match mode {
-                Mode::Paper => Ink::Other,
-                Mode::AsPrinted => Ink::Second,
-                Mode::Product => Ink::First,
-            };
-            Plot::new(mode_name(mode), ink, Shape::Bars(points))
-        };
-        // Without a single day there is nothing to draw, not even empty series.
-        let modes = modes(report)
+    let chart = |title: &str, id: &str, published: Option<Plot>, count: fn(&WeekRow) -> u64| {
+        let bars = modes(report)
             .into_iter()
-            .filter(|mode| report.week.iter().any(|row| row.mode == *mode));
+            .filter_map(|mode| bars(report, mode, count));
         Chart {
             id: format!("f20-{id}"),
             title: title.to_owned(),
             description: format!("{title}, each mode; the table above holds the numbers."),
             x_label: "day".to_owned(),
             y_label: "count".to_owned(),
-            plots: Option::into_iter(published)
-                .chain(modes.map(bars))
-                .collect(),
+            plots: published.into_iter().chain(bars).collect(),
             ..Chart::default()
         }
     };
-    Group {
-        title: "Figure 20: errors per day on the excavator".to_owned(),
-        caption: "The supply of one node becomes unstable on day 5. A warning is one compared \
-         pair above the threshold; a fault is reported to the user. Published are the paper's own \
-         seven days, for which it reports the fault of day 5 and no number of warnings."
-            .to_owned(),
-        charts: vec![
+    let published = published_faults(report);
+    Group::new(
+        "Figure 20: errors per day on the excavator",
+        "The supply of one node becomes unstable on day 5. A warning is one compared pair above \
+         the threshold; a fault is reported to the user. Published are the paper's own seven \
+         days, for which it reports the fault of day 5 and no number of warnings.",
+        vec![
             chart("Warnings per day", "warnings", None, |row| row.warnings),
-            chart(
-                "Faults per day",
-                "faults",
-                published_faults(report),
-                |row| row.faults,
-            ),
+            chart("Faults per day", "faults", published, |row| row.faults),
         ],
-    }
+    )
 }
 
 fn delta(report: &DemoReport) -> Group {
-    let traces = report.figures.delta.iter();
     let chart = |trace: &DeltaTrace| Chart {
         id: format!("f21-{}-{}", id_of(trace.mode), trace.day),
         title: format!("{}, day {}", mode_name(trace.mode), trace.day),
@@ -340,15 +345,14 @@ fn delta(report: &DemoReport) -> Group {
         levels: [THRESHOLD_DEG, HEALTHY_DEG].map(both_signs).concat(),
         ..Chart::default()
     };
-    Group {
-        title: "Figure 21: difference of the two nodes on the day of the fault".to_owned(),
-        caption: "The area spans the least and the greatest difference in each stretch of time. A \
-                  healthy pair stays between the dashed threshold lines; an unstable supply shows \
-                  as bursts beyond them. Published: below 0.20 deg while the supply is good, then \
-                  differences above 0.40 deg again and again for ten minutes, 10 deg at most."
-            .to_owned(),
-        charts: alike(traces.map(chart).collect()),
-    }
+    Group::new(
+        "Figure 21: difference of the two nodes on the day of the fault",
+        "The area spans the least and the greatest difference in each stretch of time. A healthy \
+         pair stays between the dashed threshold lines; an unstable supply shows as bursts beyond \
+         them. Published: below 0.20 deg while the supply is good, then differences above 0.40 \
+         deg again and again for ten minutes, 10 deg at most.",
+        alike(report.figures.delta.iter().map(chart).collect()),
+    )
 }
 
 #[cfg(test)]

@@ -1,29 +1,79 @@
-//! `report.html` of a demo run.
+//! What the terminal and `report.html` show of a demo run.
 //!
-//! In: a [`DemoReport`]. Out: one page that stands alone: verdict, specification, the paper's
-//! tables and figures beside both modes, and what of all this is simulated.
+//! In: a [`DemoReport`]. Out: its sections, and one page of them that stands alone: verdict,
+//! specification, the paper's tables and figures beside both modes, and what of all this is
+//! simulated.
 
 use super::data::DemoReport;
 use super::figures::{self, Group};
-use super::summary;
-use super::tables;
-use super::terminal;
+use super::{summary, tables, terminal};
 use output::html;
+use output::table::Table;
+
+/// A part of the report.
+pub struct Section {
+    title: &'static str,
+    intro: &'static str,
+    /// Its tables.
+    pub tables: Vec<Table>,
+    groups: Vec<Group>,
+}
+
+/// What a reader wants first.
+pub fn first(report: &DemoReport) -> [Table; 2] {
+    [summary::summary(report), tables::specification(report)]
+}
+
+/// Everything else, in reading order.
+pub fn sections(report: &DemoReport) -> [Section; 4] {
+    [
+        Section {
+            title: "Static test",
+            intro: "The motor stops at each angle between -90 and 90 deg, and the nodes are \
+                    compared with it and with each other.",
+            tables: vec![tables::table_two(report), tables::one_axis(report)],
+            groups: figures::static_test(report),
+        },
+        Section {
+            title: "Dynamic test",
+            intro: "The motor swings between -40 and 40 deg at 80 deg/s. Every figure is given as \
+                    the angle arrives, and aligned by the latency that the device declares.",
+            tables: vec![tables::table_three(report)],
+            groups: figures::dynamic_test(report),
+        },
+        Section {
+            title: "Two channels",
+            intro: "Two nodes watch each other. First each cause in Table I is provoked alone, \
+                    then the arm digs for some hours a day.",
+            tables: vec![tables::table_one(report), tables::week(report)],
+            groups: figures::week(report),
+        },
+        Section {
+            title: "Calibration",
+            intro: "How the instruments of this run were prepared. The verification round follows \
+                    the calibration; above its tolerance the unit is calibrated again.",
+            tables: vec![tables::calibration(report)],
+            groups: Vec::new(),
+        },
+    ]
+}
+
+impl Section {
+    fn html(&self) -> String {
+        let mut content = html::paragraph(self.intro);
+        content.extend(self.tables.iter().map(html::table));
+        content.extend(self.groups.iter().map(Group::html));
+        html::section(self.title, &content)
+    }
+}
 
 /// The page.
 pub fn demo(report: &DemoReport) -> String {
-    let sections = [
-        header(report),
-        static_test(report),
-        dynamic_test(report),
-        redundancy(report),
-    ];
-    let body = format!(
-        "{}{}{}",
-        sections.concat(),
-        preparation(report),
-        footer(report)
-    );
+    let mut body = header(report);
+    body.extend(first(report).iter().map(html::table));
+    body.extend(sections(report).iter().map(Section::html));
+    let again = " The same seed gives the same report.";
+    body += &html::footer(&report.format, report.version, again);
     html::page("Plumb demo report", &body)
 }
 
@@ -43,82 +93,12 @@ fn header(report: &DemoReport) -> String {
         ("Days", report.days.to_string()),
         ("Plumb", report.plumb_version.clone()),
     ];
-    format!(
-        "<header>\n<h1>Plumb demo report</h1>\n<p class=\"lead\">{}</p>\n{}{}{}</header>\n{}",
-        html::escape(LEAD),
+    let more = [
         html::verdict(report.within_specification, terminal::verdict(report)),
         html::facts(&facts),
         html::paragraph(SIMULATED),
-        [summary::summary(report), tables::specification(report)]
-            .iter()
-            .map(html::table)
-            .collect::<String>()
-    )
-}
-
-fn static_test(report: &DemoReport) -> String {
-    let intro = "The motor stops at each angle between -90 and 90 deg, and the nodes are \
-        compared with it and with each other.";
-    let tables = [tables::table_two(report), tables::one_axis(report)];
-    section("Static test", intro, &tables, &figures::static_test(report))
-}
-
-fn dynamic_test(report: &DemoReport) -> String {
-    let intro = "The motor swings between -40 and 40 deg at 80 deg/s. Every figure is given as \
-        the angle arrives, and aligned by the latency that the device declares.";
-    let tables = [tables::table_three(report)];
-    section(
-        "Dynamic test",
-        intro,
-        &tables,
-        &figures::dynamic_test(report),
-    )
-}
-
-fn redundancy(report: &DemoReport) -> String {
-    let intro = "Two nodes watch each other. First each cause in Table I is provoked alone, then \
-        the arm digs for some hours a day.";
-    let tables = [tables::table_one(report), tables::week(report)];
-    section("Two channels", intro, &tables, &figures::week(report))
-}
-
-fn preparation(report: &DemoReport) -> String {
-    let intro = "How the instruments of this run were prepared. The verification round follows \
-        the calibration; above its tolerance the unit is calibrated again.";
-    section("Calibration", intro, &[tables::calibration(report)], &[])
-}
-
-/// A section: heading, introduction, tables, figures.
-fn section(title: &str, intro: &str, tables: &[output::table::Table], groups: &[Group]) -> String {
-    let tables: String = tables.iter().map(html::table).collect();
-    let groups: String = groups.iter().map(group).collect();
-    let intro = html::paragraph(intro);
-    format!(
-        "<section>\n<h2>{}</h2>\n{intro}{tables}{groups}</section>\n",
-        html::escape(title)
-    )
-}
-
-/// A figure of one or more charts with its caption.
-pub fn group(group: &Group) -> String {
-    let charts: String = match group.charts.as_slice() {
-        [] => "<p class=\"empty\">Not run.</p>\n".to_owned(),
-        charts => charts.iter().map(output::chart::Chart::html).collect(),
-    };
-    format!(
-        "<h3>{}</h3>\n<div class=\"charts\">\n{charts}</div>\n<p class=\"note\">{}</p>\n",
-        html::escape(&group.title),
-        html::escape(&group.caption)
-    )
-}
-
-fn footer(report: &DemoReport) -> String {
-    let text = format!(
-        "The same figures are in report.json in the same folder (format {}, version {}). The same \
-         seed gives the same report.",
-        report.format, report.version
-    );
-    format!("<footer>{}</footer>\n", html::paragraph(&text))
+    ];
+    html::header("Plumb demo report", LEAD, &more.concat())
 }
 
 #[cfg(test)]

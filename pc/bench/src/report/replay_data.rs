@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::data::{Axis, Mode};
 use output::series::Bin;
 
-/// Name of the format, the field `format`.
+/// Name of the format, the field `format`. A summary of logs of a bus bears it, too, in a layout
+/// of its own; `docs/report-format.md` says how to tell them apart.
 pub const REPLAY_FORMAT: &str = "plumb-replay";
 /// Version of the format. It rises when a field changes its meaning or goes away.
 pub const REPLAY_VERSION: u32 = 1;

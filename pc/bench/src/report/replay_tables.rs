@@ -8,11 +8,11 @@ use super::data::word;
 use super::replay_data::*;
 use super::tables::axis_name;
 use output::printable;
-use output::table::{Cell, Column, Table};
+use output::table::{Rows, Table, format_number};
 
 /// All tables in reading order, those without rows left out.
 pub fn all(report: &ReplayReport) -> Vec<Table> {
-    let tables = vec![
+    let tables = [
         recordings(report),
         skipped(report),
         calibration(report),
@@ -28,88 +28,61 @@ pub fn all(report: &ReplayReport) -> Vec<Table> {
         .collect()
 }
 
+/// What each channel has of something, with the channel.
+fn of_each<'a, T: 'a, I: IntoIterator<Item = T>>(
+    report: &'a ReplayReport,
+    of: impl Fn(&'a ReplayChannel) -> I,
+) -> Vec<(&'a ReplayChannel, T)> {
+    let with = |channel| of(channel).into_iter().map(move |found| (channel, found));
+    let channels = report.channels.iter();
+    channels.flat_map(|c| with(c).collect::<Vec<_>>()).collect()
+}
+
 /// What was read.
 pub fn recordings(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("File"),
-        Column::number("Rows"),
-        Column::number("Skipped"),
-        Column::number("Gaps"),
-        Column::number("Rate, Hz"),
-        Column::number("Duration, s"),
-        Column::number("LSB per g"),
-        Column::number("Latency, ms"),
-    ];
-    let mut table = Table::new("Recordings", columns);
-    for channel in &report.channels {
-        let skipped: u64 = channel.skipped.iter().map(|rows| rows.count).sum();
-        table.rows.push(vec![
-            Cell::text(channel.channel.to_string()),
-            Cell::text(printable(&channel.file)),
-            Cell::text(channel.rows.to_string()),
-            Cell::text(skipped.to_string()),
-            Cell::text(channel.gaps.to_string()),
-            Cell::number(Some(channel.rate_hz), 1),
-            Cell::number(Some(channel.duration_s), 1),
-            Cell::number(channel.lsb_per_g, 0),
-            Cell::number(channel.latency_ms, 1),
-        ]);
-        if !channel.ignored_columns.is_empty() {
-            let names = channel.ignored_columns.join(", ");
-            table
-                .notes
-                .push(format!("Channel {}: not used: {names}.", channel.channel));
-        }
+    let skipped = |c: &ReplayChannel| c.skipped.iter().map(|rows| rows.count).sum::<u64>();
+    let mut table = Rows::of("Recordings", &report.channels)
+        .text("Channel", |c| c.channel)
+        .text("File", |c| printable(&c.file))
+        .count("Rows", |c| c.rows)
+        .count("Skipped", skipped)
+        .count("Gaps", |c| c.gaps)
+        .number("Rate, Hz", 1, |c| c.rate_hz)
+        .number("Duration, s", 1, |c| c.duration_s)
+        .number("LSB per g", 0, |c| c.lsb_per_g)
+        .number("Latency, ms", 1, |c| c.latency_ms)
+        .table();
+    let with_strangers = report.channels.iter();
+    for channel in with_strangers.filter(|c| !c.ignored_columns.is_empty()) {
+        let names = channel.ignored_columns.join(", ");
+        table = table.noted(format!("Channel {}: not used: {names}.", channel.channel));
     }
     table
 }
 
 /// Rows that were left out.
 pub fn skipped(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("Reason"),
-        Column::number("Rows"),
-        Column::number("First line"),
-    ];
-    let mut table = Table::new("Skipped rows", columns);
-    for channel in &report.channels {
-        table.rows.extend(channel.skipped.iter().map(|rows| {
-            vec![
-                Cell::text(channel.channel.to_string()),
-                Cell::text(rows.reason.as_str()),
-                Cell::text(rows.count.to_string()),
-                Cell::text(rows.first_line.to_string()),
-            ]
-        }));
-    }
-    table
+    Rows::of("Skipped rows", &of_each(report, |channel| &channel.skipped))
+        .text("Channel", |(c, _)| c.channel)
+        .text("Reason", |(_, rows)| &rows.reason)
+        .count("Rows", |(_, rows)| rows.count)
+        .count("First line", |(_, rows)| rows.first_line)
+        .table()
 }
 
 /// How each channel was calibrated.
 pub fn calibration(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("Calibrated from"),
-        Column::number("Poses"),
-        Column::number("Residual, mg rms"),
-        Column::number("Residual, deg rms"),
-        Column::number("Condition"),
-    ];
-    let mut table = Table::new("Calibration", columns);
-    for channel in &report.channels {
-        let calibration = &channel.calibration;
-        table.rows.push(vec![
-            Cell::text(channel.channel.to_string()),
-            Cell::text(calibration_name(calibration.kind)),
-            Cell::number(calibration.poses.map(|count| count as f64), 0),
-            Cell::number(calibration.residual_mg, 3),
-            Cell::number(calibration.residual_deg, 3),
-            Cell::number(calibration.condition, 1),
-        ]);
-    }
-    table
+    Rows::of(
+        "Calibration",
+        &of_each(report, |channel| [&channel.calibration]),
+    )
+    .text("Channel", |(c, _)| c.channel)
+    .text("Calibrated from", |(_, by)| calibration_name(by.kind))
+    .number("Poses", 0, |(_, by)| by.poses.map(|count| count as f64))
+    .number("Residual, mg rms", 3, |(_, by)| by.residual_mg)
+    .number("Residual, deg rms", 3, |(_, by)| by.residual_deg)
+    .number("Condition", 1, |(_, by)| by.condition)
+    .table()
 }
 
 fn calibration_name(kind: CalibrationKind) -> &'static str {
@@ -122,161 +95,103 @@ fn calibration_name(kind: CalibrationKind) -> &'static str {
 
 /// Errors against the recorded reference.
 pub fn accuracy(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("Slope"),
-        Column::text("Over"),
-        Column::number("Compared"),
-        Column::number("Mean"),
-        Column::number("RMSE"),
-        Column::number("Largest"),
-    ];
-    let mut table = Table::new("Error against the recorded reference, deg", columns);
-    for channel in &report.channels {
-        for slope in &channel.slopes {
-            let both = [
-                ("plateaus, their means", &slope.accuracy_at_plateaus),
-                ("the whole recording", &slope.accuracy),
-            ];
-            for (over, accuracy) in both {
-                let Some(accuracy) = accuracy else { continue };
-                table.rows.push(vec![
-                    Cell::text(channel.channel.to_string()),
-                    Cell::text(axis_name(slope.axis)),
-                    Cell::text(over),
-                    Cell::text(accuracy.compared.to_string()),
-                    Cell::number(accuracy.mean_deg, 3),
-                    Cell::number(accuracy.rmse_deg, 3),
-                    Cell::number(accuracy.max_deg, 3),
-                ]);
-            }
-        }
-    }
-    table
+    let rows = of_each(report, |channel| {
+        channel.slopes.iter().flat_map(|slope| {
+            let axis = axis_name(slope.axis);
+            let plateaus = slope.accuracy_at_plateaus.iter();
+            let plateaus = plateaus.map(move |found| (axis, "plateaus, their means", found));
+            let whole = slope.accuracy.iter();
+            plateaus.chain(whole.map(move |found| (axis, "the whole recording", found)))
+        })
+    });
+    Rows::of("Error against the recorded reference, deg", &rows)
+        .text("Channel", |(c, _)| c.channel)
+        .text("Slope", |(_, (axis, ..))| axis)
+        .text("Over", |(_, (_, over, _))| over)
+        .count("Compared", |(_, (.., found))| found.compared)
+        .number("Mean", 3, |(_, (.., found))| found.mean_deg)
+        .number("RMSE", 3, |(_, (.., found))| found.rmse_deg)
+        .number("Largest", 3, |(_, (.., found))| found.max_deg)
+        .table()
 }
 
 /// What each channel says of its uncertainty at standstill, beside what was seen.
 pub fn uncertainty(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("Slope"),
-        Column::number("Readings"),
-        Column::number("Uncertainty").under("Reported"),
-        Column::number("Noise in it").under("Reported"),
-        Column::number("Scatter").under("Observed"),
-    ];
-    let mut table = Table::new("Standard uncertainty at standstill, deg", columns);
-    for channel in &report.channels {
-        for slope in &channel.slopes {
-            let Some(found) = &slope.standstill else {
-                continue;
-            };
-            table.rows.push(vec![
-                Cell::text(channel.channel.to_string()),
-                Cell::text(axis_name(slope.axis)),
-                Cell::text(found.readings.to_string()),
-                Cell::number(Some(found.uncertainty_deg), 3),
-                Cell::number(Some(found.noise_deg), 3),
-                Cell::number(Some(found.scatter_deg), 3),
-            ]);
-        }
-    }
-    table
+    let rows = of_each(report, |channel| {
+        let slopes = channel.slopes.iter();
+        slopes.filter_map(|slope| Some((axis_name(slope.axis), slope.standstill.as_ref()?)))
+    });
+    Rows::of("Standard uncertainty at standstill, deg", &rows)
+        .text("Channel", |(c, _)| c.channel)
+        .text("Slope", |(_, (axis, _))| axis)
+        .count("Readings", |(_, (_, found))| found.readings)
+        .number("Uncertainty", 3, |(_, (_, found))| found.uncertainty_deg)
+        .under("Reported")
+        .number("Noise in it", 3, |(_, (_, found))| found.noise_deg)
+        .under("Reported")
+        .number("Scatter", 3, |(_, (_, found))| found.scatter_deg)
+        .under("Observed")
+        .table()
 }
 
 /// Mean angles at standstill.
 pub fn plateaus(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::number("From, s"),
-        Column::number("To, s"),
-        Column::number("X").under("Measured"),
-        Column::number("Y").under("Measured"),
-        Column::number("X").under("Reference"),
-        Column::number("Y").under("Reference"),
-    ];
-    let mut table = Table::new("Standstill plateaus, mean angles in deg", columns);
-    for channel in &report.channels {
-        table.rows.extend(channel.plateaus.iter().map(|plateau| {
-            let angles = [
-                plateau.x_deg,
-                plateau.y_deg,
-                plateau.reference_x_deg,
-                plateau.reference_y_deg,
-            ];
-            let mut cells = vec![
-                Cell::text(channel.channel.to_string()),
-                Cell::number(Some(plateau.from_s), 1),
-                Cell::number(Some(plateau.to_s), 1),
-            ];
-            cells.extend(angles.map(|angle| Cell::number(angle, 3)));
-            cells
-        }));
-    }
-    table
+    Rows::of(
+        "Standstill plateaus, mean angles in deg",
+        &of_each(report, |channel| &channel.plateaus),
+    )
+    .text("Channel", |(c, _)| c.channel)
+    .number("From, s", 1, |(_, p)| p.from_s)
+    .number("To, s", 1, |(_, p)| p.to_s)
+    .number("X", 3, |(_, p)| p.x_deg)
+    .under("Measured")
+    .number("Y", 3, |(_, p)| p.y_deg)
+    .under("Measured")
+    .number("X", 3, |(_, p)| p.reference_x_deg)
+    .under("Reference")
+    .number("Y", 3, |(_, p)| p.reference_y_deg)
+    .under("Reference")
+    .table()
 }
 
 /// The comparison of two channels.
 pub fn cross_check(report: &ReplayReport) -> Table {
-    let columns = vec![
-        Column::text("Slope"),
-        Column::number("RMS difference"),
-        Column::number("RMS at standstill"),
-        Column::number("Largest"),
-        Column::number("Warnings"),
-    ];
-    let mut table = Table::new("Channel 1 - channel 2, deg", columns);
+    let slopes = report.cross_check.iter().flat_map(|check| &check.slopes);
+    let table = Rows::of("Channel 1 - channel 2, deg", &slopes.collect::<Vec<_>>())
+        .text("Slope", |slope| axis_name(slope.axis))
+        .number("RMS difference", 3, |slope| slope.rms_deg)
+        .number("RMS at standstill", 3, |slope| slope.standstill_rms_deg)
+        .number("Largest", 3, |slope| slope.max_deg)
+        .count("Warnings", |slope| slope.warnings)
+        .table();
     let Some(check) = &report.cross_check else {
         return table;
     };
-    for slope in &check.slopes {
-        table.rows.push(vec![
-            Cell::text(axis_name(slope.axis)),
-            Cell::number(slope.rms_deg, 3),
-            Cell::number(slope.standstill_rms_deg, 3),
-            Cell::number(slope.max_deg, 3),
-            Cell::text(slope.warnings.to_string()),
-        ]);
-    }
-    table.notes.push(format!(
+    table.noted(format!(
         "Pairs compared: {}, threshold: {} deg, stops: {}, faults: {}.",
         check.compared,
-        Cell::number(Some(check.threshold_deg), 2).text,
+        format_number(Some(check.threshold_deg), 2),
         check.stops,
         check.faults
-    ));
-    table
+    ))
 }
 
 /// Verdicts over time. A long list is cut, and says so.
 pub fn verdicts(report: &ReplayReport) -> Table {
     /// More lines than this are not read by anybody; the JSON holds them all.
     const SHOWN: usize = 40;
-    let columns = vec![
-        Column::number("From, s"),
-        Column::number("To, s"),
-        Column::text("Verdict"),
-        Column::text("Angle may be used"),
-    ];
-    let mut table = Table::new("Verdicts", columns);
-    table.rows = report
-        .verdicts
-        .iter()
-        .take(SHOWN)
-        .map(|interval| {
-            vec![
-                Cell::number(Some(interval.from_s), 2),
-                Cell::number(Some(interval.to_s), 2),
-                Cell::text(interval.verdict.as_str()),
-                Cell::verdict(interval.trusted, "yes", "NO"),
-            ]
-        })
-        .collect();
-    let more = report.verdicts.len().saturating_sub(SHOWN);
-    if more > 0 {
-        table.notes.push(format!("{more} more in report.json."));
+    let shown = report.verdicts.len().min(SHOWN);
+    let (shown, more) = report.verdicts.split_at(shown);
+    let table = Rows::of("Verdicts", shown)
+        .number("From, s", 2, |interval| interval.from_s)
+        .number("To, s", 2, |interval| interval.to_s)
+        .text("Verdict", |interval| &interval.verdict)
+        .verdict("Angle may be used", ["yes", "NO"], |i| i.trusted)
+        .table();
+    match more.len() {
+        0 => table,
+        more => table.noted(format!("{more} more in report.json.")),
     }
-    table
 }
 
 /// "paper mode" or "product mode", for a heading.

@@ -6,31 +6,21 @@ use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
 use sim::bench::week::FAULT_DAY;
 
 use super::data::*;
-use super::tables::{mode_name, modes};
-use output::table::{Cell, Column, Table, format_number};
+use super::tables::{axis_name, mode_name, modes};
+use output::table::{Rows, Table, format_number};
 
 /// Published, paper mode and product mode, row by row.
 pub fn summary(report: &DemoReport) -> Table {
-    let modes = modes(report);
-    let mut columns = vec![
-        Column::text("Result of the paper"),
-        Column::number("Published"),
-    ];
-    columns.extend(modes.iter().map(|mode| Column::number(mode_name(*mode))));
-    let title = "The paper's results, reproduced, and the product";
-    let mut table = Table::new(title, columns);
-    let rows = [
-        static_rows(report),
-        dynamic_rows(report),
-        other_rows(report),
-    ];
-    for row in rows.into_iter().flatten() {
-        let mut cells = vec![Cell::text(row.name), Cell::text(row.published)];
-        cells.extend(modes.iter().map(|mode| Cell::text((row.obtained)(*mode))));
-        table.rows.push(cells);
+    let mut rows = static_rows(report);
+    rows.extend(dynamic_rows(report));
+    rows.extend(other_rows(report));
+    let mut made = Rows::of("The paper's results, reproduced, and the product", &rows)
+        .text("Result of the paper", |row| &row.name)
+        .count("Published", |row| &row.published);
+    for mode in modes(report) {
+        made = made.count(mode_name(mode), |row| (row.obtained)(mode));
     }
-    table.notes.push(NOTE.to_owned());
-    table
+    made.table().noted(NOTE)
 }
 
 const NOTE: &str = "Errors in deg, of node 1 and node 2, medians of the units. Table II is \
@@ -46,103 +36,93 @@ struct Row<'a> {
     obtained: Box<dyn Fn(Mode) -> String + 'a>,
 }
 
-fn three(figure: Option<f64>) -> String {
-    format_number(figure, 3)
+impl<'a> Row<'a> {
+    fn new(
+        name: impl Into<String>,
+        published: impl Into<String>,
+        obtained: impl Fn(Mode) -> String + 'a,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            published: published.into(),
+            obtained: Box::new(obtained),
+        }
+    }
 }
 
 fn both(figures: [Option<f64>; 2]) -> String {
-    figures.map(three).join(", ")
+    figures.map(|figure| format_number(figure, 3)).join(", ")
 }
 
 /// The rows of one of Tables II and III: RMSE of each axis, then the differences.
 fn rows_of<'a>(
     title: &'static str,
     published: &'static [Published; 2],
-    rmse: impl Fn(Mode, Axis) -> [Option<f64>; 2] + Copy + 'a,
+    rmse: impl Fn(Mode, Axis, u8) -> Option<f64> + Copy + 'a,
     difference: impl Fn(Mode, Axis) -> Option<f64> + 'a,
 ) -> Vec<Row<'a>> {
-    let mut rows: Vec<Row<'a>> = Vec::new();
+    let mut rows = Vec::new();
     for (mount, [one, two, _]) in *published {
         let axis = Axis::from(mount);
-        rows.push(Row {
-            name: format!("{title}, slope {}: RMSE", super::tables::axis_name(axis)),
-            published: both([Some(one), Some(two)]),
-            obtained: Box::new(move |mode| both(rmse(mode, axis))),
-        });
+        rows.push(Row::new(
+            format!("{title}, slope {}: RMSE", axis_name(axis)),
+            both([Some(one), Some(two)]),
+            move |mode| both([1, 2].map(|node| rmse(mode, axis, node))),
+        ));
     }
-    let [x, y] = published.map(|(_, figures)| Some(figures[2]));
-    rows.push(Row {
-        name: format!("{title}, X and Y: node difference"),
-        published: both([x, y]),
-        obtained: Box::new(move |mode| both([Axis::X, Axis::Y].map(|axis| difference(mode, axis)))),
-    });
+    rows.push(Row::new(
+        format!("{title}, X and Y: node difference"),
+        both(published.map(|(_, figures)| Some(figures[2]))),
+        move |mode| both([Axis::X, Axis::Y].map(|axis| difference(mode, axis))),
+    ));
     rows
 }
 
 fn static_rows(report: &DemoReport) -> Vec<Row<'_>> {
-    let find = move |mode: Mode, axis: Axis, node: u8| {
-        let mut rows = report.static_test.iter();
-        rows.find(move |row| {
-            row.angles == Angles::Knots && row.mode == mode && row.axis == axis && row.node == node
-        })
-    };
+    let find = |mode, axis, node| report.static_row(mode, axis, Angles::Knots, node);
     rows_of(
         "Table II",
         &TABLE_TWO,
-        move |mode, axis| [1, 2].map(|node| find(mode, axis, node).and_then(|row| row.rmse_deg)),
-        move |mode, axis| find(mode, axis, 1).and_then(|row| row.mean_node_difference_deg),
+        move |mode, axis, node| find(mode, axis, node)?.rmse_deg,
+        move |mode, axis| find(mode, axis, 1)?.mean_node_difference_deg,
     )
 }
 
 fn dynamic_rows(report: &DemoReport) -> Vec<Row<'_>> {
-    let find = move |mode: Mode, axis: Axis, node: u8| {
-        let mut rows = report.dynamic.iter();
-        rows.find(move |row| {
-            row.lever_arm_cm == 0 && row.mode == mode && row.axis == axis && row.node == node
-        })
-    };
+    let find = |mode, axis, node| report.dynamic_row(mode, axis, 0, node);
     let mut rows = rows_of(
         "Table III, aligned",
         &TABLE_THREE,
-        move |mode, axis| {
-            [1, 2].map(|node| find(mode, axis, node).and_then(|row| row.rmse_aligned_deg))
-        },
-        move |mode, axis| find(mode, axis, 1).and_then(|row| row.mean_node_difference_deg),
+        move |mode, axis, node| find(mode, axis, node)?.rmse_aligned_deg,
+        move |mode, axis| find(mode, axis, 1)?.mean_node_difference_deg,
     );
-    rows.push(Row {
-        name: "Table III, X and Y: warnings".to_owned(),
-        published: "none, none".to_owned(),
-        obtained: Box::new(move |mode| {
-            let count =
-                |axis| find(mode, axis, 1).map_or_else(dash, |row| row.warnings.to_string());
-            [Axis::X, Axis::Y].map(count).join(", ")
-        }),
-    });
+    let warnings = move |mode| {
+        let count = |axis| find(mode, axis, 1).map_or_else(dash, |row| row.warnings.to_string());
+        [Axis::X, Axis::Y].map(count).join(", ")
+    };
+    let name = "Table III, X and Y: warnings";
+    rows.push(Row::new(name, "none, none", warnings));
     rows
 }
 
-fn other_rows(report: &DemoReport) -> Vec<Row<'_>> {
-    vec![
-        Row {
-            name: "R15, verification round".to_owned(),
-            published: "passed".to_owned(),
-            obtained: Box::new(move |mode| accepted(report, mode)),
-        },
-        Row {
-            name: "Table I, data delay and physical fault".to_owned(),
-            published: "distinguished".to_owned(),
-            obtained: Box::new(move |mode| told(report, mode)),
-        },
-        Row {
-            name: "Fig 20, faults on the day of the bad supply".to_owned(),
-            published: "at least 1".to_owned(),
-            obtained: Box::new(move |mode| faults(report, mode, |day| day == FAULT_DAY)),
-        },
-        Row {
-            name: "Fig 20, faults on the other days".to_owned(),
-            published: "none".to_owned(),
-            obtained: Box::new(move |mode| faults(report, mode, |day| day != FAULT_DAY)),
-        },
+fn other_rows(report: &DemoReport) -> [Row<'_>; 4] {
+    [
+        Row::new("R15, verification round", "passed", |mode| {
+            accepted(report, mode)
+        }),
+        Row::new(
+            "Table I, data delay and physical fault",
+            "distinguished",
+            |mode| told(report, mode),
+        ),
+        Row::new(
+            "Fig 20, faults on the day of the bad supply",
+            "at least 1",
+            |mode| faults(report, mode, |day| day == FAULT_DAY),
+        ),
+        Row::new("Fig 20, faults on the other days", "none", |mode| {
+            faults(report, mode, |day| day != FAULT_DAY)
+        }),
     ]
 }
 

@@ -7,10 +7,11 @@
 use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
 
 use super::data::*;
-use output::table::{Cell, Column, Table};
+use output::table::{Cell, Column, Rows, Table, format_number};
 
 /// Both axes in the order of the tables.
 const AXES: [Axis; 2] = [Axis::X, Axis::Y];
+
 /// The modes of a report in the order of the tables: as printed only where it was asked for.
 pub fn modes(report: &DemoReport) -> Vec<Mode> {
     let printed = |row: &StaticRow| row.mode == Mode::AsPrinted;
@@ -43,77 +44,133 @@ pub const FEWEST_FOR_MEDIANS: u32 = 10;
 
 /// The specification with pass or fail per line.
 pub fn specification(report: &DemoReport) -> Table {
-    let columns = vec![
-        Column::text("Product mode must keep"),
-        Column::text("Result"),
-        Column::number("Value"),
-        Column::number("Limit"),
-        Column::text("Unit"),
-    ];
-    let mut table = Table::new("Specification", columns);
-    table.rows = report.specification.iter().map(specification_row).collect();
-    if report.units < FEWEST_FOR_MEDIANS {
-        let note = format!(
-            "The limits of RMSE are for the median unit; with fewer than {FEWEST_FOR_MEDIANS} \
-             units they are not judged."
-        );
-        table.notes.push(note);
+    let number = |row: &SpecificationRow, value| {
+        let decimals = if row.unit.is_empty() { 0 } else { 3 };
+        format_number(value, decimals)
+    };
+    let limit = |row: &SpecificationRow| {
+        let limit = number(row, Some(row.limit));
+        format!("{} {limit}", word(row.relation))
+    };
+    let table = Rows::of("Specification", &report.specification)
+        .text("Product mode must keep", |row| &row.name)
+        .verdict("Result", ["pass", "FAIL"], |row| row.pass)
+        .count("Value", |row| number(row, row.value))
+        .count("Limit", limit)
+        .text("Unit", |row| &row.unit)
+        .table();
+    if report.units >= FEWEST_FOR_MEDIANS {
+        return table;
     }
-    table
+    table.noted(format!(
+        "The limits of RMSE are for the median unit; with fewer than {FEWEST_FOR_MEDIANS} units \
+         they are not judged."
+    ))
 }
 
-fn specification_row(row: &SpecificationRow) -> Vec<Cell> {
-    let decimals = if row.unit.is_empty() { 0 } else { 3 };
-    let limit = Cell::number(Some(row.limit), decimals).text;
-    vec![
-        Cell::text(row.name.as_str()),
-        Cell::verdict(row.pass, "pass", "FAIL"),
-        Cell::number(row.value, decimals),
-        Cell::text(format!("{} {limit}", word(row.relation))),
-        Cell::text(row.unit.as_str()),
-    ]
+/// What stands in a row of Tables II and III beside the figures of both nodes.
+#[derive(Clone, Copy, PartialEq)]
+enum Beside {
+    /// The published figures, and the difference of the nodes, which stands once per condition.
+    Both,
+    /// The published figures.
+    Published,
+    /// Nothing.
+    Nothing,
 }
 
-/// Columns of Tables II and III: published and each mode, three figures each.
-fn compared(first: Vec<Column>, report: &DemoReport) -> Vec<Column> {
+/// A figure of Tables II and III: its name, which one of a node's row, and what stands beside it.
+type Figure<R> = (&'static str, fn(&R) -> Option<f64>, Beside);
+
+const STATIC_FIGURES: [Figure<StaticRow>; 2] = [
+    ("RMSE", |row| row.rmse_deg, Beside::Both),
+    ("max", |row| row.max_deg, Beside::Nothing),
+];
+
+const DYNAMIC_FIGURES: [Figure<DynamicRow>; 4] = [
+    ("RMSE as it arrives", |row| row.rmse_deg, Beside::Both),
+    (
+        "RMSE aligned",
+        |row| row.rmse_aligned_deg,
+        Beside::Published,
+    ),
+    ("max as it arrives", |row| row.max_deg, Beside::Nothing),
+    ("max aligned", |row| row.max_aligned_deg, Beside::Nothing),
+];
+
+/// Table II or III without rows: published and each mode, three figures each.
+fn compared(title: &str, first: &[&str], report: &DemoReport) -> Table {
     let groups = std::iter::once("Published").chain(modes(report).into_iter().map(mode_name));
     let figures = groups.flat_map(|group| {
         ["Node 1", "Node 2", "Diff"].map(|name| Column::number(name).under(group))
     });
-    first.into_iter().chain(figures).collect()
+    let first = first.iter().map(|name| Column::text(name));
+    Table::new(title, first.chain(figures).collect())
 }
 
-/// The three published figures of an axis, or three empty cells.
-fn published(list: &[Published], axis: Axis, shown: bool) -> Vec<Cell> {
-    let found = list
-        .iter()
-        .find(|(mount, _)| Axis::from(*mount) == axis && shown);
-    match found {
-        Some((_, figures)) => figures.map(|figure| Cell::number(Some(figure), 3)).to_vec(),
-        None => vec![Cell::text(""); 3],
+/// The figures of a row of Table II or III: those of the axis among the published ones, then of
+/// each mode those of the nodes' rows that `find` finds.
+fn compared_cells<'a, R: 'a>(
+    report: &DemoReport,
+    published: Option<&Published>,
+    (_, value, beside): Figure<R>,
+    difference: fn(&R) -> Option<f64>,
+    find: impl Fn(Mode, u8) -> Option<&'a R>,
+) -> Vec<Cell> {
+    let empty = || Cell::text("");
+    let mut cells = match published {
+        Some((_, figures)) if beside != Beside::Nothing => {
+            figures.map(|figure| Cell::number(Some(figure), 3)).to_vec()
+        }
+        _ => vec![empty(); 3],
+    };
+    for mode in modes(report) {
+        cells.extend([1, 2].map(|node| Cell::number(find(mode, node).and_then(value), 3)));
+        let difference = find(mode, 1).and_then(difference);
+        cells.push(match beside {
+            Beside::Both => Cell::number(difference, 3),
+            _ => empty(),
+        });
     }
+    cells
+}
+
+/// What is published of an axis.
+fn published(list: &[Published], axis: Axis) -> Option<&Published> {
+    list.iter().find(|(mount, _)| Axis::from(*mount) == axis)
+}
+
+/// Each mode with what is to be said of it.
+fn each_mode(report: &DemoReport, of: impl Fn(Mode) -> String) -> String {
+    let named = |mode| format!("{} {}", mode_name(mode).to_lowercase(), of(mode));
+    let each: Vec<String> = modes(report).into_iter().map(named).collect();
+    each.join(", ")
 }
 
 /// Paper Table II beside both modes, on knots and at random angles.
 pub fn table_two(report: &DemoReport) -> Table {
-    let first = ["Axis", "Angles and figure"].map(Column::text).to_vec();
-    let columns = compared(first, report);
-    let mut table = Table::new(
-        "Table II: static test from -90 to 90 deg, errors in deg",
-        columns,
-    );
-    for axis in AXES {
-        for angles in [Angles::Knots, Angles::Random] {
-            for largest in [false, true] {
-                table.rows.push(static_row(report, axis, angles, largest));
-            }
+    let title = "Table II: static test from -90 to 90 deg, errors in deg";
+    let mut table = compared(title, &["Axis", "Angles and figure"], report);
+    let conditions = AXES.map(|axis| [Angles::Knots, Angles::Random].map(|angles| (axis, angles)));
+    for (axis, angles) in conditions.into_iter().flatten() {
+        let published = published(&TABLE_TWO, axis).filter(|_| angles == Angles::Knots);
+        let find = |mode, node| report.static_row(mode, axis, angles, node);
+        let difference = |row: &StaticRow| row.mean_node_difference_deg;
+        for figure in STATIC_FIGURES {
+            let name = format!("{}, {}", word(angles), figure.0);
+            let mut cells = vec![Cell::text(axis_name(axis)), Cell::text(name)];
+            cells.extend(compared_cells(report, published, figure, difference, find));
+            table.rows.push(cells);
         }
     }
-    table.notes.push(format!(
-        "On all angles: {} {STATIC_NOTE}",
-        static_warnings(report)
-    ));
-    table
+    let warnings = each_mode(report, |mode| {
+        let of = |row: &&StaticRow| row.mode == mode && row.node == 1;
+        let rows = report.static_test.iter().filter(of);
+        rows.map(|row| row.warnings).sum::<u64>().to_string()
+    });
+    table.noted(format!(
+        "On all angles: warnings: published none, {warnings}. {STATIC_NOTE}"
+    ))
 }
 
 const STATIC_NOTE: &str = "Diff is the mean absolute difference of the two nodes, max the greatest \
@@ -121,84 +178,39 @@ const STATIC_NOTE: &str = "Diff is the mean absolute difference of the two nodes
     random angles show what the table leaves between them. In paper mode a reading is the mean of \
     1 s, in the others one sample.";
 
-fn static_row(report: &DemoReport, axis: Axis, angles: Angles, largest: bool) -> Vec<Cell> {
-    let figure = if largest { "max" } else { "RMSE" };
-    let name = format!("{}, {figure}", word(angles));
-    let mut cells = vec![Cell::text(axis_name(axis)), Cell::text(name)];
-    let shown = angles == Angles::Knots && !largest;
-    cells.extend(published(&TABLE_TWO, axis, shown));
-    for mode in modes(report) {
-        let find = |node: u8| {
-            let mut rows = report.static_test.iter();
-            rows.find(|r| r.mode == mode && r.axis == axis && r.node == node && r.angles == angles)
-        };
-        for node in [1, 2] {
-            let value = find(node).and_then(|row| if largest { row.max_deg } else { row.rmse_deg });
-            cells.push(Cell::number(value, 3));
-        }
-        cells.push(difference(
-            find(1).and_then(|row| row.mean_node_difference_deg),
-            largest,
-        ));
-    }
-    cells
-}
-
-/// The difference of the nodes stands once per condition.
-fn difference(value: Option<f64>, elsewhere: bool) -> Cell {
-    if elsewhere {
-        Cell::text("")
-    } else {
-        Cell::number(value, 3)
-    }
-}
-
-fn static_warnings(report: &DemoReport) -> String {
-    warnings_sentence(report, |mode| {
-        let of_node_1 = report
-            .static_test
-            .iter()
-            .filter(|r| r.mode == mode && r.node == 1);
-        of_node_1.map(|row| row.warnings).sum()
-    })
-}
-
-/// "warnings: published none, paper mode 0, product mode 0."
-fn warnings_sentence(report: &DemoReport, count: impl Fn(Mode) -> u64) -> String {
-    let each = modes(report).into_iter();
-    let each = each.map(|mode| format!(", {} {}", mode_name(mode).to_lowercase(), count(mode)));
-    format!("warnings: published none{}.", each.collect::<String>())
-}
-
 /// Paper Table III beside both modes, as it arrives and aligned, for each lever arm.
 pub fn table_three(report: &DemoReport) -> Table {
-    let first = ["Axis", "Arm", "Figure"].map(Column::text).to_vec();
     let title = "Table III: dynamic test, +-40 deg at 80 deg/s, errors in deg";
-    let mut table = Table::new(title, compared(first, report));
+    let mut table = compared(title, &["Axis", "Arm", "Figure"], report);
     let mut arms: Vec<u32> = report.dynamic.iter().map(|row| row.lever_arm_cm).collect();
     arms.sort_unstable();
     arms.dedup();
-    for arm in arms {
-        for axis in AXES {
-            let rows = DYNAMIC_FIGURES
-                .iter()
-                .map(|figure| dynamic_row(report, axis, arm, figure));
-            table.rows.extend(rows);
+    for (arm, axis) in arms.iter().flat_map(|arm| AXES.map(|axis| (*arm, axis))) {
+        let published = published(&TABLE_THREE, axis).filter(|_| arm == 0);
+        let find = |mode, node| report.dynamic_row(mode, axis, arm, node);
+        let difference = |row: &DynamicRow| row.mean_node_difference_deg;
+        for figure in DYNAMIC_FIGURES {
+            let arm = format!("{arm} cm");
+            let first = [axis_name(axis), &arm, figure.0];
+            let mut cells = first.map(Cell::text).to_vec();
+            cells.extend(compared_cells(report, published, figure, difference, find));
+            table.rows.push(cells);
         }
     }
     // On a lever arm the motion itself is measured, of which the paper says nothing.
-    let warnings = warnings_sentence(report, |mode| {
-        let of_node_1 = report
-            .dynamic
-            .iter()
-            .filter(|r| r.mode == mode && r.node == 1 && r.lever_arm_cm == 0);
-        of_node_1.map(|row| row.warnings).sum()
+    let warnings = each_mode(report, |mode| {
+        let of = |row: &&DynamicRow| row.mode == mode && row.node == 1 && row.lever_arm_cm == 0;
+        let rows = report.dynamic.iter().filter(of);
+        rows.map(|row| row.warnings).sum::<u64>().to_string()
     });
-    let latencies = latencies(report);
-    table.notes.push(format!(
-        "Without an arm: {warnings} {latencies} {DYNAMIC_NOTE}"
-    ));
-    table
+    let latencies = each_mode(report, |mode| {
+        let row = report.dynamic.iter().find(|row| row.mode == mode);
+        format_number(row.and_then(|row| row.latency_ms), 1) + " ms"
+    });
+    table.noted(format!(
+        "Without an arm: warnings: published none, {warnings}. Declared latency: {latencies}. \
+         {DYNAMIC_NOTE}"
+    ))
 }
 
 const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the distance of the sensor \
@@ -207,194 +219,67 @@ const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the dista
  this speed, so the figure stands beside both. An accelerometer on a lever arm also feels the \
  motion itself, and nothing is done about that here.";
 
-/// One row of Table III: its name, which figure, and whether published figure and difference
-/// stand in it.
-struct DynamicFigure {
-    name: &'static str,
-    value: fn(&DynamicRow) -> Option<f64>,
-    published: bool,
-    difference: bool,
-}
-
-const DYNAMIC_FIGURES: [DynamicFigure; 4] = [
-    DynamicFigure {
-        name: "RMSE as it arrives",
-        value: |row| row.rmse_deg,
-        published: true,
-        difference: true,
-    },
-    DynamicFigure {
-        name: "RMSE aligned",
-        value: |row| row.rmse_aligned_deg,
-        published: true,
-        difference: false,
-    },
-    DynamicFigure {
-        name: "max as it arrives",
-        value: |row| row.max_deg,
-        published: false,
-        difference: false,
-    },
-    DynamicFigure {
-        name: "max aligned",
-        value: |row| row.max_aligned_deg,
-        published: false,
-        difference: false,
-    },
-];
-
-fn dynamic_row(report: &DemoReport, axis: Axis, arm: u32, figure: &DynamicFigure) -> Vec<Cell> {
-    let mut cells = vec![
-        Cell::text(axis_name(axis)),
-        Cell::text(format!("{arm} cm")),
-        Cell::text(figure.name),
-    ];
-    cells.extend(published(&TABLE_THREE, axis, figure.published && arm == 0));
-    for mode in modes(report) {
-        let find = |node: u8| {
-            let mut rows = report.dynamic.iter();
-            rows.find(|r| {
-                r.mode == mode && r.axis == axis && r.node == node && r.lever_arm_cm == arm
-            })
-        };
-        cells.extend([1, 2].map(|node| Cell::number(find(node).and_then(figure.value), 3)));
-        let delta = find(1).and_then(|row| row.mean_node_difference_deg);
-        cells.push(difference(delta, !figure.difference));
-    }
-    cells
-}
-
-fn latencies(report: &DemoReport) -> String {
-    let of = |mode: Mode| {
-        let row = report.dynamic.iter().find(|row| row.mode == mode);
-        Cell::number(row.and_then(|row| row.latency_ms), 1).text
-    };
-    let each = modes(report).into_iter();
-    let each = each.map(|mode| format!("{} {} ms", mode_name(mode).to_lowercase(), of(mode)));
-    format!("Declared latency: {}.", each.collect::<Vec<_>>().join(", "))
-}
-
 /// Paper Table I: what was provoked and what the cross-check made of it.
 pub fn table_one(report: &DemoReport) -> Table {
-    let columns = vec![
-        Column::text("Mode"),
-        Column::text("Provoked"),
-        Column::number("Warnings"),
-        Column::number("Stop, s"),
-        Column::number("Diff, deg"),
-        Column::text("Outcome"),
-        Column::text("Right"),
-    ];
-    let mut table = Table::new("Table I: error warning", columns);
-    table.rows = report.table1.iter().map(table_one_row).collect();
     let note = "Whole devices on a simulated bus. Diff is the difference of the nodes after the \
      stop. Right means reported as Table I requires; in product mode without a stop of 45 s, by \
      the reason for which the channel is reported as faulty.";
-    table.notes.push(note.to_owned());
-    table
-}
-
-fn table_one_row(row: &Table1Row) -> Vec<Cell> {
-    vec![
-        Cell::text(word(row.mode)),
-        Cell::text(word(row.error_type)),
-        Cell::text(row.warnings.to_string()),
-        Cell::number(Some(row.stop_s), 0),
-        Cell::number(row.delta_after_stop_deg, 3),
-        Cell::text(word(row.outcome)),
-        Cell::verdict(row.as_expected, "yes", "NO"),
-    ]
+    Rows::of("Table I: error warning", &report.table1)
+        .text("Mode", |row| word(row.mode))
+        .text("Provoked", |row| word(row.error_type))
+        .count("Warnings", |row| row.warnings)
+        .number("Stop, s", 0, |row| row.stop_s)
+        .number("Diff, deg", 3, |row| row.delta_after_stop_deg)
+        .text("Outcome", |row| word(row.outcome))
+        .verdict("Right", ["yes", "NO"], |row| row.as_expected)
+        .table()
+        .noted(note)
 }
 
 /// The excavator week, one row per mode and day.
 pub fn week(report: &DemoReport) -> Table {
-    let columns = vec![
-        Column::text("Mode"),
-        Column::number("Day"),
-        Column::number("Hours"),
-        Column::number("Warnings"),
-        Column::number("Stops"),
-        Column::number("Faults"),
-        Column::text("Outcome"),
-    ];
-    let mut table = Table::new("Excavator week", columns);
-    for mode in modes(report) {
-        let rows = report.week.iter().filter(|row| row.mode == mode);
-        table.rows.extend(rows.map(week_row));
-    }
-    table
-}
-
-fn week_row(row: &WeekRow) -> Vec<Cell> {
-    let counts = [row.warnings, row.stops, row.faults];
-    let mut cells = vec![
-        Cell::text(word(row.mode)),
-        Cell::text(row.day.to_string()),
-        Cell::number(Some(row.hours), 1),
-    ];
-    cells.extend(counts.map(|count| Cell::text(count.to_string())));
-    cells.push(Cell::text(word(row.outcome)));
-    cells
+    let of = |mode| report.week.iter().filter(move |row| row.mode == mode);
+    let rows: Vec<&WeekRow> = modes(report).into_iter().flat_map(of).collect();
+    Rows::of("Excavator week", &rows)
+        .text("Mode", |row| word(row.mode))
+        .count("Day", |row| row.day)
+        .number("Hours", 1, |row| row.hours)
+        .count("Warnings", |row| row.warnings)
+        .count("Stops", |row| row.stops)
+        .count("Faults", |row| row.faults)
+        .text("Outcome", |row| word(row.outcome))
+        .table()
 }
 
 /// The 360 degree instrument.
 pub fn one_axis(report: &DemoReport) -> Table {
-    let columns = vec![
-        Column::text("Node"),
-        Column::number("Angles"),
-        Column::number("RMSE"),
-        Column::number("Largest error"),
-    ];
-    let mut table = Table::new(
+    Rows::of(
         "One-axis instrument, full circle, product mode, errors in deg",
-        columns,
-    );
-    table.rows = report
-        .one_axis
-        .iter()
-        .map(|row| {
-            vec![
-                Cell::text(row.node.to_string()),
-                Cell::text(row.angle_count.to_string()),
-                Cell::number(row.rmse_deg, 3),
-                Cell::number(row.max_deg, 3),
-            ]
-        })
-        .collect();
-    table
+        &report.one_axis,
+    )
+    .text("Node", |row| row.node)
+    .count("Angles", |row| row.angle_count)
+    .number("RMSE", 3, |row| row.rmse_deg)
+    .number("Largest error", 3, |row| row.max_deg)
+    .table()
 }
 
 /// Calibration and verification round.
 pub fn calibration(report: &DemoReport) -> Table {
-    let columns = vec![
-        Column::text("Mode"),
-        Column::text("Node"),
-        Column::number("Residual, deg"),
-        Column::number("Condition"),
-        Column::number("Largest error, deg"),
-        Column::number("Tolerance, deg"),
-        Column::number("Rounds"),
-        Column::text("Result"),
-    ];
-    let mut table = Table::new("Calibration and verification round", columns);
-    table.rows = report.calibration.iter().map(calibration_row).collect();
     let note = "In paper mode the round is judged up to 80 deg either side: beyond, the table of \
                 one axis cannot keep the tolerance.";
-    table.notes.push(note.to_owned());
-    table
-}
-
-fn calibration_row(row: &CalibrationRow) -> Vec<Cell> {
-    vec![
-        Cell::text(word(row.mode)),
-        Cell::text(row.node.to_string()),
-        Cell::number(row.residual_deg, 4),
-        Cell::number(row.condition, 1),
-        Cell::number(row.verification_max_deg, 3),
-        Cell::number(Some(row.tolerance_deg), 3),
-        Cell::text(row.rounds.to_string()),
-        Cell::verdict(row.accepted, "accepted", "NOT ACCEPTED"),
-    ]
+    let words = ["accepted", "NOT ACCEPTED"];
+    Rows::of("Calibration and verification round", &report.calibration)
+        .text("Mode", |row| word(row.mode))
+        .text("Node", |row| row.node)
+        .number("Residual, deg", 4, |row| row.residual_deg)
+        .number("Condition", 1, |row| row.condition)
+        .number("Largest error, deg", 3, |row| row.verification_max_deg)
+        .number("Tolerance, deg", 3, |row| row.tolerance_deg)
+        .count("Rounds", |row| row.rounds)
+        .verdict("Result", words, |row| row.accepted)
+        .table()
+        .noted(note)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use sim::bench::week::FAULT_DAY;
 
 use super::data::{DemoReport, Mode};
 use super::replay_data::ReplayReport;
-use super::{replay_tables, summary, tables};
+use super::{page, replay_tables, tables};
 use output::table::{Table, wrap};
 
 /// The summary, the specification and the verdict of a demo run; with `details` every table.
@@ -20,18 +20,11 @@ pub fn print_demo(report: &DemoReport, details: bool) -> String {
         96,
     );
     if details {
-        let shown = [
-            tables::calibration(report),
-            tables::table_two(report),
-            tables::table_three(report),
-            tables::one_axis(report),
-            tables::table_one(report),
-            tables::week(report),
-        ];
-        push_tables(&shown, &mut out);
+        for section in page::sections(report) {
+            push_tables(&section.tables, &mut out);
+        }
     }
-    let last = [summary::summary(report), tables::specification(report)];
-    push_tables(&last, &mut out);
+    push_tables(&page::first(report), &mut out);
     out.push('\n');
     if !details {
         out.push_str("Every table: --details.");

@@ -53,8 +53,9 @@ const STYLE: &str = "text/css; charset=utf-8";
 const JSON: &str = "application/json";
 
 /// The parts of the page: path, kind, content.
-const PARTS: [(&str, &str, &str); 7] = [
+const PARTS: [(&str, &str, &str); 8] = [
     ("/", HTML, include_str!("page.html")),
+    ("/base.css", STYLE, output::html::BASE),
     ("/page.css", STYLE, include_str!("page.css")),
     ("/page.js", SCRIPT, include_str!("page.js")),
     ("/charts.js", SCRIPT, include_str!("charts.js")),
