@@ -7,7 +7,6 @@
 
 use canopen::Frame;
 
-use super::gaps::GAP_NS;
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
 use crate::blackbox::exchange::Measured;
@@ -75,10 +74,6 @@ impl Collector {
             now_ns: time_ns,
             before_ns: self.traffic.take(time_ns, frame),
         };
-        if time_ns.saturating_sub(at.before_ns) > GAP_NS {
-            let all = self.instruments.iter_mut();
-            all.for_each(Instrument::bus_was_silent);
-        }
         let news = self.watch.take(time_ns, frame);
         self.hand_on(at, news, frame);
     }
@@ -119,11 +114,11 @@ impl Collector {
                 }
             }
             Meaning::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
-            Meaning::Heartbeat(_, changed) => {
+            Meaning::Heartbeat(_, beat) => {
                 let keeps = self.reset.is_some_and(|(at_ns, node)| {
                     (node == 0 || node == told.node_id) && now_ns.abs_diff(at_ns) < ANSWER_NS
                 });
-                instrument.heartbeat(at, side, changed, keeps);
+                instrument.heartbeat(now_ns, side, beat, keeps);
             }
             Meaning::Malformed(_) => return instrument.malformed(side),
             _ => {}
@@ -152,12 +147,13 @@ impl Collector {
     /// The log has ended.
     pub fn finish(mut self) -> Collected {
         if let Some((_, last_ns)) = self.traffic.span_ns {
-            let at = Moment {
-                now_ns: last_ns,
-                before_ns: last_ns,
-            };
-            let all = self.instruments.iter_mut();
-            all.for_each(|instrument| instrument.finish(at));
+            for (pair, instrument) in self.watch.pairs().iter().zip(&mut self.instruments) {
+                let lost = pair
+                    .sides
+                    .each_ref()
+                    .map(|side| side.heartbeat.lost_since_ns());
+                instrument.finish(last_ns, lost);
+            }
         }
         let pairs = self.watch.pairs().iter();
         let told = pairs.map(|pair| {

@@ -19,7 +19,6 @@ mod data;
 mod error;
 mod events;
 mod gaps;
-mod heartbeat;
 mod histogram;
 mod input;
 mod instrument;

@@ -89,6 +89,18 @@ fn a_loose_board_and_a_lost_supply_are_told_with_node_time_and_end() {
 }
 
 #[test]
+fn replay_and_report_counted_the_lost_heartbeats_of_one_log_differently() {
+    let mut watch = listen::Watch::new(&Plan::default());
+    for (at_ns, frame) in frames() {
+        watch.take(START_NS + at_ns, frame);
+    }
+    let replayed = watch.pairs()[0].sides.each_ref();
+    let replayed = replayed.map(|side| u64::from(side.heartbeat.losses()));
+    let channels = report().instruments[0].channels.each_ref();
+    assert_eq!(replayed, channels.map(|channel| channel.heartbeat_losses));
+}
+
+#[test]
 fn a_fault_has_the_syncs_around_it_from_the_log() {
     let instrument = &report().instruments[0];
     let plot = &instrument.plots[0];
@@ -464,7 +476,7 @@ mod documented {
             format!("at most {} bins", bins::MOST),
             format!("at most {} steps", histogram::MOST),
             format!("the {} longest", gaps::MOST),
-            format!("gaps of more than {} s", gaps::GAP_NS / 1_000_000_000),
+            format!("gaps of more than {} s", listen::GAP_NS / 1_000_000_000),
         ] {
             assert!(text.contains(&sentence), "{sentence}");
         }
