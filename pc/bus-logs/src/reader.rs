@@ -7,6 +7,7 @@
 use std::io;
 
 use crate::asc::Asc;
+use crate::folder::cannot_read;
 use crate::input::Input;
 use crate::lines::Line;
 use crate::skipped::{Damage, Skip, Skipped};
@@ -168,7 +169,7 @@ impl Reader {
             io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput if self.input.is_gzip() => {
                 Damage::Corrupt
             }
-            _ => return Err(LogError::Read(self.name.clone(), error)),
+            _ => return Err(cannot_read(self.name.as_ref(), error)),
         };
         skipped.damaged.push((self.file, damage));
         Ok(())

@@ -11,6 +11,7 @@
 mod checks;
 mod decode;
 pub mod eds;
+mod options;
 mod pair;
 mod plan;
 mod side;
@@ -19,6 +20,7 @@ mod supervision;
 mod tests;
 
 pub use checks::{Check, Checks};
+pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
 pub use side::{Beat, Detail, Nmt, SAME_START_NS, Side, Slopes};
