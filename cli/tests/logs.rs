@@ -193,7 +193,7 @@ fn what_can_not_be_read_is_one_sentence_and_status_2() {
     std::fs::create_dir(folder.0.path().join("empty")).unwrap();
     refused(
         &[&folder.path("missing.log"), &log],
-        &["missing.log", "cannot be opened"],
+        &["missing.log", "cannot read"],
     );
     refused(&[&folder.path("empty")], &["empty", "no log"]);
     refused(&[&note, &log], &["note.txt", "a.log", "one kind at a time"]);
@@ -535,7 +535,7 @@ fn a_log_goes_onto_a_bus_at_its_own_pace() {
     let report: Value = serde_json::from_str(&out).unwrap();
     assert_eq!((status, number(&report, "/sent")), (Some(0), 3.0));
     let two = folder.file("two.log", "(1.0) can0 123#00\n(1.1) can1 123#01\n");
-    refused(&[&two, onto[0], onto[1]], &["can0", "can1", "--interface"]);
+    refused(&[&two, onto[0], onto[1]], &["can0", "can1", "--channel"]);
 }
 
 #[test]

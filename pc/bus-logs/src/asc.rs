@@ -18,7 +18,7 @@ use canopen::frame::Id;
 
 use crate::candump::Entry;
 use crate::cursor::{Cursor, data_frame, identifier, remote_frame};
-use crate::date::{Civil, time_of_day};
+use crate::date::{since_1970_ns, time_of_day};
 use crate::skipped::Skip;
 
 /// Bit of a CANFD event's flags that is set in an FD frame, and the one of a remote frame.
@@ -145,14 +145,7 @@ fn date<'a>(words: impl Iterator<Item = &'a str>) -> Option<u64> {
     }
     second += if afternoon { 12 * 3600 } else { 0 };
     let year = words.last()?.parse().ok()?;
-    let civil = Civil {
-        year,
-        month,
-        day,
-        second,
-        ns,
-    };
-    civil.since_1970_ns()
+    since_1970_ns(year, month, day, (second, ns))
 }
 
 /// A number in the base of the log; `None` when the word is none.

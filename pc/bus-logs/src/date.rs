@@ -4,96 +4,33 @@
 //! year, month, day and time of day. Out: ns since 1970. A date without a zone is taken as UTC: a
 //! log doesn't say where it was made. Before 1970 and after 2500 there is none.
 
-/// Days in a cycle of 400 years.
-const DAYS_OF_400_YEARS: i64 = 146_097;
+use chrono::{DateTime, NaiveDate, NaiveTime, Utc};
 
-/// Days from 0000-03-01 to 1970-01-01.
-const BEFORE_1970: i64 = 719_468;
+const S: u64 = 1_000_000_000;
 
-/// Seconds of a day.
-const DAY_S: u64 = 86_400;
-
-/// A day and a time of day.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Civil {
-    /// Year, 1970 to 2500.
-    pub year: u32,
-    /// Month, 1 to 12.
-    pub month: u32,
-    /// Day of the month, 1 to 31.
-    pub day: u32,
-    /// Seconds since midnight, below 86 400.
-    pub second: u32,
-    /// And ns.
-    pub ns: u32,
+/// ns since 1970 of a day and a time of day; `None` when there is no such moment.
+pub fn since_1970_ns(year: i32, month: u32, day: u32, (second, ns): (u32, u32)) -> Option<u64> {
+    let date = NaiveDate::from_ymd_opt(year, month, day);
+    let date = date.filter(|_| (1970..=2500).contains(&year))?;
+    let time = NaiveTime::from_num_seconds_from_midnight_opt(second, ns)?;
+    let seconds = u64::try_from(date.and_time(time).and_utc().timestamp()).ok()?;
+    seconds.checked_mul(S)?.checked_add(u64::from(ns))
 }
 
-impl Civil {
-    /// ns since 1970; `None` when a part is out of its range.
-    pub fn since_1970_ns(&self) -> Option<u64> {
-        let fits = (1970..=2500).contains(&self.year)
-            && (1..=12).contains(&self.month)
-            && (1..=31).contains(&self.day)
-            && u64::from(self.second) < DAY_S;
-        let days = fits.then(|| days_since_1970(self.year, self.month, self.day))?;
-        let seconds = u64::try_from(days).ok()? * DAY_S + u64::from(self.second);
-        seconds
-            .checked_mul(1_000_000_000)?
-            .checked_add(u64::from(self.ns))
-    }
-
-    /// The date of this moment.
-    pub fn of(time_ns: u64) -> Self {
-        let seconds = time_ns / 1_000_000_000;
-        let days = (seconds / DAY_S) as i64 + BEFORE_1970;
-        // Years begin in March here, so that the leap day is the last of its year.
-        let cycle = days.div_euclid(DAYS_OF_400_YEARS);
-        let day = days.rem_euclid(DAYS_OF_400_YEARS);
-        let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-        let day = day - (365 * year + year / 4 - year / 100);
-        let month = (5 * day + 2) / 153;
-        Self {
-            year: (cycle * 400 + year + i64::from(month >= 10)) as u32,
-            month: (if month < 10 { month + 3 } else { month - 9 }) as u32,
-            day: (day - (153 * month + 2) / 5 + 1) as u32,
-            second: (seconds % DAY_S) as u32,
-            ns: (time_ns % 1_000_000_000) as u32,
-        }
-    }
-
-    /// Day of the week, 0 for Sunday.
-    pub fn weekday(&self) -> usize {
-        let days = days_since_1970(self.year, self.month, self.day);
-        // 1970 began on a Thursday.
-        (days + 4).rem_euclid(7) as usize
-    }
-}
-
-fn days_since_1970(year: u32, month: u32, day: u32) -> i64 {
-    let (month, day) = (i64::from(month), i64::from(day));
-    let year = i64::from(year) - i64::from(month <= 2);
-    let cycle = year.div_euclid(400);
-    let year = year.rem_euclid(400);
-    let month = (month + 9) % 12;
-    let day = (153 * month + 2) / 5 + day - 1;
-    cycle * DAYS_OF_400_YEARS + year * 365 + year / 4 - year / 100 + day - BEFORE_1970
+/// The date of this moment.
+pub fn utc(time_ns: u64) -> DateTime<Utc> {
+    // Both fit: 2^64 ns are 584 years.
+    DateTime::from_timestamp((time_ns / S) as i64, (time_ns % S) as u32).unwrap_or_default()
 }
 
 /// ns since 1970 of `2023-11-14 22:13:20.123456`, of a date alone, or of either with a `T` or `Z`.
 pub fn moment(text: &str) -> Option<u64> {
     let text = text.trim().trim_end_matches(['Z', 'z']);
     let (date, time) = text.split_once([' ', 'T', 't']).unwrap_or((text, "0:0:0"));
-    let mut parts = date.split('-').map(|part| part.parse().ok());
+    let mut parts = date.split('-').map(|part| part.parse::<u32>().ok());
     let (year, month, day) = (parts.next()??, parts.next()??, parts.next()??);
-    let (second, ns) = time_of_day(time)?;
-    let civil = Civil {
-        year,
-        month,
-        day,
-        second,
-        ns,
-    };
-    parts.next().is_none().then(|| civil.since_1970_ns())?
+    let ns = since_1970_ns(year.try_into().ok()?, month, day, time_of_day(time)?)?;
+    parts.next().is_none().then_some(ns)
 }
 
 /// Seconds since midnight and ns of `22:13:20.5` or `22:13`.
@@ -120,23 +57,12 @@ pub fn text_utc(time_ns: u64) -> String {
         let ms = time_ns / 1_000_000;
         return format!("{}.{:03} s", ms / 1000, ms % 1000);
     }
-    let at = Civil::of(time_ns);
-    format!(
-        "{:04}-{:02}-{:02} {:02}:{:02}:{:02}.{:03} UTC",
-        at.year,
-        at.month,
-        at.day,
-        at.second / 3600,
-        at.second / 60 % 60,
-        at.second % 60,
-        at.ns / 1_000_000
-    )
+    utc(time_ns).format("%Y-%m-%d %H:%M:%S%.3f UTC").to_string()
 }
 
 /// Whether a time is a date: what counts from a start stays below twenty years.
 pub const fn is_dated(time_ns: u64) -> bool {
-    const TWENTY_YEARS_NS: u64 = 20 * 365 * DAY_S * 1_000_000_000;
-    time_ns >= TWENTY_YEARS_NS
+    time_ns >= 20 * 365 * 86_400 * S
 }
 
 #[cfg(test)]
@@ -153,7 +79,8 @@ mod tests {
         ];
         for (text, ns) in cases {
             assert_eq!(moment(text), Some(ns), "{text}");
-            assert_eq!(Civil::of(ns).since_1970_ns(), Some(ns), "{text}");
+            let date = utc(ns).format("%Y-%m-%d %H:%M:%S%.f").to_string();
+            assert_eq!(moment(&date), Some(ns), "{text}");
         }
         for text in [
             "",
@@ -162,6 +89,7 @@ mod tests {
             "2023-11-14 24:00:00",
             "2023-11",
             "1969-12-31",
+            "2023-02-29",
         ] {
             assert_eq!(moment(text), None, "{text}");
         }
@@ -177,10 +105,11 @@ mod tests {
     #[test]
     fn every_day_of_five_centuries_comes_back() {
         for day in 0..193_000_u64 {
-            let ns = day * DAY_S * 1_000_000_000;
-            let civil = Civil::of(ns);
-            assert_eq!(civil.since_1970_ns(), Some(ns));
-            assert_eq!(civil.weekday() as u64, (day + 4) % 7);
+            let ns = day * 86_400 * S;
+            let text = utc(ns).format("%Y-%m-%d %w").to_string();
+            let (date, weekday) = text.split_once(' ').unwrap();
+            assert_eq!(moment(date), Some(ns));
+            assert_eq!(weekday.parse(), Ok((day + 4) % 7));
         }
     }
 

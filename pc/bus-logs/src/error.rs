@@ -1,18 +1,14 @@
 //! Why a log can't be read: one sentence that names the file and what to do.
 
-use std::io;
-
 use output::printable;
+use output::unreadable::Unreadable;
 
 /// A log that can't be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// This file or folder can't be opened.
-    #[error("{a} cannot be opened: {1}", a = printable(.0))]
-    Open(String, io::Error),
-    /// Reading this file failed in the middle.
-    #[error("reading {a} failed: {1}", a = printable(.0))]
-    Read(String, io::Error),
+    /// This file or folder can't be read, from its start or in the middle.
+    #[error("{0}")]
+    Read(#[from] Unreadable),
     /// This file is no log.
     #[error(
         "{a} is no log of a CAN bus: give what candump -L or an ASC logger has written",
@@ -55,6 +51,9 @@ pub enum LogError {
     /// So many logs overlap in time.
     #[error("{0} logs overlap in time; give fewer at once, or one folder at a time")]
     TooManyAtOnce(usize),
+    /// The end that is asked for is not behind the beginning.
+    #[error("--to is not after --from: swap them")]
+    NoTime,
     /// No frame is of the interface that was asked for; those that there are.
     #[error(
         "no frame is of the interface {a}: there are {b}",

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::LogError;
 use crate::input::is_stdin;
+use output::unreadable::Unreadable;
 
 /// Folders within folders that are looked into.
 const DEPTH: usize = 8;
@@ -40,10 +41,10 @@ pub fn candidates(paths: &[PathBuf]) -> Result<Vec<Candidate>, LogError> {
             });
             continue;
         }
-        let about = path.metadata().map_err(|why| cannot_open(path, why))?;
+        let about = path.metadata().map_err(|why| cannot_read(path, why))?;
         if about.is_dir() {
             let before = found.len();
-            walk(path, DEPTH, &mut found).map_err(|why| cannot_open(path, why))?;
+            walk(path, DEPTH, &mut found).map_err(|why| cannot_read(path, why))?;
             if found.len() == before {
                 return Err(LogError::NoLogs(path.display().to_string()));
             }
@@ -95,7 +96,7 @@ fn walk(folder: &Path, depth: usize, found: &mut Vec<Candidate>) -> io::Result<(
     Ok(())
 }
 
-/// The error of a path that does not open.
-pub fn cannot_open(path: &Path, why: io::Error) -> LogError {
-    LogError::Open(path.display().to_string(), why)
+/// The error of a path that can't be read.
+pub fn cannot_read(path: &Path, why: io::Error) -> LogError {
+    Unreadable::new(path, why).into()
 }

@@ -19,7 +19,7 @@ pub enum Line<'a> {
     Whole(&'a [u8]),
     /// The last one, without a line end.
     Unended(&'a [u8]),
-    /// The beginning of one that is longer than [`LONGEST`].
+    /// The beginning of one that is longer than [`LONGEST`], or all of it.
     TooLong(&'a [u8]),
 }
 
@@ -104,6 +104,9 @@ impl Lines {
         let line = &self.buffer[self.start..end];
         self.start = end + 1;
         self.number += 1;
+        if line.len() > LONGEST {
+            return Ok(Some(Line::TooLong(line)));
+        }
         let line = match line {
             [start @ .., b'\r'] => start,
             _ => line,
@@ -119,7 +122,10 @@ impl Lines {
             return None;
         }
         self.number += 1;
-        Some(Line::Unended(line))
+        Some(match line.len() {
+            ..=LONGEST => Line::Unended(line),
+            _ => Line::TooLong(line),
+        })
     }
 
     /// Goes on behind the next line end, wherever it is.
@@ -200,7 +206,7 @@ mod tests {
             let long = io::repeat(b'7').take(length as u64);
             let bytes = (&b"a\n"[..]).chain(long).chain(&b"\nb\n"[..]);
             let found = all(lines(bytes));
-            let middle = if length > CAPACITY { 8 } else { found[1].len() };
+            let middle = if length > LONGEST { 8 } else { length };
             assert_eq!((found.len(), found[1].len()), (3, middle), "{length}");
             assert_eq!((found[0].as_str(), found[2].as_str()), ("a", "b"));
         }

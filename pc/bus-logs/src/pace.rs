@@ -6,6 +6,18 @@
 
 use std::time::{Duration, Instant};
 
+/// How fast, as a person writes it: `10`, `0.5x`, or `max`.
+///
+/// Errors: a sentence that says how to write it.
+pub fn speed(text: &str) -> Result<f64, String> {
+    if text == "max" {
+        return Ok(f64::INFINITY);
+    }
+    let number = text.trim_end_matches('x').parse::<f64>().ok();
+    let number = number.filter(|times| (0.001..=1e6).contains(times));
+    number.ok_or_else(|| "0.001 to 1000000 times, or max".to_owned())
+}
+
 /// How fast a log goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaceOptions {
@@ -76,6 +88,16 @@ fn as_ns(duration: Duration) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_speed_is_a_number_or_max() {
+        assert_eq!(speed("10"), Ok(10.0));
+        assert_eq!(speed("0.5x"), Ok(0.5));
+        assert_eq!(speed("max"), Ok(f64::INFINITY));
+        for wrong in ["0", "-1", "fast", "NaN", "inf", ""] {
+            assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
 
     fn dues(options: PaceOptions, times_ms: &[u64]) -> Vec<u64> {
         let start = Instant::now();

@@ -7,112 +7,19 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use crate::date::{is_dated, moment};
 use crate::pace::{Pace, PaceOptions};
+use crate::part::{Part, PartOptions};
 use crate::source::Source;
 use crate::{LogError, Logged};
 use output::progress::Progress;
-
-/// A moment of a log.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Moment {
-    /// Seconds since its first frame.
-    AfterStart(f64),
-    /// ns since 1970.
-    At(u64),
-}
-
-impl Moment {
-    /// Whether it is behind `other`; `None` where only the log tells, of which one is counted from
-    /// its beginning.
-    pub fn is_after(self, other: Self) -> Option<bool> {
-        match (self, other) {
-            (Self::AfterStart(one), Self::AfterStart(other)) => Some(one > other),
-            (Self::At(one), Self::At(other)) => Some(one > other),
-            _ => None,
-        }
-    }
-}
-
-impl std::str::FromStr for Moment {
-    type Err = String;
-
-    /// Seconds since the first frame, seconds since 1970, or a date.
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if let Some(ns) = moment(text) {
-            return Ok(Self::At(ns));
-        }
-        let seconds: f64 = text.parse().unwrap_or(f64::NAN);
-        let ns = seconds * 1e9;
-        if !(0.0..1.8e19).contains(&ns) {
-            return Err("give seconds since its start, or a date as 2026-11-22T12:30:00".into());
-        }
-        Ok(if is_dated(ns as u64) {
-            Self::At(ns as u64)
-        } else {
-            Self::AfterStart(seconds)
-        })
-    }
-}
-
-impl Moment {
-    /// In ns of a log whose first frame has this time.
-    pub fn ns(self, first_ns: u64) -> u64 {
-        match self {
-            Self::AfterStart(seconds) => first_ns.saturating_add((seconds * 1e9) as u64),
-            Self::At(ns) => ns,
-        }
-    }
-}
-
-/// A part of a log's time.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Part {
-    from: Option<Moment>,
-    to: Option<Moment>,
-    first_ns: Option<u64>,
-    outside: u64,
-}
-
-impl Part {
-    /// From one moment to another; both belong to it.
-    pub const fn new(from: Option<Moment>, to: Option<Moment>) -> Self {
-        Self {
-            from,
-            to,
-            first_ns: None,
-            outside: 0,
-        }
-    }
-
-    /// Whether a frame of this time is in it. The first one that is asked about begins the log.
-    #[inline]
-    pub fn has(&mut self, time_ns: u64) -> bool {
-        if self.from.is_none() && self.to.is_none() {
-            return true;
-        }
-        let first_ns = *self.first_ns.get_or_insert(time_ns);
-        let before = self.from.is_some_and(|from| time_ns < from.ns(first_ns));
-        let behind = self.to.is_some_and(|to| time_ns > to.ns(first_ns));
-        self.outside += u64::from(before || behind);
-        !before && !behind
-    }
-
-    /// Frames that were not in it.
-    pub const fn outside(&self) -> u64 {
-        self.outside
-    }
-}
 
 /// What to play and how.
 #[derive(Clone, Debug, Default)]
 pub struct PlayOptions {
     /// How fast.
     pub pace: PaceOptions,
-    /// Frames before are passed over.
-    pub from: Option<Moment>,
-    /// It ends before the first frame that is later.
-    pub to: Option<Moment>,
+    /// Which part of the log's time.
+    pub part: PartOptions,
     /// Begin anew at the end.
     pub again: bool,
     /// The only interface.
@@ -140,7 +47,7 @@ impl Player {
         Ok(Self {
             paths: paths.to_vec(),
             pace: Pace::new(options.pace),
-            part: Part::new(options.from, options.to),
+            part: options.part.part()?,
             options,
             source,
             given: 0,
@@ -176,7 +83,7 @@ impl Player {
         let interface = self.options.interface.as_deref();
         // The bar has run once.
         self.source = Source::of_interface(&self.paths, interface, &Progress::hidden())?;
-        self.part = Part::new(self.options.from, self.options.to);
+        self.part = self.options.part.part()?;
         self.given = 0;
         Ok(())
     }

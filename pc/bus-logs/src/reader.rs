@@ -7,6 +7,7 @@
 use std::io;
 
 use crate::asc::Asc;
+use crate::folder::cannot_read;
 use crate::input::Input;
 use crate::lines::Line;
 use crate::skipped::{Damage, Skip, Skipped};
@@ -170,7 +171,7 @@ impl Reader {
     /// The end of a compressed file may be missing; what comes before it counts.
     fn give_up(&self, error: io::Error, skipped: &mut Skipped) -> Result<(), LogError> {
         let Some(damage) = self.input.damage(&error) else {
-            return Err(LogError::Read(self.name.clone(), error));
+            return Err(cannot_read(self.name.as_ref(), error));
         };
         skipped.damaged.push((self.file, damage));
         Ok(())

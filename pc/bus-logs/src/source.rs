@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::date::is_dated;
-use crate::folder::{Candidate, candidates, cannot_open};
+use crate::folder::{Candidate, candidates, cannot_read};
 use crate::input::{Input, is_stdin};
 use crate::reader::{Interfaces, Reader};
 use crate::skipped::Skipped;
@@ -140,13 +140,13 @@ impl Source {
                 self.skipped.not_logs.push(name);
                 return Ok(());
             }
-            Err(why) => return Err(cannot_open(&path, why)),
+            Err(why) => return Err(cannot_read(&path, why)),
         };
         let is_gzip = input.is_gzip();
         let head = match input.head() {
             Ok(head) => sniff::look(head),
             Err(_) if !candidate.is_named || is_gzip => sniff::Head::default(),
-            Err(why) => return Err(LogError::Read(name, why)),
+            Err(why) => return Err(cannot_read(&path, why)),
         };
         let Some(kind) = head.kind else {
             if head.is_wide && candidate.is_named {
@@ -215,7 +215,7 @@ impl Source {
         let input = match log.input {
             Some(input) => input,
             None => Input::open(&log.path, self.task.clone())
-                .map_err(|why| cannot_open(&log.path, why))?,
+                .map_err(|why| cannot_read(&log.path, why))?,
         };
         let name = self.files.get(log.file).cloned().unwrap_or_default();
         let mut reader = Reader::new(name, log.file, input, log.kind, shift_ns);

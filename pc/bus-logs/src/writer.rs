@@ -11,7 +11,7 @@ use canopen::Frame;
 use canopen::frame::Id;
 
 use crate::candump;
-use crate::date::{Civil, is_dated};
+use crate::date::{is_dated, utc};
 
 /// A format that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,11 +42,6 @@ pub struct Writer<W: Write> {
     /// Channel of each interface that has appeared.
     channels: Vec<(String, usize)>,
 }
-
-const DAYS: [&str; 7] = ["Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"];
-const MONTHS: [&str; 12] = [
-    "Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec",
-];
 
 impl<W: Write> Writer<W> {
     /// Writes to `out`, which should be buffered.
@@ -101,7 +96,8 @@ impl<W: Write> Writer<W> {
             0
         };
         self.start_ns = Some(start_ns);
-        let date = date(&Civil::of(start_ns));
+        // `Tue Nov 14 10:13:20.123 pm 2023`.
+        let date = utc(start_ns).format("%a %b %-d %I:%M:%S%.3f %P %Y");
         write!(
             self.out,
             "date {date}\r\nbase hex  timestamps absolute\r\ninternal events logged\r\n\
@@ -153,23 +149,6 @@ fn own_number(interface: &str) -> Option<usize> {
     let digits = interface.trim_start_matches(|c: char| !c.is_ascii_digit());
     let number = digits.parse::<usize>().ok().filter(|number| *number < 255);
     number.map(|number| number + 1)
-}
-
-/// `Tue Nov 14 10:13:20.123 pm 2023`.
-fn date(at: &Civil) -> String {
-    let (hour, rest) = (at.second / 3600, at.second % 3600);
-    let half = if hour < 12 { "am" } else { "pm" };
-    format!(
-        "{} {} {} {:02}:{:02}:{:02}.{:03} {half} {}",
-        DAYS.get(at.weekday()).unwrap_or(&"Sun"),
-        MONTHS.get(at.month as usize - 1).unwrap_or(&"Jan"),
-        at.day,
-        (hour + 11) % 12 + 1,
-        rest / 60,
-        rest % 60,
-        at.ns / 1_000_000,
-        at.year
-    )
 }
 
 /// A name without blanks; the number 1 of an ASC is `can0`.

@@ -5,6 +5,7 @@
 //!
 //! Left out: judging, fitting, and the two other forms of the report (`page`, `dcc`).
 
+use chrono::{DateTime, SecondsFormat};
 use serde::{Deserialize, Serialize};
 
 /// Name of the format.
@@ -342,8 +343,8 @@ impl Contribution {
 /// no calendar has.
 pub fn utc(seconds: u64) -> String {
     let seconds = i64::try_from(seconds).unwrap_or_default();
-    let time = jiff::Timestamp::from_second(seconds).unwrap_or_default();
-    time.to_string()
+    let time = DateTime::from_timestamp(seconds, 0).unwrap_or_default();
+    time.to_rfc3339_opts(SecondsFormat::Secs, true)
 }
 
 #[cfg(test)]

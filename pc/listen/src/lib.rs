@@ -11,16 +11,20 @@
 mod checks;
 mod decode;
 pub mod eds;
+mod options;
 mod pair;
 mod plan;
 mod side;
+mod supervision;
 #[cfg(test)]
 mod tests;
 
 pub use checks::{Check, Checks};
+pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
-pub use side::{Detail, Nmt, SAME_START_NS, Side, Slopes};
+pub use side::{Beat, Detail, Nmt, SAME_START_NS, Side, Slopes};
+pub use supervision::Heartbeat;
 
 use canopen::Frame;
 use side::Kind;
@@ -68,8 +72,8 @@ pub enum Meaning {
     Exchange(Place, Part),
     /// A fault has come or gone.
     Emergency(Place, Emergency),
-    /// A heartbeat, with the state when it is another one than before; boot-up is `Nmt::BootUp`.
-    Heartbeat(Place, Option<Nmt>),
+    /// A heartbeat or boot-up message.
+    Heartbeat(Place, Beat),
     /// SYNC.
     Sync,
     /// A frame of the instrument that does not have the form which the plan says.
@@ -116,7 +120,7 @@ pub struct Counts {
     pub remote: u64,
     /// Frames that are older than one before them.
     pub backwards: u64,
-    /// Times that nothing at all was seen for longer than a heartbeat may take.
+    /// Times that nothing at all was seen for longer than [`GAP_NS`].
     pub holes: u64,
     /// The longest of these, ns.
     pub longest_hole_ns: u64,
@@ -137,8 +141,9 @@ enum Target {
     Heartbeat(Place),
 }
 
-/// Silence of the whole bus that is a hole in the log rather than lost heartbeats, ns.
-const HOLE_NS: u64 = 500_000_000;
+/// No frame for longer than this is a gap, ns. Of the whole bus it is a hole in the log rather than
+/// lost heartbeats.
+pub const GAP_NS: u64 = 2_000_000_000;
 
 /// Nobody supervises anything.
 const NEVER: u64 = u64::MAX;
@@ -153,6 +158,8 @@ pub struct Watch {
     known: u128,
     strangers: u128,
     last_ns: u64,
+    /// How far time had come when it went back, until it is there again.
+    ahead_ns: u64,
     /// The first heartbeat that may be lost by now; not later than the true one.
     deadline_ns: u64,
 }
@@ -167,6 +174,7 @@ impl Watch {
             known: 0,
             strangers: 0,
             last_ns: 0,
+            ahead_ns: NEVER,
             deadline_ns: NEVER,
         };
         for (pair, ids) in (0..).zip(&plan.pairs) {
@@ -230,24 +238,37 @@ impl Watch {
     #[inline]
     fn keep_time(&mut self, time_ns: u64) {
         let since_ns = time_ns.wrapping_sub(self.last_ns);
-        if since_ns > HOLE_NS && self.last_ns > 0 {
+        let is_jump = since_ns > GAP_NS && self.last_ns > 0;
+        if is_jump || time_ns >= self.ahead_ns {
             self.jump(time_ns);
         }
         self.last_ns = time_ns;
-        if time_ns > self.deadline_ns {
-            self.sweep(time_ns);
+        self.pass(time_ns);
+    }
+
+    /// Time has gone on without a frame, as seen by who listens to a bus while it lives.
+    #[inline]
+    pub fn pass(&mut self, now_ns: u64) {
+        if now_ns > self.deadline_ns {
+            self.sweep(now_ns);
         }
     }
 
-    /// Time has gone on without a frame, or has gone back.
+    /// Time has gone on without a frame, or has gone back, or has caught up after that.
     #[cold]
     fn jump(&mut self, time_ns: u64) {
         if time_ns < self.last_ns {
             self.counts.backwards += 1;
-        } else {
+            if self.ahead_ns == NEVER {
+                self.ahead_ns = self.last_ns;
+            }
+        } else if time_ns - self.last_ns > GAP_NS {
             let hole_ns = time_ns - self.last_ns;
             self.counts.holes += 1;
             self.counts.longest_hole_ns = self.counts.longest_hole_ns.max(hole_ns);
+        }
+        if time_ns >= self.ahead_ns {
+            self.ahead_ns = NEVER;
         }
         self.pairs.iter_mut().for_each(|pair| pair.excuse(time_ns));
         self.deadline_ns = 0;
@@ -258,8 +279,8 @@ impl Watch {
     fn sweep(&mut self, now_ns: u64) {
         self.deadline_ns = NEVER;
         for side in self.pairs.iter_mut().flat_map(|pair| &mut pair.sides) {
-            match side.deadline_ns() {
-                Some(deadline_ns) if now_ns > deadline_ns => side.lose(deadline_ns),
+            match side.heartbeat.deadline_ns() {
+                Some(deadline_ns) if now_ns > deadline_ns => side.heartbeat.lose(),
                 Some(deadline_ns) => self.deadline_ns = self.deadline_ns.min(deadline_ns),
                 None => {}
             }
@@ -351,15 +372,13 @@ impl Watch {
             return Meaning::Other;
         };
         side.seen_ns = Some(time_ns);
-        let changed = side.heartbeat(time_ns, frame.bytes());
-        if changed.is_none() && frame.length() != 1 {
+        let beat = side.heartbeat(time_ns, frame.bytes());
+        if beat.is_none() && frame.length() != 1 {
             side.checks.add(Check::Length, time_ns);
         }
-        let deadline_ns = side.deadline_ns();
+        let deadline_ns = side.heartbeat.deadline_ns();
         self.deadline_ns = self.deadline_ns.min(deadline_ns.unwrap_or(NEVER));
-        changed.map_or(Meaning::Malformed(at), |changed| {
-            Meaning::Heartbeat(at, changed)
-        })
+        beat.map_or(Meaning::Malformed(at), |beat| Meaning::Heartbeat(at, beat))
     }
 
     /// A frame that the plan does not have.

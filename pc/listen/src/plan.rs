@@ -47,7 +47,8 @@ pub struct NodePlan {
     pub sync: u16,
     /// COB-ID of its EMCY (1014h).
     pub emcy: u16,
-    /// Its heartbeat counts as lost after this time, ms (1016h of the other one); 0 never.
+    /// Its heartbeat counts as lost after this time at the earliest, ms (1016h of the other one);
+    /// 0 never.
     pub lost_after_ms: u32,
     /// The unit of slopes, 0.001 deg (6000h).
     pub resolution_mdeg: i32,

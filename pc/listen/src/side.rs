@@ -10,6 +10,7 @@ use device::fault::Fault;
 use super::checks::{Check, Checks};
 use super::decode::Values;
 use super::plan::{NodePlan, PdoPlan, What};
+use super::supervision::Heartbeat;
 use super::{Emergency, Part};
 
 /// The NMT state of a node (CiA 301, 7.2.8.3.2).
@@ -23,6 +24,15 @@ pub enum Nmt {
     Operational,
     /// It sends nothing but heartbeats.
     Stopped,
+}
+
+/// A heartbeat that has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Beat {
+    /// The state when it is another one than before; of a boot-up message always.
+    pub changed: Option<Nmt>,
+    /// The last one before it, ns, where it was lost until now.
+    pub lost_since_ns: Option<u64>,
 }
 
 /// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
@@ -81,10 +91,8 @@ pub struct Side {
     pub told: Option<Told>,
     /// The state of its latest heartbeat, and when it came.
     pub nmt: Option<(Nmt, u64)>,
-    /// Since when its heartbeat is lost; `None` while it comes and before the first one.
-    pub lost_ns: Option<u64>,
-    /// How often its heartbeat was lost.
-    pub losses: u32,
+    /// Its heartbeat under supervision.
+    pub heartbeat: Heartbeat,
     /// The faults that stand by its latest EMCY, bit n for fault n of `device::fault`.
     pub faults: u32,
     /// Its latest EMCY, and when it came.
@@ -130,8 +138,7 @@ impl Side {
             detail: None,
             told: None,
             nmt: None,
-            lost_ns: None,
-            losses: 0,
+            heartbeat: Heartbeat::new(plan.lost_after_ms),
             faults: 0,
             emergency: None,
             boots: 0,
@@ -276,8 +283,8 @@ impl Side {
         Some(emergency)
     }
 
-    /// Takes a heartbeat: the state if it is a new one; `None` when it is no heartbeat.
-    pub(super) fn heartbeat(&mut self, time_ns: u64, bytes: &[u8]) -> Option<Option<Nmt>> {
+    /// Takes a heartbeat; `None` when it is none.
+    pub(super) fn heartbeat(&mut self, time_ns: u64, bytes: &[u8]) -> Option<Beat> {
         let [state] = bytes else {
             return None;
         };
@@ -291,7 +298,7 @@ impl Side {
                 return None;
             }
         };
-        self.lost_ns = None;
+        let lost_since_ns = self.heartbeat.take(time_ns, state == Nmt::BootUp);
         if state == Nmt::BootUp {
             self.boots += 1;
             let told_ns = self.faults_ns.filter(|_| self.faults != 0);
@@ -299,32 +306,17 @@ impl Side {
                 self.faults = 0;
             }
         }
-        let before = self.nmt.replace((state, time_ns));
-        Some(
-            (before.map(|(state, _)| state) != Some(state) || state == Nmt::BootUp)
-                .then_some(state),
-        )
-    }
-
-    /// When its heartbeat counts as lost, unless another one comes; `None` before the first one,
-    /// where nobody supervises, and while it is lost (CiA 301, 7.2.8.2.2.3).
-    pub(super) fn deadline_ns(&self) -> Option<u64> {
-        let (_, heard_ns) = self.nmt?;
-        let after_ns = u64::from(self.plan.lost_after_ms) * 1_000_000;
-        (self.lost_ns.is_none() && after_ns > 0).then(|| heard_ns.saturating_add(after_ns))
-    }
-
-    /// It is later than the deadline.
-    pub(super) fn lose(&mut self, deadline_ns: u64) {
-        self.lost_ns = Some(deadline_ns);
-        self.losses += 1;
+        let before = self.nmt.replace((state, time_ns)).map(|(state, _)| state);
+        let is_new = before != Some(state) || state == Nmt::BootUp;
+        Some(Beat {
+            changed: is_new.then_some(state),
+            lost_since_ns,
+        })
     }
 
     /// The log has a hole: what was not seen in it is not lost.
     pub(super) fn excuse(&mut self, time_ns: u64) {
-        if let Some((_, heard_ns)) = &mut self.nmt {
-            *heard_ns = time_ns;
-        }
+        self.heartbeat.excuse(time_ns);
         self.came_before = 0;
     }
 

@@ -203,10 +203,15 @@ fn supervision_of_a_heartbeat_begins_with_the_first_one() {
     }
     let side = |bus: &Bus, n: usize| {
         let side = &bus.watch.pairs()[0].sides[n];
-        (side.losses, side.lost_ns.is_some())
+        let heartbeat = &side.heartbeat;
+        (heartbeat.losses(), heartbeat.lost_since_ns().is_some())
     };
     assert_eq!((side(&bus, 0), side(&bus, 1)), ((0, false), (0, false)));
-    bus.see(0x702, &[127]);
+    for _ in 0..2 {
+        bus.pass(100);
+        bus.see(0x701, &[5]);
+        bus.see(0x702, &[127]);
+    }
     for _ in 0..10 {
         bus.pass(100);
         bus.see(0x701, &[5]);
@@ -224,13 +229,16 @@ fn supervision_of_a_heartbeat_begins_with_the_first_one() {
 #[test]
 fn a_hole_in_the_log_is_no_lost_heartbeat() {
     let mut bus = bus();
-    bus.round([0, 0], [1, 1]);
-    bus.see(0x701, &[5]);
+    for _ in 0..2 {
+        bus.round([0, 0], [1, 1]);
+        bus.see(0x701, &[5]);
+    }
     bus.pass(60_000);
     bus.round([0, 0], [1, 1]);
     let counts = *bus.watch.counts();
     assert_eq!((counts.holes, counts.longest_hole_ns / MS), (1, 60_010));
-    assert_eq!(bus.watch.pairs()[0].sides[0].losses, 0);
+    let losses = |bus: &Bus| bus.watch.pairs()[0].sides[0].heartbeat.losses();
+    assert_eq!(losses(&bus), 0);
     bus.now_ns -= 3_600_000 * MS;
     bus.round([0, 0], [1, 1]);
     assert_eq!(bus.watch.counts().backwards, 1);
@@ -239,7 +247,25 @@ fn a_hole_in_the_log_is_no_lost_heartbeat() {
     for _ in 0..60 {
         bus.round([0, 0], [1, 1]);
     }
-    assert_eq!(bus.watch.pairs()[0].sides[0].losses, 1);
+    assert_eq!(losses(&bus), 1);
+}
+
+#[test]
+fn one_frame_with_an_older_time_was_a_lost_heartbeat_of_all() {
+    let mut bus = bus();
+    for _ in 0..5 {
+        bus.pass(100);
+        bus.see(0x701, &[5]);
+    }
+    bus.now_ns -= 1500 * MS;
+    bus.see(0x080, &[]);
+    bus.now_ns += 1500 * MS;
+    bus.see(0x080, &[]);
+    let side = &bus.watch.pairs()[0].sides[0];
+    assert_eq!(
+        (side.heartbeat.losses(), bus.watch.counts().backwards),
+        (0, 1)
+    );
 }
 
 #[test]

@@ -5,18 +5,17 @@
 //!
 //! Left out: dates and time zones.
 
-/// A source whose time is younger than this counts from 1970: 1 January 1980, s.
-const DATED_FROM_S: f64 = 315_532_800.0;
+use bus_logs::{is_dated, utc};
 
 /// `12:34:56.7`, or `12.3 s` for a log whose time counts from its start.
 pub fn clock(time_s: f64) -> String {
-    if time_s < DATED_FROM_S {
+    // To the microsecond, which such a number of seconds still has.
+    let time_ns = (time_s * 1e6).round() as u64 * 1000;
+    if !is_dated(time_ns) {
         return format!("{time_s:.1} s");
     }
-    let tenths = (time_s * 10.0).floor() as u64;
-    let day_s = tenths / 10 % 86_400;
-    let (hour, minute, second) = (day_s / 3600, day_s / 60 % 60, day_s % 60);
-    format!("{hour:02}:{minute:02}:{second:02}.{}", tenths % 10)
+    let of_day = utc(time_ns).format("%H:%M:%S");
+    format!("{of_day}.{}", time_ns / 100_000_000 % 10)
 }
 
 #[cfg(test)]

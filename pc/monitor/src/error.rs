@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use bus_logs::LogError;
 use bus_master::JoinError;
+use listen::PlanError;
 use output::printable;
 
 /// Why monitoring could not be done.
@@ -17,9 +18,12 @@ pub enum MonitorError {
     /// The log can't be read.
     #[error("{0}")]
     Log(LogError),
-    /// Node-ids that make no pairs.
-    #[error("--nodes needs two node-ids for each instrument, each node-id once: 1,2 or 1,2,3,4")]
-    Nodes,
+    /// Instruments that can't be looked for.
+    #[error("{0}")]
+    Plan(#[from] PlanError),
+    /// A bus has no part that was asked for.
+    #[error("--from and --to are for logs: name them by --log")]
+    PartOfBus,
     /// The bus was lost.
     #[error("{a}", a = printable(&.0.to_string()))]
     Lost(io::Error),

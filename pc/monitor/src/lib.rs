@@ -49,7 +49,7 @@ use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
 use web::Server;
 
-use listen::Plan;
+use listen::{Plan, Unnamed};
 
 /// Lines that may wait for a slow reader of the standard output.
 const LINES_WAITING: usize = 4096;
@@ -65,13 +65,17 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// Errors: see [`MonitorError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, MonitorError> {
     let address = arguments.bus.address().map_err(MonitorError::Join)?;
-    let plan = arguments.plan()?;
+    let (plan, _) = arguments.plan.plan(Unnamed::One)?;
     let bit_rate = address.kbit_s.map(|kbit_s| kbit_s * 1000);
     // Before anything else is begun, as a recording that would stay empty.
     let page = arguments.web.map(|address| {
         TcpListener::bind(address).map_err(|error| MonitorError::Web(address, error))
     });
     let page = page.transpose()?;
+    let is_part = arguments.part.from.or(arguments.part.to).is_some();
+    if arguments.log.is_empty() && is_part {
+        return Err(MonitorError::PartOfBus);
+    }
     if arguments.log.is_empty() {
         watch_bus(arguments, &plan, bit_rate, page)
     } else {
@@ -121,6 +125,7 @@ fn watch_log(
         paths: arguments.log.clone(),
         speed: arguments.speed,
         skip_gaps: arguments.skip_gaps,
+        part: arguments.part,
         interface: arguments.bus.channel.clone(),
     };
     let name = log_feed::name(&options.paths);

@@ -14,7 +14,7 @@ use canopen::Frame;
 
 use super::feed::{Feed, Step, as_ns};
 use super::reading::Shared;
-use bus_logs::{LogError, Logged, PaceOptions, PlayOptions, Player, Skip};
+use bus_logs::{LogError, Logged, PaceOptions, PartOptions, PlayOptions, Player, Skip};
 use bus_master::JoinError;
 use output::progress::Progress;
 
@@ -30,6 +30,8 @@ pub struct LogOptions {
     pub speed: f64,
     /// Whether long gaps are passed over.
     pub skip_gaps: bool,
+    /// Which part of their time.
+    pub part: PartOptions,
     /// The only interface.
     pub interface: Option<String>,
 }
@@ -66,6 +68,7 @@ impl LogFeed {
                 speed: options.speed,
                 longest_gap: options.skip_gaps.then_some(LONGEST_GAP),
             },
+            part: options.part,
             interface: options.interface.clone(),
             ..PlayOptions::default()
         };
@@ -210,6 +213,7 @@ mod tests {
             paths: vec![path.clone()],
             speed,
             skip_gaps,
+            part: PartOptions::default(),
             interface: None,
         };
         let feed = LogFeed::open(&options, Arc::clone(&shared)).unwrap();

@@ -15,7 +15,7 @@ use super::pace::{Pace, Patience};
 use super::snapshot::{Snapshot, SourceState};
 use super::trace::Trace;
 use super::words::{self, Level};
-use listen::{Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
+use listen::{Beat, Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
 
 const S: u64 = 1_000_000_000;
 
@@ -33,13 +33,6 @@ pub const DETAIL: Patience = Patience {
     least_ns: 2 * S,
     most_ns: 100 * S,
     unknown_ns: 10 * S,
-};
-
-const HEARTBEAT: Patience = Patience {
-    intervals: 3,
-    least_ns: S / 2,
-    most_ns: 200 * S,
-    unknown_ns: 5 * S,
 };
 
 const SYNC: Patience = Patience {
@@ -87,8 +80,8 @@ pub struct Extra {
     pub slopes: Pace,
     /// TPDO 2.
     pub detail: Pace,
-    /// Heartbeats.
-    pub heartbeat: Pace,
+    /// Whether its heartbeat was reported as lost and has not come since.
+    pub is_lost: bool,
     /// What was seen before this time is of a node before its restart, or of another time.
     pub floor_ns: u64,
     /// Quality bytes of its latest TPDO 3, and their time.
@@ -240,19 +233,26 @@ impl Model {
         } else if time_ns.saturating_add(DISORDER_NS) < self.now_ns {
             self.jump_back(time_ns);
         }
-        self.pass(time_ns.max(self.now_ns));
+        self.advance(time_ns.max(self.now_ns));
     }
 
     fn count(&mut self, time_ns: u64, frame: &Frame) {
         let news = self.watch.take(time_ns, frame);
         let is_sync = news == Meaning::Sync;
         self.load.take(self.now_ns, frame, is_sync);
+        self.losses();
         self.read(news, frame);
         self.check();
     }
 
-    /// Time goes on.
+    /// Time goes on without a frame.
     pub fn pass(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.watch.pass(self.now_ns);
+        self.losses();
+    }
+
+    fn advance(&mut self, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         let now_ns = self.now_ns;
         self.load.advance(now_ns);
@@ -266,18 +266,34 @@ impl Model {
             let text = format!("SYNC has stopped: none for {:.1} s", age as f64 / 1e9);
             self.note(Kind::Sync, Level::Warning, text);
         }
-        for (instrument, pair) in self.pairs.iter_mut().enumerate() {
-            for (side, extra) in pair.sides.iter_mut().enumerate() {
-                let Some(age) = extra.heartbeat.overdue_ns(now_ns, HEARTBEAT) else {
-                    continue;
+    }
+
+    /// Tells of heartbeats that are lost by now.
+    fn losses(&mut self) {
+        for pair in 0..self.pairs.len() {
+            for side in 0..2 {
+                let place = Place {
+                    pair: pair as u16,
+                    side,
                 };
-                extra.heartbeat.stopped = true;
-                let text = format!("heartbeat lost: none for {:.1} s", age as f64 / 1e9);
-                let whom = whom(instrument, side);
-                let events = &mut self.events;
-                events.add(now_ns, whom, Kind::Heartbeat, Level::Fault, text);
+                let lost = self
+                    .side(place)
+                    .and_then(|side| side.heartbeat.lost_since_ns());
+                lost.into_iter()
+                    .for_each(|since_ns| self.lost(place, since_ns));
             }
         }
+    }
+
+    fn lost(&mut self, place: Place, since_ns: u64) {
+        let age_s = self.now_ns.saturating_sub(since_ns) as f64 / 1e9;
+        let extra = self.extra(place).filter(|extra| !extra.is_lost);
+        let Some(extra) = extra else {
+            return;
+        };
+        extra.is_lost = true;
+        let text = format!("heartbeat lost: none for {age_s:.1} s");
+        self.say(place, Kind::Heartbeat, Level::Fault, text);
     }
 
     fn heard(&mut self) {
@@ -308,7 +324,6 @@ impl Model {
             pair.delta = None;
             pair.measured = None;
             for extra in &mut pair.sides {
-                extra.heartbeat.restart(time_ns);
                 extra.quality = None;
                 // Nothing of before is younger than now.
                 extra.floor_ns = 0;
@@ -328,7 +343,7 @@ impl Model {
             }
             Meaning::Exchange(place, _) => self.exchanged(place),
             Meaning::Emergency(place, emergency) => self.emergency(place, &emergency),
-            Meaning::Heartbeat(place, state) => self.heartbeat(place, state),
+            Meaning::Heartbeat(place, beat) => self.heartbeat(place, beat),
             Meaning::Malformed(place) => self.malformed(place, frame),
             Meaning::Other => self.stranger(frame),
         }
@@ -461,21 +476,22 @@ impl Model {
         self.say(place, Kind::Emergency, level, text);
     }
 
-    fn heartbeat(&mut self, place: Place, state: Option<Nmt>) {
-        let now_ns = self.now_ns;
+    fn heartbeat(&mut self, place: Place, beat: Beat) {
+        if let Some(since_ns) = beat.lost_since_ns {
+            self.lost(place, since_ns);
+        }
+        let (now_ns, state) = (self.now_ns, beat.changed);
         let Some(extra) = self.extra(place) else {
             return;
         };
-        let again = extra.heartbeat.stopped;
+        let again = std::mem::take(&mut extra.is_lost);
         if state == Some(Nmt::BootUp) {
             extra.floor_ns = now_ns;
             extra.state = None;
             extra.blame = None;
             extra.quality = None;
             extra.told = 0;
-            extra.heartbeat = Pace::default();
         }
-        extra.heartbeat.take(now_ns);
         if again {
             let text = "heartbeat is there again".to_owned();
             self.say(place, Kind::Heartbeat, Level::Good, text);

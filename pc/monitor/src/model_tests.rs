@@ -175,7 +175,7 @@ fn a_heartbeat_that_stops_is_lost_and_before_the_first_nothing_is() {
     }
     assert!(!bench.channel(0).heartbeat_lost);
     assert!(bench.channel(1).heartbeat_lost);
-    let lost = "B heartbeat lost: none for 0.8 s";
+    let lost = "B heartbeat lost: none for 0.6 s";
     assert!(
         bench.texts().contains(&lost.to_owned()),
         "{:?}",

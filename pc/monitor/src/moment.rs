@@ -171,7 +171,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
     let detail = fresh(model, extra, DETAIL, extra.detail, side.detail, |d| {
         d.time_ns
     });
-    let why = |old: &Option<f64>| absent(model, side, extra, *old);
+    let why = |old: &Option<f64>| absent(model, side, *old);
     let [x, y] = [0, 1].map(|axis| slope(model, extra, slopes.as_ref(), axis, why));
     let heartbeat_ns = side.nmt.map(|(_, time_ns)| time_ns);
     let now_ns = model.now_ns;
@@ -203,7 +203,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         detail_reason: detail.err().map(|old| why(&old)),
         nmt: side.nmt.map(|(state, _)| words::nmt(state)),
         heartbeat_age_s: heartbeat_ns.map(|ns| now_ns.saturating_sub(ns) as f64 / 1e9),
-        heartbeat_lost: extra.heartbeat.stopped,
+        heartbeat_lost: side.heartbeat.lost_since_ns().is_some(),
         boots: side.boots,
         faults: faults(side.faults),
         findings: findings(side),
@@ -275,8 +275,8 @@ fn slope(
 }
 
 /// Why a channel has nothing fresh to show.
-fn absent(model: &Model, side: &Side, extra: &Extra, old_s: Option<f64>) -> String {
-    let why = if extra.heartbeat.stopped {
+fn absent(model: &Model, side: &Side, old_s: Option<f64>) -> String {
+    let why = if side.heartbeat.lost_since_ns().is_some() {
         "its heartbeat is lost"
     } else {
         match side.nmt.map(|(state, _)| state) {

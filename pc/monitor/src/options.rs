@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::MonitorError;
+use bus_logs::{PartOptions, speed};
 use bus_master::BusOptions;
-use listen::Plan;
+use listen::{Plan, PlanOptions};
 
 /// Longest time that can be asked for: a year.
 const MOST_S: f64 = 366.0 * 86_400.0;
@@ -27,10 +27,12 @@ pub struct Arguments {
     /// Skip gaps of a log that are longer than two seconds
     #[arg(long, requires = "log")]
     pub skip_gaps: bool,
-    /// Node-ids of channel A and B; of several instruments A,B,A,B [default: 1,2]
-    #[arg(long, value_name = "A,B", value_delimiter = ',',
-          value_parser = clap::value_parser!(u8).range(1..=127))]
-    pub nodes: Vec<u8>,
+    /// Which part of the logs.
+    #[command(flatten)]
+    pub part: PartOptions,
+    /// Which instruments; one with nodes 1 and 2 by default.
+    #[command(flatten)]
+    pub plan: PlanOptions,
     /// Print a line each second and one for each event, as where the output is no terminal
     #[arg(long)]
     pub plain: bool,
@@ -65,13 +67,6 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// The instruments to be watched.
-    ///
-    /// Errors: the node-ids make no pairs, or one of them is there twice.
-    pub fn plan(&self) -> Result<Plan, MonitorError> {
-        plan(&self.nodes)
-    }
-
     /// The nodes of a plan that are to be started.
     pub fn to_start(&self, plan: &Plan) -> Vec<u8> {
         if !self.start {
@@ -79,28 +74,6 @@ impl Arguments {
         }
         plan.pairs.iter().flatten().copied().collect()
     }
-}
-
-fn plan(nodes: &[u8]) -> Result<Plan, MonitorError> {
-    let (pairs, rest) = nodes.as_chunks();
-    let twice = (1..nodes.len()).any(|at| nodes[..at].contains(&nodes[at]));
-    if twice || !rest.is_empty() {
-        return Err(MonitorError::Nodes);
-    }
-    if pairs.is_empty() {
-        return Ok(Plan::default());
-    }
-    Ok(Plan::of(pairs.to_vec()))
-}
-
-/// How fast.
-fn speed(text: &str) -> Result<f64, String> {
-    if text == "max" {
-        return Ok(f64::INFINITY);
-    }
-    let number = text.trim_end_matches('x').parse::<f64>().ok();
-    let number = number.filter(|times| (0.001..=1e6).contains(times));
-    number.ok_or_else(|| "0.001 to 1000000 times, or max".to_owned())
 }
 
 /// A time with its unit.
@@ -148,26 +121,6 @@ mod tests {
         }
         for text in ["", "s", "-1s", "10 days", "1e99", "NaN", "inf"] {
             assert!(time(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn nodes_come_in_pairs_and_once_each() {
-        let pairs = |nodes: &[u8]| plan(nodes).ok().map(|plan| plan.pairs);
-        assert_eq!(pairs(&[]), Some(vec![[1, 2]]));
-        assert_eq!(pairs(&[17, 3, 1, 2]), Some(vec![[17, 3], [1, 2]]));
-        for wrong in [&[1][..], &[1, 1], &[1, 2, 3], &[1, 2, 2, 3]] {
-            assert_eq!(pairs(wrong), None);
-        }
-    }
-
-    #[test]
-    fn a_speed_is_a_number_or_max() {
-        assert_eq!(speed("10"), Ok(10.0));
-        assert_eq!(speed("0.5x"), Ok(0.5));
-        assert_eq!(speed("max"), Ok(f64::INFINITY));
-        for wrong in ["0", "-1", "fast", "NaN", "inf", ""] {
-            assert!(speed(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -14,6 +14,7 @@ pub mod progress;
 pub mod series;
 pub mod stdout;
 pub mod table;
+pub mod unreadable;
 pub mod write;
 
 pub use printable::printable;

@@ -6,6 +6,7 @@ use super::decode::DecodeError;
 use bus_master::fault::Fault;
 use bus_master::nodes::NodesError;
 use output::printable;
+use output::unreadable::Unreadable;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -20,8 +21,8 @@ pub enum FaultsError {
     #[error("what node {0} remembers can't be read: {1}; is it another device?")]
     Node(u8, DecodeError),
     /// A file could not be read.
-    #[error("cannot read {a}: {1}; check the name and the permissions", a = printable(.0))]
-    Read(String, io::Error),
+    #[error("{0}")]
+    Read(Unreadable),
     /// A file holds something else.
     #[error(
         "{a} can't be used: {1}; take a file that `plumb faults --boxes` has saved",

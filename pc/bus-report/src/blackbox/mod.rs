@@ -25,6 +25,7 @@ use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
 use output::printable;
 use output::stdout;
+use output::unreadable::Unreadable;
 
 use data::MemoryReport;
 use decode::Memory;
@@ -102,7 +103,7 @@ fn read_all(files: &[PathBuf], report: &mut FaultsReport) -> Result<(), FaultsEr
 /// Errors: it can't be read, or holds something else.
 pub fn from_file(path: &Path) -> Result<MemoryReport, FaultsError> {
     let name = path.display().to_string();
-    let bytes = fs::read(path).map_err(|why| FaultsError::Read(name.clone(), why))?;
+    let bytes = fs::read(path).map_err(|why| FaultsError::Read(Unreadable::new(path, why)))?;
     let memory = decode::either(&bytes).map_err(|why| FaultsError::File(name.clone(), why))?;
     let mut report = MemoryReport::of(name, None);
     report.take(&memory, 1);

@@ -7,10 +7,10 @@
 
 use canopen::Frame;
 
-use super::gaps::GAP_NS;
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
 use crate::blackbox::exchange::Measured;
+use bus_logs::Part;
 use listen::{Checks, Counts, Meaning, Place, Plan, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.
@@ -19,28 +19,12 @@ const ANSWER_NS: u64 = 2_000_000_000;
 /// NMT: reset of communication (CiA 301, 7.3.2.2.1.3).
 const RESET_COMMUNICATION: u8 = 130;
 
-/// From when to when, ns; frames before and from the end on are left out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Window {
-    /// The first instant.
-    pub from_ns: Option<u64>,
-    /// The first instant behind it.
-    pub to_ns: Option<u64>,
-}
-
-impl Window {
-    fn has(self, time_ns: u64) -> bool {
-        self.from_ns.is_none_or(|from| time_ns >= from) && self.to_ns.is_none_or(|to| time_ns < to)
-    }
-}
-
 /// Everything under way.
 #[derive(Debug)]
 pub struct Collector {
     watch: Watch,
     instruments: Vec<Instrument>,
     traffic: Traffic,
-    window: Window,
     outside: u64,
     undated: u64,
     /// The last NMT 130: when, and to whom; 0 for all.
@@ -49,24 +33,28 @@ pub struct Collector {
 
 impl Collector {
     /// Nothing yet of the instruments of this plan.
-    pub fn new(plan: &Plan, window: Window) -> Self {
+    pub fn new(plan: &Plan) -> Self {
         Self {
             watch: Watch::new(plan),
             instruments: plan.pairs.iter().map(|_| Instrument::default()).collect(),
             traffic: Traffic::default(),
-            window,
             outside: 0,
             undated: 0,
             reset: None,
         }
     }
 
+    /// Takes a frame where its time is in the part that was asked for.
+    pub fn take_part(&mut self, part: &mut Part, time_ns: u64, frame: &Frame) {
+        if part.has(time_ns) {
+            self.take(time_ns, frame);
+        } else {
+            self.outside += 1;
+        }
+    }
+
     /// Takes a frame.
     pub fn take(&mut self, time_ns: u64, frame: &Frame) {
-        if !self.window.has(time_ns) {
-            self.outside += 1;
-            return;
-        }
         if self.traffic.is_stray(time_ns) {
             self.undated += 1;
             return;
@@ -75,10 +63,6 @@ impl Collector {
             now_ns: time_ns,
             before_ns: self.traffic.take(time_ns, frame),
         };
-        if time_ns.saturating_sub(at.before_ns) > GAP_NS {
-            let all = self.instruments.iter_mut();
-            all.for_each(Instrument::bus_was_silent);
-        }
         let news = self.watch.take(time_ns, frame);
         self.hand_on(at, news, frame);
     }
@@ -119,11 +103,11 @@ impl Collector {
                 }
             }
             Meaning::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
-            Meaning::Heartbeat(_, changed) => {
+            Meaning::Heartbeat(_, beat) => {
                 let keeps = self.reset.is_some_and(|(at_ns, node)| {
                     (node == 0 || node == told.node_id) && now_ns.abs_diff(at_ns) < ANSWER_NS
                 });
-                instrument.heartbeat(at, side, changed, keeps);
+                instrument.heartbeat(now_ns, side, beat, keeps);
             }
             Meaning::Malformed(_) => return instrument.malformed(side),
             _ => {}
@@ -152,12 +136,13 @@ impl Collector {
     /// The log has ended.
     pub fn finish(mut self) -> Collected {
         if let Some((_, last_ns)) = self.traffic.span_ns {
-            let at = Moment {
-                now_ns: last_ns,
-                before_ns: last_ns,
-            };
-            let all = self.instruments.iter_mut();
-            all.for_each(|instrument| instrument.finish(at));
+            for (pair, instrument) in self.watch.pairs().iter().zip(&mut self.instruments) {
+                let lost = pair
+                    .sides
+                    .each_ref()
+                    .map(|side| side.heartbeat.lost_since_ns());
+                instrument.finish(last_ns, lost);
+            }
         }
         let pairs = self.watch.pairs().iter();
         let told = pairs.map(|pair| {

@@ -5,7 +5,7 @@ use std::io;
 use crate::blackbox::FaultsError;
 use bus_logs::LogError;
 use bus_master::JoinError;
-use listen::eds::EdsError;
+use listen::PlanError;
 use output::write::WriteError;
 
 /// A report that could not be made. Nothing has been written when one is returned, but for
@@ -14,10 +14,10 @@ use output::write::WriteError;
 pub enum PeriodError {
     /// A log that can't be read.
     #[error("{0}")]
-    Log(LogError),
-    /// A data sheet that can't be read.
+    Log(#[from] LogError),
+    /// Instruments that can't be looked for.
     #[error("{0}")]
-    Eds(EdsError),
+    Plan(#[from] PlanError),
     /// The bit rate is none.
     #[error("{0}")]
     Bus(JoinError),
@@ -36,9 +36,6 @@ pub enum PeriodError {
     /// There are frames, this many, but none in the time that was asked for.
     #[error("all {0} frames are outside the time asked for: look at --from and --to")]
     Outside(u64),
-    /// The end lies before the start.
-    #[error("--to is not after --from: swap them")]
-    NoTime,
     /// The report could not be written.
     #[error("{0}")]
     Write(WriteError),

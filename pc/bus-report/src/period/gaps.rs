@@ -6,9 +6,6 @@
 /// Gaps that are kept by name.
 pub const MOST: usize = 40;
 
-/// No frame for longer than this is a gap, ns.
-pub const GAP_NS: u64 = 2_000_000_000;
-
 /// A gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Gap {

@@ -8,13 +8,12 @@
 use super::bins::Extremes;
 use super::capture::Recorder;
 use super::events::{End, Events, What};
-use super::gaps::{GAP_NS, Gap};
-use super::heartbeat::Heartbeat;
+use super::gaps::Gap;
 use super::kind::Kind;
 use super::row::Row;
 use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
 use crate::blackbox::exchange::Measured;
-use listen::{Detail, Emergency, Nmt, SAME_START_NS, Slopes};
+use listen::{Beat, Detail, Emergency, GAP_NS, Nmt, SAME_START_NS, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
 const HOLD_NS: u64 = 1_000_000_000;
@@ -43,7 +42,6 @@ struct Under {
     warned: bool,
     /// When it was seen first.
     first_ns: Option<u64>,
-    heartbeat: Heartbeat,
     /// Vendor-ID, product code, revision and serial number (1018h), where the log has them.
     identity: [Option<u32>; 4],
 }
@@ -249,14 +247,12 @@ impl Instrument {
         }
     }
 
-    /// A heartbeat or boot-up; `changed` is its state when it is a new one.
-    pub fn heartbeat(&mut self, at: Moment, number: usize, changed: Option<Nmt>, keeps: bool) {
-        let now_ns = at.now_ns;
+    /// A heartbeat or boot-up; with `keeps` a boot-up takes no fault back.
+    pub fn heartbeat(&mut self, now_ns: u64, number: usize, beat: Beat, keeps: bool) {
         let Some(side) = self.sides.get_mut(number) else {
             return;
         };
-        let lost = side.heartbeat.take(at);
-        let restarted = changed == Some(Nmt::BootUp);
+        let restarted = beat.changed == Some(Nmt::BootUp);
         // What a start tells may overtake its boot-up message.
         let was_seen = side
             .first_ns
@@ -266,7 +262,7 @@ impl Instrument {
             side.reason = 0;
             side.warned = false;
         }
-        if let Some(from_ns) = lost {
+        if let Some(from_ns) = beat.lost_since_ns {
             self.lost(number, from_ns, now_ns, End::Over(now_ns));
         }
         if !restarted {
@@ -294,12 +290,6 @@ impl Instrument {
         let side = number as u8;
         self.events.other(from_ns, side, What::HeartbeatLost, end);
         self.happened(from_ns, Kind::Heartbeat);
-    }
-
-    /// Nothing at all was on the bus for longer than a gap takes.
-    pub fn bus_was_silent(&mut self) {
-        let sides = self.sides.iter_mut();
-        sides.for_each(|side| side.heartbeat.bus_was_silent());
     }
 
     /// A frame of another form than the plan says.
@@ -333,13 +323,12 @@ impl Instrument {
             .is_some_and(|side| side.first_ns.is_some())
     }
 
-    /// The log has ended, at this moment.
-    pub fn finish(&mut self, at: Moment) {
-        self.sync(at.now_ns);
-        for number in 0..self.sides.len() {
-            let lost = self.sides.get_mut(number);
-            if let Some(from_ns) = lost.and_then(|side| side.heartbeat.take(at)) {
-                self.lost(number, from_ns, at.now_ns, End::Standing);
+    /// The log has ended at this time; since when the heartbeat of each channel is lost.
+    pub fn finish(&mut self, now_ns: u64, lost: [Option<u64>; 2]) {
+        self.sync(now_ns);
+        for (number, lost) in lost.into_iter().enumerate() {
+            if let Some(from_ns) = lost {
+                self.lost(number, from_ns, now_ns, End::Standing);
             }
         }
         let last = std::mem::take(&mut self.summary);

@@ -19,7 +19,6 @@ mod data;
 mod error;
 mod events;
 mod gaps;
-mod heartbeat;
 mod histogram;
 mod input;
 mod instrument;
@@ -43,18 +42,17 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::blackbox::{self, data::MemoryReport};
-use bus_logs::LogError;
+use bus_logs::{LogError, Part, PartOptions};
 use bus_master::BusOptions;
 use bus_master::nodes::{NodeOption, Nodes};
-use listen::Plan;
-use listen::eds;
+use listen::{PlanOptions, Unnamed};
 use output::printable;
 use output::progress::Progress;
 use output::stdout;
 use output::table::wrap;
 use output::write::{self, Written};
 
-use collect::{Collector, Window};
+use collect::Collector;
 use data::PeriodReport;
 pub use error::PeriodError;
 
@@ -64,18 +62,12 @@ pub struct Arguments {
     /// Logs of the bus
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Leave out everything before: 2026-11-20, 2026-11-20T06:30:00 (UTC), or seconds of the log
-    #[arg(long, value_name = "TIME", value_parser = clock::instant)]
-    pub from: Option<u64>,
-    /// Leave out everything from then on
-    #[arg(long, value_name = "TIME", value_parser = clock::instant)]
-    pub to: Option<u64>,
-    /// Node-ids of channel A and B of an instrument; again for each; by default 1,2, 3,4 and so on
-    #[arg(long, value_name = "A,B", value_parser = pair)]
-    pub nodes: Vec<[u8; 2]>,
-    /// EDS or DCF of a node that is not as delivered, FILE or FILE@NODE; again for each
-    #[arg(long, value_name = "FILE[@NODE]")]
-    pub eds: Vec<eds::Request>,
+    /// Which part of the logs.
+    #[command(flatten)]
+    pub part: PartOptions,
+    /// Which instruments; 1,2, 3,4 and so on by default.
+    #[command(flatten)]
+    pub plan: PlanOptions,
     /// Files of a fault log or black box, as `plumb faults --boxes` saves them
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub black_box: Vec<PathBuf>,
@@ -90,34 +82,7 @@ pub struct Arguments {
     pub bus: BusOptions,
 }
 
-fn pair(text: &str) -> Result<[u8; 2], String> {
-    let id = |text: &str| text.trim().parse().ok().filter(|id| (1..=127).contains(id));
-    let ids = text
-        .split_once(',')
-        .and_then(|(a, b)| Some([id(a)?, id(b)?]));
-    let ids = ids.filter(|[a, b]| a != b);
-    ids.ok_or_else(|| {
-        "write two node-ids from 1 to 127 with a comma between, such as 1,2".to_owned()
-    })
-}
-
 impl Arguments {
-    /// The instruments that are looked for.
-    ///
-    /// Errors: a data sheet can't be read.
-    fn plan(&self) -> Result<Plan, PeriodError> {
-        let pairs = match &self.nodes[..] {
-            [] => (1..=125).step_by(2).map(|id| [id, id + 1]).collect(),
-            pairs => pairs.to_vec(),
-        };
-        let mut plan = Plan::of(pairs);
-        for request in &self.eds {
-            let device = request.read().map_err(PeriodError::Eds)?;
-            plan.nodes.push(device.plan().clone());
-        }
-        Ok(plan)
-    }
-
     /// True when a bus is named, whose nodes are to be asked for what they remember. The variables
     /// of python-can alone are no wish to ask anybody.
     fn asks(&self) -> bool {
@@ -132,9 +97,9 @@ impl Arguments {
 
     /// The nodes that are asked: those of the instruments, or all that are there.
     fn asked(&self) -> NodeOption {
-        let nodes = self.nodes.as_flattened();
+        let nodes = &self.plan.nodes;
         NodeOption {
-            node: (!nodes.is_empty()).then(|| Nodes::These(nodes.to_vec())),
+            node: (!nodes.is_empty()).then(|| Nodes::These(nodes.clone())),
         }
     }
 }
@@ -147,11 +112,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     if arguments.logs.is_empty() && arguments.black_box.is_empty() && !arguments.asks() {
         return Err(PeriodError::NothingGiven);
     }
-    if let (Some(from), Some(to)) = (arguments.from, arguments.to)
-        && to <= from
-    {
-        return Err(PeriodError::NoTime);
-    }
+    let part = arguments.part.part()?;
     // First what can fail soon.
     let files = arguments.black_box.iter();
     let files: Result<Vec<_>, _> = files.map(|path| blackbox::from_file(path)).collect();
@@ -159,7 +120,7 @@ pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Perio
     let silent = ask(arguments, &mut memories)?;
     let (mut report, incomplete) = match &arguments.logs[..] {
         [] => (build::empty(), None),
-        _ => read(arguments, progress)?,
+        _ => read(arguments, part, progress)?,
     };
     report.memories = memories;
     report.notes = silent;
@@ -203,20 +164,17 @@ fn ask(
 /// Reads all logs, each interface for itself; also what of them could not be read.
 fn read(
     arguments: &Arguments,
+    mut part: Part,
     progress: &Progress,
 ) -> Result<(PeriodReport, Option<LogError>), PeriodError> {
-    let window = Window {
-        from_ns: arguments.from,
-        to_ns: arguments.to,
-    };
-    let plan = arguments.plan()?;
+    let (plan, _) = arguments.plan.plan(Unnamed::All)?;
     let mut collectors: Vec<Collector> = Vec::new();
     let logs = input::read(&arguments.logs, progress, |interface, time_ns, frame| {
         while collectors.len() <= interface {
-            collectors.push(Collector::new(&plan, window));
+            collectors.push(Collector::new(&plan));
         }
         if let Some(collector) = collectors.get_mut(interface) {
-            collector.take(time_ns, frame);
+            collector.take_part(&mut part, time_ns, frame);
         }
     })?;
     let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();

@@ -5,10 +5,11 @@ use std::sync::LazyLock;
 use canopen::Frame;
 
 use super::bench::{START_NS, Site, candump};
-use super::collect::{Collector, Window};
+use super::collect::Collector;
 use super::data::PeriodReport;
 use super::*;
-use listen::NodePlan;
+use bus_logs::Moment;
+use listen::{NodePlan, Plan};
 use output::check;
 
 /// Two hours' worth of what can happen, in half a minute: motion, a loose board on channel B that
@@ -37,10 +38,11 @@ fn frames() -> &'static Vec<(u64, Frame)> {
     &FRAMES
 }
 
-fn collected(frames: &[(u64, Frame)], window: Window) -> PeriodReport {
-    let mut collector = Collector::new(&Plan::default(), window);
+fn collected(frames: &[(u64, Frame)], part: PartOptions) -> PeriodReport {
+    let mut part = part.part().unwrap();
+    let mut collector = Collector::new(&Plan::default());
     for (at_ns, frame) in frames {
-        collector.take(START_NS + at_ns, frame);
+        collector.take_part(&mut part, START_NS + at_ns, frame);
     }
     finished(collector, Some(250e3))
 }
@@ -54,7 +56,7 @@ fn finished(collector: Collector, bit_rate: Option<f64>) -> PeriodReport {
 
 fn report() -> &'static PeriodReport {
     static REPORT: LazyLock<PeriodReport> =
-        LazyLock::new(|| collected(frames(), Window::default()));
+        LazyLock::new(|| collected(frames(), PartOptions::default()));
     &REPORT
 }
 
@@ -86,6 +88,19 @@ fn a_loose_board_and_a_lost_supply_are_told_with_node_time_and_end() {
     assert!(restarts.count() >= 2);
     assert!(verdict::incidents_of(instrument) >= 2);
     assert!(!report().clean);
+}
+
+#[test]
+fn replay_and_report_counted_the_lost_heartbeats_of_one_log_differently() {
+    let mut watch = listen::Watch::new(&Plan::default());
+    for (at_ns, frame) in frames() {
+        watch.take(START_NS + at_ns, frame);
+    }
+    let replayed = watch.pairs()[0].sides.each_ref();
+    let replayed = replayed.map(|side| u64::from(side.heartbeat.losses()));
+    let channels = report().instruments[0].channels.iter();
+    let reported: Vec<_> = channels.map(|channel| channel.heartbeat_losses).collect();
+    assert_eq!(reported, replayed);
 }
 
 #[test]
@@ -129,7 +144,7 @@ fn a_pdo_of_the_exchange_with_another_cob_id_was_taken_for_the_other_one() {
     for pdo in plan.nodes.iter_mut().flat_map(|node| &mut node.pdos) {
         pdo.cob_id = swapped(pdo.cob_id);
     }
-    let mut collector = Collector::new(&plan, Window::default());
+    let mut collector = Collector::new(&plan);
     for (at_ns, frame) in frames() {
         let cob_id = frame.cob_id().expect("11 bit");
         let frame = Frame::data_frame(swapped(cob_id), frame.bytes());
@@ -161,11 +176,11 @@ fn time_with_and_without_an_angle_adds_up() {
 
 #[test]
 fn the_window_leaves_out_what_is_outside() {
-    let window = Window {
-        from_ns: Some(START_NS + 4_000_000_000),
-        to_ns: Some(START_NS + 6_000_000_000),
+    let part = PartOptions {
+        from: Some(Moment::At(START_NS + 4_000_000_000)),
+        to: Some(Moment::At(START_NS + 6_000_000_000)),
     };
-    let report = collected(frames(), window);
+    let report = collected(frames(), part);
     assert!(report.covered_s <= 2.0 && report.covered_s > 1.9);
     assert!(report.buses[0].outside > 1000);
     assert!(report.clean, "{}", report.verdict);
@@ -194,7 +209,7 @@ fn the_page_is_whole_and_fetches_nothing() {
 #[test]
 fn a_log_of_many_days_is_no_larger_than_one_of_a_minute() {
     let day_ns = 86_400_000_000_000;
-    let mut collector = Collector::new(&Plan::default(), Window::default());
+    let mut collector = Collector::new(&Plan::default());
     // Of every day some seconds; the third and fourth have none.
     for day in (0..60).filter(|day| !matches!(day, 2 | 3)) {
         for (at_ns, frame) in frames().iter().take(6000) {
@@ -220,7 +235,7 @@ fn candump_text_gives_the_same_report() {
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("trip.log");
     std::fs::write(&path, candump(frames(), 0)).unwrap();
-    let mut collector = Collector::new(&Plan::default(), Window::default());
+    let mut collector = Collector::new(&Plan::default());
     let take = |_, at_ns, frame: &Frame| collector.take(at_ns, frame);
     let logs = input::read(&[path], &Progress::hidden(), take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
@@ -231,7 +246,7 @@ fn candump_text_gives_the_same_report() {
 
 /// A report of these frames, one each 10 ms.
 fn of_frames(frames: &[Frame]) -> PeriodReport {
-    let mut collector = Collector::new(&Plan::default(), Window::default());
+    let mut collector = Collector::new(&Plan::default());
     for (number, frame) in (0..).zip(frames) {
         collector.take(START_NS + number * 10_000_000, frame);
     }
@@ -292,7 +307,7 @@ fn a_reset_of_communication_takes_no_fault_back_and_one_of_the_node_does() {
 #[test]
 fn time_that_goes_backwards_is_told_and_upsets_nothing() {
     let frame = Frame::data_frame(0x181, &SLOPES);
-    let mut collector = Collector::new(&Plan::default(), Window::default());
+    let mut collector = Collector::new(&Plan::default());
     for at_s in [100, 101, 102, 5, 6, 200, 0] {
         collector.take(at_s * 1_000_000_000, &frame);
     }
@@ -316,7 +331,7 @@ fn time_that_goes_backwards_is_told_and_upsets_nothing() {
 fn a_single_small_time_made_a_whole_log_undated() {
     let frame = Frame::data_frame(0x181, &SLOPES);
     let told = |times_s: &[u64]| {
-        let mut collector = Collector::new(&Plan::default(), Window::default());
+        let mut collector = Collector::new(&Plan::default());
         for at_s in times_s {
             collector.take(at_s * 1_000_000_000, &frame);
         }
@@ -464,7 +479,7 @@ mod documented {
             format!("at most {} bins", bins::MOST),
             format!("at most {} steps", histogram::MOST),
             format!("the {} longest", gaps::MOST),
-            format!("gaps of more than {} s", gaps::GAP_NS / 1_000_000_000),
+            format!("gaps of more than {} s", listen::GAP_NS / 1_000_000_000),
         ] {
             assert!(text.contains(&sentence), "{sentence}");
         }

@@ -9,8 +9,9 @@ use canopen::Frame;
 use sim::can_bus::frame_bits;
 
 use super::bins::Bins;
-use super::gaps::{GAP_NS, Gap, Gaps};
+use super::gaps::{Gap, Gaps};
 use bus_logs::is_dated;
+use listen::GAP_NS;
 
 /// Bits between two frames.
 const INTERMISSION: u64 = 3;

@@ -4,7 +4,7 @@ use std::io;
 
 use bus_logs::LogError;
 use bus_master::JoinError;
-use listen::eds::EdsError;
+use listen::PlanError;
 use output::printable;
 
 /// Logs that could not be played back.
@@ -13,18 +13,9 @@ pub enum PlaybackError {
     /// A log that can't be read.
     #[error("{0}")]
     Log(#[from] LogError),
-    /// A data sheet that can't be used.
+    /// Instruments that can't be looked for.
     #[error("{0}")]
-    Eds(#[from] EdsError),
-    /// The end that is asked for is not behind the beginning.
-    #[error("--to is not after --from: swap them")]
-    NoTime,
-    /// Node-ids that are no pairs.
-    #[error(
-        "--nodes takes two different node-ids for each instrument, channel A first, and each one \
-         once"
-    )]
-    Nodes,
+    Plan(#[from] PlanError),
     /// A table with a name that tells no format.
     #[error(
         "{a} names no format; end the name in .csv or .parquet for a table, .log or .asc for a log",
@@ -48,7 +39,7 @@ pub enum PlaybackError {
     Interrupted(u64),
     /// Frames of several interfaces can't go onto one bus.
     #[error(
-        "the log has frames of {a} and of {b}: choose one with --interface",
+        "the log has frames of {a} and of {b}: choose one with --channel",
         a = printable(.0),
         b = printable(.1)
     )]

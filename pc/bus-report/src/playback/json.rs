@@ -129,7 +129,7 @@ pub struct InterfaceJson {
     pub malformed: u64,
     /// Frames of other nodes and services.
     pub others: OthersJson,
-    /// Times that nothing was seen for more than 0.5 s, which is taken as a hole in the log.
+    /// Times that nothing was seen for more than 2 s, which is taken as a hole in the log.
     pub holes: u64,
     /// The longest of these.
     pub longest_hole_s: f64,
@@ -442,8 +442,8 @@ fn node(side: &Side, channel: &Channel) -> NodeJson {
                 first_time_s: finding.first_ns as f64 / 1e9,
             })
             .collect(),
-        heartbeats_lost: side.losses,
-        heartbeat_is_lost: side.lost_ns.is_some(),
+        heartbeats_lost: side.heartbeat.losses(),
+        heartbeat_is_lost: side.heartbeat.lost_since_ns().is_some(),
         boots: side.boots,
         emergencies: channel.emergencies,
         faults: faults(channel.faults, side.faults),

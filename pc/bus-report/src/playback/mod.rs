@@ -22,8 +22,8 @@ mod text;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use bus_logs::{LogError, Moment, Part, Source};
-use listen::eds::{Device, Request};
+use bus_logs::{LogError, Moment, Source};
+use listen::Unnamed;
 use output::progress::Progress;
 use output::stdout;
 
@@ -45,17 +45,8 @@ pub fn run(
     json: bool,
     progress: &Progress,
 ) -> Result<ExitCode, PlaybackError> {
-    if let (Some(from), Some(to)) = (from, options.to)
-        && to.is_after(from) == Some(false)
-    {
-        return Err(PlaybackError::NoTime);
-    }
-    let devices: Vec<Device> = options
-        .eds
-        .iter()
-        .map(Request::read)
-        .collect::<Result<_, _>>()?;
-    let plan = options.plan(&devices).ok_or(PlaybackError::Nodes)?;
+    let mut part = options.part(from).part()?;
+    let (plan, devices) = options.plan.plan(Unnamed::One)?;
     if options.onto.is_some() {
         return onto::run(paths, options, from, json);
     }
@@ -63,8 +54,7 @@ pub fn run(
         Some(path) => Some(Export::create(path, paths, &devices)?),
         None => None,
     };
-    let mut source = Source::of_interface(paths, options.interface.as_deref(), progress)?;
-    let mut part = Part::new(from, options.to);
+    let mut source = Source::of_interface(paths, options.channel.as_deref(), progress)?;
     let mut summary = Summary::new(plan, Foreign::new(devices));
     while let Some(logged) = source.next() {
         let logged = logged?;
@@ -76,7 +66,7 @@ pub fn run(
             export.take(&logged, source.interfaces(), news, &summary)?;
         }
     }
-    if let Some(wanted) = &options.interface
+    if let Some(wanted) = &options.channel
         && source.frames() == 0
     {
         let there = source.interfaces().to_vec();

@@ -1,30 +1,25 @@
 //! What `plumb replay` is told about bus logs.
 //!
-//! In: the words of the command line, through `clap`. Out: [`Options`] and the plan in them.
+//! In: the words of the command line, through `clap`. Out: [`Options`].
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 
-use bus_logs::{Moment, PaceOptions, PlayOptions};
-use listen::Plan;
-use listen::eds::{Device, Request};
+use bus_logs::{Moment, PaceOptions, PartOptions, PlayOptions, speed};
+use listen::PlanOptions;
 
 /// Options that only bus logs have.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Options for bus logs")]
 pub struct Options {
     /// Only frames of this interface, as named in the log: can0, or 1 in an ASC
-    #[arg(long, value_name = "NAME")]
-    pub interface: Option<String>,
-    /// Node-ids of channel A and B; of several instruments A,B,A,B
-    #[arg(long, value_name = "A,B", value_delimiter = ',',
-          value_parser = clap::value_parser!(u8).range(1..=127))]
-    pub nodes: Vec<u8>,
-    /// EDS or DCF of a node, for one that is not as delivered or is no inclinometer; repeatable
-    #[arg(long, value_name = "FILE[@NODE]")]
-    pub eds: Vec<Request>,
+    #[arg(short, long, alias = "interface", value_name = "NAME")]
+    pub channel: Option<String>,
+    /// Which instruments there are.
+    #[command(flatten)]
+    pub plan: PlanOptions,
     /// End with the last frame at or before this time; as --from
     #[arg(long, value_name = "TIME")]
     pub to: Option<Moment>,
@@ -34,8 +29,8 @@ pub struct Options {
     /// Send the frames onto this bus, as --bus names it elsewhere, when they are due
     #[arg(long, value_name = "URL", conflicts_with = "export")]
     pub onto: Option<String>,
-    /// Speed, as a multiple of the recorded one
-    #[arg(long, value_name = "X", value_parser = speed, requires = "onto")]
+    /// Speed: 10 is ten times as fast as recorded, max as fast as possible
+    #[arg(long, value_name = "TIMES", value_parser = speed, requires = "onto")]
     pub speed: Option<f64>,
     /// Shorten gaps between two frames to this many seconds
     #[arg(long, value_name = "S", value_parser = seconds, requires = "onto")]
@@ -48,13 +43,6 @@ pub struct Options {
     pub again: bool,
 }
 
-fn speed(text: &str) -> Result<f64, String> {
-    let speed: f64 = text.parse().unwrap_or(f64::NAN);
-    let fits = speed.is_finite() && speed > 0.0;
-    fits.then_some(speed)
-        .ok_or_else(|| "give a number above 0, such as 10".to_owned())
-}
-
 fn seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 = text.parse().unwrap_or(f64::NAN);
     Duration::try_from_secs_f64(seconds)
@@ -65,9 +53,9 @@ impl Options {
     /// The first option that was given, for a sentence.
     pub fn given(&self) -> Option<&'static str> {
         let options = [
-            (self.interface.is_some(), "--interface"),
-            (!self.nodes.is_empty(), "--nodes"),
-            (!self.eds.is_empty(), "--eds"),
+            (self.channel.is_some(), "--channel"),
+            (!self.plan.nodes.is_empty(), "--nodes"),
+            (!self.plan.eds.is_empty(), "--eds"),
             (self.to.is_some(), "--to"),
             (self.export.is_some(), "--export"),
             // What needs it is refused without it.
@@ -77,36 +65,9 @@ impl Options {
         given.map(|(_, name)| name)
     }
 
-    /// The instruments: those that were named, else those that a data sheet describes, else the
-    /// one as delivered. `None` when node-ids don't make pairs of two different ones.
-    pub fn plan(&self, devices: &[Device]) -> Option<Plan> {
-        let ours = devices.iter().filter(|device| device.is_inclinometer());
-        let mut ids = self.nodes.clone();
-        if ids.is_empty() {
-            ids.extend(ours.clone().map(|device| device.node_id));
-            // A sheet of one channel alone: the other one has the next node-id.
-            if let [one] = ids[..] {
-                ids = if one % 2 == 1 {
-                    vec![one, one + 1]
-                } else {
-                    vec![one - 1, one]
-                };
-            }
-        }
-        let (pairs, rest) = ids.as_chunks();
-        let mut sorted = ids.clone();
-        sorted.sort_unstable();
-        sorted.dedup();
-        if !rest.is_empty() || sorted.len() != ids.len() {
-            return None;
-        }
-        let mut plan = if pairs.is_empty() {
-            Plan::default()
-        } else {
-            Plan::of(pairs.to_vec())
-        };
-        plan.nodes = ours.map(|device| device.plan().clone()).collect();
-        Some(plan)
+    /// Which part of the logs is read, with where it begins.
+    pub const fn part(&self, from: Option<Moment>) -> PartOptions {
+        PartOptions { from, to: self.to }
     }
 
     /// How the logs are played.
@@ -120,10 +81,9 @@ impl Options {
                 },
                 longest_gap: self.skip_gaps,
             },
-            from,
-            to: self.to,
+            part: self.part(from),
             again: self.again,
-            interface: self.interface.clone(),
+            interface: self.channel.clone(),
         }
     }
 }

@@ -134,7 +134,7 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
     if interface.holes > 0 {
         let _ = writeln!(
             text,
-            "  nothing at all for more than 0.5 s: {}, {:.1} s at most",
+            "  nothing at all for more than 2 s: {}, {:.1} s at most",
             times(interface.holes),
             interface.longest_hole_s
         );

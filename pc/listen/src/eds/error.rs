@@ -1,15 +1,14 @@
 //! Why a data sheet can't be used: one sentence that names the file.
 
-use std::io;
-
 use output::printable;
+use output::unreadable::Unreadable;
 
 /// A data sheet that can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum EdsError {
     /// The file can't be read.
-    #[error("{a} cannot be read: {1}", a = printable(.0))]
-    Open(String, io::Error),
+    #[error("{0}")]
+    Read(#[from] Unreadable),
     /// The file is larger than any data sheet.
     #[error(
         "{a} is larger than 16 MiB, which no EDS or DCF is; give another file",

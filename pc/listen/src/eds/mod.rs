@@ -23,6 +23,8 @@ pub use sheet::Sheet;
 
 use std::path::{Path, PathBuf};
 
+use output::unreadable::Unreadable;
+
 /// A file, and the node that it describes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
@@ -79,7 +81,7 @@ pub fn read(path: &Path) -> Result<Sheet, EdsError> {
     use std::io::Read as _;
 
     let name = || path.display().to_string();
-    let open = |why| EdsError::Open(name(), why);
+    let open = |why| EdsError::Read(Unreadable::new(path, why));
     let file = std::fs::File::open(path).map_err(open)?;
     let mut bytes = Vec::new();
     file.take(LARGEST + 1)
