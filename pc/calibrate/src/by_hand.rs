@@ -13,7 +13,8 @@ use super::console::{Answer, Console};
 use super::error::CalibrateError;
 use super::fit::{compensated_g, temperature};
 use super::hand::{self, Faces, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
-use super::session::{Node, Reading, Session, encode};
+use super::reading::Reading;
+use super::session::{Node, Session, encode};
 
 /// Readings of a pose, and how far apart, s: the mean of 1.2 s.
 const READINGS: u32 = 40;

@@ -15,7 +15,8 @@ use super::error::CalibrateError;
 use super::finish::NODES;
 use super::fit::{self, Fitted, Stand};
 use super::motor::{Axis, Motor};
-use super::session::{Reading, Session, encode};
+use super::reading::Reading;
+use super::session::{Session, encode};
 
 /// Settling after the motor has stopped, s: that of the filter, and of what rings.
 const SETTLE_S: f64 = 0.4;

@@ -4,8 +4,6 @@
 //!
 //! Left out: its forms (`page`, `dcc`) and its hash.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use device::calibration::encoding::{identity, kind};
 use tilt::chain::Correction;
 use tilt::sample::Temperature;
@@ -15,13 +13,14 @@ use super::by_hand::Handled;
 use super::by_motor::{Swept, mean_uncertainty_deg};
 use super::data::{
     Channel, Contribution, Decision, Difference, Environment, FORMAT, Method, Point, Pose,
-    Reference, Report, VERSION, utc,
+    Reference, Report, VERSION, now, utc,
 };
 use super::finish::Common;
 use super::fit::Stand;
 use super::hand::{self, POSES};
 use super::motor::Axis;
-use super::session::{Node, Reading, Session, decode};
+use super::reading::Reading;
+use super::session::{Node, Session, decode};
 
 /// Standard uncertainty of what the 1/f noise of the sensor does between two stands, deg: 0.04 mg.
 const FLOOR_DEG: f64 = 0.0023;
@@ -29,12 +28,6 @@ const FLOOR_DEG: f64 = 0.0023;
 /// Standard uncertainty of the compensation by a temperature that is known to a degree, deg: half a
 /// degree either side, uniform, times 0.1 mg/degC of a compensated part. `[ASSUME]`
 const TEMPERATURE_DEG: f64 = 0.0017;
-
-/// Seconds since 1970, now.
-pub fn now() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, |time| time.as_secs())
-}
 
 /// What is the same in every report.
 pub struct Frame<'a> {

@@ -78,3 +78,8 @@ impl Console {
         }
     }
 }
+
+/// A line for the person, beside what is printed as the result.
+pub fn tell(line: &str) {
+    eprintln!("{line}");
+}

@@ -5,6 +5,8 @@
 //!
 //! Left out: judging, fitting, and the two other forms of the report (`page`, `dcc`).
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use chrono::{DateTime, SecondsFormat};
 use serde::{Deserialize, Serialize};
 
@@ -337,6 +339,12 @@ impl Contribution {
         let squares = all.iter().map(|c| c.standard_uncertainty_deg.powi(2));
         squares.sum::<f64>().sqrt()
     }
+}
+
+/// Seconds since 1970, now.
+pub fn now() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |time| time.as_secs())
 }
 
 /// A day and time, UTC, of seconds since 1970: `2026-11-22T02:17:00Z`; the begin of 1970 for what

@@ -8,6 +8,7 @@
 
 use super::data::{Channel, Contribution, Difference, Method, Point, Report};
 use super::over_temperature;
+use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, content, list, name, real};
 use super::xml::Xml;
 
 /// The format's root, and its release.
@@ -58,15 +59,6 @@ pub fn document(report: &Report, country: &str) -> String {
 /// The name by which results refer to a channel.
 fn item_id(channel: &Channel) -> String {
     format!("channel{}", channel.channel)
-}
-
-/// A name in English.
-pub fn name(xml: &mut Xml, text: &str) {
-    xml.of("dcc:name", |xml| content(xml, text));
-}
-
-fn content(xml: &mut Xml, text: &str) {
-    xml.text("dcc:content", &[("lang", "en")], text);
 }
 
 fn description(xml: &mut Xml, text: &str) {
@@ -313,11 +305,6 @@ fn results(xml: &mut Xml, channel: &Channel) {
 
 /// The units, as the format writes them (SIunitx).
 const DEGREE: &str = "\\degree";
-pub const METRE_PER_SECOND2: &str = "\\metre\\second\\tothe{-2}";
-
-/// m/s^2 of a mg: the format knows no g.
-pub const SI_PER_MG: f64 = 9.806_65e-3;
-
 fn points_of(xml: &mut Xml, what: &str, axis: &str, points: &[Point], u_deg: f64) {
     let there: Vec<_> = points
         .iter()
@@ -376,46 +363,6 @@ fn difference(xml: &mut Xml, what: &str, axis: &str, all: &[Difference]) {
     });
 }
 
-/// A number with its unit.
-pub fn real(xml: &mut Xml, what: &str, value: f64, unit: &str) {
-    xml.of("dcc:quantity", |xml| {
-        name(xml, what);
-        xml.of("si:real", |xml| {
-            xml.text("si:value", &[], &decimal(value));
-            xml.text("si:unit", &[], unit);
-        });
-    });
-}
-
-/// Numbers with their unit, and with their expanded uncertainty (k = 2) where it is known.
-pub fn list(xml: &mut Xml, what: &str, values: &[f64], unit: &str, expanded: Option<f64>) {
-    xml.of("dcc:quantity", |xml| {
-        name(xml, what);
-        xml.of("si:realListXMLList", |xml| {
-            let words: Vec<_> = values.iter().map(|value| decimal(*value)).collect();
-            xml.text("si:valueXMLList", &[], &words.join(" "));
-            xml.text("si:unitXMLList", &[], unit);
-            if let Some(expanded) = expanded {
-                xml.of("si:expandedUncXMLList", |xml| {
-                    xml.text("si:uncertaintyXMLList", &[], &decimal(expanded));
-                    xml.text("si:coverageFactorXMLList", &[], "2");
-                    xml.text("si:coverageProbabilityXMLList", &[], "0.95");
-                    xml.text("si:distributionXMLList", &[], "normal");
-                });
-            }
-        });
-    });
-}
-
-/// A number with six decimals, and no minus before zero.
-fn decimal(value: f64) -> String {
-    let text = format!("{value:.6}");
-    match text.strip_prefix('-') {
-        Some(rest) if rest.chars().all(|c| c == '0' || c == '.') => rest.to_owned(),
-        _ => text,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -463,11 +410,5 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part}");
         }
-    }
-
-    #[test]
-    fn numbers_have_no_minus_before_zero() {
-        assert_eq!(decimal(-0.000_000_1), "0.000000");
-        assert_eq!(decimal(-1.5), "-1.500000");
     }
 }

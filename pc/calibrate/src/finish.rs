@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 
+use super::console::tell;
 use super::data::Report;
 use super::error::CalibrateError;
 use super::folder::Folder;
@@ -218,7 +219,7 @@ pub fn settle(folder: &Folder, session: &mut Session, done: Done) -> Done {
         (Err(error), false) => error,
         (Ok(_), false) => CalibrateError::Rejected,
     };
-    super::tell(&format!(
+    tell(&format!(
         "what the nodes had is in {}",
         folder.found().display()
     ));
@@ -248,7 +249,7 @@ pub fn publish(folder: &Folder, session: &mut Session, mut report: Report, count
     let place = folder.write(&files, report.decision.accepted)?;
     if place != folder.out() {
         let (place, out) = (place.display(), folder.out().display());
-        super::tell(&format!(
+        tell(&format!(
             "not accepted: its report is in {place}, the one in {out} stays"
         ));
     }

@@ -18,7 +18,7 @@ use tilt::temperature::{Compensated, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, Uncertainty};
 
 use super::motor::Axis;
-use super::session::{Reading, wrap};
+use super::reading::{Reading, wrap};
 
 /// A stand of the motor.
 #[derive(Clone, Debug)]

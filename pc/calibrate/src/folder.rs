@@ -9,8 +9,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::compose::now;
-use super::data::utc;
+use super::data::{now, utc};
 use super::error::CalibrateError;
 use super::kept::{self, Kept};
 use output::write;
@@ -23,19 +22,6 @@ pub const MEASURED: &str = "measured.json";
 
 /// Each of them makes a folder one of a calibration.
 const NAMES: [&str; 5] = [AS_FOUND, "dcc.xml", "report.json", "report.html", MEASURED];
-
-/// Writes a file; it appears whole or not at all, and a loss of power finds it on the disk.
-///
-/// Errors: [`CalibrateError::File`].
-pub fn put(path: &Path, text: &str) -> Result<(), CalibrateError> {
-    let new = path.with_extension("part");
-    let write = || {
-        fs::write(&new, text)?;
-        fs::File::open(&new)?.sync_all()?;
-        fs::rename(&new, path)
-    };
-    write().map_err(CalibrateError::file(path))
-}
 
 /// The folder of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]

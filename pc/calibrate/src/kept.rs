@@ -10,8 +10,9 @@ use std::path::Path;
 use device::calibration::encoding::identity;
 use serde::{Deserialize, Serialize};
 
+use output::write::Staged;
+
 use super::error::CalibrateError;
-use super::folder::put;
 use super::session::{Session, decode};
 
 /// Name of the format.
@@ -154,6 +155,14 @@ pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), Ca
         }
     }
     Ok(())
+}
+
+/// Writes a file; it appears whole or not at all, and a loss of power finds it on the disk.
+///
+/// Errors: [`CalibrateError::File`].
+pub fn put(path: &Path, text: &str) -> Result<(), CalibrateError> {
+    let placed = Staged::write(path, text).and_then(Staged::put_in_place);
+    placed.map_err(CalibrateError::file(path))
 }
 
 #[cfg(test)]

@@ -25,6 +25,8 @@ pub mod kept;
 pub mod motor;
 mod over_temperature;
 mod page;
+mod quantity;
+mod reading;
 #[cfg(test)]
 pub mod sample;
 mod scpi;
@@ -54,8 +56,8 @@ use clap::Args;
 use tilt::chain::Calibration;
 
 use by_motor::Kind;
-use compose::{Frame, now};
-use console::Console;
+use compose::Frame;
+use console::{Console, tell};
 pub use error::CalibrateError;
 pub use finish::Common;
 use finish::Done;
@@ -63,9 +65,10 @@ use folder::Folder;
 use hand::{FEWEST, POSES};
 pub use kept::hex;
 use motor::{Motor, ScpiMotor};
-pub use session::{Reading, Session};
+pub use reading::Reading;
+pub use session::Session;
 
-use data::Report;
+use data::{Report, now};
 
 /// What to calibrate, how, and where the report goes.
 #[derive(Clone, Debug, Args)]
@@ -153,10 +156,6 @@ impl Arguments {
         }
         Ok(())
     }
-}
-
-fn tell(line: &str) {
-    eprintln!("{line}");
 }
 
 /// The calibration itself, its report on disk, and its hash in the nodes.

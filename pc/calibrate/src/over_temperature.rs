@@ -7,11 +7,11 @@
 //! Left out: the rest of both (`page`, `dcc`), and the figures themselves (`crate::characterise`).
 
 use super::data::{Channel, Report, Thermal, ThermalDwell};
-use super::dcc::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
+use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
 use super::xml::Xml;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
 use output::html;
-use output::table::{Cell, Column, Table};
+use output::table::{Rows, Table};
 
 /// The sensor's axes in their order.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -97,54 +97,39 @@ fn chart(channel: &Channel, thermal: &Thermal, axis: usize) -> Chart {
 }
 
 fn coefficients(channel: &Channel, thermal: &Thermal) -> Table {
-    Table::of(
-        &format!("Temperature model of channel {}", channel.channel),
-        &thermal.coefficients,
-        [
-            (Column::text("Coefficient"), |c| Cell::text(&c.name)),
-            (Column::text("Axis"), |c| Cell::text(&c.axis)),
-            (Column::number("Value"), |c| Cell::number(Some(c.value), 5)),
-            (Column::text("Unit"), |c| Cell::text(&c.unit)),
-        ],
-    )
+    let title = format!("Temperature model of channel {}", channel.channel);
+    Rows::of(&title, &thermal.coefficients)
+        .text("Coefficient", |c| &c.name)
+        .text("Axis", |c| &c.axis)
+        .number("Value", 5, |c| c.value)
+        .text("Unit", |c| &c.unit)
+        .table()
 }
 
 fn dwells(channel: &Channel, thermal: &Thermal) -> Table {
     const AT: &str = "Temperature, degC";
     const LEFT: &str = "Left by the model, mg";
-    Table::of(
-        &format!(
-            "Dwells of channel {}, means of the orientations",
-            channel.channel
-        ),
-        &thermal.dwells,
-        [
-            (Column::number("Run"), |d| {
-                Cell::number(Some(f64::from(d.run)), 0)
-            }),
-            (Column::text("Branch"), |d| Cell::text(&d.branch)),
-            (Column::number("set").under(AT), |d| degc(d.set_degc)),
-            (Column::number("air").under(AT), |d| {
-                Cell::number(d.air_degc, 1)
-            }),
-            (Column::number("sensor").under(AT), |d| degc(d.sensor_degc)),
-            (Column::number("x").under(LEFT), |d| mg(d.residuals_mg[0])),
-            (Column::number("y").under(LEFT), |d| mg(d.residuals_mg[1])),
-            (Column::number("z").under(LEFT), |d| mg(d.residuals_mg[2])),
-            (Column::number("largest").under(LEFT), |d| mg(d.largest_mg)),
-            (Column::number("Begun anew"), |d| {
-                Cell::number(Some(f64::from(d.repeated)), 0)
-            }),
-        ],
-    )
-}
-
-fn degc(degc: f64) -> Cell {
-    Cell::number(Some(degc), 1)
-}
-
-fn mg(mg: f64) -> Cell {
-    Cell::number(Some(mg), 2)
+    let channel = &channel.channel;
+    let title = format!("Dwells of channel {channel}, means of the orientations");
+    Rows::of(&title, &thermal.dwells)
+        .count("Run", |d| d.run)
+        .text("Branch", |d| &d.branch)
+        .number("set", 1, |d| d.set_degc)
+        .under(AT)
+        .number("air", 1, |d| d.air_degc)
+        .under(AT)
+        .number("sensor", 1, |d| d.sensor_degc)
+        .under(AT)
+        .number("x", 2, |d| d.residuals_mg[0])
+        .under(LEFT)
+        .number("y", 2, |d| d.residuals_mg[1])
+        .under(LEFT)
+        .number("z", 2, |d| d.residuals_mg[2])
+        .under(LEFT)
+        .number("largest", 2, |d| d.largest_mg)
+        .under(LEFT)
+        .count("Begun anew", |d| d.repeated)
+        .table()
 }
 
 /// Units of the certificate (SIunitx).

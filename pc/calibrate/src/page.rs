@@ -9,7 +9,7 @@ use super::data::{Channel, Difference, Method, Point, Report};
 use super::over_temperature;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
 use output::html;
-use output::table::{Cell, Column, Table};
+use output::table::{Cell, Column, Rows, Table};
 
 /// The page.
 pub fn page(report: &Report) -> String {
@@ -81,29 +81,19 @@ fn header(report: &Report) -> String {
 }
 
 fn items(report: &Report) -> Table {
-    let found = |c: &&Channel| match c.calibrated_before {
-        true => Cell::text(&c.as_found_crc32),
-        false => Cell::text(format!("{} (none of its own)", c.as_found_crc32)),
+    let found = |c: &Channel| match c.calibrated_before {
+        true => c.as_found_crc32.clone(),
+        false => format!("{} (none of its own)", c.as_found_crc32),
     };
-    Table::of(
-        "Calibrated",
-        &report.channels,
-        [
-            (Column::text("Channel"), |c| Cell::text(&c.channel)),
-            (Column::number("Node"), |c| Cell::text(c.node.to_string())),
-            (Column::number("Serial number"), |c| {
-                Cell::text(c.serial_number.to_string())
-            }),
-            (Column::text("Product"), |c| {
-                Cell::text(format!("{:08X}h", c.product_code))
-            }),
-            (Column::text("Program"), |c| Cell::text(&c.software)),
-            (Column::text("Calibration as found"), found),
-            (Column::text("Calibration as left"), |c| {
-                Cell::text(&c.as_left_crc32)
-            }),
-        ],
-    )
+    Rows::of("Calibrated", &report.channels)
+        .text("Channel", |c| &c.channel)
+        .count("Node", |c| c.node)
+        .count("Serial number", |c| c.serial_number)
+        .text("Product", |c| format!("{:08X}h", c.product_code))
+        .text("Program", |c| &c.software)
+        .text("Calibration as found", found)
+        .text("Calibration as left", |c| &c.as_left_crc32)
+        .table()
 }
 
 fn reference(report: &Report) -> String {
@@ -163,61 +153,34 @@ fn rms(points: &[Point]) -> Option<f64> {
 fn summary(report: &Report) -> Table {
     const FOUND: &str = "Error as found, deg";
     const LEFT: &str = "Error as left, deg";
-    let within = |(c, tolerance_deg): &(&Channel, f64)| {
+    let within = |c: &Channel| {
         let u = c.expanded_uncertainty_deg;
-        let within = largest(&c.as_left).is_some_and(|error| error + u <= *tolerance_deg);
-        Cell::verdict(within, "yes", "NO")
+        largest(&c.as_left).is_some_and(|error| error + u <= report.decision.tolerance_deg)
     };
-    let tolerance_deg = report.decision.tolerance_deg;
-    Table::of(
-        "Errors",
-        report
-            .channels
-            .iter()
-            .map(|channel| (channel, tolerance_deg)),
-        [
-            (Column::text("Channel"), |(c, _)| Cell::text(&c.channel)),
-            (Column::number("largest").under(FOUND), |(c, _)| {
-                number(largest(&c.as_found))
-            }),
-            (Column::number("rms").under(FOUND), |(c, _)| {
-                number(rms(&c.as_found))
-            }),
-            (Column::number("largest").under(LEFT), |(c, _)| {
-                number(largest(&c.as_left))
-            }),
-            (Column::number("rms").under(LEFT), |(c, _)| {
-                number(rms(&c.as_left))
-            }),
-            (Column::number("U (k = 2), deg"), |(c, _)| {
-                number(Some(c.expanded_uncertainty_deg))
-            }),
-            (Column::number("Residual of the fit, deg"), |(c, _)| {
-                Cell::number(c.residual_deg, 4)
-            }),
-            (Column::text("Within tolerance"), within),
-        ],
-    )
-}
-
-/// Degrees, or mg, with three decimals.
-fn number(value: Option<f64>) -> Cell {
-    Cell::number(value, 3)
+    Rows::of("Errors", &report.channels)
+        .text("Channel", |c| &c.channel)
+        .number("largest", 3, |c| largest(&c.as_found))
+        .under(FOUND)
+        .number("rms", 3, |c| rms(&c.as_found))
+        .under(FOUND)
+        .number("largest", 3, |c| largest(&c.as_left))
+        .under(LEFT)
+        .number("rms", 3, |c| rms(&c.as_left))
+        .under(LEFT)
+        .number("U (k = 2), deg", 3, |c| c.expanded_uncertainty_deg)
+        .number("Residual of the fit, deg", 4, |c| c.residual_deg)
+        .verdict("Within tolerance", ["yes", "NO"], within)
+        .table()
 }
 
 fn readings(channel: &Channel) -> Table {
-    Table::of(
-        &format!("Channel {} as left, at other angles", channel.channel),
-        &channel.as_left,
-        [
-            (Column::text("Slope"), |p| Cell::text(&p.axis)),
-            (Column::number("Reference, deg"), |p| {
-                number(Some(p.reference_deg))
-            }),
-            (Column::number("Reading, deg"), |p| number(p.reading_deg)),
-            (Column::number("Error, deg"), |p| number(p.error_deg)),
-        ],
-    )
+    let title = format!("Channel {} as left, at other angles", channel.channel);
+    Rows::of(&title, &channel.as_left)
+        .text("Slope", |p| &p.axis)
+        .number("Reference, deg", 3, |p| p.reference_deg)
+        .number("Reading, deg", 3, |p| p.reading_deg)
+        .number("Error, deg", 3, |p| p.error_deg)
+        .table()
 }
 
 /// Errors of both channels over the reference's angle.
@@ -317,28 +280,18 @@ fn poses(report: &Report) -> String {
     const FOUND: &str = "As found, deg";
     const LEFT: &str = "With the new calibration, deg";
     for channel in &report.channels {
-        out += &html::table(&Table::of(
-            &format!("Channel {}", channel.channel),
-            &channel.poses,
-            [
-                (Column::text("Pose"), |p| Cell::text(&p.words)),
-                (Column::number("Length less 1 g, mg"), |p| {
-                    number(Some(p.length_error_mg))
-                }),
-                (Column::number("X").under(FOUND), |p| {
-                    number(p.as_found_deg[0])
-                }),
-                (Column::number("Y").under(FOUND), |p| {
-                    number(p.as_found_deg[1])
-                }),
-                (Column::number("X").under(LEFT), |p| {
-                    number(Some(p.as_left_deg[0]))
-                }),
-                (Column::number("Y").under(LEFT), |p| {
-                    number(Some(p.as_left_deg[1]))
-                }),
-            ],
-        ));
+        let poses = Rows::of(&format!("Channel {}", channel.channel), &channel.poses)
+            .text("Pose", |p| &p.words)
+            .number("Length less 1 g, mg", 3, |p| p.length_error_mg)
+            .number("X", 3, |p| p.as_found_deg[0])
+            .under(FOUND)
+            .number("Y", 3, |p| p.as_found_deg[1])
+            .under(FOUND)
+            .number("X", 3, |p| p.as_left_deg[0])
+            .under(LEFT)
+            .number("Y", 3, |p| p.as_left_deg[1])
+            .under(LEFT);
+        out += &html::table(&poses.table());
     }
     out
 }

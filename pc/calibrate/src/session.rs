@@ -18,6 +18,7 @@ use device::objects::table::Channel;
 use tilt::chain::Calibration;
 
 use super::error::CalibrateError;
+use super::reading::{Reading, Upset, wrap};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::{Bus, Received};
 
@@ -101,20 +102,6 @@ pub struct Node {
     pub counted: Option<u32>,
 }
 
-/// What spoils the work with a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Upset {
-    /// It has started anew.
-    #[error("has restarted in the middle: look at its supply")]
-    Restarted,
-    /// It was taken to another NMT state than PRE-OPERATIONAL.
-    #[error(
-        "was taken out of PRE-OPERATIONAL (NMT) in the middle: no other master may command it \
-         meanwhile"
-    )]
-    Commanded,
-}
-
 impl Node {
     /// A or B.
     pub const fn letter(&self) -> &'static str {
@@ -128,19 +115,6 @@ impl Node {
     pub fn found_sum(&self) -> u32 {
         identity(&self.calibration)
     }
-}
-
-/// What one node says at a standstill.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
-    /// Mean acceleration in the sensor's axes, 2^-26 g.
-    pub accel: [f64; 3],
-    /// Scatter of single readings around it, mg, all axes together.
-    pub scatter_mg: f64,
-    /// What the sensor says of its temperature, degC, to a degree.
-    pub temperature_c: f64,
-    /// Mean of the angles X and Y, deg; the reason of 2025h where one has none.
-    pub angle_deg: [Result<f64, u8>; 2],
 }
 
 /// The nodes on their bus.
@@ -621,11 +595,6 @@ fn mean_angle(singles: &[Single], axis: usize) -> Result<f64, u8> {
         sum += wrap(single.angle_deg[axis]? - first);
     }
     Ok(wrap(first + sum / singles.len() as f64))
-}
-
-/// To -180..=180 deg.
-pub fn wrap(deg: f64) -> f64 {
-    deg - 360.0 * (deg / 360.0).round()
 }
 
 #[cfg(test)]

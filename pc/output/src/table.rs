@@ -175,9 +175,6 @@ pub fn format_number(value: Option<f64>, decimals: usize) -> String {
     }
 }
 
-/// A column beside what its cell says of a value.
-pub type Declared<T> = (Column, fn(&T) -> Cell);
-
 /// A table: title, columns, rows and the sentences below it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
@@ -198,20 +195,6 @@ impl Table {
             title: title.to_owned(),
             columns,
             ..Self::default()
-        }
-    }
-
-    /// A table with a row for each value; beside each column stands what its cell says of a value.
-    pub fn of<T, const N: usize>(
-        title: &str,
-        values: impl IntoIterator<Item = T>,
-        columns: [Declared<T>; N],
-    ) -> Self {
-        let (columns, cells): (Vec<_>, Vec<_>) = columns.into_iter().unzip();
-        let row = |value: T| cells.iter().map(|cell| cell(&value)).collect();
-        Self {
-            rows: values.into_iter().map(row).collect(),
-            ..Self::new(title, columns)
         }
     }
 
@@ -352,20 +335,6 @@ fn width(text: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_declared_table_has_a_row_for_each_value_and_a_cell_for_each_column() {
-        let columns: [Declared<i32>; 2] = [
-            (Column::number("n"), |n| Cell::text(n.to_string())),
-            (Column::number("half"), |n| {
-                Cell::number(Some(f64::from(*n) / 2.0), 1)
-            }),
-        ];
-        let table = Table::of("t", [1, 4], columns);
-        let texts = table.rows.iter().flatten().map(|cell| cell.text.as_str());
-        assert_eq!(texts.collect::<Vec<_>>(), ["1", "0.5", "4", "2.0"]);
-        assert_eq!((table.columns.len(), table.title.as_str()), (2, "t"));
-    }
 
     fn table() -> Table {
         let columns = vec![

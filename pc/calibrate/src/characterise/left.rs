@@ -124,7 +124,7 @@ impl<'a> Left<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::thermal::Model;
+    use super::super::model::Model;
     use super::*;
     use output::progress::Progress;
 

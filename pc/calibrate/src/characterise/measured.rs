@@ -12,11 +12,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::model::Model;
 use super::profile::Profile;
-use super::thermal::{Model, Sight};
+use super::thermal::Sight;
 use crate::CalibrateError;
-use crate::folder::{MEASURED, put};
+use crate::folder::MEASURED;
 use crate::kept::hex;
+use crate::kept::put;
 use crate::session::Node;
 
 /// Name of the format.

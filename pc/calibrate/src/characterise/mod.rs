@@ -12,6 +12,7 @@ pub mod chamber;
 pub mod hold;
 mod left;
 mod measured;
+mod model;
 pub mod profile;
 mod report;
 mod run;
@@ -25,13 +26,14 @@ use clap::Args;
 use chamber::{Chamber, HandChamber, ScpiChamber};
 use left::Left;
 use measured::{Begun, Measured};
+use model::Model;
 use profile::Profile;
 use run::{Bench, Turner};
-use thermal::Model;
 
 use crate::by_motor::Kind;
-use crate::compose::{Frame, now};
+use crate::compose::Frame;
 use crate::console::Console;
+use crate::data::now;
 use crate::data::{Channel, Report};
 use crate::finish::{self, Done};
 use crate::folder::Folder;
@@ -192,7 +194,10 @@ fn sequence(arguments: &Arguments, model: Model) -> Result<Profile, CalibrateErr
     } = arguments;
     let stairs = [from, to, step, dwell].iter().any(|given| given.is_some());
     let mut profile = match &arguments.profile {
-        Some(path) => Profile::read(path, RUNS)?,
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(CalibrateError::file(path))?;
+            Profile::read(path, &text, RUNS)?
+        }
         None if stairs => {
             let [from, to] = [from.unwrap_or(-10.0), to.unwrap_or(70.0)];
             let [step, dwell] = [step.unwrap_or(10.0), dwell.unwrap_or(40.0)];

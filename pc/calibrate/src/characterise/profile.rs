@@ -14,8 +14,7 @@ use serde::{Deserialize, Serialize};
 use sim::chamber;
 use tilt::temperature::KNOTS;
 
-use super::thermal::Model;
-use crate::CalibrateError;
+use super::model::Model;
 
 /// Temperatures of a dwell, degC: the sensor's operating range is -40 to 85 degC.
 const TEMPERATURES: std::ops::RangeInclusive<f64> = -40.0..=85.0;
@@ -150,11 +149,10 @@ impl Profile {
         Ok(Self { runs, steps })
     }
 
-    /// The profile in a file; `runs` where the file does not say.
+    /// The profile in the text of this file; `runs` where it has none.
     ///
-    /// Errors: [`CalibrateError::File`], [`ProfileError::Line`].
-    pub fn read(path: &Path, runs: u32) -> Result<Self, CalibrateError> {
-        let text = std::fs::read_to_string(path).map_err(CalibrateError::file(path))?;
+    /// Errors: [`ProfileError::Line`].
+    pub fn read(path: &Path, text: &str, runs: u32) -> Result<Self, ProfileError> {
         let mut profile = Self {
             runs,
             steps: Vec::new(),
@@ -398,11 +396,7 @@ mod tests {
 
     #[test]
     fn a_file_is_read_line_by_line_and_the_bad_line_is_named() {
-        let path = std::env::temp_dir().join(format!("plumb-profile-{}", std::process::id()));
-        let read = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            Profile::read(&path, 2)
-        };
+        let read = |text: &str| Profile::read(Path::new("profile"), text, 2);
         let text = "# two stairs\nruns 1\n\n25 10 # begin\n-10\t0.5\n";
         let profile = read(text).unwrap();
         assert_eq!((profile.runs, profile.steps.len()), (1, 2));
@@ -412,10 +406,5 @@ mod tests {
             let told = read(&format!("0 1\n{bad}\n")).unwrap_err().to_string();
             assert!(told.contains("line 2"), "{told}");
         }
-        std::fs::remove_file(&path).unwrap();
-        assert!(matches!(
-            Profile::read(&path, 2),
-            Err(CalibrateError::File(..))
-        ));
     }
 }

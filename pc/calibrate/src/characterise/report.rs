@@ -13,9 +13,10 @@ use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO};
 
 use super::measured::{Dwelt, Measured};
+use super::model::Model;
 use super::profile::Branch;
 use super::run::READINGS;
-use super::thermal::{Fitted, Model, Sight, between_runs_mg, fit, hysteresis_mg, rms, with_model};
+use super::thermal::{Fitted, Sight, between_runs_mg, fit, hysteresis_mg, rms, with_model};
 use crate::CalibrateError;
 use crate::compose::{Frame, judge};
 use crate::data::{

@@ -15,15 +15,17 @@ use super::chamber::Chamber;
 use super::hold::{Hold, Phase, follows};
 use super::left::Left;
 use super::measured::{Dwelt, Felt, Measured};
+use super::model::Model;
 use super::profile::{Profile, Step};
-use super::thermal::{Model, alike};
+use super::thermal::alike;
 use crate::CalibrateError;
 use crate::by_hand;
 use crate::by_motor::{Kind, level, still, turn};
 use crate::console::{Console, GLANCE};
 use crate::hand::{NEAR_DEG, POSES, angle_deg};
 use crate::motor::{Axis, Motor};
-use crate::session::{Reading, Session};
+use crate::reading::Reading;
+use crate::session::Session;
 
 /// Readings of an orientation.
 pub const READINGS: u32 = 20;

@@ -11,8 +11,6 @@
 //!
 //! Left out: the report (`report`).
 
-use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
 use tilt::ONE_G;
 use tilt::angle::Axes;
 use tilt::calibration::FitError;
@@ -24,48 +22,13 @@ use tilt::table::{Point, Table};
 use tilt::temperature::{KNOTS, TemperatureModel};
 use tilt::vector::Vector;
 
+use super::model::Model;
 use super::profile::{Branch, Profile};
 use crate::fit::{compensated_g, temperature};
 
 /// Variance of gravity's share of an axis over the orientations below which offset and gain can
 /// not be told apart, g^2: the tetrahedron has 0.33, four sides of a housing have 0.19.
 const APART_G2: f64 = 0.05;
-
-/// Which model is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Model {
-    /// Offset and gain as quadratics, from four orientations: product mode
-    Quadratic,
-    /// The paper's eq 6: slopes of the offset between temperatures, level, rising stairs
-    Piecewise,
-}
-
-impl Model {
-    /// The one that goes with a correction: eq 6 with the paper's tables.
-    pub const fn of(correction: &Correction) -> Self {
-        match correction {
-            Correction::Tables { .. } => Self::Piecewise,
-            Correction::TwoAxis { .. } | Correction::OneAxis { .. } => Self::Quadratic,
-        }
-    }
-
-    /// Orientations of each dwell.
-    pub const fn orientations(self) -> usize {
-        match self {
-            Self::Quadratic => ORIENTATIONS,
-            Self::Piecewise => 1,
-        }
-    }
-
-    /// Its name as people write it.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Quadratic => "quadratic",
-            Self::Piecewise => "piecewise",
-        }
-    }
-}
 
 /// One mean reading of one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
