@@ -25,6 +25,18 @@ pub enum Nmt {
     Stopped,
 }
 
+impl Nmt {
+    /// The byte of a heartbeat.
+    pub const fn byte(self) -> u8 {
+        match self {
+            Self::BootUp => 0,
+            Self::Stopped => 4,
+            Self::Operational => 5,
+            Self::PreOperational => 127,
+        }
+    }
+}
+
 /// What was told so shortly before a boot-up message belongs to the same start, ns: an EMCY of the
 /// start has the lower identifier and overtakes it on the bus.
 pub const SAME_START_NS: u64 = 20_000_000;
