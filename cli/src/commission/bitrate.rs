@@ -7,7 +7,6 @@
 //!
 //! Left out: the adapter's own rate, but for SLCAN, whose channel is opened anew with it.
 
-use std::fmt;
 use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -15,12 +14,13 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::{CommissionError, listed};
 use bus_master::fault::Fault;
 use bus_master::lss::{BIT_RATES, Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::{Meant, NodeOption, NodesError};
+use bus_master::nodes::{Meant, NodeOption};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
 use bus_master::{Bus, BusOptions};
@@ -70,73 +70,6 @@ fn rate(text: &str) -> Result<u16, String> {
     rate.ok_or_else(|| format!("take one of {known:?} kbit/s"))
 }
 
-/// Why the bit rate was not read or changed.
-#[derive(Debug)]
-pub enum BitrateError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// A change is for all nodes.
-    AllOnly,
-    /// These nodes are OPERATIONAL, where they do not answer LSS.
-    Operational(Vec<u8>),
-    /// These nodes do not answer LSS and would not follow.
-    Behind(Vec<u8>),
-    /// These nodes do not answer at the new rate; the rate.
-    Gone(Vec<u8>, u16),
-}
-
-impl From<Fault> for BitrateError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for BitrateError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-fn listed(nodes: &[u8]) -> String {
-    let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
-    names.join(", ")
-}
-
-impl fmt::Display for BitrateError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::AllOnly => write!(
-                f,
-                "a bus has one bit rate: leave --node away, all nodes are changed at once"
-            ),
-            Self::Operational(nodes) => write!(
-                f,
-                "nodes that are OPERATIONAL do not answer LSS and would not follow: {}; nothing \
-                 was changed; use --stop to take them to PRE-OPERATIONAL for it, and back",
-                listed(nodes)
-            ),
-            Self::Behind(nodes) => write!(
-                f,
-                "these nodes do not answer LSS and would not follow: {}; the bus would stop, so \
-                 nothing was changed; take them off the bus, or use --force",
-                listed(nodes)
-            ),
-            Self::Gone(nodes, rate) => write!(
-                f,
-                "these nodes have stored {rate} kbit/s and do not answer here: {}; set the adapter \
-                 to {rate} kbit/s as well (for SocketCAN: `ip link set can0 down`, then `ip link \
-                 set can0 up type can bitrate {rate}000`; for `plumb serve`: `plumb \
-                 twin bit-rate {rate}`), then look with `plumb bitrate`",
-                listed(nodes)
-            ),
-        }
-    }
-}
-
 /// The rate of one node.
 #[derive(Clone, Debug, Serialize)]
 struct Rate {
@@ -146,21 +79,18 @@ struct Rate {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
+struct Content<'a> {
     changed: bool,
-    nodes: Vec<Rate>,
+    nodes: &'a [Rate],
 }
 
 /// Reads or changes, and prints.
 ///
-/// Errors: see [`BitrateError`].
-pub fn run(arguments: &Arguments) -> Result<ExitCode, BitrateError> {
+/// Errors: see [`CommissionError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let meant = match arguments.rate {
-        Some(_) if arguments.nodes.node.is_some() => return Err(BitrateError::AllOnly),
+        Some(_) if arguments.nodes.node.is_some() => return Err(CommissionError::AllOnly),
         Some(rate) => Meant {
             nodes: change(&mut bus, rate, arguments)?,
             missing: None,
@@ -176,23 +106,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, BitrateError> {
             automatic: node.number(0x2053, 2)?.map(|number| number != 0),
         });
     }
-    match arguments.json {
-        true => print::json(&Document {
-            format: "plumb-bitrate",
-            version: 1,
-            bus: bus.name().to_owned(),
-            changed: arguments.rate.is_some(),
-            nodes: rates,
-        })?,
-        false => {
-            let lines = rates
-                .iter()
-                .map(|rate| line(rate, arguments.rate.is_some()));
-            print::text(&lines.collect::<String>())?;
-        }
-    }
+    let changed = arguments.rate.is_some();
+    let content = Content {
+        changed,
+        nodes: &rates,
+    };
+    answer(arguments).show(&bus, content, || {
+        rates.iter().map(|rate| line(rate, changed)).collect()
+    })?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
+}
+
+const fn answer(arguments: &Arguments) -> Answer {
+    Answer {
+        format: "plumb-bitrate",
+        json: arguments.json,
+    }
 }
 
 fn line(rate: &Rate, changed: bool) -> String {
@@ -210,7 +140,7 @@ fn line(rate: &Rate, changed: bool) -> String {
 }
 
 /// Changes all nodes, and starts those again that were stopped for it; who they are.
-fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, BitrateError> {
+fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, CommissionError> {
     let heard = survey(bus, ASKING).map_err(Fault::bus)?;
     let there: Vec<u8> = heard.nodes().into_iter().collect();
     if there.is_empty() {
@@ -234,7 +164,7 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, Bi
 }
 
 /// Takes nodes to PRE-OPERATIONAL.
-fn stop(bus: &mut Bus, nodes: &[u8]) -> Result<(), BitrateError> {
+fn stop(bus: &mut Bus, nodes: &[u8]) -> Result<(), CommissionError> {
     for node in nodes {
         nmt::command(bus, Command::EnterPreOperational, *node).map_err(Fault::bus)?;
         nmt::wait_for(bus, *node, State::PreOperational, STOPPING).map_err(Fault::bus)?;
@@ -249,7 +179,7 @@ fn change_these(
     arguments: &Arguments,
     there: Vec<u8>,
     working: &[u8],
-) -> Result<Vec<u8>, BitrateError> {
+) -> Result<Vec<u8>, CommissionError> {
     let (mut follow, mut behind) = (Vec::new(), Vec::new());
     for id in there {
         match selected(bus, id)? {
@@ -262,21 +192,18 @@ fn change_these(
     let may = arguments.force || behind.is_empty();
     let told = match (working.is_empty(), may && !follow.is_empty()) {
         // Not even by force: these can follow.
-        (false, _) => Err(BitrateError::Operational(working)),
+        (false, _) => Err(CommissionError::Operational(working)),
         (true, true) => tell(bus, rate, arguments.delay),
-        (true, false) => Err(BitrateError::Behind(behind)),
+        (true, false) => Err(CommissionError::Behind(behind)),
     };
     if told.is_err() {
         Master::new(bus).switch_all(false).map_err(Fault::from)?;
     }
     told?;
-    if !arguments.json {
-        let sentence = format!(
-            "commanded to change to {rate} kbit/s: nodes {}\n",
-            listed(&follow)
-        );
-        print::text(&sentence)?;
-    }
+    answer(arguments).say(format!(
+        "commanded to change to {rate} kbit/s: nodes {}\n",
+        listed(&follow)
+    ))?;
     // Both pauses of the nodes.
     sleep(2 * Duration::from_millis(u64::from(arguments.delay)));
     // Other adapters have their rate set elsewhere.
@@ -300,7 +227,7 @@ fn selected(bus: &mut Bus, id: u8) -> Result<bool, Fault> {
 }
 
 /// Tells those in the configuration state, which store it and change.
-fn tell(bus: &mut Bus, rate: u16, delay: u16) -> Result<(), BitrateError> {
+fn tell(bus: &mut Bus, rate: u16, delay: u16) -> Result<(), CommissionError> {
     let index = BIT_RATES
         .iter()
         .position(|known| *known == rate)
@@ -313,7 +240,7 @@ fn tell(bus: &mut Bus, rate: u16, delay: u16) -> Result<(), BitrateError> {
 }
 
 /// Waits until all answer; then nobody is in the configuration state any more.
-fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), BitrateError> {
+fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), CommissionError> {
     let until = Instant::now() + BACK;
     let mut silent = nodes.to_vec();
     while !silent.is_empty() && Instant::now() < until {
@@ -331,7 +258,7 @@ fn await_all(bus: &mut Bus, nodes: &[u8], rate: u16) -> Result<(), BitrateError>
     Master::new(bus).switch_all(false).map_err(Fault::from)?;
     match silent.is_empty() {
         true => Ok(()),
-        false => Err(BitrateError::Gone(silent, rate)),
+        false => Err(CommissionError::NotFollowed(silent, rate)),
     }
 }
 

@@ -5,9 +5,7 @@
 //!
 //! Left out: what the bytes of a DOMAIN mean.
 
-use std::fmt;
 use std::fs;
-use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -15,13 +13,15 @@ use canopen::object::Access;
 use clap::Args;
 use serde::Serialize;
 
-use super::print;
+use super::answer::{self, Answer};
+use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
-use bus_master::nodes::{NodeOption, NodesError};
+use bus_master::nodes::NodeOption;
 use bus_master::sdo::meaning;
 use bus_master::{Bus, BusOptions};
-use codes::name::{self, NameError, Named};
+use codes::name::{self, Named};
+use codes::value::Shown;
 use output::table::{Cell, Column, Table};
 
 /// What is read.
@@ -47,84 +47,6 @@ pub struct Arguments {
     pub bus: BusOptions,
 }
 
-/// Why nothing was read.
-#[derive(Debug)]
-pub enum GetError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// A name means nothing.
-    Name(NameError),
-    /// An object can only be written.
-    WriteOnly(String),
-    /// A node refuses the one object: node, name, abort code.
-    Refused(u8, String, u32),
-    /// Nodes refuse some of several objects, which were printed: how many, the first one's node,
-    /// name and reason.
-    Refusals(usize, u8, String, String),
-    /// A file holds one object of one node.
-    OneOnly,
-    /// The file can't be written.
-    Write(PathBuf, io::Error),
-}
-
-impl From<Fault> for GetError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for GetError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl From<NameError> for GetError {
-    fn from(error: NameError) -> Self {
-        Self::Name(error)
-    }
-}
-
-impl fmt::Display for GetError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::Name(error) => write!(f, "{error}"),
-            Self::WriteOnly(name) => write!(f, "{name} can only be written"),
-            Self::Refused(node, name, code) => write!(
-                f,
-                "node {node} refuses {name}: {} (abort code {:04X} {:04X}h)",
-                meaning(*code),
-                code >> 16,
-                code & 0xFFFF
-            ),
-            Self::Refusals(1, node, name, reason) => {
-                write!(
-                    f,
-                    "node {node} refuses {name}: {reason}; the others were read"
-                )
-            }
-            Self::Refusals(count, node, name, reason) => write!(
-                f,
-                "{count} objects are refused, the first one, {name}, by node {node}: {reason}; the \
-                 others were read"
-            ),
-            Self::OneOnly => write!(
-                f,
-                "a file holds one object of one node: name one object, and the node with --node"
-            ),
-            Self::Write(path, why) => write!(
-                f,
-                "cannot write {}: {why}; choose another file with --output",
-                path.display()
-            ),
-        }
-    }
-}
-
 /// One object of one node.
 #[derive(Clone, Debug, Serialize)]
 struct Reading {
@@ -141,76 +63,73 @@ struct Reading {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
-    objects: Vec<Reading>,
+struct Content<'a> {
+    objects: &'a [Reading],
 }
 
 /// Reads and prints. What a node refuses of several objects is printed in its place.
 ///
-/// Errors: see [`GetError`]; those that were read are printed all the same.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, GetError> {
+/// Errors: see [`CommissionError`]; those that were read are printed all the same.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     if arguments.list {
-        print::text(&list())?;
+        answer::text(&list())?;
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let meant = arguments.nodes.readable(&mut bus)?;
     let nodes = &meant.nodes;
-    if let Some(path) = &arguments.output {
-        let ([object], [node]) = (objects.as_slice(), nodes.as_slice()) else {
-            return Err(GetError::OneOnly);
-        };
-        save(&mut bus, *node, object, path)?;
-        meant.complete()?;
-        return Ok(ExitCode::SUCCESS);
-    }
+    let refused = match &arguments.output {
+        Some(path) => {
+            let ([object], [node]) = (objects.as_slice(), nodes.as_slice()) else {
+                return Err(CommissionError::OneOnly);
+            };
+            save(&mut bus, *node, object, path)?;
+            None
+        }
+        None => {
+            let answer = Answer {
+                format: "plumb-get",
+                json: arguments.json,
+            };
+            let readings = read(&mut bus, nodes, &objects)?;
+            let content = Content { objects: &readings };
+            answer.show(&bus, content, || table(nodes, &objects, &readings))?;
+            refusals(&readings)
+        }
+    };
+    meant.complete()?;
+    refused.map_or(Ok(ExitCode::SUCCESS), Err)
+}
+
+/// All objects of all nodes. One object of one node that is refused is an error.
+fn read(bus: &mut Bus, nodes: &[u8], objects: &[Named]) -> Result<Vec<Reading>, CommissionError> {
     let mut readings = Vec::new();
+    let is_only = nodes.len() * objects.len() == 1;
     for id in nodes {
-        let mut node = Node::new(&mut bus, *id);
-        for object in &objects {
-            readings.push(reading(&mut node, object)?);
+        let mut node = Node::new(bus, *id);
+        for object in objects {
+            match node.shown(object)? {
+                Err(code) if is_only => {
+                    return Err(CommissionError::Refused(*id, object.name.clone(), code));
+                }
+                shown => readings.push(reading(*id, object, shown)),
+            }
         }
     }
-    if let [
-        Reading {
-            node,
-            name,
-            text: None,
-            ..
-        },
-    ] = readings.as_slice()
-    {
-        let code = Node::new(&mut bus, *node).try_read(objects[0].index, objects[0].sub)?;
-        return Err(GetError::Refused(
-            *node,
-            name.clone(),
-            code.err().unwrap_or(0),
-        ));
-    }
+    Ok(readings)
+}
+
+/// What nodes have refused of several objects.
+fn refusals(readings: &[Reading]) -> Option<CommissionError> {
     let mut refused = readings.iter().filter(|reading| reading.text.is_none());
     let count = refused.clone().count();
-    let refused = refused.next().map(|reading| {
-        let reason = reading.reason.clone().unwrap_or_default();
-        GetError::Refusals(count, reading.node, reading.name.clone(), reason)
-    });
-    match arguments.json {
-        true => print::json(&Document {
-            format: "plumb-get",
-            version: 1,
-            bus: bus.name().to_owned(),
-            objects: readings,
-        })?,
-        false => print::text(&table(nodes, &objects, &readings))?,
-    }
-    meant.complete()?;
-    if let Some(refused) = refused {
-        return Err(refused);
-    }
-    Ok(ExitCode::SUCCESS)
+    refused.next().map(|first| CommissionError::Refusals {
+        count,
+        node: first.node,
+        name: first.name.clone(),
+        reason: first.reason.clone().unwrap_or_default(),
+    })
 }
 
 /// Every name with its address.
@@ -226,23 +145,22 @@ fn list() -> String {
 }
 
 /// What the names mean; what can only be written is named at once.
-fn objects(names: &[String]) -> Result<Vec<Named>, GetError> {
+fn objects(names: &[String]) -> Result<Vec<Named>, CommissionError> {
     let mut objects = Vec::new();
     for name in names {
         let found = name::find(name)?;
         let readable = |one: &Named| one.row.is_none_or(|row| row.access.has(Access::READ));
         if !found.iter().any(readable) {
-            return Err(GetError::WriteOnly(name.clone()));
+            return Err(CommissionError::WriteOnly(name.clone()));
         }
         objects.extend(found.into_iter().filter(readable));
     }
     Ok(objects)
 }
 
-fn reading(node: &mut Node, object: &Named) -> Result<Reading, Fault> {
-    let shown = node.shown(object)?;
+fn reading(node: u8, object: &Named, shown: Result<(Vec<u8>, Shown), u32>) -> Reading {
     let mut reading = Reading {
-        node: node.id,
+        node,
         name: object.name.clone(),
         index: format!("{:04X}", object.index),
         sub: object.sub,
@@ -266,17 +184,17 @@ fn reading(node: &mut Node, object: &Named) -> Result<Reading, Fault> {
         }
         Err(code) => reading.reason = Some(meaning(code).to_owned()),
     }
-    Ok(reading)
+    reading
 }
 
-fn save(bus: &mut Bus, node: u8, object: &Named, path: &PathBuf) -> Result<(), GetError> {
+fn save(bus: &mut Bus, node: u8, object: &Named, path: &PathBuf) -> Result<(), CommissionError> {
     let bytes = match Node::new(bus, node).try_read(object.index, object.sub)? {
         Ok(bytes) => bytes,
-        Err(code) => return Err(GetError::Refused(node, object.name.clone(), code)),
+        Err(code) => return Err(CommissionError::Refused(node, object.name.clone(), code)),
     };
-    fs::write(path, &bytes).map_err(|why| GetError::Write(path.clone(), why))?;
+    fs::write(path, &bytes).map_err(|why| CommissionError::Write(path.clone(), why))?;
     let name = &object.name;
-    print::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
+    answer::text(&format!("{} bytes of {name} of node {node}\n", bytes.len()))?;
     Ok(())
 }
 

@@ -7,58 +7,22 @@
 //! Left out: the fault log and the black box, which `plumb get fault-log --output FILE` and
 //! `plumb get black-box.1 --output FILE` fetch.
 
-use std::fmt;
 use std::process::ExitCode;
 
 use clap::Args;
-use device::fault::Fault as DeviceFault;
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::CommissionError;
 use crate::update::version;
 use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
-use bus_master::nodes::{Meant, NodeOption, NodesError};
+use bus_master::nodes::{Meant, NodeOption};
 use codes::name::{self, Named};
-use codes::words::because;
+use codes::words::{self, because};
 use output::printable;
 use output::table::{Cell, Column, Table};
-
-/// Bits of the error register (CiA 301, 7.5.2.2).
-const ERROR_BITS: [&str; 8] = [
-    "any",
-    "current",
-    "voltage",
-    "temperature",
-    "communication",
-    "profile",
-    "reserved",
-    "manufacturer",
-];
-
-/// Codes of EMCY that are not a fault of the instrument, in words (CiA 301, table 26; R9).
-const OTHER_CODES: [(u16, &str); 16] = [
-    (0x6101, "the previous program ended by a panic"),
-    (0x6102, "the previous program ended by a hard fault"),
-    (
-        0x6103,
-        "the previous program met an interrupt without a handler",
-    ),
-    (0x6104, "the watchdog ended the previous program"),
-    (0x6105, "the bootloader had found nothing to start"),
-    (0x8110, "CAN frames were lost"),
-    (0x8120, "the CAN controller was error passive"),
-    (0x8130, "the heartbeat of a supervised node was lost"),
-    (0x8140, "it came back from bus-off"),
-    (0x8150, "two nodes sent the same identifier"),
-    (0x8200, "a frame was against the protocol"),
-    (0x8210, "a PDO was too short"),
-    (0x8220, "a PDO was too long"),
-    (0x8240, "a SYNC had a wrong length"),
-    (0x8250, "a received PDO was missing"),
-    (0, "faults have gone"),
-];
 
 /// Which nodes.
 #[derive(Clone, Debug, Args)]
@@ -81,37 +45,6 @@ pub struct Arguments {
     pub bus: BusOptions,
 }
 
-/// Why nothing could be told.
-#[derive(Debug)]
-pub enum InfoError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-}
-
-impl From<Fault> for InfoError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for InfoError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl fmt::Display for InfoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-        }
-    }
-}
-
-/// One thing that a node tells.
 #[derive(Clone, Debug, Serialize)]
 struct Fact {
     /// What it is, as the table has it.
@@ -137,11 +70,8 @@ struct Info {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
-    nodes: Vec<Info>,
+struct Content<'a> {
+    nodes: &'a [Info],
 }
 
 /// What is asked, in the order in which it is told: a label and an object.
@@ -192,8 +122,8 @@ const NO_DATA: u32 = 0x0800_0024;
 
 /// Asks and prints.
 ///
-/// Errors: see [`InfoError`].
-pub fn run(arguments: &Arguments) -> Result<ExitCode, InfoError> {
+/// Errors: see [`CommissionError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let meant = match arguments.id {
         Some(id) => Meant {
@@ -206,15 +136,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, InfoError> {
     for id in meant.nodes.clone() {
         told.push(ask(&mut Node::new(&mut bus, id))?);
     }
-    match arguments.json {
-        true => print::json(&Document {
-            format: "plumb-info",
-            version: 1,
-            bus: bus.name().to_owned(),
-            nodes: told,
-        })?,
-        false => print::text(&text(&told))?,
-    }
+    let answer = Answer {
+        format: "plumb-info",
+        json: arguments.json,
+    };
+    answer.show(&bus, Content { nodes: &told }, || text(&told))?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
 }
@@ -232,12 +158,7 @@ fn ask(node: &mut Node) -> Result<Info, Fault> {
     }
     facts.push(report(node)?);
     let register = node.number(0x1001, 0)?.unwrap_or(0);
-    let errors = ERROR_BITS.iter().enumerate();
-    let errors = errors.filter(|(bit, _)| register >> bit & 1 != 0);
-    let errors = errors
-        .map(|(_, name)| *name)
-        .filter(|name| *name != "any")
-        .collect();
+    let errors = words::error_register(register as u8).collect();
     let count = node.number(0x1003, 0)?.unwrap_or(0).min(8);
     let mut error_history = Vec::new();
     for sub in 1..=count {
@@ -318,22 +239,18 @@ fn in_words(named: &Named, raw: Option<i64>) -> Option<String> {
             "confirmed, a newer one was given up",
         ]),
         (0x2025, _) | (0x2027, 2) if raw == 0 => Some("-".to_owned()),
-        (0x2025, _) | (0x2027, 2) => u8::try_from(raw).ok().map(because),
+        (0x2025, _) | (0x2027, 2) => u8::try_from(raw)
+            .ok()
+            .map(|code| because(code).into_owned()),
         (0x2005, 0) => one_of(&["forbidden", "allowed"]),
         (0x1017, 0) if raw == 0 => Some("none".to_owned()),
         _ => None,
     }
 }
 
-/// What an EMCY code says.
+/// An entry of the error history.
 fn error_text(code: u16) -> String {
-    let of_device = DeviceFault::ALL
-        .iter()
-        .find(|fault| fault.report().0 == code);
-    let other = || OTHER_CODES.iter().find(|(known, _)| *known == code);
-    let text = of_device.map(|fault| fault.text());
-    let text = text.or_else(|| other().map(|(_, text)| *text));
-    format!("{code:04X}h {}", text.unwrap_or("of unknown meaning"))
+    format!("{code:04X}h {}", words::code(code))
 }
 
 fn text(told: &[Info]) -> String {
@@ -368,11 +285,30 @@ fn text(told: &[Info]) -> String {
     table.rows.push(row("errors now", errors));
     let mut text = table.to_text();
     for info in told {
-        for error in &info.error_history {
-            text.push_str(&format!("node {} has reported: {error}\n", info.node));
+        for (error, times) in counted(&info.error_history) {
+            let times = match times {
+                1 => String::new(),
+                times => format!(" ({times} times)"),
+            };
+            text.push_str(&format!(
+                "node {} has reported: {error}{times}\n",
+                info.node
+            ));
         }
     }
     text
+}
+
+/// Equal entries once with their number, each where its newest one stands.
+fn counted(history: &[String]) -> Vec<(&str, usize)> {
+    let mut counted: Vec<(&str, usize)> = Vec::new();
+    for error in history {
+        match counted.iter_mut().find(|(known, _)| known == error) {
+            Some((_, times)) => *times += 1,
+            None => counted.push((error, 1)),
+        }
+    }
+    counted
 }
 
 fn row<T: AsRef<str>>(label: &str, texts: impl Iterator<Item = T>) -> Vec<Cell> {
@@ -383,6 +319,7 @@ fn row<T: AsRef<str>>(label: &str, texts: impl Iterator<Item = T>) -> Vec<Cell> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use device::fault::Fault as DeviceFault;
 
     #[test]
     fn everything_that_is_asked_is_in_the_dictionary() {
@@ -392,6 +329,12 @@ mod tests {
             assert_eq!(found.len(), 1, "{label}: {name}");
         }
         assert!(name::find("2062").unwrap().len() > 1);
+    }
+
+    #[test]
+    fn an_error_that_came_three_times_is_one_line() {
+        let history = ["new", "old", "new", "new"].map(str::to_owned);
+        assert_eq!(counted(&history), [("new", 3), ("old", 1)]);
     }
 
     #[test]
@@ -410,6 +353,6 @@ mod tests {
             error_text(0x8130),
             "8130h the heartbeat of a supervised node was lost"
         );
-        assert_eq!(error_text(0x1234), "1234h of unknown meaning");
+        assert_eq!(error_text(0x1234), "1234h unknown code");
     }
 }

@@ -8,11 +8,12 @@
 //! Left out: names of objects and values (`codes`), the choice of nodes and the transfers
 //! (`bus_master`), calibration, programs, and what the instrument sends by itself (`monitor`).
 
+mod answer;
 pub mod bitrate;
+mod error;
 pub mod get;
 pub mod info;
 pub mod node_id;
-mod print;
 pub mod restore;
 pub mod save;
 pub mod scan;

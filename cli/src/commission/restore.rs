@@ -6,7 +6,6 @@
 //!
 //! Left out: node-id and bit rate, which stay; calibrations, which `calibrate` exchanges.
 
-use std::fmt;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -14,13 +13,14 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::CommissionError;
 use super::save::Group;
 use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::{self, NodeOption, NodesError};
+use bus_master::nodes::{self, NodeOption};
 
 /// "load", lowest byte first (CiA 301, 7.5.2.14).
 const LOAD: [u8; 4] = *b"load";
@@ -55,54 +55,8 @@ pub struct Arguments {
     pub bus: BusOptions,
 }
 
-/// Why something was not restored.
-#[derive(Debug)]
-pub enum RestoreError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// A node works.
-    Operational(u8),
-    /// A node has not come back after its reset.
-    Gone(u8),
-}
-
-impl From<Fault> for RestoreError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for RestoreError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl fmt::Display for RestoreError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::Operational(node) => write!(
-                f,
-                "node {node} is OPERATIONAL, where it discards nothing: use --stop to take it to \
-                 PRE-OPERATIONAL and back"
-            ),
-            Self::Gone(node) => write!(
-                f,
-                "node {node} has not come back after its reset: look for it with `plumb scan`"
-            ),
-        }
-    }
-}
-
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
+struct Content {
     group: Option<Group>,
     restored_nodes: Vec<u8>,
     reset: bool,
@@ -113,56 +67,55 @@ struct Document {
 
 /// Restores and prints.
 ///
-/// Errors: see [`RestoreError`]; nodes before the failing one are restored and were printed.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, RestoreError> {
+/// Errors: see [`CommissionError`]; nodes before the failing one are restored and were printed.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
+    let answer = Answer {
+        format: "plumb-restore",
+        json: arguments.json,
+    };
+    let what = Group::name(arguments.only);
+    let counts = match arguments.reset {
+        true => "the node was reset, they count",
+        false => "they count from its next reset on (--reset does that too)",
+    };
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let nodes = arguments.nodes.writable(&mut bus)?;
-    let (mut apart, mut restored) = (Vec::new(), Vec::new());
-    let ended = nodes.into_iter().try_for_each(|id| {
-        let delivered = nodes::channel(&mut bus, id)?.map(Channel::node_id);
-        let mut node = Node::new(&mut bus, id);
-        restore(&mut node, arguments)?;
-        restored.push(id);
-        if delivered.is_some_and(|delivered| delivered != id) {
-            apart.push(id);
-        }
-        if !arguments.json {
-            let what = Group::name(arguments.only);
-            let counts = match arguments.reset {
-                true => "the node was reset, they count",
-                false => "they count from its next reset on (--reset does that too)",
-            };
-            print::text(&format!("node {id}: {what} are as delivered; {counts}\n"))?;
-        }
-        Ok::<(), RestoreError>(())
-    });
+    let mut apart_nodes = Vec::new();
+    let (restored_nodes, ended) = answer.each(
+        nodes,
+        |id| {
+            let delivered = nodes::channel(&mut bus, id)?.map(Channel::node_id);
+            restore(&mut Node::new(&mut bus, id), arguments)?;
+            if delivered.is_some_and(|delivered| delivered != id) {
+                apart_nodes.push(id);
+            }
+            Ok(id)
+        },
+        |id| format!("node {id}: {what} are as delivered; {counts}\n"),
+    );
     if arguments.only == Some(Group::Profile) {
-        apart.clear();
+        apart_nodes.clear();
     }
-    if !arguments.json && !apart.is_empty() {
-        print::text(APART)?;
+    if !apart_nodes.is_empty() {
+        answer.say(APART)?;
     }
-    if arguments.json && (ended.is_ok() || !restored.is_empty()) {
-        print::json(&Document {
-            format: "plumb-restore",
-            version: 1,
-            bus: bus.name().to_owned(),
-            group: arguments.only,
-            restored_nodes: restored,
-            reset: arguments.reset,
-            apart_nodes: apart,
-        })?;
-    }
-    ended.map(|()| ExitCode::SUCCESS)
+    let content = Content {
+        group: arguments.only,
+        restored_nodes,
+        reset: arguments.reset,
+        apart_nodes,
+    };
+    let nothing = content.restored_nodes.is_empty();
+    answer.end(&bus, ended, nothing, content)
 }
 
-fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), RestoreError> {
+fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), CommissionError> {
     let id = node.id;
     let worked = node.state()? == Some(State::Operational);
     let sub = Group::sub(arguments.only);
     let done = node.set_up(arguments.stop, |node| node.write(0x1011, sub, &LOAD));
     done.map_err(|fault: Option<Fault>| {
-        fault.map_or(RestoreError::Operational(id), RestoreError::Fault)
+        fault.map_or(CommissionError::DiscardsNothing(id), CommissionError::Fault)
     })?;
     if !arguments.reset {
         return Ok(());
@@ -175,8 +128,8 @@ fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), RestoreError> {
 }
 
 /// Resets a node and waits until it is back.
-fn reset(node: &mut Node) -> Result<(), RestoreError> {
+fn reset(node: &mut Node) -> Result<(), CommissionError> {
     node.command(Command::ResetNode)?;
     let back = nmt::wait_for(node.bus, node.id, State::BootUp, RESTART).map_err(Fault::bus)?;
-    back.then_some(()).ok_or(RestoreError::Gone(node.id))
+    back.then_some(()).ok_or(CommissionError::NotBack(node.id))
 }

@@ -6,7 +6,6 @@
 //!
 //! Left out: what the nodes measure (`info`, `monitor`).
 
-use std::fmt;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -14,7 +13,8 @@ use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
 use bus_master::node::Node;
@@ -43,22 +43,6 @@ pub struct Arguments {
 fn seconds(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|s| (0.1..=60.0).contains(s));
     number.ok_or_else(|| "take 0.1 to 60 seconds".to_owned())
-}
-
-/// Why nobody was found.
-#[derive(Debug)]
-pub struct ScanError(Fault);
-
-impl From<Fault> for ScanError {
-    fn from(fault: Fault) -> Self {
-        Self(fault)
-    }
-}
-
-impl fmt::Display for ScanError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
 }
 
 /// One node.
@@ -91,11 +75,8 @@ struct Fresh {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
-    nodes: Vec<Found>,
+struct Content<'a> {
+    nodes: &'a [Found],
     unconfigured: Vec<Fresh>,
     /// There may be more of them.
     unconfigured_more: bool,
@@ -103,8 +84,8 @@ struct Document {
 
 /// Looks and prints.
 ///
-/// Errors: see [`ScanError`]; nobody at all is one that says why.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, ScanError> {
+/// Errors: see [`CommissionError`]; nobody at all is one that says why.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let time = Duration::from_secs_f64(arguments.time);
     let heard = survey(&mut bus, time).map_err(Fault::bus)?;
@@ -121,10 +102,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ScanError> {
         return Err(Fault::nobody(&mut bus).into());
     }
     let more = fresh.len() >= MOST_FRESH;
-    match arguments.json {
-        true => print::json(&document(bus.name(), nodes, &fresh, more))?,
-        false => print::text(&text(&nodes, &fresh))?,
-    }
+    let answer = Answer {
+        format: "plumb-scan",
+        json: arguments.json,
+    };
+    let content = content(&nodes, &fresh, more);
+    answer.show(&bus, content, || text(&nodes, &fresh))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -193,7 +176,7 @@ fn fresh(bus: &mut Bus) -> Result<Vec<Identity>, Fault> {
     Ok(found)
 }
 
-fn document(bus: &str, nodes: Vec<Found>, fresh: &[Identity], more: bool) -> Document {
+fn content<'a>(nodes: &'a [Found], fresh: &[Identity], more: bool) -> Content<'a> {
     let fresh = fresh.iter().map(
         |[vendor_id, product_code, revision_number, serial_number]| Fresh {
             vendor_id: *vendor_id,
@@ -202,10 +185,7 @@ fn document(bus: &str, nodes: Vec<Found>, fresh: &[Identity], more: bool) -> Doc
             serial_number: *serial_number,
         },
     );
-    Document {
-        format: "plumb-scan",
-        version: 1,
-        bus: bus.to_owned(),
+    Content {
         nodes,
         unconfigured: fresh.collect(),
         unconfigured_more: more,

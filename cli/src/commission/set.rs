@@ -6,7 +6,6 @@
 //!
 //! Left out: contents of files, and commands with verbs of their own (`zero`, `save`, `restore`).
 
-use std::fmt;
 use std::process::ExitCode;
 
 use canopen::object::Access;
@@ -14,17 +13,16 @@ use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
-use super::print;
-use super::zero::remedy;
+use super::answer::Answer;
+use super::error::CommissionError;
 use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
-use bus_master::nodes::{NodeOption, NodesError};
+use bus_master::nodes::NodeOption;
 use bus_master::sdo::SdoError;
-use codes::name::{self, NameError, Named};
-use codes::value::{self, ValueError};
-use codes::words::because;
+use codes::name::{self, Named};
+use codes::value;
 
 /// The abort code of what can't be done in a node's present state.
 const WRONG_STATE: u32 = 0x0800_0022;
@@ -58,92 +56,6 @@ pub struct Arguments {
     pub bus: BusOptions,
 }
 
-/// Why a value was not written, or not as it was meant.
-#[derive(Debug)]
-pub enum SetError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// A name means nothing.
-    Name(NameError),
-    /// The object can't hold this.
-    Value(ValueError),
-    /// The object can only be read.
-    ReadOnly(String),
-    /// Our dictionary does not have the object.
-    Unknown(String),
-    /// The node does not take it while it is OPERATIONAL.
-    State(u8, String),
-    /// The node does not take it in its present state, whatever that is.
-    Refused(u8, String),
-    /// The slope of this preset is not valid: node, name, reason of 2025h.
-    NoAngle(u8, String, u8),
-    /// The node holds another number than was written: node, name, written, read.
-    Differs(u8, String, String, String),
-}
-
-impl From<Fault> for SetError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for SetError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl From<NameError> for SetError {
-    fn from(error: NameError) -> Self {
-        Self::Name(error)
-    }
-}
-
-impl From<ValueError> for SetError {
-    fn from(error: ValueError) -> Self {
-        Self::Value(error)
-    }
-}
-
-impl fmt::Display for SetError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::Name(error) => write!(f, "{error}"),
-            Self::Value(error) => write!(f, "{error}; nothing was written"),
-            Self::ReadOnly(name) => write!(f, "{name} can only be read; nothing was written"),
-            Self::Unknown(name) => write!(
-                f,
-                "{name} is no object of a Plumb, so its type is not known; nothing was written"
-            ),
-            Self::State(node, name) => write!(
-                f,
-                "node {node} does not take {name} while it is OPERATIONAL (abort code 0800 \
-                 0022h): use --stop to take it to PRE-OPERATIONAL for the write, and back"
-            ),
-            Self::Refused(node, name) => write!(
-                f,
-                "node {node} does not take {name} in its present state (abort code 0800 0022h); \
-                 `plumb info --node {node}` shows its state"
-            ),
-            Self::NoAngle(node, name, reason) => write!(
-                f,
-                "node {node} does not take {name} without a valid angle, and there is none ({}): \
-                 {}",
-                because(*reason),
-                remedy(*reason)
-            ),
-            Self::Differs(node, name, written, read) => write!(
-                f,
-                "node {node} was sent {written} for {name} and contains {read}"
-            ),
-        }
-    }
-}
-
 /// What was done to one node.
 #[derive(Clone, Debug, Serialize)]
 struct Written {
@@ -160,26 +72,23 @@ struct Written {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document<'a> {
-    format: &'static str,
-    version: u32,
-    bus: String,
+struct Content<'a> {
     name: &'a str,
     index: String,
     sub: u8,
-    nodes: Vec<Written>,
+    nodes: &'a [Written],
 }
 
 /// Writes and prints.
 ///
-/// Errors: see [`SetError`]; nodes before the failing one are written and were printed.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, SetError> {
+/// Errors: see [`CommissionError`]; nodes before the failing one are written and were printed.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let named = name::one(&arguments.name)?;
     let row = named
         .row
-        .ok_or_else(|| SetError::Unknown(named.name.clone()))?;
+        .ok_or_else(|| CommissionError::Unknown(named.name.clone()))?;
     if !row.access.has(Access::WRITE) {
-        return Err(SetError::ReadOnly(named.name.clone()));
+        return Err(CommissionError::ReadOnly(named.name.clone()));
     }
     // What depends on no node is refused before the bus is joined.
     if value::depends_on(row).is_none() {
@@ -194,28 +103,25 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, SetError> {
         let number = value::parse(&named, row, &arguments.value, arguments.raw, resolution)?;
         numbers.push((*id, number));
     }
-    let mut written = Vec::new();
-    let ended = numbers.into_iter().try_for_each(|(id, number)| {
-        let mut node = Node::new(&mut bus, id);
-        let done = write(&mut node, &named, row, number, arguments.stop)?;
-        if !arguments.json {
-            print::text(&line(&named, &done))?;
-        }
-        written.push(done);
-        Ok::<(), SetError>(())
-    });
-    if arguments.json && (ended.is_ok() || !written.is_empty()) {
-        print::json(&Document {
-            format: "plumb-set",
-            version: 1,
-            bus: bus.name().to_owned(),
-            name: &named.name,
-            index: format!("{:04X}", named.index),
-            sub: named.sub,
-            nodes: written,
-        })?;
-    }
-    ended.map(|()| ExitCode::SUCCESS)
+    let answer = Answer {
+        format: "plumb-set",
+        json: arguments.json,
+    };
+    let (written, ended) = answer.each(
+        numbers,
+        |(id, number)| {
+            let mut node = Node::new(&mut bus, id);
+            write(&mut node, &named, row, number, arguments.stop)
+        },
+        |done| line(&named, done),
+    );
+    let content = Content {
+        name: &named.name,
+        index: format!("{:04X}", named.index),
+        sub: named.sub,
+        nodes: &written,
+    };
+    answer.end(&bus, ended, written.is_empty(), content)
 }
 
 fn write(
@@ -224,7 +130,7 @@ fn write(
     row: &Row,
     number: i64,
     may_stop: bool,
-) -> Result<Written, SetError> {
+) -> Result<Written, CommissionError> {
     let before = match row.access.has(Access::READ) {
         true => node.shown(named)?.ok().and_then(|(_, shown)| shown.value),
         false => None,
@@ -247,7 +153,7 @@ fn write(
 }
 
 /// Why a node does not take this in its present state.
-fn why_not(node: &mut Node, named: &Named) -> SetError {
+fn why_not(node: &mut Node, named: &Named) -> CommissionError {
     let (id, name) = (node.id, named.name.clone());
     let sub = match named.index {
         0x6112 => Some(1),
@@ -259,10 +165,10 @@ fn why_not(node: &mut Node, named: &Named) -> SetError {
         (Err(fault), _) | (_, Err(fault)) => fault.into(),
         (Ok(Some(Some(reason))), _) if reason != 0 => {
             let reason = u8::try_from(reason).unwrap_or(u8::MAX);
-            SetError::NoAngle(id, name, reason)
+            CommissionError::NoAngle(id, name, reason)
         }
-        (_, Ok(Some(State::Operational))) => SetError::State(id, name),
-        _ => SetError::Refused(id, name),
+        (_, Ok(Some(State::Operational))) => CommissionError::State(id, name),
+        _ => CommissionError::WrongState(id, name),
     }
 }
 
@@ -272,7 +178,7 @@ fn read_back(
     row: &Row,
     number: i64,
     before: Option<f64>,
-) -> Result<Written, SetError> {
+) -> Result<Written, CommissionError> {
     let resolution = node.resolution(named)?;
     let meant = value::show(named, &value::bytes(row.data_type, number), resolution);
     let to_be_saved = row.access.has(Access::STORED);
@@ -288,7 +194,7 @@ fn read_back(
     };
     // Where the unit itself was written, as with 6000h, the text is the new one.
     if shown.raw != meant.raw && !is_command(named.index) {
-        return Err(SetError::Differs(
+        return Err(CommissionError::Differs(
             node.id,
             named.name.clone(),
             meant.text,

@@ -12,7 +12,6 @@
 //!
 //! Left out: 6912h and 6922h, the other channel's slopes as this one shows them.
 
-use std::fmt;
 use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -20,14 +19,14 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
-use bus_master::nodes::{NodeOption, NodesError};
+use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
 use codes::name::{self, Named};
-use codes::value::{self, ValueError, decimal};
-use codes::words::because;
+use codes::value::{self, decimal};
 
 /// Bit of 6111h: preset and offsets count.
 const SCALING: u32 = 2;
@@ -120,76 +119,6 @@ impl Slope {
     }
 }
 
-/// Why nothing was zeroed.
-#[derive(Debug)]
-pub enum ZeroError {
-    /// The bus or a node.
-    Fault(Fault),
-    /// No node could be chosen.
-    Nodes(NodesError),
-    /// The angle is none.
-    Value(ValueError),
-    /// More than one instrument is there.
-    Instruments(Vec<u8>),
-    /// A slope is not valid: node, slope, reason of 2025h.
-    Invalid(u8, &'static str, u8),
-    /// Scaling is off.
-    Scaling(u8, &'static str, u16),
-    /// A node has no slopes of CiA 410.
-    NoSlopes(u8),
-}
-
-impl From<Fault> for ZeroError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<NodesError> for ZeroError {
-    fn from(error: NodesError) -> Self {
-        Self::Nodes(error)
-    }
-}
-
-impl fmt::Display for ZeroError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Nodes(error) => write!(f, "{error}"),
-            Self::Value(error) => write!(f, "{error}; nothing was written"),
-            Self::Instruments(nodes) => write!(
-                f,
-                "{} channels are there: name the two of one instrument with --node {},{}",
-                nodes.len(),
-                nodes.first().unwrap_or(&1),
-                nodes.get(1).unwrap_or(&2)
-            ),
-            Self::Invalid(node, slope, reason) => write!(
-                f,
-                "node {node} has no valid {slope} ({}), so nothing was zeroed: {}",
-                because(*reason),
-                remedy(*reason)
-            ),
-            Self::Scaling(node, slope, index) => write!(
-                f,
-                "scaling of {slope} is off in node {node} (bit 1 of {index:04X}h): a preset would \
-                 be stored and not shown, so nothing was written; use --enable-scaling"
-            ),
-            Self::NoSlopes(node) => write!(f, "node {node} has no slopes that can be zeroed"),
-        }
-    }
-}
-
-/// What helps against a reason of 2025h.
-pub const fn remedy(reason: u8) -> &'static str {
-    match reason {
-        1 | 2 => "wait a second and try again",
-        17 => "the channels disagree; mend that first, or take the nodes to PRE-OPERATIONAL",
-        18 => "start the other channel as well, or take the node to PRE-OPERATIONAL",
-        _ => "`plumb info` shows what is wrong",
-    }
-}
-
 /// A slope that was zeroed.
 #[derive(Clone, Debug, Serialize)]
 struct Zeroed {
@@ -207,10 +136,7 @@ struct Zeroed {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
+struct Content {
     slopes: Vec<Zeroed>,
     to_be_saved: bool,
 }
@@ -228,65 +154,63 @@ struct Plan {
 
 /// Zeroes and prints.
 ///
-/// Errors: see [`ZeroError`]; nothing was written unless the bus failed in the middle, and what
-/// was is printed.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, ZeroError> {
+/// Errors: see [`CommissionError`]; nothing was written unless the bus failed in the middle, and
+/// what was is printed.
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
     let nodes = arguments.nodes.whole(&mut bus)?;
     if arguments.nodes.node.is_none() && nodes.len() > 2 {
-        return Err(ZeroError::Instruments(nodes));
+        return Err(CommissionError::Instruments(nodes));
     }
     let mut plans = Vec::new();
     for node in &nodes {
         plans.extend(plan(&mut bus, *node, arguments)?);
     }
-    let mut done = Vec::new();
-    let ended = plans.iter().try_for_each(|plan| {
-        done.push(write(&mut bus, plan)?);
-        Ok::<(), ZeroError>(())
-    });
+    let answer = Answer {
+        format: "plumb-zero",
+        json: arguments.json,
+    };
+    let (mut done, ended) = answer.each(&plans, |plan| write(&mut bus, plan), |_| String::new());
     sleep(SETTLING);
     let ended = done.iter_mut().try_fold(ended, |ended, zeroed| {
         // What ended the writes says more than what goes wrong now.
         let ended = ended.and(read_back(&mut bus, zeroed));
-        if !arguments.json {
-            print::text(&line(zeroed))?;
-        }
-        Ok::<_, ZeroError>(ended)
+        answer.say(line(zeroed))?;
+        Ok::<_, CommissionError>(ended)
     })?;
-    if ended.is_err() && (done.is_empty() || !arguments.json) {
-        return ended.map(|()| ExitCode::SUCCESS);
+    if ended.is_ok() && !arguments.json {
+        answer.say(to_do(&mut bus, &nodes)?)?;
     }
-    match arguments.json {
-        true => print::json(&Document {
-            format: "plumb-zero",
-            version: 1,
-            bus: bus.name().to_owned(),
-            slopes: done,
-            to_be_saved: true,
-        })?,
-        false => {
-            for node in &nodes {
-                print::text(&left_out(&mut bus, *node, &nodes)?)?;
-            }
-            let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
-            let names = names.join(",");
-            let sentence = "not saved yet: plumb save --only profile";
-            print::text(&format!("{sentence} --node {names}\n"))?;
-        }
+    let content = Content {
+        slopes: done,
+        to_be_saved: true,
+    };
+    let nothing = content.slopes.is_empty();
+    answer.end(&bus, ended, nothing, content)
+}
+
+/// What is left to be done to these nodes and their other channels.
+fn to_do(bus: &mut Bus, nodes: &[u8]) -> Result<String, CommissionError> {
+    let mut text = String::new();
+    for node in nodes {
+        text += &left_out(bus, *node, nodes)?;
     }
-    ended.map(|()| ExitCode::SUCCESS)
+    let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
+    let names = names.join(",");
+    Ok(text + &format!("not saved yet: plumb save --only profile --node {names}\n"))
 }
 
 /// Looks at a node; nothing is written.
-fn plan(bus: &mut Bus, id: u8, arguments: &Arguments) -> Result<Vec<Plan>, ZeroError> {
+fn plan(bus: &mut Bus, id: u8, arguments: &Arguments) -> Result<Vec<Plan>, CommissionError> {
     let mut node = Node::new(bus, id);
     let slopes: &[Slope] = match arguments.axis {
         Axis::X => &[Slope::X],
         Axis::Y => &[Slope::Y],
         Axis::Both => &[Slope::X, Slope::Y],
     };
-    let validity = node.number(0x2020, 0)?.ok_or(ZeroError::NoSlopes(id))?;
+    let validity = node
+        .number(0x2020, 0)?
+        .ok_or(CommissionError::NoSlopes(id))?;
     let mut plans = Vec::new();
     for slope in slopes {
         let reason = node.number(0x2025, slope.sub())?.unwrap_or(0);
@@ -298,41 +222,47 @@ fn plan(bus: &mut Bus, id: u8, arguments: &Arguments) -> Result<Vec<Plan>, ZeroE
         // A zero of both is what ends that they show different angles.
         if validity & u32::from(slope.sub()) == 0 && reason != UNLIKE {
             let reason = u8::try_from(reason).unwrap_or(u8::MAX);
-            return Err(ZeroError::Invalid(id, slope.name(), reason));
+            return Err(CommissionError::Invalid(id, slope.name(), reason));
         }
         plans.push(plan_slope(&mut node, *slope, arguments)?);
     }
     Ok(plans)
 }
 
-fn plan_slope(node: &mut Node, slope: Slope, arguments: &Arguments) -> Result<Plan, ZeroError> {
+fn plan_slope(
+    node: &mut Node,
+    slope: Slope,
+    arguments: &Arguments,
+) -> Result<Plan, CommissionError> {
     let id = node.id;
     let index = slope.index() + 1;
-    let operating = node.number(index, 0)?.ok_or(ZeroError::NoSlopes(id))?;
+    let operating = node
+        .number(index, 0)?
+        .ok_or(CommissionError::NoSlopes(id))?;
     let is_on = operating & SCALING != 0;
     if !is_on && !arguments.enable_scaling {
-        return Err(ZeroError::Scaling(id, slope.name(), index));
+        return Err(CommissionError::Scaling(id, slope.name(), index));
     }
     let preset = object(slope.index() + 2)?;
     let resolution = node.resolution(&preset)?;
-    let row = preset.row.ok_or(ZeroError::NoSlopes(id))?;
+    let row = preset.row.ok_or(CommissionError::NoSlopes(id))?;
     let number = value::parse(&preset, row, &arguments.to, false, resolution);
     Ok(Plan {
         node: id,
         slope,
         operating: (!is_on).then_some((operating | SCALING) as u8),
-        preset: number.map_err(ZeroError::Value)?,
+        preset: number?,
     })
 }
 
 /// An object of our dictionary.
-fn object(index: u16) -> Result<Named, ZeroError> {
+fn object(index: u16) -> Result<Named, CommissionError> {
     let named = name::one(&name::address(index, 0));
-    named.map_err(|_| ZeroError::NoSlopes(0))
+    named.map_err(|_| CommissionError::NoSlopes(0))
 }
 
 /// Writes one slope; what it reads then comes when all are written.
-fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
+fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, CommissionError> {
     let mut node = Node::new(bus, plan.node);
     let index = plan.slope.index();
     let before = angle(&mut node, index)?;
@@ -340,7 +270,7 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
         node.write(index + 1, 0, &[operating])?;
     }
     let preset = object(index + 2)?;
-    let row = preset.row.ok_or(ZeroError::NoSlopes(plan.node))?;
+    let row = preset.row.ok_or(CommissionError::NoSlopes(plan.node))?;
     node.write(index + 2, 0, &value::bytes(row.data_type, plan.preset))?;
     let resolution = node.resolution(&preset)?;
     Ok(Zeroed {
@@ -356,7 +286,7 @@ fn write(bus: &mut Bus, plan: &Plan) -> Result<Zeroed, ZeroError> {
 }
 
 /// What a slope that was written reads now.
-fn read_back(bus: &mut Bus, zeroed: &mut Zeroed) -> Result<(), ZeroError> {
+fn read_back(bus: &mut Bus, zeroed: &mut Zeroed) -> Result<(), CommissionError> {
     let mut node = Node::new(bus, zeroed.node);
     let index = zeroed.axis.index();
     zeroed.offset_deg = angle(&mut node, index + 3)?;
@@ -369,7 +299,7 @@ fn read_back(bus: &mut Bus, zeroed: &mut Zeroed) -> Result<(), ZeroError> {
 }
 
 /// What becomes of the other channel of a node, when that is not among `nodes`.
-fn left_out(bus: &mut Bus, id: u8, nodes: &[u8]) -> Result<String, ZeroError> {
+fn left_out(bus: &mut Bus, id: u8, nodes: &[u8]) -> Result<String, CommissionError> {
     let mut node = Node::new(bus, id);
     let peer = node.number(0x2001, 0)?.unwrap_or(0);
     let compares = node.number(0x2006, 0)?.unwrap_or(0) != 0;
@@ -384,14 +314,14 @@ fn left_out(bus: &mut Bus, id: u8, nodes: &[u8]) -> Result<String, ZeroError> {
 }
 
 /// A slope or one of its parameters, in degrees.
-fn angle(node: &mut Node, index: u16) -> Result<Option<f64>, ZeroError> {
+fn angle(node: &mut Node, index: u16) -> Result<Option<f64>, CommissionError> {
     let shown = node.shown(&object(index)?)?;
     Ok(shown.ok().and_then(|(_, shown)| shown.value))
 }
 
 /// The mean of some readings, since single ones scatter by the noise of the sensor; `None` where
 /// one of them is none.
-fn mean(node: &mut Node, index: u16) -> Result<Option<f64>, ZeroError> {
+fn mean(node: &mut Node, index: u16) -> Result<Option<f64>, CommissionError> {
     let mut sum = 0.0;
     for _ in 0..READINGS {
         sleep(BETWEEN);

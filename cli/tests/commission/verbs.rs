@@ -387,7 +387,7 @@ fn two_fresh_nodes_get_their_node_ids_and_find_each_other() {
         "{done}"
     );
     assert!(
-        done.contains("nodes 10 and 11 compare their angles: agree"),
+        done.contains("nodes 10 and 11 compare their angles: both agree"),
         "{done}"
     );
     assert!(from.elapsed() < Duration::from_secs(60));
@@ -421,7 +421,7 @@ fn identifiers_that_were_saved_stayed_with_the_old_node_id() {
         "{done}"
     );
     let told = bench.done(&["node-id", "--pair", "7,2", "--node", "7,2"]);
-    assert!(told.contains("compare their angles: agree"), "{told}");
+    assert!(told.contains("compare their angles: both agree"), "{told}");
 }
 
 #[test]

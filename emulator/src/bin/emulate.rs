@@ -8,7 +8,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use emulator::build::{BuildError, Paper, Product};
 use emulator::pair::{Outfit, deliver};
 use sim::bench::{Mode, World};
@@ -40,7 +40,8 @@ struct Serve {
 }
 
 fn main() -> ExitCode {
-    let Verb::Serve(serve) = CommandLine::parse().verb;
+    let line = CommandLine::from_arg_matches(&command().get_matches());
+    let Verb::Serve(serve) = line.unwrap_or_else(|error| error.exit()).verb;
     match run(&serve) {
         Ok(code) => code,
         Err(error) => {
@@ -48,6 +49,14 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// The command line, whose help leaves out what [`refuse`] refuses whatever its value.
+fn command() -> Command {
+    let hide = |serve: Command, name| serve.mut_arg(name, |option| option.hide(true));
+    CommandLine::command().mut_subcommand("serve", |serve| {
+        ["instruments", "state"].into_iter().fold(serve, hide)
+    })
 }
 
 /// Builds the images, puts them on two boards, and serves them.
@@ -96,5 +105,30 @@ fn refuse(arguments: &serve::Arguments) -> Result<(), &'static str> {
             Err("no image is for one axis; use `plumb serve`")
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_help_does_not_offer_what_is_refused() {
+        let mut command = command();
+        let serve = command.find_subcommand_mut("serve").unwrap();
+        let help = serve.render_long_help().to_string();
+        assert!(
+            help.contains("--images") && help.contains("--mode"),
+            "{help}"
+        );
+        assert!(
+            !help.contains("--instruments") && !help.contains("--state"),
+            "{help}"
+        );
+        assert!(
+            command
+                .try_get_matches_from(["emulate", "serve", "--instruments", "2"])
+                .is_ok()
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! What may go wrong in every verb: the bus, the node, the printing.
+//! What may go wrong in every verb: the bus, the node.
 //!
 //! In: errors of `bus`. Out: a [`Fault`] whose sentence says why, where that can be found out: a
 //! node that does not answer is looked for before it is complained of.
@@ -36,9 +36,6 @@ pub enum Fault {
     /// An LSS service failed.
     #[error("{0}")]
     Lss(LssError),
-    /// The answer can't be printed.
-    #[error("the answer cannot be printed: {0}")]
-    Print(io::Error),
 }
 
 impl Fault {

@@ -9,6 +9,7 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use canopen::Frame;
+use codes::words;
 
 use super::{Bus, Received};
 
@@ -42,13 +43,13 @@ impl State {
 
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BootUp => write!(f, "boot-up"),
-            Self::Stopped => write!(f, "stopped"),
-            Self::Operational => write!(f, "operational"),
-            Self::PreOperational => write!(f, "pre-operational"),
-            Self::Unknown(number) => write!(f, "state {number}"),
-        }
+        f.write_str(&words::nmt(match self {
+            Self::BootUp => 0,
+            Self::Stopped => 4,
+            Self::Operational => 5,
+            Self::PreOperational => 127,
+            Self::Unknown(number) => *number,
+        }))
     }
 }
 

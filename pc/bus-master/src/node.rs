@@ -145,7 +145,12 @@ impl<'a> Node<'a> {
         work: impl FnOnce(&mut Self) -> Result<T, E>,
     ) -> Result<T, Option<E>> {
         let fault = |fault| Some(E::from(fault));
-        let works = self.state().map_err(fault)? == Some(State::Operational);
+        let state = self.state().map_err(fault)?;
+        if state.is_none() {
+            // It sends no heartbeat, or is not there: then nothing is written.
+            self.number(0x1000, 0).map_err(fault)?;
+        }
+        let works = state == Some(State::Operational);
         if !works {
             return work(self).map_err(Some);
         }

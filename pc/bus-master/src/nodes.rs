@@ -67,18 +67,41 @@ pub struct NodeOption {
 }
 
 /// Why no node could be chosen.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum NodesError {
     /// The bus.
-    Fault(Fault),
+    #[error(transparent)]
+    Fault(#[from] Fault),
     /// Nodes answer, but none is a channel of a Plumb.
+    #[error(
+        "no channel of a Plumb answers; other nodes do: name them with --node {a}",
+        a = listed(.0)
+    )]
     Strangers(Vec<u8>),
     /// More than one is there; the verb that needs one.
+    #[error(
+        "nodes {a} are there: choose one with --node {b}, or --node all",
+        a = listed(.0),
+        b = .0.first().unwrap_or(&1)
+    )]
     Which(Vec<u8>),
     /// The other channel of an instrument does not answer, so nothing is written.
+    #[error(
+        "{0}, so nothing was written: reconnect it, or use --node {a} to change that one alone",
+        a = .0.node
+    )]
     Half(Missing),
     /// The other channel of an instrument does not answer; what was read is of this one only.
+    #[error(
+        "{0}, so it was not read: reconnect it, or use --node {a} to read that one alone",
+        a = .0.node
+    )]
     Unread(Missing),
+}
+
+fn listed(nodes: &[u8]) -> String {
+    let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
+    names.join(",")
 }
 
 /// A channel whose peer does not answer.
@@ -122,47 +145,6 @@ impl Meant {
     pub fn complete(&self) -> Result<(), NodesError> {
         self.missing
             .map_or(Ok(()), |one| Err(NodesError::Unread(one)))
-    }
-}
-
-impl From<Fault> for NodesError {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl fmt::Display for NodesError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let listed = |nodes: &[u8]| {
-            let names: Vec<_> = nodes.iter().map(u8::to_string).collect();
-            names.join(",")
-        };
-        match self {
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Strangers(nodes) => write!(
-                f,
-                "no channel of a Plumb answers; other nodes do: name them with --node {}",
-                listed(nodes)
-            ),
-            Self::Which(nodes) => write!(
-                f,
-                "nodes {} are there: choose one with --node {}, or --node all",
-                listed(nodes),
-                nodes.first().unwrap_or(&1)
-            ),
-            Self::Half(missing) => write!(
-                f,
-                "{missing}, so nothing was written: reconnect it, or use --node {} to change \
-                 that one alone",
-                missing.node
-            ),
-            Self::Unread(missing) => write!(
-                f,
-                "{missing}, so it was not read: reconnect it, or use --node {} to read that one \
-                 alone",
-                missing.node
-            ),
-        }
     }
 }
 

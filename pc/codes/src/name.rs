@@ -15,8 +15,6 @@
 //!
 //! Left out: names of bits, and guesses: a name that is not known is never taken for another.
 
-use std::fmt;
-
 use device::objects::row::{Row, Shape};
 use device::objects::table;
 
@@ -72,32 +70,20 @@ pub fn address(index: u16, sub: u8) -> String {
 }
 
 /// Why a name means nothing.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NameError {
     /// Nothing has this name; those that are near.
+    #[error("no object is called {0:?}{a} `plumb get --list` prints all names", a = nearest(.1))]
     Unknown(String, Vec<String>),
     /// It has members, of which one has to be named.
+    #[error("{0} has several members: name one of {a}", a = .1.join(", "))]
     Members(String, Vec<String>),
 }
 
-impl fmt::Display for NameError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown(name, near) if near.is_empty() => write!(
-                f,
-                "no object is called {name:?}: `plumb get --list` prints all names"
-            ),
-            Self::Unknown(name, near) => write!(
-                f,
-                "no object is called {name:?}; near are {}; `plumb get --list` prints all names",
-                near.join(", ")
-            ),
-            Self::Members(name, members) => write!(
-                f,
-                "{name} has several members: name one of {}",
-                members.join(", ")
-            ),
-        }
+fn nearest(names: &[String]) -> String {
+    match names {
+        [] => ":".to_owned(),
+        names => format!("; near are {};", names.join(", ")),
     }
 }
 

@@ -7,15 +7,14 @@
 //!
 //! Left out: contents without a type (DOMAIN), which are files.
 
-use std::fmt;
+use std::borrow::Cow;
 
 use canopen::object::DataType;
 use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
 use super::name::Named;
-use crate::words::because;
-use crate::{dictionary, meaning};
+use crate::{dictionary, meaning, words};
 use output::printable;
 
 /// Units that may be written, the unit that they are counted in, and how much of it they are.
@@ -110,26 +109,25 @@ pub fn show(named: &Named, bytes: &[u8], resolution: Option<u32>) -> Shown {
         DataType::VisibleString => text_only(printable(&String::from_utf8_lossy(bytes))),
         DataType::Domain | DataType::OctetString => text_only(format!("{} bytes", bytes.len())),
         data_type => match number(data_type, bytes) {
-            Some(raw) if is_reason(named) => {
-                let reason = u8::try_from(raw).unwrap_or(u8::MAX);
-                let words = if raw == 0 {
-                    "none".to_owned()
-                } else {
-                    because(reason)
-                };
+            Some(raw) => {
                 let mut shown = show_number(row, raw, resolution);
-                shown.text = format!("{raw} ({words})");
+                if let Some(words) = u8::try_from(raw).ok().and_then(|raw| in_words(named, raw)) {
+                    shown.text = format!("{raw} ({words})");
+                }
                 shown
             }
-            Some(raw) => show_number(row, raw, resolution),
             None => text_only(format!("{} (not of the type)", hex(bytes))),
         },
     }
 }
 
-/// Whether an object holds a number of 2025h's list.
-const fn is_reason(named: &Named) -> bool {
-    matches!((named.index, named.sub), (0x2025, 1 | 2) | (0x2027, 2))
+/// Numbers whose words are longer than the names in their row.
+fn in_words(named: &Named, raw: u8) -> Option<Cow<'static, str>> {
+    match (named.index, named.sub) {
+        (0x2021, 0) => Some(words::state(raw, words::CHANNELS)),
+        (0x2025, 1 | 2) | (0x2027, 2) => Some(words::reason(raw).unwrap_or("none".into())),
+        _ => None,
+    }
 }
 
 fn text_only(text: String) -> Shown {
@@ -208,54 +206,39 @@ pub fn decimal(value: f64, step: f64) -> String {
 }
 
 /// Why a text is no value of an object. Each has the object's name first.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ValueError {
     /// Not a number, nor one of the names that it has.
+    #[error("{0}: {1:?} is {a}", a = no_number(.2))]
     NoNumber(String, String, Vec<String>),
     /// A unit that is not known, or of another quantity; the object's own.
+    #[error("{0} {a}", a = wrong_unit(.1, .2))]
     Unit(String, String, String),
     /// A number without a unit, where it may be steps or a quantity; the step and the unit.
+    #[error("{0}: does {1} mean {1}{2}, or so many steps? Write the unit, or use --raw")]
     Which(String, String, String),
     /// Between two steps.
+    #[error("{0} cannot hold {1}: its nearest steps are {2} and {3}")]
     Between(String, String, String, String),
     /// Outside the range; lowest and highest.
+    #[error("{0} cannot be {1}: it has to be {2} to {3}")]
     Range(String, String, String, String),
     /// No number can be written there.
+    #[error("{0} is no number and cannot be set so")]
     NotANumber(String),
 }
 
-impl fmt::Display for ValueError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoNumber(name, text, names) if names.is_empty() => {
-                write!(f, "{name}: {text:?} is no number")
-            }
-            Self::NoNumber(name, text, names) => write!(
-                f,
-                "{name}: {text:?} is neither a number nor one of {}",
-                names.join(", ")
-            ),
-            Self::Unit(name, text, unit) if unit.is_empty() => {
-                write!(f, "{name} has no unit: leave {text:?} away")
-            }
-            Self::Unit(name, text, unit) => write!(
-                f,
-                "{name} is counted in {unit}: {text:?} is no unit of that quantity"
-            ),
-            Self::Which(name, text, unit) => write!(
-                f,
-                "{name}: does {text} mean {text}{unit}, or so many steps? Write the unit, or use \
-                 --raw"
-            ),
-            Self::Between(name, text, low, high) => write!(
-                f,
-                "{name} cannot hold {text}: its nearest steps are {low} and {high}"
-            ),
-            Self::Range(name, text, low, high) => {
-                write!(f, "{name} cannot be {text}: it has to be {low} to {high}")
-            }
-            Self::NotANumber(name) => write!(f, "{name} is no number and cannot be set so"),
-        }
+fn no_number(names: &[String]) -> String {
+    match names {
+        [] => "no number".to_owned(),
+        names => format!("neither a number nor one of {}", names.join(", ")),
+    }
+}
+
+fn wrong_unit(text: &str, unit: &str) -> String {
+    match unit {
+        "" => format!("has no unit: leave {text:?} away"),
+        unit => format!("is counted in {unit}: {text:?} is no unit of that quantity"),
     }
 }
 
@@ -445,7 +428,7 @@ mod tests {
             "no valid angle"
         );
         assert_eq!(shown("heartbeat", 200, 10), "200 ms");
-        assert_eq!(shown("state-of-the-pair", 1, 10), "1 (agree)");
+        assert_eq!(shown("state-of-the-pair", 1, 10), "1 (both agree)");
         assert_eq!(
             shown("uncertainty.x", 65535, 10),
             "not known, or 65.535 deg and more"

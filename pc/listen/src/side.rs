@@ -26,6 +26,18 @@ pub enum Nmt {
     Stopped,
 }
 
+impl Nmt {
+    /// The byte of a heartbeat.
+    pub const fn byte(self) -> u8 {
+        match self {
+            Self::BootUp => 0,
+            Self::Stopped => 4,
+            Self::Operational => 5,
+            Self::PreOperational => 127,
+        }
+    }
+}
+
 /// A heartbeat that has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Beat {

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::words::Level;
+use super::level::Level;
 
 /// Entries that are kept.
 const KEPT: usize = 1000;
@@ -85,6 +85,14 @@ pub struct Events {
 
 /// The names of the two channels.
 pub const NAMES: [&str; 2] = ["A", "B"];
+
+/// A channel and the other one, as texts call them.
+pub const fn seen_from(side: usize) -> [&'static str; 2] {
+    match side {
+        0 => ["channel A", "channel B"],
+        _ => ["channel B", "channel A"],
+    }
+}
 
 impl Events {
     /// Adds an entry, or counts it where it stands already.

@@ -11,6 +11,7 @@ mod clock;
 mod error;
 mod events;
 mod feed;
+mod level;
 mod load;
 mod log_feed;
 mod model;
@@ -25,7 +26,6 @@ mod snapshot;
 mod terminal;
 mod trace;
 mod web;
-mod words;
 
 #[cfg(test)]
 mod model_tests;

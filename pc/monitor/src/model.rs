@@ -8,13 +8,14 @@
 
 use canopen::Frame;
 
-use super::events::{Events, Kind, NAMES, Whom};
+use super::events::{Events, Kind, Whom, seen_from};
+use super::level::{self, Level};
 use super::load::Load;
 use super::moment;
 use super::pace::{Pace, Patience};
 use super::snapshot::{Snapshot, SourceState};
 use super::trace::Trace;
-use super::words::{self, Level};
+use codes::words;
 use listen::{Beat, Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
 
 const S: u64 = 1_000_000_000;
@@ -87,7 +88,7 @@ pub struct Extra {
     /// Quality bytes of its latest TPDO 3, and their time.
     pub quality: Option<(u64, [u8; 2])>,
     /// Blamed channels and the reason, by its latest EMCY.
-    pub blame: Option<([bool; 2], Option<String>)>,
+    pub blame: Option<std::borrow::Cow<'static, str>>,
     /// State of the pair that was told last.
     pub state: Option<u8>,
     /// Kinds of findings that were told, bit n for check n.
@@ -391,9 +392,8 @@ impl Model {
         if before == Some(slopes.state) {
             return;
         }
-        let [own, other] = [NAMES[side & 1], NAMES[1 - (side & 1)]];
-        let text = words::state(slopes.state, own, other);
-        self.say(place, Kind::Verdict, words::state_level(slopes.state), text);
+        let text = words::state(slopes.state, seen_from(side)).into_owned();
+        self.say(place, Kind::Verdict, level::of_state(slopes.state), text);
     }
 
     fn exchanged(&mut self, place: Place) {
@@ -445,7 +445,6 @@ impl Model {
     }
 
     fn emergency(&mut self, place: Place, emergency: &Emergency) {
-        let side = usize::from(place.side);
         let faults = self.side(place).map_or(0, |side| side.faults);
         let Some(extra) = self.extra(place) else {
             return;
@@ -457,16 +456,16 @@ impl Model {
         } else {
             before | faults
         };
-        let (level, mut text) = words::emergency(emergency, before);
+        let (level, mut text) = level::of_emergency(emergency, before);
         let [.., b6, _] = emergency.bytes;
         let of_the_bus = matches!(emergency.code, 0x6101..=0x6105 | 0x8000..=0x8FFF);
         if !of_the_bus {
-            let (blamed, why) = words::blame(b6, side);
+            let why = words::reason(b6 & 0x3F);
             if let (Some(why), true) = (&why, level == Level::Fault) {
                 text = format!("{text} ({why})");
             }
             if let Some(extra) = self.extra(place) {
-                extra.blame = Some((blamed, why));
+                extra.blame = why;
             }
         }
         let text = match emergency.code {
@@ -498,7 +497,10 @@ impl Model {
         }
         let (level, text) = match state {
             Some(Nmt::BootUp) => (Level::Warning, "the node has started".to_owned()),
-            Some(state) => (Level::Good, format!("the node is {}", words::nmt(state))),
+            Some(state) => (
+                Level::Good,
+                format!("the node is {}", words::nmt(state.byte())),
+            ),
             None => return,
         };
         self.say(place, Kind::Nmt, level, text);

@@ -5,14 +5,15 @@
 //!
 //! Left out: anything that changes the model.
 
-use super::events::{NAMES, seconds};
+use super::events::{NAMES, seconds, seen_from};
+use super::level::{self, Level};
 use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
 use super::pace::{Pace, Patience};
 use super::snapshot::{
     Bus, Channel, Compared, FORMAT, FindingCount, Instrument, Known, Snapshot, SourceState,
     StandingFault, VERSION, Verdict,
 };
-use super::words::{self, Level};
+use codes::words;
 use listen::{Detail, Nmt, Pair, Side, Slopes};
 
 /// k of the expanded uncertainty.
@@ -201,7 +202,9 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         latency_ms: detail_value.map(|d| d.latency_ms),
         temperature_degc: detail_value.map(|d| d.temperature_degc),
         detail_reason: detail.err().map(|old| why(&old)),
-        nmt: side.nmt.map(|(state, _)| words::nmt(state)),
+        nmt: side
+            .nmt
+            .map(|(state, _)| words::nmt(state.byte()).into_owned()),
         heartbeat_age_s: heartbeat_ns.map(|ns| now_ns.saturating_sub(ns) as f64 / 1e9),
         heartbeat_lost: side.heartbeat.lost_since_ns().is_some(),
         boots: side.boots,
@@ -216,7 +219,7 @@ fn faults(bits: u32) -> Vec<StandingFault> {
         code: fault.report().0,
         text: fault.text(),
     };
-    words::faults(bits).into_iter().map(standing).collect()
+    words::faults(bits).map(standing).collect()
 }
 
 fn findings(side: &Side) -> Vec<FindingCount> {
@@ -271,7 +274,11 @@ fn slope(
     let reason = code
         .filter(|code| *code <= LAST_REASON)
         .and_then(words::reason);
-    Known::Absent(reason.unwrap_or_else(|| words::no_slope(slopes.state).to_owned()))
+    Known::Absent(
+        reason
+            .unwrap_or_else(|| words::no_slope(slopes.state))
+            .into_owned(),
+    )
 }
 
 /// Why a channel has nothing fresh to show.
@@ -311,17 +318,14 @@ fn view(side: usize, state: u8) -> View {
 
 fn verdict(extra: &PairExtra, channels: &[Channel; 2]) -> Verdict {
     let [a, b] = channels;
-    let text = |side: usize, state: u8| {
-        let [own, other] = [NAMES[side & 1], NAMES[1 - (side & 1)]];
-        words::state(state, own, other)
-    };
+    let text = |side: usize, state: u8| words::state(state, seen_from(side)).into_owned();
     let (level, text) = match (a.state, b.state) {
         (None, None) => (Level::Unknown, format!("no verdict: {}", a.slope_reason(0))),
         (Some(one), Some(two)) if view(0, one) == view(1, two) => {
-            (words::state_level(one), text(0, one))
+            (level::of_state(one), text(0, one))
         }
         (Some(one), Some(two)) => {
-            let level = words::state_level(one).max(words::state_level(two));
+            let level = level::of_state(one).max(level::of_state(two));
             (
                 level,
                 format!("A reports: {}; B reports: {}", text(0, one), text(1, two)),
@@ -360,6 +364,6 @@ fn blamed(extra: &PairExtra, states: [Option<u8>; 2]) -> (Vec<&'static str>, Opt
     let told = extra.sides.iter().zip(states);
     let reason = told
         .filter(|(_, state)| wrong(*state))
-        .find_map(|(side, _)| side.blame.as_ref()?.1.clone());
+        .find_map(|(side, _)| side.blame.clone().map(Into::into));
     (names, reason)
 }

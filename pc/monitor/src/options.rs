@@ -89,7 +89,7 @@ fn time(text: &str) -> Result<Duration, String> {
     };
     let number: f64 = digits.trim().parse().map_err(|_| wrong())?;
     let seconds = number * unit_s;
-    if !(0.0..=MOST_S).contains(&seconds) {
+    if seconds == 0.0 || !(0.0..=MOST_S).contains(&seconds) {
         return Err(wrong());
     }
     Ok(Duration::from_secs_f64(seconds))
@@ -119,7 +119,7 @@ mod tests {
         ] {
             assert_eq!(time(text), Ok(Duration::from_millis(ms)), "{text}");
         }
-        for text in ["", "s", "-1s", "10 days", "1e99", "NaN", "inf"] {
+        for text in ["", "s", "0s", "0", "-1s", "10 days", "1e99", "NaN", "inf"] {
             assert!(time(text).is_err(), "{text}");
         }
     }

@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use super::clock::clock;
 use super::events::Event;
+use super::level::Level;
 use super::snapshot::{Bus, Channel, Compared, FORMAT, Instrument, Snapshot, SourceState, VERSION};
-use super::words::Level;
 use output::printable;
 
 /// What `--json` prints for an event.

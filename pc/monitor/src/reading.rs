@@ -16,11 +16,11 @@ use canopen::Frame;
 
 use super::events::{Event, Kind};
 use super::feed::{Feed, Step, host_ns};
+use super::level::Level;
 use super::model::Model;
 use super::own::Own;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
-use super::words::Level;
 use bus_master as bus;
 use output::printable;
 

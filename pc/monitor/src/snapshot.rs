@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::words::Level;
+use super::level::Level;
 
 /// Name of the format.
 pub const FORMAT: &str = "plumb-monitor";
@@ -101,7 +101,7 @@ pub struct Channel {
     /// Why uncertainty, difference, latency and temperature are absent.
     pub detail_reason: Option<String>,
     /// NMT state by its latest heartbeat.
-    pub nmt: Option<&'static str>,
+    pub nmt: Option<String>,
     /// Age of its latest heartbeat, s.
     pub heartbeat_age_s: Option<f64>,
     /// True when heartbeats came and have stopped.

@@ -10,8 +10,8 @@ use canopen::object::Access;
 use device::objects::row::Default;
 use device::objects::table;
 
+use super::super::error::CommissionError;
 use super::super::save;
-use super::NodeIdError;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
 use codes::name;
@@ -25,8 +25,8 @@ const EXCHANGE: [(u16, u32); 2] = [(0x1400, 0x380), (0x1401, 0x480)];
 /// Writes the identifiers that are as delivered for the old node-id, and saves them; their
 /// addresses.
 ///
-/// Errors: see [`NodeIdError`].
-pub fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, NodeIdError> {
+/// Errors: see [`CommissionError`].
+pub fn renumber(node: &mut Node, old: u8) -> Result<Vec<String>, CommissionError> {
     let mut changed = Vec::new();
     for row in table::rows() {
         let (Default::NodeId(base), true) = (row.default, row.access.has(Access::STORED)) else {
@@ -65,8 +65,8 @@ fn write_identifier(node: &mut Node, index: u16, sub: u8, old: u32, new: u32) ->
 
 /// Writes what a channel has to know of the other one, and saves it.
 ///
-/// Errors: see [`NodeIdError`].
-pub fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+/// Errors: see [`CommissionError`].
+pub fn tell(node: &mut Node, peer: u8) -> Result<(), CommissionError> {
     node.write(0x2001, 0, &[peer])?;
     let supervised = node.number(0x1016, 1)?.unwrap_or(500);
     let time = match supervised & 0xFFFF {
@@ -87,10 +87,10 @@ pub fn tell(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
 
 /// Whether a channel that was reset holds what it has to know of the other one.
 ///
-/// Errors: [`NodeIdError::Differs`] where it does not, and those of the bus.
-pub fn check(node: &mut Node, peer: u8) -> Result<(), NodeIdError> {
+/// Errors: [`CommissionError::NotHeld`] where it does not, and those of the bus.
+pub fn check(node: &mut Node, peer: u8) -> Result<(), CommissionError> {
     let id = node.id;
-    let differs = |index| NodeIdError::Differs(id, index);
+    let differs = |index| CommissionError::NotHeld(id, index);
     let peer = u32::from(peer);
     if node.number(0x2001, 0)? != Some(peer) {
         return Err(differs(0x2001));

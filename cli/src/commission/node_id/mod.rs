@@ -14,9 +14,9 @@
 //!
 //! Left out: identifiers of safety frames, which do not follow the node-id; a sentence says so.
 
-mod error;
 mod known;
 
+use std::borrow::Cow;
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -25,7 +25,8 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use super::print;
+use super::answer::Answer;
+use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
 use bus_master::nmt::{self, Command, State};
@@ -34,10 +35,7 @@ use bus_master::nodes::{self, NodeOption, Nodes};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
 use bus_master::{Bus, BusOptions};
-use codes::meaning;
-use codes::name;
-
-pub use error::NodeIdError;
+use codes::words;
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(400);
@@ -110,10 +108,7 @@ struct Member {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Document {
-    format: &'static str,
-    version: u32,
-    bus: String,
+struct Content {
     nodes: Vec<Member>,
     /// Both compare and agree; null where there is no pair.
     agree: Option<bool>,
@@ -127,39 +122,34 @@ const SAFETY: &str = "safety frames (SRDO) keep their identifiers, 1301h and 130
 /// What the nodes are told, and how much of it is printed.
 struct Work<'a> {
     bus: &'a mut Bus,
-    json: bool,
+    answer: Answer,
 }
 
 /// Gives node-ids and prints. Exit status 1: everything was done, and the two do not agree.
 ///
-/// Errors: see [`NodeIdError`].
-pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
+/// Errors: see [`CommissionError`].
+pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let json = arguments.json;
+    let answer = Answer {
+        format: "plumb-node-id",
+        json: arguments.json,
+    };
     let mut work = Work {
         bus: &mut bus,
-        json,
+        answer,
     };
     let (members, compare) = match (arguments.pair, arguments.id) {
         (Some(pair), _) => work.pair(pair, &arguments.nodes)?,
         (None, id) => work.single(id.unwrap_or(1), &arguments.nodes)?,
     };
     let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
-    match json {
-        true => print::json(&Document {
-            format: "plumb-node-id",
-            version: 1,
-            bus: bus.name().to_owned(),
-            nodes: members,
-            agree: compare,
-            notes,
-        })?,
-        false => {
-            for note in notes {
-                print::text(&format!("note: {note}\n"))?;
-            }
-        }
-    }
+    let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
+    let content = Content {
+        nodes: members,
+        agree: compare,
+        notes,
+    };
+    answer.show(&bus, content, || lines)?;
     Ok(match compare {
         Some(false) => ExitCode::from(1),
         _ => ExitCode::SUCCESS,
@@ -168,11 +158,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, NodeIdError> {
 
 impl Work<'_> {
     /// Prints what is done.
-    fn say(&self, sentence: &str) -> Result<(), Fault> {
-        match self.json {
-            true => Ok(()),
-            false => print::text(&format!("{sentence}\n")),
-        }
+    fn say(&self, sentence: &str) -> Result<(), CommissionError> {
+        self.answer.say(format!("{sentence}\n"))
     }
 
     /// One node, and the other channel that knows it.
@@ -180,14 +167,14 @@ impl Work<'_> {
         &mut self,
         id: u8,
         named: &NodeOption,
-    ) -> Result<(Vec<Member>, Option<bool>), NodeIdError> {
+    ) -> Result<(Vec<Member>, Option<bool>), CommissionError> {
         let mut members = self.members(named, 1)?;
         let there = self.there()?;
         let Some(member) = members.first_mut() else {
-            return Err(NodeIdError::Fresh(0, 1));
+            return Err(CommissionError::Fresh(0, 1));
         };
         if there.contains(&id) && member.old_node != Some(id) {
-            return Err(NodeIdError::Taken(id));
+            return Err(CommissionError::Taken(id));
         }
         member.node = id;
         let old = member.old_node;
@@ -216,12 +203,12 @@ impl Work<'_> {
         &mut self,
         Pair(a, b): Pair,
         named: &NodeOption,
-    ) -> Result<(Vec<Member>, Option<bool>), NodeIdError> {
+    ) -> Result<(Vec<Member>, Option<bool>), CommissionError> {
         let mut members = self.members(named, 2)?;
         members.sort_by_key(|member| member.channel);
         match members.as_slice() {
             [one, other] if one.channel == Some('A') && other.channel == Some('B') => {}
-            _ => return Err(NodeIdError::NoPair),
+            _ => return Err(CommissionError::NoPair),
         }
         let olds: Vec<_> = members
             .iter()
@@ -233,7 +220,7 @@ impl Work<'_> {
         let there = self.there()?;
         let taken = |id: &&u8| there.contains(id) && !olds.contains(id);
         if let Some(id) = [a, b].iter().find(taken) {
-            return Err(NodeIdError::Taken(*id));
+            return Err(CommissionError::Taken(*id));
         }
         self.give(&members)?;
         let agree = self.join(&mut members)?;
@@ -247,14 +234,18 @@ impl Work<'_> {
     }
 
     /// The nodes named, or those without a node-id.
-    fn members(&mut self, named: &NodeOption, needed: usize) -> Result<Vec<Member>, NodeIdError> {
+    fn members(
+        &mut self,
+        named: &NodeOption,
+        needed: usize,
+    ) -> Result<Vec<Member>, CommissionError> {
         let ids = match &named.node {
             None => return self.fresh(needed),
             Some(Nodes::These(ids)) => ids.clone(),
             Some(Nodes::All) => nodes::channels(self.bus)?.nodes,
         };
         if ids.len() != needed {
-            return Err(NodeIdError::Count(needed, ids.len()));
+            return Err(CommissionError::Count(needed, ids.len()));
         }
         let looked: Result<Vec<_>, _> = ids.into_iter().map(|id| self.look(id)).collect();
         Ok(looked?)
@@ -276,7 +267,7 @@ impl Work<'_> {
     }
 
     /// The nodes without a node-id, of which there have to be as many as are needed.
-    fn fresh(&mut self, needed: usize) -> Result<Vec<Member>, NodeIdError> {
+    fn fresh(&mut self, needed: usize) -> Result<Vec<Member>, CommissionError> {
         let mut master = Master::new(self.bus);
         let mut found = Vec::new();
         let ended = loop {
@@ -293,7 +284,7 @@ impl Work<'_> {
             return Err(Fault::nobody(self.bus).into());
         }
         if found.len() != needed {
-            return Err(NodeIdError::Fresh(found.len(), needed));
+            return Err(CommissionError::Fresh(found.len(), needed));
         }
         let members: Vec<_> = found.into_iter().map(member).collect();
         for member in &members {
@@ -316,7 +307,7 @@ impl Work<'_> {
     }
 
     /// Node-ids by LSS, stored; they count at the end of this.
-    fn give(&mut self, members: &[Member]) -> Result<(), NodeIdError> {
+    fn give(&mut self, members: &[Member]) -> Result<(), CommissionError> {
         for member in members
             .iter()
             .filter(|member| member.old_node != Some(member.node))
@@ -329,7 +320,7 @@ impl Work<'_> {
                     .and_then(|()| master.store()),
                 false => {
                     let node = member.old_node.unwrap_or(member.node);
-                    return Err(NodeIdError::NotSelected(node));
+                    return Err(CommissionError::NotSelected(node));
                 }
             };
             // Nobody is left behind in the configuration state, whatever became of it.
@@ -353,7 +344,7 @@ impl Work<'_> {
     }
 
     /// Identifiers that were saved for the old node-id.
-    fn renumber(&mut self, member: &Member) -> Result<(), NodeIdError> {
+    fn renumber(&mut self, member: &Member) -> Result<(), CommissionError> {
         let Some(old) = member.old_node.filter(|old| *old != member.node) else {
             return Ok(());
         };
@@ -371,7 +362,7 @@ impl Work<'_> {
     }
 
     /// Waits until a node answers.
-    fn wait(&mut self, id: u8) -> Result<(), NodeIdError> {
+    fn wait(&mut self, id: u8) -> Result<(), CommissionError> {
         let until = Instant::now() + RESTART;
         while Instant::now() < until {
             nmt::state(self.bus, id, PAUSE).map_err(Fault::bus)?;
@@ -382,11 +373,11 @@ impl Work<'_> {
                 Err(_) => {}
             }
         }
-        Err(NodeIdError::Gone(id))
+        Err(CommissionError::Gone(id))
     }
 
     /// Nothing but the node-id was to be kept: LSS has done so.
-    fn keep_lss(&mut self, members: &[Member]) -> Result<(), NodeIdError> {
+    fn keep_lss(&mut self, members: &[Member]) -> Result<(), CommissionError> {
         for member in members {
             let id = member.node;
             self.say(&format!(
@@ -397,9 +388,9 @@ impl Work<'_> {
     }
 
     /// Tells both channels of each other, saves, resets, and sees whether they agree.
-    fn join(&mut self, members: &mut [Member]) -> Result<bool, NodeIdError> {
+    fn join(&mut self, members: &mut [Member]) -> Result<bool, CommissionError> {
         let [one, other] = members else {
-            return Err(NodeIdError::NoPair);
+            return Err(CommissionError::NoPair);
         };
         one.peer = Some(other.node);
         other.peer = Some(one.node);
@@ -427,7 +418,7 @@ impl Work<'_> {
     }
 
     /// Starts both until they agree, and takes back what was not started before.
-    fn compare(&mut self, a: u8, b: u8) -> Result<bool, NodeIdError> {
+    fn compare(&mut self, a: u8, b: u8) -> Result<bool, CommissionError> {
         let mut started = Vec::new();
         for id in [a, b] {
             let mut node = Node::new(self.bus, id);
@@ -449,7 +440,7 @@ impl Work<'_> {
                     pair_state(one)
                 ))?;
             }
-            (false, 0) => return Err(NodeIdError::Apart(a, b)),
+            (false, 0) => return Err(CommissionError::Apart(a, b)),
             (false, _) => self.say(&format!(
                 "node {a} reports: {}; node {b} reports: {}; `plumb info` shows why",
                 pair_state(one),
@@ -477,13 +468,8 @@ impl Work<'_> {
 }
 
 /// 2021h in words.
-fn pair_state(state: u32) -> String {
-    let row = name::one("state-of-the-pair")
-        .ok()
-        .and_then(|named| named.row);
-    let names = row.map_or(Vec::new(), |row| meaning::named_values(row.doc));
-    let named = names.iter().find(|(number, _)| *number == i64::from(state));
-    named.map_or_else(|| format!("state {state}"), |(_, name)| (*name).to_owned())
+fn pair_state(state: u32) -> Cow<'static, str> {
+    words::state(u8::try_from(state).unwrap_or(u8::MAX), words::CHANNELS)
 }
 
 /// A node by its identity.

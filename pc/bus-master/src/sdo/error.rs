@@ -23,11 +23,10 @@ pub enum SdoError {
     Unanswered(u8, u16, u8),
     /// The node has refused: node, index, sub-index, abort code.
     #[error(
-        "node {0} refuses {a}: {b} (abort code {c:04X} {d:04X}h)",
+        "node {0} refuses {a}: {b} (abort code {c})",
         a = address(*.1, *.2),
         b = meaning(*.3),
-        c = .3 >> 16,
-        d = .3 & 0xFFFF
+        c = coded(*.3)
     )]
     Refused(u8, u16, u8, u32),
     /// The transfer came out of step: node, index, sub-index, and what was wrong.
@@ -66,6 +65,11 @@ fn address(index: u16, sub: u8) -> String {
         0 => format!("{index:04X}h"),
         _ => format!("{index:04X}h sub {sub}"),
     }
+}
+
+/// An abort code as people write it: `0800 0022h`.
+pub fn coded(code: u32) -> String {
+    format!("{:04X} {:04X}h", code >> 16, code & 0xFFFF)
 }
 
 /// What an abort code means, in words (CiA 301, table 22).

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::Bus;
-pub use error::{SdoError, meaning};
+pub use error::{SdoError, coded, meaning};
 
 /// How long an answer may take: erases of flash stop a node for some tenths of a second, and one
 /// with an older program checks the signature of a new one before it answers.

@@ -5,6 +5,7 @@
 
 use std::fmt::Write;
 
+use super::data::BLAMED;
 use super::decode::{Frame, Samples};
 use codes::words;
 
@@ -67,12 +68,7 @@ fn push_frame(frame: &Frame, out: &mut String) {
     for axis in [0, 1] {
         cell(deg(own.minus(other, axis)), 3);
     }
-    let blamed = match frame.blamed {
-        1 => "own",
-        2 => "other",
-        3 => "both",
-        _ => "",
-    };
+    let blamed = words::blamed(frame.blamed, BLAMED).unwrap_or_default();
     let reason = words::reason(frame.reason).unwrap_or_default();
     let _ = write!(out, ",{},{blamed},{reason}\r\n", frame.state);
 }

@@ -3,7 +3,6 @@
 //! In: decoded fault logs and boxes. Out: plain structs that serde writes and reads, described in
 //! `docs/period-report.md`, and the table of a fault log. What is not known is `null`.
 
-use device::fault::Fault;
 use device::fault_log::Entry;
 use serde::{Deserialize, Serialize};
 
@@ -114,27 +113,21 @@ impl MemoryReport {
     }
 }
 
+/// Keys for who is blamed: the channel that has the memory, the other one, both.
+pub const BLAMED: [&str; 3] = ["own", "other", "both"];
+
 fn entry(entry: &Entry) -> MemoryEntry {
-    let stands = |fault: &Fault| entry.faults >> *fault as u8 & 1 != 0;
-    let blamed = match entry.blamed {
-        1 => Some("own"),
-        2 => Some("other"),
-        3 => Some("both"),
-        _ => None,
-    };
     MemoryEntry {
         since_start_s: f64::from(entry.at_ms) / 1e3,
         sync_count: entry.sync,
         code: format!("{:04X}h", entry.code),
         text: words::code(entry.code).into_owned(),
-        faults: Fault::ALL
-            .iter()
-            .filter(|fault| stands(fault))
+        faults: words::faults(entry.faults)
             .map(|f| f.text().to_owned())
             .collect(),
         state: entry.state,
-        state_text: words::state(entry.state).into_owned(),
-        blamed: blamed.map(str::to_owned),
+        state_text: words::state(entry.state, words::CHANNELS).into_owned(),
+        blamed: words::blamed(entry.blamed, BLAMED).map(str::to_owned),
         reason_text: words::reason(entry.reason).map(Into::into),
         box_number: (entry.box_number > 0).then_some(entry.box_number),
         repeats: entry.repeats,

@@ -275,10 +275,18 @@ fn channel(
 fn unusable(why: Unusable, ns: u64) -> UnusableReport {
     UnusableReport {
         state: why.state,
-        state_text: words::state(why.state).into_owned(),
+        state_text: words::state(why.state, words::CHANNELS).into_owned(),
         reason: why.reason,
         reason_text: words::reason(why.reason).map(Into::into),
         time_s: seconds(ns),
+    }
+}
+
+/// Whom a channel blames: itself, the other one, both.
+const fn blamed_by(side: usize) -> [&'static str; 3] {
+    match side {
+        0 => ["A", "B", "A and B"],
+        _ => ["B", "A", "A and B"],
     }
 }
 
@@ -440,7 +448,7 @@ fn event(event: &Event, ids: [u8; 2]) -> EventReport {
         kind: event.what.kind().key().to_owned(),
         code,
         text: text.into_owned(),
-        blamed: words::blamed(event.blamed, side).map(str::to_owned),
+        blamed: words::blamed(event.blamed, blamed_by(side)).map(str::to_owned),
         reason_text: words::reason(event.reason).map(Into::into),
         state: event.state,
         end: end.to_owned(),

@@ -10,6 +10,7 @@ use super::export::Exported;
 use super::foreign::Foreign;
 use super::summary::Summary;
 use bus_logs::{Skipped, Source, Tally};
+use codes::words;
 use listen::{Side, Watch};
 
 /// All of it.
@@ -236,7 +237,7 @@ pub struct StateJson {
     /// 2021h; 10 for all that do not exist.
     pub state: u8,
     /// In words.
-    pub words: &'static str,
+    pub words: String,
     /// TPDO 1 with it.
     pub count: u64,
 }
@@ -255,21 +256,6 @@ pub struct SpreadJson {
     /// Root of the mean square.
     pub rms_deg: Option<f64>,
 }
-
-/// 2021h in words; the last for what does not exist.
-const STATES: [&str; 11] = [
-    "not compared",
-    "agree",
-    "warning",
-    "stop the motion",
-    "data were late",
-    "physical fault",
-    "disagree",
-    "this channel is faulty",
-    "the other channel is faulty",
-    "neither measures",
-    "states that do not exist",
-];
 
 impl Report {
     /// Of all that was read.
@@ -409,11 +395,19 @@ fn instrument(sides: &[Side; 2], seen: &Instrument) -> InstrumentJson {
     }
 }
 
+/// 2021h in words; what does not exist is counted as the last.
+fn state_words(state: u8) -> String {
+    match state {
+        ..=9 => words::state(state, words::CHANNELS).into_owned(),
+        _ => "states that do not exist".to_owned(),
+    }
+}
+
 fn node(side: &Side, channel: &Channel) -> NodeJson {
     let temperature = &channel.temperature;
     let known = |value: i32| (temperature.count > 0).then_some(value);
     let uncertainty = &channel.uncertainty;
-    let states = (0..).zip(STATES).zip(channel.states);
+    let states = (0..).zip(channel.states);
     NodeJson {
         node_id: side.node_id,
         seen: side.seen_ns.is_some(),
@@ -426,9 +420,9 @@ fn node(side: &Side, channel: &Channel) -> NodeJson {
         highest_temperature_degc: known(temperature.max),
         states: states
             .filter(|(_, count)| *count > 0)
-            .map(|((state, words), count)| StateJson {
+            .map(|(state, count)| StateJson {
                 state,
-                words,
+                words: state_words(state),
                 count,
             })
             .collect(),

@@ -11,9 +11,9 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
 use super::super::clock::clock;
+use super::super::level::Level;
 use super::super::plain::{degrees, level, told, verdict};
 use super::super::snapshot::{Bus, Channel, Compared, Instrument, SourceState};
-use super::super::words::Level;
 use super::chart;
 use super::picture::Picture;
 use super::screen::{Over, Screen};
@@ -167,7 +167,7 @@ fn node(channel: &Channel) -> (Level, String) {
     if channel.heartbeat_lost {
         return (Level::Fault, "HEARTBEAT LOST".to_owned());
     }
-    let Some(state) = channel.nmt else {
+    let Some(state) = &channel.nmt else {
         return (Level::Unknown, "no heartbeat yet".to_owned());
     };
     let validity = channel.validity_text.as_deref().unwrap_or("stale");
@@ -410,7 +410,7 @@ mod tests {
         );
         let text = seen(&model, &Screen::new(false, None), 80, 24);
         has(&text, "FAULT: channel B is faulty");
-        has(&text, "it moved alone, or at standstill");
+        has(&text, "moved alone, or gravity of");
         has(
             &text,
             "B faults: this channel is faulty; this channel moved alone",

@@ -8,8 +8,7 @@
 
 use std::fmt::Write as _;
 
-use canopen::nmt;
-use codes::words::because;
+use codes::words::{self, because};
 use device::objects::process::Shown;
 use sim::fault::{NodeFault, SensorFault};
 use sim::lis2dw12::Fault;
@@ -117,20 +116,11 @@ fn node(unit: &NetworkNode, now_ns: u64) -> String {
     };
     format!(
         "{id}, {}, pitch {}, roll {}, {}, {faults}",
-        state(device.bus().state()),
+        words::nmt(device.bus().state() as u8),
         degrees(y, no_y),
         degrees(x, no_x),
         verdict(&shown)
     )
-}
-
-fn state(state: nmt::State) -> &'static str {
-    match state {
-        nmt::State::Initialising => "initialising",
-        nmt::State::Stopped => "stopped",
-        nmt::State::Operational => "operational",
-        nmt::State::PreOperational => "pre-operational",
-    }
 }
 
 fn degrees(angle: Option<Angle>, reason: u8) -> String {
@@ -142,7 +132,7 @@ fn degrees(angle: Option<Angle>, reason: u8) -> String {
 
 /// Objects 2021h and 2027h in words: the state of the pair, which channel is blamed, and why.
 fn verdict(shown: &Shown<'_>) -> String {
-    let state = codes::words::state(shown.state());
+    let state = words::state(shown.state(), words::CHANNELS);
     match shown.blame().1 {
         0 => state.into_owned(),
         why => format!("{state} ({})", because(why)),
