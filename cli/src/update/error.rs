@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use flash::image::ImageError;
 
-use super::version;
+use super::version::version;
 use bus_master::JoinError;
 use bus_master::diagnosis::Silence;
 use bus_master::sdo::SdoError;

@@ -15,6 +15,7 @@
 mod error;
 pub mod file;
 mod told;
+mod version;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -33,6 +34,7 @@ pub use error::UpdateError;
 use file::Image;
 use output::progress::Progress;
 use told::{NodeEvent, Told};
+pub use version::version;
 
 /// A node's state as its heartbeat tells it.
 const OPERATIONAL: u8 = 5;
@@ -105,12 +107,6 @@ pub struct Arguments {
     /// The bus
     #[command(flatten)]
     pub bus: BusOptions,
-}
-
-/// A version as people write it.
-pub fn version(number: u32) -> String {
-    let [low, high, minor, major] = number.to_le_bytes();
-    format!("{major}.{minor}.{}", u16::from_le_bytes([low, high]))
 }
 
 /// Updates the nodes.

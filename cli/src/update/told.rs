@@ -10,7 +10,7 @@ use serde::Serialize;
 use output::progress::Progress;
 use output::stdout;
 
-use super::version;
+use super::version::version;
 
 /// Where it is told.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,7 @@ use can_text::kernel::{FULL_WAIT, from_kernel, may_send_again, to_kernel};
 use canopen::Frame;
 use socketcan::{CanSocket, ShouldRetry as _, Socket as _, SocketOptions as _};
 
-use super::{Received, Trouble, now_ns};
+use super::received::{Received, Trouble, now_ns};
 
 /// How often a full queue is tried again.
 const TRIES: u32 = 1000;

@@ -1,12 +1,14 @@
-//! The bus as a client sees it, whatever leads to it: socketcand, SLCAN, or the kernel's CAN.
+//! The bus as a master uses it.
 //!
-//! In: frames to send, and how long to wait for one. Out: all frames of the bus (11 and 29 bit,
-//! data and remote) with the time at which they came. `options` is how a person names a bus,
-//! `sdo`, `lss` and `nmt` are what a master says on it, and `diagnosis` says why nobody answers.
+//! In: the name of a bus, requests to its nodes. Out: frames, values of objects, and why there are
+//! none. [`Bus`] is joined whatever leads to it (socketcand, SLCAN, the kernel's CAN), `options`
+//! is how a person names one, `sdo`, `lss` and `nmt` are what a master sends on it, `node` is one
+//! node to talk to, `nodes` which nodes are meant, and `diagnosis` why there is no answer.
 //!
-//! Left out: CAN FD; frames of one's own, which no transport shows to who has sent them.
+//! Left out: CAN FD, and what frames mean that nobody asked for (`listen`).
 
 pub mod address;
+mod bus;
 pub mod diagnosis;
 mod error;
 pub mod fault;
@@ -18,218 +20,13 @@ pub mod nmt;
 pub mod node;
 pub mod nodes;
 pub mod options;
+mod received;
 pub mod sdo;
 mod slcan;
 mod socketcand;
 pub mod survey;
 
-use std::io;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-
-use canopen::Frame;
-
-use address::{Address, BusAddress};
+pub use bus::{Bus, interrupted};
 pub use error::JoinError;
 pub use options::BusOptions;
-
-/// How long the wait for a frame goes on before it is looked whether the user has enough.
-const GLANCE: Duration = Duration::from_millis(50);
-
-/// Whether the user has asked for the end, by a signal.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// A frame of the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Received {
-    /// When it came, in nanoseconds since 1970: the adapter's own stamp where it has one that
-    /// counts from there, otherwise this computer's clock when it was read.
-    pub time_ns: u64,
-    /// The frame.
-    pub frame: Frame,
-}
-
-/// What an adapter has told of the wires.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Trouble {
-    /// Errors that it has seen.
-    pub errors: u64,
-    /// Frames that could not be sent since nobody acknowledged them, or since it is bus-off.
-    pub unsent: bool,
-}
-
-/// From now on a signal to end lets [`Bus::receive`] fail once, with
-/// [`io::ErrorKind::Interrupted`]. Asking again changes nothing.
-///
-/// Errors: what the system says.
-fn watch_signals() -> Result<(), JoinError> {
-    static WATCHED: OnceLock<Result<(), String>> = OnceLock::new();
-    let watched = WATCHED.get_or_init(|| {
-        let set = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
-        set.map_err(|error| error.to_string())
-    });
-    watched.clone().map_err(JoinError::Signal)
-}
-
-/// Whether a signal to end has come since this or [`Bus::receive`] told so last; for who waits
-/// without a bus.
-pub fn interrupted() -> bool {
-    INTERRUPTED.swap(false, Ordering::Relaxed)
-}
-
-/// Nanoseconds since 1970 on this computer's clock.
-fn now_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, |time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
-}
-
-/// What leads to the bus.
-#[derive(Debug)]
-enum Link {
-    Socketcand(socketcand::Client),
-    Slcan(slcan::Client),
-    #[cfg(target_os = "linux")]
-    Kernel(kernel::Client),
-}
-
-/// A bus that was joined.
-#[derive(Debug)]
-pub struct Bus {
-    link: Link,
-    name: String,
-}
-
-impl Bus {
-    /// Joins the bus at this address.
-    ///
-    /// Errors: see [`JoinError`].
-    pub fn join(address: &BusAddress) -> Result<Self, JoinError> {
-        watch_signals()?;
-        let name = address.to_string();
-        let link = match &address.at {
-            Address::Socketcand { at, bus } => {
-                let joined = socketcand::Client::join(at, bus);
-                Link::Socketcand(joined.map_err(|error| JoinError::at(&name, at, error))?)
-            }
-            Address::SlcanTcp { at } => {
-                let joined = slcan::Client::join_tcp(at, address.kbit_s);
-                Link::Slcan(joined.map_err(|error| JoinError::at(&name, at, error))?)
-            }
-            Address::SlcanSerial { path, baud } => {
-                let joined = slcan::Client::join_serial(path, *baud, address.kbit_s);
-                Link::Slcan(joined.map_err(|error| JoinError::port(path, error))?)
-            }
-            Address::Kernel { interface } => join_kernel(interface)?,
-        };
-        Ok(Self { link, name })
-    }
-
-    /// How the bus is named in an error or a report.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Sends a frame.
-    ///
-    /// Errors: the bus is lost; the error says what is. Remote frames cannot pass socketcand,
-    /// which is [`io::ErrorKind::Unsupported`].
-    pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
-        let sent = match &mut self.link {
-            Link::Socketcand(server) => server.send(frame),
-            Link::Slcan(adapter) => adapter.send(frame),
-            #[cfg(target_os = "linux")]
-            Link::Kernel(socket) => socket.send(frame),
-        };
-        sent.map_err(|error| self.lost(error))
-    }
-
-    /// The next frame; `None` when none has come until `until`, and always from then on: on a bus
-    /// that is never still a wait ends in time all the same.
-    ///
-    /// Errors: the bus is lost; the error says what is. [`io::ErrorKind::Interrupted`] after a
-    /// signal to end.
-    pub fn receive(&mut self, until: Instant) -> io::Result<Option<Received>> {
-        loop {
-            if INTERRUPTED.swap(false, Ordering::Relaxed) {
-                return Err(io::ErrorKind::Interrupted.into());
-            }
-            let now = Instant::now();
-            if now >= until {
-                return Ok(None);
-            }
-            let glance = until.min(now + GLANCE);
-            let received = match &mut self.link {
-                Link::Socketcand(server) => server.receive(glance),
-                Link::Slcan(adapter) => adapter.receive(glance),
-                #[cfg(target_os = "linux")]
-                Link::Kernel(socket) => socket.receive(glance),
-            };
-            let received = received.map_err(|error| self.lost(error))?;
-            if received.is_some() {
-                return Ok(received);
-            }
-        }
-    }
-
-    /// What the adapter has told of the wires since the bus was joined; one that can be asked is.
-    ///
-    /// Errors: as [`Bus::receive`].
-    pub fn trouble(&mut self) -> io::Result<Trouble> {
-        let told = match &mut self.link {
-            Link::Socketcand(server) => Ok(server.trouble()),
-            Link::Slcan(adapter) => adapter.trouble(),
-            #[cfg(target_os = "linux")]
-            Link::Kernel(socket) => Ok(socket.trouble()),
-        };
-        told.map_err(|error| self.lost(error))
-    }
-
-    /// Tells the adapter another bit rate, kbit/s; false where that is not the client's to say.
-    ///
-    /// Errors: as [`Bus::receive`], and a refusal of the adapter.
-    pub fn set_bit_rate(&mut self, kbit_s: u32) -> io::Result<bool> {
-        let told = match &mut self.link {
-            Link::Slcan(adapter) => adapter.set_bit_rate(kbit_s).map(|()| true),
-            _ => Ok(false),
-        };
-        told.map_err(|error| self.lost(error))
-    }
-
-    /// Says of which bus an error is, and what its number means for who looks at a cable.
-    fn lost(&self, error: io::Error) -> io::Error {
-        use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
-        let kind = error.kind();
-        if matches!(
-            kind,
-            io::ErrorKind::Interrupted | io::ErrorKind::Unsupported
-        ) {
-            return error;
-        }
-        let name = &self.name;
-        let gone = matches!(
-            kind,
-            BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof
-        );
-        let sentence = match (&self.link, gone) {
-            (Link::Slcan(adapter), _) if adapter.is_serial() => {
-                format!("{name}: the adapter is gone ({error}); was it unplugged?")
-            }
-            (_, true) => format!("{name}: the server has closed the connection"),
-            _ => format!("{name}: {error}"),
-        };
-        io::Error::new(kind, sentence)
-    }
-}
-
-#[cfg(target_os = "linux")]
-fn join_kernel(interface: &str) -> Result<Link, JoinError> {
-    let joined = kernel::Client::join(interface);
-    let joined = joined.map_err(|error| JoinError::interface(interface, error));
-    joined.map(Link::Kernel)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn join_kernel(interface: &str) -> Result<Link, JoinError> {
-    Err(JoinError::NoKernelCan(interface.to_owned()))
-}
+pub use received::{Received, Trouble};

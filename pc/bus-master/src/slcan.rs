@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::intake::{self, Intake, Stream};
-use super::{Received, Trouble, now_ns};
+use super::received::{Received, Trouble, now_ns};
 use can_text::slcan::{BEL, CR, FRAME_LETTERS, Flags, Form, RATES, frame};
 
 /// How long an adapter has for an answer.

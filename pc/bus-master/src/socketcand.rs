@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 
 use super::intake::{self, Intake};
-use super::{Received, Trouble, now_ns};
+use super::received::{Received, Trouble, now_ns};
 use can_text::socketcand::{frame, put_send};
 
 /// How long a server has for its answers while the bus is opened.

@@ -11,6 +11,7 @@
 mod checks;
 mod decode;
 pub mod eds;
+mod messages;
 mod options;
 mod pair;
 mod plan;
@@ -20,6 +21,7 @@ mod supervision;
 mod tests;
 
 pub use checks::{Check, Checks};
+pub use messages::{Emergency, Part};
 pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
@@ -36,29 +38,6 @@ pub struct Place {
     pub pair: u16,
     /// 0 is channel A, 1 is channel B.
     pub side: u8,
-}
-
-/// What a PDO of the exchange carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// The angles and their quality (TPDO 3).
-    Angles,
-    /// The vector behind them (TPDO 4).
-    Vector,
-    /// Both: a PDO that was mapped so.
-    Both,
-}
-
-impl Part {
-    /// Whether the angles are in it.
-    pub const fn has_angles(self) -> bool {
-        !matches!(self, Self::Vector)
-    }
-
-    /// Whether the vector is in it.
-    pub const fn has_vector(self) -> bool {
-        !matches!(self, Self::Angles)
-    }
 }
 
 /// What a frame has told. The values are in the [`Watch`] by then.
@@ -80,17 +59,6 @@ pub enum Meaning {
     Malformed(Place),
     /// Any other frame: of other nodes, SDO, LSS, NMT, 29-bit, remote.
     Other,
-}
-
-/// An EMCY message (CiA 301, 7.2.7), its manufacturer bytes as docs/canopen.md has them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Emergency {
-    /// Error code; 0 when faults have gone.
-    pub code: u16,
-    /// Error register (1001h).
-    pub register: u8,
-    /// Bytes 3 to 7 as they came.
-    pub bytes: [u8; 5],
 }
 
 /// How many frames of what were seen.

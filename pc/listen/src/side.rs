@@ -9,9 +9,9 @@ use device::fault::Fault;
 
 use super::checks::{Check, Checks};
 use super::decode::Values;
+use super::messages::{Emergency, Part};
 use super::plan::{NodePlan, PdoPlan, What};
 use super::supervision::Heartbeat;
-use super::{Emergency, Part};
 
 /// The NMT state of a node (CiA 301, 7.2.8.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -199,7 +199,7 @@ fn print_lines(
     // Asked while it is there: of a terminal that is closed nobody can say what it was.
     let is_terminal = io::stdout().is_terminal();
     let has_gone = |error: &io::Error| {
-        error.kind() == io::ErrorKind::BrokenPipe || is_terminal && is_gone(error)
+        error.kind() == io::ErrorKind::BrokenPipe || is_terminal && terminal::is_gone(error)
     };
     if let Some(url) = page {
         print(&address(arguments.json, url)?)?;
@@ -221,12 +221,6 @@ fn print_lines(
         }
     }
     Ok(())
-}
-
-/// Whether this is what the system says of a terminal that was closed: EIO, which is 5 wherever
-/// there are such terminals, or ENXIO.
-fn is_gone(error: &io::Error) -> bool {
-    cfg!(unix) && matches!(error.raw_os_error(), Some(5 | 6))
 }
 
 /// The first line where there is a page.

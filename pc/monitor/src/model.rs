@@ -11,9 +11,8 @@ use canopen::Frame;
 use super::events::{Events, Kind, Whom, seen_from};
 use super::level::{self, Level};
 use super::load::Load;
-use super::moment;
 use super::pace::{Pace, Patience};
-use super::snapshot::{Snapshot, SourceState};
+use super::snapshot::SourceState;
 use super::trace::Trace;
 use codes::words;
 use listen::{Beat, Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
@@ -153,11 +152,6 @@ impl Model {
             events: Events::default(),
             strangers: 0,
         }
-    }
-
-    /// Everything at this moment.
-    pub fn snapshot(&self) -> Snapshot {
-        moment::snapshot(self)
     }
 
     /// The trace of an instrument, from 0 on.

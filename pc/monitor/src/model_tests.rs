@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::events::Kind;
 use super::level::Level;
 use super::model::{Model, Setup};
+use super::moment;
 use super::snapshot::{Channel, Compared, Snapshot, SourceState};
 use listen::Plan;
 
@@ -58,7 +59,7 @@ impl Bench {
     }
 
     fn see(&self) -> Snapshot {
-        self.model.snapshot()
+        moment::snapshot(&self.model)
     }
 
     fn channel(&self, side: usize) -> Channel {
@@ -393,7 +394,7 @@ fn what_does_not_fit_together_is_counted_and_told_once() {
 fn without_a_bit_rate_there_is_no_load_but_a_reason() {
     let mut model = Model::new(&Plan::default(), Setup::default());
     model.take(0, &Frame::data_frame(0x80, &[]));
-    let bus = model.snapshot().bus;
+    let bus = moment::snapshot(&model).bus;
     assert_eq!(bus.load_percent, None);
     assert!(bus.load_reason.unwrap().contains("--bitrate"));
 }
@@ -408,7 +409,7 @@ fn two_instruments_are_told_apart() {
         2,
         &Frame::data_frame(0x084, &[0x13, 0xFF, 0x80, 0, 0x10, 0, 0, 6]),
     );
-    let seen = model.snapshot();
+    let seen = moment::snapshot(&model);
     assert_eq!(seen.instruments[0].channels[0].slope_x_deg, None);
     assert_eq!(seen.instruments[1].channels[0].slope_x_deg, Some(1.0));
     assert_eq!(seen.instruments[1].channels[1].faults.len(), 1);
@@ -449,7 +450,7 @@ proptest! {
             sent |= matches!(id, 0x181 | 0x182);
             model.take(time_ns, &Frame::data_frame(id, &bytes));
             model.pass(time_ns.saturating_add(step_ns));
-            let seen = model.snapshot();
+            let seen = moment::snapshot(&model);
             for channel in &seen.instruments[0].channels {
                 prop_assert!(sent || channel.slope_x_deg.is_none());
                 prop_assert_eq!(channel.slope_x_deg.is_none(), channel.slope_x_reason.is_some());
@@ -457,8 +458,8 @@ proptest! {
             }
         }
         prop_assert!(model.events.since(0).count() <= 1000);
-        let text = serde_json::to_string(&model.snapshot()).unwrap();
+        let text = serde_json::to_string(&moment::snapshot(&model)).unwrap();
         prop_assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok());
-        super::plain::state(&model.snapshot());
+        super::plain::state(&moment::snapshot(&model));
     }
 }

@@ -193,6 +193,7 @@ pub fn told(event: &Event) -> String {
 mod tests {
     use super::super::events::{Kind, Whom};
     use super::super::model::{Model, Setup};
+    use super::super::moment;
     use super::*;
     use canopen::Frame;
     use listen::Plan;
@@ -205,7 +206,7 @@ mod tests {
         model.take(start, &a);
         let b = Frame::data_frame(0x182, &[0xE6, 3, 0, 0x80, 0x7D, 1]);
         model.take(start, &b);
-        model.snapshot()
+        moment::snapshot(&model)
     }
 
     #[test]

@@ -18,6 +18,7 @@ use super::events::{Event, Kind};
 use super::feed::{Feed, Step, host_ns};
 use super::level::Level;
 use super::model::Model;
+use super::moment;
 use super::own::Own;
 use super::record::Recorder;
 use super::snapshot::{Snapshot, SourceState};
@@ -294,7 +295,7 @@ impl<F: Feed> Reader<F> {
                 model.note(Kind::Source, Level::Warning, remark);
             }
             model.end(SourceState::Ended, "the log has ended".to_owned());
-            model.snapshot()
+            moment::snapshot(&model)
         };
         self.tell_events();
         self.tell(Line::State(Box::new(snapshot)));
@@ -417,7 +418,7 @@ impl<F: Feed> Reader<F> {
         let snapshot = {
             let mut model = self.shared.model();
             model.pass(due);
-            model.snapshot()
+            moment::snapshot(&model)
         };
         self.tell_events();
         self.tell(Line::State(Box::new(snapshot)));

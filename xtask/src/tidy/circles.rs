@@ -2,8 +2,6 @@
 //!
 //! In: the tree. Out: a finding for each set of files that name each other's items in a circle,
 //! with a shortest circle and the line of each step, so that a reader sees where it can be cut.
-//! Sets that were there before the rule stand in [`LEFT`], which may only shrink: one that has
-//! gone, or has lost a file, must leave it.
 //!
 //! Left out: the crates for the part and the world; their circles are a module and its parts.
 
@@ -15,13 +13,9 @@ use super::source::Source;
 use super::tree::Tree;
 use super::uses::{Edge, Modules};
 
-/// The circles that are still to be cut: the files of each.
-const LEFT: [&[&str]; 0] = [];
-
-/// Finds the circles that [`LEFT`] does not have, and those of it that are no more.
+/// Finds the circles.
 pub fn check(tree: &Tree) -> Vec<Finding> {
-    let left = LEFT.map(|files| files.iter().map(|file| (*file).to_owned()).collect());
-    findings(&circles(tree), &left)
+    findings(&circles(tree))
 }
 
 /// How many circles each crate of a person's side has; those without any are left out.
@@ -41,38 +35,18 @@ struct Circle {
     way: Vec<Edge>,
 }
 
-fn findings<const N: usize>(circles: &[Circle], left: &[BTreeSet<String>; N]) -> Vec<Finding> {
-    let is_left = |circle: &&Circle| left.iter().any(|set| circle.files.iter().eq(set.iter()));
-    let new = circles
-        .iter()
-        .filter(|circle| !is_left(circle))
-        .map(|circle| {
-            let steps = circle
-                .way
-                .iter()
-                .map(|edge| format!("{} (line {})", edge.from, edge.line));
-            let steps: Vec<_> = steps.collect();
-            let text = format!(
-                "{} files name each other's items in a circle: {}, and back",
-                circle.files.len(),
-                steps.join(", then ")
-            );
-            Finding::new(&circle.files[0], 0, text)
-        });
-    let gone = left.iter().filter(|set| {
-        !circles
-            .iter()
-            .any(|circle| circle.files.iter().eq(set.iter()))
-    });
-    let gone = gone.filter_map(|set| {
-        let first = set.first()?;
-        Some(Finding::new(
-            first,
-            0,
-            "its circle has changed: mend the list in `circles`",
-        ))
-    });
-    new.chain(gone).collect()
+fn findings(circles: &[Circle]) -> Vec<Finding> {
+    let finding = |circle: &Circle| {
+        let step = |edge: &Edge| format!("{} (line {})", edge.from, edge.line);
+        let steps: Vec<_> = circle.way.iter().map(step).collect();
+        let text = format!(
+            "{} files name each other's items in a circle: {}, and back",
+            circle.files.len(),
+            steps.join(", then ")
+        );
+        Finding::new(&circle.files[0], 0, text)
+    };
+    circles.iter().map(finding).collect()
 }
 
 fn circles(tree: &Tree) -> Vec<Circle> {
@@ -158,7 +132,7 @@ mod tests {
     fn of(files: &[(&str, &str)]) -> Vec<String> {
         let manifest = [("pc/x/Cargo.toml", "")];
         let tree = Tree::of(&[&manifest, files].concat());
-        let found = findings(&circles(&tree), &[]);
+        let found = findings(&circles(&tree));
         found.iter().map(ToString::to_string).collect()
     }
 
@@ -238,21 +212,6 @@ mod tests {
             ("pc/x/src/b.rs", "pub struct B;\n"),
         ]);
         assert_eq!(found, [""; 0]);
-    }
-
-    #[test]
-    fn a_circle_that_is_listed_is_let_be_and_one_that_has_gone_is_not() {
-        let files = [
-            ("pc/x/Cargo.toml", ""),
-            ("pc/x/src/lib.rs", "mod a;\nmod b;\n"),
-            ("pc/x/src/a.rs", "use super::b::B;\npub struct A;\n"),
-            ("pc/x/src/b.rs", "pub struct B(crate::a::A);\n"),
-        ];
-        let circles = circles(&Tree::of(&files));
-        let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        assert!(findings(&circles, &[set(&["pc/x/src/a.rs", "pc/x/src/b.rs"])]).is_empty());
-        let other = findings(&circles, &[set(&["pc/x/src/a.rs", "pc/x/src/c.rs"])]);
-        assert_eq!(other.len(), 2);
     }
 
     #[test]

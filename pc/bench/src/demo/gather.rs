@@ -12,8 +12,9 @@ use sim::bench::unit::UnitResult;
 use sim::bench::week::{self, Day, FAULT_DAY, HOURS_PER_DAY, Trouble};
 use sim::rig::Mount;
 
-use super::Arguments;
 use super::jobs::{Kind, Results, two_axes};
+use super::medians::{largest, median_rms};
+use super::options::Arguments;
 use super::specification;
 use crate::report::data::{
     Angles, Axis, CalibrationRow, Curve, DeltaTrace, DemoReport, DynamicRow, DynamicTrace,
@@ -93,19 +94,6 @@ fn static_rows(results: &Results, (kind, mount): (Kind, Mount)) -> Vec<StaticRow
         }));
     }
     rows
-}
-
-/// The median unit's root mean square, of those that have a value.
-pub fn median_rms(tallies: &[Tally]) -> Option<f64> {
-    let filled = tallies.iter().filter(|tally| tally.count() > 0);
-    let mut rms: Vec<_> = filled.map(Tally::rms).collect();
-    (!rms.is_empty()).then(|| median(&mut rms))
-}
-
-/// The largest value of any unit.
-pub fn largest(tallies: &[Tally]) -> Option<f64> {
-    let filled = tallies.iter().filter(|tally| tally.count() > 0);
-    filled.map(Tally::largest).reduce(f64::max)
 }
 
 fn dynamic_rows(results: &Results, (kind, mount): (Kind, Mount)) -> Vec<DynamicRow> {

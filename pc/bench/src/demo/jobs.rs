@@ -12,7 +12,7 @@ use sim::bench::unit::{Plan, UnitResult, run_unit};
 use sim::bench::week::{Day, Trouble};
 use sim::bench::{Bench, BenchError, Mode, World};
 
-use super::Arguments;
+use super::options::Arguments;
 use output::progress::{Progress, Task};
 
 /// Length of a scene of Table I, s, and when its trouble begins.

@@ -6,44 +6,19 @@
 
 mod gather;
 mod jobs;
+mod medians;
+mod options;
 mod specification;
 
-use std::path::PathBuf;
-use std::process::ExitCode;
+pub use options::Arguments;
 
-use clap::Args;
+use std::process::ExitCode;
 
 use crate::Error;
 use crate::report::{data::DemoReport, page, terminal};
 use output::progress::Progress;
 use output::stdout;
 use output::write;
-
-/// What to build and test.
-#[derive(Clone, Debug, Args)]
-pub struct Arguments {
-    /// Seed of every random draw; the same seed gives the same report
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// Instruments to build in each mode; figures are medians over them
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub units: u32,
-    /// Days on the excavator, three hours each; the supply fails on day 5; 0 for none
-    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(0..=3650))]
-    pub days: u32,
-    /// Folder for report.html and report.json
-    #[arg(long, default_value = "plumb-report", value_name = "DIR")]
-    pub out: PathBuf,
-    /// Add the paper to the letter: a column in addition to the reading that reproduces it
-    #[arg(long)]
-    pub as_printed: bool,
-    /// Print every table, not only the summary
-    #[arg(long, conflicts_with = "json")]
-    pub details: bool,
-    /// Print report.json on stdout instead of the tables
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// Runs the demo; exit status 0 when product mode is within its specification, else 1.
 pub fn run(arguments: &Arguments, progress: &Progress) -> Result<ExitCode, Error> {

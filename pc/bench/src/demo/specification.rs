@@ -7,8 +7,8 @@ use sim::bench::statistics::Tally;
 use sim::bench::unit::{StaticRun, UnitResult};
 use sim::bench::week::{Day, FAULT_DAY};
 
-use super::gather::{largest, median_rms};
 use super::jobs::{Kind, Results};
+use super::medians::{largest, median_rms};
 use crate::report::data::{Relation, SpecificationRow};
 use crate::report::tables::FEWEST_FOR_MEDIANS;
 

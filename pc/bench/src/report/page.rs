@@ -6,7 +6,7 @@
 
 use super::data::DemoReport;
 use super::figures::{self, Group};
-use super::{summary, tables, terminal};
+use super::{summary, tables};
 use output::html;
 use output::table::Table;
 
@@ -94,7 +94,7 @@ fn header(report: &DemoReport) -> String {
         ("Plumb", report.plumb_version.clone()),
     ];
     let more = [
-        html::verdict(report.within_specification, terminal::verdict(report)),
+        html::verdict(report.within_specification, summary::verdict(report)),
         html::facts(&facts),
         html::paragraph(SIMULATED),
     ];

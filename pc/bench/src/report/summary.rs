@@ -6,7 +6,7 @@ use sim::bench::published::{Published, TABLE_THREE, TABLE_TWO};
 use sim::bench::week::FAULT_DAY;
 
 use super::data::*;
-use super::tables::{axis_name, mode_name, modes};
+use super::tables::{FEWEST_FOR_MEDIANS, axis_name, mode_name, modes};
 use output::table::{Rows, Table, format_number};
 
 /// Published, paper mode and product mode, row by row.
@@ -168,6 +168,19 @@ fn faults(report: &DemoReport, mode: Mode, which: impl Fn(u32) -> bool) -> Strin
         return dash();
     }
     days.iter().map(|row| row.faults).sum::<u64>().to_string()
+}
+
+/// The verdict in one sentence. A run that is too short for some lines of the specification says
+/// so.
+pub fn verdict(report: &DemoReport) -> &'static str {
+    let whole = report.units >= FEWEST_FOR_MEDIANS && report.days >= FAULT_DAY;
+    match (report.within_specification, whole) {
+        (true, true) => "Product mode is WITHIN its specification.",
+        (true, false) => {
+            "Product mode is WITHIN those lines of its specification that so short a run can judge."
+        }
+        (false, _) => "Product mode is OUTSIDE its specification.",
+    }
 }
 
 #[cfg(test)]

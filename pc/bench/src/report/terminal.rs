@@ -3,10 +3,9 @@
 //! In: a report. Out: one string of plain text, tables aligned, the verdict as its last line.
 //! Printing it, and progress on the way, are the caller's.
 
-use sim::bench::week::FAULT_DAY;
-
 use super::data::{DemoReport, Mode};
 use super::replay_data::ReplayReport;
+use super::summary::verdict;
 use super::{page, replay_tables, tables};
 use output::table::{Table, wrap};
 
@@ -36,19 +35,6 @@ pub fn print_demo(report: &DemoReport, details: bool) -> String {
     out.push_str(verdict(report));
     out.push('\n');
     out
-}
-
-/// The verdict in one sentence. A run that is too short for some lines of the specification says
-/// so.
-pub fn verdict(report: &DemoReport) -> &'static str {
-    let whole = report.units >= tables::FEWEST_FOR_MEDIANS && report.days >= FAULT_DAY;
-    match (report.within_specification, whole) {
-        (true, true) => "Product mode is WITHIN its specification.",
-        (true, false) => {
-            "Product mode is WITHIN those lines of its specification that so short a run can judge."
-        }
-        (false, _) => "Product mode is OUTSIDE its specification.",
-    }
 }
 
 /// Recordings, calibration, accuracy, comparison and verdicts of a replay.

@@ -7,6 +7,7 @@
 //!
 //! Left out: how long a temperature is kept, and whether the sensors have followed (`hold`).
 
+use super::air::Air;
 use super::profile::REFERENCE_C;
 use crate::console::{Answer, Console};
 use crate::scpi::{Device, DeviceError, Scpi};
@@ -16,15 +17,6 @@ const POSSIBLE_DEGC: std::ops::RangeInclusive<f64> = -100.0..=200.0;
 
 /// How a chamber is named to a person.
 const BY_HAND: &str = "a chamber set by hand";
-
-/// What a chamber says of its air.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Air {
-    /// Its temperature; `None` where nobody tells.
-    pub degc: Option<f64>,
-    /// Whether it is stable at the set point.
-    pub stable: bool,
-}
 
 /// A chamber around the instrument.
 pub trait Chamber {

@@ -12,7 +12,7 @@
 
 use std::collections::VecDeque;
 
-use super::chamber::Air;
+use super::air::Air;
 use super::profile::Step;
 
 /// Air that is said to be stable stands no further from its set point, degC.

@@ -8,6 +8,7 @@
 //!
 //! Left out: scale, axes and zero of the angles, which `plumb calibrate` makes and which stay.
 
+mod air;
 pub mod chamber;
 pub mod hold;
 mod left;

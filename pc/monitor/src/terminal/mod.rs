@@ -18,7 +18,6 @@ use std::time::{Duration, Instant};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers};
 
-use super::is_gone;
 use super::reading::Shared;
 use keys::Keys;
 use picture::Picture;
@@ -121,4 +120,10 @@ fn handle(event: &Event, screen: &mut Screen, shared: &Shared) -> Action {
     };
     let instruments = shared.model().instruments();
     screen.press(key, instruments)
+}
+
+/// Whether this is what the system says of a terminal that was closed: EIO, which is 5 wherever
+/// there are such terminals, or ENXIO.
+pub fn is_gone(error: &io::Error) -> bool {
+    cfg!(unix) && matches!(error.raw_os_error(), Some(5 | 6))
 }

@@ -5,6 +5,7 @@
 
 use super::super::events::Event;
 use super::super::model::Model;
+use super::super::moment;
 use super::super::reading::Shared;
 use super::super::snapshot::Snapshot;
 use super::super::trace::LINES;
@@ -40,7 +41,7 @@ impl Picture {
         let kept = if many { MANY } else { FEW };
         let first = model.events.count().saturating_sub(kept as u64);
         Self {
-            snapshot: model.snapshot(),
+            snapshot: moment::snapshot(model),
             lines: lines(model, screen),
             events: model.events.since(first).cloned().collect(),
         }

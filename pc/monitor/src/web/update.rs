@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::super::events::Event;
 use super::super::model::Model;
+use super::super::moment;
 use super::super::snapshot::Snapshot;
 use super::super::trace::{BUCKETS, Bucket, LINES, WIDTHS_NS};
 
@@ -69,7 +70,7 @@ impl Cursor {
         let traces = cursors.map(|(n, cursor)| piece(model, n, now, cursor));
         Update {
             traces: traces.collect(),
-            state: model.snapshot(),
+            state: moment::snapshot(model),
             events,
             events_anew,
         }
