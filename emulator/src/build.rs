@@ -5,7 +5,7 @@
 //!
 //! Left out: doing it when nothing has changed. Cargo sees to that, but a program that is linked
 //! for slot A has to be linked anew after one for slot B, so the test command builds the images of
-//! product and paper once and has every test read those ([`READY`]).
+//! product and paper once and has every test read those (`READY`).
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

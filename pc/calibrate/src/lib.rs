@@ -29,7 +29,7 @@ mod quantity;
 mod reading;
 #[cfg(test)]
 pub mod sample;
-mod scpi;
+pub mod scpi;
 pub mod session;
 pub mod verify;
 mod xml;

@@ -2,8 +2,8 @@
 //!
 //! In: one CSV file per channel (plain or gzip), one or two. Out: the tables on the terminal,
 //! `report.html` and `report.json` in a folder, and a calibration file if one is asked for.
-//! A [`recording::Recording`] of checked samples with every skipped row counted gives the
-//! [`segments::Segment`]s in which the sensor stood still, these a [`calibrate::Fit`], that the
+//! A `recording::Recording` of checked samples with every skipped row counted gives the
+//! `segments::Segment`s in which the sensor stood still, these a `calibrate::Fit`, that the
 //! chain of `tilt`, and that the readings which are judged and reported. Everything is computed
 //! before the first byte is written. The formats are described in `docs/recordings.md`.
 //!

@@ -3,7 +3,7 @@
 //! In: logs of a bus, as many and as long as there are, and what nodes remember of their faults,
 //! out of files or asked over the bus. Out: `report.html` and `report.json` in a folder, and the
 //! verdict with the main tables on the terminal. Frames are read by `watch`, counted by an
-//! [`instrument::Instrument`] each, and kept in a [`summary::Summary`] whose size does not
+//! `instrument::Instrument` each, and kept in a `summary::Summary` whose size does not
 //! grow with the log. The JSON is described in `docs/period-report.md`.
 //!
 //! Left out: a judgement of the machine. The exit status is 0 whatever the log tells, and 2 where a
