@@ -381,8 +381,8 @@ fn a_typed_fault_is_blamed_by_the_status_and_a_wrong_one_is_named() {
     server.types("fault b wobbly");
     server.types("fault b frozen");
     server.types("+5 s status");
-    server.prints("the other channel is faulty (codes stand still)");
-    server.prints("this channel is faulty (codes stand still)");
+    server.prints("the other channel is faulty (the sensor's codes stand still)");
+    server.prints("this channel is faulty (the sensor's codes stand still)");
     server.prints("      broken: frozen");
 }
 

@@ -120,7 +120,7 @@ fn a_bus_is_shown_in_lines_and_a_fault_by_its_name() {
     seen.until("FAULT: B: EMCY FF13h: the channels differ for too long");
     bench.type_line("roll 15");
     seen.until(
-        "channel B is faulty (it moved alone, or at standstill its gravity is of the wrong length)",
+        "channel B is faulty (moved alone, or gravity of the wrong length)",
     );
     seen.child.kill().unwrap();
     seen.end();
