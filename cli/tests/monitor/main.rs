@@ -119,9 +119,7 @@ fn a_bus_is_shown_in_lines_and_a_fault_by_its_name() {
     bench.type_line("fault b bias x 20 mg");
     seen.until("FAULT: B: EMCY FF13h: the channels differ for too long");
     bench.type_line("roll 15");
-    seen.until(
-        "channel B is faulty (moved alone, or gravity of the wrong length)",
-    );
+    seen.until("channel B is faulty (moved alone, or gravity of the wrong length)");
     seen.child.kill().unwrap();
     seen.end();
 }

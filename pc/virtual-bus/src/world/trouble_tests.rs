@@ -272,8 +272,8 @@ fn the_status_tells_what_is_broken_whom_each_node_blames_and_why() {
     let text = site.status();
     for line in [
         "the other channel is faulty (the sensor's codes stand still), ",
-        "pitch invalid (the sensor's codes stand still), roll invalid (the sensor's codes stand still), this channel is \
-         faulty",
+        "pitch invalid (the sensor's codes stand still), roll invalid (the sensor's codes stand \
+         still), this channel is faulty",
         "      broken: frozen y\n",
     ] {
         assert!(text.contains(line), "{line}: {text}");
