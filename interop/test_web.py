@@ -160,7 +160,7 @@ def test_a_fault_appears_by_name_and_the_angle_goes(
     shows(browser, "#channel1", "the channels differ for too long")
     plumb.type("roll 15")
     shows(browser, "#verdict", "FAULT: channel B is faulty")
-    assert "at standstill its gravity is of the wrong length" in text(browser, "#verdict")
+    assert "moved alone, or gravity of the wrong length" in text(browser, "#verdict")
     shows(browser, "#events", "EMCY FF08h: this channel moved alone, or its gravity is of the wrong length")
     assert angles(browser, 1)[0] == "--"
     # The reason comes with the next exchange of the nodes (TPDO 3), one SYNC behind the state.
