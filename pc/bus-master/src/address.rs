@@ -8,10 +8,9 @@
 
 use std::fmt;
 
-use super::error::JoinError;
+use can_text::socketcand::{PORT, is_bus_name};
 
-/// Where `plumb serve` and socketcand listen.
-pub const SOCKETCAND_PORT: u16 = 29536;
+use super::error::JoinError;
 
 /// The name of the bus that `plumb serve` has.
 pub const BUS_NAME: &str = "plumb";
@@ -77,19 +76,13 @@ impl fmt::Display for BusAddress {
     }
 }
 
-/// A name that can stand in socketcand's `open`.
-fn is_bus_name(name: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    (1..=15).contains(&name.len()) && name.chars().all(legal)
-}
-
 /// `host:port`, the port added where it is missing.
 fn host_and_port(text: &str) -> Option<String> {
     let legal = |host: &str| !host.is_empty() && !host.contains(['/', ' ', '@']);
     // The colons of a bare IPv6 address are not those of a port.
     let bare = text.ends_with(']') || !text.contains(':');
     if bare {
-        return legal(text).then(|| format!("{text}:{SOCKETCAND_PORT}"));
+        return legal(text).then(|| format!("{text}:{PORT}"));
     }
     let (host, port) = text.rsplit_once(':')?;
     let known = port.parse::<u16>().is_ok_and(|port| port > 0);

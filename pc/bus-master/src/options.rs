@@ -8,7 +8,9 @@
 
 use clap::Args;
 
-use super::address::{self, Address, BUS_NAME, BusAddress, SOCKETCAND_PORT};
+use can_text::socketcand::PORT;
+
+use super::address::{self, Address, BUS_NAME, BusAddress};
 use super::{Bus, JoinError};
 use can_text::slcan::RATES;
 
@@ -71,7 +73,7 @@ impl BusOptions {
 
 /// An interface and a channel as python-can has them.
 fn named(interface: Option<&str>, channel: Option<&str>) -> Result<Address, JoinError> {
-    let served = format!("127.0.0.1:{SOCKETCAND_PORT}");
+    let served = format!("127.0.0.1:{PORT}");
     match (interface, channel) {
         (None | Some("socketcand"), None) => address::socketcand(&format!("{served}/{BUS_NAME}")),
         (None | Some("socketcand"), Some(channel)) if channel.contains(':') => {

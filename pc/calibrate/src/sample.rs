@@ -1,6 +1,6 @@
 //! What tests share: reports made up, and whether a page has every key.
 
-use std::collections::BTreeSet;
+use output::check::keys;
 
 use serde::Serialize;
 
@@ -144,24 +144,9 @@ pub fn chamber() -> Report {
     report
 }
 
-/// Every key of a value, however deep.
-fn keys(value: &serde_json::Value, found: &mut BTreeSet<String>) {
-    match value {
-        serde_json::Value::Object(map) => {
-            for (key, value) in map {
-                found.insert(key.clone());
-                keys(value, found);
-            }
-        }
-        serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
-        _ => {}
-    }
-}
-
 /// Whether the part of a page behind a heading names every key of what a program writes.
 pub fn assert_documented(value: &impl Serialize, page: &str, heading: &str) {
-    let mut found = BTreeSet::new();
-    keys(&serde_json::to_value(value).unwrap(), &mut found);
+    let found = keys(value);
     let (_, page) = page.split_once(heading).unwrap();
     let missing: Vec<_> = found
         .iter()

@@ -9,6 +9,9 @@ use canopen::Frame;
 
 use crate::hex;
 
+/// The usual port of a server.
+pub const PORT: u16 = 29536;
+
 /// True for a name that can stand in `open`: a network interface's length, and no odd signs.
 pub fn is_bus_name(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);

@@ -1,7 +1,41 @@
-//! Checks of pages, for the tests of those who make them.
+//! Checks of pages and of JSON, for the tests of those who make them.
 //!
-//! In: a page as a browser gets it. Out: a panic that says what is wrong with it. Left out: what is
-//! written on it.
+//! In: a page as a browser gets it. Out: a panic that says what is wrong with it. Or in: what is
+//! written as JSON, and the document that describes it. Out: the keys that each of them has.
+//!
+//! Left out: what is written on a page.
+
+use std::collections::BTreeSet;
+
+use serde::Serialize;
+use serde_json::Value;
+
+/// Every key of what is written as JSON, at any depth.
+pub fn keys(written: &impl Serialize) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let value = serde_json::to_value(written).expect("a value that JSON has");
+    gather(&value, &mut found);
+    found
+}
+
+fn gather(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(key, value)| {
+            found.insert(key.clone());
+            gather(value, found);
+        }),
+        Value::Array(items) => items.iter().for_each(|item| gather(item, found)),
+        _ => {}
+    }
+}
+
+/// The names in the first column of a document's tables, which stand there as code.
+pub fn documented(document: &str) -> BTreeSet<String> {
+    let rows = document.lines().filter_map(|line| line.strip_prefix("| `"));
+    rows.filter_map(|row| row.split_once('`'))
+        .map(|(name, _)| name.to_owned())
+        .collect()
+}
 
 /// Elements that have no end tag.
 const VOID: [&str; 1] = ["meta"];

@@ -4,14 +4,13 @@
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 
-/// The usual port of socketcand.
-pub const SOCKETCAND_PORT: u16 = 29536;
+use can_text::socketcand::PORT;
 
 /// Where socketcand clients find the bus unless told otherwise.
-pub const SOCKETCAND_AT: SocketAddr = here(SOCKETCAND_PORT);
+pub const SOCKETCAND_AT: SocketAddr = here(PORT);
 
 /// Where `plumb twin` finds a `plumb serve` that was started without options.
-pub const TWIN_AT: SocketAddr = here(SOCKETCAND_PORT + 1);
+pub const TWIN_AT: SocketAddr = here(PORT + 1);
 
 /// A port of this machine alone.
 pub const fn here(port: u16) -> SocketAddr {

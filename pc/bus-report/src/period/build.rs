@@ -296,6 +296,13 @@ fn axis_name(axis: usize) -> String {
 
 fn slope(axis: usize, tally: &Tally, over_time: &Bins<Extremes>) -> SlopeReport {
     SlopeReport {
+        values: figures(axis, tally),
+        bins: bins(over_time, 1e-3),
+    }
+}
+
+fn figures(axis: usize, tally: &Tally) -> AxisFigures {
+    AxisFigures {
         axis: axis_name(axis),
         count: tally.count(),
         min_deg: tally.extremes().map(|both| degrees(both.0)),
@@ -304,7 +311,6 @@ fn slope(axis: usize, tally: &Tally, over_time: &Bins<Extremes>) -> SlopeReport 
         std_deg: tally.deviation().map(degrees),
         percentiles: percentiles(tally),
         step_deg: degrees(tally.histogram.step_mdeg() as f64),
-        bins: bins(over_time, 1e-3),
     }
 }
 
@@ -372,14 +378,7 @@ fn difference(summary: &DifferenceSummary) -> DifferenceReport {
 fn slope_difference(axis: usize, tally: &Tally) -> SlopeDifference {
     let bars = tally.histogram.bars(BARS);
     SlopeDifference {
-        axis: axis_name(axis),
-        count: tally.count(),
-        min_deg: tally.extremes().map(|both| degrees(both.0)),
-        max_deg: tally.extremes().map(|both| degrees(both.1)),
-        mean_deg: tally.mean().map(degrees),
-        std_deg: tally.deviation().map(degrees),
-        percentiles: percentiles(tally),
-        step_deg: degrees(tally.histogram.step_mdeg() as f64),
+        values: figures(axis, tally),
         bar_deg: bars.first().map_or(0.0, |bar| degrees(bar.1 as f64)),
         histogram: bars
             .iter()

@@ -178,7 +178,10 @@ pub fn slopes(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart
             .iter()
             .zip(INKS)
             .filter_map(|(channel, ink)| {
-                let slope = channel.slopes.get(axis).filter(|slope| slope.count > 0)?;
+                let slope = channel
+                    .slopes
+                    .get(axis)
+                    .filter(|slope| slope.values.count > 0)?;
                 let name = format!("Channel {}", channel.channel);
                 Some(Plot::new(name, ink, band(&slope.bins)))
             });
@@ -194,23 +197,23 @@ pub fn histograms(instrument: &InstrumentReport) -> Vec<Chart> {
         .difference
         .slopes
         .iter()
-        .filter(|slope| slope.count > 0);
+        .filter(|slope| slope.values.count > 0);
     slopes
         .map(|slope| {
-            let name = slope.axis.to_uppercase();
+            let name = slope.values.axis.to_uppercase();
             let share = |point: &Point| {
                 let count = point.1.unwrap_or(0.0);
                 (
                     point.0,
                     if count > 0.0 {
-                        100.0 * count / slope.count as f64
+                        100.0 * count / slope.values.count as f64
                     } else {
                         0.0
                     },
                 )
             };
             Chart {
-                id: format!("histogram-{}-{}", slope.axis, instrument.number),
+                id: format!("histogram-{}-{}", slope.values.axis, instrument.number),
                 title: format!("Difference of slope {name}: how often"),
                 description: format!(
                     "Share of the SYNCs in each step of {} degrees of the difference.",

@@ -239,9 +239,9 @@ pub struct FindingReport {
     pub first_s: f64,
 }
 
-/// A slope while it could be used.
+/// The values of one axis, in figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SlopeReport {
+pub struct AxisFigures {
     /// `x` or `y`.
     pub axis: String,
     /// Values.
@@ -258,6 +258,14 @@ pub struct SlopeReport {
     pub percentiles: Vec<Percentile>,
     /// Step of the percentiles.
     pub step_deg: f64,
+}
+
+/// A slope while it could be used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SlopeReport {
+    /// Its values.
+    #[serde(flatten)]
+    pub values: AxisFigures,
     /// Least and greatest per bin of time.
     pub bins: Vec<Bin>,
 }
@@ -340,22 +348,9 @@ pub struct DifferenceReport {
 /// The difference on one axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlopeDifference {
-    /// `x` or `y`.
-    pub axis: String,
-    /// Values.
-    pub count: u64,
-    /// Least.
-    pub min_deg: Option<f64>,
-    /// Greatest.
-    pub max_deg: Option<f64>,
-    /// Mean.
-    pub mean_deg: Option<f64>,
-    /// Standard deviation about the mean.
-    pub std_deg: Option<f64>,
-    /// Percentiles.
-    pub percentiles: Vec<Percentile>,
-    /// Step of the percentiles.
-    pub step_deg: f64,
+    /// Its values.
+    #[serde(flatten)]
+    pub values: AxisFigures,
     /// How often: middle of a bar and count.
     pub histogram: Vec<Point>,
     /// Width of a bar.

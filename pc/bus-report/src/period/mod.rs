@@ -221,10 +221,5 @@ fn shown(report: &PeriodReport, written: &Written) -> String {
         text.push('\n');
         text.push_str(&wrap(note, 96));
     }
-    text.push_str(&format!(
-        "\nReport: {} and {}\n",
-        printable(&written.html.display().to_string()),
-        printable(&written.json.display().to_string())
-    ));
-    text
+    text + "\n" + &written.line()
 }

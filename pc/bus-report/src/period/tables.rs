@@ -154,36 +154,21 @@ fn how_long(event: &EventReport) -> String {
 
 /// The angles of both channels.
 pub fn angles(instrument: &InstrumentReport) -> Table {
-    let names = [
-        "Mean",
-        "Std. deviation",
-        "Least",
-        "1 %",
-        "5 %",
-        "50 %",
-        "95 %",
-        "99 %",
-        "Greatest",
-    ];
     let mut columns = vec![
         Column::text("Channel"),
         Column::text("Slope"),
         Column::number("Values"),
     ];
-    columns.extend(names.map(|name| Column::number(name).under("deg")));
+    columns.extend(FIGURES.map(|name| Column::number(name).under("deg")));
     let mut table = Table::new("Angles while they could be used", columns);
     for channel in &instrument.channels {
         for slope in &channel.slopes {
             let mut row = vec![
                 Cell::text(format!("{} ({})", channel.channel, channel.node_id)),
-                Cell::text(slope.axis.to_uppercase()),
-                count(slope.count),
+                Cell::text(slope.values.axis.to_uppercase()),
+                count(slope.values.count),
             ];
-            row.extend(figures(
-                [slope.mean_deg, slope.std_deg, slope.min_deg, slope.max_deg],
-                &slope.percentiles,
-                2,
-            ));
+            row.extend(figures(&slope.values, 2));
             table.rows.push(row);
         }
     }
@@ -191,7 +176,7 @@ pub fn angles(instrument: &InstrumentReport) -> Table {
         .channels
         .iter()
         .flat_map(|channel| &channel.slopes);
-    if let Some(step) = steps.map(|slope| slope.step_deg).reduce(f64::max) {
+    if let Some(step) = steps.map(|slope| slope.values.step_deg).reduce(f64::max) {
         let note = format!(
             "The standard deviation is that of the machine's motion, not of the measurement. \
              Percentiles are true to {step} deg."
@@ -201,47 +186,46 @@ pub fn angles(instrument: &InstrumentReport) -> Table {
     table
 }
 
+/// What [`figures`] gives.
+const FIGURES: [&str; 9] = [
+    "Mean",
+    "Std. deviation",
+    "Least",
+    "1 %",
+    "5 %",
+    "50 %",
+    "95 %",
+    "99 %",
+    "Greatest",
+];
+
 /// Mean and deviation, least, percentiles, greatest.
-fn figures(of: [Option<f64>; 4], percentiles: &[Percentile], decimals: usize) -> Vec<Cell> {
-    let [mean, deviation, least, most] = of;
-    let mut cells = vec![
-        Cell::number(mean, decimals),
-        Cell::number(deviation, decimals),
-        Cell::number(least, decimals),
-    ];
+fn figures(of: &AxisFigures, decimals: usize) -> Vec<Cell> {
+    let cell = |value| Cell::number(value, decimals);
+    let mut cells = vec![cell(of.mean_deg), cell(of.std_deg), cell(of.min_deg)];
     let wanted = [1.0, 5.0, 50.0, 95.0, 99.0];
     cells.extend(wanted.map(|percent| {
-        let found = percentiles.iter().find(|value| value.percent == percent);
-        Cell::number(found.map(|found| found.value_deg), decimals)
+        let mut percentiles = of.percentiles.iter();
+        let found = percentiles.find(|value| value.percent == percent);
+        cell(found.map(|found| found.value_deg))
     }));
-    cells.push(Cell::number(most, decimals));
+    cells.push(cell(of.max_deg));
     cells
 }
 
 /// The difference of the channels.
 pub fn difference(instrument: &InstrumentReport) -> Table {
-    let names = [
-        "Mean",
-        "Std. deviation",
-        "Least",
-        "1 %",
-        "5 %",
-        "50 %",
-        "95 %",
-        "99 %",
-        "Greatest",
-    ];
     let mut columns = vec![Column::text("Slope"), Column::number("SYNCs")];
-    columns.extend(names.map(|name| Column::number(name).under("deg")));
+    columns.extend(FIGURES.map(|name| Column::number(name).under("deg")));
     let mut table = Table::new("Channel A \u{2212} channel B at the same SYNC", columns);
     let difference = &instrument.difference;
-    for slope in difference.slopes.iter().filter(|slope| slope.count > 0) {
-        let mut row = vec![Cell::text(slope.axis.to_uppercase()), count(slope.count)];
-        row.extend(figures(
-            [slope.mean_deg, slope.std_deg, slope.min_deg, slope.max_deg],
-            &slope.percentiles,
-            3,
-        ));
+    for slope in &difference.slopes {
+        let values = &slope.values;
+        if values.count == 0 {
+            continue;
+        }
+        let mut row = vec![Cell::text(values.axis.to_uppercase()), count(values.count)];
+        row.extend(figures(values, 3));
         table.rows.push(row);
     }
     table.notes = difference_notes(difference);

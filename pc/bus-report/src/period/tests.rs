@@ -119,13 +119,13 @@ fn a_fault_has_the_syncs_around_it_from_the_log() {
 fn angles_are_those_of_the_housing() {
     let slope = &report().instruments[0].channels[1].slopes[0];
     // For some SYNCs the loose board is believed: the greatest value is off by that.
-    let [least, .., most] = &slope.percentiles[..] else {
+    let [least, .., most] = &slope.values.percentiles[..] else {
         panic!("percentiles");
     };
     assert!((most.value_deg - 20.0).abs() < 0.3, "{slope:?}");
     assert!(least.value_deg.abs() < 0.3);
     let difference = &report().instruments[0].difference;
-    assert!(difference.slopes[0].percentiles[2].value_deg.abs() < 0.1);
+    assert!(difference.slopes[0].values.percentiles[2].value_deg.abs() < 0.1);
     assert!(difference.syncs_measured > 1000);
     assert!(difference.judged > 0 && difference.above < difference.judged);
     assert!(
@@ -430,32 +430,15 @@ fn every_table_fills_its_columns() {
 mod documented {
     //! `docs/period-report.md` has every field, and no other.
 
-    use std::collections::BTreeSet;
-
-    use serde_json::Value;
+    use output::check::{documented, keys};
 
     const DOCUMENT: &str = include_str!("../../../../docs/period-report.md");
 
-    fn keys(value: &Value, found: &mut BTreeSet<String>) {
-        match value {
-            Value::Object(fields) => fields.iter().for_each(|(key, value)| {
-                found.insert(key.clone());
-                keys(value, found);
-            }),
-            Value::Array(items) => items.iter().for_each(|item| keys(item, found)),
-            _ => {}
-        }
-    }
-
     #[test]
     fn every_field_is_documented_and_no_other() {
-        let mut found = BTreeSet::from(["saved".to_owned()]);
-        keys(&serde_json::to_value(super::full()).unwrap(), &mut found);
-        let rows = DOCUMENT.lines().filter_map(|line| line.strip_prefix("| `"));
-        let documented: BTreeSet<String> = rows
-            .filter_map(|row| row.split_once('`'))
-            .map(|(name, _)| name.to_owned())
-            .collect();
+        let mut found = keys(&super::full());
+        found.insert("saved".to_owned());
+        let documented = documented(DOCUMENT);
         let missing: Vec<_> = found.difference(&documented).collect();
         assert!(missing.is_empty(), "not documented: {missing:?}");
         let stale: Vec<_> = documented.difference(&found).collect();

@@ -159,7 +159,9 @@ mod tests {
     use sim::network::Network;
 
     use super::*;
-    use crate::addresses::{SOCKETCAND_PORT, TWIN_AT};
+    use can_text::socketcand::PORT;
+
+    use crate::addresses::TWIN_AT;
     use crate::words::line::Word;
 
     /// What a word comes to on a bus without nodes, and when what was put off is due.
@@ -236,7 +238,7 @@ mod tests {
 
     #[test]
     fn the_port_is_one_above_the_bus_and_any_other_when_that_is_taken() {
-        assert_eq!(TWIN_AT.port(), SOCKETCAND_PORT + 1);
+        assert_eq!(TWIN_AT.port(), PORT + 1);
         let taken = TwinPort::beside(([0, 0, 0, 0], 0).into()).unwrap();
         assert!(taken.at.ip().is_loopback());
         let below = taken.at.port() - 1;
