@@ -506,8 +506,8 @@ fn a_log_goes_onto_a_bus_at_its_own_pace() {
         .unwrap();
     }
     let log = folder.file("a.log", &text);
-    let mut stream = listener(&served.bus);
-    let onto = ["--onto", &served.bus];
+    let mut stream = listener(&served.bus());
+    let onto = ["--onto", &served.bus()];
     let played = json(&[&log, onto[0], onto[1], "--speed", "2"]);
     assert_eq!(number(&played, "/sent"), 51.0);
     // 0.98 s at twice the speed, and what the machine makes of it.
@@ -545,8 +545,8 @@ fn a_log_that_is_played_for_ever_ends_with_the_bus() {
         "a.log",
         "(1700000000.0) can0 123#00\n(1700000000.02) can0 123#01\n",
     );
-    let mut stream = listener(&served.bus);
-    let mut endless = plumb(&["replay", &log, "--loop", "--onto", &served.bus])
+    let mut stream = listener(&served.bus());
+    let mut endless = plumb(&["replay", &log, "--loop", "--onto", &served.bus()])
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()

@@ -24,7 +24,7 @@ impl Bench {
         let arguments = ["--speed", "20", "--bit-rate", "1000", "--await-client"];
         let served = Served::start(&arguments);
         let mut bench = Self {
-            bus: served.bus.clone(),
+            bus: served.bus(),
             served,
             log: String::new(),
         };

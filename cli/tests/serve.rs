@@ -3,12 +3,12 @@
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 mod program;
 
-use program::{Folder, plumb};
+use program::{Folder, Served, plumb};
 
 const SOON: Duration = Duration::from_secs(10);
 
@@ -29,67 +29,26 @@ fn refused(output: &Output) -> String {
     said
 }
 
-/// A running server.
-struct Server {
-    child: Child,
-    out: BufReader<std::process::ChildStdout>,
-    ready: String,
+/// A server whose nodes are not calibrated, which is ready sooner.
+fn start(arguments: &[&str]) -> Served {
+    Served::start(&[&["--uncalibrated"], arguments].concat())
 }
 
-impl Server {
-    fn start(arguments: &[&str]) -> Self {
-        let all = ["--listen", "127.0.0.1:0", "--uncalibrated"];
-        let mut child = command(&all)
-            .args(arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut out = BufReader::new(child.stdout.take().unwrap());
-        let mut ready = String::new();
-        out.read_line(&mut ready).unwrap();
-        Self { child, out, ready }
-    }
-
-    fn at(&self) -> SocketAddr {
-        let (_, at) = self.ready.trim().rsplit_once(' ').expect("an address");
-        at.parse().unwrap_or_else(|e| panic!("{e}: {}", self.ready))
-    }
-
-    fn types(&mut self, words: &str) {
-        let mut stdin = self.child.stdin.as_ref().unwrap();
-        writeln!(stdin, "{words}").unwrap();
-    }
-
-    /// The first line on stdout with this in it.
-    fn prints(&mut self, what: &str) -> String {
-        let mut line = String::new();
-        while !line.contains(what) {
-            line.clear();
-            assert!(self.out.read_line(&mut line).unwrap() > 0, "never: {what}");
-        }
-        line
-    }
-
-    /// Waits for its end.
-    fn ends(mut self) -> Option<i32> {
-        let from = Instant::now();
-        while from.elapsed() < SOON {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                return status.code();
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        panic!("it goes on");
-    }
+fn at(served: &Served) -> SocketAddr {
+    let bus = served.bus();
+    bus.parse().unwrap_or_else(|e| panic!("{e}: {bus}"))
 }
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+/// Waits for its end.
+fn ends(mut served: Served) -> Option<i32> {
+    let from = Instant::now();
+    while from.elapsed() < SOON {
+        if let Some(status) = served.child.try_wait().unwrap() {
+            return status.code();
+        }
+        std::thread::sleep(Duration::from_millis(10));
     }
+    panic!("it goes on");
 }
 
 /// A socketcand client in raw mode.
@@ -178,10 +137,10 @@ impl Client {
 
 #[test]
 fn two_nodes_boot_and_say_who_they_are() {
-    let server = Server::start(&[]);
+    let server = start(&[]);
     let line = "serving 2 nodes (1, 2) at 250 kbit/s on socketcand 127.0.0.1:";
     assert!(server.ready.starts_with(line), "{}", server.ready);
-    let mut client = Client::connect(server.at());
+    let mut client = Client::connect(at(&server));
     for node in [1, 2] {
         // NMT "reset node"; a heartbeat may come before it is obeyed.
         client.send(0, &[0x81, node]);
@@ -193,8 +152,8 @@ fn two_nodes_boot_and_say_who_they_are() {
 
 #[test]
 fn time_begins_with_the_first_client_who_sees_both_boot_ups() {
-    let server = Server::start(&["--await-client"]);
-    let mut client = Client::connect(server.at());
+    let server = start(&["--await-client"]);
+    let mut client = Client::connect(at(&server));
     assert_eq!(client.frame(0x701), [0]);
 }
 
@@ -202,8 +161,8 @@ fn time_begins_with_the_first_client_who_sees_both_boot_ups() {
 fn a_script_turns_the_instrument() {
     let folder = Folder::new();
     let script = folder.file("script", "rate 80\npitch 30\nroll -10\nhold\n");
-    let server = Server::start(&["--script", &script, "--speed", "20"]);
-    let mut client = Client::connect(server.at());
+    let server = start(&["--script", &script, "--speed", "20"]);
+    let mut client = Client::connect(at(&server));
     // The resolution is 0.001 deg unless 6000h says 10, 100 or 1000.
     let resolution = f64::from(client.upload(1, 0x6000, 0)) / 1000.0;
     let from = Instant::now();
@@ -220,41 +179,39 @@ fn a_script_turns_the_instrument() {
 
 #[test]
 fn typed_words_move_break_and_end_it() {
-    let mut server = Server::start(&["--speed", "10"]);
-    server.types("pitch 30");
-    server.types("power b off");
-    server.types("nonsense");
-    server.types("+3 status");
+    let mut server = start(&["--speed", "10"]);
+    server.word("pitch 30");
+    server.word("power b off");
+    server.word("nonsense");
+    server.word("+3 status");
     let line = server.prints("pitch 30.000 deg, roll 0.000 deg");
     assert!(line.contains("air 25.0 degC"), "{line}");
     server.prints("b   without power");
-    server.types("quit");
-    assert_eq!(server.ends_quietly(), Some(0));
+    server.word("quit");
+    assert_eq!(ends_quietly(server), Some(0));
 }
 
-impl Server {
-    /// As [`Server::ends`], for one whose words have ended it.
-    fn ends_quietly(mut self) -> Option<i32> {
-        drop(self.child.stdin.take());
-        self.ends()
-    }
+/// The same of one whose words have ended it.
+fn ends_quietly(mut served: Served) -> Option<i32> {
+    drop(served.child.stdin.take());
+    ends(served)
 }
 
 #[cfg(unix)]
 #[test]
 fn an_interrupt_is_an_end_as_any_other() {
-    let server = Server::start(&[]);
+    let server = start(&[]);
     let id = server.child.id().to_string();
     let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
     assert!(sent.success());
-    assert_eq!(server.ends(), Some(0));
+    assert_eq!(ends(server), Some(0));
 }
 
 #[test]
 fn a_closed_input_is_no_end() {
-    let mut server = Server::start(&[]);
+    let mut server = start(&[]);
     drop(server.child.stdin.take());
-    let mut client = Client::connect(server.at());
+    let mut client = Client::connect(at(&server));
     assert_eq!(client.upload(1, 0x1018, 4), 1);
 }
 
@@ -263,8 +220,8 @@ fn what_was_stored_is_there_after_a_restart() {
     let folder = Folder::new();
     let state = folder.path("state");
     {
-        let server = Server::start(&["--state", &state, "--node-ids", "5,6"]);
-        let mut client = Client::connect(server.at());
+        let server = start(&["--state", &state, "--node-ids", "5,6"]);
+        let mut client = Client::connect(at(&server));
         // LSS: switch node 6 (all four numbers of 1018h) to configuration, set 9, store.
         let identity = [1, 2, 3, 4].map(|sub| client.upload(6, 0x1018, sub));
         for (service, number) in (0x40..).zip(identity) {
@@ -281,9 +238,9 @@ fn what_was_stored_is_there_after_a_restart() {
         assert_eq!(client.frame(0x585)[0], 0x60);
         client.download(5, 0x1010, 1, *b"save");
     }
-    let server = Server::start(&["--state", &state, "--node-ids", "5,6"]);
+    let server = start(&["--state", &state, "--node-ids", "5,6"]);
     assert!(server.ready.contains("2 nodes (5, 9)"), "{}", server.ready);
-    let mut client = Client::connect(server.at());
+    let mut client = Client::connect(at(&server));
     assert_eq!(client.upload(9, 0x1018, 4), 2);
     assert_eq!(client.upload(5, 0x1017, 0), 50);
 }
@@ -375,12 +332,12 @@ fn more_node_ids_than_nodes_are_refused() {
 
 #[test]
 fn a_typed_fault_is_blamed_by_the_status_and_a_wrong_one_is_named() {
-    let mut server = Server::start(&["--speed", "10"]);
-    let mut client = Client::connect(server.at());
+    let mut server = start(&["--speed", "10"]);
+    let mut client = Client::connect(at(&server));
     client.send(0, &[1, 0]);
-    server.types("fault b wobbly");
-    server.types("fault b frozen");
-    server.types("+5 s status");
+    server.word("fault b wobbly");
+    server.word("fault b frozen");
+    server.word("+5 s status");
     server.prints("the other channel is faulty (the sensor's codes stand still)");
     server.prints("this channel is faulty (the sensor's codes stand still)");
     server.prints("      broken: frozen");

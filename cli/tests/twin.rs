@@ -3,10 +3,14 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
+
+mod program;
+
+use program::Served;
 
 const PLUMB: &str = env!("CARGO_BIN_EXE_plumb");
 
@@ -18,30 +22,16 @@ fn text(bytes: &[u8]) -> String {
 
 /// A running server.
 struct Server {
-    child: Child,
-    _out: BufReader<ChildStdout>,
+    served: Served,
     ready: Value,
 }
 
 impl Server {
     fn start(arguments: &[&str]) -> Self {
-        let mut child = Command::new(PLUMB)
-            .args(["serve", "--listen", "127.0.0.1:0", "--uncalibrated"])
-            .args(["--json", "--no-stdin"])
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut out = BufReader::new(child.stdout.take().unwrap());
-        let mut ready = String::new();
-        out.read_line(&mut ready).unwrap();
-        Self {
-            child,
-            _out: out,
-            ready: serde_json::from_str(&ready).unwrap(),
-        }
+        let json = ["--uncalibrated", "--json", "--no-stdin"];
+        let served = Served::start(&[&json, arguments].concat());
+        let ready = serde_json::from_str(&served.ready).unwrap();
+        Self { served, ready }
     }
 
     fn at(&self) -> &str {
@@ -90,14 +80,7 @@ impl Server {
 
     /// Waits for its end.
     fn ends(mut self) -> Option<i32> {
-        self.child.wait().unwrap().code()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.served.child.wait().unwrap().code()
     }
 }
 

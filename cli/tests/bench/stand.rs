@@ -26,7 +26,7 @@ impl Bench {
         let (motor, chamber) = (served.behind("--motor "), served.behind("--chamber "));
         std::thread::sleep(Duration::from_millis(400));
         Self {
-            bus: served.bus.clone(),
+            bus: served.bus(),
             served,
             motor,
             chamber,

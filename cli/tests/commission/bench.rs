@@ -23,7 +23,7 @@ impl Bench {
         let served = Served::start(&[&["--bit-rate", "250"], more].concat());
         // Sensors have to settle before an angle is valid.
         std::thread::sleep(Duration::from_millis(1200));
-        let bus = served.bus.clone();
+        let bus = served.bus();
         Self { served, bus }
     }
 

@@ -35,7 +35,7 @@ impl Bench {
     fn with(more: &[&str]) -> Self {
         let served = Served::start(more);
         Self {
-            bus: served.bus.clone(),
+            bus: served.bus(),
             served,
             folder: Folder::new(),
         }

@@ -34,9 +34,9 @@ pub fn said(output: &Output) -> Said {
 pub struct Served {
     /// The process.
     pub child: Child,
-    /// Where its bus is: HOST:PORT of socketcand.
-    pub bus: String,
-    /// What it prints behind its first line.
+    /// Its first line, with which it is ready.
+    pub ready: String,
+    /// What it prints behind that.
     pub out: BufReader<ChildStdout>,
 }
 
@@ -53,20 +53,30 @@ impl Served {
         let mut out = BufReader::new(child.stdout.take().unwrap());
         let mut ready = String::new();
         out.read_line(&mut ready).unwrap();
-        let (_, bus) = ready.trim().rsplit_once(' ').unwrap();
-        let bus = bus.to_owned();
-        Self { child, bus, out }
+        Self { child, ready, out }
+    }
+
+    /// Where its bus is: HOST:PORT of socketcand, if that is the last way in of its first line.
+    pub fn bus(&self) -> String {
+        let (_, at) = self.ready.trim().rsplit_once(' ').expect("an address");
+        at.to_owned()
+    }
+
+    /// The next line that has these words in it.
+    pub fn prints(&mut self, words: &str) -> String {
+        let mut line = String::new();
+        while !line.contains(words) {
+            line.clear();
+            assert!(self.out.read_line(&mut line).unwrap() > 0, "never: {words}");
+        }
+        line
     }
 
     /// What stands behind these words in the next line that has them.
     pub fn behind(&mut self, words: &str) -> String {
-        loop {
-            let mut line = String::new();
-            assert!(self.out.read_line(&mut line).unwrap() > 0, "never: {words}");
-            if let Some((_, rest)) = line.trim().split_once(words) {
-                return rest.to_owned();
-            }
-        }
+        let line = self.prints(words);
+        let (_, rest) = line.trim().split_once(words).expect("these words");
+        rest.to_owned()
     }
 
     /// Types a line of words.

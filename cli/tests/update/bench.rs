@@ -30,7 +30,7 @@ impl Bench {
         // Sensors have to settle before an update is let in.
         std::thread::sleep(Duration::from_millis(400));
         Self {
-            bus: served.bus.clone(),
+            bus: served.bus(),
             _served: served,
             folder: Folder::new(),
         }
