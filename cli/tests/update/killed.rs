@@ -2,8 +2,8 @@
 //!
 //! Between the program and the bus stands a relay that reads what the program sends, and kills it
 //! behind a frame of its choice. Whatever that frame is, and whichever node comes first, the same
-//! command then brings both nodes to the new program, and in both calls together there is no longer
-//! time without a valid angle than in an update that nobody disturbs.
+//! command then brings both nodes to the new program, and in both calls together the time without a
+//! valid angle has the bound of an update that is not disturbed.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
