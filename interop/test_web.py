@@ -164,7 +164,7 @@ def test_a_fault_appears_by_name_and_the_angle_goes(
     shows(browser, "#events", "EMCY FF08h: this channel moved alone, or its gravity is of the wrong length")
     assert angles(browser, 1)[0] == "--"
     # The reason comes with the next exchange of the nodes (TPDO 3), one SYNC behind the state.
-    shows(browser, "#channel1 .angle", "gravity is of the wrong length")
+    shows(browser, "#channel1 .angle", "gravity of the wrong length")
     picture(browser, tmp_path, "fault")
     assert complaints(browser) == []
 

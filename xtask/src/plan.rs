@@ -59,7 +59,8 @@ const SIDE_BY_SIDE: [Row; 3] = [
 ];
 
 /// Between two changes.
-const QUICK: [&Step; 5] = [
+const QUICK: [&Step; 6] = [
+    &steps::TOOLCHAIN,
     &steps::CHECK_FORMAT,
     &steps::TIDY,
     &steps::CLIPPY,
@@ -94,6 +95,15 @@ pub fn quick(workspace: &Workspace) -> ExitCode {
 pub fn alone(step: &Step, workspace: &Workspace) -> ExitCode {
     println!("{}", step.name);
     exit_code(perform(step, workspace, &mut Tally::default()))
+}
+
+/// Runs one step by itself, behind the set-up that a fresh machine lacks.
+pub fn equipped(step: &Step, workspace: &Workspace) -> ExitCode {
+    let mut tally = Tally::default();
+    if !perform(&steps::TOOLCHAIN, workspace, &mut tally) {
+        return ExitCode::FAILURE;
+    }
+    alone(step, workspace)
 }
 
 /// Runs one step for the process that has started this one.
@@ -253,6 +263,13 @@ mod tests {
         ));
         assert_eq!(run.tally.passed, 3);
         assert_eq!(run.costs.len(), 2);
+    }
+
+    #[test]
+    fn the_quick_test_of_a_fresh_machine_lacked_the_packages_of_the_distribution() {
+        for plan in [&FIRST[..], &QUICK[..]] {
+            assert_eq!(plan[0].key, steps::TOOLCHAIN.key);
+        }
     }
 
     #[test]
