@@ -40,9 +40,7 @@ impl Client<'_> {
     ) -> Result<(), SdoError> {
         let at = At { index, sub };
         let request = at.request(0xC6, bytes.len() as u32);
-        self.send(request)?;
-        let fits = |bytes: &[u8; 8]| Wanted::BLOCKS.fits(&request, bytes);
-        let [_, _, _, _, mut block, ..] = self.answer(PATIENCE, at, fits)?;
+        let [_, _, _, _, mut block, ..] = self.begin_download(request, Wanted::BLOCKS)?;
         let (mut done, mut tries) = (0, 0);
         while done < bytes.len() {
             let arrived;

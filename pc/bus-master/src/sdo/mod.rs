@@ -3,7 +3,8 @@
 //! In: requests for one node. Out: its answers, or why there are none. A question is asked again
 //! when no answer comes, and answers that come late are not taken for those to later questions. A
 //! write is never sent again, since the node may have taken it, unless the caller says that it may
-//! come twice. What was lost of a block is sent again from where the receiver has it.
+//! come twice; but the request that begins a transfer of several frames writes nothing, and is sent
+//! again. What was lost of a block is sent again from where the receiver has it.
 //!
 //! Two clients on one node's channel disturb each other. What can be told is told: requests of
 //! somebody else that pass on the bus while an answer is waited for.
@@ -270,6 +271,24 @@ impl<'a> Client<'a> {
         match self.other {
             Some(_) => Err(SdoError::Taken(self.node)),
             None => Err(SdoError::Silent(self.node, at.index, at.sub)),
+        }
+    }
+
+    /// The answer to the request that begins a download of several frames. No answer comes from a
+    /// node that was deaf for as long as it erased a page; what it may have begun is given up
+    /// before it is asked again.
+    fn begin_download(&mut self, request: [u8; 8], wanted: Wanted) -> Result<[u8; 8], SdoError> {
+        let at = about(&request);
+        let mut tries = 1;
+        loop {
+            self.send(request)?;
+            match self.answer(PATIENCE, at, |bytes| wanted.fits(&request, bytes)) {
+                Err(SdoError::Silent(..)) if tries < self.attempts => {
+                    tries += 1;
+                    self.give_up(at.index, at.sub)?;
+                }
+                answer => return answer,
+            }
         }
     }
 

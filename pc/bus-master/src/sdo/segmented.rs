@@ -46,10 +46,7 @@ impl Client<'_> {
 
     /// A whole download in segments.
     pub(super) fn download_segments(&mut self, at: At, bytes: &[u8]) -> Result<(), SdoError> {
-        let request = at.request(0x21, bytes.len() as u32);
-        self.send(request)?;
-        let begun = self.answer(PATIENCE, at, |bytes| Wanted::DOWNLOAD.fits(&request, bytes));
-        begun?;
+        self.begin_download(at.request(0x21, bytes.len() as u32), Wanted::DOWNLOAD)?;
         // Nothing at all is one segment without content.
         let pieces: Vec<&[u8]> = match bytes {
             [] => vec![&[]],

@@ -84,6 +84,44 @@ fn a_write_is_not_sent_twice() {
 }
 
 #[test]
+fn a_download_whose_first_request_was_lost_was_never_begun() {
+    let (mut bus, server) = bus(&["", "", "60612000", "20", "30"]);
+    let mut client = Client::new(&mut bus, 1);
+    client.download(0x2061, 0, &[0x5A; 10]).unwrap();
+    drop(bus);
+    let asked = server.join().unwrap();
+    let [begun, given_up, again, ..] = &asked[..] else {
+        panic!("{asked:?}");
+    };
+    assert_eq!((&begun[..8], &given_up[..8]), ("21612000", "80612000"));
+    assert_eq!((begun, asked.len()), (again, 5));
+}
+
+#[test]
+fn a_block_download_whose_first_request_was_lost_was_never_begun() {
+    let (mut bus, server) = bus(&[
+        "",
+        "",
+        "A46120007F",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "A20A7F",
+        "A1",
+    ]);
+    let mut client = Client::new(&mut bus, 1);
+    client.download(0x2061, 0, &[0x5A; 70]).unwrap();
+    drop(bus);
+    assert_eq!(server.join().unwrap().len(), 14);
+}
+
+#[test]
 fn a_question_that_nobody_answers_is_asked_three_times() {
     let (mut bus, server) = bus(&[]);
     let silent = Client::new(&mut bus, 1).upload(0x1000, 0);
