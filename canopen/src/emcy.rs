@@ -155,18 +155,19 @@ impl Emergency {
     }
 
     /// The message that may go now; the next one follows when it has gone out.
-    pub fn transmit(&mut self, now: Instant) -> Option<Frame> {
+    pub fn transmit(&mut self) -> Option<Frame> {
         let ready = !self.handed_over && self.count_waiting != 0;
         let message = self.waiting.first().filter(|_| ready)?;
         self.handed_over = true;
-        self.free_at = now.after(u64::from(self.inhibit_100us) * 100);
         Some(Frame::data_frame(self.id(), message))
     }
 
-    /// A frame of this identifier has gone out; true when it was a message, and another may go.
-    pub fn sent(&mut self, cob_id: u16) -> bool {
+    /// A frame of this identifier has ended on the bus at `now`; true when it was a message, and
+    /// another may go behind the inhibit time.
+    pub fn sent(&mut self, cob_id: u16, now: Instant) -> bool {
         let is_told = cob_id == self.id() && core::mem::take(&mut self.handed_over);
         if is_told {
+            self.free_at = now.after(u64::from(self.inhibit_100us) * 100);
             let mut next = [0; 8];
             // One place further each; `rotate_left` would bring the library's memmove along.
             for kept in self.waiting.iter_mut().rev() {
@@ -265,8 +266,8 @@ mod tests {
 
     /// The next message, which goes out at once.
     fn said(emergency: &mut Emergency, now: Instant) -> Option<Frame> {
-        let frame = emergency.transmit(now)?;
-        emergency.sent(frame.cob_id()?);
+        let frame = emergency.transmit()?;
+        emergency.sent(frame.cob_id()?, now);
         Some(frame)
     }
 
@@ -299,7 +300,13 @@ mod tests {
         e.load(at(0x1015, 0), Value::u16(50));
         e.raise(0x1000, 0x80, [0; 5]);
         e.raise(0x1001, 0x80, [0; 5]);
-        assert!(said(&mut e, Instant(100)).is_some());
+        assert!(e.transmit().is_some());
+        // It has waited for the bus: the time counts from where others have seen it.
+        assert_eq!(
+            (e.next_cob_id(OP, Instant(90)), e.poll(OP).get()),
+            (None, None)
+        );
+        assert!(e.sent(0x85, Instant(100)));
         assert_eq!(e.next_cob_id(OP, Instant(5_099)), None);
         assert_eq!(e.poll(OP).get(), Some(Instant(5_100)));
         assert_eq!(e.next_cob_id(OP, Instant(5_100)), Some(0x85));
@@ -324,17 +331,17 @@ mod tests {
         let mut e = emergency();
         e.raise(0x1000, 0x80, [0; 5]);
         e.raise(0x1001, 0x80, [0; 5]);
-        let first = e.transmit(Instant(0));
+        let first = e.transmit();
         assert!(first.is_some());
         assert_eq!(
             (e.next_cob_id(OP, Instant(0)), e.poll(OP).get()),
             (None, None)
         );
-        assert_eq!(e.transmit(Instant(0)), None);
+        assert_eq!(e.transmit(), None);
         // What another service sends is no answer to that.
-        e.sent(0x181);
+        e.sent(0x181, Instant(0));
         assert_eq!(e.next_cob_id(OP, Instant(0)), None);
-        e.sent(0x85);
+        e.sent(0x85, Instant(0));
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x85));
     }
 
@@ -345,7 +352,7 @@ mod tests {
         e.raise(0x1000, 0x80, [1; 5]);
         e.raise(0x1001, 0x80, [2; 5]);
         assert!(said(&mut e, Instant(0)).is_some());
-        let taken = e.transmit(Instant(0)).unwrap();
+        let taken = e.transmit().unwrap();
         for _ in 0..9 {
             e.lost();
             e.raise(RECOVERED, 0, [0; 5]);
@@ -363,12 +370,12 @@ mod tests {
     fn another_identifier_does_not_end_the_messages() {
         let mut e = emergency();
         e.raise(0x1000, 0x80, [0; 5]);
-        assert!(e.transmit(Instant(0)).is_some());
+        assert!(e.transmit().is_some());
         e.write(at(0x1014, 0), Value::u32(OFF | 0x85));
         e.write(at(0x1014, 0), Value::u32(0x90));
         // The old one goes out late, and is not taken for the one under the new identifier.
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
-        e.sent(0x85);
+        e.sent(0x85, Instant(0));
         assert_eq!(e.next_cob_id(OP, Instant(0)), Some(0x90));
     }
 

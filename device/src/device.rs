@@ -321,10 +321,12 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         if let Some(id) = frame.cob_id() {
             self.matching.sending.gone(id);
         }
-        if self.bus.told(frame) {
+        let id = frame.cob_id();
+        let waits = id.is_some_and(|id| self.bus.pdo_sent(id, now));
+        if self.bus.told(frame, now) {
             let (bus, mut objects) = self.split(now);
             bus.sync_sent(&mut objects, frame, now);
-        } else if frame.cob_id().is_some_and(|id| PDOS.contains(&id)) {
+        } else if !waits && id.is_some_and(|id| PDOS.contains(&id)) {
             // What else a PDO brings about was known when it was made.
             return;
         }

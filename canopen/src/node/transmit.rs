@@ -64,7 +64,7 @@ impl Node {
                 Some(boot_up(self.node_id))
             }
             Service::Sync if A::SERVICES.sync_producer => services.sync.transmit(now),
-            Service::Emergency => services.emergency.transmit(now),
+            Service::Emergency => services.emergency.transmit(),
             Service::Sdo => self.response(app, now),
             Service::ErrorControl => {
                 let state = services.state;
@@ -174,18 +174,30 @@ impl Node {
     /// Only then has it been told, and is not told again after bus-off. And only then has this
     /// node's own SYNC happened, at the same instant as for everybody else; true when that was it.
     pub fn sent<A: Application>(&mut self, app: &mut A, frame: &Frame, now: Instant) -> bool {
-        let sync = self.told(frame);
+        if let Some(cob_id) = frame.cob_id() {
+            self.pdo_sent(cob_id, now);
+        }
+        let sync = self.told(frame, now);
         if sync {
             self.sync_frame(app, frame, now);
         }
         sync
     }
 
-    /// Notes that a frame from [`Node::transmit`] has gone out, all but the effect of a SYNC; true
-    /// when it was this node's own SYNC, which [`Node::sync_sent`] has to follow.
-    pub fn told(&mut self, frame: &Frame) -> bool {
+    /// Notes that a frame of this identifier, which is one of a PDO, has ended on the bus at `now`;
+    /// true when a sample has waited for that.
+    pub fn pdo_sent(&mut self, cob_id: u16, now: Instant) -> bool {
+        let waits = self.communication.pdo.sent(cob_id, now);
+        self.settled &= !waits;
+        waits
+    }
+
+    /// Notes that a frame from [`Node::transmit`] has ended on the bus at `now`, all but the effect
+    /// of a SYNC and what [`Node::pdo_sent`] does; true when it was this node's own SYNC, which
+    /// [`Node::sync_sent`] has to follow.
+    pub fn told(&mut self, frame: &Frame, now: Instant) -> bool {
         if let Some(cob_id) = frame.cob_id() {
-            self.settled &= !self.communication.emergency.sent(cob_id);
+            self.settled &= !self.communication.emergency.sent(cob_id, now);
             if cob_id == ERROR_CONTROL + u16::from(self.node_id) {
                 self.error_control_sent(frame);
             }

@@ -287,6 +287,17 @@ impl Pdos {
         Some(pdo.stale)
     }
 
+    /// A frame of this identifier has ended on the bus at `now`; true when a sample has waited for
+    /// that.
+    pub fn sent(&mut self, cob_id: u16, now: Instant) -> bool {
+        let mut waits = false;
+        // None of several TPDOs of one identifier may wait for ever.
+        for pdo in self.tx.iter_mut().filter(|pdo| pdo.setup.id() == cob_id) {
+            waits |= pdo.sent(now);
+        }
+        waits
+    }
+
     /// The controller has given back a frame of this identifier, which has not gone out: its sample
     /// counts as lost.
     pub fn withdrawn(&mut self, cob_id: u16) {

@@ -106,8 +106,15 @@ impl Bench {
         self.pdo.receive(&mut self.shelf, &frame, now)
     }
 
-    /// The X that goes out now; `None` for silence.
+    /// The X that goes out now, and is at once on the bus and through; `None` for silence.
     pub fn sent(&mut self, now: Instant) -> Option<u8> {
+        let number = self.handed_over(now)?;
+        self.pdo.sent(0x181, now);
+        Some(number)
+    }
+
+    /// The X that the controller gets now; `None` for silence.
+    pub fn handed_over(&mut self, now: Instant) -> Option<u8> {
         let frame = self.pdo.transmit(now)?;
         assert_eq!((frame.cob_id(), frame.length()), (Some(0x181), 2));
         frame.bytes().first().copied()
@@ -326,12 +333,7 @@ fn event_driven_types_are_sent_once_at_start_and_then_when_data_change() {
 
 #[test]
 fn the_inhibit_time_holds_back_and_the_newest_data_go() {
-    let mut bench = Bench::with_tpdo(255);
-    bench.write(0x1800, 1, OFF).unwrap();
-    bench.write(0x1800, 3, 50).unwrap();
-    bench.write(0x1800, 1, 0x181).unwrap();
-    bench.pdo.start(ms(0));
-    bench.poll(ms(0));
+    let mut bench = inhibited();
     assert_eq!(bench.sent(ms(1)), Some(0));
     for n in [2, 3] {
         bench.x(n);
@@ -341,6 +343,71 @@ fn the_inhibit_time_holds_back_and_the_newest_data_go() {
     }
     assert_eq!(bench.sent(ms(6)), Some(3));
     assert_eq!(bench.pdo.overruns(), 0);
+}
+
+/// A TPDO of X on events, of an inhibit time of 5 ms.
+fn inhibited() -> Bench {
+    let mut bench = Bench::with_tpdo(255);
+    bench.write(0x1800, 1, OFF).unwrap();
+    bench.write(0x1800, 3, 50).unwrap();
+    bench.write(0x1800, 1, 0x181).unwrap();
+    bench.pdo.start(ms(0));
+    bench.poll(ms(0));
+    bench
+}
+
+#[test]
+fn a_frame_that_came_late_onto_the_bus_shortened_the_inhibit_time() {
+    let mut bench = inhibited();
+    assert_eq!(bench.handed_over(ms(0)), Some(0));
+    // The bus is busy, for longer than the inhibit time.
+    for n in [2, 8] {
+        bench.x(n);
+        bench.event(ms(n));
+        assert_eq!((bench.poll(ms(n)), bench.handed_over(ms(n))), (None, None));
+    }
+    assert!(bench.pdo.sent(0x181, ms(9)));
+    assert_eq!(
+        (bench.poll(ms(9)), bench.handed_over(ms(13))),
+        (Some(ms(14)), None)
+    );
+    assert_eq!(bench.sent(ms(14)), Some(8));
+    // Nothing waits for the end of this one.
+    assert!(!bench.pdo.sent(0x181, ms(14)));
+    assert_eq!(bench.pdo.overruns(), 0);
+}
+
+#[test]
+fn a_frame_that_never_went_out_ends_the_wait_for_it() {
+    let ends: [fn(&mut Pdos); 2] = [|pdo| pdo.withdrawn(0x181), Pdos::bus_off];
+    for end in ends {
+        let mut bench = inhibited();
+        assert_eq!(bench.handed_over(ms(0)), Some(0));
+        end(&mut bench.pdo);
+        bench.poll(ms(1));
+        assert_eq!(bench.handed_over(ms(1)), Some(0));
+        bench.x(2);
+        bench.event(ms(2));
+        assert_eq!(bench.handed_over(ms(2)), None);
+        end(&mut bench.pdo);
+        assert_eq!(bench.handed_over(ms(2)), Some(2));
+    }
+}
+
+#[test]
+fn two_pdos_of_one_identifier_both_go_on() {
+    let mut bench = inhibited();
+    bench.set_up(0x1801, 0x181, 255, &[X]);
+    bench.write(0x1801, 1, OFF).unwrap();
+    bench.write(0x1801, 3, 50).unwrap();
+    bench.write(0x1801, 1, 0x181).unwrap();
+    for n in [10, 20, 30] {
+        bench.x(n);
+        bench.event(ms(n));
+        bench.poll(ms(n));
+        let sent = [bench.sent(ms(n)), bench.sent(ms(n)), bench.sent(ms(n + 5))];
+        assert_eq!(sent.iter().flatten().count(), 2, "{n}: {sent:?}");
+    }
 }
 
 #[test]

@@ -48,7 +48,8 @@ pub struct Tpdo {
     due: bool,
     /// SYNCs up to the next sample; `None` before the first SYNC that counts.
     left: Option<u8>,
-    /// End of the inhibit time.
+    /// End of the inhibit time, which begins when a frame has ended on the bus; up to then it is
+    /// the end of the clock.
     quiet_until: Instant,
     /// When the event timer runs out.
     timer: Deadline,
@@ -225,8 +226,24 @@ impl Tpdo {
         }
     }
 
+    /// The frame has ended on the bus at `now`; true when a sample has waited for that.
+    pub fn sent(&mut self, now: Instant) -> bool {
+        self.quiet(now.after(u64::from(self.setup.inhibit) * 100))
+    }
+
+    /// Sets the end of the inhibit time; true when a sample waits for it.
+    fn quiet(&mut self, until: Instant) -> bool {
+        let waits = !self.setup.is_synchronous() && self.is_waiting();
+        self.quiet_until = until;
+        if waits {
+            self.waiting.from = until;
+        }
+        waits
+    }
+
     /// The sample did not get onto the bus: types 0, 254 and 255 owe it still.
     pub fn withdrawn(&mut self) {
+        self.quiet(Instant(0));
         if !self.is_waiting() {
             self.sample = None;
             self.due = true;
@@ -254,12 +271,13 @@ impl Tpdo {
         self.is_waiting() && from <= now && now <= until
     }
 
-    /// The frame, when [`Tpdo::is_ready`] tells of one; the inhibit time begins with it.
+    /// The frame, when [`Tpdo::is_ready`] tells of one. With an inhibit time no other one follows
+    /// before [`Tpdo::sent`] or [`Tpdo::withdrawn`].
     pub fn take(&mut self, now: Instant) -> Option<Frame> {
         self.waiting = Window::NONE;
         if !self.setup.is_synchronous() {
             self.stale = now.after(LIFE_US);
-            self.quiet_until = now.after(u64::from(self.setup.inhibit) * 100);
+            self.quiet_until = if self.setup.inhibit == 0 { now } else { NEVER };
         }
         let id = standard(self.setup.id());
         self.sample
