@@ -26,6 +26,19 @@ pub enum State {
 }
 
 impl State {
+    /// The state that the byte of an error control message tells, whatever its toggle bit is.
+    ///
+    /// Errors: a number that stands for no state.
+    pub const fn of(byte: u8) -> Result<Self, u8> {
+        match byte & 0x7F {
+            0 => Ok(Self::Initialising),
+            4 => Ok(Self::Stopped),
+            5 => Ok(Self::Operational),
+            127 => Ok(Self::PreOperational),
+            other => Err(other),
+        }
+    }
+
     /// PDOs and SRDOs.
     pub const fn allows_pdo(self) -> bool {
         matches!(self, Self::Operational)
@@ -52,19 +65,27 @@ impl State {
     }
 }
 
-/// What a master commands.
+/// What a master commands; the number is the command specifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Command {
-    /// Enter OPERATIONAL (command specifier 1).
-    Start,
-    /// Enter STOPPED (2).
-    Stop,
-    /// Enter PRE-OPERATIONAL (128).
-    EnterPreOperational,
-    /// Reset the whole device (129).
-    ResetNode,
-    /// Reset communication (130).
-    ResetCommunication,
+    /// Enter OPERATIONAL.
+    Start = 1,
+    /// Enter STOPPED.
+    Stop = 2,
+    /// Enter PRE-OPERATIONAL.
+    EnterPreOperational = 128,
+    /// Reset the whole device.
+    ResetNode = 129,
+    /// Reset communication.
+    ResetCommunication = 130,
+}
+
+impl Command {
+    /// The frame that gives it to one node, or to all with node-id 0.
+    pub fn frame(self, node_id: u8) -> Frame {
+        Frame::data_frame(0, &[self as u8, node_id])
+    }
 }
 
 /// The command in a frame, when it is one for this node (or for all, node-id 0).

@@ -59,6 +59,18 @@ fn two_product_nodes_run_much_faster_than_time() {
     assert!(times > 3.0);
 }
 
+#[test]
+fn requests_to_the_other_node_took_the_room_of_ones_own() {
+    let mut pair = pair();
+    pair.run(1.5);
+    for (number, request) in [(0, 0x601), (1, 0x602)] {
+        let can = &pair.board(number).machine().chip().can;
+        // Bank 1 of the filter: FB1R1 and FB1R2 (RM0008 24.9.4), for FIFO 1 (FFA1R).
+        assert_eq!([can.read(0x248), can.read(0x24C)], [request << 21; 2]);
+        assert_eq!(can.read(0x214) & 0b111, 0b011);
+    }
+}
+
 /// Has a stranger send this identifier without a pause; `None` ends that.
 fn flood(pair: &mut Pair, stranger: Port, id: Option<u16>) {
     let frame = id.map(|id| Frame::data_frame(id, &[0xAA; 8]));

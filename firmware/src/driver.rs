@@ -67,6 +67,8 @@ pub trait Controller: Transmitter {
     fn recover(&mut self);
     /// Goes to a bit rate; a controller that only listens sends nothing, not even an acknowledge.
     fn set_rate(&mut self, kbit_s: u16, listen_only: bool);
+    /// Keeps a master's frames to this node, NMT, LSS and requests of SDO, apart from all others.
+    fn listen_to(&mut self, node_id: u8);
 }
 
 /// What only the board can do, asked for by [`Driver`]'s methods.
@@ -91,6 +93,8 @@ pub struct Driver {
     search: Option<Search>,
     /// The latest instant that the device was told: its time does not go back.
     reached: Instant,
+    /// The node-id that the controller listens to.
+    node_id: u8,
     action: Option<BoardAction>,
 }
 
@@ -139,6 +143,7 @@ impl Driver {
             delay_ms: 0,
             search: None,
             reached: Instant(0),
+            node_id: 0,
             action: None,
         }
     }
@@ -333,6 +338,10 @@ impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> DriverCall<'_, SPI
         let driver = &mut *self.driver;
         let silent = driver.switch_at.is_some() || driver.search.is_some();
         driver.mailboxes.fill(self.device, self.can, silent, now);
+        let node_id = self.device.bus().node_id();
+        if node_id != core::mem::replace(&mut driver.node_id, node_id) {
+            self.can.listen_to(node_id);
+        }
         self.wish(now);
     }
 

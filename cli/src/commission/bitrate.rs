@@ -147,7 +147,7 @@ fn change(bus: &mut Bus, rate: u16, arguments: &Arguments) -> Result<Vec<u8>, Co
         return Err(Fault::nobody(bus).into());
     }
     let working = heard.heartbeats.iter();
-    let working = working.filter(|(_, state)| **state == State::Operational);
+    let working = working.filter(|(_, state)| **state == Ok(State::Operational));
     let working: Vec<u8> = working.map(|(node, _)| *node).collect();
     if !arguments.stop {
         return change_these(bus, rate, arguments, there, &working);

@@ -169,7 +169,7 @@ fn ask(node: &mut Node) -> Result<Info, Fault> {
     let state = node.state()?;
     Ok(Info {
         node: node.id,
-        state: state.map(|state| state.to_string()),
+        state: state.map(|told| words::told(told).into_owned()),
         facts,
         errors,
         error_history,

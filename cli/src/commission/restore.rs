@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 
 fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), CommissionError> {
     let id = node.id;
-    let worked = node.state()? == Some(State::Operational);
+    let worked = node.state()? == Some(Ok(State::Operational));
     let sub = Group::sub(arguments.only);
     let done = node.set_up(arguments.stop, |node| node.write(0x1011, sub, &LOAD));
     done.map_err(|fault: Option<Fault>| {
@@ -130,6 +130,7 @@ fn restore(node: &mut Node, arguments: &Arguments) -> Result<(), CommissionError
 /// Resets a node and waits until it is back.
 fn reset(node: &mut Node) -> Result<(), CommissionError> {
     node.command(Command::ResetNode)?;
-    let back = nmt::wait_for(node.bus, node.id, State::BootUp, RESTART).map_err(Fault::bus)?;
+    let back =
+        nmt::wait_for(node.bus, node.id, State::Initialising, RESTART).map_err(Fault::bus)?;
     back.then_some(()).ok_or(CommissionError::NotBack(node.id))
 }

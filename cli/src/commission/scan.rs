@@ -20,6 +20,7 @@ use bus_master::lss::{Identity, Master};
 use bus_master::node::Node;
 use bus_master::survey::{Survey, survey};
 use bus_master::{Bus, BusOptions};
+use codes::words;
 use output::printable;
 use output::table::{Cell, Column, Table};
 
@@ -115,7 +116,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 fn found(bus: &mut Bus, heard: &Survey, id: u8) -> Result<Found, Fault> {
     let mut found = Found {
         node: id,
-        state: heard.heartbeats.get(&id).map(ToString::to_string),
+        state: heard
+            .heartbeats
+            .get(&id)
+            .map(|told| words::told(*told).into_owned()),
         ..Found::default()
     };
     let Some(device_type) = heard.answers.get(&id) else {

@@ -167,7 +167,7 @@ fn why_not(node: &mut Node, named: &Named) -> CommissionError {
             let reason = u8::try_from(reason).unwrap_or(u8::MAX);
             CommissionError::NoAngle(id, name, reason)
         }
-        (_, Ok(Some(State::Operational))) => CommissionError::State(id, name),
+        (_, Ok(Some(Ok(State::Operational)))) => CommissionError::State(id, name),
         _ => CommissionError::WrongState(id, name),
     }
 }

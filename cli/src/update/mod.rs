@@ -22,12 +22,12 @@ use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use canopen::Frame;
 use clap::Args;
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use flash::layout::Slot;
 
 use bus_master::diagnosis;
+use bus_master::nmt::{self, Command, State, Told as Heard};
 use bus_master::sdo::Client;
 use bus_master::{Bus, BusOptions};
 pub use error::UpdateError;
@@ -35,9 +35,6 @@ use file::Image;
 use output::progress::Progress;
 use told::{NodeEvent, Told};
 pub use version::version;
-
-/// A node's state as its heartbeat tells it.
-const OPERATIONAL: u8 = 5;
 
 /// 2080h sub 4.
 const ON_TRIAL: u32 = 1;
@@ -173,15 +170,15 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
 fn rejoin(bus: &mut Bus, nodes: &[u8], told: Told) -> Result<bool, UpdateError> {
     let mut states = Vec::new();
     for node in nodes {
-        states.push((*node, Node::new(bus, *node).heartbeat(HEARTBEAT)?));
+        states.push((*node, Node::new(bus, *node).state()?));
     }
-    let works = |(_, state): &(u8, Option<u8>)| *state == Some(OPERATIONAL);
+    let works = |(_, state): &(u8, Option<Heard>)| *state == Some(Ok(State::Operational));
     if !states.iter().any(works) {
         return Ok(false);
     }
     for (node, state) in states.iter().filter(|one| !works(one)) {
-        // NMT "start", which does nothing to one that is OPERATIONAL and was not heard.
-        Node::new(bus, *node).nmt(1)?;
+        // It does nothing to one that is OPERATIONAL and was not heard.
+        Node::new(bus, *node).command(Command::Start)?;
         if state.is_some() {
             told.tell(*node, NodeEvent::Started);
         }
@@ -229,9 +226,8 @@ impl<'a> Node<'a> {
         Ok(self.client().download_again(index, sub, bytes)?)
     }
 
-    fn nmt(&mut self, command: u8) -> Result<(), UpdateError> {
-        let sent = self.bus.send(&Frame::data_frame(0, &[command, self.node]));
-        sent.map_err(UpdateError::lost)
+    fn command(&mut self, command: Command) -> Result<(), UpdateError> {
+        nmt::command(self.bus, command, self.node).map_err(UpdateError::lost)
     }
 
     /// What this node needs of these images. Nothing is changed.
@@ -282,7 +278,7 @@ impl<'a> Node<'a> {
         pair_works: bool,
         told: Told,
     ) -> Result<(), UpdateError> {
-        let works = pair_works || self.heartbeat(HEARTBEAT)? == Some(OPERATIONAL);
+        let works = pair_works || self.state()? == Some(Ok(State::Operational));
         let ended = match self.leave(others, works) {
             Ok(()) => self.exchange(image, (others, works), told),
             Err(error) => Err(error),
@@ -296,8 +292,10 @@ impl<'a> Node<'a> {
             Ok(()) => Ok(()),
             Err(_) => self.client().give_up(0x1F50, 1).map_err(UpdateError::from),
         };
-        // NMT "start".
-        let back = if works { self.nmt(1) } else { Ok(()) };
+        let back = match works {
+            true => self.command(Command::Start),
+            false => Ok(()),
+        };
         ended.and(given_up).and(back)?;
         told.tell(self.node, NodeEvent::Now(image.header.version.0));
         if works {
@@ -327,14 +325,13 @@ impl<'a> Node<'a> {
             for other in others {
                 Node::new(self.bus, *other).must_stand_in(works, together)?;
             }
-            // NMT "enter PRE-OPERATIONAL".
-            self.nmt(128)?;
+            self.command(Command::EnterPreOperational)?;
             sleep(APART);
             match self.first_without_angle(others)? {
                 None => break,
                 Some(other) if left == 0 || !works => return Err(UpdateError::NoAngle(other)),
-                // NMT "start": both have to agree for longer.
-                Some(_) => self.nmt(1)?,
+                // Both have to agree for longer.
+                Some(_) => self.command(Command::Start)?,
             }
             together *= 2;
         }
@@ -477,25 +474,16 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The state that the node's next error control message tells, within a time.
-    fn heartbeat(&mut self, patience: Duration) -> Result<Option<u8>, UpdateError> {
-        let until = Instant::now() + patience;
-        let id = 0x700 + u16::from(self.node);
-        while let Some(received) = self.bus.receive(until).map_err(UpdateError::lost)? {
-            if received.frame.cob_id() == Some(id)
-                && let [state] = received.frame.bytes()
-            {
-                return Ok(Some(state & 0x7F));
-            }
-        }
-        Ok(None)
+    /// The state that the node's next heartbeat tells; `None` when none comes.
+    fn state(&mut self) -> Result<Option<Heard>, UpdateError> {
+        nmt::state(self.bus, self.node, HEARTBEAT).map_err(UpdateError::lost)
     }
 
     /// Waits until the image is checked, for which the node goes on, and the node has restarted.
     fn wait_for_boot(&mut self) -> Result<(), UpdateError> {
         let until = Instant::now() + RESTART;
         while Instant::now() < until {
-            if self.heartbeat(HEARTBEAT)? == Some(0) {
+            if self.state()? == Some(Ok(State::Initialising)) {
                 return Ok(());
             }
             match self.read(0x1F57, 1) {
@@ -535,8 +523,8 @@ impl<'a> Node<'a> {
     /// OPERATIONAL itself, since in any other state its angles reach nobody.
     fn must_stand_in(&mut self, works: bool, long: Duration) -> Result<(), UpdateError> {
         if works {
-            let state = self.heartbeat(HEARTBEAT)?;
-            if state.is_some_and(|state| state != OPERATIONAL) {
+            let state = self.state()?;
+            if state.is_some_and(|state| state != Ok(State::Operational)) {
                 return Err(UpdateError::Idle(self.node));
             }
         }

@@ -150,6 +150,8 @@ impl Controller for Wire {
             self.store(MCR, 1 << 3);
         }
     }
+
+    fn listen_to(&mut self, _: u8) {}
 }
 
 /// Follows the chip of this channel and serial number to the end of what was written down, or to

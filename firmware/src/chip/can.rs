@@ -69,14 +69,16 @@ const IDE: u32 = 1 << 2;
 const FINIT: u32 = 0x2A1C_0E01;
 
 /// Identifiers of a master's NMT commands (CiA 301 7.3.3), LSS requests (CiA 305), and SDO requests
-/// to any node.
+/// less the node-id.
 const NMT: u32 = 0;
 /// See [`NMT`].
 const LSS: u32 = 0x7E5;
 /// See [`NMT`].
 const SDO: u32 = 0x600;
-/// The bits of an identifier that are not a node-id.
-const ANY_NODE: u32 = 0x780;
+/// The filter's banks in use, and that of SDO requests.
+const BANKS: u32 = 0b111;
+/// See [`BANKS`].
+const REQUESTS: u32 = 0b010;
 
 /// How long initialisation is waited for, us. The controller gets there at the end of the frame
 /// that is on the bus: after 13.4 ms at 10 kbit/s, 134 bits. On a bus that is shorted it never
@@ -103,20 +105,17 @@ impl Can {
     pub fn start(_: CAN) -> Self {
         let can = registers();
         write(can.mcr(), INRQ | RFLM);
-        // Bank 0, a list, and bank 1, a mask, both of 32 bits, for FIFO 1; bank 2, masks of 16 bits
-        // that look at no bit, for FIFO 0 and all that is left: the wider filter goes before
-        // (RM0008 24.7.4).
+        // Banks 0 and 1, lists of 32 bits, for FIFO 1; bank 2, masks of 16 bits that look at no bit,
+        // for FIFO 0 and all that is left: the wider filter goes before (RM0008 24.7.4).
         write(can.fmr(), FINIT);
-        write(can.fm1r(), 0b001);
+        write(can.fm1r(), 0b011);
         write(can.fs1r(), 0b011);
         write(can.ffa1r(), 0b011);
         write(can.fb(0).fr1(), NMT << 21);
         write(can.fb(0).fr2(), LSS << 21);
-        write(can.fb(1).fr1(), SDO << 21);
-        write(can.fb(1).fr2(), ANY_NODE << 21 | IDE);
         write(can.fb(2).fr1(), 0);
         write(can.fb(2).fr2(), 0);
-        write(can.fa1r(), 0b111);
+        write(can.fa1r(), BANKS & !REQUESTS);
         write(can.fmr(), FINIT & !1);
         write(can.ier(), INTERRUPTS);
         Self(())
@@ -192,6 +191,16 @@ impl Controller for Can {
         let silent = if listen_only { SILM } else { 0 };
         write(registers().btr(), timing | silent);
         write(registers().mcr(), RFLM);
+    }
+
+    fn listen_to(&mut self, node_id: u8) {
+        let can = registers();
+        let id = (SDO + u32::from(node_id)) << 21;
+        // A bank is changed while it is not active (RM0008 24.9.4); FIFO 0 has its frames then.
+        write(can.fa1r(), BANKS & !REQUESTS);
+        write(can.fb(1).fr1(), id);
+        write(can.fb(1).fr2(), id);
+        write(can.fa1r(), BANKS);
     }
 }
 

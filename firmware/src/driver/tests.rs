@@ -93,6 +93,7 @@ enum Told {
     Clear,
     Recover,
     Rate(u16, bool),
+    ListenTo(u8),
 }
 
 /// Notes everything; frames stay where they are until the test says otherwise.
@@ -134,6 +135,10 @@ impl Controller for Notes {
     fn set_rate(&mut self, kbit_s: u16, listen_only: bool) {
         self.told.push(Told::Rate(kbit_s, listen_only));
     }
+
+    fn listen_to(&mut self, node_id: u8) {
+        self.told.push(Told::ListenTo(node_id));
+    }
 }
 
 struct Bench {
@@ -164,6 +169,7 @@ impl Bench {
             Told::Rate(250, false),
             Told::Post(0, 0x701),
             Told::Post(1, 0x81),
+            Told::ListenTo(1),
         ];
         assert_eq!(bench.said(), told);
         bench
@@ -337,6 +343,24 @@ fn a_new_bit_rate_comes_after_silence_and_before_silence() {
     assert_eq!(bench.said(), []);
     bench.pass(1);
     assert_eq!(bench.said(), [Told::Post(0, 0x581)]);
+}
+
+#[test]
+fn the_controller_listens_to_the_node_id_of_now() {
+    let mut bench = Bench::started();
+    bench.hear(0x7E5, &[4, 1, 0, 0, 0, 0, 0, 0]);
+    bench.hear(0x7E5, &[17, 5, 0, 0, 0, 0, 0, 0]);
+    bench.hear(0x7E5, &[4, 0, 0, 0, 0, 0, 0, 0]);
+    bench.empty();
+    bench.hear(0, &[130, 1]);
+    assert!(bench.said().contains(&Told::ListenTo(5)));
+    bench.hear(0, &[130, 5]);
+    assert!(
+        !bench
+            .said()
+            .iter()
+            .any(|told| matches!(told, Told::ListenTo(_)))
+    );
 }
 
 #[test]

@@ -9,9 +9,10 @@
 use std::io;
 use std::time::Duration;
 
-use super::nmt::State;
+use super::nmt::{State, Told};
 use super::survey::{Survey, survey};
 use super::{Bus, Trouble};
+use codes::words;
 
 /// How long is listened: longer than the heartbeats of most nodes.
 const LISTENING: Duration = Duration::from_millis(1500);
@@ -95,10 +96,11 @@ pub enum Silence {
     Starts(u8),
     /// Its heartbeat comes, its SDO server is silent.
     #[error(
-        "node {0} is {1} by its heartbeat, but its SDO server does not answer: the frames to it \
-         are lost, or it is at work for long"
+        "node {0} is {state} by its heartbeat, but its SDO server does not answer: the frames to \
+         it are lost, or it is at work for long",
+        state = words::told(*.1)
     )]
-    OnlyHeartbeats(u8, State),
+    OnlyHeartbeats(u8, Told),
     /// Somebody else asks it.
     #[error("another tool uses the SDO server of node {0}: end the other tool, or wait for it")]
     Busy(u8),
@@ -143,8 +145,8 @@ pub fn judge(survey: &Survey, trouble: Trouble, bus: &str, node: Option<u8>) -> 
         match (state, survey.answers.contains_key(&node)) {
             (_, _) if busy => return Silence::Busy(node),
             (_, true) => return Silence::AnswersNow(node),
-            (Some(State::Stopped), _) => return Silence::Stopped(node),
-            (Some(State::BootUp), _) => return Silence::Starts(node),
+            (Some(Ok(State::Stopped)), _) => return Silence::Stopped(node),
+            (Some(Ok(State::Initialising)), _) => return Silence::Starts(node),
             (Some(state), _) => return Silence::OnlyHeartbeats(node, *state),
             (None, _) if survey.senders.contains(&node) => return Silence::OnlySends(node),
             (None, _) => {}
@@ -186,7 +188,7 @@ mod tests {
     fn heard() -> Survey {
         Survey {
             frames: 9,
-            heartbeats: BTreeMap::from([(1, State::Operational), (2, State::Stopped)]),
+            heartbeats: BTreeMap::from([(1, Ok(State::Operational)), (2, Ok(State::Stopped))]),
             answers: BTreeMap::from([(1, Some(0x3004_019A))]),
             senders: BTreeSet::from([7]),
             ..Survey::default()
@@ -227,7 +229,7 @@ mod tests {
         assert!(node(1).contains("answers now"), "{}", node(1));
         assert!(node(7).contains("PDOs or EMCYs"), "{}", node(7));
         let mut deaf = heard();
-        deaf.heartbeats.insert(3, State::PreOperational);
+        deaf.heartbeats.insert(3, Ok(State::PreOperational));
         let deaf = told(&deaf, Trouble::default(), Some(3));
         assert!(deaf.contains("pre-operational by its heartbeat"), "{deaf}");
     }

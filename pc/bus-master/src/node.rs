@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::fault::Fault;
 use crate::Bus;
 use crate::diagnosis::Silence;
-use crate::nmt::{self, Command, State};
+use crate::nmt::{self, Command, State, Told};
 use crate::sdo::{Client, SdoError};
 use codes::name::Named;
 use codes::value::{self, Shown};
@@ -123,7 +123,7 @@ impl<'a> Node<'a> {
     /// The state that the next heartbeat tells; `None` for a node that sends none.
     ///
     /// Errors: see [`Fault`].
-    pub fn state(&mut self) -> Result<Option<State>, Fault> {
+    pub fn state(&mut self) -> Result<Option<Told>, Fault> {
         nmt::state(self.bus, self.id, HEARTBEAT).map_err(Fault::bus)
     }
 
@@ -150,7 +150,7 @@ impl<'a> Node<'a> {
             // It sends no heartbeat, or is not there: then nothing is written.
             self.number(0x1000, 0).map_err(fault)?;
         }
-        let works = state == Some(State::Operational);
+        let works = state == Some(Ok(State::Operational));
         if !works {
             return work(self).map_err(Some);
         }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use canopen::Frame;
 use canopen::lss::{REQUEST, RESPONSE};
 
-use super::nmt::{self, State};
+use super::nmt::{self, Told};
 use super::{Bus, Received};
 
 /// Between two questions, so that neither an adapter's queue nor the bus is filled by them.
@@ -29,7 +29,7 @@ pub struct Survey {
     /// Frames of any kind, answers to our questions included.
     pub frames: u64,
     /// State in the last heartbeat of each node.
-    pub heartbeats: BTreeMap<u8, State>,
+    pub heartbeats: BTreeMap<u8, Told>,
     /// Nodes whose SDO server answers, with their device type or `None` for a refusal.
     pub answers: BTreeMap<u8, Option<u32>>,
     /// Nodes that send EMCYs or PDOs by the identifiers of CiA's predefined set.
@@ -136,7 +136,10 @@ mod tests {
             (0x7E4, &[0x50, 0, 0, 0, 0, 0, 0, 0]),
         ]);
         assert_eq!(survey.frames, 9);
-        assert_eq!(survey.heartbeats, BTreeMap::from([(1, State::Operational)]));
+        assert_eq!(
+            survey.heartbeats,
+            BTreeMap::from([(1, Ok(nmt::State::Operational))])
+        );
         let answers = BTreeMap::from([(2, Some(0x3004_019A)), (3, None)]);
         assert_eq!(survey.answers, answers);
         assert_eq!(survey.nodes(), BTreeSet::from([1, 2, 3]));

@@ -11,7 +11,6 @@
 
 use std::time::{Duration, Instant};
 
-use canopen::Frame;
 use device::calibration::encoding::{decode_into, identity, length, read_at};
 use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
@@ -19,13 +18,9 @@ use tilt::chain::Calibration;
 
 use super::error::CalibrateError;
 use super::reading::{Reading, Upset, wrap};
+use bus_master::nmt::{self, Command, State, Told};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::{Bus, Received};
-
-/// NMT states as heartbeats tell them, and the commands that lead there.
-const OPERATIONAL: (u8, u8) = (5, 1);
-const STOPPED: (u8, u8) = (4, 2);
-const PRE_OPERATIONAL: (u8, u8) = (127, 128);
 
 /// How long a heartbeat is waited for.
 const HEARTBEAT: Duration = Duration::from_millis(1500);
@@ -85,7 +80,7 @@ pub struct Node {
     /// Whether it had a calibration of its own (bit 6 of 2020h).
     pub calibrated: bool,
     /// NMT state in which it was found; `None` when it told none.
-    pub state: Option<u8>,
+    pub state: Option<Told>,
     /// 2061h as it was found.
     pub bytes: Vec<u8>,
     /// The same, understood.
@@ -203,27 +198,25 @@ impl Session {
     }
 
     /// The state that the node's next heartbeat tells.
-    fn heartbeat(&mut self, id: u8) -> Result<Option<u8>, CalibrateError> {
+    fn heartbeat(&mut self, id: u8) -> Result<Option<Told>, CalibrateError> {
         let until = Instant::now() + HEARTBEAT;
-        let wanted = 0x700 + u16::from(id);
         while let Some(received) = self.hear(until)? {
-            if received.frame.cob_id() == Some(wanted)
-                && let [state] = received.frame.bytes()
+            if let Some((from, state)) = nmt::heartbeat(&received)
+                && from == id
             {
-                return Ok(Some(state & 0x7F));
+                return Ok(Some(state));
             }
         }
         Ok(None)
     }
 
-    fn nmt(&mut self, command: u8, id: u8) -> Result<(), CalibrateError> {
-        let frame = Frame::data_frame(0, &[command, id]);
-        self.bus.send(&frame).map_err(CalibrateError::lost)
+    fn command(&mut self, command: Command, id: u8) -> Result<(), CalibrateError> {
+        nmt::command(&mut self.bus, command, id).map_err(CalibrateError::lost)
     }
 
     fn enter(&mut self, place: usize) -> Result<(), CalibrateError> {
         let id = self.nodes[place].id;
-        self.nmt(PRE_OPERATIONAL.1, id)?;
+        self.command(Command::EnterPreOperational, id)?;
         // Answered in PRE-OPERATIONAL and not in STOPPED.
         self.client(id).read_u32(0x1000, 0)?;
         (self.nodes[place].upset, self.nodes[place].counted) = (None, None);
@@ -238,13 +231,13 @@ impl Session {
             .map(|node| (node.id, node.state))
             .collect();
         for (id, state) in states {
-            let command = [OPERATIONAL, STOPPED]
-                .into_iter()
-                .find(|(known, _)| state == Some(*known));
-            if let Some((_, command)) = command {
-                // The last thing that is done: a bus that is lost tells so elsewhere.
-                let _ = self.nmt(command, id);
-            }
+            let command = match state {
+                Some(Ok(State::Operational)) => Command::Start,
+                Some(Ok(State::Stopped)) => Command::Stop,
+                _ => continue,
+            };
+            // The last thing that is done: a bus that is lost tells so elsewhere.
+            let _ = self.command(command, id);
         }
     }
 
@@ -305,11 +298,9 @@ impl Session {
     /// The next frame, with a look at what it says of the nodes.
     fn hear(&mut self, until: Instant) -> Result<Option<Received>, CalibrateError> {
         let received = self.bus.receive(until).map_err(CalibrateError::lost)?;
-        if let Some(Received { frame, .. }) = &received {
-            for node in &mut self.nodes {
-                if frame.cob_id() == Some(0x700 + u16::from(node.id)) {
-                    node.upset = node.upset.or_else(|| upset(frame.bytes()));
-                }
+        if let Some((from, state)) = received.as_ref().and_then(nmt::heartbeat) {
+            for node in self.nodes.iter_mut().filter(|node| node.id == from) {
+                node.upset = node.upset.or_else(|| upset(state));
             }
         }
         Ok(received)
@@ -531,11 +522,11 @@ impl Session {
 }
 
 /// What a heartbeat or a boot-up message tells of a node that should be in PRE-OPERATIONAL.
-fn upset(bytes: &[u8]) -> Option<Upset> {
-    match bytes {
-        [0] => Some(Upset::Restarted),
-        [state] if state & 0x7F != PRE_OPERATIONAL.0 => Some(Upset::Commanded),
-        _ => None,
+const fn upset(told: Told) -> Option<Upset> {
+    match told {
+        Ok(State::Initialising) => Some(Upset::Restarted),
+        Ok(State::PreOperational) => None,
+        _ => Some(Upset::Commanded),
     }
 }
 
@@ -624,13 +615,11 @@ mod tests {
 
     #[test]
     fn boot_up_and_other_states_are_upsets_and_pre_operational_is_none() {
-        assert_eq!(upset(&[0]), Some(Upset::Restarted));
-        for state in [4, 5, 0x85] {
-            assert_eq!(upset(&[state]), Some(Upset::Commanded), "{state}");
+        assert_eq!(upset(Ok(State::Initialising)), Some(Upset::Restarted));
+        for state in [Ok(State::Stopped), Ok(State::Operational), Err(9)] {
+            assert_eq!(upset(state), Some(Upset::Commanded), "{state:?}");
         }
-        for quiet in [&[127][..], &[0xFF], &[], &[0, 0]] {
-            assert_eq!(upset(quiet), None, "{quiet:?}");
-        }
+        assert_eq!(upset(Ok(State::PreOperational)), None);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 
 use std::borrow::Cow;
 
+use canopen::nmt::State;
 use device::exchange;
 use device::fault::Fault;
 use tilt::chain::Invalid;
@@ -197,14 +198,21 @@ pub fn error_register(bits: u8) -> impl Iterator<Item = &'static str> {
         .map(|(_, name)| name)
 }
 
-/// The NMT state of a heartbeat's byte (CiA 301).
-pub fn nmt(byte: u8) -> Cow<'static, str> {
-    match byte & 0x7F {
-        0 => "initialising".into(),
-        4 => "stopped".into(),
-        5 => "operational".into(),
-        127 => "pre-operational".into(),
-        other => format!("state {other}").into(),
+/// An NMT state (CiA 301).
+pub const fn nmt(state: State) -> &'static str {
+    match state {
+        State::Initialising => "initialising",
+        State::Stopped => "stopped",
+        State::Operational => "operational",
+        State::PreOperational => "pre-operational",
+    }
+}
+
+/// What a heartbeat tells: an NMT state, or a number that stands for none.
+pub fn told(state: Result<State, u8>) -> Cow<'static, str> {
+    match state {
+        Ok(state) => nmt(state).into(),
+        Err(other) => format!("state {other}").into(),
     }
 }
 
@@ -319,7 +327,7 @@ mod tests {
             let unknown = format!("unknown state {number}");
             assert_eq!(state(number, CHANNELS) != unknown, number <= 9, "{number}");
             assert!(!no_slope(number).is_empty() && !validity(number).is_empty());
-            assert!(!nmt(number).is_empty());
+            assert!(!told(State::of(number)).is_empty());
         }
         assert_eq!(state(7, ["channel A", "channel B"]), "channel A is faulty");
         assert_eq!(state(8, ["channel A", "channel B"]), "channel B is faulty");
@@ -349,7 +357,7 @@ mod tests {
         let named: Vec<_> = error_register(0x91).collect();
         assert_eq!(named, ["communication", "manufacturer"]);
         assert_eq!(
-            [nmt(0x85), nmt(127), nmt(7)],
+            [0x85, 127, 7].map(|byte| told(State::of(byte))),
             ["operational", "pre-operational", "state 7"]
         );
     }

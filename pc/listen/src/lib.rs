@@ -25,7 +25,7 @@ pub use messages::{Emergency, Part};
 pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
-pub use side::{Beat, Detail, Nmt, SAME_START_NS, Side, Slopes};
+pub use side::{Beat, Detail, SAME_START_NS, Side, Slopes};
 pub use supervision::Heartbeat;
 
 use canopen::Frame;

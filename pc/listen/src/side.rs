@@ -4,6 +4,7 @@
 //!
 //! Left out: what it says by SDO.
 
+use canopen::nmt::State;
 use device::exchange::{self, Exchange, NO_VECTOR};
 use device::fault::Fault;
 
@@ -13,36 +14,11 @@ use super::messages::{Emergency, Part};
 use super::plan::{NodePlan, PdoPlan, What};
 use super::supervision::Heartbeat;
 
-/// The NMT state of a node (CiA 301, 7.2.8.3.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Nmt {
-    /// It has just started.
-    BootUp,
-    /// It measures and sends no PDO.
-    PreOperational,
-    /// It sends its PDOs.
-    Operational,
-    /// It sends nothing but heartbeats.
-    Stopped,
-}
-
-impl Nmt {
-    /// The byte of a heartbeat.
-    pub const fn byte(self) -> u8 {
-        match self {
-            Self::BootUp => 0,
-            Self::Stopped => 4,
-            Self::Operational => 5,
-            Self::PreOperational => 127,
-        }
-    }
-}
-
 /// A heartbeat that has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Beat {
     /// The state when it is another one than before; of a boot-up message always.
-    pub changed: Option<Nmt>,
+    pub changed: Option<State>,
     /// The last one before it, ns, where it was lost until now.
     pub lost_since_ns: Option<u64>,
 }
@@ -102,7 +78,7 @@ pub struct Side {
     /// The latest exchange.
     pub told: Option<Told>,
     /// The state of its latest heartbeat, and when it came.
-    pub nmt: Option<(Nmt, u64)>,
+    pub nmt: Option<(State, u64)>,
     /// Its heartbeat under supervision.
     pub heartbeat: Heartbeat,
     /// The faults that stand by its latest EMCY, bit n for fault n of `device::fault`.
@@ -300,18 +276,12 @@ impl Side {
         let [state] = bytes else {
             return None;
         };
-        let state = match state & 0x7F {
-            0 => Nmt::BootUp,
-            4 => Nmt::Stopped,
-            5 => Nmt::Operational,
-            127 => Nmt::PreOperational,
-            _ => {
-                self.checks.add(Check::Reserved, time_ns);
-                return None;
-            }
+        let Ok(state) = State::of(*state) else {
+            self.checks.add(Check::Reserved, time_ns);
+            return None;
         };
-        let lost_since_ns = self.heartbeat.take(time_ns, state == Nmt::BootUp);
-        if state == Nmt::BootUp {
+        let lost_since_ns = self.heartbeat.take(time_ns, state == State::Initialising);
+        if state == State::Initialising {
             self.boots += 1;
             let told_ns = self.faults_ns.filter(|_| self.faults != 0);
             if told_ns.is_none_or(|told_ns| time_ns.abs_diff(told_ns) >= SAME_START_NS) {
@@ -319,7 +289,7 @@ impl Side {
             }
         }
         let before = self.nmt.replace((state, time_ns)).map(|(state, _)| state);
-        let is_new = before != Some(state) || state == Nmt::BootUp;
+        let is_new = before != Some(state) || state == State::Initialising;
         Some(Beat {
             changed: is_new.then_some(state),
             lost_since_ns,

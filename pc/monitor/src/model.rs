@@ -7,6 +7,7 @@
 //! Left out: where frames come from, and how anything is drawn.
 
 use canopen::Frame;
+use canopen::nmt::State;
 
 use super::events::{Events, Kind, Whom, seen_from};
 use super::level::{self, Level};
@@ -15,7 +16,7 @@ use super::pace::{Pace, Patience};
 use super::snapshot::SourceState;
 use super::trace::Trace;
 use codes::words;
-use listen::{Beat, Check, Delta, Emergency, Meaning, Nmt, Place, Plan, Side, Watch};
+use listen::{Beat, Check, Delta, Emergency, Meaning, Place, Plan, Side, Watch};
 
 const S: u64 = 1_000_000_000;
 
@@ -478,7 +479,7 @@ impl Model {
             return;
         };
         let again = std::mem::take(&mut extra.is_lost);
-        if state == Some(Nmt::BootUp) {
+        if state == Some(State::Initialising) {
             extra.floor_ns = now_ns;
             extra.state = None;
             extra.blame = None;
@@ -490,11 +491,8 @@ impl Model {
             self.say(place, Kind::Heartbeat, Level::Good, text);
         }
         let (level, text) = match state {
-            Some(Nmt::BootUp) => (Level::Warning, "the node has started".to_owned()),
-            Some(state) => (
-                Level::Good,
-                format!("the node is {}", words::nmt(state.byte())),
-            ),
+            Some(State::Initialising) => (Level::Warning, "the node has started".to_owned()),
+            Some(state) => (Level::Good, format!("the node is {}", words::nmt(state))),
             None => return,
         };
         self.say(place, Kind::Nmt, level, text);

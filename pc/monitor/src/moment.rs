@@ -5,6 +5,8 @@
 //!
 //! Left out: anything that changes the model.
 
+use canopen::nmt::State;
+
 use super::events::{NAMES, seconds, seen_from};
 use super::level::{self, Level};
 use super::model::{DETAIL, Extra, Model, PairExtra, SLOPES};
@@ -14,7 +16,7 @@ use super::snapshot::{
     StandingFault, VERSION, Verdict,
 };
 use codes::words;
-use listen::{Detail, Nmt, Pair, Side, Slopes};
+use listen::{Detail, Pair, Side, Slopes};
 
 /// k of the expanded uncertainty.
 const COVERAGE: f64 = 2.0;
@@ -202,9 +204,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         latency_ms: detail_value.map(|d| d.latency_ms),
         temperature_degc: detail_value.map(|d| d.temperature_degc),
         detail_reason: detail.err().map(|old| why(&old)),
-        nmt: side
-            .nmt
-            .map(|(state, _)| words::nmt(state.byte()).into_owned()),
+        nmt: side.nmt.map(|(state, _)| words::nmt(state).to_owned()),
         heartbeat_age_s: heartbeat_ns.map(|ns| now_ns.saturating_sub(ns) as f64 / 1e9),
         heartbeat_lost: side.heartbeat.lost_since_ns().is_some(),
         boots: side.boots,
@@ -288,9 +288,9 @@ fn absent(model: &Model, side: &Side, old_s: Option<f64>) -> String {
     } else {
         match side.nmt.map(|(state, _)| state) {
             None if side.seen_ns.is_none() => "nothing was received from it",
-            Some(Nmt::BootUp) => "it has just started",
-            Some(Nmt::PreOperational) => "it is pre-operational, start it (NMT)",
-            Some(Nmt::Stopped) => "it is stopped, start it (NMT)",
+            Some(State::Initialising) => "it has just started",
+            Some(State::PreOperational) => "it is pre-operational, start it (NMT)",
+            Some(State::Stopped) => "it is stopped, start it (NMT)",
             _ if model.sync.interval_ns().is_none() || model.sync.stopped => "there is no SYNC",
             _ => "its PDO does not come",
         }

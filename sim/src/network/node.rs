@@ -215,10 +215,7 @@ impl NetworkNode {
     /// A data-ready edge of `captured_ns` gets here: a sample is taken, and nothing else.
     pub fn data_ready(&mut self, captured_ns: u64) {
         // A program that is sick on purpose never gets to its samples.
-        if self.running
-            && self.program != Program::Sick
-            && !self.standstill.takes(Held::Edge(captured_ns))
-        {
+        if self.running && self.program != Program::Sick && !self.takes(Held::Edge(captured_ns)) {
             self.device.data_ready(self.now(captured_ns));
         }
     }
@@ -313,13 +310,18 @@ impl NetworkNode {
         }
     }
 
+    /// True while the processor stands still, in which case it gets this later.
+    fn takes(&mut self, held: Held) -> bool {
+        self.standstill.takes(held, self.device.bus().node_id())
+    }
+
     /// A frame has ended that this node's controller took.
     pub fn receive(&mut self, bus: &mut Bus, frame: &Frame, at_ns: u64) {
         let sync = &self.device.bus().communication().sync;
         if self.faulty.is_deaf_to_sync() && sync.recognises(frame) {
             return;
         }
-        if self.running && !self.standstill.takes(Held::Received(*frame)) {
+        if self.running && !self.takes(Held::Received(*frame)) {
             let now = self.now(at_ns);
             let found = self.search;
             if let Some(found) = found {
@@ -338,7 +340,7 @@ impl NetworkNode {
 
     /// One of this node's frames has gone out.
     pub fn sent(&mut self, bus: &mut Bus, mailbox: usize, frame: &Frame, at_ns: u64) {
-        if self.running && self.standstill.takes(Held::Sent(mailbox, *frame)) {
+        if self.running && self.takes(Held::Sent(mailbox, *frame)) {
             return;
         }
         self.mailboxes.sent(mailbox as u8);
@@ -355,7 +357,7 @@ impl NetworkNode {
 
     /// The controller's error state is another one.
     pub fn bus_changed(&mut self, bus: &mut Bus, state: ErrorState, at_ns: u64) {
-        if !self.running || self.standstill.takes(Held::Changed(state)) {
+        if !self.running || self.takes(Held::Changed(state)) {
             return;
         }
         let now = self.now(at_ns);

@@ -43,9 +43,13 @@ pub(super) struct Standstill {
     held: VecDeque<Held>,
 }
 
-/// Whether a frame is one that a master has to be heard with: NMT, LSS, a request of an SDO.
-fn is_masters(frame: &Frame) -> bool {
-    matches!(frame.cob_id(), Some(0 | 0x7E5 | 0x600..=0x67F))
+/// Whether a frame is one with which a master has to be heard by this node: NMT, LSS, a request of
+/// its SDO.
+fn is_masters(frame: &Frame, node_id: u8) -> bool {
+    let request = 0x600 + u16::from(node_id);
+    frame
+        .cob_id()
+        .is_some_and(|id| [0, 0x7E5, request].contains(&id))
 }
 
 impl Standstill {
@@ -59,8 +63,8 @@ impl Standstill {
         self.until_ns
     }
 
-    /// True while it stands still, in which case it gets this later.
-    pub(super) fn takes(&mut self, held: Held) -> bool {
+    /// True while the node stands still, in which case it gets this later.
+    pub(super) fn takes(&mut self, held: Held, node_id: u8) -> bool {
         if self.until_ns.is_none() {
             return false;
         }
@@ -69,7 +73,7 @@ impl Standstill {
             Held::Sent(mailbox, frame) => self.sent.push((mailbox, frame)),
             Held::Changed(state) => self.changed = Some(state),
             Held::Received(frame) => {
-                let fifo = match is_masters(&frame) {
+                let fifo = match is_masters(&frame, node_id) {
                     true => &mut self.asked,
                     false => &mut self.heard,
                 };
@@ -111,13 +115,13 @@ mod tests {
     fn three_frames_of_each_kind_stay_and_the_last_edge() {
         let mut standstill = Standstill::default();
         let received = |id| Held::Received(Frame::data_frame(id, &[]));
-        assert!(!standstill.takes(received(0x80)));
+        assert!(!standstill.takes(received(0x80), 1));
         standstill.begin(40);
-        for id in [0x80, 0x181, 0x601, 0x281, 0x381, 0] {
-            assert!(standstill.takes(received(id)));
+        for id in [0x80, 0x181, 0x601, 0x281, 0x602, 0] {
+            assert!(standstill.takes(received(id), 1));
         }
         for edge in [1, 2] {
-            assert!(standstill.takes(Held::Edge(edge)));
+            assert!(standstill.takes(Held::Edge(edge), 1));
         }
         assert_eq!((standstill.until_ns(), standstill.next()), (Some(40), None));
         assert_eq!(standstill.end(), 1);
@@ -132,12 +136,12 @@ mod tests {
         let mut standstill = Standstill::default();
         let received = |id| Held::Received(Frame::data_frame(id, &[]));
         standstill.begin(40);
-        standstill.takes(received(0x601));
-        standstill.takes(received(0x181));
+        standstill.takes(received(0x601), 1);
+        standstill.takes(received(0x181), 1);
         standstill.end();
         assert_eq!(standstill.next(), Some(received(0x601)));
         standstill.begin(80);
-        assert!(standstill.takes(Held::Edge(60)));
+        assert!(standstill.takes(Held::Edge(60), 1));
         assert_eq!(standstill.next(), None);
         standstill.end();
         assert_eq!(standstill.next(), Some(received(0x181)));

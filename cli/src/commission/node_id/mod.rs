@@ -422,7 +422,7 @@ impl Work<'_> {
         let mut started = Vec::new();
         for id in [a, b] {
             let mut node = Node::new(self.bus, id);
-            if node.state()? != Some(State::Operational) {
+            if node.state()? != Some(Ok(State::Operational)) {
                 node.command(Command::Start)?;
                 started.push(id);
             }

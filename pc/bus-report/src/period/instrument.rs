@@ -5,6 +5,8 @@
 //!
 //! Left out: frames that belong to nobody (`collect`).
 
+use canopen::nmt::State;
+
 use super::bins::Extremes;
 use super::capture::Recorder;
 use super::events::{End, Events, What};
@@ -13,7 +15,7 @@ use super::kind::Kind;
 use super::row::Row;
 use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
 use crate::blackbox::exchange::Measured;
-use listen::{Beat, Detail, Emergency, GAP_NS, Nmt, SAME_START_NS, Slopes};
+use listen::{Beat, Detail, Emergency, GAP_NS, SAME_START_NS, Slopes};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
 const HOLD_NS: u64 = 1_000_000_000;
@@ -252,7 +254,7 @@ impl Instrument {
         let Some(side) = self.sides.get_mut(number) else {
             return;
         };
-        let restarted = beat.changed == Some(Nmt::BootUp);
+        let restarted = beat.changed == Some(State::Initialising);
         // What a start tells may overtake its boot-up message.
         let was_seen = side
             .first_ns

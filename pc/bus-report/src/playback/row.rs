@@ -6,7 +6,7 @@
 
 use device::exchange::Exchange;
 
-use listen::{Meaning, Nmt, Part, Place, Side, Watch};
+use listen::{Meaning, Part, Place, Side, Watch};
 
 /// Names of the numbers in a row, units at the end.
 pub const COLUMNS: [&str; 21] = [
@@ -79,7 +79,11 @@ pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values
             ];
             set(&mut values, 17, numbers);
         }
-        _ => set(&mut values, 20, [side.nmt.map(|(nmt, _)| code(nmt))]),
+        _ => set(
+            &mut values,
+            20,
+            [side.nmt.map(|(state, _)| f64::from(state as u8))],
+        ),
     }
     Some((side.node_id, message, values))
 }
@@ -148,16 +152,6 @@ fn angles(values: &mut Values, exchange: &Exchange) {
         12,
         exchange.quality.map(|quality| Some(f64::from(quality))),
     );
-}
-
-/// The state as a heartbeat has it (CiA 301, 7.2.8.3.2.2).
-fn code(nmt: Nmt) -> f64 {
-    match nmt {
-        Nmt::BootUp => 0.0,
-        Nmt::Stopped => 4.0,
-        Nmt::Operational => 5.0,
-        Nmt::PreOperational => 127.0,
-    }
 }
 
 #[cfg(test)]

@@ -116,7 +116,7 @@ fn node(unit: &NetworkNode, now_ns: u64) -> String {
     };
     format!(
         "{id}, {}, pitch {}, roll {}, {}, {faults}",
-        words::nmt(device.bus().state() as u8),
+        words::nmt(device.bus().state()),
         degrees(y, no_y),
         degrees(x, no_x),
         verdict(&shown)
