@@ -105,8 +105,8 @@ impl Can {
     pub fn start(_: CAN) -> Self {
         let can = registers();
         write(can.mcr(), INRQ | RFLM);
-        // Banks 0 and 1, lists of 32 bits, for FIFO 1; bank 2, masks of 16 bits that look at no bit,
-        // for FIFO 0 and all that is left: the wider filter goes before (RM0008 24.7.4).
+        // Banks 0 and 1, lists of 32 bits, for FIFO 1; bank 2, masks of 16 bits that look at no
+        // bit, for FIFO 0 and all that is left: the wider filter goes before (RM0008 24.7.4).
         write(can.fmr(), FINIT);
         write(can.fm1r(), 0b011);
         write(can.fs1r(), 0b011);
