@@ -36,6 +36,9 @@ pub mod register {
     pub const RF1R: u32 = CAN + 0x10;
     pub const ESR: u32 = CAN + 0x18;
     pub const BTR: u32 = CAN + 0x1C;
+    pub const FA1R: u32 = CAN + 0x21C;
+    pub const FB1R1: u32 = CAN + 0x248;
+    pub const FB1R2: u32 = CAN + 0x24C;
     pub const TIR: u32 = CAN + 0x180;
     pub const TDTR: u32 = CAN + 0x184;
     pub const TDLR: u32 = CAN + 0x188;

@@ -151,7 +151,13 @@ impl Controller for Wire {
         }
     }
 
-    fn listen_to(&mut self, _: u8) {}
+    fn listen_to(&mut self, node_id: u8) {
+        let id = (0x600 + u32::from(node_id)) << 21;
+        self.store(FA1R, 0b101);
+        self.store(FB1R1, id);
+        self.store(FB1R2, id);
+        self.store(FA1R, 0b111);
+    }
 }
 
 /// Follows the chip of this channel and serial number to the end of what was written down, or to
