@@ -81,12 +81,8 @@ impl Frame {
     pub(super) fn tilt(&mut self, [x, y]: [i32; 2]) {
         let [first, second] = self.level;
         let up = self.up;
-        let sum = |a: i32, change: i64| fit(i64::from(a) + change);
-        self.level[0] = [0, 1, 2].map(|i| sum(first[i], product(up[i], y, 30)));
-        self.up = [0, 1, 2].map(|i| {
-            let change = product(second[i], x, 30) - product(first[i], y, 30);
-            sum(up[i], change)
-        });
+        self.level[0] = plus(first, share(up, y));
+        self.up = plus(plus(up, share(second, x)), share(first, y.saturating_neg()));
         self.square_up();
     }
 
@@ -95,8 +91,7 @@ impl Frame {
         let [first, second] = &mut self.level;
         self.up = lengthened(self.up);
         let along = dot(*first, self.up);
-        let up = self.up;
-        let beside = [0, 1, 2].map(|i| fit(i64::from(first[i]) - product(up[i], along, 30)));
+        let beside = plus(*first, share(self.up, along.saturating_neg()));
         *first = lengthened(beside);
         *second = cross(self.up, *first);
     }
@@ -107,10 +102,20 @@ fn turned(axis: [i32; 3], angle: [i32; 3]) -> [i32; 3] {
     let once = cross(axis, angle);
     let twice = cross(once, angle);
     let thrice = cross(twice, angle);
-    [0, 1, 2].map(|i| {
-        let change = i64::from(once[i]) + i64::from(twice[i] >> 1) + i64::from(thrice[i] / 6);
-        fit(i64::from(axis[i]) + change)
-    })
+    let axis = plus(axis, once.map(i64::from));
+    let axis = plus(axis, twice.map(|t| i64::from(t >> 1)));
+    plus(axis, thrice.map(|t| i64::from(t / 6)))
+}
+
+/// A vector and a change of it.
+fn plus([x, y, z]: [i32; 3], [a, b, c]: [i64; 3]) -> [i32; 3] {
+    let sum = |v: i32, change: i64| fit(i64::from(v) + change);
+    [sum(x, a), sum(y, b), sum(z, c)]
+}
+
+/// `part` (2^-30) of a vector.
+fn share(vector: [i32; 3], part: i32) -> [i64; 3] {
+    vector.map(|v| product(v, part, 30))
 }
 
 /// The vector product of two vectors, 2^-30 per step.
