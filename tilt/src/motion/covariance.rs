@@ -3,8 +3,8 @@
 //! The states: velocity along the two level axes, tilt about them, and the gyroscope's twelve
 //! errors (bias, then scale and alignment row by row). Each has a unit, so that a standard
 //! deviation of one unit is the largest that occurs: velocity 4 g s, tilt 2^-2 rad, bias
-//! 2^-4 rad/s, scale and alignment 2^-4. A variance is in 2^-31 of the product of two units; the
-//! smallest is 3e-4 deg, 8e-5 deg/s and 1.3e-6 as a standard deviation.
+//! 2^-4 rad/s, scale and alignment 2^-4. A variance is in 2^-31 of the product of two units, and is
+//! kept below half of that, so that what is computed of it fits; the smallest is 3e-4 deg, 8e-5 deg/s and 1.3e-6 as a standard deviation.
 //!
 //! In: the levers of the gyroscope's errors, the noise of a block, and the velocity, which is
 //! zero in the mean. Out: corrections of all states, and the variance of the tilt.
@@ -21,6 +21,11 @@ use crate::root::root;
 const MOTION: usize = 4;
 /// The gyroscope's errors.
 const ERRORS: usize = 12;
+
+/// All states.
+const STATES: usize = MOTION + ERRORS;
+/// The largest variance.
+const LARGEST: i32 = 1 << 30;
 
 /// Covariance of one state, or of one error, with the four states of motion.
 type Row = [i32; MOTION];
@@ -45,58 +50,45 @@ impl Variances {
 }
 
 /// The covariance of all states.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Covariance {
-    /// Of the motion, symmetric.
-    motion: [Row; MOTION],
-    /// Of each error of the gyroscope with the motion.
-    cross: [Row; ERRORS],
-    /// Of these errors with each other; the upper triangle is not used.
+    /// Of each state with those of motion: symmetric in the first four rows.
+    motion: [Row; STATES],
+    /// Of the gyroscope's errors with each other; the upper triangle is not used.
     errors: [[i32; ERRORS]; ERRORS],
 }
 
 impl Covariance {
-    /// Of states that have nothing to do with each other.
-    pub(super) fn new(variances: Variances) -> Self {
-        let mut covariance = Self {
-            motion: [[0; MOTION]; MOTION],
-            cross: [[0; MOTION]; ERRORS],
-            errors: [[0; ERRORS]; ERRORS],
-        };
-        covariance.forget_motion(variances);
-        for (cell, variance) in covariance.error_variances().zip(variances.errors()) {
+    /// Forgets everything: states that have nothing to do with each other.
+    pub(super) fn forget(&mut self, variances: Variances) {
+        self.forget_motion(variances);
+        self.errors = [[0; ERRORS]; ERRORS];
+        for (cell, variance) in self.error_variances().zip(variances.errors()) {
             *cell = variance;
         }
-        covariance
     }
 
     /// Forgets the motion, and keeps what is known of the gyroscope.
     pub(super) fn forget_motion(&mut self, variances: Variances) {
-        let [velocity, tilt] = [variances.velocity, variances.tilt];
-        self.cross = [[0; MOTION]; ERRORS];
-        self.motion = [
-            [velocity, 0, 0, 0],
-            [0, velocity, 0, 0],
-            [0, 0, tilt, 0],
-            [0, 0, 0, tilt],
-        ];
+        self.motion = [[0; MOTION]; STATES];
+        let [vx, vy, x, y] = self.motion_variances();
+        (*vx, *vy) = (variances.velocity, variances.velocity);
+        (*x, *y) = (variances.tilt, variances.tilt);
     }
 
     /// Forgets the velocity: 2 g s, about anything that moves.
     pub(super) fn forget_velocity(&mut self) {
-        const LARGE: i32 = 1 << 29;
-        for row in self.motion.iter_mut().chain(&mut self.cross) {
-            let [x, y, _, _] = row;
+        for [x, y, _, _] in &mut self.motion {
             (*x, *y) = (0, 0);
         }
-        let [x, y, _, _] = &mut self.motion;
-        *x = [LARGE, 0, 0, 0];
-        *y = [0, LARGE, 0, 0];
+        let [x, y, ..] = &mut self.motion;
+        *x = [LARGEST / 2, 0, 0, 0];
+        *y = [0, LARGEST / 2, 0, 0];
     }
 
     /// Variance of the tilt, the mean of both axes.
     pub(super) const fn tilt(&self) -> i32 {
-        let [_, _, [_, _, x, _], [_, _, _, y]] = &self.motion;
+        let [_, _, [_, _, x, _], [_, _, _, y], ..] = &self.motion;
         x.midpoint(*y)
     }
 
@@ -105,81 +97,81 @@ impl Covariance {
     /// of their units.
     pub(super) fn propagate(&mut self, levers: &Levers, fall: i32) {
         let [about_x, about_y] = levers;
-        let spread = [self.spread_of(about_x), self.spread_of(about_y)];
-        let by = levers.map(|lever| self.shared_with(&lever));
-        let both = spread.map(|s| levers.map(|lever| weighted(&lever, &s)));
-        for (k, row) in self.cross.iter_mut().enumerate() {
-            let [_, _, x, y] = row;
-            for (cell, s) in [x, y].into_iter().zip(&spread) {
-                *cell = fit(i64::from(*cell) - s.get(k).map_or(0, |s| i64::from(*s)));
-            }
+        let by = [self.shared_with(about_x), self.shared_with(about_y)];
+        let [spread_x, spread_y] = self.spread_of(levers);
+        let both = [
+            weighted(about_x, &spread_x),
+            weighted(about_x, &spread_y),
+            weighted(about_y, &spread_y),
+        ];
+        let [vx, vy, tilt_x, tilt_y, cross @ ..] = &mut self.motion;
+        for (([_, _, x, y], sx), sy) in cross.iter_mut().zip(&spread_x).zip(&spread_y) {
+            *x = x.wrapping_sub(*sx);
+            *y = y.wrapping_sub(*sy);
         }
-        self.tilt_by(&by, &both);
-        for row in self.motion.iter_mut().chain(&mut self.cross) {
-            *row = fallen(*row, fall);
+        tilt_by([tilt_x, tilt_y], by, both);
+        [vx[2], vy[2], vx[3], vy[3]] = [tilt_x[0], tilt_x[1], tilt_y[0], tilt_y[1]];
+        for [vx, vy, x, y] in &mut self.motion {
+            *vx = fit(i64::from(*vx) + product(*y, fall, 30));
+            *vy = fit(i64::from(*vy) - product(*x, fall, 30));
         }
-        let [vx, vy, x, y] = &mut self.motion;
-        add_row(vx, y, fall);
-        add_row(vy, x, fall.saturating_neg());
+        let [vx, vy, x, y, ..] = &mut self.motion;
+        for ((vx, vy), (x, y)) in vx.iter_mut().zip(vy).zip(x.iter().zip(y)) {
+            *vx = fit(i64::from(*vx) + product(*y, fall, 30));
+            *vy = fit(i64::from(*vy) - product(*x, fall, 30));
+        }
         self.mirror();
     }
 
-    /// Product of the errors' covariance with a lever, in the units of covariance.
-    fn spread_of(&self, lever: &[i32; ERRORS]) -> [i32; ERRORS] {
-        let mut sums = [0i64; ERRORS];
+    /// Products of the errors' covariance with both levers, in the units of covariance.
+    fn spread_of(&self, [about_x, about_y]: &Levers) -> Levers {
+        let mut sums = [(0i64, 0i64); ERRORS];
         for (i, row) in self.errors.iter().enumerate() {
-            let own = lever.get(i).copied().unwrap_or(0);
-            let mut sum = 0i64;
+            let lever = |levers: &[i32; ERRORS]| levers.get(i).map_or(0, |l| i64::from(*l));
+            let own = (lever(about_x), lever(about_y));
+            let mut sum = (0i64, 0i64);
             // Below the diagonal each number counts for its row and for its column.
-            for ((p, l), other) in row.iter().zip(lever).zip(&mut sums).take(i) {
-                sum += i64::from(*p) * i64::from(*l);
-                *other += i64::from(*p) * i64::from(own);
+            let others = sums.iter_mut().zip(about_x.iter().zip(about_y));
+            for (p, (other, (x, y))) in row.iter().zip(others).take(i) {
+                let p = i64::from(*p);
+                sum.0 += p * i64::from(*x);
+                sum.1 += p * i64::from(*y);
+                other.0 += p * own.0;
+                other.1 += p * own.1;
             }
-            let diagonal = row.get(i).map_or(0, |p| i64::from(*p) * i64::from(own));
+            let diagonal = row.get(i).map_or(0, |p| i64::from(*p));
             if let Some(cell) = sums.get_mut(i) {
-                *cell += sum + diagonal;
+                cell.0 += sum.0 + diagonal * own.0;
+                cell.1 += sum.1 + diagonal * own.1;
             }
         }
-        sums.map(|sum| fit((sum + (1 << 26)) >> 27))
+        [
+            sums.map(|(x, _)| shortened(x)),
+            sums.map(|(_, y)| shortened(y)),
+        ]
     }
 
     /// What a lever makes of the covariance of errors and motion.
-    fn shared_with(&self, lever: &[i32; ERRORS]) -> [i64; MOTION] {
+    fn shared_with(&self, lever: &[i32; ERRORS]) -> Row {
+        let [_, _, _, _, cross @ ..] = &self.motion;
         let mut sums = [0i64; MOTION];
-        for (row, l) in self.cross.iter().zip(lever) {
+        for (row, l) in cross.iter().zip(lever) {
             for (sum, p) in sums.iter_mut().zip(row) {
                 *sum += i64::from(*p) * i64::from(*l);
             }
         }
-        sums.map(|sum| (sum + (1 << 26)) >> 27)
+        sums.map(shortened)
     }
 
-    /// The tilt's own rows: less what the errors share with the motion, and what they spread.
-    fn tilt_by(&mut self, by: &[[i64; MOTION]; 2], both: &[[i64; 2]; 2]) {
-        let [[xvx, xvy, xx, xy], [yvx, yvy, yx, yy]] = *by;
-        let [[sxx, sxy], [_, syy]] = *both;
-        let [vx, vy, x, y] = &mut self.motion;
-        let less = |cell: &mut i32, by: i64| *cell = fit(i64::from(*cell) - by);
-        less(&mut x[0], xvx);
-        less(&mut x[1], xvy);
-        less(&mut x[2], 2 * xx - sxx);
-        less(&mut x[3], xy + yx - sxy);
-        less(&mut y[0], yvx);
-        less(&mut y[1], yvy);
-        less(&mut y[3], 2 * yy - syy);
-        y[2] = x[3];
-        (vx[2], vy[2], vx[3], vy[3]) = (x[0], x[1], y[0], y[1]);
-    }
-
-    /// Adds the noise of a block; that of scale and alignment up to what they were at first.
+    /// Adds the noise of a block; that of the gyroscope's errors up to what they were at first.
     pub(super) fn spread(&mut self, noise: Variances, most: Variances) {
-        let [[vx, ..], [_, vy, ..], [_, _, x, _], [_, _, _, y]] = &mut self.motion;
+        let [vx, vy, x, y] = self.motion_variances();
+        // What is less known than at first is not known; more would not fit.
         for cell in [vx, vy] {
-            *cell = cell.saturating_add(noise.velocity);
+            *cell = cell.saturating_add(noise.velocity).min(LARGEST);
         }
         for cell in [x, y] {
-            // What is less known than at first is not known; more would not fit.
-            *cell = cell.saturating_add(noise.tilt).min(1 << 30);
+            *cell = cell.saturating_add(noise.tilt).min(LARGEST);
         }
         let cells = self.error_variances().zip(noise.errors());
         for ((cell, noise), most) in cells.zip(most.errors()) {
@@ -191,10 +183,21 @@ impl Covariance {
 
     /// Compares both velocities with zero, one after the other.
     pub(super) fn observe(&mut self, observation: &mut Observation) {
-        self.observe_axis::<0>(observation);
-        self.observe_axis::<1>(observation);
-        let [[vx, ..], [_, vy, ..], [_, _, x, _], [_, _, _, y]] = &mut self.motion;
-        for cell in [vx, vy, x, y] {
+        let mut column = [0; STATES];
+        for (cell, [vx, ..]) in column.iter_mut().zip(&self.motion) {
+            *cell = *vx;
+        }
+        let [variance, ..] = column;
+        let by_x = observation.take(0, variance, &column);
+        // What the first leaves of the second one's column.
+        let [_, own, ..] = by_x;
+        for ((cell, [_, vy, ..]), share) in column.iter_mut().zip(&self.motion).zip(&by_x) {
+            *cell = vy.wrapping_sub(upper(i64::from(own) * i64::from(*share)));
+        }
+        let [_, variance, ..] = column;
+        let by_y = observation.take(1, variance, &column);
+        self.take_away(&by_x, &by_y);
+        for cell in self.motion_variances() {
             *cell = (*cell).max(1);
         }
         for cell in self.error_variances() {
@@ -202,34 +205,50 @@ impl Covariance {
         }
     }
 
-    fn observe_axis<const AXIS: usize>(&mut self, observation: &mut Observation) {
-        let variance = i64::from(self.motion[AXIS][AXIS]);
-        let scale = inverse_root(variance + observation.noise);
-        let share = |p: i32| fit((i64::from(p) * i64::from(scale)) >> 23);
-        let motion = self.motion.map(|row| share(row[AXIS]));
-        let errors = self.cross.map(|row| share(row[AXIS]));
-        observation.take(AXIS, scale, &motion, &errors);
-        for (row, own) in self.motion.iter_mut().zip(&motion) {
-            take_away(row, *own, &motion);
+    /// Takes from all covariances what two observations have told; the shares are square roots of
+    /// covariance with 16 bits more.
+    fn take_away(&mut self, by_x: &[i32; STATES], by_y: &[i32; STATES]) {
+        for ((row, x), y) in self.motion.iter_mut().zip(by_x).zip(by_y) {
+            take_from(row, [*x, *y], by_x, by_y);
         }
-        for (row, own) in self.cross.iter_mut().zip(&errors) {
-            take_away(row, *own, &motion);
-        }
-        for (i, (row, own)) in self.errors.iter_mut().zip(&errors).enumerate() {
-            take_away(row.iter_mut().take(i + 1), *own, &errors);
+        let [_, _, _, _, by_x @ ..] = by_x;
+        let [_, _, _, _, by_y @ ..] = by_y;
+        let rows = self.errors.iter_mut().zip(by_x.iter().zip(by_y));
+        for (i, (row, (x, y))) in rows.enumerate() {
+            let (row, _) = row.split_at_mut_checked(i + 1).unwrap_or_default();
+            take_from(row, [*x, *y], by_x, by_y);
         }
     }
 
     /// The upper triangle of the motion's covariance from the lower one.
     fn mirror(&mut self) {
-        let [[_, a, b, c], [d, _, e, f], [g, h, _, i], [j, k, l, _]] = &mut self.motion;
+        let [[_, a, b, c], [d, _, e, f], [g, h, _, i], [j, k, l, _], ..] = &mut self.motion;
         (*a, *b, *c, *e, *f, *i) = (*d, *g, *j, *h, *k, *l);
+    }
+
+    fn motion_variances(&mut self) -> [&mut i32; MOTION] {
+        let [[vx, ..], [_, vy, ..], [_, _, x, _], [_, _, _, y], ..] = &mut self.motion;
+        [vx, vy, x, y]
     }
 
     fn error_variances(&mut self) -> impl Iterator<Item = &mut i32> {
         let rows = self.errors.iter_mut().enumerate();
         rows.filter_map(|(i, row)| row.get_mut(i))
     }
+}
+
+/// The tilt's own rows: less what the errors share with the motion, and what they spread.
+fn tilt_by([x, y]: [&mut Row; 2], [by_x, by_y]: [Row; 2], [xx, xy, yy]: [i32; 3]) {
+    let less = |cell: &mut i32, by: i64| *cell = fit(i64::from(*cell) - by);
+    let twice = |a: i32, b: i32, both: i32| i64::from(a) + i64::from(b) - i64::from(both);
+    less(&mut x[0], by_x[0].into());
+    less(&mut x[1], by_x[1].into());
+    less(&mut y[0], by_y[0].into());
+    less(&mut y[1], by_y[1].into());
+    less(&mut x[2], twice(by_x[2], by_x[2], xx));
+    less(&mut y[2], twice(by_x[3], by_y[2], xy));
+    less(&mut y[3], twice(by_y[3], by_y[3], yy));
+    x[3] = y[2];
 }
 
 /// Both velocities compared with zero, and what follows for all states.
@@ -240,8 +259,7 @@ pub(super) struct Observation {
     /// Variance of one velocity about zero.
     noise: i64,
     /// Corrections, 2^-31 of the units.
-    motion: [i32; MOTION],
-    errors: Errors,
+    states: [i32; STATES],
 }
 
 impl Observation {
@@ -251,71 +269,74 @@ impl Observation {
         Self {
             velocity,
             noise,
-            motion: [0; MOTION],
-            errors: [0; ERRORS],
+            states: [0; STATES],
         }
     }
 
-    /// Corrections by one axis, whose states share `motion` and `errors` with it.
-    fn take(&mut self, axis: usize, scale: i32, motion: &[i32; MOTION], errors: &Errors) {
-        const LARGEST: i64 = 1 << 30;
+    /// Corrections by one axis, whose velocity has `variance`, and `column` with all states. Gives
+    /// the share that each state has in it.
+    fn take(&mut self, axis: usize, variance: i32, column: &[i32; STATES]) -> [i32; STATES] {
+        const MOST: i64 = 1 << 30;
+        let scale = inverse_root(i64::from(variance) + self.noise);
         let velocity = self.velocity.get(axis).map_or(0, |v| i64::from(*v));
-        let known = self.motion.get(axis).map_or(0, |v| i64::from(*v));
+        let known = self.states.get(axis).map_or(0, |v| i64::from(*v));
         let missing = i64::from(fit(-velocity - known));
         // In standard deviations, 2^-28.5 per step; two are the most that the noise, which has
         // seen this velocity, leaves.
-        let missing = (missing * i64::from(scale)) >> 25;
-        let missing = missing.clamp(-LARGEST, LARGEST) as i32;
-        let corrections = self.motion.iter_mut().chain(&mut self.errors);
-        for (correction, share) in corrections.zip(motion.iter().chain(errors)) {
-            *correction = fit(i64::from(*correction) + product(*share, missing, 28));
+        let missing = ((missing * i64::from(scale)) >> 25).clamp(-MOST, MOST) as i32;
+        let mut shares = [0; STATES];
+        let states = self.states.iter_mut().zip(column);
+        for (share, (state, p)) in shares.iter_mut().zip(states) {
+            *share = fit((i64::from(*p) * i64::from(scale)) >> 22);
+            *state = fit(i64::from(*state) + product(*share, missing, 29));
         }
+        shares
     }
 
     /// The velocities as corrected, 2^-29 g s per step.
     pub(super) const fn velocity(&self) -> [i32; 2] {
         let [x, y] = self.velocity;
-        let [cx, cy, _, _] = self.motion;
+        let [cx, cy, ..] = self.states;
         [x.saturating_add(cx), y.saturating_add(cy)]
     }
 
     /// Tilt of the frame about its level axes, 2^-30 rad per step.
     pub(super) const fn tilt(&self) -> [i32; 2] {
-        let [_, _, x, y] = self.motion;
+        let [_, _, x, y, ..] = self.states;
         [(x >> 3) + ((x >> 2) & 1), (y >> 3) + ((y >> 2) & 1)]
     }
 
     /// Corrections of the gyroscope's errors, 2^-35 per step.
     pub(super) const fn errors(&self) -> &Errors {
-        &self.errors
+        let [_, _, _, _, errors @ ..] = &self.states;
+        errors
     }
 }
 
 /// Sum of products with a lever, in the units of covariance.
-fn weighted(lever: &[i32; ERRORS], values: &[i32; ERRORS]) -> i64 {
+fn weighted(lever: &[i32; ERRORS], values: &[i32; ERRORS]) -> i32 {
     let terms = lever.iter().zip(values);
-    let sum: i64 = terms.map(|(l, v)| i64::from(*l) * i64::from(*v)).sum();
-    (sum + (1 << 26)) >> 27
+    shortened(terms.map(|(l, v)| i64::from(*l) * i64::from(*v)).sum())
 }
 
-/// One row after the fall: velocity x by the tilt about y, velocity y by that about x, reversed.
-fn fallen([vx, vy, x, y]: Row, fall: i32) -> Row {
-    let vx = fit(i64::from(vx) + product(y, fall, 30));
-    let vy = fit(i64::from(vy) - product(x, fall, 30));
-    [vx, vy, x, y]
+/// A sum of products with levers in the units of covariance.
+fn shortened(sum: i64) -> i32 {
+    fit((sum + (1 << 26)) >> 27)
 }
 
-/// Adds `factor` (2^-30) times a row.
-fn add_row(row: &mut Row, other: &Row, factor: i32) {
-    for (cell, o) in row.iter_mut().zip(other) {
-        *cell = fit(i64::from(*cell) + product(*o, factor, 30));
-    }
+/// The upper half of a product, rounded.
+#[inline(always)]
+const fn upper(product: i64) -> i32 {
+    ((product >> 32) as i32).wrapping_add((product as u32 >> 31) as i32)
 }
 
-/// Takes `own` times `shares` from a row; both are square roots of covariance with 15 bits more.
-fn take_away<'a>(row: impl IntoIterator<Item = &'a mut i32>, own: i32, shares: &[i32]) {
-    for (cell, share) in row.into_iter().zip(shares) {
-        *cell = fit(i64::from(*cell) - product(own, *share, 30));
+/// Takes from a row what both observations have told of it.
+fn take_from(row: &mut [i32], [own_x, own_y]: [i32; 2], by_x: &[i32], by_y: &[i32]) {
+    for ((cell, x), y) in row.iter_mut().zip(by_x).zip(by_y) {
+        // Both together are no more than the variance was.
+        let x = i64::from(own_x) * i64::from(*x);
+        let y = i64::from(own_y) * i64::from(*y);
+        *cell = cell.wrapping_sub(upper(x.wrapping_add(y)));
     }
 }
 
@@ -332,14 +353,12 @@ impl Covariance {
     /// True where some states could have this covariance: it has a root (Cholesky), but for what
     /// rounding takes from a variance.
     pub(super) fn is_one(&self) -> bool {
-        const ALL: usize = MOTION + ERRORS;
-        let cell = |i: usize, j: usize| match (i.checked_sub(MOTION), j.checked_sub(MOTION)) {
-            (None, _) => self.motion[i][j],
-            (Some(i), None) => self.cross[i][j],
-            (Some(i), Some(j)) => self.errors[i][j],
+        let cell = |i: usize, j: usize| match j.checked_sub(MOTION) {
+            None => self.motion[i][j],
+            Some(j) => self.errors[i - MOTION][j],
         };
-        let mut root = [[0.0; ALL]; ALL];
-        for i in 0..ALL {
+        let mut root = [[0.0; STATES]; STATES];
+        for i in 0..STATES {
             for j in 0..=i {
                 let known: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
                 let left = f64::from(cell(i, j)) - known;

@@ -4,6 +4,9 @@
 //! corrections of the tilt. Out: the three axes, each a vector in the housing's axes, 2^-30 per
 //! step. The third power of the angle is the last that counts: at a quarter of a radian a sample
 //! the fourth would be 1.6e-4.
+//!
+//! Axes are of length one to a few per cent at the worst, so what is computed of them stays below
+//! 2 and is not cut off.
 
 use super::{fit, product};
 use crate::root::root;
@@ -13,7 +16,7 @@ use crate::vector::Corrected;
 const ONE: i32 = 1 << 30;
 
 /// The two level axes and the vertical, in the housing's axes; 2^-30 per step.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Frame {
     level: [[i32; 3]; 2],
     up: [i32; 3],
@@ -55,20 +58,27 @@ impl Frame {
 
     /// Turns the housing by `angle`; the frame stays.
     pub(super) fn turn(&mut self, angle: [i32; 3]) {
+        let turn = Turn::of(angle);
         let [first, second] = &mut self.level;
-        *first = turned(*first, angle);
-        self.up = turned(self.up, angle);
+        *first = turn.apply(*first);
+        self.up = turn.apply(self.up);
         *second = cross(self.up, *first);
+    }
+
+    /// The vertical.
+    pub(super) const fn up(&self) -> [i32; 3] {
+        self.up
     }
 
     /// The vertical after the housing has turned by `angle` more.
     pub(super) fn up_after(&self, angle: [i32; 3]) -> [i32; 3] {
-        turned(self.up, angle)
+        Turn::of(angle).apply(self.up)
     }
 
     /// What of an acceleration lies along the two level axes, in its unit.
-    pub(super) fn level_part(&self, accel: Corrected) -> [i32; 2] {
-        self.level.map(|axis| dot(axis, accel.accel))
+    pub(super) fn level_part(&self, accel: Corrected) -> [i64; 2] {
+        let [first, second] = self.level;
+        [scalar(first, accel.accel), scalar(second, accel.accel)]
     }
 
     /// The two level axes.
@@ -90,21 +100,45 @@ impl Frame {
     fn square_up(&mut self) {
         let [first, second] = &mut self.level;
         self.up = lengthened(self.up);
-        let along = dot(*first, self.up);
+        let along = scalar(*first, self.up) as i32;
         let beside = plus(*first, share(self.up, along.saturating_neg()));
         *first = lengthened(beside);
         *second = cross(self.up, *first);
     }
 }
 
-/// `axis`, which stands still, as the housing sees it after it turned by `angle`.
-fn turned(axis: [i32; 3], angle: [i32; 3]) -> [i32; 3] {
-    let once = cross(axis, angle);
-    let twice = cross(once, angle);
-    let thrice = cross(twice, angle);
-    let axis = plus(axis, once.map(i64::from));
-    let axis = plus(axis, twice.map(|t| i64::from(t >> 1)));
-    plus(axis, thrice.map(|t| i64::from(t / 6)))
+/// How what stands still turns in the axes of a housing that turns; 2^-30 per step, one row for
+/// each component of the result.
+struct Turn([[i32; 3]; 3]);
+
+impl Turn {
+    /// By an angle below a quarter of a radian about each axis.
+    fn of([x, y, z]: [i32; 3]) -> Self {
+        let times = |a: i32, b: i32| ((i64::from(a) * i64::from(b)) >> 30) as i32;
+        let (xx, yy, zz) = (times(x, x), times(y, y), times(z, z));
+        let (xy, yz, zx) = (times(x, y) >> 1, times(y, z) >> 1, times(z, x) >> 1);
+        // The sine's second term, which is a sixth of the third power.
+        let sixth = times(xx + yy + zz, ONE / 6);
+        let [x, y, z] = [
+            x - times(x, sixth),
+            y - times(y, sixth),
+            z - times(z, sixth),
+        ];
+        Self([
+            [ONE - ((yy + zz) >> 1), xy + z, zx - y],
+            [xy - z, ONE - ((zz + xx) >> 1), yz + x],
+            [zx + y, yz - x, ONE - ((xx + yy) >> 1)],
+        ])
+    }
+
+    fn apply(&self, axis: [i32; 3]) -> [i32; 3] {
+        let [x, y, z] = self.0;
+        [
+            scalar(x, axis) as i32,
+            scalar(y, axis) as i32,
+            scalar(z, axis) as i32,
+        ]
+    }
 }
 
 /// A vector and a change of it.
@@ -118,11 +152,11 @@ fn share(vector: [i32; 3], part: i32) -> [i64; 3] {
     vector.map(|v| product(v, part, 30))
 }
 
-/// The vector product of two vectors, 2^-30 per step.
+/// The vector product of two axes.
 fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i32; 3] {
     let part = |a: i32, b: i32, c: i32, d: i32| {
         let difference = i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d);
-        fit((difference + (1 << 29)) >> 30)
+        ((difference + (1 << 29)) >> 30) as i32
     };
     [
         part(ay, bz, az, by),
@@ -131,15 +165,15 @@ fn cross([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> [i32; 3] {
     ]
 }
 
-/// The scalar product with an axis of length one, in the other vector's unit.
-fn dot([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> i32 {
+/// The scalar product with an axis, in the other vector's unit.
+#[inline(always)]
+fn scalar([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> i64 {
     let product = |a: i32, b: i32| i64::from(a) * i64::from(b);
-    fit((product(ax, bx) + product(ay, by) + product(az, bz) + (1 << 29)) >> 30)
+    (product(ax, bx) + product(ay, by) + product(az, bz) + (1 << 29)) >> 30
 }
 
 /// A vector of nearly length one, nearer to it: times (3 - square) / 2.
 fn lengthened(vector: [i32; 3]) -> [i32; 3] {
-    let square = dot(vector, vector);
-    let factor = fit((3 * i64::from(ONE) - i64::from(square)) >> 1);
+    let factor = fit((3 * i64::from(ONE) - scalar(vector, vector)) >> 1);
     vector.map(|v| fit(product(v, factor, 30)))
 }

@@ -49,8 +49,8 @@ use covariance::{Covariance, Observation};
 use frame::Frame;
 use gyroscope::Gyroscope;
 
-/// Samples from one run of the filter to the next: 40 ms at 400 samples/s.
-pub const BLOCK: u32 = 16;
+/// Samples from one run of the filter to the next: 80 ms at 400 samples/s.
+pub const BLOCK: u32 = 32;
 
 /// Rate of turn in the housing's axes, 2^-24 rad/s per step: +-7 334 deg/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,7 +65,7 @@ pub const RATE_STEPS: f64 = 16_777_216.0;
 /// The direction that points up, in the housing's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vertical {
-    /// A vector of length one, 2^-30 per step; its length is right to 5e-5 up to 2 000 deg/s at 400
+    /// A vector of length one, 2^-30 per step; its length is right to 1e-4 up to 2 000 deg/s at 400
     /// samples/s.
     pub up: [i32; 3],
     /// Its standard uncertainty (k = 1) in any one direction.
@@ -75,26 +75,14 @@ pub struct Vertical {
 /// What the estimator remembers; [`MotionState::default`] has seen nothing yet.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MotionState {
-    /// `None` until the first block has shown where up is.
-    tracking: Option<Tracking>,
     /// The block that shows where up is.
     start: Start,
     /// The frame follows the housing.
     running: bool,
+    /// Something is known of the gyroscope.
+    learned: bool,
     /// The gyroscope was over its range, and the vertical has not been found again since.
     lost: bool,
-}
-
-/// The acceleration of the first block, in the housing's axes.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct Start {
-    accel: [i64; 3],
-    samples: u32,
-}
-
-/// All that is estimated.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Tracking {
     frame: Frame,
     gyroscope: Gyroscope,
     /// Velocity along the frame's two level axes, 2^-29 g s per step.
@@ -104,6 +92,13 @@ struct Tracking {
     covariance: Covariance,
     block: Block,
     uncertainty: Uncertainty,
+}
+
+/// The acceleration of the first block, in the housing's axes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Start {
+    accel: [i64; 3],
+    samples: u32,
 }
 
 impl Motion {
@@ -119,25 +114,27 @@ impl Motion {
         accel: Corrected,
     ) -> Result<Vertical, Invalid> {
         let in_range = rate.rate.iter().all(|r| r.unsigned_abs() < self.rate_range);
-        let tracking = match &mut state.tracking {
-            Some(tracking) if state.running && in_range => tracking,
-            _ => return Err(self.find_up(state, accel, in_range)),
-        };
-        let Some(turn) = self.angle(tracking.gyroscope.correct(rate)) else {
+        if !(state.running && in_range) {
+            return Err(self.find_up(state, accel, in_range));
+        }
+        let Some(turn) = state.gyroscope.angle(rate) else {
             return Err(self.find_up(state, accel, false));
         };
-        tracking.frame.turn(turn);
+        state.frame.turn(turn);
         let measurable = |a: &i32| a.unsigned_abs() < self.accel_range;
         let seen = accel.accel.iter().all(measurable);
-        tracking.block.add(&tracking.frame, turn, accel, seen);
-        if tracking.block.samples() >= BLOCK {
-            self.filter(tracking);
-            state.lost &= tracking.uncertainty > self.limit;
+        state.block.add(&state.frame, turn, accel, seen);
+        if state.block.samples() >= BLOCK {
+            self.filter(state);
+            state.lost &= state.uncertainty > self.limit;
         }
-        let vertical = self.vertical(tracking, turn);
-        vertical
-            .filter(|_| !state.lost)
-            .ok_or(state.reason(Invalid::Settling))
+        if state.lost || state.uncertainty > self.limit {
+            return Err(state.reason(Invalid::Settling));
+        }
+        Ok(Vertical {
+            up: self.up(&state.frame, turn),
+            uncertainty: state.uncertainty,
+        })
     }
 
     /// A sample without a frame: adds it to the first block, and gives the reason. What cannot be
@@ -156,66 +153,61 @@ impl Motion {
 
     /// Begins to follow the housing; what is known of the gyroscope already is kept.
     fn start(&self, state: &mut MotionState, frame: Frame) {
-        let before = state.tracking.take();
-        let (gyroscope, mut covariance) = before.map_or_else(
-            || (Gyroscope::default(), Covariance::new(self.priors())),
-            |before| (before.gyroscope, before.covariance),
-        );
-        covariance.forget_motion(self.priors());
-        state.tracking = Some(Tracking {
-            frame,
-            gyroscope,
-            velocity: [0; 2],
-            speed: self.velocity_floor,
-            block: Block::default(),
-            uncertainty: self.uncertainty(covariance.tilt()),
-            covariance,
-        });
-        state.running = true;
-    }
-
-    /// A rate (2^-24 rad/s) as the angle of one period (2^-30 rad), up to a quarter of a radian.
-    fn angle(&self, rate: [i32; 3]) -> Option<[i32; 3]> {
-        let period = i64::from(self.period_q32);
-        let angle = rate.map(|r| (i64::from(r) * period + (1 << 25)) >> 26);
-        let fits = angle.iter().all(|a| a.abs() < 1 << 28);
-        fits.then(|| angle.map(|a| a as i32))
+        if state.learned {
+            state.covariance.forget_motion(self.priors());
+        } else {
+            state.gyroscope.forget(self.period_q32);
+            state.covariance.forget(self.priors());
+        }
+        (state.running, state.learned) = (true, true);
+        state.frame = frame;
+        (state.velocity, state.speed) = ([0; 2], self.velocity_floor);
+        state.block = Block::default();
+        state.uncertainty = self.uncertainty(state.covariance.tilt());
     }
 
     /// One run of the filter at the end of a block.
-    fn filter(&self, tracking: &mut Tracking) {
-        let block = core::mem::take(&mut tracking.block);
-        let levers = block.levers(self.period_q32);
-        let covariance = &mut tracking.covariance;
-        covariance.propagate(&levers, (self.period_q32 >> 2) as i32);
-        covariance.spread(self.noise(block.square()), self.priors());
-        let Some(gained) = block.gained(self.period_q32) else {
-            // An accelerometer at its end says nothing of the velocity.
-            covariance.forget_velocity();
-            tracking.velocity = [0; 2];
-            tracking.uncertainty = self.uncertainty(covariance.tilt());
-            return;
-        };
-        for (v, gained) in tracking.velocity.iter_mut().zip(gained) {
+    fn filter(&self, state: &mut MotionState) {
+        let levers = state.block.levers(self.period_q32);
+        let gained = state.block.gained(self.period_q32);
+        let square = state.block.square();
+        state.block = Block::default();
+        // A block, in units of tilt by units of velocity: twice the period.
+        let fall = (self.period_q32 >> 1) as i32;
+        state.covariance.propagate(&levers, fall);
+        state.covariance.spread(self.noise(square), self.priors());
+        match gained {
+            Some(gained) => self.observe(state, gained),
+            None => {
+                // An accelerometer at its end says nothing of the velocity.
+                state.covariance.forget_velocity();
+                state.velocity = [0; 2];
+            }
+        }
+        state.uncertainty = self.uncertainty(state.covariance.tilt());
+    }
+
+    /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
+    fn observe(&self, state: &mut MotionState, gained: [i64; 2]) {
+        for (v, gained) in state.velocity.iter_mut().zip(gained) {
             *v = fit(i64::from(*v) + gained);
         }
-        let noise = self.zero_velocity_noise(tracking);
-        let mut observation = Observation::new(tracking.velocity, noise);
-        tracking.covariance.observe(&mut observation);
-        tracking.frame.tilt(observation.tilt());
-        tracking.gyroscope.add(observation.errors());
-        tracking.velocity = observation.velocity();
-        tracking.uncertainty = self.uncertainty(tracking.covariance.tilt());
+        let noise = self.zero_velocity_noise(state);
+        let mut observation = Observation::new(state.velocity, noise);
+        state.covariance.observe(&mut observation);
+        state.frame.tilt(observation.tilt());
+        state.gyroscope.add(observation.errors());
+        state.velocity = observation.velocity();
     }
 
     /// Variance of "the velocity is zero" for one block, from the spread that was seen lately.
-    fn zero_velocity_noise(&self, tracking: &mut Tracking) -> i64 {
+    fn zero_velocity_noise(&self, state: &mut MotionState) -> i64 {
         let square = |v: i32| i64::from(v) * i64::from(v);
-        let [x, y] = tracking.velocity;
+        let [x, y] = state.velocity;
         let now = ((square(x) >> 1) + (square(y) >> 1)) >> 31;
-        let held = tracking.speed - ((tracking.speed * i64::from(self.decay_q31)) >> 31);
-        tracking.speed = held.max(now).max(self.velocity_floor);
-        let noise = (tracking.speed * i64::from(self.weight_q16)) >> 16;
+        let held = state.speed - ((state.speed * i64::from(self.decay_q31)) >> 31);
+        state.speed = held.max(now).max(self.velocity_floor);
+        let noise = (state.speed * i64::from(self.weight_q16)) >> 16;
         noise.clamp(1 << 16, 1 << 37)
     }
 
@@ -227,15 +219,14 @@ impl Motion {
         Uncertainty(((u64::from(root) * 3687 + u64::from(root >> 1)) >> 16) as u32)
     }
 
-    /// The vertical now, ahead of the frame by what the gyroscope is late; `None` where it is less
-    /// known than the limit asks for.
-    fn vertical(&self, tracking: &Tracking, turn: [i32; 3]) -> Option<Vertical> {
+    /// The vertical now, ahead of the frame by what the gyroscope is late.
+    fn up(&self, frame: &Frame, turn: [i32; 3]) -> [i32; 3] {
+        if self.delay_q16 == 0 {
+            return frame.up();
+        }
         let delay = i64::from(self.delay_q16);
-        let ahead = turn.map(|a| fit((i64::from(a) * delay) >> 16).clamp(-(1 << 28), 1 << 28));
-        (tracking.uncertainty <= self.limit).then(|| Vertical {
-            up: tracking.frame.up_after(ahead),
-            uncertainty: tracking.uncertainty,
-        })
+        let ahead = turn.map(|a| (i64::from(a) * delay) >> 16);
+        frame.up_after(ahead.map(|a| a.clamp(-(1 << 28), 1 << 28) as i32))
     }
 }
 
@@ -248,7 +239,7 @@ impl MotionState {
 
     /// The gyroscope's bias as estimated, 2^-32 rad/s per step; `None` before the start.
     pub fn bias(&self) -> Option<[i32; 3]> {
-        self.tracking.as_ref().map(|t| t.gyroscope.bias())
+        self.learned.then(|| self.gyroscope.bias())
     }
 
     /// Why there is no vertical: the lost one, or `otherwise`.

@@ -43,6 +43,7 @@ pub(super) struct Reference {
     speed: f64,
     /// Velocity, tilt, bias, gain.
     p: Matrix,
+    turn: Vec3,
     levers: [[f64; 12]; 2],
     square: f64,
     samples: u32,
@@ -77,6 +78,7 @@ impl Reference {
             velocity: [0.0; 2],
             speed: e.rest_speed.powi(2),
             p,
+            turn: [0.0; 3],
             levers: [[0.0; 12]; 2],
             square: 0.0,
             samples: 0,
@@ -89,24 +91,35 @@ impl Reference {
         let true_rate = [0, 1, 2].map(|i| free[i] - dot(self.gain[i], free));
         let angle = true_rate.map(|r| r * self.e.period_s);
         self.axes = self.axes.map(|axis| turned(axis, angle));
-        for a in 0..2 {
-            let axis = self.axes[a];
-            self.velocity[a] += dot(axis, accel) * self.e.period_s;
-            for (i, component) in axis.iter().enumerate() {
-                self.levers[a][i] += component * self.e.period_s;
-                for (j, angle) in angle.iter().enumerate() {
-                    self.levers[a][3 + 3 * i + j] += component * angle;
-                }
-            }
+        for (velocity, axis) in self.velocity.iter_mut().zip(self.axes) {
+            *velocity += dot(axis, accel) * self.e.period_s;
+        }
+        for (sum, angle) in self.turn.iter_mut().zip(angle) {
+            *sum += angle;
         }
         self.square += dot(angle, angle);
         self.samples += 1;
+        if self.samples.is_multiple_of(4) {
+            self.take_levers();
+        }
         if self.samples == BLOCK {
             self.filter();
             self.samples = 0;
             self.square = 0.0;
             self.levers = [[0.0; 12]; 2];
         }
+    }
+
+    fn take_levers(&mut self) {
+        for (levers, axis) in self.levers.iter_mut().zip(self.axes) {
+            for (i, component) in axis.iter().enumerate() {
+                levers[i] += component * 4.0 * self.e.period_s;
+                for (j, angle) in self.turn.iter().enumerate() {
+                    levers[3 + 3 * i + j] += component * angle;
+                }
+            }
+        }
+        self.turn = [0.0; 3];
     }
 
     fn filter(&mut self) {

@@ -21,11 +21,11 @@ pub struct Expected {
     /// What is left of each rate, as a share of it, that scale and alignment do not explain, times
     /// the square root of the time for which it lasts, square root of s.
     pub rate_defect: f64,
-    /// Bias of one axis at first, rad/s: below 0.06.
+    /// Bias of one axis at first, rad/s: up to 0.044.
     pub bias: f64,
     /// How the bias wanders, rad/s per square root of s.
     pub bias_walk: f64,
-    /// Scale and alignment at first: below 0.06.
+    /// Scale and alignment at first: up to 0.044.
     pub gain: f64,
     /// Time after which a change of scale and alignment by as much is no surprise, s.
     pub gain_memory_s: f64,
@@ -39,7 +39,7 @@ pub struct Expected {
     pub hold_s: f64,
     /// Velocity that a machine at rest is believed to have, g s.
     pub rest_speed: f64,
-    /// Vertical at the start, rad: below 0.17.
+    /// Vertical at the start, rad: up to 0.17.
     pub start: f64,
     /// Above this uncertainty there is no vertical, rad.
     pub limit: f64,
@@ -181,14 +181,14 @@ const fn sound(e: &Expected) -> bool {
         (e.delay_s / e.period_s, 0.0, 16.0),
         (e.rate_noise, 0.0, 0.1),
         (e.rate_defect, 0.0, 0.1),
-        (e.bias, 0.0, 0.06),
+        (e.bias, 0.0, 0.044),
         (e.bias_walk, 0.0, 0.01),
-        (e.gain, 0.0, 0.06),
+        (e.gain, 0.0, 0.044),
         (e.gain_memory_s, 1.0, 1e6),
         (e.accel_noise, 0.0, 1.0),
         (e.accel_offset, 0.0, 0.17),
         (e.swing_s, 0.01, 10.0),
-        (e.hold_s, 0.2, 1e3),
+        (e.hold_s, 0.5, 1e3),
         (e.rest_speed, 0.001, 1.0),
         (e.start, 0.0, 0.17),
         (e.limit, 0.0, 1.0),
