@@ -24,6 +24,7 @@ pub mod composition;
 pub mod cross_check;
 pub mod filter;
 pub mod health;
+pub mod motion;
 pub mod observation;
 mod root;
 pub mod sample;

@@ -1,0 +1,286 @@
+//! The vertical while the machine moves, from a gyroscope and an accelerometer.
+//!
+//! In, sample by sample: [`Rate`] and [`Corrected`] acceleration, both in the housing's axes. Out:
+//! the [`Vertical`] at this moment in the housing's axes with its standard uncertainty, or the
+//! reason why it is not known.
+//!
+//! # How
+//! The rate turns a frame whose third axis is the vertical; the direction of the other two drifts
+//! freely and does not matter. In that frame the acceleration beside the vertical is the
+//! machine's own, and whatever part of gravity a wrong vertical lets in. Its integral is a
+//! velocity. A machine comes back to where it was: the velocity is zero in the mean, with a spread
+//! that is measured, while gravity in a tilted frame would make it grow without end. So a Kalman
+//! filter compares the velocity with zero and divides what it sees among its sixteen states:
+//! velocity and tilt of two axes each, the gyroscope's bias, and its nine errors of scale and
+//! alignment. How fast the vertical follows the acceleration is nobody's choice: the filter
+//! follows it quickly after fast turns, when the gyroscope's errors have added up, and slowly
+//! while the machine accelerates much.
+//!
+//! The rate turns the frame with every sample, the filter runs once in [`BLOCK`] samples. What it
+//! knows of the motion between is what the samples add up to, so nothing is lost by that.
+//!
+//! # Uncertainty
+//! It is the filter's own, and the accelerometer's offset beside it, which gravity cannot show.
+//! It grows with every turn and while the velocity is large, and shrinks when the machine is
+//! quiet. It is that of the vertical in one direction, so of one slope.
+//!
+//! Left out: samples that are missing (who knows of a gap starts anew), heading, and
+//! accelerations that last for longer than the machine's motion usually does, like the long curve
+//! of a road vehicle: they look like tilt to any sensor without a speed of its own.
+
+mod block;
+mod covariance;
+mod frame;
+mod gyroscope;
+#[cfg(test)]
+mod reference;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use settings::{Expected, Motion};
+
+use crate::chain::Invalid;
+use crate::root::root;
+use crate::uncertainty::Uncertainty;
+use crate::vector::Corrected;
+use block::Block;
+use covariance::{Covariance, Observation};
+use frame::Frame;
+use gyroscope::Gyroscope;
+
+/// Samples from one run of the filter to the next: 80 ms at 400 samples/s.
+pub const BLOCK: u32 = 32;
+
+/// Rate of turn in the housing's axes, 2^-24 rad/s per step: +-7 334 deg/s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rate {
+    /// About the housing's x, y and z axes, right-handed.
+    pub rate: [i32; 3],
+}
+
+/// Steps of [`Rate`] in one rad/s.
+pub const RATE_STEPS: f64 = 16_777_216.0;
+
+/// The direction that points up, in the housing's axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Vertical {
+    /// A vector of length one, 2^-30 per step; its length is right to 1e-4 up to 2 000 deg/s at 400
+    /// samples/s.
+    pub up: [i32; 3],
+    /// Its standard uncertainty (k = 1) in any one direction.
+    pub uncertainty: Uncertainty,
+}
+
+/// What the estimator remembers; [`MotionState::default`] has seen nothing yet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MotionState {
+    /// The block that shows where up is.
+    start: Start,
+    /// The frame follows the housing.
+    running: bool,
+    /// Something is known of the gyroscope.
+    learned: bool,
+    /// The gyroscope was over its range, and the vertical has not been found again since.
+    lost: bool,
+    frame: Frame,
+    gyroscope: Gyroscope,
+    /// Velocity along the frame's two level axes, 2^-29 g s per step.
+    velocity: [i32; 2],
+    /// Mean square of the velocity along one axis, held for a while; 2^-31 of (4 g s)^2.
+    speed: i64,
+    covariance: Covariance,
+    block: Block,
+    uncertainty: Uncertainty,
+}
+
+/// The acceleration of the first block, in the housing's axes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Start {
+    accel: [i64; 3],
+    samples: u32,
+}
+
+impl Motion {
+    /// Takes one sample: what the housing's axes turn by, and what accelerates them.
+    ///
+    /// Fails with [`Invalid::NoSample`] before the first block is full, with
+    /// [`Invalid::OverRange`] from where the gyroscope leaves its range until the vertical is
+    /// known again, and with [`Invalid::Settling`] where its uncertainty is above the limit.
+    pub fn step(
+        &self,
+        state: &mut MotionState,
+        rate: Rate,
+        accel: Corrected,
+    ) -> Result<Vertical, Invalid> {
+        let in_range = rate.rate.iter().all(|r| r.unsigned_abs() < self.rate_range);
+        if !(state.running && in_range) {
+            return Err(self.find_up(state, accel, in_range));
+        }
+        let Some(turn) = state.gyroscope.angle(rate) else {
+            return Err(self.find_up(state, accel, false));
+        };
+        state.frame.turn(turn);
+        let measurable = |a: &i32| a.unsigned_abs() < self.accel_range;
+        let seen = accel.accel.iter().all(measurable);
+        state.block.add(&state.frame, turn, accel, seen);
+        if state.block.samples() >= BLOCK {
+            self.filter(state);
+            state.lost &= state.uncertainty > self.limit;
+        }
+        if state.lost || state.uncertainty > self.limit {
+            return Err(state.reason(Invalid::Settling));
+        }
+        Ok(Vertical {
+            up: self.up(&state.frame, turn),
+            uncertainty: state.uncertainty,
+        })
+    }
+
+    /// A sample without a frame: adds it to the first block, and gives the reason. What cannot be
+    /// followed begins a new block.
+    fn find_up(&self, state: &mut MotionState, accel: Corrected, in_range: bool) -> Invalid {
+        if in_range {
+            if let Some(frame) = state.start.add(accel) {
+                self.start(state, frame);
+            }
+        } else {
+            state.restart();
+            state.lost = true;
+        }
+        state.reason(Invalid::NoSample)
+    }
+
+    /// Begins to follow the housing; what is known of the gyroscope already is kept.
+    fn start(&self, state: &mut MotionState, frame: Frame) {
+        if state.learned {
+            state.covariance.forget_motion(self.priors());
+        } else {
+            state.gyroscope.forget(self.period_q32);
+            state.covariance.forget(self.priors());
+        }
+        (state.running, state.learned) = (true, true);
+        state.frame = frame;
+        (state.velocity, state.speed) = ([0; 2], self.velocity_floor);
+        state.block = Block::default();
+        state.uncertainty = self.uncertainty(state.covariance.tilt());
+    }
+
+    /// One run of the filter at the end of a block.
+    fn filter(&self, state: &mut MotionState) {
+        let levers = state.block.levers(self.period_q32);
+        let gained = state.block.gained(self.period_q32);
+        let square = state.block.square();
+        state.block = Block::default();
+        // A block, in units of tilt by units of velocity: twice the period.
+        let fall = (self.period_q32 >> 1) as i32;
+        state.covariance.propagate(&levers, fall);
+        state.covariance.spread(self.noise(square), self.priors());
+        match gained {
+            Some(gained) => self.observe(state, gained),
+            None => {
+                // An accelerometer at its end says nothing of the velocity.
+                state.covariance.forget_velocity();
+                state.velocity = [0; 2];
+            }
+        }
+        state.uncertainty = self.uncertainty(state.covariance.tilt());
+    }
+
+    /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
+    fn observe(&self, state: &mut MotionState, gained: [i64; 2]) {
+        for (v, gained) in state.velocity.iter_mut().zip(gained) {
+            *v = fit(i64::from(*v) + gained);
+        }
+        let noise = self.zero_velocity_noise(state);
+        let mut observation = Observation::new(state.velocity, noise);
+        state.covariance.observe(&mut observation);
+        state.frame.tilt(observation.tilt());
+        state.gyroscope.add(observation.errors());
+        state.velocity = observation.velocity();
+    }
+
+    /// Variance of "the velocity is zero" for one block, from the spread that was seen lately.
+    fn zero_velocity_noise(&self, state: &mut MotionState) -> i64 {
+        let square = |v: i32| i64::from(v) * i64::from(v);
+        let [x, y] = state.velocity;
+        let now = ((square(x) >> 1) + (square(y) >> 1)) >> 31;
+        let held = state.speed - ((state.speed * i64::from(self.decay_q31)) >> 31);
+        state.speed = held.max(now).max(self.velocity_floor);
+        let noise = (state.speed * i64::from(self.weight_q16)) >> 16;
+        noise.clamp(1 << 16, 1 << 37)
+    }
+
+    /// From a variance of tilt (2^-31 of (2^-2 rad)^2) to a standard uncertainty.
+    fn uncertainty(&self, tilt: i32) -> Uncertainty {
+        let variance = i64::from(tilt.max(0)) + i64::from(self.accel_variance);
+        let root = root(variance.unsigned_abs().min(u64::from(u32::MAX)) << 32);
+        // The unit's root, 2^-17.5 rad, is 3687.5 steps of an angle; the root has 16 bits more.
+        Uncertainty(((u64::from(root) * 3687 + u64::from(root >> 1)) >> 16) as u32)
+    }
+
+    /// The vertical now, ahead of the frame by what the gyroscope is late.
+    fn up(&self, frame: &Frame, turn: [i32; 3]) -> [i32; 3] {
+        if self.delay_q16 == 0 {
+            return frame.up();
+        }
+        let delay = i64::from(self.delay_q16);
+        let ahead = turn.map(|a| (i64::from(a) * delay) >> 16);
+        frame.up_after(ahead.map(|a| a.clamp(-(1 << 28), 1 << 28) as i32))
+    }
+}
+
+impl MotionState {
+    /// Starts anew, as after a gap, and keeps what is known of the gyroscope.
+    pub fn restart(&mut self) {
+        self.start = Start::default();
+        self.running = false;
+    }
+
+    /// The gyroscope's bias as estimated, 2^-32 rad/s per step; `None` before the start.
+    pub fn bias(&self) -> Option<[i32; 3]> {
+        self.learned.then(|| self.gyroscope.bias())
+    }
+
+    /// Why there is no vertical: the lost one, or `otherwise`.
+    const fn reason(&self, otherwise: Invalid) -> Invalid {
+        if self.lost {
+            Invalid::OverRange
+        } else {
+            otherwise
+        }
+    }
+}
+
+impl Start {
+    /// Adds one sample; a full block shows where up is, unless there was no gravity in it.
+    fn add(&mut self, accel: Corrected) -> Option<Frame> {
+        for (sum, a) in self.accel.iter_mut().zip(accel.accel) {
+            *sum += i64::from(a);
+        }
+        self.samples += 1;
+        if self.samples < BLOCK {
+            return None;
+        }
+        let mean = self.accel.map(|sum| fit(sum / i64::from(BLOCK)));
+        *self = Self::default();
+        Frame::upright(mean)
+    }
+}
+
+/// Cut off at the ends of 32 bits.
+const fn fit(value: i64) -> i32 {
+    if value > i32::MAX as i64 {
+        i32::MAX
+    } else if value < i32::MIN as i64 {
+        i32::MIN
+    } else {
+        value as i32
+    }
+}
+
+/// `a` times `b` without `bits` of the product, rounded.
+#[inline(always)]
+const fn product(a: i32, b: i32, bits: u32) -> i64 {
+    (a as i64 * b as i64 + (1 << (bits - 1))) >> bits
+}

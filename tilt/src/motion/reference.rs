@@ -1,0 +1,205 @@
+//! The same estimator in real numbers, with all matrices written out: what the integers are held
+//! against. It shares no arithmetic with them.
+
+use super::{BLOCK, Expected};
+
+const N: usize = 16;
+type Vec3 = [f64; 3];
+type Matrix = [[f64; N]; N];
+
+pub(super) fn cross([a, b, c]: Vec3, [x, y, z]: Vec3) -> Vec3 {
+    [b * z - c * y, c * x - a * z, a * y - b * x]
+}
+
+pub(super) fn dot(a: Vec3, b: Vec3) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+pub(super) fn unit(v: Vec3) -> Vec3 {
+    let length = dot(v, v).sqrt();
+    v.map(|v| v / length)
+}
+
+/// `v`, which stands still, as seen from what turned by `angle` (rad).
+pub(super) fn turned(v: Vec3, angle: Vec3) -> Vec3 {
+    let size = dot(angle, angle).sqrt();
+    if size < 1e-12 {
+        return v;
+    }
+    let axis = angle.map(|a| a / size);
+    let (sin, cos) = size.sin_cos();
+    let across = cross(v, axis);
+    let along = dot(axis, v) * (1.0 - cos);
+    [0, 1, 2].map(|i| v[i] * cos + across[i] * sin + axis[i] * along)
+}
+
+pub(super) struct Reference {
+    e: Expected,
+    /// Level axes and up, in the housing's axes.
+    pub(super) axes: [Vec3; 3],
+    pub(super) bias: Vec3,
+    gain: [Vec3; 3],
+    velocity: [f64; 2],
+    speed: f64,
+    /// Velocity, tilt, bias, gain.
+    p: Matrix,
+    turn: Vec3,
+    levers: [[f64; 12]; 2],
+    square: f64,
+    samples: u32,
+}
+
+impl Reference {
+    /// From where up is.
+    pub(super) fn new(e: Expected, up: Vec3) -> Self {
+        let mut p = [[0.0; N]; N];
+        for (i, row) in p.iter_mut().enumerate() {
+            row[i] = match i {
+                0 | 1 => 2.0 * e.rest_speed,
+                2 | 3 => e.start,
+                4..=6 => e.bias,
+                _ => e.gain,
+            }
+            .powi(2);
+        }
+        let beside = if up[0].abs() < 0.5 {
+            [1.0, 0.0, 0.0]
+        } else if up[2].abs() < 0.5 {
+            [0.0, 0.0, 1.0]
+        } else {
+            [0.0, 1.0, 0.0]
+        };
+        let second = unit(cross(up, beside));
+        Self {
+            e,
+            axes: [cross(second, up), second, up],
+            bias: [0.0; 3],
+            gain: [[0.0; 3]; 3],
+            velocity: [0.0; 2],
+            speed: e.rest_speed.powi(2),
+            p,
+            turn: [0.0; 3],
+            levers: [[0.0; 12]; 2],
+            square: 0.0,
+            samples: 0,
+        }
+    }
+
+    /// Takes a rate (rad/s) and an acceleration (g).
+    pub(super) fn step(&mut self, rate: Vec3, accel: Vec3) {
+        let free = [0, 1, 2].map(|i| rate[i] - self.bias[i]);
+        let true_rate = [0, 1, 2].map(|i| free[i] - dot(self.gain[i], free));
+        let angle = true_rate.map(|r| r * self.e.period_s);
+        self.axes = self.axes.map(|axis| turned(axis, angle));
+        for (velocity, axis) in self.velocity.iter_mut().zip(self.axes) {
+            *velocity += dot(axis, accel) * self.e.period_s;
+        }
+        for (sum, angle) in self.turn.iter_mut().zip(angle) {
+            *sum += angle;
+        }
+        self.square += dot(angle, angle);
+        self.samples += 1;
+        if self.samples.is_multiple_of(4) {
+            self.take_levers();
+        }
+        if self.samples == BLOCK {
+            self.filter();
+            self.samples = 0;
+            self.square = 0.0;
+            self.levers = [[0.0; 12]; 2];
+        }
+    }
+
+    fn take_levers(&mut self) {
+        for (levers, axis) in self.levers.iter_mut().zip(self.axes) {
+            for (i, component) in axis.iter().enumerate() {
+                levers[i] += component * 4.0 * self.e.period_s;
+                for (j, angle) in self.turn.iter().enumerate() {
+                    levers[3 + 3 * i + j] += component * angle;
+                }
+            }
+        }
+        self.turn = [0.0; 3];
+    }
+
+    fn filter(&mut self) {
+        let e = self.e;
+        let block_s = e.period_s * f64::from(BLOCK);
+        let mut f = [[0.0; N]; N];
+        for (i, row) in f.iter_mut().enumerate() {
+            row[i] = 1.0;
+        }
+        let mut tilt = f;
+        for a in 0..2 {
+            for (k, lever) in self.levers[a].iter().enumerate() {
+                tilt[2 + a][4 + k] = -lever;
+            }
+        }
+        let mut fall = f;
+        (fall[0][3], fall[1][2]) = (block_s, -block_s);
+        f = times(&fall, &tilt);
+        self.p = times(&times(&f, &self.p), &transposed(&f));
+        let turning = e.rate_defect.powi(2) / e.period_s * self.square;
+        for i in 0..N {
+            let (walk, most) = match i {
+                0 | 1 => (e.accel_noise.powi(2) * block_s, f64::MAX),
+                2 | 3 => (e.rate_noise.powi(2) * block_s + turning, f64::MAX),
+                4..=6 => (e.bias_walk.powi(2) * block_s, e.bias.powi(2)),
+                _ => (e.gain.powi(2) * block_s / e.gain_memory_s, e.gain.powi(2)),
+            };
+            if self.p[i][i] < most {
+                self.p[i][i] += walk;
+            }
+        }
+        let now = self.velocity.iter().map(|v| v * v).sum::<f64>() / 2.0;
+        let held = self.speed * (1.0 - block_s / e.hold_s);
+        self.speed = held.max(now).max(e.rest_speed.powi(2));
+        let noise = self.speed * 2.0 * e.swing_s / block_s;
+        let mut x = [0.0; N];
+        for a in 0..2 {
+            let variance = self.p[a][a] + noise;
+            let gain: [f64; N] = core::array::from_fn(|i| self.p[i][a] / variance);
+            let missing = -self.velocity[a] - x[a];
+            for i in 0..N {
+                x[i] += gain[i] * missing;
+            }
+            for (row, gain_i) in self.p.iter_mut().zip(gain) {
+                for (cell, gain_j) in row.iter_mut().zip(gain) {
+                    *cell -= gain_i * gain_j * variance;
+                }
+            }
+        }
+        self.correct(&x);
+    }
+
+    fn correct(&mut self, x: &[f64; N]) {
+        for (velocity, x) in self.velocity.iter_mut().zip(x) {
+            *velocity += x;
+        }
+        for i in 0..3 {
+            self.bias[i] += x[4 + i];
+            for j in 0..3 {
+                self.gain[i][j] += x[7 + 3 * i + j];
+            }
+        }
+        let [first, second, up] = self.axes;
+        let up = unit([0, 1, 2].map(|i| up[i] + x[2] * second[i] - x[3] * first[i]));
+        let moved = [0, 1, 2].map(|i| first[i] + x[3] * self.axes[2][i]);
+        let second = unit(cross(up, moved));
+        self.axes = [cross(second, up), second, up];
+    }
+
+    /// Standard uncertainty of the vertical in one direction, rad.
+    pub(super) fn uncertainty(&self) -> f64 {
+        let tilt = (self.p[2][2] + self.p[3][3]) / 2.0;
+        (tilt + self.e.accel_offset.powi(2)).sqrt()
+    }
+}
+
+fn times(a: &Matrix, b: &Matrix) -> Matrix {
+    core::array::from_fn(|i| core::array::from_fn(|j| (0..N).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+fn transposed(a: &Matrix) -> Matrix {
+    core::array::from_fn(|i| core::array::from_fn(|j| a[j][i]))
+}

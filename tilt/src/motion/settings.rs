@@ -1,0 +1,208 @@
+//! What the estimator is told of its sensors and of the machine, and what becomes of it.
+//!
+//! In: [`Expected`], real numbers with units. Out: [`Motion`], the same as integers in the units
+//! of `covariance`. It is evaluated when the program is built, or at start; the path of a sample
+//! has no real number.
+
+use super::BLOCK;
+use super::covariance::Variances;
+use crate::uncertainty::Uncertainty;
+
+/// What is expected of gyroscope, accelerometer and motion; standard deviations (k = 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// From sample to sample, s: 0.0005 to 0.01.
+    pub period_s: f64,
+    /// How late the gyroscope's rate is against the moment of its sample, s: its own filter. The
+    /// vertical is given for the moment of the sample; up to 16 periods.
+    pub delay_s: f64,
+    /// White noise of the rate, rad/s per square root of Hz.
+    pub rate_noise: f64,
+    /// What is left of each rate, as a share of it, that scale and alignment do not explain, times
+    /// the square root of the time for which it lasts, square root of s.
+    pub rate_defect: f64,
+    /// Bias of one axis at first, rad/s: up to 0.044.
+    pub bias: f64,
+    /// How the bias wanders, rad/s per square root of s.
+    pub bias_walk: f64,
+    /// Scale and alignment at first: up to 0.044.
+    pub gain: f64,
+    /// Time after which a change of scale and alignment by as much is no surprise, s.
+    pub gain_memory_s: f64,
+    /// White noise of the acceleration and of what shakes it, g per square root of Hz.
+    pub accel_noise: f64,
+    /// What the vertical at rest is off by in one direction, rad: the accelerometer's offset.
+    pub accel_offset: f64,
+    /// For how long the machine's velocity keeps its direction, s.
+    pub swing_s: f64,
+    /// For how long a velocity that was seen counts as one that may come again, s.
+    pub hold_s: f64,
+    /// Velocity that a machine at rest is believed to have, g s.
+    pub rest_speed: f64,
+    /// Vertical at the start, rad: up to 0.17.
+    pub start: f64,
+    /// Above this uncertainty there is no vertical, rad.
+    pub limit: f64,
+    /// The gyroscope's full scale, rad/s.
+    pub rate_range: f64,
+    /// The accelerometer's full scale, g.
+    pub accel_range: f64,
+}
+
+impl Expected {
+    /// A six-axis part of the industrial class, calibrated, at 400 samples/s.
+    ///
+    /// The figures of motion were found with recordings of a sensor carried by hand (BROAD, Data
+    /// 6(7):72, 2021); none of them needs to be right to better than a factor of two.
+    pub const INDUSTRIAL: Self = Self {
+        period_s: 0.0025,
+        delay_s: 0.0,
+        rate_noise: 1.75e-4,
+        rate_defect: 1.58e-3,
+        bias: 0.017_45,
+        bias_walk: 8.7e-5,
+        gain: 0.005,
+        gain_memory_s: 1000.0,
+        accel_noise: 0.005,
+        accel_offset: 0.004_4,
+        swing_s: 0.25,
+        hold_s: 3.0,
+        rest_speed: 0.01,
+        start: 0.14,
+        limit: 0.105,
+        rate_range: 34.9,
+        accel_range: 15.9,
+    };
+}
+
+/// The estimator's configuration: [`Expected`] in integers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// 2^-32 s per step.
+    pub(super) period_q32: u32,
+    /// In 2^-16 periods.
+    pub(super) delay_q16: i32,
+    /// Steps of a rate.
+    pub(super) rate_range: u32,
+    /// Steps of an acceleration.
+    pub(super) accel_range: u32,
+    /// At the start.
+    prior: Variances,
+    /// Of one block without turns.
+    noise: Variances,
+    /// Variance of tilt for the square of turns (2^-30 rad^2), 2^-20 per step.
+    defect_q20: u32,
+    /// What a velocity's square loses in a block, 2^-31.
+    pub(super) decay_q31: u32,
+    /// Variance of a block's velocity for its mean square, 2^-16.
+    pub(super) weight_q16: u32,
+    /// Mean square of a velocity at rest.
+    pub(super) velocity_floor: i64,
+    /// Variance of the vertical by the accelerometer.
+    pub(super) accel_variance: i32,
+    /// The largest uncertainty.
+    pub(super) limit: Uncertainty,
+}
+
+/// The units of the states: 4 g s, 2^-2 rad, 2^-4 rad/s, 2^-4.
+const VELOCITY: f64 = 4.0;
+const TILT: f64 = 0.25;
+const ERROR: f64 = 0.0625;
+
+impl Motion {
+    /// From real numbers; `None` where one is outside what [`Expected`] says of it, negative or
+    /// not a number.
+    pub const fn new(e: &Expected) -> Option<Self> {
+        if !sound(e) {
+            return None;
+        }
+        let block_s = e.period_s * BLOCK as f64;
+        let prior = Variances {
+            velocity: variance(2.0 * e.rest_speed, VELOCITY),
+            tilt: variance(e.start, TILT),
+            bias: variance(e.bias, ERROR),
+            gain: variance(e.gain, ERROR),
+        };
+        let noise = Variances {
+            velocity: walk(e.accel_noise, VELOCITY, block_s),
+            tilt: walk(e.rate_noise, TILT, block_s),
+            bias: walk(e.bias_walk, ERROR, block_s),
+            gain: walk(e.gain, ERROR, block_s / e.gain_memory_s),
+        };
+        let steps_per_radian = crate::angle::STEPS_PER_DEGREE * (180.0 / core::f64::consts::PI);
+        Some(Self {
+            period_q32: (e.period_s * 4_294_967_296.0 + 0.5) as u32,
+            delay_q16: (e.delay_s / e.period_s * 65536.0 + 0.5) as i32,
+            rate_range: (e.rate_range * super::RATE_STEPS) as u32,
+            accel_range: (e.accel_range * crate::ONE_G as f64) as u32,
+            prior,
+            noise,
+            // A square in 2^-30 rad^2 has 2^5 units of covariance.
+            defect_q20: (e.rate_defect * e.rate_defect / e.period_s * 33_554_432.0 + 0.5) as u32,
+            decay_q31: (block_s / e.hold_s * 2_147_483_648.0) as u32,
+            weight_q16: (2.0 * e.swing_s / block_s * 65536.0 + 0.5) as u32,
+            velocity_floor: variance(e.rest_speed, VELOCITY) as i64,
+            accel_variance: variance(e.accel_offset, TILT),
+            limit: Uncertainty((e.limit * steps_per_radian) as u32),
+        })
+    }
+
+    /// Variances at the start.
+    pub(super) const fn priors(&self) -> Variances {
+        self.prior
+    }
+
+    /// Noise of a block in which the squares of the turns add up to `square`, 2^-30 rad^2.
+    pub(super) fn noise(&self, square: i64) -> Variances {
+        let turning = square.saturating_mul(i64::from(self.defect_q20)) >> 20;
+        Variances {
+            tilt: super::fit(i64::from(self.noise.tilt).saturating_add(turning)),
+            ..self.noise
+        }
+    }
+}
+
+/// Square of a standard deviation, which is below its unit; at least one step.
+const fn variance(deviation: f64, unit: f64) -> i32 {
+    let share = deviation / unit;
+    (share * share * 2_147_483_648.0) as i32 + 1
+}
+
+/// Variance of a random walk after `time_s`.
+const fn walk(per_root_s: f64, unit: f64, time_s: f64) -> i32 {
+    let share = per_root_s / unit;
+    (share * share * time_s * 2_147_483_648.0) as i32 + 1
+}
+
+/// True where every number is within its bounds.
+const fn sound(e: &Expected) -> bool {
+    let bounds = [
+        (e.period_s, 0.0005, 0.01),
+        (e.delay_s / e.period_s, 0.0, 16.0),
+        (e.rate_noise, 0.0, 0.1),
+        (e.rate_defect, 0.0, 0.1),
+        (e.bias, 0.0, 0.044),
+        (e.bias_walk, 0.0, 0.01),
+        (e.gain, 0.0, 0.044),
+        (e.gain_memory_s, 1.0, 1e6),
+        (e.accel_noise, 0.0, 1.0),
+        (e.accel_offset, 0.0, 0.17),
+        (e.swing_s, 0.01, 10.0),
+        (e.hold_s, 0.5, 1e3),
+        (e.rest_speed, 0.001, 1.0),
+        (e.start, 0.0, 0.17),
+        (e.limit, 0.0, 1.0),
+        (e.rate_range, 0.0, 127.0),
+        (e.accel_range, 0.0, 31.9),
+    ];
+    let mut at = 0;
+    while at < bounds.len() {
+        let (value, low, high) = bounds[at];
+        // A number that is none fails each comparison.
+        if !(value >= low && value <= high) {
+            return false;
+        }
+        at += 1;
+    }
+    true
+}
