@@ -4,3 +4,4 @@ mod bad_input;
 mod bench;
 mod documents;
 mod good_runs;
+mod gyroscope;

@@ -4,7 +4,8 @@
 //! errors (bias, then scale and alignment row by row). Each has a unit, so that a standard
 //! deviation of one unit is the largest that occurs: velocity 4 g s, tilt 2^-2 rad, bias
 //! 2^-4 rad/s, scale and alignment 2^-4. A variance is in 2^-31 of the product of two units, and is
-//! kept below half of that, so that what is computed of it fits; the smallest is 3e-4 deg, 8e-5 deg/s and 1.3e-6 as a standard deviation.
+//! kept below half of that, so that what is computed of it fits; the smallest is 3e-4 deg,
+//! 8e-5 deg/s and 1.3e-6 as a standard deviation.
 //!
 //! In: the levers of the gyroscope's errors, the noise of a block, and the velocity, which is
 //! zero in the mean. Out: corrections of all states, and the variance of the tilt.

@@ -27,6 +27,8 @@ pub enum CalibrateFrom {
     Poses,
     /// The recording's reference columns at its plateaus
     Reference,
+    /// Nothing: the sensor is taken as its data sheet has it
+    Nominal,
 }
 
 /// How to replay recordings.

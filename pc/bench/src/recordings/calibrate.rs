@@ -26,6 +26,10 @@ pub const REPEATABILITY_MG: f64 = 0.3 * std::f64::consts::SQRT_2;
 /// \[ASSUME\]
 pub const HYSTERESIS_MG: f64 = 0.5;
 
+/// Zero-g offset of a sensor that is not calibrated, mg: what data sheets of MEMS parts call
+/// typical (LIS2DW12: 20 mg).
+const NOMINAL_OFFSET_MG: f64 = 20.0;
+
 /// A calibration in real numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
@@ -49,6 +53,21 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// No correction; the segments tell how far gravity is from 1 g by it.
+    pub fn nominal(segments: &[Segment]) -> Self {
+        let fit = Self {
+            method: Method::Nominal,
+            matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            offset_g: [0.0; 3],
+            poses: 0,
+            norm_residual_mg: 0.0,
+            worst_norm_mg: 0.0,
+            angle_residual_deg: None,
+            condition: 1.0,
+        };
+        fit.judged_on(segments.iter())
+    }
+
     /// The correction in the chain's integers; `None` when it doesn't fit them.
     pub fn vector(&self) -> Option<Vector> {
         Vector::from_real(self.matrix, self.offset_g)
@@ -72,9 +91,13 @@ impl Fit {
             Some(first) => Span::of(temperatures.chain([first]).map(temperature)),
             None => Span::REFERENCE,
         };
+        let left_mg = match self.method {
+            Method::Nominal => self.norm_residual_mg.max(NOMINAL_OFFSET_MG),
+            _ => self.norm_residual_mg,
+        };
         let left_deg = self
             .angle_residual_deg
-            .unwrap_or_else(|| (self.norm_residual_mg / 1000.0).to_degrees());
+            .unwrap_or_else(|| (left_mg / 1000.0).to_degrees());
         let about = Channel {
             source: base_name(&recording.file),
             method: self.method,

@@ -61,6 +61,8 @@ pub enum Method {
     Reference,
     /// From runs of a reference motor.
     Motor,
+    /// None: the sensor is taken as its data sheet has it.
+    Nominal,
 }
 
 /// The harmonics of one slope, in the chain's angle steps (2^32 are a circle).

@@ -39,6 +39,49 @@ pub enum AccelUnit {
     Lsb,
 }
 
+/// The unit of the columns of a gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RateUnit {
+    /// `_radps`: rad/s.
+    RadianPerSecond,
+    /// `_dps`: deg/s.
+    DegreePerSecond,
+}
+
+impl RateUnit {
+    /// What the columns are called behind the axis.
+    pub const fn suffix(self) -> &'static str {
+        match self {
+            Self::RadianPerSecond => "_radps",
+            Self::DegreePerSecond => "_dps",
+        }
+    }
+
+    /// In words.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::RadianPerSecond => "rad/s",
+            Self::DegreePerSecond => "deg/s",
+        }
+    }
+
+    /// The other one.
+    pub const fn other(self) -> Self {
+        match self {
+            Self::RadianPerSecond => Self::DegreePerSecond,
+            Self::DegreePerSecond => Self::RadianPerSecond,
+        }
+    }
+
+    /// One unit in rad/s.
+    pub fn radians(self) -> f64 {
+        match self {
+            Self::RadianPerSecond => 1.0,
+            Self::DegreePerSecond => 1f64.to_radians(),
+        }
+    }
+}
+
 /// Where the reference stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReferenceColumns {
@@ -61,6 +104,10 @@ pub struct Columns {
     pub accel: [usize; 3],
     /// Unit of the accelerations.
     pub unit: AccelUnit,
+    /// The three rates of a gyroscope and their unit, if given.
+    pub rate: Option<([usize; 3], RateUnit)>,
+    /// Where 1 marks the rows that count against the reference, if given.
+    pub moving: Option<usize>,
     /// The temperature, if given.
     pub temperature: Option<usize>,
     /// The reference, if given.
@@ -76,6 +123,18 @@ pub const TIMES: [(&str, TimeUnit); 3] = [
     ("time_us", TimeUnit::Microseconds),
 ];
 const AXES: [&str; 3] = ["ax", "ay", "az"];
+const RATE_AXES: [&str; 3] = ["gx", "gy", "gz"];
+const RATE_UNITS: [(&str, RateUnit); 2] = [
+    (
+        RateUnit::RadianPerSecond.suffix(),
+        RateUnit::RadianPerSecond,
+    ),
+    (
+        RateUnit::DegreePerSecond.suffix(),
+        RateUnit::DegreePerSecond,
+    ),
+];
+const MOVING: &str = "moving";
 const UNITS: [(&str, AccelUnit); 3] = [
     ("_g", AccelUnit::G),
     ("_mps2", AccelUnit::MetrePerSecond2),
@@ -125,7 +184,9 @@ impl Columns {
         }
         let header = Header { names };
         let (time, time_unit) = header.time()?;
-        let (accel, unit) = header.accel()?;
+        let (accel, unit) = header.axes(AXES, &UNITS)?;
+        let rate = header.rate()?;
+        let moving = header.find(MOVING)?;
         let temperature = header.find(TEMPERATURE)?;
         let reference = header.reference()?;
         let mut columns = Self {
@@ -134,6 +195,8 @@ impl Columns {
             time_unit,
             accel,
             unit,
+            rate,
+            moving,
             temperature,
             reference,
             ignored: Vec::new(),
@@ -145,6 +208,8 @@ impl Columns {
     fn used(&self) -> Vec<usize> {
         let mut used = vec![self.time];
         used.extend(self.accel);
+        used.extend(self.rate.iter().flat_map(|(places, _)| places));
+        used.extend(self.moving);
         used.extend(self.temperature);
         match self.reference {
             Some(ReferenceColumns::Quaternion(places)) => used.extend(places),
@@ -226,19 +291,34 @@ impl Header<'_> {
         self.quantity("time", &TIMES.map(|(name, unit)| (name.to_owned(), unit)))
     }
 
-    fn accel(&self) -> Result<([usize; 3], AccelUnit), Problem> {
+    /// The columns of a gyroscope; none where no column has one of their names.
+    fn rate(&self) -> Result<Option<([usize; 3], RateUnit)>, Problem> {
+        let known = |name: &String| is_axis(name, RATE_AXES, &RATE_UNITS);
+        match self.names.iter().any(known) {
+            true => self.axes(RATE_AXES, &RATE_UNITS).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// The columns of three axes, all in one of these units.
+    fn axes<U: Copy + PartialEq>(
+        &self,
+        axes: [&str; 3],
+        units_known: &[(&str, U)],
+    ) -> Result<([usize; 3], U), Problem> {
         let mut places = [0; 3];
         let mut units = Vec::new();
-        for (place, axis) in places.iter_mut().zip(AXES) {
-            let known = UNITS.map(|(suffix, unit)| (format!("{axis}{suffix}"), unit));
-            let wanted: Vec<_> = match units.first() {
-                // The other axes tell which unit the missing one should have.
-                Some(first) if !known.iter().any(|(name, _)| self.names.contains(name)) => known
-                    .into_iter()
-                    .filter(|(_, unit)| unit == first)
-                    .collect(),
-                _ => known.to_vec(),
-            };
+        for (place, axis) in places.iter_mut().zip(axes) {
+            let known = units_known
+                .iter()
+                .map(|(suffix, unit)| (format!("{axis}{suffix}"), *unit));
+            let mut wanted: Vec<_> = known.collect();
+            // The other axes tell which unit the missing one should have.
+            if let Some(first) = units.first()
+                && !wanted.iter().any(|(name, _)| self.names.contains(name))
+            {
+                wanted.retain(|(_, unit)| unit == first);
+            }
             let (found, unit) = self.quantity(axis, &wanted)?;
             *place = found;
             units.push(unit);
@@ -287,13 +367,19 @@ impl Header<'_> {
     }
 }
 
-fn is_known(name: &str) -> bool {
-    let accel = |axis: &str| {
+/// Whether a name is that of one of these axes in one of these units.
+fn is_axis<U>(name: &str, axes: [&str; 3], units: &[(&str, U)]) -> bool {
+    axes.into_iter().any(|axis| {
         name.strip_prefix(axis)
-            .is_some_and(|rest| UNITS.iter().any(|(suffix, _)| rest == *suffix))
-    };
+            .is_some_and(|rest| units.iter().any(|(suffix, _)| rest == *suffix))
+    })
+}
+
+fn is_known(name: &str) -> bool {
     TIMES.iter().any(|(time, _)| name == *time)
-        || AXES.into_iter().any(accel)
+        || is_axis(name, AXES, &UNITS)
+        || is_axis(name, RATE_AXES, &RATE_UNITS)
+        || name == MOVING
         || QUATERNION.contains(&name)
         || SLOPES.contains(&name)
         || name == TEMPERATURE

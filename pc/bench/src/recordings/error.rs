@@ -145,6 +145,24 @@ pub enum Problem {
         /// What to do about it.
         advice: String,
     },
+    /// The rates of a gyroscope are in the unit that the header does not name.
+    #[error(
+        "its acceleration turns as if the rates were in {fits} and not in {named}: name the \
+         columns `gx{suffix}`, `gy{suffix}` and `gz{suffix}`"
+    )]
+    RateUnit {
+        /// The unit that the header names.
+        named: &'static str,
+        /// The one that fits.
+        fits: &'static str,
+        /// How the columns are called then.
+        suffix: &'static str,
+    },
+    /// The rates of a gyroscope turn the other way than the acceleration.
+    #[error(
+        "its rates turn the other way than its acceleration: a sign is wrong, or axes are swapped"
+    )]
+    RateSign,
     /// Too few usable rows.
     #[error("only {rows} usable rows ({skips}); at least 50 are needed")]
     TooFewRows {
@@ -173,7 +191,10 @@ pub enum Problem {
     #[error("has no reference columns, or empty ones; calibrate with --from poses")]
     NoReference,
     /// The standstills of the recording don't make a calibration.
-    #[error("no calibration from it: {0}, or give one with --calibration")]
+    #[error(
+        "no calibration from it: {0}, or give one with --calibration, or take the sensor as \
+         nominal with --from nominal"
+    )]
     Calibrate(CalibrateError),
 
     /// The standstills that both recordings show don't tell how the second is turned.

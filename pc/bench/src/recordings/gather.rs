@@ -6,6 +6,7 @@
 use super::arguments::Mode;
 use super::calibration_file::base_name;
 use super::figures::{ChannelFigures, seconds};
+use super::motion;
 use super::play::play;
 use super::prepare::Prepared;
 use super::scale::Source;
@@ -49,6 +50,7 @@ pub fn report(
             latency_ms,
             slopes,
             plateaus,
+            moving: motion::follow(channel),
             ..about(channel, number)
         }
     });
@@ -99,6 +101,7 @@ fn about(channel: &Prepared, number: u8) -> ReplayChannel {
         calibration: channel.how.clone(),
         latency_ms: None,
         slopes: Vec::<SlopeSeries>::new(),
+        moving: None,
         plateaus: Vec::new(),
     }
 }
@@ -153,6 +156,16 @@ fn channel_notes((channel, number): (&Prepared, u8)) -> Vec<String> {
             1e6 / steady.period_us as f64
         ));
     }
+    if !recording.has_rate() {
+        notes.push(format!(
+            "Channel {number}: no gyroscope was recorded (`gx_radps` or `gx_dps`); its angles are \
+             those of the accelerometer alone."
+        ));
+    } else if !motion::takes(channel) {
+        notes.push(format!(
+            "Channel {number}: its gyroscope was not used, which needs 100 to 2 000 rows a second."
+        ));
+    }
     let refers = recording.columns.reference.is_some();
     if refers && !recording.has_reference() && channel.how.kind == CalibrationKind::Poses {
         notes.push(format!(
@@ -168,8 +181,8 @@ fn channel_notes((channel, number): (&Prepared, u8)) -> Vec<String> {
     let unread = recording.unread_extras;
     if unread.rows > 0 {
         notes.push(format!(
-            "Channel {number}: {} rows were used without their reference or temperature, which \
-             is no attitude or no number (first in line {}).",
+            "Channel {number}: {} rows were used without their reference, temperature or rate, \
+             which is no attitude or no number (first in line {}).",
             unread.rows, unread.first_line
         ));
     }

@@ -13,12 +13,15 @@ mod alignment;
 mod arguments;
 mod calibrate;
 mod calibration_file;
+mod cells;
 mod columns;
 mod error;
 mod figures;
 mod gather;
+mod motion;
 mod play;
 mod prepare;
+mod rates;
 mod recording;
 mod reference;
 mod rotation;
@@ -38,6 +41,8 @@ mod injected;
 mod real;
 #[cfg(test)]
 mod real_chain;
+#[cfg(test)]
+mod real_motion;
 #[cfg(test)]
 mod repeatability;
 

@@ -296,6 +296,7 @@ fn fit(
         Some(CalibrateFrom::Reference) if !recording.has_reference() => {
             return Err(refuse(Problem::NoReference));
         }
+        Some(CalibrateFrom::Nominal) => return Ok(Fit::nominal(&found.segments)),
         Some(CalibrateFrom::Poses) => calibrate_from_poses(&found.segments),
         None if !recording.has_reference() => calibrate_from_poses(&found.segments),
         _ => calibrate_from_reference(&found.segments),
@@ -383,6 +384,7 @@ fn record(
         kind: match fit.method {
             Method::Poses => CalibrationKind::Poses,
             Method::Reference | Method::Motor => CalibrationKind::Reference,
+            Method::Nominal => CalibrationKind::Nominal,
         },
         poses: Some(fit.poses as u64),
         residual_mg: Some(fit.norm_residual_mg),

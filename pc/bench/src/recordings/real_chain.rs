@@ -15,7 +15,7 @@ use output::progress::Progress;
 const PAGE: &str = include_str!("../../../../docs/recordings.md");
 
 /// Prints a row of a table, which must stand in the page as it is.
-fn documented(cells: &[&str]) {
+pub fn documented(cells: &[&str]) {
     let row = format!("| {} |", cells.join(" | "));
     println!("{row}");
     assert!(PAGE.contains(&row), "not in docs/recordings.md: {row}");
@@ -28,7 +28,8 @@ fn mode_word(mode: Mode) -> &'static str {
     }
 }
 
-fn arguments(names: &[&str], mode: Mode) -> Option<Arguments> {
+/// What replays these recordings; `None` with a word on it where one is missing.
+pub fn arguments(names: &[&str], mode: Mode) -> Option<Arguments> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
     if let Some(missing) = files.iter().find(|file| !file.exists()) {
@@ -45,7 +46,8 @@ fn arguments(names: &[&str], mode: Mode) -> Option<Arguments> {
     })
 }
 
-fn replayed(arguments: &Arguments) -> (Vec<Prepared>, ReplayReport) {
+/// Replays.
+pub fn replayed(arguments: &Arguments) -> (Vec<Prepared>, ReplayReport) {
     let progress = Progress::hidden();
     let (channels, notes) = prepare(arguments, &progress).unwrap();
     let report = gather::report(&channels, notes, arguments.options.mode.unwrap(), &progress);

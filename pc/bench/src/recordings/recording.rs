@@ -13,9 +13,11 @@ use std::sync::Arc;
 use bus_logs::{Damage, Input, Line};
 use tilt::sample::{Counts, FullScale};
 
+use super::cells::{optional, required};
 use super::columns::{Columns, ReferenceColumns, TIMES, TimeUnit, clean};
 use super::error::{FileError, Problem};
 
+use super::rates::{self, Turning};
 use super::reference::{Attitude, Reference};
 use super::scale::{Scale, scale_of};
 use super::skips::{Count, Reason, Skips};
@@ -63,6 +65,10 @@ pub struct Row {
     pub time_us: u64,
     /// Acceleration in the sensor's axes, nominal g.
     pub accel_g: [f64; 3],
+    /// Rate of turn about the sensor's axes, rad/s, if recorded.
+    pub rate_radps: Option<[f64; 3]>,
+    /// Whether the row counts against the reference; true where the recording does not say.
+    pub counts: bool,
     /// Temperature in degC, if recorded.
     pub temperature_c: Option<f64>,
     /// The reference, if recorded.
@@ -94,7 +100,7 @@ pub struct Recording {
     pub skips: Skips,
     /// The file went on behind the end of its gzip stream, with bytes that were not read.
     pub trailing_bytes: bool,
-    /// Rows kept without their temperature or reference, which is no number or no attitude.
+    /// Rows kept without their temperature, reference or rate, which is no number or no attitude.
     ///
     /// Loggers that interpolate a quaternion across its change of sign write such: its length
     /// falls to 0 on the way.
@@ -149,6 +155,11 @@ impl Recording {
         ranges.into_iter().find(holds).unwrap_or(FullScale::G16)
     }
 
+    /// True when some row has the rate of a gyroscope.
+    pub fn has_rate(&self) -> bool {
+        self.rows.iter().any(|row| row.rate_radps.is_some())
+    }
+
     /// True when some row has a reference.
     pub fn has_reference(&self) -> bool {
         self.rows.iter().any(|row| row.reference.is_some())
@@ -169,6 +180,8 @@ struct Raw {
     line: u64,
     time: f64,
     accel: [f64; 3],
+    rate_radps: Option<[f64; 3]>,
+    counts: bool,
     temperature: Option<f64>,
     reference: Option<Reference>,
     extras_read: bool,
@@ -325,12 +338,23 @@ impl<'a> Parser<'a> {
             Some(places) => reference(places, cell),
             None => Ok(None),
         };
-        let extras_read = temperature.is_ok() && reference.is_ok();
+        let rate = match self.columns.rate {
+            Some((places, unit)) => rates::rate_radps(places.map(cell), unit),
+            None => Ok(None),
+        };
+        let moving = self
+            .columns
+            .moving
+            .map_or(Ok(None), |place| optional(cell(place)));
+        let extras_read =
+            temperature.is_ok() && reference.is_ok() && rate.is_ok() && moving.is_ok();
         let (temperature, reference) = (temperature.unwrap_or(None), reference.unwrap_or(None));
         Ok(Raw {
             line,
             time,
             accel,
+            rate_radps: rate.unwrap_or(None),
+            counts: moving.unwrap_or(None).is_none_or(|moving| moving != 0.0),
             temperature,
             reference,
             extras_read,
@@ -366,6 +390,10 @@ impl<'a> Parser<'a> {
         let (mut rows, late_us) = self.rows(scale.per_g);
         self.check_rows(rows.len())?;
         let gaps = mark_gaps(&mut rows, period_us);
+        if let Some((_, unit)) = self.columns.rate {
+            rates::check(stretches(&rows), period_us, unit)
+                .map_err(|problem| FileError::of_line(self.name, self.header_line, problem))?;
+        }
         Ok(Recording {
             file: self.name.to_owned(),
             columns: self.columns,
@@ -441,6 +469,8 @@ impl<'a> Parser<'a> {
                 line: raw.line,
                 time_us,
                 accel_g,
+                rate_radps: raw.rate_radps,
+                counts: raw.counts,
                 temperature_c: raw.temperature,
                 reference: raw.reference,
                 starts_anew: false,
@@ -509,26 +539,6 @@ fn explain(name: &str, input: &Input, error: &io::Error, rows: usize) -> FileErr
     FileError::of_line(name, input.number() + 1, problem)
 }
 
-fn required(cell: &str) -> Result<f64, Reason> {
-    if cell.is_empty() {
-        return Err(Reason::MissingCell);
-    }
-    let value: f64 = cell.parse().map_err(|_| Reason::UnparsableCell)?;
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(Reason::NotFinite)
-    }
-}
-
-/// A cell that may be empty.
-fn optional(cell: &str) -> Result<Option<f64>, Reason> {
-    match required(cell) {
-        Err(Reason::MissingCell) => Ok(None),
-        other => other.map(Some),
-    }
-}
-
 fn reference<'a>(
     places: ReferenceColumns,
     cell: impl Fn(usize) -> &'a str,
@@ -562,6 +572,18 @@ fn fitting_time(period: f64, named: TimeUnit) -> Option<&'static str> {
         .into_iter()
         .find(|(_, unit)| *unit != named && fits(*unit))
         .map(|(name, _)| name)
+}
+
+/// Acceleration and rate of the rows that follow each other without a gap.
+pub fn stretches(rows: &[Row]) -> impl Iterator<Item = Vec<Turning>> {
+    let chunks = rows.chunk_by(|_, row| !row.starts_anew && row.rate_radps.is_some());
+    let turning = |row: &Row| {
+        Some(Turning {
+            accel_g: row.accel_g,
+            rate_radps: row.rate_radps?,
+        })
+    };
+    chunks.map(move |rows| rows.iter().filter_map(turning).collect())
 }
 
 fn mark_gaps(rows: &mut [Row], period_us: u64) -> Count {

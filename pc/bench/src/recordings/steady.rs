@@ -74,7 +74,12 @@ impl Steady {
             while next_us < after.time_us {
                 self.rows.push(Row {
                     time_us: next_us,
-                    accel_g: between(before, after, next_us),
+                    accel_g: between(before, after, next_us, |row| row.accel_g),
+                    rate_radps: before.rate_radps.zip(after.rate_radps).map(|_| {
+                        between(before, after, next_us, |row| {
+                            row.rate_radps.unwrap_or_default()
+                        })
+                    }),
                     starts_anew: next_us == first_us,
                     ..*before
                 });
@@ -84,11 +89,12 @@ impl Steady {
     }
 }
 
-/// The acceleration at an instant on the line between two rows.
-fn between(before: &Row, after: &Row, at_us: u64) -> [f64; 3] {
+/// Three numbers of a row at an instant on the line between two rows.
+fn between(before: &Row, after: &Row, at_us: u64, of: impl Fn(&Row) -> [f64; 3]) -> [f64; 3] {
     let span = (after.time_us - before.time_us) as f64;
     let way = at_us.saturating_sub(before.time_us) as f64 / span;
-    std::array::from_fn(|i| before.accel_g[i] + way * (after.accel_g[i] - before.accel_g[i]))
+    let (from, to) = (of(before), of(after));
+    std::array::from_fn(|i| from[i] + way * (to[i] - from[i]))
 }
 
 #[cfg(test)]

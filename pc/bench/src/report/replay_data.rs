@@ -37,6 +37,8 @@ pub enum CalibrationKind {
     Reference,
     /// A calibration file.
     File,
+    /// None.
+    Nominal,
 }
 
 /// How one channel was calibrated.
@@ -100,6 +102,23 @@ pub struct SlopeSeries {
     pub standstill: Option<StandstillUncertainty>,
 }
 
+/// The vertical by gyroscope and accelerometer at each row, against the reference.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MovingVertical {
+    /// Rows with a vertical and a reference, without those that do not count.
+    pub compared: u64,
+    /// Rows with a reference and without a vertical.
+    pub without: u64,
+    /// Angle between the vertical and the reference, root mean square.
+    pub rms_deg: Option<f64>,
+    /// The greatest.
+    pub max_deg: Option<f64>,
+    /// Errors in one direction within twice the standard uncertainty stated with them.
+    pub within_2u_percent: Option<f64>,
+    /// The same within three times.
+    pub within_3u_percent: Option<f64>,
+}
+
 /// Mean angles while the sensor stood still.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plateau {
@@ -144,6 +163,9 @@ pub struct ReplayChannel {
     pub latency_ms: Option<f64>,
     /// Both slopes.
     pub slopes: Vec<SlopeSeries>,
+    /// The vertical with the gyroscope; none without one.
+    #[serde(default)]
+    pub moving: Option<MovingVertical>,
     /// Standstill plateaus.
     pub plateaus: Vec<Plateau>,
 }

@@ -17,6 +17,7 @@ pub fn all(report: &ReplayReport) -> Vec<Table> {
         skipped(report),
         calibration(report),
         accuracy(report),
+        moving(report),
         uncertainty(report),
         plateaus(report),
         cross_check(report),
@@ -90,6 +91,7 @@ fn calibration_name(kind: CalibrationKind) -> &'static str {
         CalibrationKind::Poses => "standstill poses",
         CalibrationKind::Reference => "reference columns",
         CalibrationKind::File => "calibration file",
+        CalibrationKind::Nominal => "none, nominal",
     }
 }
 
@@ -113,6 +115,24 @@ pub fn accuracy(report: &ReplayReport) -> Table {
         .number("RMSE", 3, |(_, (.., found))| found.rmse_deg)
         .number("Largest", 3, |(_, (.., found))| found.max_deg)
         .table()
+}
+
+/// The vertical with the gyroscope.
+pub fn moving(report: &ReplayReport) -> Table {
+    Rows::of(
+        "Vertical with the gyroscope against the recorded reference",
+        &of_each(report, |channel| &channel.moving),
+    )
+    .text("Channel", |(c, _)| c.channel)
+    .count("Compared", |(_, found)| found.compared)
+    .count("Without", |(_, found)| found.without)
+    .number("RMS, deg", 3, |(_, found)| found.rms_deg)
+    .number("Largest, deg", 3, |(_, found)| found.max_deg)
+    .number("k = 2, %", 1, |(_, found)| found.within_2u_percent)
+    .under("Within the uncertainty")
+    .number("k = 3, %", 1, |(_, found)| found.within_3u_percent)
+    .under("Within the uncertainty")
+    .table()
 }
 
 /// What each channel says of its uncertainty at standstill, beside what was seen.
@@ -208,7 +228,7 @@ mod tests {
     fn two_channels_give_every_table_and_one_gives_no_comparison() {
         let mut report = sample::replay();
         let titles: Vec<String> = all(&report).into_iter().map(|table| table.title).collect();
-        assert_eq!(titles.len(), 8);
+        assert_eq!(titles.len(), 9);
         report.cross_check = None;
         report.channels.truncate(1);
         let titles: Vec<String> = all(&report).into_iter().map(|table| table.title).collect();

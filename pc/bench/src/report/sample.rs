@@ -321,6 +321,17 @@ fn accuracy(compared: u64, [mean, rmse, max]: [f64; 3]) -> Option<Accuracy> {
     })
 }
 
+fn moving() -> MovingVertical {
+    MovingVertical {
+        compared: 36_000,
+        without: 16,
+        rms_deg: Some(0.61),
+        max_deg: Some(2.4),
+        within_2u_percent: Some(96.2),
+        within_3u_percent: Some(99.5),
+    }
+}
+
 fn replay_channel(channel: u8) -> ReplayChannel {
     let pose = |time: f64| 60.0 * ((time / 27.0).floor() * 1.7).sin();
     let slope = |axis| SlopeSeries {
@@ -364,7 +375,7 @@ fn replay_channel(channel: u8) -> ReplayChannel {
         rate_hz: 62.5,
         duration_s: 599.0,
         lsb_per_g: Some(2048.0),
-        ignored_columns: vec!["gx_dps".to_owned(), "gy_dps".to_owned()],
+        ignored_columns: vec!["mx_ut".to_owned(), "my_ut".to_owned()],
         calibration: ReplayCalibration {
             kind: CalibrationKind::Poses,
             poses: Some(21),
@@ -374,6 +385,7 @@ fn replay_channel(channel: u8) -> ReplayChannel {
         },
         latency_ms: Some(25.1),
         slopes: vec![slope(Axis::X), slope(Axis::Y)],
+        moving: Some(moving()),
         plateaus: vec![Plateau {
             from_s: 1.0,
             to_s: 20.5,
