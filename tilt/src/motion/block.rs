@@ -21,6 +21,8 @@ pub(super) struct Block {
     samples: u32,
     /// Turn within the last samples, 2^-30 rad per step.
     turn: [i32; 3],
+    /// Turn within the whole block, 2^-30 rad per step; cut off at the ends.
+    whole: [i32; 3],
     /// Acceleration along the level axes, 2^-26 g per step.
     accel: [i64; 2],
     /// The level axes, 2^-27 per step.
@@ -58,6 +60,9 @@ impl Block {
     /// Adds what the axes are, and what the last samples have turned.
     fn take_levers(&mut self, frame: &Frame) {
         let turn = core::mem::take(&mut self.turn);
+        for (sum, t) in self.whole.iter_mut().zip(&turn) {
+            *sum = sum.saturating_add(*t);
+        }
         let rows = self.axes.iter_mut().zip(&mut self.turns);
         for ((sums, turns), axis) in rows.zip(frame.level()) {
             for ((sum, row), component) in sums.iter_mut().zip(turns).zip(axis) {
@@ -69,13 +74,18 @@ impl Block {
         }
     }
 
-    /// Velocity gained along the level axes, 2^-29 g s per step; `None` where the accelerometer
+    /// Velocity gained along the level axes, 2^-30 g s per step; `None` where the accelerometer
     /// was at its end. `period_q32` is that of a sample, 2^-32 s.
     pub(super) fn gained(&self, period_q32: u32) -> Option<[i64; 2]> {
         // Half of the period, which then fits a signed number.
         let half = (period_q32 >> 1) as i32;
-        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 22;
+        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 21;
         (!self.blind).then(|| self.accel.map(gain))
+    }
+
+    /// Turn within the block about each axis of the housing, 2^-30 rad per step.
+    pub(super) const fn turned(&self) -> [i32; 3] {
+        self.whole
     }
 
     /// Sum of the squares of the turns, 2^-30 rad^2 per step.
