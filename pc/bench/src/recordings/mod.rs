@@ -31,6 +31,8 @@ mod verdicts;
 mod windows;
 
 #[cfg(test)]
+mod broad;
+#[cfg(test)]
 mod fuzz;
 #[cfg(test)]
 mod injected;
