@@ -29,7 +29,7 @@ pub(super) struct Block {
     axes: [[i32; 3]; 2],
     /// Component i of each level axis times the turn about axis j, 2^-27 rad per step.
     turns: [[[i32; 3]; 3]; 2],
-    /// Square of the turns, 2^-60 rad^2 per step.
+    /// Square of the turns, 2^-58 rad^2 per step.
     square: i64,
     /// The accelerometer was at its end.
     blind: bool,
@@ -48,7 +48,6 @@ impl Block {
         }
         for (sum, t) in self.turn.iter_mut().zip(turn) {
             *sum = sum.wrapping_add(t);
-            self.square += i64::from(t) * i64::from(t);
         }
         self.blind |= !seen;
         self.samples += 1;
@@ -62,6 +61,8 @@ impl Block {
         let turn = core::mem::take(&mut self.turn);
         for (sum, t) in self.whole.iter_mut().zip(&turn) {
             *sum = sum.saturating_add(*t);
+            // Of each sample, as if they were alike.
+            self.square += i64::from(t >> 2) * i64::from(t >> 2);
         }
         let rows = self.axes.iter_mut().zip(&mut self.turns);
         for ((sums, turns), axis) in rows.zip(frame.level()) {
@@ -90,7 +91,7 @@ impl Block {
 
     /// Sum of the squares of the turns, 2^-30 rad^2 per step.
     pub(super) const fn square(&self) -> i64 {
-        self.square >> 30
+        self.square >> 28
     }
 
     /// The levers of all twelve errors.

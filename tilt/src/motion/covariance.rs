@@ -77,14 +77,14 @@ impl Covariance {
         (*x, *y) = (variances.tilt, variances.tilt);
     }
 
-    /// Forgets the velocity: 1 g s or so, about anything that moves.
-    pub(super) fn forget_velocity(&mut self) {
+    /// Forgets the velocity: from now on it has this variance, and is not shared with anything.
+    pub(super) fn forget_velocity(&mut self, variance: i32) {
         for [x, y, _, _] in &mut self.motion {
             (*x, *y) = (0, 0);
         }
         let [x, y, ..] = &mut self.motion;
-        *x = [LARGEST / 2, 0, 0, 0];
-        *y = [0, LARGEST / 2, 0, 0];
+        *x = [variance, 0, 0, 0];
+        *y = [0, variance, 0, 0];
     }
 
     /// Variance of the tilt, the mean of both axes.

@@ -196,30 +196,41 @@ impl Motion {
         state.covariance.spread(self.noise(square), self.priors());
         match gained {
             Some(gained) => {
-                self.look_for_rest(&mut state.rest, turned, gained);
+                self.look_for_rest(state, turned, gained);
                 self.observe(state, gained);
             }
             None => {
                 state.rest = Rest::default();
                 // An accelerometer at its end says nothing of the velocity.
-                state.covariance.forget_velocity();
+                state.covariance.forget_velocity(1 << 29);
                 state.velocity = [0; 2];
             }
         }
         state.uncertainty = self.uncertainty(state.covariance.tilt());
     }
 
-    /// Counts the blocks at rest: hardly a turn, and the acceleration that it was before.
-    fn look_for_rest(&self, rest: &mut Rest, turned: [i32; 3], gained: [i64; 2]) {
+    /// Counts the blocks at rest: hardly a turn, the acceleration that it was before, and no more
+    /// of it than the tilt may be. A steady speed looks the same; so from here on velocity is that
+    /// against what is at rest now.
+    fn look_for_rest(&self, state: &mut MotionState, turned: [i32; 3], gained: [i64; 2]) {
         let slow = turned.iter().all(|t| t.unsigned_abs() < self.rest_turn);
         let [x, y] = gained;
-        let [last_x, last_y] = core::mem::replace(&mut rest.gained, gained);
-        let steady = (x - last_x).abs().max((y - last_y).abs()) < self.rest_gain;
-        rest.blocks = if slow && steady {
-            rest.blocks.saturating_add(1)
-        } else {
-            0
-        };
+        let [last_x, last_y] = core::mem::replace(&mut state.rest.gained, gained);
+        let change = (x - last_x).abs().max((y - last_y).abs());
+        let square = mean_square(gained.map(fit)) >> 15;
+        let fall = i64::from(self.period_q32 >> 12);
+        // Five standard deviations of the tilt, and the noise.
+        let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
+        let noise = mean_square([fit(self.rest_gain); 2]) >> 15;
+        if !(slow && change < self.rest_gain && square < tilt + noise) {
+            state.rest.blocks = 0;
+            return;
+        }
+        state.rest.blocks = state.rest.blocks.saturating_add(1);
+        if state.rest.blocks == self.rest_blocks {
+            state.velocity = [0; 2];
+            state.covariance.forget_velocity(self.rest_variance);
+        }
     }
 
     /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
@@ -241,17 +252,15 @@ impl Motion {
     /// It is that of a velocity that keeps its direction for a while, which is about the velocity
     /// by the acceleration; the longer, the fewer of the blocks tell something new.
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
-        let square = |v: i32| (i64::from(v) * i64::from(v)) >> 1;
-        let mean = |[x, y]: [i32; 2]| square(x) + square(y);
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
-        let change = (mean(gained.map(fit)) >> 15).max(fade(state.change));
-        let speed = (mean(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
+        let change = (mean_square(gained.map(fit)) >> 15).max(fade(state.change));
+        let speed = (mean_square(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
         state.change = change;
         state.speed = if state.rest.blocks < self.rest_blocks {
             speed.max(self.least_speed)
         } else {
             // Whatever velocity is left has come from a wrong vertical.
-            self.rest_speed
+            i64::from(self.rest_variance)
         };
         // Blocks for which it keeps its direction, 2^-8.
         let speed = state.speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
@@ -328,6 +337,12 @@ const fn fit(value: i64) -> i32 {
     } else {
         value as i32
     }
+}
+
+/// Mean of two squares.
+fn mean_square([x, y]: [i32; 2]) -> i64 {
+    let square = |v: i32| i64::from(v) * i64::from(v);
+    (square(x) >> 1) + (square(y) >> 1)
 }
 
 /// `a` times `b` without `bits` of the product, rounded.

@@ -108,7 +108,6 @@ impl Reference {
             *sum += angle;
             *whole += angle;
         }
-        self.square += dot(angle, angle);
         self.samples += 1;
         if self.samples.is_multiple_of(4) {
             self.take_levers();
@@ -130,6 +129,7 @@ impl Reference {
                 }
             }
         }
+        self.square += dot(self.turn, self.turn) / 4.0;
         self.turn = [0.0; 3];
     }
 
@@ -167,7 +167,7 @@ impl Reference {
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
         let speed = mean(self.velocity).max(self.speed * fade);
-        let at_rest = f64::from(self.quiet) > e.rest_after_s / block_s - 0.5;
+        let at_rest = f64::from(self.quiet) > e.rest_after_s / block_s;
         self.speed = if at_rest {
             e.rest_speed.powi(2)
         } else {
@@ -202,7 +202,19 @@ impl Reference {
             .zip(self.before)
             .map(|(g, b)| (g - b).abs());
         let steady = changes.fold(0.0, f64::max) < e.rest_accel * block_s;
-        self.quiet = if slow && steady { self.quiet + 1 } else { 0 };
+        let square = self.gained.iter().map(|g| g * g).sum::<f64>() / 2.0;
+        let tilt = 25.0 * self.p[2][2].midpoint(self.p[3][3]) * block_s.powi(2);
+        let level = square < tilt + (e.rest_accel * block_s).powi(2);
+        let at_rest = slow && steady && level;
+        self.quiet = if at_rest { self.quiet + 1 } else { 0 };
+        if self.quiet == (e.rest_after_s / block_s) as u32 + 1 {
+            self.velocity = [0.0; 2];
+            for a in 0..2 {
+                self.p[a] = [0.0; N];
+                self.p.iter_mut().for_each(|row| row[a] = 0.0);
+                self.p[a][a] = e.rest_speed.powi(2);
+            }
+        }
         for (velocity, gained) in self.velocity.iter_mut().zip(self.gained) {
             *velocity += gained;
         }

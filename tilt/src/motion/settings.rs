@@ -49,7 +49,8 @@ pub struct Expected {
     pub rest_accel: f64,
     /// Time for which both have to last, s.
     pub rest_after_s: f64,
-    /// Velocity that it is believed to have at rest, g s.
+    /// Velocity against the ground, or against a steady speed, that it is believed to have at rest,
+    /// g s.
     pub rest_speed: f64,
     /// Vertical at the start, rad: up to 0.17.
     pub start: f64,
@@ -119,7 +120,7 @@ pub struct Motion {
     /// Mean squares of velocities: at the start, the least, at rest.
     pub(super) start_speed: i64,
     pub(super) least_speed: i64,
-    pub(super) rest_speed: i64,
+    pub(super) rest_variance: i32,
     /// The largest turn of a block at rest, 2^-30 rad.
     pub(super) rest_turn: u32,
     /// The largest change from block to block of the velocity gained, 2^-30 g s.
@@ -173,10 +174,10 @@ impl Motion {
             most_weight_q8: (2.0 * e.swing_s[1] / block_s * 256.0 + 0.5) as i64,
             start_speed: variance(e.start_speed, VELOCITY) as i64,
             least_speed: variance(e.least_speed, VELOCITY) as i64,
-            rest_speed: variance(e.rest_speed, VELOCITY) as i64,
+            rest_variance: variance(e.rest_speed, VELOCITY),
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
             rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
-            rest_blocks: (e.rest_after_s / block_s + 0.5) as u32,
+            rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
             accel_variance: variance(e.accel_offset, TILT),
             limit: Uncertainty((e.limit * steps_per_radian) as u32),
         })
