@@ -8,6 +8,9 @@
 //!                            \--------- table ------/
 //! ```
 //!
+//! Beside it stands `motion`: the vertical while the machine moves, from a gyroscope and the
+//! corrected acceleration.
+//!
 //! No I/O, no clock, no statics, no allocation: samples and times are arguments, configuration is
 //! an immutable value, state is handed in. The same samples give the same bits on the host and on
 //! a Cortex-M3. Floating point appears only where calibrations are fitted (`calibration`) and at

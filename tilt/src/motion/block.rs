@@ -21,13 +21,15 @@ pub(super) struct Block {
     samples: u32,
     /// Turn within the last samples, 2^-30 rad per step.
     turn: [i32; 3],
+    /// Turn within the whole block, 2^-30 rad per step; cut off at the ends.
+    whole: [i32; 3],
     /// Acceleration along the level axes, 2^-26 g per step.
     accel: [i64; 2],
     /// The level axes, 2^-27 per step.
     axes: [[i32; 3]; 2],
     /// Component i of each level axis times the turn about axis j, 2^-27 rad per step.
     turns: [[[i32; 3]; 3]; 2],
-    /// Square of the turns, 2^-60 rad^2 per step.
+    /// Square of the turns, 2^-58 rad^2 per step.
     square: i64,
     /// The accelerometer was at its end.
     blind: bool,
@@ -46,7 +48,6 @@ impl Block {
         }
         for (sum, t) in self.turn.iter_mut().zip(turn) {
             *sum = sum.wrapping_add(t);
-            self.square += i64::from(t) * i64::from(t);
         }
         self.blind |= !seen;
         self.samples += 1;
@@ -58,6 +59,11 @@ impl Block {
     /// Adds what the axes are, and what the last samples have turned.
     fn take_levers(&mut self, frame: &Frame) {
         let turn = core::mem::take(&mut self.turn);
+        for (sum, t) in self.whole.iter_mut().zip(&turn) {
+            *sum = sum.saturating_add(*t);
+            // Of each sample, as if they were alike.
+            self.square += i64::from(t >> 2) * i64::from(t >> 2);
+        }
         let rows = self.axes.iter_mut().zip(&mut self.turns);
         for ((sums, turns), axis) in rows.zip(frame.level()) {
             for ((sum, row), component) in sums.iter_mut().zip(turns).zip(axis) {
@@ -69,18 +75,23 @@ impl Block {
         }
     }
 
-    /// Velocity gained along the level axes, 2^-29 g s per step; `None` where the accelerometer
+    /// Velocity gained along the level axes, 2^-30 g s per step; `None` where the accelerometer
     /// was at its end. `period_q32` is that of a sample, 2^-32 s.
     pub(super) fn gained(&self, period_q32: u32) -> Option<[i64; 2]> {
         // Half of the period, which then fits a signed number.
         let half = (period_q32 >> 1) as i32;
-        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 22;
+        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 21;
         (!self.blind).then(|| self.accel.map(gain))
+    }
+
+    /// Turn within the block about each axis of the housing, 2^-30 rad per step.
+    pub(super) const fn turned(&self) -> [i32; 3] {
+        self.whole
     }
 
     /// Sum of the squares of the turns, 2^-30 rad^2 per step.
     pub(super) const fn square(&self) -> i64 {
-        self.square >> 30
+        self.square >> 28
     }
 
     /// The levers of all twelve errors.

@@ -2,7 +2,7 @@
 //!
 //! The states: velocity along the two level axes, tilt about them, and the gyroscope's twelve
 //! errors (bias, then scale and alignment row by row). Each has a unit, so that a standard
-//! deviation of one unit is the largest that occurs: velocity 4 g s, tilt 2^-2 rad, bias
+//! deviation of one unit is the largest that occurs: velocity 2 g s, tilt 2^-2 rad, bias
 //! 2^-4 rad/s, scale and alignment 2^-4. A variance is in 2^-31 of the product of two units, and is
 //! kept below half of that, so that what is computed of it fits; the smallest is 3e-4 deg,
 //! 8e-5 deg/s and 1.3e-6 as a standard deviation.
@@ -77,14 +77,14 @@ impl Covariance {
         (*x, *y) = (variances.tilt, variances.tilt);
     }
 
-    /// Forgets the velocity: 2 g s, about anything that moves.
-    pub(super) fn forget_velocity(&mut self) {
+    /// Forgets the velocity: from now on it has this variance, and is not shared with anything.
+    pub(super) fn forget_velocity(&mut self, variance: i32) {
         for [x, y, _, _] in &mut self.motion {
             (*x, *y) = (0, 0);
         }
         let [x, y, ..] = &mut self.motion;
-        *x = [LARGEST / 2, 0, 0, 0];
-        *y = [0, LARGEST / 2, 0, 0];
+        *x = [variance, 0, 0, 0];
+        *y = [0, variance, 0, 0];
     }
 
     /// Variance of the tilt, the mean of both axes.
@@ -264,8 +264,8 @@ pub(super) struct Observation {
 }
 
 impl Observation {
-    /// Of the velocities, 2^-29 g s per step, which scatter about zero with variance `noise`,
-    /// 2^16 to 2^37.
+    /// Of the velocities, 2^-30 g s per step, which scatter about zero with variance `noise`,
+    /// 2^8 to 2^37.
     pub(super) const fn new(velocity: [i32; 2], noise: i64) -> Self {
         Self {
             velocity,
@@ -284,17 +284,17 @@ impl Observation {
         let missing = i64::from(fit(-velocity - known));
         // In standard deviations, 2^-28.5 per step; two are the most that the noise, which has
         // seen this velocity, leaves.
-        let missing = ((missing * i64::from(scale)) >> 25).clamp(-MOST, MOST) as i32;
+        let missing = ((missing * i64::from(scale)) >> 21).clamp(-MOST, MOST) as i32;
         let mut shares = [0; STATES];
         let states = self.states.iter_mut().zip(column);
         for (share, (state, p)) in shares.iter_mut().zip(states) {
-            *share = fit((i64::from(*p) * i64::from(scale)) >> 22);
+            *share = fit((i64::from(*p) * i64::from(scale)) >> 18);
             *state = fit(i64::from(*state) + product(*share, missing, 29));
         }
         shares
     }
 
-    /// The velocities as corrected, 2^-29 g s per step.
+    /// The velocities as corrected, 2^-30 g s per step.
     pub(super) const fn velocity(&self) -> [i32; 2] {
         let [x, y] = self.velocity;
         let [cx, cy, ..] = self.states;
@@ -341,11 +341,11 @@ fn take_from(row: &mut [i32], [own_x, own_y]: [i32; 2], by_x: &[i32], by_y: &[i3
     }
 }
 
-/// 2^38 by the square root of `value`, which is 2^16 to 2^38.
+/// 2^34 by the square root of `value`, which is 2^8 to 2^38.
 fn inverse_root(value: i64) -> i32 {
-    let value = value.clamp(1 << 16, 1 << 38).unsigned_abs();
+    let value = value.clamp(1 << 8, 1 << 38).unsigned_abs();
     let root = root(value << 24);
-    let inverse = (1u64 << 50).checked_div(u64::from(root));
+    let inverse = (1u64 << 46).checked_div(u64::from(root));
     inverse.map_or(0, |inverse| inverse as i32)
 }
 

@@ -51,11 +51,15 @@ impl Gyroscope {
         Some(angle)
     }
 
-    /// Takes corrections in the unit of the filter's states, 2^-35 per step.
-    pub(super) fn add(&mut self, errors: &Errors) {
+    /// Takes corrections in the unit of the filter's states, 2^-35 per step; scale and alignment
+    /// stay within `most_gain`.
+    pub(super) fn add(&mut self, errors: &Errors, most_gain: i32) {
         let own = self.bias.iter_mut().chain(self.gain.iter_mut().flatten());
         for (value, error) in own.zip(errors) {
             *value = value.saturating_add((error >> 3) + ((error >> 2) & 1));
+        }
+        for gain in self.gain.iter_mut().flatten() {
+            *gain = (*gain).max(-most_gain).min(most_gain);
         }
         self.refresh();
     }

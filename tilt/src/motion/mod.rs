@@ -8,16 +8,19 @@
 //! The rate turns a frame whose third axis is the vertical; the direction of the other two drifts
 //! freely and does not matter. In that frame the acceleration beside the vertical is the
 //! machine's own, and whatever part of gravity a wrong vertical lets in. Its integral is a
-//! velocity. A machine comes back to where it was: the velocity is zero in the mean, with a spread
-//! that is measured, while gravity in a tilted frame would make it grow without end. So a Kalman
-//! filter compares the velocity with zero and divides what it sees among its sixteen states:
-//! velocity and tilt of two axes each, the gyroscope's bias, and its nine errors of scale and
-//! alignment. How fast the vertical follows the acceleration is nobody's choice: the filter
-//! follows it quickly after fast turns, when the gyroscope's errors have added up, and slowly
-//! while the machine accelerates much.
+//! velocity. A machine comes back to where it was: its velocity is zero in the mean, while gravity
+//! in a tilted frame would make it grow without end. So a Kalman filter compares the velocity with
+//! zero and divides what it sees among its sixteen states: velocity and tilt of two axes each, the
+//! gyroscope's bias, and its nine errors of scale and alignment.
+//!
+//! How far the velocity may be from zero is measured: the largest lately, for as long as it takes
+//! the acceleration to turn it round. At rest, which hardly a turn and a steady acceleration show,
+//! it is a centimetre per second. So how fast the vertical follows the acceleration is nobody's
+//! choice: quickly at rest and after fast turns, when the gyroscope's errors have added up, and
+//! slowly while the machine accelerates much.
 //!
 //! The rate turns the frame with every sample, the filter runs once in [`BLOCK`] samples. What it
-//! knows of the motion between is what the samples add up to, so nothing is lost by that.
+//! knows of the motion between is what the samples add up to.
 //!
 //! # Uncertainty
 //! It is the filter's own, and the accelerometer's offset beside it, which gravity cannot show.
@@ -26,7 +29,8 @@
 //!
 //! Left out: samples that are missing (who knows of a gap starts anew), heading, and
 //! accelerations that last for longer than the machine's motion usually does, like the long curve
-//! of a road vehicle: they look like tilt to any sensor without a speed of its own.
+//! of a road vehicle: they look like tilt to any sensor without a speed of its own, and the
+//! uncertainty does not contain them.
 
 mod block;
 mod covariance;
@@ -85,13 +89,25 @@ pub struct MotionState {
     lost: bool,
     frame: Frame,
     gyroscope: Gyroscope,
-    /// Velocity along the frame's two level axes, 2^-29 g s per step.
+    /// Velocity along the frame's two level axes, 2^-30 g s per step.
     velocity: [i32; 2],
-    /// Mean square of the velocity along one axis, held for a while; 2^-31 of (4 g s)^2.
+    /// Mean square of the velocity along one axis, held for a while; 2^-31 of (2 g s)^2.
     speed: i64,
+    /// The same of the velocity gained in a block; 2^-47 of (2 g s)^2.
+    change: i64,
+    rest: Rest,
     covariance: Covariance,
     block: Block,
     uncertainty: Uncertainty,
+}
+
+/// For how long the machine has been at rest.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Rest {
+    /// Blocks in a row.
+    blocks: u32,
+    /// Velocity that the last block gained, 2^-30 g s per step.
+    gained: [i64; 2],
 }
 
 /// The acceleration of the first block, in the housing's axes.
@@ -161,7 +177,9 @@ impl Motion {
         }
         (state.running, state.learned) = (true, true);
         state.frame = frame;
-        (state.velocity, state.speed) = ([0; 2], self.velocity_floor);
+        (state.velocity, state.speed) = ([0; 2], self.start_speed);
+        state.change = 0;
+        state.rest = Rest::default();
         state.block = Block::default();
         state.uncertainty = self.uncertainty(state.covariance.tilt());
     }
@@ -170,21 +188,49 @@ impl Motion {
     fn filter(&self, state: &mut MotionState) {
         let levers = state.block.levers(self.period_q32);
         let gained = state.block.gained(self.period_q32);
-        let square = state.block.square();
+        let (square, turned) = (state.block.square(), state.block.turned());
         state.block = Block::default();
-        // A block, in units of tilt by units of velocity: twice the period.
-        let fall = (self.period_q32 >> 1) as i32;
+        // A block, in units of tilt by units of velocity: four periods.
+        let fall = self.period_q32 as i32;
         state.covariance.propagate(&levers, fall);
         state.covariance.spread(self.noise(square), self.priors());
         match gained {
-            Some(gained) => self.observe(state, gained),
+            Some(gained) => {
+                self.look_for_rest(state, turned, gained);
+                self.observe(state, gained);
+            }
             None => {
+                state.rest = Rest::default();
                 // An accelerometer at its end says nothing of the velocity.
-                state.covariance.forget_velocity();
+                state.covariance.forget_velocity(1 << 29);
                 state.velocity = [0; 2];
             }
         }
         state.uncertainty = self.uncertainty(state.covariance.tilt());
+    }
+
+    /// Counts the blocks at rest: hardly a turn, the acceleration that it was before, and no more
+    /// of it than the tilt may be. A steady speed looks the same; so from here on velocity is that
+    /// against what is at rest now.
+    fn look_for_rest(&self, state: &mut MotionState, turned: [i32; 3], gained: [i64; 2]) {
+        let slow = turned.iter().all(|t| t.unsigned_abs() < self.rest_turn);
+        let [x, y] = gained;
+        let [last_x, last_y] = core::mem::replace(&mut state.rest.gained, gained);
+        let change = (x - last_x).abs().max((y - last_y).abs());
+        let square = mean_square(gained.map(fit)) >> 15;
+        let fall = i64::from(self.period_q32 >> 12);
+        // Five standard deviations of the tilt, and the noise.
+        let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
+        let noise = mean_square([fit(self.rest_gain); 2]) >> 15;
+        if !(slow && change < self.rest_gain && square < tilt + noise) {
+            state.rest.blocks = 0;
+            return;
+        }
+        state.rest.blocks = state.rest.blocks.saturating_add(1);
+        if state.rest.blocks == self.rest_blocks {
+            state.velocity = [0; 2];
+            state.covariance.forget_velocity(self.rest_variance);
+        }
     }
 
     /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
@@ -192,23 +238,37 @@ impl Motion {
         for (v, gained) in state.velocity.iter_mut().zip(gained) {
             *v = fit(i64::from(*v) + gained);
         }
-        let noise = self.zero_velocity_noise(state);
+        let noise = self.zero_velocity_noise(state, gained);
         let mut observation = Observation::new(state.velocity, noise);
         state.covariance.observe(&mut observation);
         state.frame.tilt(observation.tilt());
-        state.gyroscope.add(observation.errors());
+        let errors = observation.errors();
+        state.gyroscope.add(errors, self.most_gain);
         state.velocity = observation.velocity();
     }
 
-    /// Variance of "the velocity is zero" for one block, from the spread that was seen lately.
-    fn zero_velocity_noise(&self, state: &mut MotionState) -> i64 {
-        let square = |v: i32| i64::from(v) * i64::from(v);
-        let [x, y] = state.velocity;
-        let now = ((square(x) >> 1) + (square(y) >> 1)) >> 31;
-        let held = state.speed - ((state.speed * i64::from(self.decay_q31)) >> 31);
-        state.speed = held.max(now).max(self.velocity_floor);
-        let noise = (state.speed * i64::from(self.weight_q16)) >> 16;
-        noise.clamp(1 << 16, 1 << 37)
+    /// Variance of "the velocity is zero" for one block, from what was seen lately.
+    ///
+    /// It is that of a velocity that keeps its direction for a while, which is about the velocity
+    /// by the acceleration; the longer, the fewer of the blocks tell something new.
+    fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
+        let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
+        let change = (mean_square(gained.map(fit)) >> 15).max(fade(state.change));
+        let speed = (mean_square(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
+        state.change = change;
+        state.speed = if state.rest.blocks < self.rest_blocks {
+            speed.max(self.least_speed)
+        } else {
+            // Whatever velocity is left has come from a wrong vertical.
+            i64::from(self.rest_variance)
+        };
+        // Blocks for which it keeps its direction, 2^-8.
+        let speed = state.speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
+        let blocks = speed.checked_div(change.max(1).unsigned_abs());
+        let blocks = i64::from(root(blocks.unwrap_or(0)));
+        let weight = (2 * blocks).clamp(self.least_weight_q8, self.most_weight_q8);
+        let noise = (state.speed * weight) >> 8;
+        noise.clamp(1 << 8, 1 << 37)
     }
 
     /// From a variance of tilt (2^-31 of (2^-2 rad)^2) to a standard uncertainty.
@@ -277,6 +337,12 @@ const fn fit(value: i64) -> i32 {
     } else {
         value as i32
     }
+}
+
+/// Mean of two squares.
+fn mean_square([x, y]: [i32; 2]) -> i64 {
+    let square = |v: i32| i64::from(v) * i64::from(v);
+    (square(x) >> 1) + (square(y) >> 1)
 }
 
 /// `a` times `b` without `bits` of the product, rounded.

@@ -41,6 +41,11 @@ pub(super) struct Reference {
     gain: [Vec3; 3],
     velocity: [f64; 2],
     speed: f64,
+    change: f64,
+    gained: [f64; 2],
+    before: [f64; 2],
+    whole: Vec3,
+    quiet: u32,
     /// Velocity, tilt, bias, gain.
     p: Matrix,
     turn: Vec3,
@@ -55,7 +60,7 @@ impl Reference {
         let mut p = [[0.0; N]; N];
         for (i, row) in p.iter_mut().enumerate() {
             row[i] = match i {
-                0 | 1 => 2.0 * e.rest_speed,
+                0 | 1 => 2.0 * e.start_speed,
                 2 | 3 => e.start,
                 4..=6 => e.bias,
                 _ => e.gain,
@@ -76,7 +81,12 @@ impl Reference {
             bias: [0.0; 3],
             gain: [[0.0; 3]; 3],
             velocity: [0.0; 2],
-            speed: e.rest_speed.powi(2),
+            speed: e.start_speed.powi(2),
+            change: 0.0,
+            gained: [0.0; 2],
+            before: [0.0; 2],
+            whole: [0.0; 3],
+            quiet: 0,
             p,
             turn: [0.0; 3],
             levers: [[0.0; 12]; 2],
@@ -91,13 +101,13 @@ impl Reference {
         let true_rate = [0, 1, 2].map(|i| free[i] - dot(self.gain[i], free));
         let angle = true_rate.map(|r| r * self.e.period_s);
         self.axes = self.axes.map(|axis| turned(axis, angle));
-        for (velocity, axis) in self.velocity.iter_mut().zip(self.axes) {
-            *velocity += dot(axis, accel) * self.e.period_s;
+        for (gained, axis) in self.gained.iter_mut().zip(self.axes) {
+            *gained += dot(axis, accel) * self.e.period_s;
         }
-        for (sum, angle) in self.turn.iter_mut().zip(angle) {
+        for ((sum, whole), angle) in self.turn.iter_mut().zip(&mut self.whole).zip(angle) {
             *sum += angle;
+            *whole += angle;
         }
-        self.square += dot(angle, angle);
         self.samples += 1;
         if self.samples.is_multiple_of(4) {
             self.take_levers();
@@ -119,6 +129,7 @@ impl Reference {
                 }
             }
         }
+        self.square += dot(self.turn, self.turn) / 4.0;
         self.turn = [0.0; 3];
     }
 
@@ -151,10 +162,20 @@ impl Reference {
                 self.p[i][i] += walk;
             }
         }
-        let now = self.velocity.iter().map(|v| v * v).sum::<f64>() / 2.0;
-        let held = self.speed * (1.0 - block_s / e.hold_s);
-        self.speed = held.max(now).max(e.rest_speed.powi(2));
-        let noise = self.speed * 2.0 * e.swing_s / block_s;
+        self.look_for_rest(block_s);
+        let mean = |v: [f64; 2]| v.iter().map(|v| v * v).sum::<f64>() / 2.0;
+        let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
+        self.change = mean(self.before).max(self.change * fade);
+        let speed = mean(self.velocity).max(self.speed * fade);
+        let at_rest = f64::from(self.quiet) > e.rest_after_s / block_s;
+        self.speed = if at_rest {
+            e.rest_speed.powi(2)
+        } else {
+            speed.max(e.least_speed.powi(2))
+        };
+        let [least, most] = e.swing_s.map(|s| s / block_s);
+        let blocks = (self.speed / self.change).sqrt().clamp(least, most);
+        let noise = self.speed * 2.0 * blocks;
         let mut x = [0.0; N];
         for a in 0..2 {
             let variance = self.p[a][a] + noise;
@@ -172,6 +193,35 @@ impl Reference {
         self.correct(&x);
     }
 
+    fn look_for_rest(&mut self, block_s: f64) {
+        let e = self.e;
+        let slow = self.whole.iter().all(|w| w.abs() < e.rest_rate * block_s);
+        let changes = self
+            .gained
+            .iter()
+            .zip(self.before)
+            .map(|(g, b)| (g - b).abs());
+        let steady = changes.fold(0.0, f64::max) < e.rest_accel * block_s;
+        let square = self.gained.iter().map(|g| g * g).sum::<f64>() / 2.0;
+        let tilt = 25.0 * self.p[2][2].midpoint(self.p[3][3]) * block_s.powi(2);
+        let level = square < tilt + (e.rest_accel * block_s).powi(2);
+        let at_rest = slow && steady && level;
+        self.quiet = if at_rest { self.quiet + 1 } else { 0 };
+        if self.quiet == (e.rest_after_s / block_s) as u32 + 1 {
+            self.velocity = [0.0; 2];
+            for a in 0..2 {
+                self.p[a] = [0.0; N];
+                self.p.iter_mut().for_each(|row| row[a] = 0.0);
+                self.p[a][a] = e.rest_speed.powi(2);
+            }
+        }
+        for (velocity, gained) in self.velocity.iter_mut().zip(self.gained) {
+            *velocity += gained;
+        }
+        self.before = self.gained;
+        (self.gained, self.whole) = ([0.0; 2], [0.0; 3]);
+    }
+
     fn correct(&mut self, x: &[f64; N]) {
         for (velocity, x) in self.velocity.iter_mut().zip(x) {
             *velocity += x;
@@ -179,7 +229,9 @@ impl Reference {
         for i in 0..3 {
             self.bias[i] += x[4 + i];
             for j in 0..3 {
-                self.gain[i][j] += x[7 + 3 * i + j];
+                let most = 2.0 * self.e.gain;
+                let gain = self.gain[i][j] + x[7 + 3 * i + j];
+                self.gain[i][j] = gain.clamp(-most, most);
             }
         }
         let [first, second, up] = self.axes;

@@ -25,7 +25,8 @@ pub struct Expected {
     pub bias: f64,
     /// How the bias wanders, rad/s per square root of s.
     pub bias_walk: f64,
-    /// Scale and alignment at first: up to 0.044.
+    /// Scale and alignment at first: up to 0.044. More than twice as much is never believed: where
+    /// a lever arm makes acceleration follow the turns, it looks like scale.
     pub gain: f64,
     /// Time after which a change of scale and alignment by as much is no surprise, s.
     pub gain_memory_s: f64,
@@ -33,11 +34,23 @@ pub struct Expected {
     pub accel_noise: f64,
     /// What the vertical at rest is off by in one direction, rad: the accelerometer's offset.
     pub accel_offset: f64,
-    /// For how long the machine's velocity keeps its direction, s.
-    pub swing_s: f64,
+    /// For how long the machine's velocity keeps its direction, s: the least and the most that is
+    /// believed of what is seen.
+    pub swing_s: [f64; 2],
     /// For how long a velocity that was seen counts as one that may come again, s.
     pub hold_s: f64,
-    /// Velocity that a machine at rest is believed to have, g s.
+    /// Velocity that a machine may have at the start, g s.
+    pub start_speed: f64,
+    /// The least velocity that a machine is believed to have while it moves, g s.
+    pub least_speed: f64,
+    /// Rate about each axis below which it may be at rest, rad/s.
+    pub rest_rate: f64,
+    /// Change of the acceleration, from one block to the next, below which it may be at rest, g.
+    pub rest_accel: f64,
+    /// Time for which both have to last, s.
+    pub rest_after_s: f64,
+    /// Velocity against the ground, or against a steady speed, that it is believed to have at rest,
+    /// g s.
     pub rest_speed: f64,
     /// Vertical at the start, rad: up to 0.17.
     pub start: f64,
@@ -63,11 +76,16 @@ impl Expected {
         bias_walk: 8.7e-5,
         gain: 0.005,
         gain_memory_s: 1000.0,
-        accel_noise: 0.005,
+        accel_noise: 0.001,
         accel_offset: 0.004_4,
-        swing_s: 0.25,
-        hold_s: 3.0,
-        rest_speed: 0.01,
+        swing_s: [0.25, 1.0],
+        hold_s: 5.0,
+        start_speed: 0.1,
+        least_speed: 0.01,
+        rest_rate: 0.03,
+        rest_accel: 0.005,
+        rest_after_s: 0.4,
+        rest_speed: 0.001,
         start: 0.14,
         limit: 0.105,
         rate_range: 34.9,
@@ -88,24 +106,35 @@ pub struct Motion {
     pub(super) accel_range: u32,
     /// At the start.
     prior: Variances,
+    /// What scale and alignment are at the most, 2^-32.
+    pub(super) most_gain: i32,
     /// Of one block without turns.
     noise: Variances,
     /// Variance of tilt for the square of turns (2^-30 rad^2), 2^-20 per step.
     defect_q20: u32,
-    /// What a velocity's square loses in a block, 2^-31.
-    pub(super) decay_q31: u32,
-    /// Variance of a block's velocity for its mean square, 2^-16.
-    pub(super) weight_q16: u32,
-    /// Mean square of a velocity at rest.
-    pub(super) velocity_floor: i64,
+    /// What a velocity's square loses in a block, 2^-16.
+    pub(super) decay_q16: u32,
+    /// Variance of a block's velocity for its mean square, the least and the most, 2^-8.
+    pub(super) least_weight_q8: i64,
+    pub(super) most_weight_q8: i64,
+    /// Mean squares of velocities: at the start, the least, at rest.
+    pub(super) start_speed: i64,
+    pub(super) least_speed: i64,
+    pub(super) rest_variance: i32,
+    /// The largest turn of a block at rest, 2^-30 rad.
+    pub(super) rest_turn: u32,
+    /// The largest change from block to block of the velocity gained, 2^-30 g s.
+    pub(super) rest_gain: i64,
+    /// Blocks at rest until it counts.
+    pub(super) rest_blocks: u32,
     /// Variance of the vertical by the accelerometer.
     pub(super) accel_variance: i32,
     /// The largest uncertainty.
     pub(super) limit: Uncertainty,
 }
 
-/// The units of the states: 4 g s, 2^-2 rad, 2^-4 rad/s, 2^-4.
-const VELOCITY: f64 = 4.0;
+/// The units of the states: 2 g s, 2^-2 rad, 2^-4 rad/s, 2^-4.
+const VELOCITY: f64 = 2.0;
 const TILT: f64 = 0.25;
 const ERROR: f64 = 0.0625;
 
@@ -118,7 +147,7 @@ impl Motion {
         }
         let block_s = e.period_s * BLOCK as f64;
         let prior = Variances {
-            velocity: variance(2.0 * e.rest_speed, VELOCITY),
+            velocity: variance(2.0 * e.start_speed, VELOCITY),
             tilt: variance(e.start, TILT),
             bias: variance(e.bias, ERROR),
             gain: variance(e.gain, ERROR),
@@ -136,12 +165,19 @@ impl Motion {
             rate_range: (e.rate_range * super::RATE_STEPS) as u32,
             accel_range: (e.accel_range * crate::ONE_G as f64) as u32,
             prior,
+            most_gain: (2.0 * e.gain * 4_294_967_296.0) as i32,
             noise,
             // A square in 2^-30 rad^2 has 2^5 units of covariance.
             defect_q20: (e.rate_defect * e.rate_defect / e.period_s * 33_554_432.0 + 0.5) as u32,
-            decay_q31: (block_s / e.hold_s * 2_147_483_648.0) as u32,
-            weight_q16: (2.0 * e.swing_s / block_s * 65536.0 + 0.5) as u32,
-            velocity_floor: variance(e.rest_speed, VELOCITY) as i64,
+            decay_q16: (block_s / e.hold_s * 65_536.0 + 0.5) as u32,
+            least_weight_q8: (2.0 * e.swing_s[0] / block_s * 256.0 + 0.5) as i64,
+            most_weight_q8: (2.0 * e.swing_s[1] / block_s * 256.0 + 0.5) as i64,
+            start_speed: variance(e.start_speed, VELOCITY) as i64,
+            least_speed: variance(e.least_speed, VELOCITY) as i64,
+            rest_variance: variance(e.rest_speed, VELOCITY),
+            rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
+            rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
+            rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
             accel_variance: variance(e.accel_offset, TILT),
             limit: Uncertainty((e.limit * steps_per_radian) as u32),
         })
@@ -187,9 +223,15 @@ const fn sound(e: &Expected) -> bool {
         (e.gain_memory_s, 1.0, 1e6),
         (e.accel_noise, 0.0, 1.0),
         (e.accel_offset, 0.0, 0.17),
-        (e.swing_s, 0.01, 10.0),
+        (e.swing_s[0], 0.01, 10.0),
+        (e.swing_s[1], 0.01, 10.0),
         (e.hold_s, 0.5, 1e3),
-        (e.rest_speed, 0.001, 1.0),
+        (e.start_speed, 0.001, 1.0),
+        (e.least_speed, 0.001, 1.0),
+        (e.rest_rate, 0.0, 1.0),
+        (e.rest_accel, 0.0, 1.0),
+        (e.rest_after_s, 0.0, 1e3),
+        (e.rest_speed, 0.0001, 1.0),
         (e.start, 0.0, 0.17),
         (e.limit, 0.0, 1.0),
         (e.rate_range, 0.0, 127.0),

@@ -20,6 +20,10 @@ pub enum Mode {
     Product,
 }
 
+/// The longest delay of a gyroscope that is made up for, ms: eight periods at 2 000 rows a second
+/// (`tilt::motion` takes sixteen).
+const LONGEST_DELAY_MS: f64 = 4.0;
+
 /// What to calibrate from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum CalibrateFrom {
@@ -51,6 +55,9 @@ pub struct Options {
     /// Counts per g of `_lsb` columns; found from the standstills when not given
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub lsb_per_g: Option<f64>,
+    /// How late the gyroscope is by its own filter, ms, which the vertical makes up for [default: 0]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true)]
+    pub rate_delay: Option<f64>,
 }
 
 /// What to replay and how.
@@ -75,6 +82,7 @@ impl Options {
             (self.out.is_some(), "--out"),
             (self.mode.is_some(), "--mode"),
             (self.lsb_per_g.is_some(), "--lsb-per-g"),
+            (self.rate_delay.is_some(), "--rate-delay"),
         ];
         let given = options.into_iter().find(|(given, _)| *given);
         given.map(|(_, name)| name)
@@ -101,6 +109,11 @@ impl Arguments {
             && !(counts.is_finite() && counts > 0.0)
         {
             return refuse(file, Problem::LsbPerG(counts));
+        }
+        if let (Some(delay_ms), Some(file)) = (self.options.rate_delay, self.files.first())
+            && !(0.0..=LONGEST_DELAY_MS).contains(&delay_ms)
+        {
+            return refuse(file, Problem::RateDelay(delay_ms));
         }
         if let [one, other] = self.files.as_slice()
             && is_same(one, other)

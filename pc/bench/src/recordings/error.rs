@@ -71,6 +71,9 @@ pub enum Problem {
     /// Counts per g that are no positive number.
     #[error("--lsb-per-g {0} is no scale; give a positive number of counts")]
     LsbPerG(f64),
+    /// A delay that no gyroscope has.
+    #[error("--rate-delay {0} is no delay of a gyroscope; give 0 to 4 ms")]
+    RateDelay(f64),
 
     /// No line at all, or blank and comment lines only.
     #[error("holds no line; give a CSV file with a header")]

@@ -23,6 +23,7 @@ use crate::report::replay_data::{CalibrationKind, MovingVertical};
 fn estimator(channel: &Prepared) -> Option<Motion> {
     Motion::new(&Expected {
         period_s: channel.period_us() as f64 / 1e6,
+        delay_s: channel.rate_delay_s,
         ..Expected::INDUSTRIAL
     })
 }
@@ -78,6 +79,7 @@ fn step(
 struct Figures {
     error: Sums,
     missing: u64,
+    stated_deg: Sums,
     directions: u64,
     within: [u64; 2],
 }
@@ -92,6 +94,7 @@ impl Figures {
         let error_deg = angle_between_deg(up, truth);
         self.error.push(error_deg);
         let stated_deg = vertical.uncertainty.degrees();
+        self.stated_deg.push(stated_deg);
         for part in across(up, truth) {
             self.directions += 1;
             for (within, k) in self.within.iter_mut().zip([2.0, 3.0]) {
@@ -110,6 +113,7 @@ impl Figures {
             without: self.missing,
             rms_deg: self.error.rms(),
             max_deg: self.error.largest(),
+            uncertainty_deg: self.stated_deg.rms(),
             within_2u_percent,
             within_3u_percent,
         }

@@ -42,6 +42,7 @@ pub fn identity(recording: Recording, offset_us: u64) -> Prepared {
             residual_deg: None,
             condition: None,
         },
+        rate_delay_s: 0.0,
     }
 }
 

@@ -38,6 +38,8 @@ pub struct Prepared {
     pub how: ReplayCalibration,
     /// The rows on a steady clock, where their own times jitter.
     pub steady: Option<Steady>,
+    /// How late its gyroscope is, s.
+    pub rate_delay_s: f64,
 }
 
 impl Prepared {
@@ -95,6 +97,7 @@ pub fn prepare(arguments: &Arguments, progress: &Progress) -> Result<Ready, File
         .map(
             |(((recording, standstill), offset_us), (record, how))| Prepared {
                 steady: steady(&recording),
+                rate_delay_s: arguments.options.rate_delay.unwrap_or(0.0) / 1000.0,
                 recording,
                 standstill,
                 offset_us,

@@ -113,6 +113,8 @@ pub struct MovingVertical {
     pub rms_deg: Option<f64>,
     /// The greatest.
     pub max_deg: Option<f64>,
+    /// Standard uncertainty stated with the verticals, in one direction, root mean square.
+    pub uncertainty_deg: Option<f64>,
     /// Errors in one direction within twice the standard uncertainty stated with them.
     pub within_2u_percent: Option<f64>,
     /// The same within three times.

@@ -128,10 +128,12 @@ pub fn moving(report: &ReplayReport) -> Table {
     .count("Without", |(_, found)| found.without)
     .number("RMS, deg", 3, |(_, found)| found.rms_deg)
     .number("Largest, deg", 3, |(_, found)| found.max_deg)
-    .number("k = 2, %", 1, |(_, found)| found.within_2u_percent)
-    .under("Within the uncertainty")
+    .number("Stated, deg", 3, |(_, found)| found.uncertainty_deg)
+    .under("Standard uncertainty")
+    .number("Within k = 2, %", 1, |(_, found)| found.within_2u_percent)
+    .under("Standard uncertainty")
     .number("k = 3, %", 1, |(_, found)| found.within_3u_percent)
-    .under("Within the uncertainty")
+    .under("Standard uncertainty")
     .table()
 }
 

@@ -327,6 +327,7 @@ fn moving() -> MovingVertical {
         without: 16,
         rms_deg: Some(0.61),
         max_deg: Some(2.4),
+        uncertainty_deg: Some(0.55),
         within_2u_percent: Some(96.2),
         within_3u_percent: Some(99.5),
     }
