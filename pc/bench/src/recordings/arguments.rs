@@ -55,7 +55,7 @@ pub struct Options {
     /// Counts per g of `_lsb` columns; found from the standstills when not given
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub lsb_per_g: Option<f64>,
-    /// How late the gyroscope is by its own filter, ms, which the vertical makes up for [default: 0]
+    /// How late the gyroscope is by its own filter, ms; the vertical makes up for it [default: 0]
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     pub rate_delay: Option<f64>,
 }
