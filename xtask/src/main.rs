@@ -76,7 +76,7 @@ fn main() -> ExitCode {
         ["size", "--instructions"] => plan::equipped(&steps::SIZE_INSTRUCTIONS, &workspace),
         ["size", "--write"] => plan::equipped(&steps::SIZE_WRITE, &workspace),
         ["image"] => plan::equipped(&steps::IMAGE, &workspace),
-        ["program"] => plan::alone(&steps::PROGRAM, &workspace),
+        ["program"] => plan::alone(&steps::PROGRAM_RELEASED, &workspace),
         ["interop"] => plan::equipped(&steps::INTEROP, &workspace),
         ["fuzz-long"] => plan::equipped(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {
