@@ -138,13 +138,7 @@ mod tests {
 
     const PLAIN: Fit = Fit {
         method: Method::Poses,
-        matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        offset_g: [0.0; 3],
-        poses: 0,
-        norm_residual_mg: 0.0,
-        worst_norm_mg: 0.0,
-        angle_residual_deg: None,
-        condition: 1.0,
+        ..Fit::IDENTITY
     };
 
     fn about_z(v: [f64; 3], deg: f64) -> [f64; 3] {

@@ -53,19 +53,21 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// No correction, not yet judged on a recording.
+    pub const IDENTITY: Self = Self {
+        method: Method::Nominal,
+        matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        offset_g: [0.0; 3],
+        poses: 0,
+        norm_residual_mg: 0.0,
+        worst_norm_mg: 0.0,
+        angle_residual_deg: None,
+        condition: 1.0,
+    };
+
     /// No correction; the segments tell how far gravity is from 1 g by it.
     pub fn nominal(segments: &[Segment]) -> Self {
-        let fit = Self {
-            method: Method::Nominal,
-            matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            offset_g: [0.0; 3],
-            poses: 0,
-            norm_residual_mg: 0.0,
-            worst_norm_mg: 0.0,
-            angle_residual_deg: None,
-            condition: 1.0,
-        };
-        fit.judged_on(segments.iter())
+        Self::IDENTITY.judged_on(segments.iter())
     }
 
     /// The correction in the chain's integers; `None` when it doesn't fit them.

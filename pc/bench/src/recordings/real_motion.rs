@@ -5,6 +5,7 @@
 use super::arguments::{Arguments, CalibrateFrom, Mode};
 use super::columns::RateUnit;
 use super::error::Problem;
+use super::motion::follow;
 use super::rates::{self, Turning};
 use super::real_chain::{arguments, documented, replayed};
 use super::recording::stretches;
@@ -24,8 +25,7 @@ const TRIALS: [(&str, &str, f64); 10] = [
     ("26", "disturbed_phone_vibration_A", 0.561),
 ];
 
-/// How late the gyroscope of these recordings is against the cameras, ms: 2.2 to 2.7 in each trial
-/// of fast turns.
+/// How late the gyroscope of these recordings is against the cameras, ms.
 const DELAY_MS: f64 = 2.4;
 
 /// What replays a trial with the sensor as it is: nothing of the trial is known before it.
@@ -82,6 +82,28 @@ fn the_vertical_of_a_sensor_carried_by_hand() {
     let [vqf, own, punctual] = means.map(|mean| format!("{mean:.3}"));
     documented(&["mean", "", &vqf, &own, &punctual, "", "", ""]);
     assert!(means[1] < 0.65 && worst < 1.76, "{means:?}, worst {worst}");
+}
+
+#[test]
+fn the_sensor_is_late_by_as_much_in_each_trial_of_fast_turns() {
+    for (trial, name, _) in TRIALS
+        .into_iter()
+        .filter(|(_, name, _)| name.contains("fast"))
+    {
+        let Some(arguments) = nominal(trial, name) else {
+            return;
+        };
+        let (mut channels, _) = replayed(&arguments);
+        let channel = &mut channels[0];
+        let mut rms_deg = |tenths: u32| {
+            channel.rate_delay_s = f64::from(tenths) / 1e4;
+            follow(channel).unwrap().rms_deg.unwrap()
+        };
+        let best = (0..=40).min_by(|a, b| rms_deg(*a).total_cmp(&rms_deg(*b)));
+        let best = best.unwrap();
+        println!("{trial}: {:.1} ms", f64::from(best) / 10.0);
+        assert!((22..=27).contains(&best), "{trial}: {best}");
+    }
 }
 
 #[test]
