@@ -16,24 +16,25 @@
 //! Left out: comparing one channel with the other, which is `tilt::cross_check`'s.
 
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 use tilt::chain::{Calibration, Chain, ChainState, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::composition::{Composition, Whole};
 use tilt::filter::{Filtered, LowPass};
 use tilt::health::{self, Health};
+use tilt::motion::Rate;
 use tilt::observation::Observation;
 use tilt::sample::{FullScale, Temperature};
 use tilt::temperature::TemperatureModel;
 use tilt::uncertainty::Budget;
 
-use crate::sensor::{Config, InitError, Lis2dw12, Register, VerifyError};
+use crate::factory;
+use crate::sensor::{Part, PartConfig, PartError};
 
 /// How one channel is set up as long as nothing is known of its part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The part's own configuration.
-    pub part: Config,
+    pub part: PartConfig,
     /// The low-pass.
     pub filter: LowPass,
     /// Which instant readings belong to.
@@ -46,7 +47,7 @@ pub struct Setup {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings<C: Composition = Whole> {
     /// The part's own configuration.
-    pub part: Config,
+    pub part: PartConfig,
     /// The signal chain.
     pub chain: Chain<C>,
     /// Standard deviation of a single sample of one axis, 2^-26 g, against which the channel's
@@ -84,11 +85,12 @@ impl<C: Composition> Settings<C> {
 fn uncalibrated_chain<C: Composition>(setup: &Setup) -> Chain<C> {
     Chain {
         filter: setup.filter.clone(),
-        full_scale: setup.part.full_scale,
-        period_us: setup.part.rate.period_us(),
+        full_scale: setup.part.full_scale(),
+        period_us: setup.part.period_us(),
         part_delay_q16: PART_DELAY_Q16,
         timing: setup.timing,
         calibration: no_calibration(),
+        fusion: factory::fusion::<C>(&setup.part),
     }
 }
 
@@ -98,6 +100,7 @@ fn no_calibration<C: Composition>() -> Calibration<C> {
         temperature: TemperatureModel::None,
         correction: C::uncalibrated(),
         budget: Budget::DATA_SHEET,
+        rates: None,
     }
 }
 
@@ -152,9 +155,9 @@ impl Thermometer {
 
 /// One channel's state.
 #[derive(Clone, Debug)]
-pub struct Channel<SPI> {
-    part: Lis2dw12<SPI>,
-    state: ChainState,
+pub struct Channel<P, C: Composition = Whole> {
+    part: P,
+    state: ChainState<C>,
     health: Health,
     watch: health::HealthState,
     thermometer: Thermometer,
@@ -173,11 +176,11 @@ pub struct Channel<SPI> {
     nameless: Option<Instant>,
 }
 
-impl<SPI: SpiDevice> Channel<SPI> {
+impl<P: Part, C: Composition> Channel<P, C> {
     /// A channel that has not been started: its readings are invalid.
-    pub fn new(spi: SPI) -> Self {
+    pub fn new(part: P) -> Self {
         Self {
-            part: Lis2dw12::new(spi),
+            part,
             state: ChainState::default(),
             health: Health::new(0, FullScale::G2, NOMINAL_PERIOD_US),
             watch: health::HealthState::default(),
@@ -197,12 +200,12 @@ impl<SPI: SpiDevice> Channel<SPI> {
     ///
     /// Takes about 20 ms of `delay`. On an error the channel stays invalid for that reason, and
     /// may be started again.
-    pub fn start<D: DelayNs, C: Composition>(
+    pub fn start<D: DelayNs>(
         &mut self,
         settings: &Settings<C>,
         delay: &mut D,
         now: Instant,
-    ) -> Result<(), InitError<SPI::Error>> {
+    ) -> Result<(), PartError<P::Error>> {
         let chain = &settings.chain;
         let noise = match settings.noise {
             0 => chain.calibration.budget.noise,
@@ -226,7 +229,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// The part has raised data-ready at `captured`: reads the sample and runs the filter.
-    pub fn data_ready<C: Composition>(&mut self, settings: &Settings<C>, captured: Instant) {
+    pub fn data_ready(&mut self, settings: &Settings<C>, captured: Instant) {
         match self.part.read() {
             Ok(Some(sample)) => {
                 self.samples = self.samples.wrapping_add(1);
@@ -236,9 +239,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
                     self.health.restart(&mut self.watch);
                 }
                 self.health.sample(&mut self.watch, sample.counts);
-                settings
-                    .chain
-                    .sample(&mut self.state, sample.counts, captured);
+                settings.chain.sample(&mut self.state, sample, captured);
                 self.await_next(settings);
             }
             // An edge without a sample: the registers were read out already. Age will tell.
@@ -249,7 +250,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
 
     /// Remembers when the sample after the newest will be missed: deadlines are asked for far more
     /// often than there are samples.
-    fn await_next<C: Composition>(&mut self, settings: &Settings<C>) {
+    fn await_next(&mut self, settings: &Settings<C>) {
         if let Some((_, newest)) = self.state.filtered() {
             self.overdue_at = newest.offset(3 * i64::from(settings.chain.period_us) / 2 + 1);
         }
@@ -260,7 +261,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     ///
     /// Two such excuses in a row do not count without a sample between them, so that a part that
     /// really is silent is found while a memory is erased page by page.
-    pub fn excuse<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) {
+    pub fn excuse(&mut self, settings: &Settings<C>, now: Instant) {
         if now >= self.overdue_at && self.excused_until == Instant(0) {
             self.excused_until = now.offset(i64::from(settings.chain.period_us));
         }
@@ -280,7 +281,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// Housekeeping that is due at `now`; returns when to call again.
-    pub fn poll<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) -> Instant {
+    pub fn poll(&mut self, settings: &Settings<C>, now: Instant) -> Instant {
         let overdue = now >= self.overdue_at;
         if (now >= self.next_check || overdue) && self.fault.is_none() {
             self.check(settings, now, overdue);
@@ -295,13 +296,12 @@ impl<SPI: SpiDevice> Channel<SPI> {
         self.deadline()
     }
 
-    fn check<C: Composition>(&mut self, settings: &Settings<C>, now: Instant, overdue: bool) {
+    fn check(&mut self, settings: &Settings<C>, now: Instant, overdue: bool) {
         match self.part.verify() {
-            Ok(_) => self.nameless = None,
-            Err(VerifyError::Bus(_)) => return self.latch(Invalid::Bus),
+            Ok(()) => self.nameless = None,
             // A part in a brown-out does not answer until it has booted, so its name is asked for
             // again before the bus is blamed. Meanwhile its samples are missed.
-            Err(VerifyError::Mismatch(m)) if m.register == Register::WhoAmI => {
+            Err(PartError::Identity) => {
                 self.lost |= overdue;
                 let again = self.nameless.get_or_insert(now).offset(OUTAGE_US);
                 if now >= again {
@@ -310,7 +310,8 @@ impl<SPI: SpiDevice> Channel<SPI> {
                 self.next_check = again;
                 return;
             }
-            Err(VerifyError::Mismatch(_)) => return self.latch(Invalid::PartReset),
+            Err(PartError::Register) => return self.latch(Invalid::PartReset),
+            Err(_) => return self.latch(Invalid::Bus),
         }
         // A part that has stopped converting shows a temperature of nobody knows when.
         if now >= self.next_check && !overdue && self.samples > 0 {
@@ -322,12 +323,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// A temperature that jumps is not used; one that stays where it jumped is a fault.
-    fn take_temperature<C: Composition>(
-        &mut self,
-        settings: &Settings<C>,
-        reading: Temperature,
-        now: Instant,
-    ) {
+    fn take_temperature(&mut self, settings: &Settings<C>, reading: Temperature, now: Instant) {
         if self.thermometer.believes(reading, now) {
             self.thermometer = Thermometer {
                 believed: Some(reading),
@@ -360,7 +356,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// What the channel says at `now`.
-    pub fn reading<C: Composition>(&self, settings: &Settings<C>, now: Instant) -> Reading {
+    pub fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading {
         match self.reason_at(now) {
             Some(reason) => Observation::absent(reason).reading,
             None => settings.chain.reading(&self.state, now),
@@ -368,7 +364,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
-    pub fn observe<C: Composition>(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
+    pub fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         let activity = self.health.take_activity(&mut self.watch);
         let (reading, vector) = match self.reason_at(now) {
             Some(reason) => (Observation::absent(reason).reading, None),
@@ -389,6 +385,19 @@ impl<SPI: SpiDevice> Channel<SPI> {
     /// The newest filtered acceleration and its time: what a calibration memorises (R5).
     pub fn filtered(&self) -> Option<(Filtered, Instant)> {
         self.state.filtered()
+    }
+
+    /// The newest rate as the part's gyroscope read it: what its calibration memorises.
+    pub fn measured_rate(&self) -> Option<Rate> {
+        self.state.measured_rate()
+    }
+
+    /// The angle of this very moment; where there is no gyroscope, that of [`Channel::reading`].
+    pub fn reading_now(&self, settings: &Settings<C>, now: Instant) -> Reading {
+        match self.reason_at(now) {
+            Some(reason) => Observation::absent(reason).reading,
+            None => settings.chain.reading_now(&self.state, now),
+        }
     }
 
     /// The part's temperature, smoothed, once one has been read.
@@ -412,7 +421,7 @@ impl<SPI: SpiDevice> Channel<SPI> {
     }
 
     /// The part, for its self-test.
-    pub fn part(&mut self) -> &mut Lis2dw12<SPI> {
+    pub fn part(&mut self) -> &mut P {
         &mut self.part
     }
 }

@@ -23,7 +23,6 @@ use canopen::Frame;
 use canopen::nmt::State;
 use canopen::node::{BusState, Node, Waiting};
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
@@ -43,7 +42,7 @@ use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
 use crate::pair::Pair;
 use crate::records::Record;
-use crate::sensor::InitError;
+use crate::sensor::{Part, PartError};
 
 use log_writer::{LogWriter, PIECE_US};
 use matching::Matching;
@@ -101,7 +100,7 @@ const SDO_ANSWER: u16 = 0x580;
 /// (ARMv7-M, LDR immediate), so what is large comes last. That alone saves 0.5 kB of code.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Device<SPI, M, I: Instrument = Whole> {
+pub struct Device<P, M, I: Instrument = Whole> {
     /// Until LSS stores another.
     node_id: u8,
     /// Until LSS stores another.
@@ -130,10 +129,10 @@ pub struct Device<SPI, M, I: Instrument = Whole> {
     log_writer: LogWriter,
     matching: Matching,
     bus: Node,
-    parts: Parts<M, Channel<SPI>, I>,
+    parts: Parts<M, Channel<P, I>, I>,
 }
 
-impl<SPI: SpiDevice, C: Composition> Source<C> for Channel<SPI> {
+impl<P: Part, C: Composition> Source<C> for Channel<P, C> {
     fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading {
         self.reading(settings, now)
     }
@@ -155,7 +154,7 @@ impl<SPI: SpiDevice, C: Composition> Source<C> for Channel<SPI> {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// A device that has not been started.
     ///
     /// It is larger than all the stack that its work takes, so it must not be made on the stack
@@ -163,7 +162,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// the calls come in the order of the fields: that is why this is never inlined, nor are the
     /// constructors of its large parts. `cargo xtask image` finds a copy by its budget for RAM.
     #[inline(never)]
-    pub fn new(spi: SPI, check: CrossCheck<I>, factory: Factory, memory: M) -> Self {
+    pub fn new(part: P, check: CrossCheck<I>, factory: Factory, memory: M) -> Self {
         let Factory {
             identity,
             node_id,
@@ -191,7 +190,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
             bus: Node::new(),
             parts: Parts::new(
                 identity,
-                Channel::new(spi),
+                Channel::new(part),
                 memory,
                 &setup,
                 table_settings,
@@ -201,7 +200,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     }
 
     /// The bus's node and what the device lends it.
-    fn split(&mut self, now: Instant) -> (&mut Node, DeviceObjects<'_, M, Channel<SPI>, I>) {
+    fn split(&mut self, now: Instant) -> (&mut Node, DeviceObjects<'_, M, Channel<P, I>, I>) {
         let parts = &mut self.parts;
         (&mut self.bus, DeviceObjects { parts, now })
     }
@@ -216,7 +215,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         &mut self,
         delay: &mut D,
         now: Instant,
-    ) -> Result<(), InitError<SPI::Error>> {
+    ) -> Result<(), PartError<P::Error>> {
         self.parts.values = Values::new();
         self.faults = Faults::default();
         self.judged = None;
@@ -241,7 +240,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
         &mut self,
         delay: &mut D,
         now: Instant,
-    ) -> Result<(), InitError<SPI::Error>> {
+    ) -> Result<(), PartError<P::Error>> {
         self.sensor_sound = now;
         self.parts.pair.compare_anew();
         self.parts.channel.start(&self.parts.settings, delay, now)
@@ -344,7 +343,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     /// What [`Device::transmit`] would give.
     pub fn waiting(&self, now: Instant) -> Option<Waiting> {
         self.bus
-            .waiting::<DeviceObjects<'_, M, Channel<SPI>, I>>(now)
+            .waiting::<DeviceObjects<'_, M, Channel<P, I>, I>>(now)
     }
 
     /// The frame that [`Device::waiting`] has named at the same instant.
@@ -488,7 +487,7 @@ impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
     }
 
     /// The channel, for looking at.
-    pub const fn channel(&self) -> &Channel<SPI> {
+    pub const fn channel(&self) -> &Channel<P, I> {
         &self.parts.channel
     }
 

@@ -1,7 +1,7 @@
 //! What tells one instrument from another: the stages and services that its image is composed of.
 //!
-//! In: nothing. Out: the compositions. [`Product`] is the instrument of the STM32F103RC, [`Paper`]
-//! that of the paper's own part, and [`Whole`] has everything that either has, for hosts that
+//! In: nothing. Out: the compositions. [`Product`] is the instrument of the STM32F103RC,
+//! [`Dynamic`] its variant with a gyroscope, [`Paper`] that of the paper's own part, and [`Whole`] has everything that either has, for hosts that
 //! decide at run time.
 //!
 //! What is left out has a type without values ([`LeftOut`]), so neither its code nor its room is in
@@ -15,6 +15,8 @@ use tilt::angle::Axes;
 use tilt::chain::Correction;
 use tilt::composition::{Composition, LeftOut, Place, Stage, Whole};
 use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductCheck, ProductState};
+use tilt::fusion::{Fusion, FusionState};
+use tilt::rate::RateCorrection;
 use tilt::table::{Rule, Table};
 use tilt::temperature::Quadratic;
 use tilt::vector::Vector;
@@ -63,6 +65,9 @@ impl Composition for Product {
     type Tables = LeftOut;
     type Vector = Vector;
     type Quadratic = Quadratic;
+    type Rates = LeftOut;
+    type Fusion = LeftOut;
+    type FusionState = LeftOut;
     type PaperRule = LeftOut;
     type Ladder = ProductState;
     const UNCERTAINTY: bool = true;
@@ -91,6 +96,45 @@ impl Instrument for Product {
     }
 }
 
+/// The variant with a gyroscope: the product, and the vertical while the machine moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dynamic {}
+
+impl Composition for Dynamic {
+    type Tables = LeftOut;
+    type Vector = Vector;
+    type Quadratic = Quadratic;
+    type Rates = RateCorrection;
+    type Fusion = Fusion;
+    type FusionState = FusionState;
+    type PaperRule = LeftOut;
+    type Ladder = ProductState;
+    const UNCERTAINTY: bool = true;
+
+    fn check() -> CrossCheck<Self> {
+        CrossCheck::Product(ProductCheck::PRODUCT, ProductState::default())
+    }
+
+    fn uncalibrated() -> Correction<Self> {
+        Correction::TwoAxis {
+            vector: Vector::IDENTITY,
+            harmonics: Axes::default(),
+        }
+    }
+}
+
+impl Instrument for Dynamic {
+    type Motor = LeftOut;
+    const HISTORY: bool = true;
+    const UPDATE: bool = true;
+    const PRESETS: bool = true;
+    const SERVICES: Services = Services::ALL;
+
+    fn dictionary(identity: Identity) -> Dictionary {
+        table::product(identity.channel)
+    }
+}
+
 /// What the paper's instrument has of what the standards leave to the device.
 pub const PAPER_SERVICES: Services = Services {
     safety: false,
@@ -107,6 +151,9 @@ impl Composition for Paper {
     type Tables = Axes<Table>;
     type Vector = LeftOut;
     type Quadratic = LeftOut;
+    type Rates = LeftOut;
+    type Fusion = LeftOut;
+    type FusionState = LeftOut;
     type PaperRule = PaperState;
     type Ladder = LeftOut;
     const UNCERTAINTY: bool = false;

@@ -13,12 +13,12 @@
 //! Left out: registers, bit rates, and what a device does when it is told.
 
 use canopen::Frame;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 
 use crate::device::Device;
 use crate::instrument::Instrument;
 use crate::objects::device_objects::Memory;
+use crate::sensor::Part;
 
 /// Mailboxes of the controller (RM0008 24.3.3).
 pub const MAILBOXES: usize = 3;
@@ -112,9 +112,9 @@ impl Mailboxes {
 
     /// Takes back what may not go out any more, and moves what waits into mailboxes; nothing while
     /// the node has to be `silent`.
-    pub fn fill<SPI: SpiDevice, M: Memory, I: Instrument>(
+    pub fn fill<P: Part, M: Memory, I: Instrument>(
         &mut self,
-        device: &mut Device<SPI, M, I>,
+        device: &mut Device<P, M, I>,
         can: &mut impl Transmitter,
         silent: bool,
         now: Instant,
@@ -127,9 +127,9 @@ impl Mailboxes {
     }
 
     /// Posts the frame of the highest priority, or makes room for it; false when there is none.
-    fn fill_one<SPI: SpiDevice, M: Memory, I: Instrument>(
+    fn fill_one<P: Part, M: Memory, I: Instrument>(
         &mut self,
-        device: &mut Device<SPI, M, I>,
+        device: &mut Device<P, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) -> bool {
@@ -236,10 +236,10 @@ impl Mailboxes {
     }
 
     /// The device takes back what is here of this identifier.
-    fn withdraw<SPI: SpiDevice, M: Memory, I: Instrument>(
+    fn withdraw<P: Part, M: Memory, I: Instrument>(
         &mut self,
         id: u16,
-        device: &mut Device<SPI, M, I>,
+        device: &mut Device<P, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) {
@@ -252,11 +252,11 @@ impl Mailboxes {
     }
 
     /// Takes a frame out of its mailbox, unless it is on the wire.
-    fn take_back<SPI: SpiDevice, M: Memory, I: Instrument>(
+    fn take_back<P: Part, M: Memory, I: Instrument>(
         &mut self,
         mailbox: u8,
         fate: Fate,
-        device: &mut Device<SPI, M, I>,
+        device: &mut Device<P, M, I>,
         can: &mut impl Transmitter,
         now: Instant,
     ) {
@@ -276,10 +276,10 @@ impl Mailboxes {
     }
 
     /// The frame in a mailbox is out of it and has not gone out.
-    pub fn given_up<SPI: SpiDevice, M: Memory, I: Instrument>(
+    pub fn given_up<P: Part, M: Memory, I: Instrument>(
         &mut self,
         mailbox: u8,
-        device: &mut Device<SPI, M, I>,
+        device: &mut Device<P, M, I>,
         now: Instant,
     ) {
         let Some((id, fate, frame)) = self.empty(mailbox) else {

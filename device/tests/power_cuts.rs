@@ -145,6 +145,7 @@ fn tables(turn: i32) -> Calibration {
             rule: Rule::Linear,
         },
         budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::REFERENCE),
+        rates: None,
     }
 }
 

@@ -15,6 +15,7 @@ use flash::nor::NorError;
 use sim::can_bus::{Bus, Event, Mailbox, Port, TransmitOrder};
 use sim::electronics::Electronics;
 use sim::lis2dw12::DRDY_PULSE_NS;
+use sim::motion::Motion;
 use sim::network::guest::{Guest, nanoseconds};
 use sim::supply::BROWN_OUT_BELOW_V;
 
@@ -118,7 +119,7 @@ impl<C: Cpu> Board<C> {
             lsi_hz: parts.lsi_hz,
             seed: parts.seed,
         };
-        let sensor = Rc::clone(parts.electronics.chip());
+        let sensor = Rc::clone(parts.electronics.lis2dw12().expect("an LIS2DW12"));
         let mut chip = Chip::new(parts.layout, individual, sensor, bus.now_ns());
         if parts.strapped {
             chip.drive(1, 0, Some(false));
@@ -331,12 +332,12 @@ impl<C: Cpu + 'static> Guest for Board<C> {
         &mut self.electronics
     }
 
-    fn tick(&mut self, force_g: [f64; 3], end_s: f64) {
+    fn tick(&mut self, motion: &Motion, end_s: f64) {
         // The part samples as the code has set it up meanwhile.
         self.electronics.run_waiting(|_, _| ());
         let chip = self.machine.chip_mut();
         let (powered, samples) = (self.powered, &mut self.samples);
-        self.electronics.tick(force_g, end_s, |edge| {
+        self.electronics.tick(motion, end_s, |edge| {
             if powered {
                 *samples += 1;
                 let at_ns = nanoseconds(edge.captured_s);

@@ -7,6 +7,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
+use device::sensor::Lis2dw12;
 use rtic::Mutex;
 use tilt::composition::Composition as _;
 
@@ -33,7 +34,7 @@ pub fn was_served() -> bool {
 /// The device with all that it needs, as `C` composes it.
 pub struct BoardNode<C: Image> {
     driver: Driver,
-    device: Device<Sensor<Select>, C::Memory, C::Instrument>,
+    device: Device<Lis2dw12<Sensor<Select>>, C::Memory, C::Instrument>,
     can: Can,
     alarm: Alarm,
     crash: Option<Crash>,
@@ -48,7 +49,12 @@ impl<C: Image> BoardNode<C> {
         let memory = C::memory(board.nor);
         Self {
             driver: Driver::new(),
-            device: Device::new(board.sensor, C::Instrument::check(), factory, memory),
+            device: Device::new(
+                Lis2dw12::new(board.sensor),
+                C::Instrument::check(),
+                factory,
+                memory,
+            ),
             can: board.can,
             alarm: board.alarm,
             crash: board.crash,
@@ -56,7 +62,7 @@ impl<C: Image> BoardNode<C> {
         }
     }
 
-    fn at(&mut self) -> DriverCall<'_, Sensor<Select>, C::Memory, Can, C::Instrument> {
+    fn at(&mut self) -> DriverCall<'_, Lis2dw12<Sensor<Select>>, C::Memory, Can, C::Instrument> {
         self.driver.at(&mut self.device, &mut self.can)
     }
 

@@ -17,7 +17,7 @@ use device::device::{BoardRequest, Device};
 use device::instrument::Instrument;
 use device::mailboxes::{Mailboxes, Transmitter};
 use device::objects::device_objects::Memory;
-use embedded_hal::spi::SpiDevice;
+use device::sensor::Part;
 use instant::Instant;
 
 use crate::inbox::Input;
@@ -121,9 +121,9 @@ fn overdue(next: Instant, now: Instant) -> Instant {
 }
 
 /// A device and what surrounds it, for one call.
-pub struct DriverCall<'a, SPI, M, C, I: Instrument> {
+pub struct DriverCall<'a, P, M, C, I: Instrument> {
     driver: &'a mut Driver,
-    device: &'a mut Device<SPI, M, I>,
+    device: &'a mut Device<P, M, I>,
     can: &'a mut C,
 }
 
@@ -149,11 +149,11 @@ impl Driver {
     }
 
     /// Joins device and controller for a call.
-    pub const fn at<'a, SPI, M, C, I: Instrument>(
+    pub const fn at<'a, P, M, C, I: Instrument>(
         &'a mut self,
-        device: &'a mut Device<SPI, M, I>,
+        device: &'a mut Device<P, M, I>,
         can: &'a mut C,
-    ) -> DriverCall<'a, SPI, M, C, I> {
+    ) -> DriverCall<'a, P, M, C, I> {
         DriverCall {
             driver: self,
             device,
@@ -187,7 +187,7 @@ impl Driver {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, C: Controller, I: Instrument> DriverCall<'_, SPI, M, C, I> {
+impl<P: Part, M: Memory, C: Controller, I: Instrument> DriverCall<'_, P, M, C, I> {
     /// The bus begins: the sensor has been set up.
     pub fn start(&mut self, now: Instant) {
         let now = self.driver.reach(now);

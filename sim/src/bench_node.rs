@@ -4,9 +4,8 @@
 //! Left out: the bus, which has [`Device`](device::device::Device).
 
 use device::channel::{Channel, Settings};
-use device::sensor::InitError;
+use device::sensor::{Part, PartError};
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
@@ -14,17 +13,17 @@ use tilt::observation::Observation;
 
 /// A node's state.
 #[derive(Debug)]
-pub struct BenchNode<SPI> {
+pub struct BenchNode<P> {
     /// The channel this node measures with.
-    pub channel: Channel<SPI>,
+    pub channel: Channel<P>,
     check: CrossCheck,
 }
 
-impl<SPI: SpiDevice> BenchNode<SPI> {
+impl<P: Part> BenchNode<P> {
     /// A node that has not been started, judging by `check`.
-    pub fn new(spi: SPI, check: CrossCheck) -> Self {
+    pub fn new(part: P, check: CrossCheck) -> Self {
         Self {
-            channel: Channel::new(spi),
+            channel: Channel::new(part),
             check,
         }
     }
@@ -37,7 +36,7 @@ impl<SPI: SpiDevice> BenchNode<SPI> {
         settings: &Settings,
         delay: &mut D,
         now: Instant,
-    ) -> Result<(), InitError<SPI::Error>> {
+    ) -> Result<(), PartError<P::Error>> {
         self.check.reset();
         self.channel.start(settings, delay, now)
     }

@@ -1,26 +1,33 @@
 //! The hardware of one side: a part with its analogue side, a crystal and a supply.
 //!
-//! In: the force that the housing feels, tick by tick, and faults on demand. Out: data-ready edges
+//! In: how the housing moves, tick by tick, and faults on demand. Out: data-ready edges
 //! with their time, and the register-level chip behind an SPI port. Whatever code runs on that
 //! side is the caller's: [`crate::instrument`] runs a channel alone, [`crate::network`] a whole
 //! CANopen device.
 //!
 //! Left out: the microcontroller, and the time that code takes to run.
 
+mod fitted;
+
+pub use fitted::Driver;
+
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use device::sensor::{Config, PartConfig};
 use embedded_hal::delay::DelayNs;
 use instant::Instant;
 
 use crate::TICK_S;
 use crate::error_model::{ErrorModel, Part};
 use crate::fault::{Injected, SensorFault};
-use crate::lis2dw12::{Chip, SpiPort, Traits};
+use crate::lis2dw12::Chip;
 use crate::low_pass::LowPass;
-use crate::motion::add;
+use crate::motion::{Motion, add};
 use crate::rng::Rng;
+use crate::spi_part::Fault;
 use crate::supply::{Condition, Supply};
+use fitted::{Felt, Fitted};
 
 /// A microcontroller's crystal: within +-50 ppm, started at a time of its own.
 #[derive(Clone, Copy, Debug)]
@@ -51,9 +58,10 @@ impl Clock {
 /// One part with its analogue side and its sampling clock.
 #[derive(Debug)]
 struct Sensor {
-    chip: Rc<RefCell<Chip>>,
+    fitted: Fitted,
     part: Part,
     analogue: LowPass,
+    /// What the last tick ended with behind the analogue side.
     felt_g: [f64; 3],
     now_s: f64,
     sampling: Option<Sampling>,
@@ -94,16 +102,12 @@ fn nanoseconds(time_s: f64) -> u64 {
 }
 
 impl Sensor {
-    fn new(model: &ErrorModel, mut rng: Rng) -> Self {
+    fn new(config: &PartConfig, model: &ErrorModel, mut rng: Rng) -> Self {
         let part = Part::draw(model, &mut rng);
-        let traits = Traits {
-            full_register: !part.quantises(),
-            ..Traits::TYPICAL
-        };
-        let chip = Rc::new(RefCell::new(Chip::new(traits)));
-        chip.borrow_mut().power_on(0);
+        let mut fitted = Fitted::new(config, (model, &part), &mut rng);
+        fitted.power_on(0);
         Self {
-            chip,
+            fitted,
             part,
             analogue: LowPass::new(200.0),
             felt_g: [0.0, 0.0, 1.0],
@@ -116,15 +120,13 @@ impl Sensor {
 
     /// Follows what the part has been set up to do; the phase stays while the rate does.
     fn retune(&mut self) {
-        let chip = self.chip.borrow();
-        let Some(odr_hz) = chip.odr_hz() else {
+        let Some(odr_hz) = self.fitted.odr_hz() else {
             self.sampling = None;
             return;
         };
-        self.analogue
-            .retune(chip.bandwidth_hz().unwrap_or(odr_hz / 2.0));
+        self.fitted.retune(&mut self.analogue, odr_hz);
         let period_s = 1.0 / (odr_hz * self.part.clock_factor());
-        let sigma_g = chip.noise_density_ug() * 1e-6 * (odr_hz / 2.0).sqrt();
+        let sigma_g = self.fitted.noise_density_ug() * 1e-6 * (odr_hz / 2.0).sqrt();
         let running = self.sampling.filter(|s| s.period_s == period_s);
         let next_s = running.map_or(self.now_s + period_s, |s| s.next_s);
         self.sampling = Some(Sampling {
@@ -134,28 +136,34 @@ impl Sensor {
         });
     }
 
-    /// One tick up to `time_s`, in which the force goes to `force_g`; calls `ready` for samples.
+    /// One tick up to `time_s`, in which the force goes to that of `felt`; calls `ready` for
+    /// samples.
     #[inline]
-    fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(Edge)) {
+    fn tick(&mut self, felt: &Felt, time_s: f64, ready: impl FnMut(Edge)) {
         if self.sampling.is_some_and(|s| s.next_s <= time_s) {
-            return self.tick_with_samples(force_g, time_s, ready);
+            return self.tick_with_samples(felt, time_s, ready);
         }
-        self.felt_g = self.analogue.step(force_g);
+        self.felt_g = self.analogue.step(felt.force_g);
+        self.fitted.turn(felt.rate_dps);
         self.now_s = time_s;
     }
 
-    fn tick_with_samples(&mut self, force_g: [f64; 3], time_s: f64, mut ready: impl FnMut(Edge)) {
+    fn tick_with_samples(&mut self, felt: &Felt, time_s: f64, mut ready: impl FnMut(Edge)) {
         let before = self.analogue.moment();
+        let turning = self.fitted.turn(felt.rate_dps);
         let before_s = self.now_s;
-        self.felt_g = self.analogue.step(force_g);
+        self.felt_g = self.analogue.step(felt.force_g);
         self.now_s = time_s;
         let after = self.analogue.moment();
         while let Some(sampling) = self.sampling.filter(|s| s.next_s <= time_s) {
             let due_s = sampling.next_s;
             let way = ((due_s - before_s) / (time_s - before_s).max(1e-9)).clamp(0.0, 1.0);
-            let at_g = before.towards(&after, way);
-            self.convert(at_g, &sampling);
-            if self.chip.borrow().data_ready()
+            let felt = Felt {
+                force_g: before.towards(&after, way),
+                rate_dps: turning.map_or([0.0; 3], |[from, to]| from.towards(&to, way)),
+            };
+            self.convert(&felt, &sampling);
+            if self.fitted.data_ready()
                 && let Some(edge) = self.edge(due_s)
             {
                 ready(edge);
@@ -182,70 +190,65 @@ impl Sensor {
         })
     }
 
-    fn convert(&mut self, force_g: [f64; 3], sampling: &Sampling) {
-        if self.fault.is_some() {
-            return self.convert_faulty(force_g, sampling);
-        }
+    fn convert(&mut self, felt: &Felt, sampling: &Sampling) {
+        let Self {
+            part,
+            fitted,
+            rng,
+            fault,
+            ..
+        } = self;
         let Sampling {
-            next_s,
-            period_s,
-            sigma_g,
+            next_s, period_s, ..
         } = *sampling;
-        let felt_g = self.part.feel(force_g, sigma_g, period_s, &mut self.rng);
-        let mut chip = self.chip.borrow_mut();
-        chip.advance_to(nanoseconds(next_s));
-        let die_c = match chip.reads_temperature() {
-            true => self.part.thermometer(&mut self.rng),
-            false => self.part.die_c(),
+        let noise = fault.as_ref().map_or(1.0, |fault| fault.noise());
+        let mut felt_g = part.feel(felt.force_g, sampling.sigma_g * noise, period_s, rng);
+        if let Some(fault) = fault {
+            felt_g = fault.force_g(felt_g, next_s);
+        }
+        let rate_dps = fitted.feel_rate(felt, period_s, rng);
+        fitted.advance_to(nanoseconds(next_s));
+        let mut die_c = match fitted.reads_temperature() {
+            true => part.thermometer(rng),
+            false => part.die_c(),
         };
-        chip.convert(felt_g, die_c);
-    }
-
-    /// [`Sensor::convert`] with the fault in its way; draws the same numbers from the part.
-    fn convert_faulty(&mut self, force_g: [f64; 3], sampling: &Sampling) {
-        let Some(fault) = &mut self.fault else {
-            return;
+        let felt = Felt {
+            force_g: felt_g,
+            rate_dps,
         };
-        let at_s = sampling.next_s;
-        let sigma_g = sampling.sigma_g * fault.noise();
-        let felt_g = self
-            .part
-            .feel(force_g, sigma_g, sampling.period_s, &mut self.rng);
-        let felt_g = fault.force_g(felt_g, at_s);
-        let mut chip = self.chip.borrow_mut();
-        chip.advance_to(nanoseconds(at_s));
-        let die_c = match chip.reads_temperature() {
-            true => self.part.thermometer(&mut self.rng),
-            false => self.part.die_c(),
-        };
-        let die_c = fault.thermometer_c(die_c);
-        chip.convert_through(felt_g, die_c, |codes| fault.codes(codes, at_s));
+        match fault {
+            None => fitted.convert(&felt, die_c),
+            Some(fault) => {
+                die_c = fault.thermometer_c(die_c);
+                fitted.convert_through(&felt, die_c, |codes| fault.codes(codes, next_s));
+            }
+        }
     }
 
     /// What an injected fault leaves of the supply in the tick that ends at `time_s`.
     ///
     /// A part cannot boot before its supply is back, however long that takes.
-    fn starve(&self, time_s: f64) -> Condition {
+    fn starve(&mut self, time_s: f64) -> Condition {
         let supply = (self.fault.as_ref()).map_or(Condition::Good, |f| f.supply(time_s));
         if supply == Condition::BrownOut {
-            self.chip.borrow_mut().brown_out(nanoseconds(time_s));
+            self.fitted.brown_out(nanoseconds(time_s));
         }
         supply
     }
 
     fn brown_out(&mut self, time_s: f64) {
-        self.chip.borrow_mut().brown_out(nanoseconds(time_s));
+        self.fitted.brown_out(nanoseconds(time_s));
         self.part.power_on(&mut self.rng);
+        self.fitted.renew(&mut self.rng);
         self.sampling = None;
     }
 
     fn power_cycle(&mut self) {
         let now_ns = nanoseconds(self.now_s);
-        let mut chip = self.chip.borrow_mut();
-        chip.power_off();
-        chip.power_on(now_ns);
-        drop(chip);
+        self.fitted.power_off();
+        self.fitted.power_on(now_ns);
         self.part.power_on(&mut self.rng);
+        self.fitted.renew(&mut self.rng);
         self.sampling = None;
     }
 }
@@ -253,7 +256,7 @@ impl Sensor {
 /// Waiting, as the device sees it, while the housing stands still: samples go on coming.
 struct DelayAtRest<'a> {
     sensor: &'a mut Sensor,
-    force_g: [f64; 3],
+    felt: Felt,
 }
 
 impl DelayNs for DelayAtRest<'_> {
@@ -262,10 +265,10 @@ impl DelayNs for DelayAtRest<'_> {
         let end_s = self.sensor.now_s + f64::from(ns) * 1e-9;
         while self.sensor.now_s < end_s {
             let next_s = (self.sensor.now_s + TICK_S).min(end_s);
-            self.sensor.tick(self.force_g, next_s, |_| {});
+            self.sensor.tick(&self.felt, next_s, |_| {});
             self.sensor.starve(next_s);
         }
-        self.sensor.chip.borrow_mut().advance_to(nanoseconds(end_s));
+        self.sensor.fitted.advance_to(nanoseconds(end_s));
     }
 }
 
@@ -282,8 +285,13 @@ pub struct Electronics {
 }
 
 impl Electronics {
-    /// Drawn from `rng`; powered, level.
-    pub fn new(model: &ErrorModel, mut rng: Rng) -> Self {
+    /// With an LIS2DW12, drawn from `rng`; powered, level.
+    pub fn new(model: &ErrorModel, rng: Rng) -> Self {
+        Self::with(&PartConfig::Lis2dw12(Config::PRODUCT), model, rng)
+    }
+
+    /// With the part that `config` is for, drawn from `rng`; powered, level, not set up.
+    pub fn with(config: &PartConfig, model: &ErrorModel, mut rng: Rng) -> Self {
         let start_s = -rng.range(0.1, 10.0);
         let rate = 1.0 + rng.range(-5e-5, 5e-5);
         let clock = Clock {
@@ -292,7 +300,7 @@ impl Electronics {
             ns_per_us: 1e3 / rate,
         };
         Self {
-            sensor: Sensor::new(model, rng),
+            sensor: Sensor::new(config, model, rng),
             supply: Supply::steady(),
             offset_g: [0.0; 3],
             condition: Condition::Good,
@@ -300,14 +308,29 @@ impl Electronics {
         }
     }
 
-    /// A port to the part, for the code of this side.
-    pub fn port(&self) -> SpiPort {
-        SpiPort::new(Rc::clone(&self.sensor.chip))
+    /// The driver of the part, for the code of this side.
+    pub fn driver(&self) -> Driver {
+        self.sensor.fitted.driver()
     }
 
-    /// The part, for faults and for looking at.
-    pub fn chip(&self) -> &Rc<RefCell<Chip>> {
-        &self.sensor.chip
+    /// The accelerometer LIS2DW12, for looking at; `None` where there is another part.
+    pub fn lis2dw12(&self) -> Option<&Rc<RefCell<Chip>>> {
+        self.sensor.fitted.lis2dw12()
+    }
+
+    /// Injects a fault of the part or its wires, or ends it.
+    pub fn set_part_fault(&mut self, fault: Option<Fault>) {
+        self.sensor.fitted.set_fault(fault);
+    }
+
+    /// The fault of the part or its wires that is injected.
+    pub fn part_fault(&self) -> Option<Fault> {
+        self.sensor.fitted.fault()
+    }
+
+    /// The part's supply fails for a moment at `time_ns`, and its set-up is lost.
+    pub fn brown_out(&mut self, time_ns: u64) {
+        self.sensor.fitted.brown_out(time_ns);
     }
 
     /// The crystal that this side's time comes from.
@@ -344,10 +367,13 @@ impl Electronics {
     /// `code` also gets this side's time at its beginning. Takes as long as it waits.
     pub fn run_waiting<R>(&mut self, code: impl FnOnce(&mut dyn DelayNs, Instant) -> R) -> R {
         let now = self.clock.at(self.sensor.now_s);
-        let force_g = self.sensor.felt_g;
+        let felt = Felt {
+            force_g: self.sensor.felt_g,
+            rate_dps: [0.0; 3],
+        };
         let mut delay = DelayAtRest {
             sensor: &mut self.sensor,
-            force_g,
+            felt,
         };
         let result = code(&mut delay, now);
         self.sensor.retune();
@@ -356,17 +382,18 @@ impl Electronics {
 
     /// One tick up to `time_s`; calls `ready` with each data-ready edge.
     #[inline]
-    pub fn tick(&mut self, force_g: [f64; 3], time_s: f64, ready: impl FnMut(Edge)) {
+    pub fn tick(&mut self, motion: &Motion, time_s: f64, ready: impl FnMut(Edge)) {
         self.follow_supply(time_s);
-        self.sensor.tick(add(force_g, self.offset_g), time_s, ready);
+        let felt = Felt {
+            force_g: add(motion.force_g, self.offset_g),
+            rate_dps: motion.rate_dps,
+        };
+        self.sensor.tick(&felt, time_s, ready);
     }
 
     /// Brings the chip's own time up to `time_s`, before code talks to it between samples.
     pub fn settle(&self, time_s: f64) {
-        self.sensor
-            .chip
-            .borrow_mut()
-            .advance_to(nanoseconds(time_s));
+        self.sensor.fitted.advance_to(nanoseconds(time_s));
     }
 
     #[inline]
@@ -380,6 +407,7 @@ impl Electronics {
             return;
         }
         self.sensor.part.set_sag(now == Condition::Sag);
+        self.sensor.fitted.set_sag(now == Condition::Sag);
         if now == Condition::BrownOut || self.condition == Condition::BrownOut {
             self.sensor.brown_out(time_s);
         }
@@ -418,5 +446,6 @@ impl Electronics {
     /// The part's thermometer and chain temperature go with the die, degC.
     pub fn set_die_temperature(&mut self, die_c: f64) {
         self.sensor.part.set_die_temperature(die_c);
+        self.sensor.fitted.set_die_temperature(die_c);
     }
 }

@@ -20,9 +20,9 @@ use tilt::chain::Reading;
 use tilt::cross_check::{CrossCheck, Verdict};
 
 use crate::TICK_S;
-use crate::electronics::Electronics;
+use crate::electronics::{Driver, Electronics};
 use crate::error_model::ErrorModel;
-use crate::lis2dw12::{Chip, SpiPort};
+use crate::lis2dw12::Chip;
 use crate::motion::Motion;
 use crate::rng::Rng;
 
@@ -32,7 +32,7 @@ pub struct Side {
     /// Sensor, supply and clock.
     pub electronics: Electronics,
     /// The node's code and state.
-    pub node: BenchNode<SpiPort>,
+    pub node: BenchNode<Driver>,
     /// What the node runs with.
     pub settings: Settings,
     next_poll: Instant,
@@ -40,11 +40,11 @@ pub struct Side {
 
 impl Side {
     fn new(settings: Settings, check: CrossCheck, model: &ErrorModel, rng: Rng) -> Self {
-        let electronics = Electronics::new(model, rng);
-        let port = electronics.port();
+        let electronics = Electronics::with(&settings.part, model, rng);
+        let driver = electronics.driver();
         Self {
             electronics,
-            node: BenchNode::new(port, check),
+            node: BenchNode::new(driver, check),
             settings: Settings {
                 noise: model.known_noise(),
                 ..settings
@@ -70,7 +70,7 @@ impl Side {
     }
 
     #[inline]
-    fn tick(&mut self, force_g: [f64; 3], time_s: f64) {
+    fn tick(&mut self, motion: &Motion, time_s: f64) {
         let Self {
             electronics,
             node,
@@ -78,7 +78,7 @@ impl Side {
             ..
         } = self;
         let clock = *electronics.crystal();
-        electronics.tick(force_g, time_s, |edge| {
+        electronics.tick(motion, time_s, |edge| {
             node.channel.data_ready(settings, clock.at(edge.captured_s));
         });
         let now = clock.at(time_s);
@@ -93,9 +93,13 @@ impl Side {
         self.electronics.clock(time_s)
     }
 
-    /// The part, for faults and for looking at.
+    /// The accelerometer LIS2DW12, for looking at.
+    ///
+    /// # Panics
+    /// Where there is another part.
     pub fn chip(&self) -> &Rc<RefCell<Chip>> {
-        self.electronics.chip()
+        let chip = self.electronics.lis2dw12();
+        chip.expect("an LIS2DW12")
     }
 }
 
@@ -112,6 +116,8 @@ pub struct Instrument {
 pub struct Pair {
     /// Both readings.
     pub readings: [Reading; 2],
+    /// Both angles of this very moment, where there are gyroscopes; otherwise the readings.
+    pub now: [Reading; 2],
     /// Node 1's verdict on them.
     pub verdict: Verdict,
 }
@@ -168,7 +174,7 @@ impl Instrument {
         self.ticks += 1;
         let time_s = self.time_s();
         for side in &mut self.sides {
-            side.tick(motion.force_g, time_s);
+            side.tick(motion, time_s);
         }
     }
 
@@ -200,18 +206,34 @@ impl Instrument {
         let now = first.clock(time_s);
         let verdict = first.node.judge(own, peer, now);
         let readings = [own, peer].map(|said| said.reading);
-        Pair { readings, verdict }
+        let mut pair = Pair {
+            readings,
+            now: readings,
+            verdict,
+        };
+        for (now, side) in pair.now.iter_mut().zip(&self.sides) {
+            if side.settings.chain.fusion.is_some() {
+                let channel = &side.node.channel;
+                *now = channel.reading_now(&side.settings, side.clock(time_s));
+            }
+        }
+        pair
     }
 
     /// The self-test of one side's part in the present pose (data sheet procedure).
     ///
     /// Takes about a second of that side's time. Errors: see [`SelfTestError`].
+    ///
+    /// # Panics
+    /// Where there is no LIS2DW12.
     pub fn self_test(&mut self, node: usize) -> Result<SelfTest, SelfTestError<ErrorKind>> {
         let Side {
             electronics, node, ..
         } = &mut self.sides[node];
-        let result =
-            electronics.run_waiting(|mut delay, _| node.channel.part().self_test(&mut delay));
+        let result = electronics.run_waiting(|mut delay, _| {
+            let part = node.channel.part().lis2dw12();
+            part.expect("an LIS2DW12").self_test(&mut delay)
+        });
         self.start();
         result
     }

@@ -7,8 +7,8 @@
 //! The world moves in ticks of 1 ms. On each tick a [`motion::Mover`] says what the housing feels,
 //! each part filters that with its own analogue low-pass, samples it by its own clock, adds its
 //! errors ([`error_model`]), and raises data-ready; then the device code reads it over SPI from a
-//! register-level model ([`lis2dw12`]). [`instrument`] puts that together, [`mod@bench`] works
-//! with it.
+//! register-level model ([`lis2dw12`]; [`ism330dhcx`] is the part with a gyroscope). [`instrument`]
+//! puts that together, [`mod@bench`] works with it.
 
 pub mod bench;
 pub mod bench_node;
@@ -20,6 +20,7 @@ pub mod error_model;
 pub mod excavator;
 pub mod fault;
 pub mod instrument;
+pub mod ism330dhcx;
 pub mod lis2dw12;
 pub mod low_pass;
 pub mod memory;
@@ -28,6 +29,7 @@ pub mod motor;
 pub mod network;
 pub mod rig;
 pub mod rng;
+pub mod spi_part;
 pub mod supply;
 pub mod trial;
 

@@ -9,6 +9,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use device::channel::{CHECK_INTERVAL_US, Settings};
+use device::sensor::Lis2dw12;
 use instant::Instant;
 use sim::TICK_S;
 use sim::bench::{Mode, run};
@@ -214,7 +215,7 @@ fn an_upset_register_is_seen_within_0_11_s() {
 struct Alone {
     settings: Settings,
     chip: Rc<RefCell<Chip>>,
-    node: BenchNode<SpiPort>,
+    node: BenchNode<Lis2dw12<SpiPort>>,
     now_us: u64,
 }
 
@@ -229,7 +230,7 @@ impl Alone {
             noise: 1,
             ..Mode::Product.settings()
         };
-        let mut node = BenchNode::new(port.clone(), CrossCheck::product());
+        let mut node = BenchNode::new(Lis2dw12::new(port.clone()), CrossCheck::product());
         node.start(&settings, &mut port, Instant(50_000)).unwrap();
         Self {
             settings,
@@ -291,7 +292,7 @@ fn a_stuck_data_ready_makes_the_channel_stale_and_is_not_latched() {
 fn a_channel_that_was_never_started_says_so() {
     let chip = Rc::new(RefCell::new(Chip::new(Traits::TYPICAL)));
     let settings = Mode::Product.settings();
-    let mut node = BenchNode::new(SpiPort::new(chip), CrossCheck::product());
+    let mut node = BenchNode::new(Lis2dw12::new(SpiPort::new(chip)), CrossCheck::product());
     let now = Instant(CHECK_INTERVAL_US as u64);
     assert_eq!(node.reading(&settings, now).x, Err(Invalid::NoSample));
     node.channel.poll(&settings, now);
@@ -313,7 +314,7 @@ fn a_start_forgets_a_disagreement_and_nothing_else_does() {
         angle: m.angle.plus(Angle::from_degrees(20.0)),
         ..m
     });
-    let judge = |node: &mut BenchNode<SpiPort>, peer, ms: u64| {
+    let judge = |node: &mut BenchNode<Lis2dw12<SpiPort>>, peer, ms: u64| {
         node.judge(own, peer, Instant(2_000_000 + 1000 * ms))
             .judgement()
     };

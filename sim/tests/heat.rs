@@ -52,6 +52,7 @@ impl Channel {
             part_delay_q16: 0,
             timing: Timing::AsItArrives,
             calibration,
+            fusion: None,
         };
         Self { part, chain, rng }
     }
@@ -75,6 +76,7 @@ impl Channel {
             temperature: TemperatureModel::None,
             correction: Correction::TwoAxis { vector, harmonics },
             budget: Budget::calibrated(reference, Uncertainty(0), span),
+            rates: None,
         };
         channel
     }

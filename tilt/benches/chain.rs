@@ -48,7 +48,9 @@ fn product() -> Chain {
                 noise: ONE_G as u32 / 800,
                 ..Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER)
             },
+            rates: None,
         },
+        fusion: None,
     }
 }
 

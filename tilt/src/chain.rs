@@ -17,12 +17,15 @@
 //!
 //! Left out: reading the part, and judging one channel by the other (`cross_check`).
 
+mod fused;
+
 use crate::ONE_G;
 use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
 use crate::composition::{Composition, Place, Whole};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
+use crate::motion::Rate;
 use crate::root::root;
-use crate::sample::{Counts, FullScale, Temperature};
+use crate::sample::{Counts, FullScale, Sample, Temperature};
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
 use crate::uncertainty::{Budget, Uncertainty};
@@ -186,6 +189,8 @@ pub struct Calibration<C: Composition = Whole> {
     pub correction: Correction<C>,
     /// Where the uncertainty comes from.
     pub budget: Budget,
+    /// The gyroscope's errors; `None` where there is none, or nothing is known of it.
+    pub rates: Option<C::Rates>,
 }
 
 impl Calibration {
@@ -195,6 +200,7 @@ impl Calibration {
         temperature: TemperatureModel::None,
         correction: Correction::NOMINAL,
         budget: Budget::DATA_SHEET,
+        rates: None,
     };
 }
 
@@ -207,6 +213,7 @@ impl<C: Composition> Calibration<C> {
         self.temperature = TemperatureModel::None;
         self.correction = C::uncalibrated();
         self.budget = Budget::DATA_SHEET;
+        self.rates = None;
     }
 }
 
@@ -252,6 +259,8 @@ pub struct Chain<C: Composition = Whole> {
     pub part_delay_q16: u32,
     /// Which instant readings belong to.
     pub timing: Timing,
+    /// How the vertical follows a gyroscope, where the part has one.
+    pub fusion: Option<C::Fusion>,
     /// Correction for this part.
     pub calibration: Calibration<C>,
 }
@@ -276,8 +285,8 @@ struct Stamped {
 }
 
 /// What a chain remembers between samples.
-#[derive(Clone, Debug, Default)]
-pub struct ChainState {
+#[derive(Clone, Debug)]
+pub struct ChainState<C: Composition = Whole> {
     filter: FilterState,
     latest: Option<Stamped>,
     previous: Option<Stamped>,
@@ -289,9 +298,27 @@ pub struct ChainState {
     /// Smoothed temperature in 1/65536 degC.
     temperature_q16: Option<i32>,
     filled: u32,
+    fusion: Option<C::FusionState>,
 }
 
-impl ChainState {
+impl<C: Composition> Default for ChainState<C> {
+    fn default() -> Self {
+        Self {
+            filter: FilterState::default(),
+            latest: None,
+            previous: None,
+            input: [0; 3],
+            period_q8: 0,
+            settling: 0,
+            over_range: 0,
+            temperature_q16: None,
+            filled: 0,
+            fusion: None,
+        }
+    }
+}
+
+impl<C: Composition> ChainState<C> {
     /// The temperature that compensation uses, once one has been read.
     pub fn temperature(&self) -> Option<Temperature> {
         self.temperature_q16.map(|t| Temperature((t + 128) >> 8))
@@ -300,6 +327,11 @@ impl ChainState {
     /// The newest filtered acceleration with its capture time: what a calibration memorises.
     pub fn filtered(&self) -> Option<(Filtered, Instant)> {
         self.latest.map(|s| (s.filtered, s.at))
+    }
+
+    /// The newest rate as the gyroscope read it, in its own axes: what its calibration memorises.
+    pub fn measured_rate(&self) -> Option<Rate> {
+        self.fusion.as_ref().map(|fusion| fusion.get().measured())
     }
 
     /// Missing samples that were filled by holding the one before, since the start.
@@ -315,25 +347,28 @@ impl ChainState {
 
 impl<C: Composition> Chain<C> {
     /// Takes in one temperature reading; smoothed over about eight readings.
-    pub fn temperature(&self, state: &mut ChainState, reading: Temperature) {
+    pub fn temperature(&self, state: &mut ChainState<C>, reading: Temperature) {
         let new = reading.0.clamp(-128 * 256, 127 * 256) << 8;
         state.temperature_q16 = Some(match state.temperature_q16 {
             None => new,
             Some(old) => old + (new - old) / 8,
         });
+        self.correct_rates(state, state.temperature().unwrap_or(reading));
     }
 
     /// Takes in one sample captured at `at`.
     ///
     /// A sample that is not newer than the last is ignored. Up to three missing ones are filled by
     /// holding the last; a longer gap starts the filter anew.
-    pub fn sample(&self, state: &mut ChainState, counts: Counts, at: Instant) {
+    pub fn sample(&self, state: &mut ChainState<C>, sample: impl Into<Sample>, at: Instant) {
+        let Sample { counts, rate } = sample.into();
         let input = scale(counts, self.full_scale);
-        match state.latest.map(|s| at.micros_since(s.at)) {
+        let missing = match state.latest.map(|s| at.micros_since(s.at)) {
             Some(elapsed) if elapsed <= 0 => return,
             Some(elapsed) => self.account(state, elapsed, input),
             None => self.start(state, input),
-        }
+        };
+        self.fuse(state, input, rate, missing);
         self.note_range(state, counts);
         state.input = input;
         state.previous = state.latest;
@@ -344,18 +379,21 @@ impl<C: Composition> Chain<C> {
         state.settling = state.settling.saturating_sub(1);
     }
 
-    fn start(&self, state: &mut ChainState, input: [i32; 3]) {
+    /// Starts the filter at `input`; no sample is missing before it.
+    fn start(&self, state: &mut ChainState<C>, input: [i32; 3]) -> u32 {
         state.filter = FilterState::standing_at(input);
         state.settling = settling_samples(self.period_us);
         state.period_q8 = self.period_us.saturating_mul(256);
         state.latest = None;
+        Self::restart_fusion(state);
+        0
     }
 
-    /// Follows the period and mends gaps; `elapsed` is positive.
+    /// Follows the period and mends gaps; `elapsed` is positive. Gives the samples it filled.
     ///
     /// A gap of more than 8.3 s starts the filter anew whatever the period: up to there everything
     /// fits into 32 bits, which the chip divides by itself.
-    fn account(&self, state: &mut ChainState, elapsed: i64, input: [i32; 3]) {
+    fn account(&self, state: &mut ChainState<C>, elapsed: i64, input: [i32; 3]) -> u32 {
         let elapsed_q8 = match u32::try_from(elapsed) {
             Ok(elapsed) if elapsed < 1 << 23 => elapsed << 8,
             _ => return self.start(state, input),
@@ -381,9 +419,10 @@ impl<C: Composition> Chain<C> {
             self.filter.step(&mut state.filter, state.input);
             state.filled = state.filled.saturating_add(1);
         }
+        steps.saturating_sub(1)
     }
 
-    fn note_range(&self, state: &mut ChainState, counts: Counts) {
+    fn note_range(&self, state: &mut ChainState<C>, counts: Counts) {
         // The top code of a 12-bit left-justified reading; 14-bit ones clip above it.
         const TOP: i16 = 32_752;
         let memory = settling_samples(self.period_us) / 2;
@@ -396,21 +435,34 @@ impl<C: Composition> Chain<C> {
     }
 
     /// Delay of part and filter in microseconds, by the measured period.
-    pub fn delay_us(&self, state: &ChainState) -> i64 {
+    pub fn delay_us(&self, state: &ChainState<C>) -> i64 {
         let samples = i64::from(self.filter.delay_q16()) + i64::from(self.part_delay_q16);
         (samples * i64::from(state.period_q8) + (1 << 23)) >> 24
     }
 
     /// The reading at `now`, belonging to the instant that [`Timing`] says.
-    pub fn reading(&self, state: &ChainState, now: Instant) -> Reading {
-        self.reading_and_vector(state, now).0
+    pub fn reading(&self, state: &ChainState<C>, now: Instant) -> Reading {
+        match self.fused_reading(state, now) {
+            Some(fused) => fused,
+            None => self.filtered_reading(state, now).0,
+        }
     }
 
     /// The reading at `now`, and the calibrated acceleration that it came from where there is one:
     /// a calibration on three axes.
     pub fn reading_and_vector(
         &self,
-        state: &ChainState,
+        state: &ChainState<C>,
+        now: Instant,
+    ) -> (Reading, Option<Corrected>) {
+        let (filtered, vector) = self.filtered_reading(state, now);
+        (self.fused_reading(state, now).unwrap_or(filtered), vector)
+    }
+
+    /// [`Chain::reading_and_vector`] without the gyroscope.
+    fn filtered_reading(
+        &self,
+        state: &ChainState<C>,
         now: Instant,
     ) -> (Reading, Option<Corrected>) {
         match self.take(state, now) {
@@ -444,11 +496,8 @@ impl<C: Composition> Chain<C> {
         }
     }
 
-    fn take(
-        &self,
-        state: &ChainState,
-        now: Instant,
-    ) -> Result<(Filtered, Temperature, Instant), Invalid> {
+    /// The newest sample, unless it is too old or too early.
+    fn fresh(&self, state: &ChainState<C>, now: Instant) -> Result<Stamped, Invalid> {
         let latest = state.latest.ok_or(Invalid::NoSample)?;
         let age = now.micros_since(latest.at);
         if age > 4 * i64::from(self.period_us) {
@@ -457,13 +506,19 @@ impl<C: Composition> Chain<C> {
         if state.settling > 0 {
             return Err(Invalid::Settling);
         }
+        Ok(latest)
+    }
+
+    fn take(
+        &self,
+        state: &ChainState<C>,
+        now: Instant,
+    ) -> Result<(Filtered, Temperature, Instant), Invalid> {
+        let latest = self.fresh(state, now)?;
         if state.over_range > 0 {
             return Err(Invalid::OverRange);
         }
-        let temperature = match self.calibration.temperature {
-            TemperatureModel::None => state.temperature().unwrap_or(Temperature::REFERENCE),
-            _ => state.temperature().ok_or(Invalid::NoTemperature)?,
-        };
+        let temperature = self.temperature_of(state)?;
         let delay = self.delay_us(state);
         match self.timing {
             Timing::AsItArrives => Ok((latest.filtered, temperature, latest.at.offset(-delay))),
@@ -655,5 +710,7 @@ fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filter
     Some(Filtered { accel })
 }
 
+#[cfg(test)]
+mod fused_tests;
 #[cfg(test)]
 mod tests;

@@ -15,6 +15,8 @@ use core::fmt::Debug;
 use crate::angle::Axes;
 use crate::chain::Correction;
 use crate::cross_check::{CrossCheck, PaperState, ProductState};
+use crate::fusion::{Fusion, FusionState};
+use crate::rate::RateCorrection;
 use crate::table::Table;
 use crate::temperature::Quadratic;
 use crate::vector::Vector;
@@ -40,6 +42,9 @@ impl Stage for Vector {}
 impl Stage for Quadratic {}
 impl Stage for PaperState {}
 impl Stage for ProductState {}
+impl Stage for RateCorrection {}
+impl Stage for Fusion {}
+impl Stage for FusionState {}
 
 /// A stage that is not there. No value has this type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +93,12 @@ pub trait Composition: Clone + Debug + PartialEq + Sized + 'static {
     type Vector: Place<Vector> + PartialEq;
     /// The product's temperature model.
     type Quadratic: Place<Quadratic> + Copy + PartialEq;
+    /// The calibration of a gyroscope.
+    type Rates: Place<RateCorrection> + PartialEq;
+    /// How the vertical follows a gyroscope.
+    type Fusion: Place<Fusion> + PartialEq;
+    /// The memory of it.
+    type FusionState: Place<FusionState>;
     /// The memory of the paper's rule (R12, R13).
     type PaperRule: Place<PaperState>;
     /// The memory of the product's ladder.
@@ -111,6 +122,9 @@ impl Composition for Whole {
     type Tables = Axes<Table>;
     type Vector = Vector;
     type Quadratic = Quadratic;
+    type Rates = RateCorrection;
+    type Fusion = Fusion;
+    type FusionState = FusionState;
     type PaperRule = PaperState;
     type Ladder = ProductState;
     const UNCERTAINTY: bool = true;

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Beside it stands `motion`: the vertical while the machine moves, from a gyroscope and the
-//! corrected acceleration.
+//! corrected acceleration. `rate` corrects what its gyroscope measures.
 //!
 //! No I/O, no clock, no statics, no allocation: samples and times are arguments, configuration is
 //! an immutable value, state is handed in. The same samples give the same bits on the host and on
@@ -26,9 +26,11 @@ pub mod chain;
 pub mod composition;
 pub mod cross_check;
 pub mod filter;
+pub mod fusion;
 pub mod health;
 pub mod motion;
 pub mod observation;
+pub mod rate;
 mod root;
 pub mod sample;
 pub mod table;

@@ -71,13 +71,14 @@ pub struct Quadratic {
 }
 
 /// Distance from 25 degC in 1/256 degC, held inside the part's operating range (-40..85 degC).
-fn from_reference(t: Temperature) -> i64 {
+pub(crate) fn from_reference(t: Temperature) -> i64 {
     const LOW: i32 = -40 * 256;
     const HIGH: i32 = 85 * 256;
     i64::from(t.0.clamp(LOW, HIGH) - Temperature::REFERENCE.0)
 }
 
-fn saturate(value: i64) -> i32 {
+/// Cut off at the ends of 32 bits.
+pub(crate) fn saturate(value: i64) -> i32 {
     value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
 
@@ -154,7 +155,7 @@ impl Quadratic {
 }
 
 /// d (c1 + c2 d) for c1 with n and c2 with n + 8 fractional bits, d in 1/256; loses 8 bits of n.
-fn quadratic(c1: i32, c2: i32, d: i64) -> i64 {
+pub(crate) fn quadratic(c1: i32, c2: i32, d: i64) -> i64 {
     let slope = (i64::from(c1) << 16) + i64::from(c2) * d;
     (slope * d) >> 32
 }

@@ -264,17 +264,24 @@ impl Budget {
 
     /// Standard deviation of one axis behind `filter` at `t`, 2^-26 g per step.
     pub fn accel(&self, filter: &LowPass, t: Temperature) -> u32 {
-        let noise = self.noise_power(filter);
+        root(self.noise_power(filter).saturating_add(self.standing(t))).0
+    }
+
+    /// [`Budget::accel`] of a mean so long that no noise is left in it.
+    pub fn accel_at_rest(&self, t: Temperature) -> u32 {
+        root(self.standing(t)).0
+    }
+
+    /// Square of what does not scatter from sample to sample.
+    fn standing(&self, t: Temperature) -> u64 {
         let opened =
             t.0.abs_diff(self.fitted_at.0)
                 .saturating_add(LOOP)
                 .min(8 * 256);
         let hysteresis = (u64::from(self.hysteresis) * u64::from(opened)) >> 11;
-        let sum = noise
-            .saturating_add(square(self.repeatability))
+        square(self.repeatability)
             .saturating_add(hysteresis.saturating_mul(hysteresis))
-            .saturating_add(square(self.drift(t)));
-        root(sum).0
+            .saturating_add(square(self.drift(t)))
     }
 
     /// What the offset of one axis may have drifted by at `t`, 2^-26 g per step.

@@ -74,7 +74,9 @@ fn product() -> Chain {
                 tco: TCO,
                 span: Span::CHAMBER,
             },
+            rates: None,
         },
+        fusion: None,
     }
 }
 

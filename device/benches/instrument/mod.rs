@@ -17,7 +17,7 @@ use device::objects::device_objects::{DeviceObjects, Identity, Parts, Source, Wo
 use device::objects::table::{Channel, Models};
 use device::objects::values::Values;
 use device::pair::Pair;
-use device::sensor::Config;
+use device::sensor::{Config, PartConfig};
 use instant::Instant;
 use nothing::Nothing;
 use tilt::angle::{Axes, Harmonics};
@@ -63,7 +63,7 @@ pub struct Instrument {
 
 fn settings() -> Settings {
     Settings {
-        part: Config::PRODUCT,
+        part: PartConfig::Lis2dw12(Config::PRODUCT),
         chain: Chain {
             filter: LowPass::PRODUCT,
             full_scale: FullScale::G2,
@@ -77,7 +77,9 @@ fn settings() -> Settings {
                     harmonics: Axes::<Harmonics>::default(),
                 },
                 budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+                rates: None,
             },
+            fusion: None,
         },
         noise: 0,
     }

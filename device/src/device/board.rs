@@ -5,14 +5,14 @@
 //!
 //! Left out: how the board finds out.
 
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 
 use super::{Device, Memory};
 use crate::fault_log::Entry;
 use crate::instrument::Instrument;
+use crate::sensor::Part;
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// The program before this start has ended by itself; call it after [`Device::start_bus`].
     ///
     /// `code` is one of CiA 301's 61xxh, internal software, and `detail` goes into bytes 3 to 7 of

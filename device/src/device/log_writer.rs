@@ -12,7 +12,6 @@
 //! Left out: what is an event, and the formats.
 
 use canopen::nmt::State;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 
 use super::trial::PAUSE_US as PAGE_PAUSE_US;
@@ -21,6 +20,7 @@ use crate::black_box::BOXES;
 use crate::fault_log::Entry;
 use crate::instrument::Instrument;
 use crate::records::{Record, RecordStore, StoreError};
+use crate::sensor::Part;
 
 /// Events that may be written at once.
 const ALLOWANCE: u8 = 16;
@@ -77,7 +77,7 @@ impl LogWriter {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// Takes events and boxes back from the memory, as every start does.
     pub(super) fn recall_events(&mut self) {
         self.log_writer = LogWriter::new();

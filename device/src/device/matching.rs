@@ -12,7 +12,6 @@
 
 use canopen::Frame;
 use canopen::nmt::State;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 use tilt::chain::Invalid;
 use tilt::composition::Place;
@@ -27,6 +26,7 @@ use crate::instrument::Instrument;
 use crate::objects::process::SyncSource;
 use crate::objects::values::Latched;
 use crate::peer_clock::{Heard, PeerClock};
+use crate::sensor::Part;
 
 /// SYNCs in a row that may pass without the peer's exchange before it counts as silent.
 const MISSES_ALLOWED: u8 = 2;
@@ -67,7 +67,7 @@ impl Matching {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// Takes the check that 2003h asks for, with a fresh memory.
     // Out of line: a check is large, and nothing else of a start needs it on the stack.
     #[inline(never)]

@@ -8,7 +8,6 @@
 //! Left out: how a judgement comes about (`pair`).
 
 use canopen::nmt::State;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 use tilt::angle::Angle;
 use tilt::chain::Invalid;
@@ -23,6 +22,7 @@ use crate::instrument::Instrument;
 use crate::objects::process::SyncSource;
 use crate::objects::safety::VALID;
 use crate::profile::Resolution;
+use crate::sensor::Part;
 
 /// Outside these the part is not specified (DS11811, table 4), in 1/256 degC.
 const COLDEST: i32 = -40 * 256;
@@ -45,7 +45,7 @@ fn outside(slope: Angle, low: i32, high: i32, stood: bool) -> bool {
     !inside.contains(&Resolution::Thousandth.units(slope))
 }
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// What every event of the bus ends with: whatever has happened may be due sooner than what was
     /// known. The poll that follows at once reports it.
     pub(super) fn after(&mut self, now: Instant) {

@@ -13,12 +13,12 @@
 //! Left out: a program that hangs, which the watchdog ends.
 
 use canopen::nmt::State;
-use embedded_hal::spi::SpiDevice;
 use instant::Instant;
 
 use super::{Device, Memory};
 use crate::instrument::Instrument;
 use crate::program::{Confirmation, Effect, ProgramMemory};
+use crate::sensor::Part;
 
 /// After so long without having shown what it can, a program on trial gives up, us.
 pub const PATIENCE_US: i64 = 10_000_000;
@@ -56,7 +56,7 @@ impl Trial {
     }
 }
 
-impl<SPI: SpiDevice, M: Memory, I: Instrument> Device<SPI, M, I> {
+impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// What is due of an update; nothing is erased while others work by the angles.
     pub(super) fn update(&mut self, now: Instant) {
         if !I::UPDATE {

@@ -1,7 +1,8 @@
 //! Why an operation of the driver failed: one small enum per operation.
 //!
 //! A bus error keeps the error `E` of the SPI device. A register that does not hold what it
-//! should is named, with what was expected and what was found.
+//! should is named, with what was expected and what was found. `R` is the part's own list of
+//! registers, the LIS2DW12's where nothing else is written.
 
 use core::error::Error;
 use core::fmt::{self, Debug, Display, Formatter};
@@ -10,16 +11,16 @@ use super::registers::Register;
 
 /// A register that does not hold what was written to it, or what the part always has there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mismatch {
+pub struct Mismatch<R = Register> {
     /// The register.
-    pub register: Register,
+    pub register: R,
     /// What it should hold.
     pub expected: u8,
     /// What was read.
     pub found: u8,
 }
 
-impl Display for Mismatch {
+impl<R: Display> Display for Mismatch<R> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self {
             register,
@@ -49,11 +50,11 @@ pub enum InitError<E> {
 
 /// Why the periodic read-back failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VerifyError<E> {
+pub enum VerifyError<E, R = Register> {
     /// The SPI device reported an error.
     Bus(E),
     /// A register is wrong: after a brown-out this is CTRL1, back in power-down.
-    Mismatch(Mismatch),
+    Mismatch(Mismatch<R>),
 }
 
 /// Why samples or the temperature could not be read.
@@ -67,17 +68,17 @@ pub enum ReadError<E> {
 
 /// Why the self-test has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SelfTestError<E> {
+pub enum SelfTestError<E, R = Register> {
     /// The SPI device reported an error.
     Bus(E),
     /// A register did not take the self-test's setting.
-    Mismatch(Mismatch),
+    Mismatch(Mismatch<R>),
     /// Every byte was FFh: the data line is stuck high.
     StuckHigh,
     /// Data-ready did not come within 50 ms at 50 Hz.
     NoData,
     /// The part could not be brought back to its previous configuration: run `init`.
-    Restore(VerifyError<E>),
+    Restore(VerifyError<E, R>),
 }
 
 impl<E> From<VerifyError<E>> for InitError<E> {
@@ -89,8 +90,8 @@ impl<E> From<VerifyError<E>> for InitError<E> {
     }
 }
 
-impl<E> From<VerifyError<E>> for SelfTestError<E> {
-    fn from(error: VerifyError<E>) -> Self {
+impl<E, R> From<VerifyError<E, R>> for SelfTestError<E, R> {
+    fn from(error: VerifyError<E, R>) -> Self {
         match error {
             VerifyError::Bus(error) => Self::Bus(error),
             VerifyError::Mismatch(mismatch) => Self::Mismatch(mismatch),
@@ -98,12 +99,25 @@ impl<E> From<VerifyError<E>> for SelfTestError<E> {
     }
 }
 
-impl<E> From<ReadError<E>> for SelfTestError<E> {
+impl<E, R> From<ReadError<E>> for SelfTestError<E, R> {
     fn from(error: ReadError<E>) -> Self {
         match error {
             ReadError::Bus(error) => Self::Bus(error),
             ReadError::StuckHigh => Self::StuckHigh,
         }
+    }
+}
+
+/// Holds a register against what it should contain.
+pub(super) fn expect<E, R>(register: R, expected: u8, found: u8) -> Result<(), VerifyError<E, R>> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(VerifyError::Mismatch(Mismatch {
+            register,
+            expected,
+            found,
+        }))
     }
 }
 
@@ -124,7 +138,7 @@ impl<E: Debug> Display for InitError<E> {
     }
 }
 
-impl<E: Debug> Display for VerifyError<E> {
+impl<E: Debug, R: Display> Display for VerifyError<E, R> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bus(error) => write!(f, "SPI error {error:?} during the read-back"),
@@ -142,7 +156,7 @@ impl<E: Debug> Display for ReadError<E> {
     }
 }
 
-impl<E: Debug> Display for SelfTestError<E> {
+impl<E: Debug, R: Display> Display for SelfTestError<E, R> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bus(error) => write!(f, "SPI error {error:?} during the self-test"),
@@ -155,6 +169,6 @@ impl<E: Debug> Display for SelfTestError<E> {
 }
 
 impl<E: Debug> Error for InitError<E> {}
-impl<E: Debug> Error for VerifyError<E> {}
+impl<E: Debug, R: Debug + Display> Error for VerifyError<E, R> {}
 impl<E: Debug> Error for ReadError<E> {}
-impl<E: Debug> Error for SelfTestError<E> {}
+impl<E: Debug, R: Debug + Display> Error for SelfTestError<E, R> {}

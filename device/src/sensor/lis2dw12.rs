@@ -6,15 +6,16 @@
 //! wake-up) are left out.
 
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{Operation, SpiDevice};
+use embedded_hal::spi::SpiDevice;
 use tilt::sample::{Counts, Temperature};
 
 use super::config::{Config, Fifo};
-use super::error::{InitError, Mismatch, ReadError, VerifyError};
+use super::error::{InitError, ReadError, VerifyError, expect};
 use super::registers::{
     CTRL2_BOOT, CTRL2_IF_ADD_INC, CTRL2_SOFT_RESET, CTRL7_DRDY_PULSED, FIFO_SAMPLES_DIFF,
-    FIFO_SAMPLES_OVR, PART_ID, READ, Register, STATUS_DRDY,
+    FIFO_SAMPLES_OVR, PART_ID, Register, STATUS_DRDY,
 };
+use super::wire;
 
 /// Time from power-up until the part answers, in milliseconds (data sheet: boot time 20 ms).
 const BOOT_MS: u32 = 20;
@@ -168,7 +169,7 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
         // OUT_T counts from 25 degC, as OUT_T_L/H does.
         let temperature_whole_c = temperature.cast_signed().saturating_add(25);
         Ok(Some(Sample {
-            counts: counts_from(xyz),
+            counts: Counts(wire::axes(xyz)),
             temperature_whole_c,
         }))
     }
@@ -207,7 +208,9 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
         }
         let mut count: usize = 0;
         for slot in out.iter_mut().take(level) {
-            *slot = counts_from(self.burst(Register::OutXL).map_err(ReadError::Bus)?);
+            *slot = Counts(wire::axes(
+                self.burst(Register::OutXL).map_err(ReadError::Bus)?,
+            ));
             count = count.saturating_add(1);
         }
         let left = level.saturating_sub(count);
@@ -307,7 +310,7 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
 
     /// Writes one register.
     fn write(&mut self, register: Register, value: u8) -> Result<(), SPI::Error> {
-        self.spi.write(&[register.address(), value])
+        wire::write(&mut self.spi, register.address(), value)
     }
 
     /// Reads `N` bytes from `first` on, in one transaction.
@@ -319,9 +322,7 @@ impl<SPI: SpiDevice> Lis2dw12<SPI> {
 
     /// As [`Self::burst`], and once for any number of bytes.
     fn fill(&mut self, first: Register, bytes: &mut [u8]) -> Result<(), SPI::Error> {
-        let command = [first.address() | READ];
-        self.spi
-            .transaction(&mut [Operation::Write(&command), Operation::Read(bytes)])
+        wire::read(&mut self.spi, first.address(), bytes)
     }
 }
 
@@ -334,27 +335,4 @@ fn upper_byte(upper: &[u8; UPPER_BYTES], register: Register) -> u8 {
         .address()
         .wrapping_sub(Register::FifoCtrl.address());
     upper.get(usize::from(offset)).copied().unwrap_or(0xFF)
-}
-
-/// Holds a register against what it should contain.
-fn expect<E>(register: Register, expected: u8, found: u8) -> Result<(), VerifyError<E>> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(VerifyError::Mismatch(Mismatch {
-            register,
-            expected,
-            found,
-        }))
-    }
-}
-
-/// OUT_X_L to OUT_Z_H (28h to 2Dh), low byte first, as counts.
-fn counts_from(bytes: [u8; 6]) -> Counts {
-    let [xl, xh, yl, yh, zl, zh] = bytes;
-    Counts([
-        i16::from_le_bytes([xl, xh]),
-        i16::from_le_bytes([yl, yh]),
-        i16::from_le_bytes([zl, zh]),
-    ])
 }

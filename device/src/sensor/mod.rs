@@ -1,4 +1,5 @@
-//! The sensor: an LIS2DW12 on SPI, from registers to counts.
+//! The sensor: an LIS2DW12 on SPI, from registers to counts; beside it, in [`ism330dhcx`], the
+//! six-axis part of the variant with a gyroscope.
 //!
 //! In: an `embedded_hal::spi::SpiDevice` (mode 3, at most 10 MHz) and a [`Config`].
 //! Out: [`Sample`]s in left-justified counts (1 g = 16384 at +-2 g), the die temperature in
@@ -23,9 +24,12 @@
 
 mod config;
 mod error;
+pub mod ism330dhcx;
 mod lis2dw12;
+mod part;
 mod registers;
 mod self_test;
+mod wire;
 
 #[cfg(test)]
 mod tests;
@@ -33,5 +37,6 @@ mod tests;
 pub use config::{Bandwidth, Config, Fifo, Rate};
 pub use error::{InitError, Mismatch, ReadError, SelfTestError, VerifyError};
 pub use lis2dw12::{FIFO_DEPTH, FifoRead, Health, Lis2dw12, Sample};
+pub use part::{Part, PartConfig, PartError};
 pub use registers::{PART_ID, Register};
 pub use self_test::SelfTest;

@@ -9,9 +9,6 @@ use core::fmt;
 /// WHO_AM_I of every LIS2DW12 (data sheet, register 0Fh).
 pub const PART_ID: u8 = 0x44;
 
-/// Bit 7 of the first byte on the wire: set for a read (data sheet, SPI bus interface).
-pub const READ: u8 = 0x80;
-
 /// CTRL2: reload the trimming values; clears itself.
 pub const CTRL2_BOOT: u8 = 0x80;
 /// CTRL2: reset all control registers; clears itself.

@@ -16,19 +16,19 @@ use tilt::sample::{Counts, Temperature};
 use super::*;
 
 /// What went over the wire: the bytes written, and how many were then read.
-type Transfer = (Vec<u8>, usize);
+pub(super) type Transfer = (Vec<u8>, usize);
 
 /// Answers every read from a list of bytes, then with zeros; fails after a number of transfers.
 #[derive(Debug, Default)]
-struct Script {
-    answers: Vec<u8>,
-    next: usize,
-    seen: Vec<Transfer>,
-    fail_after: Option<usize>,
+pub(super) struct Script {
+    pub(super) answers: Vec<u8>,
+    pub(super) next: usize,
+    pub(super) seen: Vec<Transfer>,
+    pub(super) fail_after: Option<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Broken(u8);
+pub(super) struct Broken(pub(super) u8);
 
 impl Error for Broken {
     fn kind(&self) -> ErrorKind {
@@ -66,7 +66,7 @@ impl SpiDevice for Script {
 
 /// Adds up what was waited, in nanoseconds.
 #[derive(Default)]
-struct Waited(u64);
+pub(super) struct Waited(pub(super) u64);
 
 impl DelayNs for Waited {
     fn delay_ns(&mut self, ns: u32) {

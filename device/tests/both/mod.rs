@@ -16,6 +16,7 @@ use device::calibration::deliver;
 use device::device::{BoardRequest, Device};
 use device::mailboxes::{Abort, Mailboxes, Transmitter};
 use device::objects::table::Channel;
+use device::sensor::Lis2dw12;
 use instant::Instant;
 use tilt::cross_check::CrossCheck;
 
@@ -59,7 +60,7 @@ pub struct Policy {
 /// A node, its part and its connection.
 #[derive(Clone)]
 pub struct Node {
-    pub device: Device<Part, Nothing>,
+    pub device: Device<Lis2dw12<Part>, Nothing>,
     part: Part,
     registers: Registers,
     pub powered: bool,
@@ -82,7 +83,7 @@ impl Node {
         // There is room for it.
         let _ = deliver(&mut memory, &delivered());
         Self {
-            device: Device::new(part.clone(), check, factory, memory),
+            device: Device::new(Lis2dw12::new(part.clone()), check, factory, memory),
             part,
             registers,
             powered: false,

@@ -11,6 +11,7 @@ use device::exchange;
 use device::fault::Fault;
 use device::objects::table::Channel;
 use device::presentation::Presentation;
+use device::sensor::Lis2dw12;
 use instant::Instant;
 use tilt::angle::{Angle, Axes, slopes};
 use tilt::chain::Measurement;
@@ -84,7 +85,7 @@ impl Told {
 
 /// The device, its part, and the bus with the other channel.
 pub struct Pair {
-    pub device: Device<Part, Memory>,
+    pub device: Device<Lis2dw12<Part>, Memory>,
     part: Part,
     pub peer: Peer,
     pub now: Instant,
@@ -104,7 +105,7 @@ impl Pair {
         let part = along(0x2D);
         let mut pair = Self {
             device: Device::new(
-                part.clone(),
+                Lis2dw12::new(part.clone()),
                 CrossCheck::product(),
                 factory(Channel::A),
                 blank(),

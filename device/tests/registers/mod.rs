@@ -12,7 +12,7 @@ use device::channel::Setup;
 use device::device::Factory;
 use device::objects::device_objects::Identity;
 use device::objects::table::{Channel, Models};
-use device::sensor::Config;
+use device::sensor::{Config, PartConfig};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use tilt::chain::{Calibration, Timing};
@@ -129,7 +129,7 @@ pub fn factory(channel: Channel, serial: u32, noise: u32) -> Factory {
             reference: MOTOR,
         },
         setup: Setup {
-            part: Config::PRODUCT,
+            part: PartConfig::Lis2dw12(Config::PRODUCT),
             filter: LowPass::PRODUCT,
             timing: Timing::Aligned { latency_us: 25_000 },
             noise,

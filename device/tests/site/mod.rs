@@ -11,7 +11,7 @@ use device::device::{BoardRequest, Device, Factory};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
-use device::sensor::Config;
+use device::sensor::{Config, Lis2dw12};
 use flash::layout::{PAGE, RC, Slot};
 use flash::nor::{Draw, Nor, Page};
 use flash::slots::{self, Decision};
@@ -70,13 +70,18 @@ pub fn factory(channel: Channel) -> Factory {
     registers::factory(channel, 7, 1)
 }
 
-fn made(channel: Channel, part: Part, memory: Memory) -> Device<Part, Memory> {
-    Device::new(part, CrossCheck::product(), factory(channel), memory)
+fn made(channel: Channel, part: Part, memory: Memory) -> Device<Lis2dw12<Part>, Memory> {
+    Device::new(
+        Lis2dw12::new(part),
+        CrossCheck::product(),
+        factory(channel),
+        memory,
+    )
 }
 
 /// The device and what is around it.
 pub struct Site {
-    pub device: Device<Part, Memory>,
+    pub device: Device<Lis2dw12<Part>, Memory>,
     pub channel: Channel,
     /// SDO downloads that were accepted, and aborted.
     pub taken: u32,

@@ -110,6 +110,7 @@ fn product() -> Chain {
         part_delay_q16: PART_DELAY_Q16,
         timing: Timing::Aligned { latency_us: 25_000 },
         calibration: calibration(),
+        fusion: None,
     }
 }
 
@@ -147,5 +148,6 @@ pub fn calibration() -> Calibration {
             tco: TCO,
             span: Span::CHAMBER,
         },
+        rates: None,
     }
 }

@@ -68,7 +68,7 @@ fn run(serve: &Serve) -> Result<ExitCode, Box<dyn Error>> {
     let pieces = pieces(mode, serve.images.as_deref())?;
     let outfit = match mode {
         Mode::Paper => Outfit::paper(&pieces),
-        Mode::Product | Mode::OneAxis => Outfit::from(&pieces),
+        Mode::Product | Mode::Dynamic | Mode::OneAxis => Outfit::from(&pieces),
     };
     let bit_rate = u32::from(arguments.bit_rate) * 1000;
     let mut network = Network::new(bit_rate, arguments.seed);
@@ -88,7 +88,9 @@ fn run(serve: &Serve) -> Result<ExitCode, Box<dyn Error>> {
 fn pieces(mode: Mode, found: Option<&Path>) -> Result<Vec<(u32, Vec<u8>)>, BuildError> {
     Ok(match mode {
         Mode::Paper => found.map_or_else(Paper::build, Paper::read)?.pieces(),
-        Mode::Product | Mode::OneAxis => found.map_or_else(Product::build, Product::read)?.pieces(),
+        Mode::Product | Mode::Dynamic | Mode::OneAxis => {
+            found.map_or_else(Product::build, Product::read)?.pieces()
+        }
     })
 }
 

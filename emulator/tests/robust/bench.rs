@@ -53,6 +53,7 @@ pub fn calibration(degrees: f64) -> Calibration {
             harmonics,
         },
         budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+        rates: None,
     }
 }
 

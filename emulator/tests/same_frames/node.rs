@@ -11,6 +11,7 @@ use canopen::frame::Id;
 use device::device::Device;
 use device::mailboxes::{Abort, Transmitter};
 use device::objects::table::Channel;
+use device::sensor::Lis2dw12;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use emulator::chip::flash_controller::Dice;
@@ -171,7 +172,12 @@ pub fn follow<C: Composition>(
     let log = Rc::new(RefCell::new(Log::new(entries)));
     let mut wire = Wire(Rc::clone(&log));
     let (factory, memory) = (C::factory(channel, serial), C::memory(cells));
-    let mut device = Device::new(wire.clone(), C::Instrument::check(), factory, memory);
+    let mut device = Device::new(
+        Lis2dw12::new(wire.clone()),
+        C::Instrument::check(),
+        factory,
+        memory,
+    );
     let mut driver = Driver::new();
     let now = wire.now();
     // A part that does not answer is one on the chip, too.
@@ -189,7 +195,7 @@ pub fn follow<C: Composition>(
 /// `firmware::board_node::BoardNode::serve`, once.
 fn serve<C: Composition>(
     driver: &mut Driver,
-    device: &mut Device<Wire, C::Memory, C::Instrument>,
+    device: &mut Device<Lis2dw12<Wire>, C::Memory, C::Instrument>,
     wire: &mut Wire,
 ) {
     let log = Rc::clone(&wire.0);

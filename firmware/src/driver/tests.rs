@@ -9,8 +9,9 @@ use device::mailboxes::{Abort, MAILBOXES};
 use device::memory::update::Anybody;
 use device::memory::{Build, FlashMemory};
 use device::objects::table::Channel;
+use device::sensor::Lis2dw12;
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{ErrorType, Operation};
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use flash::layout::{PAGE, Slot};
 use flash::nor::{Draw, Nor, Page};
 use tilt::composition::Whole;
@@ -22,13 +23,13 @@ use crate::inbox::Inbox;
 use crate::part::LAYOUT;
 
 /// The registers of a part that is always ready and lies level.
-struct Part([u8; 64]);
+struct Wire([u8; 64]);
 
-impl ErrorType for Part {
+impl ErrorType for Wire {
     type Error = Infallible;
 }
 
-impl SpiDevice for Part {
+impl SpiDevice for Wire {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
         let mut address = 0;
         for operation in operations {
@@ -143,7 +144,7 @@ impl Controller for Notes {
 
 struct Bench {
     driver: Driver,
-    device: Device<Part, Memory>,
+    device: Device<Lis2dw12<Wire>, Memory>,
     can: Notes,
     now: Instant,
 }
@@ -157,7 +158,7 @@ impl Bench {
         let check = CrossCheck::product();
         let mut bench = Self {
             driver: Driver::new(),
-            device: Device::new(Part(registers), check, factory, memory()),
+            device: Device::new(Lis2dw12::new(Wire(registers)), check, factory, memory()),
             can: Notes::default(),
             now: Instant(1000),
         };
@@ -191,7 +192,7 @@ impl Bench {
         bench
     }
 
-    fn at(&mut self) -> DriverCall<'_, Part, Memory, Notes, Whole> {
+    fn at(&mut self) -> DriverCall<'_, Lis2dw12<Wire>, Memory, Notes, Whole> {
         self.driver.at(&mut self.device, &mut self.can)
     }
 

@@ -17,6 +17,7 @@ use sim::rig::Mount;
 
 mod assumptions;
 mod dense;
+mod dynamic;
 mod published;
 mod scatter;
 #[path = "../faults/spread.rs"]
@@ -34,6 +35,8 @@ struct Scale {
     units: u32,
     /// Units of each row about an assumption.
     assumed: u32,
+    /// Units of the variant with a gyroscope.
+    dynamic: u32,
     /// Weeks of paper mode and of product mode.
     weeks: u32,
     /// Weeks as printed: every day of every seed has warnings, and fewer show that as well.
@@ -45,6 +48,7 @@ const FULL: Scale = Scale {
     opening: FULL_OPENING,
     units: 100,
     assumed: 20,
+    dynamic: 30,
     weeks: 20,
     printed_weeks: 2,
 };
@@ -54,6 +58,7 @@ const REPEATED: Scale = Scale {
     opening: REPEATED_OPENING,
     units: 6,
     assumed: 2,
+    dynamic: 3,
     weeks: 2,
     printed_weeks: 1,
 };
@@ -73,16 +78,19 @@ fn main() -> Result<(), BenchError> {
     let paper = of(Mode::Paper, &World::NOMINAL)?;
     let printed = of(Mode::Paper, &AS_PRINTED)?;
     let one_axis = of(Mode::OneAxis, &World::NOMINAL)?;
+    let with_gyroscope = dynamic::Dynamic::measure(scale.dynamic)?;
     let weeks = week::Weeks::dig(scale)?;
     published::against_the_paper(&mut page, &paper, &product, &weeks);
     targets(&mut page, &product, &one_axis)?;
+    with_gyroscope.section(&mut page, &product);
     let compared = [
         ("paper mode", paper.as_slice()),
         ("as printed", &printed),
         ("product mode", &product),
     ];
     tables::table_two(&mut page, &compared);
-    tables::table_three(&mut page, &compared);
+    let gyroscope = [("with a gyroscope", with_gyroscope.units.as_slice())];
+    tables::table_three(&mut page, &[compared.as_slice(), &gyroscope].concat());
     tables::calibration(&mut page, &compared, &one_axis);
     scatter::section(&mut page, &compared);
     weeks.section(&mut page);
@@ -170,7 +178,7 @@ fn passage(mode: Mode, world: &World, unit: u32) -> Result<Passage, BenchError> 
         .for_each(|run| run.result.points = Vec::new());
     let scatter = scatter::of_unit(&mut bench);
     let (mut wedged, mut thermal) = (Tally::default(), Tally::default());
-    if mode == Mode::Product {
+    if matches!(mode, Mode::Product | Mode::Dynamic) {
         wedged = tilted(&mut bench);
         thermal = over_temperature(&mut bench);
     }

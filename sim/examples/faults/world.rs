@@ -53,7 +53,7 @@ impl Units {
     fn get(&self, mode: Mode, unit: usize) -> &Delivered {
         let units = match mode {
             Mode::Paper => &self.paper,
-            Mode::Product | Mode::OneAxis => &self.product,
+            Mode::Product | Mode::Dynamic | Mode::OneAxis => &self.product,
         };
         &units[unit]
     }

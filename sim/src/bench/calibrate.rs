@@ -118,7 +118,7 @@ impl Bench {
     fn sweeps(&self) -> &'static [bool] {
         match self.mode {
             Mode::Paper => &[true],
-            Mode::Product => &[true, false],
+            Mode::Product | Mode::Dynamic => &[true, false],
             Mode::OneAxis => &[true, false, true, false],
         }
     }
@@ -143,8 +143,14 @@ impl Bench {
     }
 
     /// Puts the housing on the motor in another way.
+    ///
+    /// It comes there without a turn that a gyroscope could feel, so where there is one the code
+    /// starts anew, as after a power-off.
     pub fn mount(&mut self, mount: Mount, wedge_deg: f64, lever_arm_m: f64) {
         self.rig.remount(mount, wedge_deg, lever_arm_m);
+        if self.mode == Mode::Dynamic {
+            self.instrument.start();
+        }
         self.run(0.5);
     }
 
@@ -201,7 +207,7 @@ impl Bench {
                     0.0,
                 )
             }
-            Mode::Product => two_axis(&stands(memories)).map_err(fit_error)?,
+            Mode::Product | Mode::Dynamic => two_axis(&stands(memories)).map_err(fit_error)?,
             Mode::OneAxis => one_axis(&stands(memories)).map_err(fit_error)?,
         };
         let chain = &mut self.instrument.sides[node].settings.chain;
@@ -239,7 +245,7 @@ impl Bench {
         let range = self.range_deg();
         let judged_deg = match self.mode {
             Mode::Paper => self.paper.judged_within_deg,
-            Mode::Product | Mode::OneAxis => 180.0,
+            Mode::Product | Mode::Dynamic | Mode::OneAxis => 180.0,
         };
         let mean_s = self.read_over_s().min(LONGEST_MEAN_S);
         for &mount in self.mounts() {
@@ -283,7 +289,7 @@ fn paper_tables(memories: &[Memory]) -> Result<Axes<Table>, tilt::table::TableEr
 fn stands(memories: &[Memory]) -> Vec<Stand> {
     let stand = |m: &Memory| Stand {
         slope: match m.mount {
-            Mount::X => Slope::X,
+            Mount::X | Mount::Z => Slope::X,
             Mount::Y => Slope::Y,
         },
         reference_deg: m.reference_deg,

@@ -12,6 +12,7 @@
 //! Afterwards the part is conditioned: it passes 25 degC by 10 degC and comes back, which leaves
 //! the hysteresis in the middle of its loop whichever branch the run ended on.
 
+use tilt::calibration::gyroscope::BiasFit;
 use tilt::calibration::thermal::{Dwell, ORIENTATIONS, QuadraticFit, piecewise};
 use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, TemperatureModel};
@@ -34,6 +35,8 @@ const BEFORE_STAIRS: usize = 3;
 pub struct Mean {
     /// 2^-26 g per step.
     pub accel: [f64; 3],
+    /// As the gyroscope reads it, rad/s; 0 where there is none.
+    pub rate: [f64; 3],
     /// The part's temperature.
     pub temperature: Temperature,
 }
@@ -50,6 +53,7 @@ pub fn mean_of_both(
 ) -> Result<[Mean; 2], BenchError> {
     run(instrument, mover, settle_s);
     let mut sums = [[0.0; 3]; 2];
+    let mut rates = [[0.0; 3]; 2];
     let mut counts = [0.0; 2];
     let mut last = [None; 2];
     for _ in 0..(duration_s / crate::TICK_S) as u32 {
@@ -66,6 +70,10 @@ pub fn mean_of_both(
             for (sum, a) in sums[i].iter_mut().zip(filtered.accel) {
                 *sum += f64::from(a);
             }
+            let rate = side.node.channel.measured_rate().unwrap_or_default();
+            for (sum, rate) in rates[i].iter_mut().zip(rate.rad_s()) {
+                *sum += rate;
+            }
         }
     }
     let mut means = [Mean::default(); 2];
@@ -77,6 +85,7 @@ pub fn mean_of_both(
         };
         *mean = Mean {
             accel: sums[i].map(|s| s / counts[i]),
+            rate: rates[i].map(|s| s / counts[i]),
             temperature,
         };
     }
@@ -114,6 +123,7 @@ impl Stair {
 struct Gathered {
     stairs: [[Stair; KNOTS]; 2],
     fits: [QuadraticFit; 2],
+    biases: [BiasFit; 2],
     /// Temperatures that each part has told.
     spans: [Span; 2],
 }
@@ -142,6 +152,7 @@ impl Bench {
             self.bring_to(35.0);
         }
         self.bring_to(25.0);
+        self.fit_biases(&gathered)?;
         self.fit_temperature(&gathered)
     }
 
@@ -189,6 +200,7 @@ impl Bench {
             }
             return Ok(());
         }
+        let mut rates = [[0.0; 3]; 2];
         for which in 0..ORIENTATIONS {
             let pose = &mut Fixture::tetrahedral(which);
             let share_g = pose.step(self.instrument.time_s()).force_g;
@@ -201,7 +213,34 @@ impl Bench {
                 };
                 fit.add(which, share_g, dwell);
             }
+            // What gravity does to a rate is another in each orientation, and 0 in their mean.
+            for ((sum, fit), mean) in rates.iter_mut().zip(&mut gathered.biases).zip(&means) {
+                for (sum, rate) in sum.iter_mut().zip(mean.rate) {
+                    *sum += rate / ORIENTATIONS as f64;
+                }
+                if which + 1 == ORIENTATIONS {
+                    fit.add(*sum, mean.temperature);
+                }
+            }
         }
+        Ok(())
+    }
+
+    /// The gyroscopes' bias over temperature, where there are gyroscopes.
+    fn fit_biases(&mut self, gathered: &Gathered) -> Result<(), BenchError> {
+        if self.mode != Mode::Dynamic {
+            return Ok(());
+        }
+        let fitted = |node: usize| {
+            gathered.biases[node]
+                .solve()
+                .map_err(|error| BenchError::Fit {
+                    step: "gyroscopes in the chamber",
+                    node: node + 1,
+                    error,
+                })
+        };
+        self.biases = Some([fitted(0)?, fitted(1)?]);
         Ok(())
     }
 

@@ -9,9 +9,11 @@
 
 use std::collections::VecDeque;
 
+use tilt::chain::Reading;
 use tilt::cross_check::THRESHOLD;
 
 use super::Bench;
+use super::static_test::of_axis;
 use super::statistics::Tally;
 use crate::TICK_S;
 use crate::instrument::Pair;
@@ -45,7 +47,8 @@ pub struct DynamicPoint {
 /// What the test found.
 #[derive(Clone, Debug, Default)]
 pub struct DynamicResult {
-    /// Errors against the truth at the instant of reading, per node, deg.
+    /// Errors against the truth at the instant of reading, per node, deg: of the angle of that very
+    /// moment, where there is a gyroscope.
     pub as_it_arrives: [Tally; 2],
     /// Errors against the truth at the instant that the reading declares, per node, deg.
     pub aligned: [Tally; 2],
@@ -120,20 +123,16 @@ fn note(result: &mut DynamicResult, pair: &Pair, mount: Mount, history: &History
     let truth_deg = history.back(0.0);
     let mut nodes_deg = [None; 2];
     let mut truth_then_deg = [truth_deg; 2];
-    for (node, reading) in pair.readings.iter().enumerate() {
-        let axis = if mount == Mount::X {
-            reading.x
-        } else {
-            reading.y
-        };
-        let Ok(m) = axis else {
+    let slope = |reading: &Reading| of_axis(*reading, mount);
+    for (node, (reading, now)) in pair.readings.iter().zip(&pair.now).enumerate() {
+        let (Ok(m), Ok(now)) = (slope(reading), slope(now)) else {
             result.invalid += 1;
             continue;
         };
         let angle_deg = m.angle.degrees();
         let latency_s = f64::from(m.latency_us) * 1e-6;
         nodes_deg[node] = Some(angle_deg);
-        result.as_it_arrives[node].add(angle_deg - truth_deg);
+        result.as_it_arrives[node].add(now.angle.degrees() - truth_deg);
         truth_then_deg[node] = history.back(latency_s);
         result.aligned[node].add(angle_deg - truth_then_deg[node]);
         result.latency_ms[node].add(latency_s * 1000.0);
@@ -141,8 +140,7 @@ fn note(result: &mut DynamicResult, pair: &Pair, mount: Mount, history: &History
     if let [Some(a), Some(b)] = nodes_deg {
         result.difference.add((a - b).abs());
     }
-    let delta = pair.verdict.delta();
-    let delta = if mount == Mount::X { delta.x } else { delta.y };
+    let delta = of_axis(pair.verdict.delta(), mount);
     result.warnings += u64::from(delta.is_some_and(|d| d.magnitude() > THRESHOLD));
     result.points.push(DynamicPoint {
         time_s,

@@ -8,9 +8,11 @@
 //! Everything is measured through the device code; the truth comes from the rig, never from the
 //! device.
 
+pub mod boom;
 pub mod calibrate;
 pub mod characterise;
 pub mod dynamic_test;
+pub mod gyroscope;
 pub mod interpretation;
 pub mod person;
 pub mod published;
@@ -24,9 +26,10 @@ pub mod week;
 use device::channel::{Settings, Setup};
 use device::factory;
 use tilt::calibration::FitError;
+use tilt::calibration::gyroscope::FittedBias;
 use tilt::chain::{Calibration, Chain, PART_DELAY_Q16, Timing};
+use tilt::composition::Whole;
 use tilt::cross_check::CrossCheck;
-use tilt::sample::FullScale;
 use tilt::table::Rule;
 use tilt::uncertainty::Budget;
 
@@ -45,6 +48,8 @@ pub enum Mode {
     Paper,
     /// Two axes, 400 samples/s, Butterworth, twelve parameters.
     Product,
+    /// Two axes by a part with a gyroscope, 416 samples/s: the angle while the machine moves.
+    Dynamic,
     /// One axis over 360 deg, otherwise as the product.
     OneAxis,
 }
@@ -59,17 +64,19 @@ impl Mode {
                 ..factory::paper()
             },
             Self::Product | Self::OneAxis => factory::product(),
+            Self::Dynamic => factory::dynamic(),
         };
         let part = setup.part;
         let chain = Chain {
             filter: setup.filter,
-            full_scale: FullScale::G2,
-            period_us: part.rate.period_us(),
+            full_scale: part.full_scale(),
+            period_us: part.period_us(),
             part_delay_q16: PART_DELAY_Q16,
             timing: setup.timing,
+            fusion: factory::fusion::<Whole>(&part),
             calibration: Calibration {
                 budget: Budget {
-                    noise: tilt::health::noise(part.rate.period_us()),
+                    noise: tilt::health::noise(part.period_us()),
                     ..Budget::DATA_SHEET
                 },
                 ..Calibration::NOMINAL
@@ -93,7 +100,7 @@ impl Mode {
 
     /// Sampling rate of the part, nominal, in Hz.
     pub fn rate_hz(self) -> f64 {
-        if self == Self::Paper { 50.0 } else { 400.0 }
+        1e6 / f64::from(self.settings().part.period_us())
     }
 }
 
@@ -129,7 +136,7 @@ impl World {
     pub fn parts_of(&self, mode: Mode) -> ErrorModel {
         match mode {
             Mode::Paper => self.paper.fixture.hold(&self.parts),
-            Mode::Product | Mode::OneAxis => self.parts,
+            Mode::Product | Mode::Dynamic | Mode::OneAxis => self.parts,
         }
     }
 
@@ -137,7 +144,7 @@ impl World {
     pub const fn rule(&self, mode: Mode) -> Rule {
         match mode {
             Mode::Paper => self.paper.rule,
-            Mode::Product | Mode::OneAxis => factory::RULE,
+            Mode::Product | Mode::Dynamic | Mode::OneAxis => factory::RULE,
         }
     }
 }
@@ -155,6 +162,8 @@ pub struct Bench {
     pub chamber: Chamber,
     /// How the paper's text is read; paper mode only.
     pub paper: Interpretation,
+    /// Bias of both gyroscopes over temperature, once the chamber has shown it.
+    biases: Option<[FittedBias; 2]>,
     /// For the choice of test angles.
     pub rng: Rng,
 }
@@ -213,6 +222,7 @@ impl Bench {
             mode,
             chamber: Chamber::at(25.0),
             paper: world.paper,
+            biases: None,
             rng,
         }
     }

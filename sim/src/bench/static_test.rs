@@ -86,7 +86,7 @@ impl Bench {
     pub(super) fn read_over_s(&self) -> f64 {
         match self.mode {
             Mode::Paper => self.paper.read_over_s,
-            Mode::Product | Mode::OneAxis => 0.0,
+            Mode::Product | Mode::Dynamic | Mode::OneAxis => 0.0,
         }
     }
 
@@ -128,9 +128,10 @@ impl Bench {
     }
 }
 
-fn of_axis<T>(axes: Axes<T>, mount: Mount) -> T {
+/// What the mount turns, of both slopes.
+pub(super) fn of_axis<T>(axes: Axes<T>, mount: Mount) -> T {
     match mount {
-        Mount::X => axes.x,
+        Mount::X | Mount::Z => axes.x,
         Mount::Y => axes.y,
     }
 }

@@ -261,7 +261,7 @@ pub(super) fn work(
 pub(super) fn machine(mode: Mode, paper: &Interpretation) -> ExcavatorSetup {
     match mode {
         Mode::Paper => paper.machine,
-        Mode::Product | Mode::OneAxis => ExcavatorSetup::NOMINAL,
+        Mode::Product | Mode::Dynamic | Mode::OneAxis => ExcavatorSetup::NOMINAL,
     }
 }
 
@@ -276,7 +276,7 @@ pub(super) fn check(mode: Mode) -> CrossCheck {
             };
             CrossCheck::Paper(check, PaperState::default())
         }
-        Mode::Product | Mode::OneAxis => mode.check(),
+        Mode::Product | Mode::Dynamic | Mode::OneAxis => mode.check(),
     }
 }
 

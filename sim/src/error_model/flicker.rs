@@ -1,10 +1,10 @@
 //! Slow random processes: the 1/f floor and the wander of a sagging supply.
 //!
-//! In: the time since the last sample, s. Out: a force per axis, g, mean 0. The floor is the sum
-//! of three first-order Gauss-Markov processes with time constants of 1, 10 and 100 s and equal
-//! power, which is roughly 1/f from 2 mHz to 0.2 Hz. Each moves on when a hundredth of its time
-//! constant has passed, exactly for the time that did pass, so samples far apart are as right
-//! as samples close together, and the fast path draws one number a sample rather than nine.
+//! In: the time since the last sample, s. Out: a value per axis in the unit of its rms, mean 0. The
+//! floor is the sum of three first-order Gauss-Markov processes with time constants of 1, 10 and
+//! 100 s and equal power, which is roughly 1/f from 2 mHz to 0.2 Hz. Each moves on when a hundredth
+//! of its time constant has passed, exactly for the time that did pass, so samples far apart are as
+//! right as samples close together, and the fast path draws one number a sample rather than nine.
 
 use crate::rng::Rng;
 
@@ -60,12 +60,12 @@ impl Markov {
 /// The 1/f floor.
 #[derive(Clone, Debug)]
 pub(super) struct Flicker {
-    each_g: f64,
+    each: f64,
     /// Time that the processes have not been told of, s.
     waited_s: f64,
     processes: [Markov; 3],
-    /// The present sum on each axis, g.
-    pub(super) sum_g: [f64; 3],
+    /// The present sum on each axis.
+    pub(super) sum: [f64; 3],
 }
 
 /// Time constants of the floor's processes, s. `[ASSUME]`
@@ -75,15 +75,15 @@ const TAUS_S: [f64; 3] = [1.0, 10.0, 100.0];
 const LOOK_S: f64 = 0.01;
 
 impl Flicker {
-    /// A floor of this rms, g, that has run for ever.
-    pub(super) fn settled(rms_g: f64, rng: &mut Rng) -> Flicker {
+    /// A floor of this rms that has run for ever.
+    pub(super) fn settled(rms: f64, rng: &mut Rng) -> Flicker {
         let processes = TAUS_S.map(|tau_s| Markov::settled(tau_s, rng));
-        let each_g = rms_g / (TAUS_S.len() as f64).sqrt();
+        let each = rms / (TAUS_S.len() as f64).sqrt();
         let mut flicker = Flicker {
-            each_g,
+            each,
             waited_s: 0.0,
             processes,
-            sum_g: [0.0; 3],
+            sum: [0.0; 3],
         };
         flicker.add_up();
         flicker
@@ -111,7 +111,7 @@ impl Flicker {
 
     fn add_up(&mut self) {
         let [a, b, c] = &self.processes;
-        self.sum_g = [0, 1, 2].map(|i| self.each_g * (a.value[i] + b.value[i] + c.value[i]));
+        self.sum = [0, 1, 2].map(|i| self.each * (a.value[i] + b.value[i] + c.value[i]));
     }
 }
 
@@ -128,7 +128,7 @@ mod tests {
             for _ in 0..3000 {
                 let mut flicker = Flicker::settled(40e-6, &mut rng);
                 (0..20).for_each(|_| flicker.step(dt_s, &mut rng));
-                power += flicker.sum_g.iter().map(|g| g * g).sum::<f64>() / 9000.0;
+                power += flicker.sum.iter().map(|g| g * g).sum::<f64>() / 9000.0;
             }
             assert!(
                 (power.sqrt() / 40e-6 - 1.0).abs() < 0.03,

@@ -4,6 +4,7 @@
 //! comment says otherwise, with the tag of its source: `[DS]` data sheet, `[ASSUME]` engineering
 //! assumption to be replaced by bench data. Setting a field to 0 (or false) switches its term
 //! off. Out: an [`ErrorModel`], from which [`Part::draw`] makes one sensor's personality.
+//! A gyroscope has a model of its own, [`gyroscope`].
 //! Left out: shock damage, ageing over years, and clipping at full scale (the register model's).
 //!
 //! ```
@@ -18,11 +19,14 @@
 //! ```
 
 mod flicker;
+pub mod gyroscope;
 mod part;
 mod term;
 
 pub use part::Part;
 pub use term::Term;
+
+use gyroscope::GyroscopeModel;
 
 /// Sizes of all error terms of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +73,8 @@ pub struct ErrorModel {
     pub sag_noise_ratio: f64,
     /// Wander of the offset per axis during a sag, mg rms once it has built up. `[ASSUME]`
     pub sag_wander_mg: f64,
+    /// The gyroscope beside it, where the part has one.
+    pub gyroscope: GyroscopeModel,
 }
 
 impl ErrorModel {
@@ -94,6 +100,7 @@ impl ErrorModel {
         quantisation: true,
         sag_noise_ratio: 1.0,
         sag_wander_mg: 12.0,
+        gyroscope: GyroscopeModel::NOMINAL,
     };
 
     /// Every term off: a part that reports what it feels.
@@ -118,6 +125,7 @@ impl ErrorModel {
         quantisation: false,
         sag_noise_ratio: 0.0,
         sag_wander_mg: 0.0,
+        gyroscope: GyroscopeModel::PERFECT,
     };
 
     /// What a device has to know of parts without noise, whose codes stand still by right:

@@ -23,6 +23,8 @@ const PLAY_C: f64 = 10.0;
 const LOOP_C: (f64, f64) = (30.0, 40.0);
 /// Time constant of a sag's wander, s. `[ASSUME]`
 const SAG_TAU_S: f64 = 2.0;
+/// Rows of a matrix.
+pub(super) type Matrix = [[f64; 3]; 3];
 const MILLI: f64 = 1e-3;
 const MICRO: f64 = 1e-6;
 
@@ -35,8 +37,10 @@ struct Personality {
     hysteresis_g: [f64; 3],
     scale: [f64; 3],
     scale_per_c: [f64; 3],
-    /// Sensitive axes in the housing's frame, unit length: rows of M R.
-    axes: [[f64; 3]; 3],
+    /// Two small angles for each sensitive axis: M.
+    angles_rad: [[f64; 3]; 2],
+    /// The part in the housing about x, then y, then z: R.
+    turn_rad: [f64; 3],
     quadratic_per_g: [f64; 3],
     cubic_per_g2: [f64; 3],
     clock_factor: f64,
@@ -47,6 +51,7 @@ struct Personality {
 impl Personality {
     fn draw(model: &ErrorModel, rng: &mut Rng) -> Personality {
         let mut three = |sigma: f64| rng.normals().map(|n| sigma * n);
+        let angle_rad = model.non_orthogonality_deg.to_radians();
         Personality {
             bias_g: three(model.bias_mg * MILLI),
             tco_g_per_c: three(model.tco_mg_per_c * MILLI),
@@ -56,23 +61,20 @@ impl Personality {
             scale_per_c: three(model.scale_ratio_per_c),
             quadratic_per_g: three(model.quadratic_mg_per_g2 * MILLI),
             cubic_per_g2: three(model.cubic_mg_per_g3 * MILLI),
-            axes: sensitive_axes(
-                three(model.non_orthogonality_deg.to_radians()),
-                three(model.non_orthogonality_deg.to_radians()),
-                three(model.mounting_deg.to_radians()),
-            ),
+            angles_rad: [three(angle_rad), three(angle_rad)],
+            turn_rad: three(model.mounting_deg.to_radians()),
             clock_factor: 1.0 + rng.range(-model.clock_ratio, model.clock_ratio),
             thermometer_offset_c: model.thermometer_offset_c * rng.normal(),
             thermometer_gain: 1.0 + model.thermometer_gain_ratio * rng.normal(),
         }
     }
 
-    /// Sensitive axes with the scale of this temperature.
-    fn matrix(&self, die_c: f64) -> [[f64; 3]; 3] {
+    /// Sensitive axes, rows of M R, with the scale of this temperature.
+    fn matrix(&self, axes: &Matrix, die_c: f64) -> Matrix {
         let warm = die_c - REFERENCE_C;
         [0, 1, 2].map(|i| {
             let gain = (1.0 + self.scale[i]) * (1.0 + self.scale_per_c[i] * warm);
-            self.axes[i].map(|a| gain * a)
+            axes[i].map(|a| gain * a)
         })
     }
 
@@ -89,14 +91,13 @@ impl Personality {
     }
 }
 
-/// Rows of M R: six small angles (two for each sensitive axis) and a rotation vector, rad.
-fn sensitive_axes(first: [f64; 3], second: [f64; 3], mounting: [f64; 3]) -> [[f64; 3]; 3] {
+/// Rows of M R: six small angles (two for each sensitive axis), rad, and a rotation.
+pub(super) fn sensitive_axes(first: [f64; 3], second: [f64; 3], rotation: Matrix) -> Matrix {
     let rows = [
         [1.0, first[0], second[0]],
         [first[1], 1.0, second[1]],
         [first[2], second[2], 1.0],
     ];
-    let rotation = rotation(mounting);
     rows.map(|row| {
         // A unit row keeps the angles apart from the scale.
         let length = row.iter().map(|r| r * r).sum::<f64>().sqrt();
@@ -105,7 +106,7 @@ fn sensitive_axes(first: [f64; 3], second: [f64; 3], mounting: [f64; 3]) -> [[f6
 }
 
 /// The rotation about x, then y, then z by these angles, rad.
-fn rotation([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
+pub(super) fn rotation([x, y, z]: [f64; 3]) -> Matrix {
     let ((sx, cx), (sy, cy), (sz, cz)) = (x.sin_cos(), y.sin_cos(), z.sin_cos());
     [
         [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
@@ -119,6 +120,8 @@ fn rotation([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
 pub struct Part {
     model: ErrorModel,
     personality: Personality,
+    /// Sensitive axes in the housing's frame, unit length: rows of M R.
+    axes: Matrix,
     die_c: f64,
     hysteresis: f64,
     turn_on_g: [f64; 3],
@@ -135,9 +138,12 @@ impl Part {
     pub fn draw(model: &ErrorModel, rng: &mut Rng) -> Part {
         let personality = Personality::draw(model, rng);
         let flicker = Flicker::settled(model.flicker_ug * MICRO, rng);
+        let [first, second] = personality.angles_rad;
+        let axes = sensitive_axes(first, second, rotation(personality.turn_rad));
         let mut part = Part {
             model: *model,
-            matrix: personality.matrix(REFERENCE_C),
+            matrix: personality.matrix(&axes, REFERENCE_C),
+            axes,
             bias_g: [0.0; 3],
             personality,
             die_c: REFERENCE_C,
@@ -163,7 +169,7 @@ impl Part {
         let moved = (die_c - self.die_c) / PLAY_C;
         self.hysteresis = (self.hysteresis + moved).clamp(-1.0, 1.0);
         self.die_c = die_c;
-        self.matrix = self.personality.matrix(die_c);
+        self.matrix = self.personality.matrix(&self.axes, die_c);
         self.renew_bias();
     }
 
@@ -195,7 +201,7 @@ impl Part {
     ) -> [f64; 3] {
         let mut sigma_g = sample_sigma_g * self.model.white_noise;
         self.flicker.step(dt_s, rng);
-        let mut offset_g = crate::motion::add(self.bias_g, self.flicker.sum_g);
+        let mut offset_g = crate::motion::add(self.bias_g, self.flicker.sum);
         if let Some(wander) = &mut self.sag {
             wander.step(dt_s, rng);
             sigma_g *= 1.0 + self.model.sag_noise_ratio;
@@ -231,6 +237,11 @@ impl Part {
     /// True over nominal output data rate: 1 within +- the model's clock term.
     pub fn clock_factor(&self) -> f64 {
         self.personality.clock_factor
+    }
+
+    /// The rotation from the housing into the part, by rows, also of a gyroscope on its die.
+    pub fn mounting(&self) -> [[f64; 3]; 3] {
+        rotation(self.personality.turn_rad)
     }
 
     /// Whether readings are to be rounded to counts.

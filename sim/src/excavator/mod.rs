@@ -14,7 +14,7 @@ mod arm;
 
 use crate::TICK_S;
 use crate::motion::vibration::{BandNoise, Ring, Tone};
-use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add};
+use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add, rate_dps};
 use crate::rng::Rng;
 use arm::{Arm, Pose};
 
@@ -88,6 +88,8 @@ pub struct Excavator {
     setup: ExcavatorSetup,
     arm: Arm,
     shaking: Shaking,
+    /// Gravity along the housing's axes at the last tick, g.
+    gravity_g: Option<[f64; 3]>,
 }
 
 impl Excavator {
@@ -98,6 +100,7 @@ impl Excavator {
             setup: *setup,
             arm: Arm::new(setup.scene, setup.sway_deg, rng.fork()),
             shaking: Shaking::new(setup, rng.fork()),
+            gravity_g: None,
         }
     }
 
@@ -130,8 +133,12 @@ impl Mover for Excavator {
         if let Some(shock_g) = self.shaking.shock() {
             shaking_g = add(shaking_g, shock_g);
         }
+        let gravity_g = gravity_g(&pose);
+        let before_g = self.gravity_g.replace(gravity_g).unwrap_or(gravity_g);
+        let turning_g = turning_g(gravity_g, &pose, self.setup.lever_arm_m);
         Motion {
-            force_g: add(felt_g(&pose, self.setup.lever_arm_m), shaking_g),
+            force_g: add(turning_g, shaking_g),
+            rate_dps: rate_dps(before_g, gravity_g),
             attitude: Attitude {
                 slope_x_deg: pose.sway_deg,
                 slope_y_deg: pose.pitch_deg,
@@ -169,13 +176,19 @@ fn sines(angles: [f64; 2]) -> [f64; 2] {
     [a + a * sums[0], b + b * sums[1]]
 }
 
-/// Gravity and the forces of turning, g. Slopes are the arcsines of gravity's components, so
-/// the components are the sines of the slopes, and z is what is left of 1 g.
+/// Gravity, g. Slopes are the arcsines of its components, so the components are the sines of the
+/// slopes, and z is what is left of 1 g.
 #[inline]
-fn felt_g(pose: &Pose, lever_arm_m: f64) -> [f64; 3] {
+fn gravity_g(pose: &Pose) -> [f64; 3] {
     let [x, y] = sines([pose.sway_deg, pose.pitch_deg].map(f64::to_radians));
     let across_2 = 1.0 - y * y;
-    let z = (across_2 - x * x).max(0.0).sqrt();
+    [x, y, (across_2 - x * x).max(0.0).sqrt()]
+}
+
+/// Gravity and the forces of turning, g.
+#[inline]
+fn turning_g([x, y, z]: [f64; 3], pose: &Pose, lever_arm_m: f64) -> [f64; 3] {
+    let across_2 = 1.0 - y * y;
     let lever = lever_arm_m / STANDARD_GRAVITY_M_S2;
     let rate = pose.rate_deg_s.to_radians();
     // Across the boom, upwards: the part of "up" that is not along y, made a unit vector.

@@ -2,13 +2,13 @@
 
 use super::*;
 
-use device::sensor::Lis2dw12;
+use device::sensor::Part;
 
 use crate::TICK_S;
 use crate::bench::Mode;
-use crate::electronics::Electronics;
+use crate::electronics::{Driver, Electronics};
 use crate::error_model::ErrorModel;
-use crate::lis2dw12::SpiPort;
+use crate::motion::Motion;
 use crate::rng::Rng;
 
 /// Codes per g of a left-justified sample at +-2 g, and its step.
@@ -25,14 +25,14 @@ struct Sample {
 /// One side whose code only keeps what it reads.
 struct Side {
     electronics: Electronics,
-    part: Lis2dw12<SpiPort>,
+    part: Driver,
     ticks: u64,
 }
 
 impl Side {
     fn new(model: &ErrorModel) -> Self {
         let electronics = Electronics::new(model, Rng::stream(5, "side"));
-        let part = Lis2dw12::new(electronics.port());
+        let part = electronics.driver();
         let mut side = Self {
             electronics,
             part,
@@ -47,18 +47,23 @@ impl Side {
         self.electronics.catch_up(self.ticks as f64 * TICK_S);
         let config = Mode::Product.settings().part;
         let part = &mut self.part;
-        let answers = (self.electronics).run_waiting(|mut delay, _| part.init(&config, &mut delay));
+        let answers =
+            (self.electronics).run_waiting(|mut delay, _| Part::init(part, &config, &mut delay));
         self.ticks = (self.electronics.now_s() / TICK_S).ceil() as u64;
         answers.is_ok()
     }
 
     fn run_at(&mut self, force_g: [f64; 3], duration_s: f64) -> Vec<Sample> {
         let mut samples = Vec::new();
+        let motion = Motion {
+            force_g,
+            ..Motion::default()
+        };
         for _ in 0..(duration_s / TICK_S).round() as u64 {
             self.ticks += 1;
             let part = &mut self.part;
             let time_s = self.ticks as f64 * TICK_S;
-            self.electronics.tick(force_g, time_s, |edge| {
+            self.electronics.tick(&motion, time_s, |edge| {
                 let sample = part.read().expect("a working bus").expect("a sample");
                 samples.push(Sample {
                     at_s: edge.at_s,
@@ -169,7 +174,8 @@ fn a_stuck_part_is_stuck_in_its_self_test_too() {
     let stuck = SensorFault::Stuck { axis: None };
     side.electronics.inject(stuck, rng());
     let part = &mut side.part;
-    let test = (side.electronics).run_waiting(|mut delay, _| part.self_test(&mut delay));
+    let test = (side.electronics)
+        .run_waiting(|mut delay, _| part.lis2dw12().expect("an LIS2DW12").self_test(&mut delay));
     assert!(test.is_ok_and(|test| !test.within_data_sheet()));
 }
 

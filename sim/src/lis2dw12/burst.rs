@@ -7,9 +7,10 @@
 use std::ops::Range;
 
 use super::registers::{
-    ADDRESSES, CTRL2, OUT_T_H, OUT_T_L, OUT_X_L, OUT_Z_H, STATUS, STATUS_DUP, ctrl2, flag,
+    CTRL2, OUT_T_H, OUT_T_L, OUT_X_L, OUT_Z_H, STATUS, STATUS_DUP, ctrl2, flag,
 };
-use super::{Chip, FifoMode, Phase, TEMPERATURE, Wire};
+use super::{Chip, FifoMode, TEMPERATURE, Wire};
+use crate::spi_part::ADDRESSES;
 
 impl Chip {
     /// As many bytes out as there is room, with zeros in.
@@ -17,25 +18,26 @@ impl Chip {
         let Some(span) = self.plain_span(bytes.len()) else {
             return bytes.iter_mut().for_each(|byte| *byte = self.exchange(0));
         };
-        bytes.copy_from_slice(&self.registers[span.clone()]);
+        bytes.copy_from_slice(&self.state.registers[span.clone()]);
         if span.contains(&usize::from(OUT_Z_H)) {
-            self.clear(STATUS, flag::DRDY);
-            self.clear(STATUS_DUP, flag::DRDY);
+            self.state.clear(STATUS, flag::DRDY);
+            self.state.clear(STATUS_DUP, flag::DRDY);
         }
         if span.contains(&usize::from(OUT_T_H)) {
-            self.clear(STATUS_DUP, flag::DRDY_T);
+            self.state.clear(STATUS_DUP, flag::DRDY_T);
         }
-        self.wire = Wire::Read((span.end % ADDRESSES) as u8);
+        self.state.wire = Wire::Read((span.end % ADDRESSES) as u8);
     }
 
     /// The registers of a burst in which each byte is what its register held at the beginning.
     fn plain_span(&self, length: usize) -> Option<Range<usize>> {
-        let Wire::Read(first) = self.wire else {
+        let Wire::Read(first) = self.state.wire else {
             return None;
         };
         let span = usize::from(first)..usize::from(first) + length;
-        let answers = !matches!(self.phase, Phase::Off | Phase::PowerUp) && self.fault.is_none();
-        let runs = self.register(CTRL2) & (ctrl2::IF_ADD_INC | ctrl2::SIM) == ctrl2::IF_ADD_INC;
+        let answers = self.state.answers() && self.state.fault.is_none();
+        let runs =
+            self.state.register(CTRL2) & (ctrl2::IF_ADD_INC | ctrl2::SIM) == ctrl2::IF_ADD_INC;
         // Flags that reading an output clears, after that output.
         let shows_effect = first <= OUT_Z_H && span.end > usize::from(STATUS_DUP);
         let plain = answers
@@ -66,6 +68,7 @@ mod tests {
     use super::super::{Fault, Traits};
     use super::*;
     use crate::rng::Rng;
+    use crate::spi_part::bench::write;
 
     /// A part that converts at 400 Hz and has a sample, with block data update.
     fn working() -> Chip {
@@ -77,13 +80,6 @@ mod tests {
         }
         chip.convert([0.1, -0.2, 0.9], 27.3);
         chip
-    }
-
-    fn write(chip: &mut Chip, address: u8, value: u8) {
-        chip.select();
-        chip.exchange(address);
-        chip.exchange(value);
-        chip.deselect();
     }
 
     /// The same burst at once and byte by byte must give the same bytes and leave the same part.

@@ -1,8 +1,5 @@
 //! The instrument's driver against the model: both sides of the wire at once.
 
-use std::cell::{RefCell, RefMut};
-use std::rc::Rc;
-
 use device::sensor::{
     Bandwidth, Config, Fifo, InitError, Lis2dw12, Mismatch, Rate, ReadError, Register,
     SelfTestError, VerifyError,
@@ -13,29 +10,29 @@ use proptest::prelude::*;
 use tilt::sample::{Counts, FullScale, Temperature};
 
 use super::*;
+use crate::spi_part::bench::{Felt, Sampling};
 
-/// A part that feels a constant force and samples while the driver waits.
-struct Bench {
-    chip: Rc<RefCell<Chip>>,
-    force_g: [f64; 3],
-    die_c: f64,
-    sampled_ns: u64,
-    /// Injected when the part's clock reaches the time.
-    fault_at: Option<(u64, Fault)>,
+type Bench = spi_part::bench::Bench<Chip>;
+
+impl Sampling for Chip {
+    fn odr_hz(&self) -> Option<f64> {
+        Chip::odr_hz(self)
+    }
+
+    fn sample(&mut self, felt: &Felt) {
+        self.convert(felt.force_g, felt.die_c);
+    }
+
+    fn set_fault(&mut self, fault: Option<Fault>) {
+        Chip::set_fault(self, fault);
+    }
 }
 
 impl Bench {
     fn new(traits: Traits) -> Self {
         let mut chip = Chip::new(traits);
         chip.power_on(0);
-        let chip = Rc::new(RefCell::new(chip));
-        Self {
-            chip,
-            force_g: [0.5, -0.25, 1.0],
-            die_c: 25.0,
-            sampled_ns: 0,
-            fault_at: None,
-        }
+        Self::around(chip, [0.5, -0.25, 1.0], [0.0; 3])
     }
 
     /// A bench with a driver that has set the part up.
@@ -47,41 +44,12 @@ impl Bench {
     }
 
     fn driver(&self) -> Lis2dw12<SpiPort> {
-        Lis2dw12::new(SpiPort::new(Rc::clone(&self.chip)))
-    }
-
-    fn chip(&self) -> RefMut<'_, Chip> {
-        self.chip.borrow_mut()
+        Lis2dw12::new(self.port())
     }
 
     /// One sample, at once.
     fn sample(&self, force_g: [f64; 3]) {
-        self.chip().convert(force_g, self.die_c);
-    }
-}
-
-impl DelayNs for Bench {
-    fn delay_ns(&mut self, ns: u32) {
-        let mut chip = self.chip.borrow_mut();
-        let end_ns = chip.now_ns() + u64::from(ns);
-        if let Some((at_ns, fault)) = self.fault_at
-            && end_ns >= at_ns
-        {
-            chip.set_fault(Some(fault));
-        }
-        while let Some(odr_hz) = chip.odr_hz() {
-            let due_ns = self.sampled_ns + (1e9 / odr_hz) as u64;
-            if due_ns > end_ns {
-                break;
-            }
-            chip.advance_to(due_ns);
-            chip.convert(self.force_g, self.die_c);
-            self.sampled_ns = due_ns;
-        }
-        if chip.odr_hz().is_none() {
-            self.sampled_ns = end_ns;
-        }
-        chip.advance_to(end_ns);
+        self.chip().convert(force_g, self.felt.die_c);
     }
 }
 
@@ -96,7 +64,7 @@ fn mismatch(register: Register, expected: u8, found: u8) -> Mismatch {
 #[test]
 fn a_sample_arrives_in_counts_with_its_temperature() {
     let (mut bench, mut sensor) = Bench::with(&Config::PRODUCT);
-    bench.die_c = 31.4;
+    bench.felt.die_c = 31.4;
     assert_eq!(sensor.read(), Ok(None));
     bench.delay_us(2_500);
     assert!(bench.chip().data_ready());
@@ -251,7 +219,7 @@ fn every_flipped_bit_of_the_configuration_is_seen() {
     for address in checked {
         for bit in 0..8 {
             let mut chip = healthy.clone();
-            chip.upset(address, chip.register(address) ^ (1 << bit));
+            chip.upset(address, chip.state.register(address) ^ (1 << bit));
             *bench.chip() = chip;
             let outcome = sensor.verify();
             assert!(outcome.is_err(), "bit {bit} of {address:02X}h: {outcome:?}");
@@ -400,7 +368,7 @@ fn a_dead_axis_fails_the_self_test() {
 fn without_samples_the_self_test_gives_up_and_still_restores() {
     let (bench, mut sensor) = Bench::with(&Config::PRODUCT);
     // The port's own delay moves the clock but takes no samples.
-    let mut idle = SpiPort::new(Rc::clone(&bench.chip));
+    let mut idle = bench.port();
     assert_eq!(sensor.self_test(&mut idle), Err(SelfTestError::NoData));
     assert!(sensor.verify().is_ok());
 }
@@ -430,7 +398,7 @@ fn a_self_test_that_cannot_be_undone_says_so() {
 #[test]
 fn all_kinds_of_operations_reach_the_part() {
     let (bench, _) = Bench::with(&Config::PRODUCT);
-    let mut port = SpiPort::new(Rc::clone(&bench.chip));
+    let mut port = bench.port();
     let mut in_place = [0x8F, 0];
     port.transfer_in_place(&mut in_place).unwrap();
     assert_eq!(in_place, [0x00, 0x44]);

@@ -1,124 +1,23 @@
-//! The 32-deep FIFO: three output pairs per level, oldest first.
+//! The 32-deep FIFO: three output pairs per level.
 //!
-//! In: a sample per conversion. Out: the oldest one per read, the level and whether samples
-//! were lost. A ring in place; nothing is allocated.
+//! In: FIFO_CTRL. Out: what it asks for, and the ring that it is asked of.
+
+pub(super) use crate::spi_part::FifoMode;
 
 /// Levels of the FIFO (data sheet).
 pub const DEPTH: usize = 32;
 
-/// Six output bytes, X low to Z high.
-pub type Bytes = [u8; 6];
+/// The FIFO: six output bytes a level, X low to Z high.
+pub(super) type Fifo = crate::spi_part::Fifo<[u8; 6], DEPTH>;
 
-/// What FIFO_CTRL asks for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FifoMode {
-    /// Off.
-    #[default]
-    Bypass,
-    /// Stops when full.
-    StopWhenFull,
-    /// The oldest sample gives way.
-    Continuous,
-}
-
-impl FifoMode {
-    /// Decodes FMODE, bits 7..5 of FIFO_CTRL.
-    ///
-    /// The two modes that wait for an event stay in the state before it, since the model has
-    /// no events: continuous-to-FIFO is continuous and bypass-to-continuous is bypass.
-    pub fn decode(fifo_ctrl: u8) -> Self {
-        match fifo_ctrl >> 5 {
-            0b001 => Self::StopWhenFull,
-            0b011 | 0b110 => Self::Continuous,
-            _ => Self::Bypass,
-        }
-    }
-}
-
-/// The ring of samples.
-#[derive(Clone, Debug, Default)]
-pub struct Fifo {
-    levels: [Bytes; DEPTH],
-    oldest: usize,
-    count: usize,
-    overrun: bool,
-}
-
-impl Fifo {
-    /// Samples waiting, 0 to 32.
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// Whether a sample was lost since the last one was taken.
-    pub fn overrun(&self) -> bool {
-        self.overrun
-    }
-
-    /// Empties it.
-    pub fn clear(&mut self) {
-        self.oldest = 0;
-        self.count = 0;
-        self.overrun = false;
-    }
-
-    /// Adds the newest sample, or loses one when full: this one or the oldest, by the mode.
-    pub fn push(&mut self, mode: FifoMode, sample: Bytes) {
-        if self.count < DEPTH {
-            self.levels[(self.oldest + self.count) % DEPTH] = sample;
-            self.count += 1;
-            return;
-        }
-        self.overrun = true;
-        if mode == FifoMode::Continuous {
-            self.levels[self.oldest % DEPTH] = sample;
-            self.oldest = (self.oldest + 1) % DEPTH;
-        }
-    }
-
-    /// Takes the oldest sample.
-    pub fn pop(&mut self) -> Option<Bytes> {
-        if self.count == 0 {
-            return None;
-        }
-        let sample = self.levels[self.oldest % DEPTH];
-        self.oldest = (self.oldest + 1) % DEPTH;
-        self.count -= 1;
-        self.overrun = false;
-        Some(sample)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn filled(mode: FifoMode, samples: u8) -> Fifo {
-        let mut fifo = Fifo::default();
-        for value in 0..samples {
-            fifo.push(mode, [value; 6]);
-        }
-        fifo
-    }
-
-    #[test]
-    fn a_full_fifo_stops_or_forgets_the_oldest() {
-        let mut stopped = filled(FifoMode::StopWhenFull, 35);
-        let mut continuous = filled(FifoMode::Continuous, 35);
-        assert!(stopped.overrun() && continuous.overrun());
-        assert_eq!(stopped.pop(), Some([0; 6]));
-        assert_eq!(continuous.pop(), Some([3; 6]));
-        assert!(!continuous.overrun());
-        let last = std::iter::from_fn(|| continuous.pop()).last();
-        assert_eq!(last, Some([34; 6]));
-    }
-
-    #[test]
-    fn thirty_two_samples_are_no_overrun() {
-        let mut fifo = filled(FifoMode::Continuous, 32);
-        assert!(!fifo.overrun());
-        assert_eq!(fifo.count(), DEPTH);
-        fifo.clear();
-        assert_eq!(fifo.pop(), None);
+/// Decodes FMODE, bits 7..5 of FIFO_CTRL.
+///
+/// The two modes that wait for an event stay in the state before it, since the model has no
+/// events: continuous-to-FIFO is continuous and bypass-to-continuous is bypass.
+pub(super) fn decode(fifo_ctrl: u8) -> FifoMode {
+    match fifo_ctrl >> 5 {
+        0b001 => FifoMode::StopWhenFull,
+        0b011 | 0b110 => FifoMode::Continuous,
+        _ => FifoMode::Bypass,
     }
 }

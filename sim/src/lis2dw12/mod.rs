@@ -28,7 +28,6 @@
 mod burst;
 mod fifo;
 mod output;
-mod port;
 mod registers;
 
 #[cfg(test)]
@@ -38,15 +37,14 @@ mod tests;
 
 use tilt::sample::FullScale;
 
+pub use crate::spi_part::{AfterBrownOut, Fault};
 pub use fifo::DEPTH as FIFO_DEPTH;
-pub use port::SpiPort;
 
+use crate::spi_part::{self, Pair, Phase, Slave, State, Wire};
 use fifo::{Fifo, FifoMode};
-use output::Pair;
 use registers::{
-    ADDRESSES, CTRL1, CTRL2, CTRL3, CTRL4_INT1, CTRL6, CTRL7, FIFO_CTRL, FIFO_SAMPLES, Mode, OUT_T,
-    OUT_T_H, OUT_T_L, OUT_X_L, OUT_Z_H, RESET, Registers, STATUS, STATUS_DUP, WRITABLE, ctrl2,
-    flag,
+    CTRL1, CTRL2, CTRL3, CTRL4_INT1, CTRL6, CTRL7, FIFO_CTRL, FIFO_SAMPLES, Mode, OUT_T, OUT_T_H,
+    OUT_T_L, OUT_X_L, OUT_Z_H, RESET, STATUS, STATUS_DUP, WRITABLE, ctrl2, flag,
 };
 
 /// Time from power-up until the part answers \[DS\].
@@ -88,75 +86,21 @@ impl Traits {
     };
 }
 
-/// The two ways outputs are known to behave after a brown-out \[DS\].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AfterBrownOut {
-    /// They keep the last sample.
-    Frozen,
-    /// They read zero.
-    Zero,
-}
-
-/// Faults of the wires and of the part that a register value cannot express.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
-    /// The data line from the part reads FFh.
-    MisoHigh,
-    /// The data line from the part reads 00h.
-    MisoLow,
-    /// Writes to this address have no effect.
-    WriteRefused(u8),
-    /// A boot or a reset does not end.
-    ResetStuck,
-    /// The host's SPI reports an error.
-    Bus,
-}
-
-/// What the part is busy with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    /// No supply.
-    Off,
-    /// Loading its trimming values after power-up; answers nothing.
-    PowerUp,
-    /// SOFT_RESET is set; refuses writes.
-    Reset,
-    /// BOOT is set; refuses writes and does not convert.
-    Reboot,
-    /// Working.
-    Ready,
-}
-
-/// Where a transaction stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wire {
-    /// Chip select is high.
-    Idle,
-    /// The next byte is the command.
-    Command,
-    /// The next byte leaves from this address.
-    Read(u8),
-    /// The next byte goes to this address.
-    Write(u8),
-}
+/// The wires to a part.
+pub type SpiPort = spi_part::SpiPort<Chip>;
 
 /// One part.
 #[derive(Clone, Debug)]
 pub struct Chip {
     traits: Traits,
-    registers: Registers,
+    state: State,
     mode: Mode,
     fifo_mode: FifoMode,
     fifo: Fifo,
     pairs: [Pair; 4],
-    phase: Phase,
-    phase_end_ns: u64,
-    now_ns: u64,
     sampled_ns: u64,
     temperature_every: u32,
     temperature_due: u32,
-    wire: Wire,
-    fault: Option<Fault>,
 }
 
 /// Time, supply and faults: the world's side.
@@ -165,19 +109,14 @@ impl Chip {
     pub fn new(traits: Traits) -> Self {
         Self {
             traits,
-            registers: RESET,
+            state: State::new(RESET),
             mode: Mode::decode(0, 0),
             fifo_mode: FifoMode::Bypass,
             fifo: Fifo::default(),
             pairs: [Pair::default(); 4],
-            phase: Phase::Off,
-            phase_end_ns: u64::MAX,
-            now_ns: 0,
             sampled_ns: 0,
             temperature_every: 1,
             temperature_due: 0,
-            wire: Wire::Idle,
-            fault: None,
         }
     }
 
@@ -185,14 +124,14 @@ impl Chip {
     pub fn power_off(&mut self) {
         self.pairs = [Pair::default(); 4];
         self.reset_registers();
-        self.enter(Phase::Off, u64::MAX);
+        self.state.power_off();
     }
 
     /// The supply comes at this time; 20 ms later the part answers, in power-down.
     pub fn power_on(&mut self, time_ns: u64) {
         self.power_off();
         self.advance_to(time_ns);
-        self.enter(Phase::PowerUp, self.now_ns.saturating_add(BOOT_NS));
+        self.state.enter(Phase::PowerUp, BOOT_NS);
     }
 
     /// The supply was below 1.62 V \[DS\] and is back at this time: all registers have their reset
@@ -204,21 +143,19 @@ impl Chip {
         }
         self.reset_registers();
         self.advance_to(time_ns);
-        self.enter(Phase::PowerUp, self.now_ns.saturating_add(BOOT_NS));
+        self.state.enter(Phase::PowerUp, BOOT_NS);
     }
 
     /// Moves the part's time on, in nanoseconds. An earlier time than the last changes nothing.
     pub fn advance_to(&mut self, time_ns: u64) {
-        self.now_ns = self.now_ns.max(time_ns);
-        if self.now_ns >= self.phase_end_ns && self.fault != Some(Fault::ResetStuck) {
-            self.registers[usize::from(CTRL2)] &= !(ctrl2::BOOT | ctrl2::SOFT_RESET);
-            self.enter(Phase::Ready, u64::MAX);
+        if self.state.advance_to(time_ns) {
+            self.state.clear(CTRL2, ctrl2::BOOT | ctrl2::SOFT_RESET);
         }
     }
 
     /// The part's time in nanoseconds.
     pub fn now_ns(&self) -> u64 {
-        self.now_ns
+        self.state.now_ns
     }
 
     /// Takes a sample now: called by the world at each tick of the part's sampling clock.
@@ -238,13 +175,13 @@ impl Chip {
         die_c: f64,
         path: impl FnOnce([i16; 3]) -> [i16; 3],
     ) {
-        if self.phase != Phase::Ready || self.mode.odr_hz.is_none() {
+        if self.state.phase != Phase::Ready || self.mode.odr_hz.is_none() {
             return;
         }
         let felt_g = self.with_self_test(force_g);
         let counts = output::counts(felt_g, &self.mode, self.traits.full_register).0;
         self.latch(path(counts).map(i16::to_le_bytes));
-        self.sampled_ns = self.now_ns;
+        self.sampled_ns = self.state.now_ns;
         if self.temperature_due == 0 {
             self.temperature_due = self.temperature_every;
             self.latch_temperature(output::temperature_bytes(die_c));
@@ -260,11 +197,12 @@ impl Chip {
 
     /// Whether INT1 is asserted by what CTRL4 routes to it: data-ready, FIFO threshold, FIFO full.
     pub fn data_ready(&self) -> bool {
-        let routed = self.register(CTRL4_INT1);
-        let pulsed = self.register(CTRL7) & 0x80 != 0;
-        let pulse_over = pulsed && self.now_ns >= self.sampled_ns.saturating_add(DRDY_PULSE_NS);
-        let ready = self.register(STATUS) & flag::DRDY != 0 && !pulse_over;
-        let threshold = self.register(FIFO_SAMPLES) & flag::FIFO_FTH != 0;
+        let routed = self.state.register(CTRL4_INT1);
+        let pulsed = self.state.register(CTRL7) & 0x80 != 0;
+        let pulse_over =
+            pulsed && self.state.now_ns >= self.sampled_ns.saturating_add(DRDY_PULSE_NS);
+        let ready = self.state.register(STATUS) & flag::DRDY != 0 && !pulse_over;
+        let threshold = self.state.register(FIFO_SAMPLES) & flag::FIFO_FTH != 0;
         let full = self.fifo.count() == FIFO_DEPTH;
         (routed & 0x01 != 0 && ready)
             || (routed & 0x02 != 0 && threshold)
@@ -273,13 +211,13 @@ impl Chip {
 
     /// Level of the INT1 pin: [`Chip::data_ready`], turned over by H_LACTIVE in CTRL3.
     pub fn int1(&self) -> bool {
-        self.data_ready() != (self.register(CTRL3) & 0x08 != 0)
+        self.data_ready() != (self.state.register(CTRL3) & 0x08 != 0)
     }
 
     /// Nominal data rate in Hz; `None` when the part does not convert: no supply, boot,
     /// power-down, conversion on demand. The true rate is this times the part's clock factor.
     pub fn odr_hz(&self) -> Option<f64> {
-        if self.phase == Phase::Ready {
+        if self.state.phase == Phase::Ready {
             self.mode.odr_hz
         } else {
             None
@@ -288,7 +226,7 @@ impl Chip {
 
     /// Corner of the internal low-pass in Hz; `None` when the part does not convert.
     pub fn bandwidth_hz(&self) -> Option<f64> {
-        if self.phase == Phase::Ready {
+        if self.state.phase == Phase::Ready {
             self.mode.bandwidth_hz
         } else {
             None
@@ -311,18 +249,18 @@ impl Chip {
     /// The part acts on the new content. Bits of CTRL2 that start a boot or a reset are only
     /// shown. A reset or a power cycle undoes it.
     pub fn upset(&mut self, address: u8, value: u8) {
-        self.registers[usize::from(address) % ADDRESSES] = value;
+        self.state.put(address, value);
         self.act_on(address);
     }
 
     /// Injects a fault, or ends it with `None`.
     pub fn set_fault(&mut self, fault: Option<Fault>) {
-        self.fault = fault;
+        self.state.fault = fault;
     }
 
     /// The fault injected at present.
     pub fn fault(&self) -> Option<Fault> {
-        self.fault
+        self.state.fault
     }
 }
 
@@ -330,50 +268,23 @@ impl Chip {
 impl Chip {
     /// Chip select goes low: a transaction begins.
     pub fn select(&mut self) {
-        self.wire = Wire::Command;
+        Slave::select(self);
     }
 
     /// Chip select goes high.
     pub fn deselect(&mut self) {
-        self.wire = Wire::Idle;
+        Slave::deselect(self);
     }
 
     /// Eight clocks: takes a byte in and gives one out, 00h when the part has nothing to say.
     pub fn exchange(&mut self, incoming: u8) -> u8 {
-        let outgoing = match self.wire {
-            Wire::Idle => 0,
-            Wire::Command => {
-                let address = incoming & 0x7F;
-                let read = incoming & 0x80 != 0;
-                self.wire = if read {
-                    Wire::Read(address)
-                } else {
-                    Wire::Write(address)
-                };
-                0
-            }
-            Wire::Read(address) => {
-                let byte = self.read(address);
-                self.wire = Wire::Read(self.next(address));
-                byte
-            }
-            Wire::Write(address) => {
-                self.write(address, incoming);
-                self.wire = Wire::Write(self.next(address));
-                0
-            }
-        };
-        match self.fault {
-            Some(Fault::MisoHigh) => 0xFF,
-            Some(Fault::MisoLow) => 0x00,
-            _ => outgoing,
-        }
+        Slave::exchange(self, incoming)
     }
 
     /// The address after this one in a burst: the same one without IF_ADD_INC; with the FIFO on
     /// the six output bytes form a ring, so a burst can run through many levels \[RECALL\].
     fn next(&self, address: u8) -> u8 {
-        if self.register(CTRL2) & ctrl2::IF_ADD_INC == 0 {
+        if self.state.register(CTRL2) & ctrl2::IF_ADD_INC == 0 {
             address
         } else if address == OUT_Z_H && self.fifo_mode != FifoMode::Bypass {
             OUT_X_L
@@ -384,30 +295,30 @@ impl Chip {
 
     /// A byte leaves, with what reading it sets off.
     fn read(&mut self, address: u8) -> u8 {
-        if matches!(self.phase, Phase::Off | Phase::PowerUp) {
+        if !self.state.answers() {
             return 0;
         }
         if address == OUT_X_L && self.fifo_mode != FifoMode::Bypass {
             self.take_fifo_level();
         }
-        let byte = self.register(address);
+        let byte = self.state.register(address);
         match address {
             OUT_X_L..=OUT_Z_H => {
                 self.read_pair(usize::from(address - OUT_X_L) / 2, address & 1);
                 if address & 1 == 1 {
-                    self.clear(STATUS, flag::DRDY);
-                    self.clear(STATUS_DUP, flag::DRDY);
+                    self.state.clear(STATUS, flag::DRDY);
+                    self.state.clear(STATUS_DUP, flag::DRDY);
                 }
             }
             OUT_T_L => self.read_pair(TEMPERATURE, 0),
             OUT_T_H => {
                 self.read_pair(TEMPERATURE, 1);
-                self.clear(STATUS_DUP, flag::DRDY_T);
+                self.state.clear(STATUS_DUP, flag::DRDY_T);
             }
             _ => {}
         }
         // Three-wire SPI does not drive the separate data-out line.
-        if self.register(CTRL2) & ctrl2::SIM != 0 {
+        if self.state.register(CTRL2) & ctrl2::SIM != 0 {
             0
         } else {
             byte
@@ -416,45 +327,59 @@ impl Chip {
 
     /// A byte arrives. Only writable bits take it, and only while the part is ready.
     fn write(&mut self, address: u8, value: u8) {
-        if self.phase != Phase::Ready || self.fault == Some(Fault::WriteRefused(address)) {
+        if !self.state.accept(address, value, &WRITABLE) {
             return;
         }
-        let index = usize::from(address) % ADDRESSES;
-        let mask = WRITABLE[index];
-        self.registers[index] = (self.registers[index] & !mask) | (value & mask);
         self.act_on(address);
         if address == CTRL2 && value & ctrl2::SOFT_RESET != 0 {
             self.reset_registers();
-            self.set(CTRL2, ctrl2::SOFT_RESET);
-            self.enter(Phase::Reset, self.now_ns.saturating_add(SOFT_RESET_NS));
+            self.state.set(CTRL2, ctrl2::SOFT_RESET);
+            self.state.enter(Phase::Reset, SOFT_RESET_NS);
         } else if address == CTRL2 && value & ctrl2::BOOT != 0 {
-            self.enter(Phase::Reboot, self.now_ns.saturating_add(BOOT_NS));
+            self.state.enter(Phase::Reboot, BOOT_NS);
         }
+    }
+}
+
+impl Slave for Chip {
+    fn wire(&mut self) -> &mut Wire {
+        &mut self.state.wire
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.state.fault
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.state.now_ns
+    }
+
+    fn advance_to(&mut self, time_ns: u64) {
+        Chip::advance_to(self, time_ns);
+    }
+
+    fn read_register(&mut self, address: u8) -> u8 {
+        self.read(address)
+    }
+
+    fn write_register(&mut self, address: u8, value: u8) {
+        self.write(address, value);
+    }
+
+    fn next_address(&self, address: u8) -> u8 {
+        self.next(address)
+    }
+
+    fn read_into(&mut self, bytes: &mut [u8]) {
+        Chip::read_into(self, bytes);
     }
 }
 
 /// Inside.
 impl Chip {
-    fn register(&self, address: u8) -> u8 {
-        self.registers[usize::from(address) % ADDRESSES]
-    }
-
-    fn set(&mut self, address: u8, bits: u8) {
-        self.registers[usize::from(address) % ADDRESSES] |= bits;
-    }
-
-    fn clear(&mut self, address: u8, bits: u8) {
-        self.registers[usize::from(address) % ADDRESSES] &= !bits;
-    }
-
-    fn enter(&mut self, phase: Phase, end_ns: u64) {
-        self.phase = phase;
-        self.phase_end_ns = end_ns;
-    }
-
     /// All registers to their reset values. The outputs keep what the pairs hold.
     fn reset_registers(&mut self) {
-        self.registers = RESET;
+        self.state.registers = RESET;
         self.fifo.clear();
         for address in [CTRL1, FIFO_CTRL] {
             self.act_on(address);
@@ -462,20 +387,20 @@ impl Chip {
         for pair in 0..self.pairs.len() {
             self.show_pair(pair);
         }
-        self.registers[usize::from(OUT_T)] = self.pairs[TEMPERATURE].bytes[1];
+        self.state.registers[usize::from(OUT_T)] = self.pairs[TEMPERATURE].bytes[1];
     }
 
     /// Brings the decoded settings in line with a register that has changed.
     fn act_on(&mut self, address: u8) {
         match address {
             CTRL1 | CTRL6 => {
-                self.mode = Mode::decode(self.register(CTRL1), self.register(CTRL6));
+                self.mode = Mode::decode(self.state.register(CTRL1), self.state.register(CTRL6));
                 let odr_hz = self.mode.odr_hz.unwrap_or(0.0);
                 self.temperature_every = f64::max(odr_hz / TEMPERATURE_HZ, 1.0) as u32;
                 self.temperature_due = 0;
             }
             FIFO_CTRL => {
-                self.fifo_mode = FifoMode::decode(self.register(FIFO_CTRL));
+                self.fifo_mode = fifo::decode(self.state.register(FIFO_CTRL));
                 if self.fifo_mode == FifoMode::Bypass {
                     self.fifo.clear();
                 }
@@ -483,11 +408,11 @@ impl Chip {
             }
             OUT_X_L..=OUT_Z_H => {
                 let pair = usize::from(address - OUT_X_L) / 2;
-                self.pairs[pair].bytes[usize::from(address & 1)] = self.register(address);
+                self.pairs[pair].bytes[usize::from(address & 1)] = self.state.register(address);
             }
             OUT_T_L | OUT_T_H => {
                 let byte = usize::from(address - OUT_T_L);
-                self.pairs[TEMPERATURE].bytes[byte] = self.register(address);
+                self.pairs[TEMPERATURE].bytes[byte] = self.state.register(address);
             }
             _ => {}
         }
@@ -495,7 +420,7 @@ impl Chip {
 
     /// The force with the self-test's deflection on it (CTRL3, ST: 01 positive, 10 negative).
     fn with_self_test(&self, force_g: [f64; 3]) -> [f64; 3] {
-        let deflection_g = match self.register(CTRL3) >> 6 {
+        let deflection_g = match self.state.register(CTRL3) >> 6 {
             0b01 => self.traits.self_test_positive_g,
             0b10 => self.traits.self_test_negative_g,
             _ => return force_g,
@@ -507,7 +432,7 @@ impl Chip {
     /// A new sample: into the FIFO, or into the outputs when there is none.
     fn latch(&mut self, sample: [[u8; 2]; 3]) {
         if self.fifo_mode == FifoMode::Bypass {
-            let block_data_update = self.register(CTRL2) & ctrl2::BDU != 0;
+            let block_data_update = self.state.register(CTRL2) & ctrl2::BDU != 0;
             for (pair, bytes) in sample.into_iter().enumerate() {
                 self.pairs[pair].update(bytes, block_data_update);
                 self.show_pair(pair);
@@ -517,17 +442,17 @@ impl Chip {
             self.fifo.push(self.fifo_mode, [xl, xh, yl, yh, zl, zh]);
             self.show_fifo();
         }
-        self.set(STATUS, flag::DRDY);
-        self.set(STATUS_DUP, flag::DRDY);
+        self.state.set(STATUS, flag::DRDY);
+        self.state.set(STATUS_DUP, flag::DRDY);
     }
 
     /// A new temperature.
     fn latch_temperature(&mut self, bytes: [u8; 2]) {
-        let block_data_update = self.register(CTRL2) & ctrl2::BDU != 0;
+        let block_data_update = self.state.register(CTRL2) & ctrl2::BDU != 0;
         self.pairs[TEMPERATURE].update(bytes, block_data_update);
         self.show_pair(TEMPERATURE);
-        self.registers[usize::from(OUT_T)] = bytes[1];
-        self.set(STATUS_DUP, flag::DRDY_T);
+        self.state.registers[usize::from(OUT_T)] = bytes[1];
+        self.state.set(STATUS_DUP, flag::DRDY_T);
     }
 
     fn read_pair(&mut self, pair: usize, which: u8) {
@@ -543,7 +468,7 @@ impl Chip {
             OUT_X_L + 2 * pair as u8
         };
         let low = usize::from(low);
-        self.registers[low..low + 2].copy_from_slice(&self.pairs[pair].bytes);
+        self.state.registers[low..low + 2].copy_from_slice(&self.pairs[pair].bytes);
     }
 
     /// Puts the oldest FIFO level into the outputs; an empty FIFO leaves the last one there.
@@ -560,15 +485,15 @@ impl Chip {
     /// Copies the FIFO's level and flags to FIFO_SAMPLES, STATUS and STATUS_DUP.
     fn show_fifo(&mut self) {
         let level = self.fifo.count() as u8;
-        let threshold = self.register(FIFO_CTRL) & 0x1F;
+        let threshold = self.state.register(FIFO_CTRL) & 0x1F;
         let reached = threshold > 0 && level >= threshold;
         let overrun = self.fifo.overrun();
         let when = |condition: bool, bit: u8| if condition { bit } else { 0 };
-        self.registers[usize::from(FIFO_SAMPLES)] =
+        self.state.registers[usize::from(FIFO_SAMPLES)] =
             level | when(reached, flag::FIFO_FTH) | when(overrun, flag::FIFO_OVR);
-        self.clear(STATUS, flag::FIFO_THS);
-        self.set(STATUS, when(reached, flag::FIFO_THS));
-        self.clear(STATUS_DUP, flag::OVR);
-        self.set(STATUS_DUP, when(overrun, flag::OVR));
+        self.state.clear(STATUS, flag::FIFO_THS);
+        self.state.set(STATUS, when(reached, flag::FIFO_THS));
+        self.state.clear(STATUS_DUP, flag::OVR);
+        self.state.set(STATUS_DUP, when(overrun, flag::OVR));
     }
 }

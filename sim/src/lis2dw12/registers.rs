@@ -5,6 +5,8 @@
 
 use tilt::sample::FullScale;
 
+use crate::spi_part::{ADDRESSES, Registers};
+
 /// Temperature, low byte.
 pub const OUT_T_L: u8 = 0x0D;
 /// Temperature, high byte.
@@ -37,12 +39,6 @@ pub const FIFO_SAMPLES: u8 = 0x2F;
 pub const STATUS_DUP: u8 = 0x37;
 /// Pulsed data-ready, interrupt options.
 pub const CTRL7: u8 = 0x3F;
-
-/// Addresses on the wire: seven bits, of which the upper half is reserved and reads zero.
-pub const ADDRESSES: usize = 128;
-
-/// The register contents, indexed by address.
-pub type Registers = [u8; ADDRESSES];
 
 /// Bits that a write can change; all others keep what they hold.
 pub const WRITABLE: Registers = {

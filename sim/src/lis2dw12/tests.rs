@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::registers::WHO_AM_I;
 use super::*;
+use crate::spi_part::bench::{burst, read, write};
 
 const LEVEL_G: [f64; 3] = [0.0, 0.0, 1.0];
 
@@ -22,25 +23,6 @@ fn measuring() -> Chip {
         write(&mut chip, address, value);
     }
     chip
-}
-
-fn write(chip: &mut Chip, address: u8, value: u8) {
-    chip.select();
-    chip.exchange(address);
-    chip.exchange(value);
-    chip.deselect();
-}
-
-fn burst<const N: usize>(chip: &mut Chip, address: u8) -> [u8; N] {
-    chip.select();
-    chip.exchange(address | 0x80);
-    let bytes = std::array::from_fn(|_| chip.exchange(0));
-    chip.deselect();
-    bytes
-}
-
-fn read(chip: &mut Chip, address: u8) -> u8 {
-    burst::<1>(chip, address)[0]
 }
 
 #[test]

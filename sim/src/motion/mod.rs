@@ -1,11 +1,12 @@
 //! What moves the housing: one interface for the motor rig, a fixed pose and the excavator.
 //!
 //! In: the time, once per tick of [`crate::TICK_S`]. Out: the specific force that the housing
-//! feels, in g along its own axes, and the true attitude that the instrument should report.
+//! feels, in g along its own axes, how it turns, and the true attitude that the instrument should
+//! report.
 //! Frame: a housing at rest and level feels (0, 0, +1) g. Slope X is
 //! atan2(x, hypot(y, z)), slope Y is atan2(y, hypot(x, z)), both of gravity alone.
-//! Left out: rotation rates (an accelerometer does not feel them) and the site's own gravity:
-//! 1 g is [`STANDARD_GRAVITY_M_S2`] everywhere.
+//! Left out: the earth's own rotation, 0.004 deg/s, and the site's own gravity: 1 g is
+//! [`STANDARD_GRAVITY_M_S2`] everywhere.
 
 pub mod vibration;
 
@@ -17,6 +18,8 @@ pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 pub struct Motion {
     /// Specific force along the housing's axes, g: gravity, motion and vibration together.
     pub force_g: [f64; 3],
+    /// Rate of turn about the housing's axes, right-handed, deg/s: the mean of this tick.
+    pub rate_dps: [f64; 3],
     /// Where the housing truly stands.
     pub attitude: Attitude,
 }
@@ -88,6 +91,25 @@ pub(crate) fn axes([x, y, z, _]: Lanes) -> [f64; 3] {
 #[inline]
 pub(crate) fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// A vector product.
+#[inline]
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// The rate of a housing in which "up" goes from one direction to another within a tick, both of
+/// length one, deg/s. It does not turn about the vertical itself.
+#[inline]
+pub(crate) fn rate_dps(before: [f64; 3], after: [f64; 3]) -> [f64; 3] {
+    // What stands still goes the other way in the axes of a housing that turns.
+    let per_tick = 1f64.to_degrees() / crate::TICK_S;
+    cross(after, before).map(|sine| sine * per_tick)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use std::fmt::Debug;
 use super::{NEVER, Network};
 use crate::can_bus::{Bus, Event};
 use crate::electronics::{Electronics, whole};
+use crate::motion::Motion;
 
 /// No guest runs further ahead of the others than this, ns: less than the shortest frame takes, so
 /// that nothing that another one does can have reached it yet.
@@ -23,7 +24,7 @@ pub trait Guest: Any + Debug {
     fn electronics(&mut self) -> &mut Electronics;
 
     /// Takes the force of a tick up to `end_s`; its part samples, and edges come later.
-    fn tick(&mut self, force_g: [f64; 3], end_s: f64);
+    fn tick(&mut self, motion: &Motion, end_s: f64);
 
     /// Something has happened on the bus.
     fn hear(&mut self, event: &Event, bus: &mut Bus);
@@ -156,9 +157,9 @@ impl Network {
     }
 
     /// Lets the guests' parts live through a tick.
-    pub(super) fn tick_guests(&mut self, force_g: [f64; 3], end_s: f64) {
+    pub(super) fn tick_guests(&mut self, motion: &Motion, end_s: f64) {
         for guest in &mut self.guests {
-            guest.tick(force_g, end_s);
+            guest.tick(motion, end_s);
         }
     }
 }

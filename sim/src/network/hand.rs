@@ -10,7 +10,7 @@
 
 use crate::TICK_S;
 use crate::motion::vibration::BandNoise;
-use crate::motion::{Attitude, Motion, Mover, add};
+use crate::motion::{Attitude, Motion, Mover, add, rate_dps};
 use crate::rng::Rng;
 
 /// How fast a turn speeds up and slows down, deg/s^2. `[ASSUME]`
@@ -156,6 +156,7 @@ impl Hand {
 
 impl Mover for Hand {
     fn step(&mut self, _time_s: f64) -> Motion {
+        let before_g = self.gravity_g();
         self.pitch.step();
         self.roll.step();
         let gravity_g = self.gravity_g();
@@ -164,6 +165,7 @@ impl Mover for Hand {
         let shaking_g = self.noise.as_mut().map_or([0.0; 3], |n| n.step(rng));
         Motion {
             force_g: add(gravity_g, shaking_g),
+            rate_dps: rate_dps(before_g, gravity_g),
             attitude: self.attitude,
         }
     }

@@ -83,7 +83,7 @@ impl Delivered {
             settings: [settings.clone(), settings],
             calibrated: false,
             models: match mode {
-                Mode::Product | Mode::OneAxis => Models::PRODUCT,
+                Mode::Product | Mode::Dynamic | Mode::OneAxis => Models::PRODUCT,
                 // The simulated one has the product's services beside.
                 _ => Models::WHOLE,
             },
@@ -99,7 +99,7 @@ impl Delivered {
     pub fn electronics(&self, channel: Channel) -> Electronics {
         let (unit, node) = (self.unit, channel as u32 + 1);
         let rng = Rng::stream(self.seed, &format!("unit {unit} node {node}"));
-        Electronics::new(&self.parts, rng)
+        Electronics::with(&self.settings[channel as usize].part, &self.parts, rng)
     }
 
     /// The calibration that the node of `channel` leaves the bench with, if it was calibrated.

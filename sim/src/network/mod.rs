@@ -241,12 +241,12 @@ impl Network {
             if node.electronics.now_s() >= end_s {
                 continue;
             }
-            node.electronics.tick(motion.force_g, end_s, |edge| {
+            node.electronics.tick(&motion, end_s, |edge| {
                 let [at_ns, captured_ns] = [edge.at_s, edge.captured_s].map(|s| whole(s * 1e9));
                 edges.push((at_ns, number, captured_ns));
             });
         }
-        self.tick_guests(motion.force_g, end_s);
+        self.tick_guests(&motion, end_s);
         let edges = &mut self.edges;
         if edges.len() > 1 {
             edges.sort_unstable_by(|a, b| b.cmp(a));

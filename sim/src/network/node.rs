@@ -20,8 +20,7 @@ use tilt::cross_check::CrossCheck;
 use super::fault::Faulty;
 use super::standstill::{Held, Standstill};
 use crate::can_bus::{Bus, ErrorState, Mailbox, Port};
-use crate::electronics::Electronics;
-use crate::lis2dw12::SpiPort;
+use crate::electronics::{Driver, Electronics};
 use crate::memory::{self, Memory, Program};
 
 /// A node's code and the state of its driver.
@@ -30,7 +29,7 @@ pub struct NetworkNode {
     /// Sensor, supply and clock.
     pub electronics: Electronics,
     /// The device code.
-    pub device: Device<SpiPort, Memory>,
+    pub device: Device<Driver, Memory>,
     /// The port on the bus.
     pub port: Port,
     /// When the device's set-up is over, ns; frames before it are not heard.
@@ -93,7 +92,7 @@ impl NetworkNode {
         memory: Memory,
         port: Port,
     ) -> Self {
-        let device = Device::new(electronics.port(), check, factory, memory);
+        let device = Device::new(electronics.driver(), check, factory, memory);
         Self {
             electronics,
             device,

@@ -55,6 +55,7 @@ impl Mover for Turning {
         let (sin, cos) = slope_x_deg.to_radians().sin_cos();
         Motion {
             force_g: [sin, 0.0, cos],
+            rate_dps: [0.0; 3],
             attitude: Attitude {
                 slope_x_deg,
                 ..Attitude::default()
@@ -379,7 +380,13 @@ fn a_part_that_falls_silent_is_noticed_within_5_ms() {
     let mut site = Site::working(250);
     site.run(&mut level(), 1000 * MS);
     let now_ns = site.network.now_ns();
-    let chip = site.network.node(0).electronics.chip().clone();
+    let chip = site
+        .network
+        .node(0)
+        .electronics
+        .lis2dw12()
+        .cloned()
+        .expect("an LIS2DW12");
     chip.borrow_mut().brown_out(now_ns);
     site.run(&mut level(), 5 * MS);
     let reason = |node: usize| site.network.nodes()[node].device.channel().reason();

@@ -9,7 +9,7 @@
 //! Left out: run-out of the shaft, and tilt of the rig's foot.
 
 use crate::motion::vibration::{BandNoise, Ring};
-use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add};
+use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add, cross};
 use crate::motor::{Motor, MotorModel, MoveError, Shaft};
 use crate::rng::Rng;
 
@@ -21,14 +21,18 @@ pub enum Mount {
     X,
     /// Slope Y, the paper's pitch run.
     Y,
+    /// Slope X with the housing on edge: the shaft lies along z, and y points up at 0 deg.
+    Z,
 }
 
 impl Mount {
-    /// Housing axes: the one the motor drives, the one along its shaft.
-    const fn axes(self) -> (usize, usize) {
+    /// Housing axes: the one the motor drives, the one along its shaft, the one that points up at
+    /// 0 deg.
+    const fn axes(self) -> (usize, usize, usize) {
         match self {
-            Mount::X => (0, 1),
-            Mount::Y => (1, 0),
+            Mount::X => (0, 1, 2),
+            Mount::Y => (1, 0, 2),
+            Mount::Z => (0, 2, 1),
         }
     }
 }
@@ -148,24 +152,37 @@ impl Rig {
     /// Gravity along the housing's axes and the truth at the shaft's angle.
     fn take_stance(&mut self) {
         let turn_deg = self.shaft.true_deg;
-        let (driven, other) = self.setup.mount.axes();
+        let (driven, other, up) = self.setup.mount.axes();
         let (sin, cos) = turn_deg.to_radians().sin_cos();
         let (wedge_sin, wedge_cos) = self.wedge_sin_cos;
-        let mut gravity_g = [0.0, 0.0, cos * wedge_cos];
+        let mut gravity_g = [0.0; 3];
+        gravity_g[up] = cos * wedge_cos;
         gravity_g[driven] = sin;
         gravity_g[other] = cos * wedge_sin;
         self.stance = (gravity_g, Attitude::from_gravity(gravity_g, turn_deg));
     }
 
+    /// Rate about the housing's axes, deg/s, for a turn of the shaft by so much in this tick.
+    fn rate_dps(&self, turned_deg: f64) -> [f64; 3] {
+        let (driven, other, up) = self.setup.mount.axes();
+        let (wedge_sin, wedge_cos) = self.wedge_sin_cos;
+        let (mut along, mut level) = ([0.0; 3], [0.0; 3]);
+        along[driven] = 1.0;
+        level[up] = wedge_cos;
+        level[other] = wedge_sin;
+        cross(along, level).map(|axis| axis * turned_deg / crate::TICK_S)
+    }
+
     /// Force from turning, g. The sensor's distance from the axis is the lever arm's part
     /// across the shaft; the centre lies in the plane of the wedge, on the side away from +z.
     fn turning_g(&self, shaft: &Shaft) -> [f64; 3] {
-        let (driven, other) = self.setup.mount.axes();
+        let (driven, other, up) = self.setup.mount.axes();
         let (wedge_sin, wedge_cos) = self.wedge_sin_cos;
         let radius = self.setup.lever_arm_m * wedge_cos / STANDARD_GRAVITY_M_S2;
         let rate = shaft.velocity_deg_s.to_radians();
         let centripetal = -radius * rate * rate;
-        let mut force = [0.0, 0.0, centripetal * wedge_cos];
+        let mut force = [0.0; 3];
+        force[up] = centripetal * wedge_cos;
         force[other] = centripetal * wedge_sin;
         force[driven] = -radius * shaft.acceleration_deg_s2.to_radians();
         force
@@ -195,15 +212,18 @@ impl Mover for Rig {
         let shaft = self.motor.shaft(time_s);
         let turning_g = self.turning_g(&shaft);
         let shaking_g = self.shaking_g(&shaft);
-        let turned = shaft.true_deg != self.shaft.true_deg;
+        let turned_deg = shaft.true_deg - self.shaft.true_deg;
         self.now_s = time_s;
         self.shaft = shaft;
-        if turned {
+        let mut rate_dps = [0.0; 3];
+        if turned_deg != 0.0 {
             self.take_stance();
+            rate_dps = self.rate_dps(turned_deg);
         }
         let (gravity_g, attitude) = self.stance;
         Motion {
             force_g: add(gravity_g, add(turning_g, shaking_g)),
+            rate_dps,
             attitude,
         }
     }
@@ -246,6 +266,7 @@ impl Fixture {
         Fixture {
             motion: Motion {
                 force_g,
+                rate_dps: [0.0; 3],
                 attitude: Attitude::from_gravity(force_g, 0.0),
             },
         }

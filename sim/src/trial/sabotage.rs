@@ -78,5 +78,5 @@ fn replace(setup: &Setup, network: &mut Network, node: usize, check: CrossCheck)
     };
     let mut memory = setup.memory();
     deliver(&mut memory, &settings.chain.calibration).expect("a new memory");
-    unit.device = Device::new(unit.electronics.port(), check, factory, memory);
+    unit.device = Device::new(unit.electronics.driver(), check, factory, memory);
 }

@@ -220,6 +220,7 @@ mod tests {
             let (sin, cos) = slope_x_deg.to_radians().sin_cos();
             Motion {
                 force_g: [sin, 0.0, cos],
+                rate_dps: [0.0, -self.0, 0.0],
                 attitude: Attitude {
                     slope_x_deg,
                     ..Attitude::default()

@@ -2,7 +2,8 @@
 //!
 //! In: rows of regressors with observed values. Out: the parameters, or that they are not
 //! determined. Up to a dozen parameters, no allocation, only + - * /. A ridge (a prior standard
-//! deviation for each parameter against that of one observation) may be given.
+//! deviation for each parameter against that of one observation) may be given. With each row
+//! weighted by 1 / variance, the inverse of the matrix holds the variances of the parameters.
 
 use super::FitError;
 
@@ -62,6 +63,12 @@ impl<const N: usize, const M: usize> Normal<N, M> {
     /// Errors: [`FitError::TooFew`] below `N` rows, [`FitError::IllConditioned`] when the scaled
     /// pivots spread over more than [`WORST_CONDITION`].
     pub fn solve(&self) -> Result<([[f64; N]; M], f64), FitError> {
+        self.solve_within(WORST_CONDITION)
+    }
+
+    /// As [`solve`](Self::solve), refused above `worst` instead of [`WORST_CONDITION`]: for fits
+    /// that are judged by the variances of their parameters.
+    pub fn solve_within(&self, worst: f64) -> Result<([[f64; N]; M], f64), FitError> {
         if self.rows < N {
             return Err(FitError::TooFew {
                 have: self.rows,
@@ -69,13 +76,43 @@ impl<const N: usize, const M: usize> Normal<N, M> {
             });
         }
         let (factor, pivots, condition) = self.factorise();
-        if condition > WORST_CONDITION {
+        if condition > worst {
             return Err(FitError::IllConditioned { condition });
         }
         Ok((
             self.right.map(|b| substitute(&factor, &pivots, b)),
             condition,
         ))
+    }
+
+    /// Diagonal of the inverse: the variance of each parameter, where each weight was 1 / variance
+    /// of its observation. Means nothing where the fit is refused.
+    pub fn variances(&self) -> [f64; N] {
+        let (factor, pivots, _) = self.factorise();
+        let mut variances = [0.0; N];
+        for (n, variance) in variances.iter_mut().enumerate() {
+            let mut unit = [0.0; N];
+            if let Some(one) = unit.get_mut(n) {
+                *one = 1.0;
+            }
+            *variance = at(&substitute(&factor, &pivots, unit), n);
+        }
+        variances
+    }
+
+    /// Weighted sum of squares left over by `solution` for each right-hand side, given that of the
+    /// observed `values`: v^2 - 2 x b + x A x. Exact to 1e-16 of the larger sum.
+    pub fn left_over(&self, solution: &[[f64; N]; M], values: [f64; M]) -> [f64; M] {
+        let mut left = values;
+        let sides = solution.iter().zip(&self.right);
+        for (left, (x, right)) in left.iter_mut().zip(sides) {
+            for ((row, b), x_row) in self.matrix.iter().zip(right).zip(x) {
+                let fitted: f64 = row.iter().zip(x).map(|(a, x)| a * x).sum();
+                *left += x_row * (fitted - 2.0 * b);
+            }
+            *left = left.max(0.0);
+        }
+        left
     }
 
     /// L D L^T without square roots; the condition is of pivots relative to their own diagonal,
@@ -144,6 +181,19 @@ fn substitute<const N: usize>(l: &[[f64; N]; N], d: &[f64; N], mut b: [f64; N]) 
     b
 }
 
+/// Square root to the last bit or two, by Newton's method; 0 below 2e-308, and where there is none.
+pub fn square_root(value: f64) -> f64 {
+    if !(value >= f64::MIN_POSITIVE && value.is_finite()) {
+        return 0.0;
+    }
+    // Half the exponent is within 6.1 % of the root; each step squares that and halves it.
+    let mut root = f64::from_bits((value.to_bits() >> 1) + (1023 << 51));
+    for _ in 0..4 {
+        root = (root + value / root) / 2.0;
+    }
+    root
+}
+
 /// Inverse of a 3 x 3 matrix by cofactors; `None` when its determinant is under 1e-6.
 pub fn invert(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     let [[a, b, c], [d, e, f], [g, h, i]] = m;
@@ -198,6 +248,35 @@ mod tests {
         ));
         normal.ridge(1e-3);
         assert!(normal.solve().is_ok());
+    }
+
+    #[test]
+    fn variances_and_what_is_left_over_are_those_of_a_line() {
+        let (mut normal, mut squares) = (Normal::<2, 1>::default(), 0.0);
+        for (x, v) in [(-1.0, 1.1), (0.0, 1.9), (1.0, 3.1), (2.0, 3.9)] {
+            normal.add([1.0, x], [v], 4.0);
+            squares += 4.0 * v * v;
+        }
+        let (solution, _) = normal.solve().unwrap();
+        // By hand: slope 0.96, intercept 2.02; residuals 0.04, -0.12, 0.12, -0.04.
+        let [left] = normal.left_over(&solution, [squares]);
+        assert!((left - 4.0 * 0.032).abs() < 1e-12, "{left}");
+        let [constant, slope] = normal.variances();
+        assert!((constant - 0.3 / 4.0).abs() < 1e-12 && (slope - 0.2 / 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn roots_are_those_of_the_library() {
+        for exponent in -300..300 {
+            for mantissa in [1.0, 1.7, 2.0, 3.3, 9.9] {
+                let value = mantissa * 10f64.powi(exponent);
+                let error = square_root(value) / value.sqrt() - 1.0;
+                assert!(error.abs() < 4e-16, "{value}: {error}");
+            }
+        }
+        for none in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-320] {
+            assert_eq!(square_root(none), 0.0);
+        }
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! Fitting: from a bench's readings to the constants that the chain runs on.
 //!
 //! Three benches, three modules: `motor` (reference angles, R5), `thermal` (the climatic chamber,
-//! R4) and `poses` (no reference but gravity's length). They share `least_squares`. The fits work
-//! in f64 with nothing but + - * /, without allocation, so that they run on the chip too when the
-//! calibration is driven over the bus.
+//! R4) and `poses` (no reference but gravity's length). A fourth, `gyroscope`, has the calibrated
+//! accelerometer beside it as its reference. They share `least_squares`. The fits work in f64 with
+//! nothing but + - * /, without allocation, so that they run on the chip too when the calibration
+//! is driven over the bus.
 //!
 //! Left out: moving motors and chambers, which are the host's or the simulation's, and storing.
 
+pub mod gyroscope;
 pub mod least_squares;
 pub mod motor;
 pub mod poses;

@@ -164,8 +164,9 @@ pub fn align(from: &[[f64; 3]], to: &[[f64; 3]]) -> Result<[[f64; 3]; 3], FitErr
     Err(FitError::NoConvergence)
 }
 
-/// The rotation by the vector `w` (Cayley form: exactly orthogonal, needs no trigonometry).
-fn small_rotation(w: [f64; 3]) -> [[f64; 3]; 3] {
+/// The rotation by the vector `w` (Cayley form: exactly orthogonal, needs no trigonometry); by
+/// 2 atan(|w| / 2), so too little by |w|^2 / 12 of it.
+pub(super) fn small_rotation(w: [f64; 3]) -> [[f64; 3]; 3] {
     let [a, b, c] = w.map(|v| v / 2.0);
     let n = 1.0 + a * a + b * b + c * c;
     let m = [

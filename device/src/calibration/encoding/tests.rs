@@ -23,6 +23,7 @@ fn blank() -> Calibration {
             harmonics: Harmonics::default(),
         },
         budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+        rates: None,
     }
 }
 
@@ -210,6 +211,7 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
                 temperature,
                 correction,
                 budget,
+                rates: None,
             }
         },
     )
@@ -464,6 +466,7 @@ fn the_longest_is_3092_bytes() {
             tco: 1,
             ..blank().budget
         },
+        rates: None,
     };
     assert_eq!(length(&calibration), MAX_LENGTH);
     let bytes = encode(&calibration);

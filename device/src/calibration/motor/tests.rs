@@ -40,7 +40,9 @@ fn factory() -> Chain {
                 harmonics,
             },
             budget: Budget::DATA_SHEET,
+            rates: None,
         },
+        fusion: None,
     }
 }
 

@@ -303,6 +303,7 @@ impl Channel {
                 harmonics: Axes { x, y },
             },
             budget: self.budget.budget(&temperature),
+            rates: None,
         }
     }
 

@@ -49,6 +49,7 @@ fn chain(channel: &Prepared, mode: Mode, slowest_hz: f64) -> Chain {
         period_us,
         part_delay_q16: 0,
         timing,
+        fusion: None,
         calibration: channel.record.calibration(),
     }
 }

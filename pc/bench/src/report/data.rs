@@ -42,7 +42,7 @@ pub enum Axis {
 impl From<Mount> for Axis {
     fn from(mount: Mount) -> Self {
         match mount {
-            Mount::X => Self::X,
+            Mount::X | Mount::Z => Self::X,
             Mount::Y => Self::Y,
         }
     }

@@ -117,8 +117,8 @@ impl Stage {
         let (now_ns, rng) = (self.network.now_ns(), &mut self.rng);
         let electronics = self.network.electronics(number);
         match trouble {
-            Trouble::Part(fault) => electronics.chip().borrow_mut().set_fault(Some(fault)),
-            Trouble::BrownOut => electronics.chip().borrow_mut().brown_out(now_ns),
+            Trouble::Part(fault) => electronics.set_part_fault(Some(fault)),
+            Trouble::BrownOut => electronics.brown_out(now_ns),
             Trouble::Supply => {
                 electronics.supply = Supply::unstable(now_ns as f64 * 1e-9, rng);
             }
@@ -142,7 +142,7 @@ impl Stage {
     fn heal(&mut self, number: usize) {
         let now_s = self.network.now_s();
         let electronics = self.network.electronics(number);
-        electronics.chip().borrow_mut().set_fault(None);
+        electronics.set_part_fault(None);
         electronics.supply.repair(now_s);
         electronics.offset_g = [0.0; 3];
         electronics.heal();

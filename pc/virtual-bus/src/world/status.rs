@@ -64,7 +64,7 @@ fn broken(network: &Network, number: usize) -> Vec<String> {
         return Vec::new();
     };
     let electronics = &unit.electronics;
-    let part = electronics.chip().borrow().fault();
+    let part = electronics.part_fault();
     let loose_g = Some(electronics.offset_g[0]).filter(|g| *g != 0.0);
     let all = [
         part.map(|fault| part_name(fault).to_owned()),

@@ -110,7 +110,7 @@ impl Site {
         let electronics = self.network.electronics(0);
         match wrong {
             Wrong::Sensor(fault) => electronics.inject(fault, Rng::stream(1, "wrong")),
-            Wrong::Part(fault) => electronics.chip().borrow_mut().set_fault(Some(fault)),
+            Wrong::Part(fault) => electronics.set_part_fault(Some(fault)),
         }
     }
 

@@ -1,4 +1,4 @@
-//! The wires between a driver and the model: `SpiDevice` on a shared [`Chip`].
+//! The wires between a driver and the model: `SpiDevice` on a shared part.
 //!
 //! In: transactions of `embedded-hal` operations. Out: the bytes the part sends. A transaction
 //! takes no virtual time except for its `DelayNs` operations; the speed of the wire is left out.
@@ -9,31 +9,37 @@ use std::rc::Rc;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
-use super::{Chip, Fault};
+use super::{Fault, Slave};
 
 /// One end of the wires. Clones talk to the same part.
-#[derive(Clone, Debug)]
-pub struct SpiPort {
-    chip: Rc<RefCell<Chip>>,
+#[derive(Debug)]
+pub struct SpiPort<C> {
+    chip: Rc<RefCell<C>>,
 }
 
-impl SpiPort {
+impl<C> Clone for SpiPort<C> {
+    fn clone(&self) -> Self {
+        Self::new(Rc::clone(&self.chip))
+    }
+}
+
+impl<C> SpiPort<C> {
     /// Wires to a part that somebody else, as a rule the world, goes on feeding.
-    pub fn new(chip: Rc<RefCell<Chip>>) -> Self {
+    pub fn new(chip: Rc<RefCell<C>>) -> Self {
         Self { chip }
     }
 
     /// The part at the other end.
-    pub fn chip(&self) -> &Rc<RefCell<Chip>> {
+    pub fn chip(&self) -> &Rc<RefCell<C>> {
         &self.chip
     }
 }
 
-impl ErrorType for SpiPort {
+impl<C> ErrorType for SpiPort<C> {
     type Error = ErrorKind;
 }
 
-impl SpiDevice for SpiPort {
+impl<C: Slave> SpiDevice for SpiPort<C> {
     /// Runs the operations under one chip select.
     ///
     /// # Errors
@@ -45,7 +51,7 @@ impl SpiDevice for SpiPort {
         }
         chip.select();
         for operation in operations {
-            run(&mut chip, operation);
+            run(&mut *chip, operation);
         }
         chip.deselect();
         Ok(())
@@ -53,7 +59,7 @@ impl SpiDevice for SpiPort {
 }
 
 /// One operation of a transaction.
-fn run(chip: &mut Chip, operation: &mut Operation<'_, u8>) {
+fn run<C: Slave>(chip: &mut C, operation: &mut Operation<'_, u8>) {
     match operation {
         Operation::Read(bytes) => chip.read_into(bytes),
         Operation::Write(bytes) => bytes.iter().for_each(|&byte| {
@@ -76,7 +82,7 @@ fn run(chip: &mut Chip, operation: &mut Operation<'_, u8>) {
     }
 }
 
-impl DelayNs for SpiPort {
+impl<C: Slave> DelayNs for SpiPort<C> {
     /// Waits by moving this part's clock on.
     ///
     /// No sample is converted meanwhile: enough for `init`, while a self-test needs a delay

@@ -1,0 +1,179 @@
+//! The variant with a gyroscope beside product mode: at rest, on the swing and on a boom.
+
+use std::fmt::Write as _;
+
+use sim::bench::boom::{BoomResult, REST_S};
+use sim::bench::statistics::{Tally, median};
+use sim::bench::{Bench, BenchError, Mode, World};
+
+use crate::{Passage, SEED, of_unit, passage, shared, summary, swing};
+
+/// Distances from the boom's pivot, m.
+const LEVERS_M: [f64; 2] = [1.0, 3.0];
+/// How long a unit digs and rests at each of them, s.
+const BOOM_S: f64 = 120.0;
+
+/// Both kinds of instrument through everything that the section shows.
+pub struct Dynamic {
+    /// Units through the bench.
+    pub units: Vec<Passage>,
+    /// Each unit at each of [`LEVERS_M`], in product mode and with a gyroscope.
+    booms: [Vec<[BoomResult; 2]>; 2],
+    /// Largest standard uncertainty of scale and alignment, of each node.
+    gains: Vec<f64>,
+}
+
+impl Dynamic {
+    /// Measures so many units.
+    ///
+    /// Errors: see [`BenchError`].
+    pub fn measure(count: u32) -> Result<Self, BenchError> {
+        let units = shared(count, |unit| passage(Mode::Dynamic, &World::NOMINAL, unit))?;
+        let booms = |mode| shared(count, move |unit| on_booms(mode, unit));
+        let gains = shared(count, gain_uncertainties)?;
+        Ok(Self {
+            units,
+            booms: [booms(Mode::Product)?, booms(Mode::Dynamic)?],
+            gains: gains.concat(),
+        })
+    }
+
+    /// The section of the page.
+    pub fn section(&self, page: &mut String, product: &[Passage]) {
+        let count = self.units.len();
+        let _ = write!(
+            page,
+            "## The variant with a gyroscope\n\nAn ISM330DHCX in the place of the LIS2DW12, its \
+             accelerometer with the same errors, its gyroscope with those of \
+             [gyroscope-parts.md](gyroscope-parts.md); {count} units, and of product mode the same \
+             ones. \"As it arrives\" is the angle of that very moment. On the boom of an excavator \
+             every unit digs and rests for {BOOM_S:.0} s; at rest is what is read {REST_S:.0} s \
+             after the last move and later, with the engine idling.\n\n\
+             | figure | product mode | with a gyroscope | must be | kept |\n|---|---|---|---|---|\n"
+        );
+        let product = product.get(..count).unwrap_or(product);
+        self.bench_rows(page, product);
+        self.boom_rows(page);
+        let mut gains = self.gains.clone();
+        let _ = writeln!(
+            page,
+            "\nThe motor's turns leave a standard uncertainty of {:.3} % of the gyroscope's scale \
+             and alignment at most (median node). Slewing is in no scene: the cab stands.\n",
+            median(&mut gains) * 100.0
+        );
+    }
+
+    fn bench_rows(&self, page: &mut String, product: &[Passage]) {
+        let of = |find: &dyn Fn(&Passage) -> Tally| {
+            let both = [product, &self.units];
+            both.map(|units| summary(&units.iter().map(find).collect::<Vec<_>>()))
+        };
+        let both = |page: &mut String, name: &str, limits: [f64; 2], found: [(f64, f64); 2]| {
+            let [product, dynamic] = found;
+            let rms = (product.0, dynamic.0);
+            row(page, &format!("{name}: RMSE, deg"), rms, Some(limits[0]), 4);
+            let name = "the same: largest error of any unit, deg";
+            row(page, name, (product.1, dynamic.1), Some(limits[1]), 3);
+        };
+        let random = of(&|p| of_unit(&p.unit, false, |_| true));
+        both(
+            page,
+            "static, 25 degC, random angles",
+            [0.040, 0.20],
+            random,
+        );
+        let thermal = of(&|p| p.thermal);
+        both(page, "static, -10..70 degC", [0.040, 0.20], thermal);
+        for arm in [0, 2, 5] {
+            let [product, dynamic] = of(&|p| swing(&p.unit, arm, false));
+            let name = format!("80 deg/s, lever arm {arm} cm, as it arrives: RMSE, deg");
+            row(page, &name, (product.0, dynamic.0), Some(0.10), 3);
+        }
+        let [product, dynamic] = of(&|p| swing(&p.unit, 0, true));
+        let name = "80 deg/s, lever arm 0, aligned: RMSE, deg";
+        row(page, name, (product.0, dynamic.0), None, 3);
+    }
+
+    fn boom_rows(&self, page: &mut String) {
+        let of = |lever: usize, find: fn(&BoomResult) -> Tally| {
+            let tallies = self.booms.each_ref().map(|units| {
+                let found: Vec<_> = units.iter().map(|unit| find(&unit[lever])).collect();
+                summary(&found)
+            });
+            let [product, dynamic] = tallies;
+            [(product.0, dynamic.0), (product.1, dynamic.1)]
+        };
+        for (lever, lever_m) in LEVERS_M.iter().enumerate() {
+            let place = format!("boom, {lever_m:.0} m from the pivot");
+            let [rms, largest] = of(lever, |found| found.working);
+            let name = format!("{place}, digging: RMSE, deg");
+            row(page, &name, rms, Some(0.5), 3);
+            row(
+                page,
+                "the same: largest error of any unit, deg",
+                largest,
+                None,
+                2,
+            );
+            let [rms, largest] = of(lever, |found| found.resting);
+            let name = format!("{place}, at rest: RMSE, deg");
+            row(page, &name, rms, Some(0.05), 3);
+            row(
+                page,
+                "the same: largest error of any unit, deg",
+                largest,
+                None,
+                2,
+            );
+            let shares = self.booms.each_ref().map(|units| {
+                let mut all = BoomResult::default();
+                units.iter().for_each(|unit| all.join(&unit[lever]));
+                let valid = all.valid().max(1) as f64;
+                let covered = 100.0 * all.covered as f64 / valid;
+                (covered, 100.0 * valid / (valid + all.invalid as f64))
+            });
+            let [product, dynamic] = shares;
+            let name = format!("{place}: errors within twice the stated uncertainty, %");
+            row(page, &name, (product.0, dynamic.0), None, 1);
+            let name = format!("{place}: angles that are valid, %");
+            row(page, &name, (product.1, dynamic.1), None, 1);
+        }
+    }
+}
+
+/// One line; the limit is for the variant with a gyroscope.
+fn row(
+    page: &mut String,
+    name: &str,
+    (product, dynamic): (f64, f64),
+    limit: Option<f64>,
+    digits: usize,
+) {
+    let (must, kept) = match limit {
+        Some(limit) if dynamic <= limit => (format!("<= {limit:.digits$}"), "yes"),
+        Some(limit) => (format!("<= {limit:.digits$}"), "NO"),
+        None => (String::from("reported"), ""),
+    };
+    let _ = writeln!(
+        page,
+        "| {name} | {product:.digits$} | {dynamic:.digits$} | {must} | {kept} |"
+    );
+}
+
+fn on_booms(mode: Mode, unit: u32) -> Result<[BoomResult; 2], BenchError> {
+    let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, SEED, unit)?;
+    Ok(LEVERS_M.map(|lever_m| bench.on_the_boom(lever_m, BOOM_S)))
+}
+
+fn gain_uncertainties(unit: u32) -> Result<Vec<f64>, BenchError> {
+    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, SEED, unit);
+    bench.characterise()?;
+    bench.calibrate()?;
+    let reports = bench.calibrate_gyroscopes()?;
+    let nodes = reports.into_iter().flatten();
+    let largest = nodes.map(|node| {
+        let all = node.gains.uncertainty.as_flattened().iter();
+        all.copied().fold(0.0, f64::max)
+    });
+    Ok(largest.collect())
+}

@@ -1,0 +1,70 @@
+//! The variant with a gyroscope, from the chamber to the boom.
+
+use sim::bench::boom::BoomResult;
+use sim::bench::{Bench, Mode, World};
+use sim::rig::Mount;
+
+/// A unit through chamber, motor and turns, switched off and on; the first of the tables.
+fn commissioned() -> Bench {
+    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 0);
+    commissioned.expect("a sound unit").0
+}
+
+#[test]
+fn a_calibrated_unit_follows_swing_and_boom_as_it_arrives() {
+    let mut bench = commissioned();
+    for mount in [Mount::X, Mount::Y] {
+        for lever_arm_m in [0.0, 0.02, 0.05] {
+            let found = bench.dynamic_test(mount, lever_arm_m);
+            assert_eq!(found.invalid, 0);
+            assert_eq!(found.warnings, 0);
+            for node in found.as_it_arrives {
+                let rms_deg = node.rms();
+                assert!(rms_deg <= 0.10, "{mount:?} {lever_arm_m} m: {rms_deg}");
+            }
+        }
+    }
+    let mut all = BoomResult::default();
+    for lever_arm_m in [1.0, 3.0] {
+        let found = bench.on_the_boom(lever_arm_m, 60.0);
+        let (working, resting) = (found.working.rms(), found.resting.rms());
+        assert!(
+            working <= 0.5 && resting <= 0.05,
+            "{lever_arm_m} m: {working} {resting}"
+        );
+        all.join(&found);
+    }
+    // Twice the standard uncertainty is to cover 95 %.
+    let covered = all.covered as f64 / all.valid() as f64;
+    assert!(covered >= 0.95, "{covered}");
+}
+
+#[test]
+fn the_turns_of_the_motor_show_scale_and_axes_to_a_thousandth() {
+    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 2, 5);
+    bench.characterise().expect("a sound unit");
+    bench.calibrate().expect("a sound unit");
+    // As long as nothing is known of the gyroscope, angles are those of the accelerometer.
+    let latency = |bench: &mut Bench| {
+        bench.run(1.0);
+        let reading = bench.instrument.sync().readings[0].x;
+        reading.expect("an angle").latency_us
+    };
+    assert_eq!(latency(&mut bench), 25_000);
+    let reports = bench.calibrate_gyroscopes().expect("turns that fit");
+    for report in reports.expect("gyroscopes") {
+        let uncertainties = report.gains.uncertainty.as_flattened().iter();
+        assert!(uncertainties.copied().fold(0.0, f64::max) < 0.001);
+        assert!(report.gains.residual_rms_deg < 0.1);
+        assert!(report.bias.residual_rms_deg_s < 0.01);
+    }
+    assert_eq!(latency(&mut bench), 5_000);
+}
+
+#[test]
+fn product_and_paper_have_no_gyroscope_to_calibrate() {
+    for mode in [Mode::Product, Mode::Paper, Mode::OneAxis] {
+        let mut bench = Bench::new(mode, &World::NOMINAL, 1, 0);
+        assert_eq!(bench.calibrate_gyroscopes(), Ok(None));
+    }
+}

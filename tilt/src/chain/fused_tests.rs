@@ -1,0 +1,220 @@
+//! The chain with a gyroscope: the angle of this moment while the housing turns.
+
+use super::*;
+use crate::fusion::Fusion;
+use crate::motion::Expected;
+use crate::rate::RateCorrection;
+use crate::sample::{RateCounts, RateRange};
+use crate::temperature::TemperatureModel;
+use crate::uncertainty::Span;
+
+const PERIOD_S: f64 = 0.0024;
+const LATENCY_US: u32 = 5_000;
+
+fn chain() -> Chain {
+    let expected = Expected {
+        period_s: PERIOD_S,
+        rate_noise: 1e-4,
+        rate_defect: 3e-4,
+        bias: 0.003,
+        bias_walk: 3e-5,
+        gain: 0.001,
+        accel_offset: 0.0,
+        accel_range: 3.99,
+        rate_range: 8.7,
+        ..Expected::INDUSTRIAL
+    };
+    Chain {
+        filter: LowPass::PRODUCT,
+        full_scale: FullScale::G4,
+        period_us: 2400,
+        part_delay_q16: 0,
+        timing: Timing::Aligned { latency_us: 25_000 },
+        calibration: Calibration {
+            temperature: TemperatureModel::None,
+            correction: Correction::TwoAxis {
+                vector: Vector::IDENTITY,
+                harmonics: Axes::default(),
+            },
+            budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
+            rates: Some(RateCorrection::IDENTITY),
+        },
+        fusion: Fusion::new(&expected, RateRange::Dps500, LATENCY_US),
+    }
+}
+
+/// Sampled at this time, s, from when a swing begins.
+const START_S: f64 = 3.0;
+const SPEED: f64 = 80.0;
+const ACCELERATION: f64 = 800.0;
+const REST_S: f64 = 0.2;
+
+/// The paper's swing of +-40 deg at 80 deg/s (R17): the angle, deg, and its second derivative.
+fn swing(t: f64) -> (f64, f64) {
+    let ramp_s = SPEED / ACCELERATION;
+    let leg_s = 80.0 / SPEED + ramp_s;
+    let whole_s = leg_s + REST_S;
+    let leg = (t / whole_s).floor().max(0.0);
+    let t = (t - leg * whole_s).clamp(0.0, leg_s);
+    let sign = if leg as i64 % 2 == 0 { 1.0 } else { -1.0 };
+    let left = leg_s - t;
+    let (way, bend) = if t <= 0.0 || left <= 0.0 {
+        (if left <= 0.0 { 80.0 } else { 0.0 }, 0.0)
+    } else if t < ramp_s {
+        (0.5 * ACCELERATION * t * t, ACCELERATION)
+    } else if left < ramp_s {
+        (80.0 - 0.5 * ACCELERATION * left * left, -ACCELERATION)
+    } else {
+        (SPEED * (t - 0.5 * ramp_s), 0.0)
+    };
+    (sign * (way - 40.0), sign * bend)
+}
+
+/// A part on the swing, so far from its axis, m, whose clock is as much too slow.
+struct Part {
+    lever_m: f64,
+    period_s: f64,
+}
+
+impl Part {
+    fn angle(t: f64) -> f64 {
+        swing(t - START_S).0
+    }
+
+    /// The sample of time `t`; the rate is the mean of the period before it.
+    fn sample(&self, t: f64) -> Sample {
+        let (angle, bend) = swing(t - START_S);
+        let rate = (angle - Self::angle(t - self.period_s)) / self.period_s;
+        let (s, c) = angle.to_radians().sin_cos();
+        let lever = self.lever_m / 9.80665;
+        let turning = rate.to_radians();
+        let force = [
+            s - lever * bend.to_radians(),
+            0.0,
+            c - lever * turning * turning,
+        ];
+        Sample {
+            counts: Counts(force.map(|v| (v * 8192.0).round() as i16)),
+            rate: Some(RateCounts([0, (-rate / 0.0175).round() as i16, 0])),
+        }
+    }
+}
+
+/// Root mean squares of what the chain is off by, deg: of this moment, and aligned; and the largest
+/// share of the uncertainty that was stated.
+fn errors(part: &Part) -> ([f64; 2], f64) {
+    let chain = chain();
+    let mut state = ChainState::default();
+    let (mut squares, mut count, mut worst) = ([0.0; 2], 0.0, 0.0f64);
+    for i in 0..(30.0 / part.period_s) as u32 {
+        let t = f64::from(i) * part.period_s;
+        let at = Instant(1_000_000 + (t * 1e6).round() as u64);
+        chain.sample(&mut state, part.sample(t), at);
+        // Asked for between two samples, from their beginning to their end.
+        let later_s = part.period_s * f64::from(i % 10) * 0.1;
+        let now = at.offset((later_s * 1e6).round() as i64);
+        if t < START_S - 0.5 {
+            continue;
+        }
+        let readings = [chain.reading_now(&state, now), chain.reading(&state, now)];
+        for (square, reading) in squares.iter_mut().zip(readings) {
+            let found = reading.x.expect("an angle");
+            let truth = Part::angle(t + later_s - f64::from(found.latency_us) * 1e-6);
+            let error = found.angle.degrees() - truth;
+            *square += error * error;
+            worst = worst.max(error.abs() / found.uncertainty.degrees());
+        }
+        count += 1.0;
+    }
+    (squares.map(|square| (square / count).sqrt()), worst)
+}
+
+#[test]
+fn the_swing_of_r17_is_followed_as_it_arrives() {
+    for (lever_m, most_deg) in [(0.0, 0.006), (0.02, 0.012), (0.05, 0.04)] {
+        let (rms, worst) = errors(&Part {
+            lever_m,
+            period_s: PERIOD_S,
+        });
+        assert!(rms.iter().all(|rms| *rms < most_deg), "{lever_m}: {rms:?}");
+        assert!(worst < 2.0, "{lever_m}: {worst}");
+    }
+}
+
+#[test]
+fn a_slow_clock_of_the_part_does_not_look_like_scale() {
+    let (rms, _) = errors(&Part {
+        lever_m: 0.0,
+        period_s: PERIOD_S * 1.03,
+    });
+    assert!(rms.iter().all(|rms| *rms < 0.01), "{rms:?}");
+}
+
+#[test]
+fn both_instants_are_declared_with_their_latency() {
+    let chain = chain();
+    let mut state = ChainState::default();
+    let still = Part {
+        lever_m: 0.0,
+        period_s: PERIOD_S,
+    };
+    let at = |i: u64| Instant(1_000_000 + i * 2_400);
+    for i in 0..400 {
+        chain.sample(&mut state, still.sample(0.0), at(i));
+    }
+    let now = at(399).offset(1_000);
+    let latency = |reading: Reading| reading.x.map(|x| (x.latency_us, now.micros_since(x.at)));
+    assert_eq!(latency(chain.reading_now(&state, now)), Ok((0, 0)));
+    let aligned = i64::from(LATENCY_US);
+    assert_eq!(
+        latency(chain.reading(&state, now)),
+        Ok((LATENCY_US, aligned))
+    );
+}
+
+#[test]
+fn a_gap_begins_anew_and_three_missing_samples_do_not() {
+    let chain = chain();
+    let part = Part {
+        lever_m: 0.0,
+        period_s: PERIOD_S,
+    };
+    let at = |t: f64| Instant(1_000_000 + (t * 1e6).round() as u64);
+    for (missing, is_valid) in [(3, true), (5, false)] {
+        let mut state = ChainState::default();
+        let (mut t, end) = (0.0, START_S + 0.5);
+        while t < end {
+            chain.sample(&mut state, part.sample(t), at(t));
+            t += PERIOD_S;
+        }
+        t += PERIOD_S * f64::from(missing);
+        chain.sample(&mut state, part.sample(t), at(t));
+        t += PERIOD_S;
+        chain.sample(&mut state, part.sample(t), at(t));
+        let found = chain.reading_now(&state, at(t)).x;
+        assert_eq!(found.is_ok(), is_valid, "{missing}: {found:?}");
+        if let Ok(found) = found {
+            // The rate behind the gap stands for that within it: 80 deg/s all the time.
+            let error = found.angle.degrees() - Part::angle(t);
+            assert!(error.abs() < 0.05, "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_part_without_a_gyroscope_and_tables_go_without_it() {
+    let mut chain = chain();
+    let mut state = ChainState::default();
+    for i in 0..400 {
+        let counts = Counts([0, 0, 8192]);
+        chain.sample(&mut state, counts, Instant(1_000_000 + i * 2_400));
+    }
+    let now = Instant(1_000_000 + 399 * 2_400);
+    assert_eq!(chain.reading(&state, now).x, Err(Invalid::NoSample));
+    chain.calibration.rates = None;
+    assert!(chain.reading(&state, now).x.is_ok());
+    chain.calibration.rates = Some(RateCorrection::IDENTITY);
+    chain.fusion = None;
+    assert!(chain.reading(&state, now).x.is_ok());
+    assert_eq!(chain.reading_now(&state, now), chain.reading(&state, now));
+}
