@@ -90,7 +90,7 @@ fn uncalibrated_chain<C: Composition>(setup: &Setup) -> Chain<C> {
         part_delay_q16: PART_DELAY_Q16,
         timing: setup.timing,
         calibration: no_calibration(),
-        fusion: factory::fusion::<C>(&setup.part),
+        fusion: factory::fusion::<C>(&setup.part, setup.noise),
     }
 }
 

@@ -86,8 +86,13 @@ const fn rate_delay_s() -> f64 {
     samples * ism330dhcx::Config::PRODUCT.rate.period_us() as f64 * 1e-6
 }
 
+/// A part whose noise is known to be less stands still by right: 0.4 steps at +-4 g, 2^-26 g.
+const STANDS_STILL: u32 = (tilt::ONE_G / 20_480) as u32;
+
 /// How the vertical follows the gyroscope of this part; `None` where it has none.
-pub fn fusion<C: Composition>(part: &PartConfig) -> Option<C::Fusion> {
+///
+/// `noise` is that of [`Setup::noise`]: codes of a part without noise may repeat.
+pub fn fusion<C: Composition>(part: &PartConfig, noise: u32) -> Option<C::Fusion> {
     const DYNAMIC: Option<Fusion> = Fusion::new(
         &CALIBRATED,
         ism330dhcx::Config::PRODUCT.range,
@@ -95,7 +100,12 @@ pub fn fusion<C: Composition>(part: &PartConfig) -> Option<C::Fusion> {
     );
     match part {
         PartConfig::Lis2dw12(_) => None,
-        PartConfig::Ism330dhcx(_) => DYNAMIC.and_then(|fusion| C::Fusion::put(|| fusion)),
+        PartConfig::Ism330dhcx(_) => DYNAMIC.and_then(|fusion| {
+            C::Fusion::put(|| match noise {
+                1..STANDS_STILL => fusion.without_noise(),
+                _ => fusion,
+            })
+        }),
     }
 }
 

@@ -206,7 +206,11 @@ impl Sensor {
         if let Some(fault) = fault {
             felt_g = fault.force_g(felt_g, next_s);
         }
-        let rate_dps = fitted.feel_rate(felt, period_s, rng);
+        let rate_noise = fault.as_ref().map_or(1.0, |fault| fault.rate_noise());
+        let mut rate_dps = fitted.feel_rate(felt, (rate_noise, period_s), rng);
+        if let Some(fault) = fault {
+            rate_dps = fault.rate_dps(rate_dps);
+        }
         fitted.advance_to(nanoseconds(next_s));
         let mut die_c = match fitted.reads_temperature() {
             true => part.thermometer(rng),
@@ -220,7 +224,9 @@ impl Sensor {
             None => fitted.convert(&felt, die_c),
             Some(fault) => {
                 die_c = fault.thermometer_c(die_c);
-                fitted.convert_through(&felt, die_c, |codes| fault.codes(codes, next_s));
+                fitted.convert_through(&felt, die_c, |[force, rate]| {
+                    [fault.codes(force, next_s), fault.rate_codes(rate)]
+                });
             }
         }
     }

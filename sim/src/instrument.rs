@@ -13,10 +13,12 @@ use std::rc::Rc;
 
 use crate::bench_node::BenchNode;
 use device::channel::Settings;
+use device::factory;
 use device::sensor::{SelfTest, SelfTestError};
 use embedded_hal::spi::ErrorKind;
 use instant::Instant;
 use tilt::chain::Reading;
+use tilt::composition::Whole;
 use tilt::cross_check::{CrossCheck, Verdict};
 
 use crate::TICK_S;
@@ -42,13 +44,13 @@ impl Side {
     fn new(settings: Settings, check: CrossCheck, model: &ErrorModel, rng: Rng) -> Self {
         let electronics = Electronics::with(&settings.part, model, rng);
         let driver = electronics.driver();
+        let noise = model.known_noise();
+        let mut settings = Settings { noise, ..settings };
+        settings.chain.fusion = factory::fusion::<Whole>(&settings.part, noise);
         Self {
             electronics,
             node: BenchNode::new(driver, check),
-            settings: Settings {
-                noise: model.known_noise(),
-                ..settings
-            },
+            settings,
             next_poll: Instant(0),
         }
     }

@@ -73,7 +73,7 @@ impl Mode {
             period_us: part.period_us(),
             part_delay_q16: PART_DELAY_Q16,
             timing: setup.timing,
-            fusion: factory::fusion::<Whole>(&part),
+            fusion: factory::fusion::<Whole>(&part, setup.noise),
             calibration: Calibration {
                 budget: Budget {
                     noise: tilt::health::noise(part.period_us()),

@@ -211,12 +211,17 @@ impl Fitted {
         Some([before, turning.analogue.moment()])
     }
 
-    /// What the gyroscope measures, deg/s before rounding.
-    pub fn feel_rate(&mut self, felt: &Felt, period_s: f64, rng: &mut Rng) -> [f64; 3] {
+    /// What the gyroscope measures with `noise` times its white noise, deg/s before rounding.
+    pub fn feel_rate(
+        &mut self,
+        felt: &Felt,
+        (noise, period_s): (f64, f64),
+        rng: &mut Rng,
+    ) -> [f64; 3] {
         let Self::Ism330dhcx(_, turning) = self else {
             return [0.0; 3];
         };
-        let sigma_dps = turning.sigma_dps;
+        let sigma_dps = turning.sigma_dps * noise;
         let gyroscope = &mut turning.gyroscope;
         gyroscope.feel(felt.rate_dps, felt.force_g, sigma_dps, period_s, rng)
     }
@@ -232,23 +237,25 @@ impl Fitted {
         }
     }
 
-    /// One conversion whose acceleration goes through `codes` before it is stored.
+    /// One conversion whose codes, of acceleration and rate, go through `path` before they are
+    /// stored; a part without a gyroscope has no codes of a rate.
     pub fn convert_through(
         &self,
         felt: &Felt,
         die_c: f64,
-        codes: impl FnOnce([i16; 3]) -> [i16; 3],
+        path: impl FnOnce([[i16; 3]; 2]) -> [[i16; 3]; 2],
     ) {
         match self {
             Self::Lis2dw12(chip) => {
                 chip.borrow_mut()
-                    .convert_through(felt.force_g, die_c, codes);
+                    .convert_through(felt.force_g, die_c, |force| {
+                        let [force, _] = path([force, [0; 3]]);
+                        force
+                    });
             }
             Self::Ism330dhcx(chip, _) => {
                 let mut chip = chip.borrow_mut();
-                chip.convert_through(felt.force_g, felt.rate_dps, die_c, |[force, rate]| {
-                    [codes(force), rate]
-                });
+                chip.convert_through(felt.force_g, felt.rate_dps, die_c, path);
             }
         }
     }

@@ -95,6 +95,35 @@ pub enum SensorFault {
     },
     /// X and y are exchanged.
     SwappedAxes,
+    /// The gyroscope is wrong, and the accelerometer beside it is not. Without effect on a part
+    /// that has none.
+    Gyroscope(RateFault),
+}
+
+/// One thing that goes wrong with a gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RateFault {
+    /// A step of the bias.
+    Bias {
+        /// Which axis of the part.
+        axis: usize,
+        /// How far, deg/s.
+        dps: f64,
+    },
+    /// The sensitivity of all axes changes.
+    Scale {
+        /// By how much; 0.05 is 5 %.
+        ratio: f64,
+    },
+    /// The codes of all axes repeat for ever.
+    Stuck,
+    /// The white noise grows.
+    Noise {
+        /// How many times, at least 1.
+        factor: f64,
+    },
+    /// X and y are exchanged.
+    SwappedAxes,
 }
 
 /// One thing that goes wrong with one node on the bus.

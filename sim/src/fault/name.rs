@@ -4,7 +4,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use super::{NodeFault, SensorFault};
+use super::{NodeFault, RateFault, SensorFault};
 
 /// A number without the digits that only binary fractions have.
 fn short(value: f64) -> f64 {
@@ -26,6 +26,19 @@ impl Display for SensorFault {
             Self::BrownOut { .. } => f.write_str("brown-out"),
             Self::Sag => f.write_str("sag"),
             Self::Thermometer { c } => write!(f, "thermometer {:+} degC", short(c)),
+            Self::SwappedAxes => f.write_str("swapped axes"),
+            Self::Gyroscope(fault) => write!(f, "gyroscope, {fault}"),
+        }
+    }
+}
+
+impl Display for RateFault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match *self {
+            Self::Bias { dps, .. } => write!(f, "bias step {} deg/s", short(dps)),
+            Self::Scale { ratio } => write!(f, "scale {:+} %", short(ratio * 100.0)),
+            Self::Stuck => f.write_str("stuck"),
+            Self::Noise { factor } => write!(f, "noise x{}", short(factor)),
             Self::SwappedAxes => f.write_str("swapped axes"),
         }
     }
@@ -75,6 +88,14 @@ mod tests {
             (SensorFault::Sag, "sag"),
             (SensorFault::Thermometer { c: 5.0 }, "thermometer +5 degC"),
             (SensorFault::SwappedAxes, "swapped axes"),
+            (
+                SensorFault::Gyroscope(RateFault::Scale { ratio: 0.05 }),
+                "gyroscope, scale +5 %",
+            ),
+            (
+                SensorFault::Gyroscope(RateFault::Bias { axis, dps: 0.5 }),
+                "gyroscope, bias step 0.5 deg/s",
+            ),
         ] {
             assert_eq!(fault.to_string(), name);
         }

@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 
-use super::SensorFault;
+use super::{RateFault, SensorFault};
 use crate::TICK_S;
 use crate::rng::Rng;
 use crate::supply::Condition;
@@ -32,6 +32,8 @@ pub struct Injected {
     next_spike_s: f64,
     /// The codes that a stuck converter repeats.
     held: Option<[i16; 3]>,
+    /// The same of a gyroscope.
+    held_rate: Option<[i16; 3]>,
     /// Samples that are under way; the code gets the first.
     backlog: VecDeque<Sample>,
 }
@@ -45,6 +47,7 @@ impl Injected {
             from_s,
             next_spike_s: from_s,
             held: None,
+            held_rate: None,
             backlog: VecDeque::new(),
         }
     }
@@ -64,6 +67,42 @@ impl Injected {
         match self.fault {
             SensorFault::Noise { factor } => factor,
             _ => 1.0,
+        }
+    }
+
+    /// How many times its white noise the gyroscope has now.
+    pub fn rate_noise(&self) -> f64 {
+        match self.fault {
+            SensorFault::Gyroscope(RateFault::Noise { factor }) => factor,
+            _ => 1.0,
+        }
+    }
+
+    /// What the gyroscope's converter gets instead of `felt_dps`.
+    pub fn rate_dps(&self, felt_dps: [f64; 3]) -> [f64; 3] {
+        let SensorFault::Gyroscope(fault) = self.fault else {
+            return felt_dps;
+        };
+        let [x, y, z] = felt_dps;
+        match fault {
+            RateFault::Bias { axis, dps } => {
+                let mut rate_dps = felt_dps;
+                if let Some(value) = rate_dps.get_mut(axis) {
+                    *value += dps;
+                }
+                rate_dps
+            }
+            RateFault::Scale { ratio } => felt_dps.map(|rate| rate * (1.0 + ratio)),
+            RateFault::SwappedAxes => [y, x, z],
+            RateFault::Stuck | RateFault::Noise { .. } => felt_dps,
+        }
+    }
+
+    /// What the code finds instead of a gyroscope's `codes`.
+    pub fn rate_codes(&mut self, codes: [i16; 3]) -> [i16; 3] {
+        match self.fault {
+            SensorFault::Gyroscope(RateFault::Stuck) => *self.held_rate.get_or_insert(codes),
+            _ => codes,
         }
     }
 

@@ -70,7 +70,7 @@ impl<C: Composition> Chain<C> {
             self.correct_rates(state, temperature);
         }
         if let Some(state) = &mut state.fusion {
-            state.get_mut().measured = rate;
+            state.get_mut().memorise(rate);
         }
     }
 
@@ -110,9 +110,9 @@ impl<C: Composition> Chain<C> {
     }
 
     fn fused(&self, state: &ChainState<C>, now: Instant, latency_us: u32) -> Option<Reading> {
-        let (_, _, harmonics) = self.fusion()?;
+        let (fusion, _, harmonics) = self.fusion()?;
         let at = now.offset(-i64::from(latency_us));
-        let found = self.vertical_at(state, now, at);
+        let found = self.vertical_at(fusion, state, now, at);
         let found = found.map(|(vertical, temperature)| {
             let accel = self.calibration.budget.accel_at_rest(temperature);
             self.calibration.slopes(vertical, harmonics, accel)
@@ -136,6 +136,7 @@ impl<C: Composition> Chain<C> {
     /// The vertical at `at` on the line through the last two.
     fn vertical_at(
         &self,
+        fusion: &Fusion,
         state: &ChainState<C>,
         now: Instant,
         at: Instant,
@@ -143,8 +144,8 @@ impl<C: Composition> Chain<C> {
         let latest = self.fresh(state, now)?;
         let previous = state.previous.ok_or(Invalid::Settling)?;
         let temperature = self.temperature_of(state)?;
-        let fusion = state.fusion.as_ref().ok_or(Invalid::NoSample)?.get();
-        let [before, last] = fusion.verticals()?;
+        let state = state.fusion.as_ref().ok_or(Invalid::NoSample)?.get();
+        let [before, last] = state.verticals(fusion)?;
         let stamped = |vertical: Vertical, at| Stamped {
             filtered: Filtered { accel: vertical.up },
             at,

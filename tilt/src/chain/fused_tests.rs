@@ -11,8 +11,8 @@ use crate::uncertainty::Span;
 const PERIOD_S: f64 = 0.0024;
 const LATENCY_US: u32 = 5_000;
 
-fn chain() -> Chain {
-    let expected = Expected {
+fn expected() -> Expected {
+    Expected {
         period_s: PERIOD_S,
         rate_noise: 1e-4,
         rate_defect: 3e-4,
@@ -23,7 +23,11 @@ fn chain() -> Chain {
         accel_range: 3.99,
         rate_range: 8.7,
         ..Expected::INDUSTRIAL
-    };
+    }
+}
+
+fn chain() -> Chain {
+    let fusion = Fusion::new(&expected(), RateRange::Dps500, LATENCY_US);
     Chain {
         filter: LowPass::PRODUCT,
         full_scale: FullScale::G4,
@@ -39,7 +43,8 @@ fn chain() -> Chain {
             budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::CHAMBER),
             rates: Some(RateCorrection::IDENTITY),
         },
-        fusion: Fusion::new(&expected, RateRange::Dps500, LATENCY_US),
+        // Its rates have no noise.
+        fusion: fusion.map(Fusion::without_noise),
     }
 }
 
@@ -217,4 +222,32 @@ fn a_part_without_a_gyroscope_and_tables_go_without_it() {
     chain.fusion = None;
     assert!(chain.reading(&state, now).x.is_ok());
     assert_eq!(chain.reading_now(&state, now), chain.reading(&state, now));
+}
+
+#[test]
+fn a_gyroscope_whose_codes_stand_still_takes_the_angle_away_and_gives_it_back() {
+    let mut chain = chain();
+    let at = |i: u64| Instant(1_000_000 + i * 2_400);
+    let noise = |i: u64, axis: u64| (i.wrapping_mul(7 + 2 * axis) % 13) as i16 - 6;
+    for (stuck, most) in [([true; 3], 12), ([false, true, false], 42)] {
+        chain.fusion = Fusion::new(&expected(), RateRange::Dps500, LATENCY_US);
+        let mut state = ChainState::default();
+        let mut told = None;
+        for i in 0..700 {
+            let is_stuck = |axis: u64| (500..600).contains(&i) && stuck[axis as usize];
+            let code = |axis| noise(if is_stuck(axis) { 500 } else { i }, axis);
+            let sample = Sample {
+                counts: Counts([0, 0, 8192]),
+                rate: Some(RateCounts([code(0), code(1), code(2)])),
+            };
+            chain.sample(&mut state, sample, at(i));
+            let found = chain.reading_now(&state, at(i)).x;
+            match found {
+                Err(Invalid::Stuck) => told = told.or(Some(i)),
+                _ => assert!(i < 500 || told.is_none() || i >= 600, "{i}: {found:?}"),
+            }
+        }
+        assert!(told.is_some_and(|told| told - 500 <= most), "{told:?}");
+        assert!(chain.reading_now(&state, at(699)).x.is_ok());
+    }
 }
