@@ -1,8 +1,8 @@
 //! What tells one instrument from another: the stages and services that its image is composed of.
 //!
 //! In: nothing. Out: the compositions. [`Product`] is the instrument of the STM32F103RC,
-//! [`Dynamic`] its variant with a gyroscope, [`Paper`] that of the paper's own part, and [`Whole`] has everything that either has, for hosts that
-//! decide at run time.
+//! [`Dynamic`] its variant with a gyroscope, [`Paper`] that of the paper's own part, and [`Whole`]
+//! has everything that any of them has, for hosts that decide at run time.
 //!
 //! What is left out has a type without values ([`LeftOut`]), so neither its code nor its room is in
 //! the image. No Cargo feature takes part in it.

@@ -41,6 +41,8 @@ impl FromStr for NodeIds {
 pub enum Mode {
     /// Two axes, 400 samples/s
     Product,
+    /// Two axes by a part with a gyroscope, 417 samples/s: the angle while the machine moves
+    Dynamic,
     /// The paper's: 50 samples/s, tables; it has the product's objects beside its own
     Paper,
     /// One axis over 360 deg
@@ -51,6 +53,7 @@ impl From<Mode> for bench::Mode {
     fn from(mode: Mode) -> Self {
         match mode {
             Mode::Product => Self::Product,
+            Mode::Dynamic => Self::Dynamic,
             Mode::Paper => Self::Paper,
             Mode::OneAxis => Self::OneAxis,
         }

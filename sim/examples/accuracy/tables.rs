@@ -103,8 +103,8 @@ fn correlation(units: &[Passage]) -> f64 {
 pub fn table_three(page: &mut String, compared: &[(&str, &[Passage])]) {
     page.push_str(
         "## Dynamic test (Table III)\n\n+-40 deg at 80 deg/s, ten cycles, 50 readings a second. \
-         An accelerometer alone cannot have 0.1 deg as it arrives (E2). The sensor sits the lever arm \
-         above the axis (E15).\n\n\
+         An accelerometer alone cannot have 0.1 deg as it arrives (E2). The sensor sits the lever \
+         arm above the axis (E15).\n\n\
          | axis | lever arm, cm | | as it arrives: node 1 | node 2 | aligned: node 1 | node 2 | \
          latency, ms | difference | warnings |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",

@@ -8,7 +8,7 @@
 
 use std::ops::RangeInclusive;
 
-use sim::fault::{NodeFault, SensorFault};
+use sim::fault::{NodeFault, RateFault, SensorFault};
 use sim::lis2dw12::Fault;
 
 use super::reader::Reader;
@@ -111,6 +111,27 @@ pub static FAULTS: Table<Trouble> = Table {
                 let ratio = percent / 100.0;
                 Ok(Sensor(SensorFault::Gain { axis, ratio }))
             },
+        ),
+        row(
+            "fault NODE rate-bias AXIS DEG/S (-500 to 500)",
+            "a step of the gyroscope's bias",
+            |r| {
+                let (axis, dps) = (r.axis()?, r.number("deg/s", -500.0..=500.0)?);
+                Ok(Sensor(SensorFault::Gyroscope(RateFault::Bias { axis, dps })))
+            },
+        ),
+        row(
+            "fault NODE rate-scale PERCENT (-100 to 100)",
+            "the gyroscope's sensitivity is another one",
+            |r| {
+                let ratio = r.number("%", -100.0..=100.0)? / 100.0;
+                Ok(Sensor(SensorFault::Gyroscope(RateFault::Scale { ratio })))
+            },
+        ),
+        row(
+            "fault NODE rate-frozen",
+            "the gyroscope's code repeats for ever",
+            |_| Ok(Sensor(SensorFault::Gyroscope(RateFault::Stuck))),
         ),
         row(
             "fault NODE frozen [AXIS] (no axis: all three)",

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 use codes::words::{self, because};
 use device::objects::process::Shown;
-use sim::fault::{NodeFault, SensorFault};
+use sim::fault::{NodeFault, RateFault, SensorFault};
 use sim::lis2dw12::Fault;
 use sim::network::{Network, NetworkNode};
 use tilt::angle::Angle;
@@ -83,7 +83,10 @@ fn sensor_name(fault: SensorFault) -> String {
         SensorFault::Stuck { axis: Some(axis) } => format!("frozen {}", name(axis)),
         SensorFault::Bias { axis, .. }
         | SensorFault::Drift { axis, .. }
-        | SensorFault::Gain { axis, .. } => format!("{fault} in {}", name(axis)),
+        | SensorFault::Gain { axis, .. }
+        | SensorFault::Gyroscope(RateFault::Bias { axis, .. }) => {
+            format!("{fault} in {}", name(axis))
+        }
         _ => fault.to_string(),
     }
 }
