@@ -42,6 +42,7 @@ fn main() {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
         script("boot", &RC, Program::Boot);
         script("app", &RC, Program::Application(slot));
+        script("app-dynamic", &RC, Program::Application(slot));
         script("boot-paper", &C8, Program::Boot);
         script("app-paper", &C8, Program::Application(Slot::A));
     }

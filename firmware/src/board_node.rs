@@ -7,14 +7,12 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use device::device::Device;
-use device::sensor::Lis2dw12;
 use rtic::Mutex;
 use tilt::composition::Composition as _;
 
-use crate::chip::board::{Board, Select};
+use crate::chip::board::Board;
 use crate::chip::can::{self, Can};
 use crate::chip::clock::{Alarm, Wait, now};
-use crate::chip::spi::Sensor;
 use crate::crash::Crash;
 use crate::driver::{BoardAction, Driver, DriverCall};
 use crate::image::Image;
@@ -34,7 +32,7 @@ pub fn was_served() -> bool {
 /// The device with all that it needs, as `C` composes it.
 pub struct BoardNode<C: Image> {
     driver: Driver,
-    device: Device<Lis2dw12<Sensor<Select>>, C::Memory, C::Instrument>,
+    device: Device<C::Sensor, C::Memory, C::Instrument>,
     can: Can,
     alarm: Alarm,
     crash: Option<Crash>,
@@ -50,7 +48,7 @@ impl<C: Image> BoardNode<C> {
         Self {
             driver: Driver::new(),
             device: Device::new(
-                Lis2dw12::new(board.sensor),
+                C::sensor(board.sensor),
                 C::Instrument::check(),
                 factory,
                 memory,
@@ -62,7 +60,7 @@ impl<C: Image> BoardNode<C> {
         }
     }
 
-    fn at(&mut self) -> DriverCall<'_, Lis2dw12<Sensor<Select>>, C::Memory, Can, C::Instrument> {
+    fn at(&mut self) -> DriverCall<'_, C::Sensor, C::Memory, Can, C::Instrument> {
         self.driver.at(&mut self.device, &mut self.can)
     }
 

@@ -18,6 +18,11 @@ pub fn product(channel: Channel, serial: u32) -> Factory {
     of(channel, serial, Models::PRODUCT, factory::product())
 }
 
+/// A node of the variant with a gyroscope as it leaves the soldering line.
+pub fn dynamic(channel: Channel, serial: u32) -> Factory {
+    of(channel, serial, Models::PRODUCT, factory::dynamic())
+}
+
 /// A node of the paper's instrument as it leaves the soldering line.
 pub fn paper(channel: Channel, serial: u32) -> Factory {
     of(channel, serial, Models::PAPER, factory::paper())

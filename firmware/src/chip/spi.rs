@@ -1,7 +1,8 @@
 //! SPI1 with the sensor's select line: an `embedded_hal` SPI device in mode 3 at 4.5 MHz.
 //!
 //! In: transactions of the sensor's driver. Out: the bytes that the part answers. The processor
-//! waits for each byte, 1.8 us; the longest burst of the driver has 19 bytes. RM0008 25.3, 25.5.
+//! waits for each byte, 1.8 us; the longest burst of a driver has 26 bytes (the read-back of the
+//! ISM330DHCX), that of a sample 9 or 17. RM0008 25.3, 25.5.
 //!
 //! A byte that does not come within [`PATIENCE`] looks ends the transaction with an error: it
 //! cannot happen while the port has its clock, and must not hold the processor if it does.
@@ -17,7 +18,7 @@ use super::register::write;
 /// CR1: 72 MHz / 16 (BR = 3), master, software select that is never active (SSM, SSI), clock idle
 /// high and second edge (CPOL, CPHA), eight bits, most significant first, enabled (SPE).
 ///
-/// LIS2DW12, DS11811 table 6: at most 10 MHz. The next rate up is 9 MHz: 55.6 ns from the part's
+/// LIS2DW12, DS11811 table 6, and ISM330DHCX: at most 10 MHz. The next rate up is 9 MHz: 55.6 ns from the part's
 /// edge to the port's. The part's output may take 50 of them (t_v(SO)) and the port wants its input
 /// 5 before (STM32F103 data sheet, t_su(MI)), which leaves nothing for a board.
 const SET_UP: u16 = 3 << 3 | 1 << 2 | 1 << 9 | 1 << 8 | 1 << 1 | 1 | 1 << 6;

@@ -8,6 +8,7 @@
 //! | `plumb-VERSION.bin`, `.hex` | bootloader and confirmed application, for a probe |
 //! | `plumb-VERSION-slot-a.img`, `-slot-b.img` | an application with its header, for an update |
 //! | `boot.elf`, `app-a.elf`, `app-b.elf` | what was linked, for a debugger and for the emulator |
+//! | `plumb-dynamic-VERSION.bin`, `-slot-a.img` and so on, `app-dynamic-a.elf`, `-b.elf` | the same of the variant with a gyroscope |
 //! | `plumb-paper-VERSION.bin`, `.hex` | the same of the paper's instrument, for its own part |
 //! | `boot-paper.elf`, `app-paper.elf` | what was linked of it |
 //!
@@ -42,10 +43,12 @@ use set::Set;
 pub use set::sets;
 
 /// How the names of our files end.
-const OURS: [&str; 8] = [
+const OURS: [&str; 10] = [
     "boot.elf",
     "app-a.elf",
     "app-b.elf",
+    "app-dynamic-a.elf",
+    "app-dynamic-b.elf",
     "boot-paper.elf",
     "app-paper.elf",
     ".img",

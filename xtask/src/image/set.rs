@@ -30,6 +30,15 @@ const PRODUCT: Set = Set {
     ram: 23 * 1024,
 };
 
+/// The variant with a gyroscope, for the product's part; its bootloader is the product's.
+const DYNAMIC: Set = Set {
+    name: "plumb-dynamic",
+    layout: &RC,
+    boot: "boot",
+    app: "app-dynamic",
+    ram: 23 * 1024,
+};
+
 /// The paper's instrument, for an STM32F103C8.
 const PAPER: Set = Set {
     name: "plumb-paper",
@@ -41,7 +50,7 @@ const PAPER: Set = Set {
 
 /// Every set.
 pub fn sets() -> &'static [Set] {
-    &[PRODUCT, PAPER]
+    &[PRODUCT, DYNAMIC, PAPER]
 }
 
 impl Set {

@@ -117,7 +117,10 @@ pub static FAULTS: Table<Trouble> = Table {
             "a step of the gyroscope's bias",
             |r| {
                 let (axis, dps) = (r.axis()?, r.number("deg/s", -500.0..=500.0)?);
-                Ok(Sensor(SensorFault::Gyroscope(RateFault::Bias { axis, dps })))
+                Ok(Sensor(SensorFault::Gyroscope(RateFault::Bias {
+                    axis,
+                    dps,
+                })))
             },
         ),
         row(
