@@ -8,13 +8,11 @@
 //! up to a tick of the world early, while its edges come at their times.
 
 use std::fmt;
-use std::rc::Rc;
 
 use flash::layout::{BASE, Layout};
 use flash::nor::NorError;
 use sim::can_bus::{Bus, Event, Mailbox, Port, TransmitOrder};
 use sim::electronics::Electronics;
-use sim::lis2dw12::DRDY_PULSE_NS;
 use sim::motion::Motion;
 use sim::network::guest::{Guest, nanoseconds};
 use sim::supply::BROWN_OUT_BELOW_V;
@@ -81,6 +79,8 @@ pub struct Board<C = CortexM3> {
     due_ns: u64,
     /// Data-ready edges so far.
     samples: u64,
+    /// Width of the part's data-ready pulses, ns.
+    pulse_ns: u64,
     /// The supply has failed by itself, in a flash operation.
     cut: bool,
     /// How far the supply falls while there is no power, V.
@@ -119,7 +119,8 @@ impl<C: Cpu> Board<C> {
             lsi_hz: parts.lsi_hz,
             seed: parts.seed,
         };
-        let sensor = Rc::clone(parts.electronics.lis2dw12().expect("an LIS2DW12"));
+        let sensor = parts.electronics.slave();
+        let pulse_ns = sensor.borrow().pulse_ns();
         let mut chip = Chip::new(parts.layout, individual, sensor, bus.now_ns());
         if parts.strapped {
             chip.drive(1, 0, Some(false));
@@ -136,6 +137,7 @@ impl<C: Cpu> Board<C> {
             posted: [None; MAILBOXES],
             due_ns: 0,
             samples: 0,
+            pulse_ns,
             cut: false,
             lowest_v: 0.0,
         }
@@ -337,12 +339,13 @@ impl<C: Cpu + 'static> Guest for Board<C> {
         self.electronics.run_waiting(|_, _| ());
         let chip = self.machine.chip_mut();
         let (powered, samples) = (self.powered, &mut self.samples);
+        let pulse_ns = self.pulse_ns;
         self.electronics.tick(motion, end_s, |edge| {
             if powered {
                 *samples += 1;
                 let at_ns = nanoseconds(edge.captured_s);
                 chip.plan_edge(at_ns, true);
-                chip.plan_edge(at_ns + DRDY_PULSE_NS + ROUNDING_NS, false);
+                chip.plan_edge(at_ns + pulse_ns + ROUNDING_NS, false);
             }
         });
         self.due_ns = self.machine.next_ns();

@@ -25,7 +25,7 @@ use crate::lis2dw12::Chip;
 use crate::low_pass::LowPass;
 use crate::motion::{Motion, add};
 use crate::rng::Rng;
-use crate::spi_part::Fault;
+use crate::spi_part::{Fault, Slave};
 use crate::supply::{Condition, Supply};
 use fitted::{Felt, Fitted};
 
@@ -317,6 +317,11 @@ impl Electronics {
     /// The driver of the part, for the code of this side.
     pub fn driver(&self) -> Driver {
         self.sensor.fitted.driver()
+    }
+
+    /// The part at the wires, for code that drives them itself.
+    pub fn slave(&self) -> Rc<RefCell<dyn Slave>> {
+        self.sensor.fitted.slave()
     }
 
     /// The accelerometer LIS2DW12, for looking at; `None` where there is another part.

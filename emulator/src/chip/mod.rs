@@ -29,7 +29,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use flash::layout::Layout;
-use sim::lis2dw12;
+use sim::spi_part::Slave;
 
 use crate::code::{Block, Code};
 use can::Can;
@@ -69,7 +69,7 @@ pub struct Individual {
 /// The sensor at the other end of SPI1.
 #[derive(Clone, Debug)]
 struct Sensor {
-    chip: Rc<RefCell<lis2dw12::Chip>>,
+    chip: Rc<RefCell<dyn Slave>>,
     selected: bool,
     /// Here, since the sensor's bytes pass here.
     tap: Tap,
@@ -152,7 +152,7 @@ impl Chip {
     pub fn new(
         layout: Layout,
         individual: Individual,
-        sensor: Rc<RefCell<lis2dw12::Chip>>,
+        sensor: Rc<RefCell<dyn Slave>>,
         now_ns: u64,
     ) -> Self {
         Self {

@@ -19,7 +19,7 @@ use crate::error_model::gyroscope::Gyroscope;
 use crate::error_model::{self, ErrorModel};
 use crate::low_pass::{LowPass, Moment};
 use crate::rng::Rng;
-use crate::spi_part::{Fault, SpiPort};
+use crate::spi_part::{Fault, Slave, SpiPort};
 use crate::{ism330dhcx, lis2dw12};
 
 /// What a part feels at one moment.
@@ -82,6 +82,14 @@ impl Fitted {
             Self::Ism330dhcx(chip, _) => {
                 Driver::Ism330dhcx(Ism330dhcx::new(SpiPort::new(Rc::clone(chip))))
             }
+        }
+    }
+
+    /// The part at the wires, whichever it is.
+    pub fn slave(&self) -> Rc<RefCell<dyn Slave>> {
+        match self {
+            Self::Lis2dw12(chip) => Rc::clone(chip) as Rc<RefCell<dyn Slave>>,
+            Self::Ism330dhcx(chip, _) => Rc::clone(chip) as Rc<RefCell<dyn Slave>>,
         }
     }
 

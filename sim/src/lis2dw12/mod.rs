@@ -350,6 +350,14 @@ impl Slave for Chip {
         self.state.fault
     }
 
+    fn int1(&self) -> bool {
+        self.int1()
+    }
+
+    fn pulse_ns(&self) -> u64 {
+        DRDY_PULSE_NS
+    }
+
     fn now_ns(&self) -> u64 {
         self.state.now_ns
     }

@@ -13,6 +13,8 @@ mod state;
 
 pub use port::SpiPort;
 
+use std::fmt::Debug;
+
 pub(crate) use fifo::{Fifo, FifoMode};
 pub(crate) use output::{Pair, quantise};
 pub(crate) use state::{ADDRESSES, Registers, State};
@@ -70,7 +72,7 @@ pub enum Wire {
 }
 
 /// A part whose command byte is a read bit and a seven-bit address.
-pub trait Slave {
+pub trait Slave: Debug {
     /// Where the transaction stands.
     fn wire(&mut self) -> &mut Wire;
 
@@ -91,6 +93,12 @@ pub trait Slave {
 
     /// The address after this one in a burst.
     fn next_address(&self, address: u8) -> u8;
+
+    /// Level of the INT1 pin.
+    fn int1(&self) -> bool;
+
+    /// Width of a data-ready pulse, ns.
+    fn pulse_ns(&self) -> u64;
 
     /// Chip select goes low: a transaction begins.
     fn select(&mut self) {
