@@ -14,6 +14,7 @@ use device::objects::table::Channel;
 use device::records::{EventStore, Record, RecordStore};
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Calibration, Correction};
+use tilt::rate::RateCorrection;
 use tilt::sample::Temperature;
 use tilt::table::{Point, Rule, Table};
 use tilt::temperature::{Piecewise, TemperatureModel};
@@ -122,7 +123,8 @@ fn a_box_that_another_event_took_over_was_left_staged_and_storing_failed() {
     assert!(!site.device.faults().has(Fault::Storage));
 }
 
-/// Tables of as many points as there are, which turn every angle by `turn` units.
+/// The longest calibration: tables of as many points as there are, and a gyroscope.
+/// They turn every angle by `turn` units.
 fn tables(turn: i32) -> Calibration {
     let points: Vec<_> = (-90..=90)
         .map(|degrees: i32| Point {
@@ -145,7 +147,7 @@ fn tables(turn: i32) -> Calibration {
             rule: Rule::Linear,
         },
         budget: Budget::calibrated(Uncertainty(0), Uncertainty(0), Span::REFERENCE),
-        rates: None,
+        rates: Some(RateCorrection::IDENTITY),
     }
 }
 

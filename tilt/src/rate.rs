@@ -111,6 +111,28 @@ impl RateCorrection {
         })
     }
 
+    /// The same in real numbers.
+    pub fn real(&self) -> RealRateCorrection {
+        let real = |steps: [i32; 3], bits: i32| {
+            let one = (1u64 << bits) as f64;
+            steps.map(|steps| f64::from(steps) / one)
+        };
+        RealRateCorrection {
+            matrix: self.matrix.map(|row| real(row, 30)),
+            scale1: real(self.scale1_q38, 38),
+            bias: real(self.bias_q30, 30),
+            bias1: real(self.bias1_q38, 38),
+            bias2: real(self.bias2_q46, 46),
+        }
+    }
+
+    /// Whether each entry of the matrix is within 1/4 of the identity's, as it has to be.
+    pub fn is_near_identity(&self) -> bool {
+        let all = self.matrix.as_flattened().iter();
+        let mut both = all.zip(Self::IDENTITY.matrix.as_flattened());
+        both.all(|(entry, unit)| entry.abs_diff(*unit) <= LARGEST_ERROR.unsigned_abs())
+    }
+
     /// The correction at `temperature`, which is held within -40..85 degC.
     pub fn at(&self, temperature: Temperature) -> RateAt {
         let d = from_reference(temperature);
@@ -270,6 +292,18 @@ mod tests {
     }
 
     #[test]
+    fn each_entry_of_the_matrix_may_be_a_quarter_off_the_identity() {
+        for place in 0..9 {
+            for (off, near) in [(ONE / 4, true), (ONE / 4 + 1, false), (i32::MIN, false)] {
+                let mut rates = RateCorrection::IDENTITY;
+                let entry = &mut rates.matrix.as_flattened_mut()[place];
+                *entry = entry.wrapping_add(off);
+                assert_eq!(rates.is_near_identity(), near, "{place} {off}");
+            }
+        }
+    }
+
+    #[test]
     fn a_bias_of_a_millionth_of_a_degree_per_second_and_a_scale_of_1e_8_are_kept() {
         let mut small = real([0.0; 9], [[1e-6; 3], [0.0; 3], [0.0; 3]], [0.0; 3]);
         let kept = RateCorrection::from_real(&small).unwrap();
@@ -296,6 +330,8 @@ mod tests {
             let real = real(errors, [bias, bias1, bias2], scale1);
             let (rate, temperature) = (Rate { rate }, Temperature(temperature));
             let correction = RateCorrection::from_real(&real).unwrap();
+            prop_assert_eq!(RateCorrection::from_real(&correction.real()), Some(correction));
+            prop_assert!(correction.is_near_identity());
             let found = correction.at(temperature).apply(rate).rad_s();
             let most = rate.rad_s().iter().fold(0.0, |most: f64, r| most.max(r.abs()));
             for (found, expected) in found.iter().zip(expected(&real, rate, temperature)) {

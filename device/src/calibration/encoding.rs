@@ -3,20 +3,21 @@
 //! In: a [`Calibration`], any part of whose bytes is made on demand, without a buffer. Out of
 //! bytes: a [`Calibration`], or a [`DecodeError`] that names what was refused.
 //!
-//! # Format, version 2
+//! # Format, version 3
 //! Words of 32 bits, little-endian; numbers with sign in two's complement.
 //!
 //! | words | content |
 //! |---|---|
 //! | 1 | "PLMC" (434D4C50h) |
-//! | 1 | version, 2 |
+//! | 1 | version, 3 |
 //! | 1 | length of the whole in bytes, check sum included |
-//! | 1 | kinds: byte 0 temperature model, byte 1 correction, byte 2 rule, byte 3 zero |
+//! | 1 | kinds: byte 0 temperature model, byte 1 correction, byte 2 rule, byte 3 gyroscope |
 //! | 5 | budget: noise, repeatability, hysteresis (2^-26 g), reference, residual (2^-32 circle) |
 //! | 1 | budget: temperature of the fit, 1/256 degC |
 //! | 3 | budget: change per degC (2^-26 g), lowest and highest temperature (1/256 degC) |
 //! | 0, 3, 33 or 12 | temperature model |
 //! | see below | correction |
+//! | 21 | gyroscope |
 //! | 1 | CRC-32 ([`Crc32`]) over all bytes before |
 //!
 //! Temperature model: 0 none. 1 data sheet: `tco_q8` of x, y, z. 2 piecewise: nine knots, then
@@ -28,15 +29,27 @@
 //! sine 1 to 3 of slope X and of slope Y. 2 one axis: matrix, offset, cosine, sine. The rule is 0
 //! nearest, 1 linear, 2 printed quarter, and 0 where there are no tables.
 //!
-//! Units are those of the types in `tilt`. The longest, two full tables, is 3092 bytes.
+//! Gyroscope, of kind 1 ([`RateCorrection`](tilt::rate::RateCorrection)): nine of the matrix by
+//! rows, then `scale1_q38`, `bias_q30`, `bias1_q38` and `bias2_q46`, each x, y, z.
+//!
+//! Units are those of the types in `tilt`. The longest, two full tables and a gyroscope, is 3176
+//! bytes.
+//!
+//! # Version 2
+//! The same without a gyroscope: kind 0, and no words of it. It is written for every calibration
+//! that has none, and version 3 is never without. An instrument without a gyroscope refuses
+//! version 3; one with a gyroscope reads all versions, and measures without it by a calibration
+//! that does not have these words.
 //!
 //! # Version 1
-//! The same without the four words of the budget that tell how it goes with the temperature, in
+//! As version 2, without the four words of the budget that tell how it goes with the temperature, in
 //! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a
 //! calibration that has just these: what was stored before keeps its bytes, its check sum and its
 //! report.
 //!
 //! Left out: storing, and putting in force.
+
+mod gyroscope;
 
 use flash::check_sum::Crc32;
 use tilt::angle::{Axes, Harmonics};
@@ -54,8 +67,11 @@ use super::tables_in;
 /// "PLMC" as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"PLMC");
 
-/// The version that tells how the uncertainty goes with the temperature.
-pub const VERSION: u32 = 2;
+/// The latest version: it has a gyroscope's words.
+pub const VERSION: u32 = 3;
+
+/// The version without a gyroscope that tells how the uncertainty goes with the temperature.
+const VERSION_WITHOUT_RATES: u32 = 2;
 
 /// The version that leaves that to [`TCO`] and [`Span::implied_by`].
 const VERSION_WITHOUT_SPAN: u32 = 1;
@@ -69,8 +85,12 @@ const BUDGET: usize = 10;
 /// Words of a piecewise model.
 const PIECEWISE: usize = KNOTS + 3 * (KNOTS - 1);
 
-/// The longest encoding in bytes: a piecewise model and two full tables.
-pub const MAX_LENGTH: u32 = 4 * (HEAD + (BUDGET + PIECEWISE + 2 * (1 + 2 * MAX_POINTS) + 1) as u32);
+/// Words of two full tables.
+const TABLES: usize = 2 * (1 + 2 * MAX_POINTS);
+
+/// The longest encoding in bytes: a piecewise model, two full tables and a gyroscope.
+pub const MAX_LENGTH: u32 =
+    4 * (HEAD + (BUDGET + PIECEWISE + TABLES + gyroscope::WORDS + 1) as u32);
 
 /// Why bytes are no calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +105,7 @@ pub enum DecodeError {
     Length,
     /// The check sum is wrong.
     CheckSum,
-    /// The kind of temperature model, of correction or of rule is unknown.
+    /// The kind of temperature model, of correction, of rule or of gyroscope is unknown.
     Kind,
     /// The temperatures of the piecewise model do not rise.
     Knots,
@@ -97,6 +117,12 @@ pub enum DecodeError {
     Offset,
     /// A harmonic of more than 5 deg: no part is bent so much.
     Harmonics,
+    /// It is that of an instrument with a gyroscope, and this one has none. Nothing of it is taken.
+    NoGyroscope,
+    /// No gyroscope in its housing: an entry of the matrix is further than 1/4 from the
+    /// identity's, the bias at 25 degC is above 20 deg/s, grows by more than 0.1 (deg/s)/degC or
+    /// 0.001 (deg/s)/degC^2, or the scale by more than 0.1 %/degC.
+    Rates,
 }
 
 /// Length of the encoding in bytes.
@@ -151,12 +177,15 @@ fn words<C: Composition>(calibration: &Calibration<C>, put: &mut dyn FnMut(u32))
 
 /// The version that holds all of it in the fewest words.
 fn version<C: Composition>(calibration: &Calibration<C>) -> u32 {
+    if calibration.rates.is_some() {
+        return VERSION;
+    }
     let budget = &calibration.budget;
     let implied = with_implied(*budget, &calibration.temperature);
     if *budget == implied {
         VERSION_WITHOUT_SPAN
     } else {
-        VERSION
+        VERSION_WITHOUT_RATES
     }
 }
 
@@ -186,7 +215,11 @@ const fn budget_words(budget: &Budget) -> [u32; 9] {
 }
 
 const fn budget_length(version: u32) -> usize {
-    if version == VERSION { 9 } else { 5 }
+    if version == VERSION_WITHOUT_SPAN {
+        5
+    } else {
+        9
+    }
 }
 
 /// Every word from the kinds on.
@@ -236,6 +269,9 @@ fn content<C: Composition>(calibration: &Calibration<C>, put: &mut dyn FnMut(u32
             wave(harmonics, &mut all);
         }
     }
+    if let Some(rates) = &calibration.rates {
+        gyroscope::put(rates.get(), &mut all);
+    }
 }
 
 fn affine(vector: &Vector, all: &mut dyn FnMut(&[i32])) {
@@ -260,7 +296,8 @@ fn kinds<C: Composition>(calibration: &Calibration<C>) -> u32 {
         Correction::TwoAxis { .. } | Correction::OneAxis { .. } => 0,
     };
     let correction = kind(&calibration.correction);
-    u32::from_le_bytes([temperature, correction, rule, 0])
+    let gyroscope = u8::from(calibration.rates.is_some());
+    u32::from_le_bytes([temperature, correction, rule, gyroscope])
 }
 
 /// The kind of correction by its number: 0 tables, 1 two axes, 2 one axis.
@@ -291,9 +328,9 @@ pub fn decode_into<C: Composition>(
     result: &mut Calibration<C>,
     source: &mut Source<'_>,
 ) -> Result<(), DecodeError> {
-    let (end, version) = envelope(source)?;
+    let (end, version) = envelope::<C>(source)?;
     let mut words = Words { source, at: 12 };
-    let [temperature, correction, rule, reserved] = words.next()?.to_le_bytes();
+    let [temperature, correction, rule, gyroscope] = words.next()?.to_le_bytes();
     let mut told = [0; 9];
     for word in told.iter_mut().take(budget_length(version)) {
         *word = words.next()?;
@@ -301,10 +338,11 @@ pub fn decode_into<C: Composition>(
     words.temperature(temperature, &mut result.temperature)?;
     result.budget = budget(told, version, &result.temperature);
     let rule = rule_of(rule).ok_or(DecodeError::Kind)?;
-    if reserved != 0 || (correction != 0 && rule != Rule::Nearest) {
+    if gyroscope != u8::from(version == VERSION) || (correction != 0 && rule != Rule::Nearest) {
         return Err(DecodeError::Kind);
     }
     words.correction(correction, rule, &mut result.correction)?;
+    gyroscope::fill::<C>(&mut words, gyroscope != 0, &mut result.rates)?;
     if words.at != end {
         return Err(DecodeError::Length);
     }
@@ -367,8 +405,8 @@ fn budget<C: Composition>(
         },
     };
     match version {
-        VERSION => told,
-        _ => with_implied(told, temperature),
+        VERSION_WITHOUT_SPAN => with_implied(told, temperature),
+        _ => told,
     }
 }
 
@@ -382,17 +420,20 @@ const fn rule_of(code: u8) -> Option<Rule> {
 }
 
 /// Checks magic, version, length and check sum; where the check sum stands, and the version.
-fn envelope(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
+fn envelope<C: Composition>(source: &mut Source<'_>) -> Result<(u32, u32), DecodeError> {
     let mut words = Words { source, at: 0 };
     if words.next()? != MAGIC {
         return Err(DecodeError::Magic);
     }
     let version = words.next()?;
-    if version != VERSION && version != VERSION_WITHOUT_SPAN {
+    if version == VERSION && !C::Rates::FITTED {
+        return Err(DecodeError::NoGyroscope);
+    }
+    if !matches!(version, VERSION_WITHOUT_SPAN..=VERSION) {
         return Err(DecodeError::Version);
     }
     let length = words.next()?;
-    if !(48..=MAX_LENGTH).contains(&length) || length & 3 != 0 {
+    if !matches!(length, 48..=MAX_LENGTH) || length & 3 != 0 {
         return Err(DecodeError::Length);
     }
     let mut crc = Crc32::new();

@@ -2,6 +2,8 @@
 
 extern crate std;
 
+mod gyroscope;
+
 use std::vec::Vec;
 
 use proptest::prelude::*;
@@ -34,7 +36,10 @@ fn encode(calibration: &Calibration) -> Vec<u8> {
     bytes
 }
 
-fn decode_over(result: &mut Calibration, bytes: &[u8]) -> Result<(), DecodeError> {
+fn decode_over<C: Composition>(
+    result: &mut Calibration<C>,
+    bytes: &[u8],
+) -> Result<(), DecodeError> {
     let mut source = |offset: u32, into: &mut [u8]| {
         let rest = bytes.get(offset as usize..).unwrap_or(&[]);
         into.iter_mut()
@@ -197,8 +202,9 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
         ..Budget::calibrated(Uncertainty(a), Uncertainty(b), Span::REFERENCE)
     });
     let growth = proptest::option::of(any::<(i32, u32, i32, i32)>());
-    (some_model(), some_correction(), budget, growth).prop_map(
-        |(temperature, correction, mut budget, growth)| {
+    let rates = proptest::option::of(gyroscope::some_rates());
+    (some_model(), some_correction(), budget, growth, rates).prop_map(
+        |(temperature, correction, mut budget, growth, rates)| {
             budget.span = Span::implied_by(&temperature);
             budget.fitted_at = Temperature::REFERENCE;
             if let Some((fitted_at, tco, low, high)) = growth {
@@ -211,7 +217,7 @@ fn some_calibration() -> impl Strategy<Value = Calibration> {
                 temperature,
                 correction,
                 budget,
-                rates: None,
+                rates,
             }
         },
     )
@@ -358,7 +364,7 @@ proptest! {
 
 #[test]
 fn every_flipped_byte_is_refused() {
-    for calibration in [tables(), two_axis(), blank()] {
+    for calibration in [tables(), two_axis(), blank(), gyroscope::turning()] {
         let bytes = encode(&calibration);
         for place in 0..bytes.len() {
             for mask in [0x01, 0x80, 0xFF] {
@@ -372,12 +378,14 @@ fn every_flipped_byte_is_refused() {
 
 #[test]
 fn every_truncation_and_every_surplus_is_refused() {
-    let bytes = encode(&tables());
-    for end in 0..bytes.len() {
-        assert_eq!(decode(&bytes[..end]), Err(DecodeError::Truncated), "{end}");
+    for calibration in [tables(), gyroscope::turning()] {
+        let bytes = encode(&calibration);
+        for end in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..end]), Err(DecodeError::Truncated), "{end}");
+        }
+        let longer = [&bytes[..], &[0]].concat();
+        assert_eq!(decode(&longer), Err(DecodeError::Length));
     }
-    let longer = [&bytes[..], &[0]].concat();
-    assert_eq!(decode(&longer), Err(DecodeError::Length));
 }
 
 #[test]
@@ -386,7 +394,7 @@ fn each_refusal_has_its_name() {
     let refused = |place, word| decode(&with_word(&bytes, place, word)).unwrap_err();
     assert_eq!(refused(0, 0), DecodeError::Magic);
     assert_eq!(refused(1, 0), DecodeError::Version);
-    assert_eq!(refused(1, 3), DecodeError::Version);
+    assert_eq!(refused(1, 4), DecodeError::Version);
     assert_eq!(refused(2, 5), DecodeError::Length);
     assert_eq!(refused(3, 0x0001_0004), DecodeError::Kind);
     assert_eq!(refused(3, 0x0001_0300), DecodeError::Kind);
@@ -429,7 +437,7 @@ fn what_would_make_the_device_lie_is_refused() {
 
 #[test]
 fn the_identity_is_the_last_word() {
-    for calibration in [tables(), two_axis(), blank()] {
+    for calibration in [tables(), two_axis(), blank(), gyroscope::turning()] {
         let bytes = encode(&calibration);
         let last = bytes.last_chunk().copied().map(u32::from_le_bytes);
         assert_eq!(last, Some(identity(&calibration)));
@@ -447,8 +455,8 @@ fn knots_that_do_not_rise_are_refused() {
 }
 
 #[test]
-fn the_longest_is_3092_bytes() {
-    assert_eq!(MAX_LENGTH, 3092);
+fn the_longest_is_3176_bytes() {
+    assert_eq!(MAX_LENGTH, 3176);
     let mut piecewise = Piecewise::default();
     for (knot, value) in piecewise.knots.iter_mut().zip(0..) {
         *knot = Temperature(value);
@@ -466,7 +474,7 @@ fn the_longest_is_3092_bytes() {
             tco: 1,
             ..blank().budget
         },
-        rates: None,
+        rates: gyroscope::turning().rates,
     };
     assert_eq!(length(&calibration), MAX_LENGTH);
     let bytes = encode(&calibration);
