@@ -17,6 +17,7 @@ use super::data::{
 };
 use super::finish::Common;
 use super::fit::Stand;
+use super::gyroscope;
 use super::hand::{self, POSES};
 use super::motor::Axis;
 use super::reading::Reading;
@@ -119,6 +120,8 @@ impl Frame<'_> {
         let made = self.made.get(place).and_then(|bytes| decode(bytes));
         let left = made.as_ref().map_or(0, identity);
         let kind = made.as_ref().map(|made| kind(&made.correction));
+        let gyroscope = made.as_ref().and_then(|made| made.rates.as_ref());
+        let gyroscope = gyroscope.map(gyroscope::of);
         let span = made.map(|calibration| calibration.budget.span);
         // Two runs over the tables may have no temperature in common.
         let span = span.filter(|span| span.low <= span.high);
@@ -135,6 +138,7 @@ impl Frame<'_> {
             as_left_crc32: format!("{left:08X}"),
             span_min_degc: span.map(|span| degc(span.low)),
             span_max_degc: span.map(|span| degc(span.high)),
+            gyroscope,
             ..Channel::default()
         }
     }

@@ -108,12 +108,12 @@ pub struct Contribution {
     pub source: String,
 }
 
-/// One coefficient of a temperature model.
+/// One coefficient of a temperature model, or of a gyroscope.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coefficient {
     /// What it is.
     pub name: String,
-    /// x, y or z of the sensor.
+    /// x, y or z of the sensor; of a gyroscope's scale and alignment those of the housing.
     pub axis: String,
     /// Its value.
     pub value: f64,
@@ -206,6 +206,9 @@ pub struct Channel {
     pub poses: Vec<Pose>,
     /// By a chamber: the temperature model.
     pub thermal: Option<Thermal>,
+    /// What the calibration as left has of a gyroscope; none where it has none.
+    #[serde(default)]
+    pub gyroscope: Option<Vec<Coefficient>>,
     /// Uncertainty of the errors as left.
     pub uncertainty: Vec<Contribution>,
     /// All of it together, k = 1.
@@ -376,6 +379,8 @@ mod tests {
             as_left_deg: [0.0; 2],
         });
         report.channels[0].thermal = crate::sample::chamber().channels[0].thermal.clone();
+        let gyroscope = crate::gyroscope::of(&crate::sample::rates());
+        report.channels[0].gyroscope = Some(gyroscope);
         let page = include_str!("../../../docs/calibration-report.md");
         assert_documented(&report, page, "## report.json");
     }

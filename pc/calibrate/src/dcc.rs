@@ -7,6 +7,7 @@
 //! Left out: the schema, which is PTB's and stays outside, signatures, and translations.
 
 use super::data::{Channel, Contribution, Difference, Method, Point, Report};
+use super::gyroscope;
 use super::over_temperature;
 use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, content, list, name, real};
 use super::xml::Xml;
@@ -286,6 +287,9 @@ fn results(xml: &mut Xml, channel: &Channel) {
     }
     if let Some(thermal) = &channel.thermal {
         over_temperature::results(xml, thermal);
+    }
+    if let Some(gyroscope) = &channel.gyroscope {
+        gyroscope::result(xml, gyroscope);
     }
     xml.of("dcc:result", |xml| {
         name(xml, "Uncertainty of an angle as left, k = 1");

@@ -153,7 +153,7 @@ pub fn by_motor(
             temperature: before.temperature,
             correction,
             budget: budget(before, temperatures, reference_deg, residual_deg),
-            rates: None,
+            rates: before.rates,
         },
         condition,
         residuals,

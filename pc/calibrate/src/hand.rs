@@ -195,7 +195,7 @@ impl HandFit {
                 faces.zero_uncertainty_deg(),
                 residual_deg,
             ),
-            rates: None,
+            rates: before.rates,
         }
     }
 

@@ -20,6 +20,7 @@ mod error;
 pub mod finish;
 pub mod fit;
 pub mod folder;
+mod gyroscope;
 pub mod hand;
 pub mod kept;
 pub mod motor;

@@ -6,7 +6,7 @@
 //!
 //! Left out: the rest of both (`page`, `dcc`), and the figures themselves (`crate::characterise`).
 
-use super::data::{Channel, Report, Thermal, ThermalDwell};
+use super::data::{Channel, Coefficient, Report, Thermal, ThermalDwell};
 use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
 use super::xml::Xml;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
@@ -14,7 +14,7 @@ use output::html;
 use output::table::{Rows, Table};
 
 /// The sensor's axes in their order.
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// The section of the page; empty for a report without a chamber.
 pub fn page(report: &Report) -> String {
@@ -30,7 +30,8 @@ pub fn page(report: &Report) -> String {
             .map(|axis| chart(channel, thermal, axis).html())
             .collect();
         out += &format!("<div class=\"charts\">\n{charts}</div>\n");
-        out += &html::table(&coefficients(channel, thermal));
+        let title = format!("Temperature model of channel {}", channel.channel);
+        out += &html::table(&coefficients(&title, &thermal.coefficients));
         out += &html::table(&dwells(channel, thermal));
     }
     out
@@ -96,9 +97,9 @@ fn chart(channel: &Channel, thermal: &Thermal, axis: usize) -> Chart {
     }
 }
 
-fn coefficients(channel: &Channel, thermal: &Thermal) -> Table {
-    let title = format!("Temperature model of channel {}", channel.channel);
-    Rows::of(&title, &thermal.coefficients)
+/// A table of coefficients.
+pub fn coefficients(title: &str, all: &[Coefficient]) -> Table {
+    Rows::of(title, all)
         .text("Coefficient", |c| &c.name)
         .text("Axis", |c| &c.axis)
         .number("Value", 5, |c| c.value)
@@ -136,6 +137,16 @@ fn dwells(channel: &Channel, thermal: &Thermal) -> Table {
 const DEGREE_CELSIUS: &str = "\\degreecelsius";
 const ONE: &str = "\\one";
 
+/// Coefficients as quantities of the certificate.
+pub fn put_coefficients(xml: &mut Xml, all: &[Coefficient]) {
+    for coefficient in all {
+        // The format has no unit of a mg per degC, so the name tells it.
+        let (axis, unit) = (&coefficient.axis, &coefficient.unit);
+        let called = format!("{}, axis {axis}, in {unit}", coefficient.name);
+        real(xml, &called, coefficient.value, ONE);
+    }
+}
+
 /// The results of the certificate: range, coefficients, and what is left at each dwell.
 pub fn results(xml: &mut Xml, thermal: &Thermal) {
     xml.of("dcc:result", |xml| {
@@ -145,12 +156,7 @@ pub fn results(xml: &mut Xml, thermal: &Thermal) {
             real(xml, lowest, thermal.sensor_min_degc, DEGREE_CELSIUS);
             let highest = "Highest temperature at which the model holds";
             real(xml, highest, thermal.sensor_max_degc, DEGREE_CELSIUS);
-            for coefficient in &thermal.coefficients {
-                // The format has no unit of a mg per degC, so the name tells it.
-                let (axis, unit) = (&coefficient.axis, &coefficient.unit);
-                let called = format!("{}, axis {axis}, in {unit}", coefficient.name);
-                real(xml, &called, coefficient.value, ONE);
-            }
+            put_coefficients(xml, &thermal.coefficients);
         });
     });
     xml.of("dcc:result", |xml| {

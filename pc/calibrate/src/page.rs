@@ -6,6 +6,7 @@
 //! Left out: a signature, and the word certificate as its title.
 
 use super::data::{Channel, Difference, Method, Point, Report};
+use super::gyroscope;
 use super::over_temperature;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
 use output::html;
@@ -25,6 +26,10 @@ pub fn page(report: &Report) -> String {
     let thermal = over_temperature::page(report);
     if !thermal.is_empty() {
         body += &section("Over temperature", &thermal);
+    }
+    let gyroscope = gyroscope::page(report);
+    if !gyroscope.is_empty() {
+        body += &section("Gyroscope", &gyroscope);
     }
     body += &section("Uncertainty", &uncertainty(report));
     body += &format!("<footer>{}</footer>\n", html::paragraph(&footer(report)));

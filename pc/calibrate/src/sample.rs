@@ -3,6 +3,7 @@
 use output::check::keys;
 
 use serde::Serialize;
+use tilt::rate::{RateCorrection, RealRateCorrection};
 
 use super::data::*;
 
@@ -40,10 +41,28 @@ fn channel(letter: &str, node: u8) -> Channel {
         as_left: points(0.02),
         poses: Vec::new(),
         thermal: None,
+        gyroscope: None,
         uncertainty: vec![Contribution::new("Reference", "B", 0.0134, "stated by it")],
         combined_uncertainty_deg: 0.0134,
         expanded_uncertainty_deg: 0.0268,
     }
+}
+
+/// A gyroscope's correction with round numbers.
+pub fn rates() -> RateCorrection {
+    let deg_s = |values: [f64; 3], unit: f64| values.map(|value| (value * unit).to_radians());
+    let real = RealRateCorrection {
+        matrix: [
+            [1.01, 0.002, -0.001],
+            [0.003, 0.995, 0.0025],
+            [-0.00125, 0.001, 0.995],
+        ],
+        scale1: [2e-5, 1e-4, -3e-5],
+        bias: deg_s([0.5, -0.25, 1.0], 1.0),
+        bias1: deg_s([5.0, 3.0, -4.0], 1e-3),
+        bias2: deg_s([0.01, 0.02, -0.03], 1e-3),
+    };
+    RateCorrection::from_real(&real).unwrap()
 }
 
 /// A report of two channels by a motor.

@@ -333,6 +333,21 @@ mod tests {
     }
 
     #[test]
+    fn another_figure_of_the_gyroscope_is_another_report() {
+        let mut report = sample_report();
+        report.channels[0].gyroscope = Some(crate::gyroscope::of(&crate::sample::rates()));
+        let text = crate::dcc::document(&report, "IT");
+        let whole = claim(&path(), text.as_bytes()).unwrap();
+        let judged = whole.judge(1, 0xDEAD_BEEF, Some(&whole.hash));
+        assert_eq!(judged, Verdict::Match);
+        let changed = text.replacen("0.250000", "0.240000", 1);
+        assert_ne!(changed, text);
+        let other = claim(&path(), changed.as_bytes()).unwrap();
+        let judged = other.judge(1, 0xDEAD_BEEF, Some(&whole.hash));
+        assert_eq!(judged, Verdict::AnotherReport);
+    }
+
+    #[test]
     fn a_forged_report_in_json_was_said_to_match() {
         let text = serde_json::to_string(&sample_report()).unwrap();
         let forged = text.replace("7.52", "45.0");
