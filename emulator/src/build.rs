@@ -93,7 +93,7 @@ pub const FLOAT: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
-/// The product: what leaves the factory, and the programs in it with their symbols.
+/// The product or its variant with a gyroscope: what leaves the factory, and the programs in it with their symbols.
 #[derive(Clone, Debug)]
 pub struct Product {
     /// Bootloader and confirmed application, from the start of the flash.
@@ -126,17 +126,31 @@ impl Product {
     ///
     /// Errors: [`BuildError::Read`], [`BuildError::Image`].
     pub fn read(folder: &Path) -> Result<Self, BuildError> {
-        const NAMES: [&str; 3] = [
-            concat!("plumb-", env!("CARGO_PKG_VERSION"), ".bin"),
-            concat!("plumb-", env!("CARGO_PKG_VERSION"), "-slot-a.img"),
-            concat!("plumb-", env!("CARGO_PKG_VERSION"), "-slot-b.img"),
-        ];
-        let [factory, a, b] = NAMES.map(|name| read(&folder.join(name)));
+        Self::read_named(folder, "plumb", "app")
+    }
+
+    /// The variant with a gyroscope, as [`Product::build`].
+    ///
+    /// Errors: see [`BuildError`].
+    pub fn dynamic() -> Result<Self, BuildError> {
+        built(Self::read_dynamic)
+    }
+
+    /// The variant with a gyroscope, as [`Product::read`].
+    ///
+    /// Errors: [`BuildError::Read`], [`BuildError::Image`].
+    pub fn read_dynamic(folder: &Path) -> Result<Self, BuildError> {
+        Self::read_named(folder, "plumb-dynamic", "app-dynamic")
+    }
+
+    fn read_named(folder: &Path, name: &str, app: &str) -> Result<Self, BuildError> {
+        const VERSION: &str = env!("CARGO_PKG_VERSION");
+        let file = |end: &str| read(&folder.join(format!("{name}-{VERSION}{end}")));
         Ok(Self {
-            factory: factory?,
+            factory: file(".bin")?,
             boot: program(folder, "boot.elf")?,
-            app: program(folder, "app-a.elf")?,
-            updates: [a?, b?],
+            app: program(folder, &format!("{app}-a.elf"))?,
+            updates: [file("-slot-a.img")?, file("-slot-b.img")?],
         })
     }
 

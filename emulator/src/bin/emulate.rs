@@ -88,8 +88,10 @@ fn run(serve: &Serve) -> Result<ExitCode, Box<dyn Error>> {
 fn pieces(mode: Mode, found: Option<&Path>) -> Result<Vec<(u32, Vec<u8>)>, BuildError> {
     Ok(match mode {
         Mode::Paper => found.map_or_else(Paper::build, Paper::read)?.pieces(),
-        Mode::Product | Mode::Dynamic | Mode::OneAxis => {
-            found.map_or_else(Product::build, Product::read)?.pieces()
+        Mode::Product | Mode::OneAxis => found.map_or_else(Product::build, Product::read)?.pieces(),
+        Mode::Dynamic => {
+            let found = found.map_or_else(Product::dynamic, Product::read_dynamic);
+            found?.pieces()
         }
     })
 }

@@ -266,7 +266,9 @@ impl Motion {
         let speed = state.speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
         let blocks = speed.checked_div(change.max(1).unsigned_abs());
         let blocks = i64::from(root(blocks.unwrap_or(0)));
-        let weight = (2 * blocks).clamp(self.least_weight_q8, self.most_weight_q8);
+        // A clamp of two variables could panic.
+        let weight = (2 * blocks).min(self.most_weight_q8);
+        let weight = weight.max(self.least_weight_q8);
         let noise = (state.speed * weight) >> 8;
         noise.clamp(1 << 8, 1 << 37)
     }
