@@ -215,6 +215,8 @@ fn store<M: RecordStore>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use device::calibration::stage;
+
     use crate::memory;
     use crate::network::hand::{Hand, Pose};
 
@@ -252,6 +254,38 @@ mod tests {
         assert!(errors.iter().all(|e| e.abs() < 0.15), "{errors:?}");
         let bare = errors_deg(Delivered::bare(Mode::Product, world, 1, 0));
         assert!(bare.iter().any(|e| e.abs() > 0.3), "{bare:?}");
+    }
+
+    /// Over a power cut the correction of the gyroscope is that of the calibration that counts, and
+    /// of no other.
+    #[test]
+    fn a_node_has_the_gyroscope_of_the_calibration_that_counts() {
+        let world = &World::NOMINAL;
+        let delivered = Delivered::calibrated(Mode::Dynamic, world, 1, 0).unwrap();
+        let of = |channel| delivered.calibration(channel).and_then(|c| c.rates);
+        let rates = [Channel::A, Channel::B].map(of);
+        assert!(rates[0].is_some() && rates[1].is_some() && rates[0] != rates[1]);
+        let own = delivered.calibration(Channel::A).cloned().unwrap();
+        let mut network = Network::new(250_000, 1);
+        let _host = network.attach_host();
+        let nodes = delivered.join(&mut network, [fitting(1), fitting(2)]);
+        let mut hand = Hand::new(Rng::stream(1, "hand"));
+        let mut start = |network: &mut Network| {
+            nodes.iter().for_each(|n| network.power_off(*n));
+            nodes.iter().for_each(|n| network.power_on(*n));
+            let until_ns = network.now_ns() + 300_000_000;
+            network.run_until(&mut hand, until_ns, |_| {});
+            nodes.map(|n| network.nodes()[n].device.settings().chain.calibration.rates)
+        };
+        assert_eq!(start(&mut network), rates);
+        let without = Calibration { rates: None, ..own };
+        let memory = network.node(nodes[0]).device.memory();
+        stage(memory, Record::Calibration, &without).unwrap();
+        memory.commit().unwrap();
+        assert_eq!(start(&mut network), [None, rates[1]]);
+        let memory = network.node(nodes[0]).device.memory();
+        memory.erase(Record::Calibration).unwrap();
+        assert_eq!(start(&mut network), rates);
     }
 
     #[test]
