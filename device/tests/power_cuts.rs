@@ -187,6 +187,31 @@ fn a_cut_at_any_operation_of_a_calibration_leaves_the_old_or_the_new_which_measu
     assert_eq!(angle(&mut site), 84);
 }
 
+/// A calibration counts as a whole: without a gyroscope's correction there is none.
+#[test]
+fn a_download_takes_or_removes_the_gyroscopes_correction_and_a_power_cycle_keeps_that() {
+    let mut site = powered(blank());
+    let rates = |site: &Site| site.device.settings().chain.calibration.rates;
+    let with = tables(0);
+    let without = Calibration {
+        rates: None,
+        ..tables(1)
+    };
+    let mut implausible = tables(2);
+    let turned = implausible.rates.as_mut().unwrap();
+    turned.bias_q30[2] = i32::MAX;
+    for calibration in [&with, &without, &with] {
+        let told = site.download(at(0x2061, 0), &bytes(calibration));
+        assert_eq!(told, Some(Ok(())));
+        assert_eq!(rates(&site), calibration.rates);
+        site.power_cycle();
+        assert_eq!(rates(&site), calibration.rates);
+    }
+    let told = site.download(at(0x2061, 0), &bytes(&implausible));
+    assert_eq!(told, Some(Err(0x0800_0020)));
+    assert_eq!(site.device.settings().chain.calibration, with);
+}
+
 #[test]
 fn a_cut_at_any_operation_of_a_reports_hash_leaves_the_old_or_the_new() {
     let mut site = powered(blank());

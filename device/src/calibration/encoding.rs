@@ -42,8 +42,8 @@
 //! that does not have these words.
 //!
 //! # Version 1
-//! As version 2, without the four words of the budget that tell how it goes with the temperature, in
-//! whose place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a
+//! As version 2, without the four words of the budget that tell how it goes with the temperature;
+//! in their place 25 degC, [`TCO`] and [`Span::implied_by`] stand. It is read, and written for a
 //! calibration that has just these: what was stored before keeps its bytes, its check sum and its
 //! report.
 //!

@@ -5,9 +5,10 @@
 //! Left out: its forms (`page`, `dcc`) and its hash.
 
 use device::calibration::encoding::{identity, kind};
-use tilt::chain::Correction;
+use tilt::chain::{Calibration, Correction};
 use tilt::sample::Temperature;
 use tilt::temperature::Compensated;
+use tilt::uncertainty::Span;
 
 use super::by_hand::Handled;
 use super::by_motor::{Swept, mean_uncertainty_deg};
@@ -117,30 +118,22 @@ impl Frame<'_> {
 
     /// A channel without figures.
     fn channel(&self, place: usize, node: &Node) -> Channel {
-        let made = self.made.get(place).and_then(|bytes| decode(bytes));
-        let left = made.as_ref().map_or(0, identity);
-        let kind = made.as_ref().map(|made| kind(&made.correction));
-        let gyroscope = made.as_ref().and_then(|made| made.rates.as_ref());
-        let gyroscope = gyroscope.map(gyroscope::of);
-        let span = made.map(|calibration| calibration.budget.span);
-        // Two runs over the tables may have no temperature in common.
-        let span = span.filter(|span| span.low <= span.high);
-        let degc = |t: Temperature| f64::from(t.0) / 256.0;
-        Channel {
+        let mut channel = Channel {
             channel: node.letter().to_owned(),
             node: node.id,
             serial_number: node.serial,
             product_code: node.product,
             software: node.software.clone(),
-            kind: kind.unwrap_or(node.kind),
+            kind: node.kind,
             calibrated_before: node.calibrated,
             as_found_crc32: format!("{:08X}", node.found_sum()),
-            as_left_crc32: format!("{left:08X}"),
-            span_min_degc: span.map(|span| degc(span.low)),
-            span_max_degc: span.map(|span| degc(span.high)),
-            gyroscope,
+            as_left_crc32: format!("{:08X}", 0),
             ..Channel::default()
+        };
+        if let Some(made) = self.made.get(place).and_then(|bytes| decode(bytes)) {
+            tell(&mut channel, &made);
         }
+        channel
     }
 
     /// The report of a round by motor.
@@ -220,6 +213,20 @@ impl Frame<'_> {
         });
         judge_angles(&mut report);
         report
+    }
+}
+
+/// What the calibration as left says of itself.
+fn tell(channel: &mut Channel, made: &Calibration) {
+    channel.kind = kind(&made.correction);
+    channel.as_left_crc32 = format!("{:08X}", identity(made));
+    channel.gyroscope = made.rates.as_ref().map(gyroscope::of);
+    let Span { low, high } = made.budget.span;
+    // Two runs over the tables may have no temperature in common.
+    if low <= high {
+        let degc = |t: Temperature| f64::from(t.0) / 256.0;
+        channel.span_min_degc = Some(degc(low));
+        channel.span_max_degc = Some(degc(high));
     }
 }
 
@@ -355,4 +362,30 @@ fn slopes(handled: &Handled, place: usize, mean_g: [f64; 3]) -> [f64; 2] {
     let accel = mean_g.map(|g| (g * f64::from(tilt::ONE_G)).round() as i32);
     let found = tilt::angle::slopes(vector.apply(Compensated { accel }));
     [found.x.degrees(), found.y.degrees()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::session::encode;
+    use super::*;
+    use crate::sample;
+
+    #[test]
+    fn the_gyroscope_as_left_is_read_from_the_bytes_of_the_node() {
+        let told = |rates| {
+            let made = Calibration {
+                rates,
+                ..Calibration::NOMINAL
+            };
+            let mut channel = Channel::default();
+            tell(&mut channel, &decode(&encode(&made)).unwrap());
+            channel
+        };
+        let (with, without) = (told(Some(sample::rates())), told(None));
+        assert_eq!(with.gyroscope, Some(gyroscope::of(&sample::rates())));
+        assert_eq!(without.gyroscope, None);
+        // Another calibration to `plumb verify`, which compares the check sum.
+        assert_ne!(with.as_left_crc32, without.as_left_crc32);
+        assert_eq!(with.span_min_degc, without.span_min_degc);
+    }
 }

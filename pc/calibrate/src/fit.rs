@@ -234,7 +234,12 @@ mod tests {
     #[test]
     fn a_sweep_of_both_slopes_leaves_nothing() {
         let stands = stands(&[Axis::X, Axis::Y], 15);
-        let fitted = by_motor(&Calibration::NOMINAL, 0, &stands, 0.01).unwrap();
+        let before = Calibration {
+            rates: Some(crate::sample::rates()),
+            ..Calibration::NOMINAL
+        };
+        let fitted = by_motor(&before, 0, &stands, 0.01).unwrap();
+        assert_eq!(fitted.calibration.rates, before.rates);
         assert!(fitted.residual_deg() < 1e-4, "{}", fitted.residual_deg());
         assert!(fitted.calibration.budget.noise > 0);
         assert_eq!(fitted.calibration.budget.residual, Uncertainty(0));
