@@ -11,7 +11,7 @@ use crate::emcy::Emergency;
 use crate::error_control::ErrorControl;
 use crate::nmt::{ErrorBehaviour, State};
 use crate::object::{Abort, Address, Dictionary, Number, Objects, Place, Value};
-use crate::pdo::Pdos;
+use crate::pdo::{PDOS, Pdos, Tpdo, Tpdos};
 use crate::srdo::Safety;
 use crate::sync::{self, Sync};
 use instant::Instant;
@@ -20,7 +20,7 @@ use instant::Instant;
 /// memory: short instructions reach them.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Communication {
+pub struct Communication<T = [Tpdo; PDOS]> {
     /// The NMT state.
     pub state: State,
     /// What an error does to the NMT state (1029h).
@@ -36,12 +36,12 @@ pub struct Communication {
     /// Heartbeat, node guarding and the supervision of others.
     pub error_control: ErrorControl,
     /// PDOs.
-    pub pdo: Pdos,
+    pub pdo: Pdos<T>,
     /// SRDOs.
     pub safety: Safety,
 }
 
-impl Communication {
+impl<T: Tpdos> Communication<T> {
     /// Services with nothing configured.
     pub const fn new() -> Self {
         Self {
@@ -156,7 +156,7 @@ impl Communication {
     }
 }
 
-impl Default for Communication {
+impl<T: Tpdos> Default for Communication<T> {
     fn default() -> Self {
         Self::new()
     }

@@ -8,6 +8,7 @@
 use super::view::Mapped;
 use super::{Application, Event, Node, UNCONFIGURED};
 use crate::nmt::State;
+use crate::pdo::Tpdos;
 use crate::time::Deadline;
 use instant::Instant;
 
@@ -32,7 +33,7 @@ impl Next {
     }
 }
 
-impl Node {
+impl<T: Tpdos> Node<T> {
     /// What is due by `now`; returns when to call again, always later than `now`.
     pub fn poll<A: Application>(&mut self, app: &mut A, now: Instant) -> Option<Instant> {
         if !self.settled || self.next.is_due(now) {

@@ -26,7 +26,7 @@ use crate::lss::{self, Lss, Request};
 use crate::nmt::{self, Command, State};
 use crate::object::packed::Form;
 use crate::object::{Abort, Address, Objects, Value, at};
-use crate::pdo::Received;
+use crate::pdo::{PDOS, Received, Tpdo, Tpdos};
 use crate::sdo::Server;
 use crate::srdo::{self, SafetyReceived};
 use crate::storage::{self, Group};
@@ -127,7 +127,7 @@ const COMMUNICATION: u8 = 0x10;
 /// instructions reach it.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Node {
+pub struct Node<T = [Tpdo; PDOS]> {
     node_id: u8,
     bus: BusState,
     boot_up: BootUp,
@@ -141,7 +141,7 @@ pub struct Node {
     next: Deadline,
     lss: Lss,
     server: Server,
-    communication: Communication,
+    communication: Communication<T>,
 }
 
 /// Nodes not heard and guarding, as [`ErrorControl::lost`](crate::error_control::ErrorControl).
@@ -191,7 +191,7 @@ pub struct Outgoing {
     pub until: Option<Instant>,
 }
 
-impl Node {
+impl<T: Tpdos> Node<T> {
     /// A node that is not on the bus: call [`Node::start`].
     #[inline(never)]
     pub const fn new() -> Self {
@@ -233,7 +233,7 @@ impl Node {
     }
 
     /// The services, for looking at.
-    pub const fn communication(&self) -> &Communication {
+    pub const fn communication(&self) -> &Communication<T> {
         &self.communication
     }
 
@@ -268,7 +268,11 @@ impl Node {
     }
 
     /// The SDO server, and what it serves.
-    fn serving<'a, A>(&'a mut self, app: &'a mut A, now: Instant) -> (&'a mut Server, View<'a, A>) {
+    fn serving<'a, A>(
+        &'a mut self,
+        app: &'a mut A,
+        now: Instant,
+    ) -> (&'a mut Server, View<'a, A, T>) {
         let view = View {
             communication: &mut self.communication,
             application: app,
@@ -703,7 +707,7 @@ impl Node {
     }
 }
 
-impl Default for Node {
+impl<T: Tpdos> Default for Node<T> {
     fn default() -> Self {
         Self::new()
     }

@@ -9,9 +9,10 @@ use super::{Application, BootUp, Event, Node, Outgoing, Service, UNCONFIGURED, W
 use crate::error_control::{ERROR_CONTROL, boot_up};
 use crate::frame::Frame;
 use crate::nmt::{self, State};
+use crate::pdo::Tpdos;
 use instant::Instant;
 
-impl Node {
+impl<T: Tpdos> Node<T> {
     /// The frame to send now: of all that wait, the one with the lowest identifier.
     ///
     /// Hand it to the controller, and call [`Node::sent`] when it has gone out, or

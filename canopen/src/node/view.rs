@@ -10,19 +10,20 @@ use crate::communication::Communication;
 use crate::nmt::State;
 use crate::node::Application;
 use crate::object::{Abort, Access, Address, Dictionary, Objects, Value, at};
+use crate::pdo::Tpdos;
 use crate::services::Services;
 use crate::storage::{self, Group, LOAD, ON_COMMAND, SAVE, signed};
 use instant::Instant;
 
 /// All objects, the services' and the device's, as an SDO or PDO sees them.
-pub(super) struct View<'a, A> {
-    pub(super) communication: &'a mut Communication,
+pub(super) struct View<'a, A, T> {
+    pub(super) communication: &'a mut Communication<T>,
     pub(super) application: &'a mut A,
     pub(super) node_id: u8,
     pub(super) now: Instant,
 }
 
-impl<A: Application> View<'_, A> {
+impl<A: Application, T: Tpdos> View<'_, A, T> {
     fn store(&mut self, group: Group) -> Result<(), Abort> {
         let dictionary = self.application.dictionary();
         self.application.begin_store(group)?;
@@ -59,7 +60,7 @@ impl<A: Application> View<'_, A> {
     }
 }
 
-impl<A: Application> Objects for View<'_, A> {
+impl<A: Application, T: Tpdos> Objects for View<'_, A, T> {
     const SERVICES: Services = A::SERVICES;
 
     fn dictionary(&self) -> Dictionary {

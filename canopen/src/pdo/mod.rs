@@ -1,9 +1,12 @@
-//! PDOs: four that the device receives, four that it transmits (CiA 301, 7.2.2).
+//! PDOs: four that the device receives, four or more that it transmits (CiA 301, 7.2.2).
 //!
 //! In: frames, SYNC, the application's word that data have changed, and time; the objects are
 //! read and written through [`Objects`]. Out: frames, the lowest identifier first, and what became
 //! of a frame that was received. Configuration comes by SDO or from memory; no way of writing it
 //! leaves a PDO at work with a mapping that does not hold.
+//!
+//! How many it transmits is a type of the device's choice ([`Tpdos`]), so that a device of four has
+//! no room for more in its memory.
 //!
 //! Left out: multiplexed PDOs, and transmission types 252 and 253.
 
@@ -22,9 +25,9 @@ use crate::time::Deadline;
 use instant::Instant;
 use rpdo::Rpdo;
 use setup::{Part, Setup};
-use tpdo::Tpdo;
+pub use tpdo::{Tpdo, Tpdos};
 
-/// PDOs in each direction.
+/// PDOs that a device receives, and that it transmits where it does not choose ([`Tpdos`]).
 pub const PDOS: usize = 4;
 
 /// What became of a frame that is for a PDO; RPDOs are counted from 0.
@@ -46,10 +49,10 @@ pub enum Received {
 
 /// All PDOs of a node: configuration and state.
 #[derive(Clone, Debug)]
-pub struct Pdos {
+pub struct Pdos<T = [Tpdo; PDOS]> {
     /// Length of the synchronous window in µs (1007h); 0 is none.
     pub window_us: u32,
-    tx: [Tpdo; PDOS],
+    tx: T,
     rx: [Rpdo; PDOS],
     /// The node is OPERATIONAL.
     running: bool,
@@ -65,9 +68,10 @@ enum Place {
 }
 
 /// `None` when the address is not that of a PDO here.
-fn place(at: Address) -> Option<Place> {
+fn place<T: Tpdos>(at: Address) -> Option<Place> {
     let n = usize::from(at.index & 0x1FF);
-    if n >= PDOS {
+    // As constants the larger of the two is one number.
+    if n >= PDOS && n >= T::COUNT {
         return None;
     }
     // Indices lie 200h apart: small numbers are looked at.
@@ -80,12 +84,12 @@ fn place(at: Address) -> Option<Place> {
     })
 }
 
-impl Pdos {
+impl<T: Tpdos> Pdos<T> {
     /// As [`Pdos::new`]. All its bytes are 0, and as a constant it is cleared in its place; made
     /// field by field it would stand on the stack and be copied.
     pub(crate) const NONE: Self = Self {
         window_us: 0,
-        tx: [const { Tpdo::new() }; PDOS],
+        tx: T::NONE,
         rx: [const { Rpdo::new() }; PDOS],
         running: false,
         again: false,
@@ -100,14 +104,14 @@ impl Pdos {
     }
 
     fn setup(&mut self, at: Address) -> Option<(&mut Setup, Part)> {
-        match place(at)? {
+        match place::<T>(at)? {
             Place::Receive(n, part) => Some((&mut self.rx.get_mut(n)?.setup, part)),
-            Place::Transmit(n, part) => Some((&mut self.tx.get_mut(n)?.setup, part)),
+            Place::Transmit(n, part) => Some((&mut self.tx.as_mut().get_mut(n)?.setup, part)),
         }
     }
 
-    /// The value of 1400h to 1403h, 1600h to 1603h, 1800h to 1803h or 1A00h to 1A03h; `None` for
-    /// any other index.
+    /// The value of a PDO's parameter, from 1400h, 1600h, 1800h or 1A00h on; `None` for any other
+    /// index.
     pub fn read(&mut self, at: Address) -> Option<Result<Number, Abort>> {
         let (setup, part) = self.setup(at)?;
         Some(setup.read(part, at.sub))
@@ -126,9 +130,9 @@ impl Pdos {
         let (setup, part) = self.setup(at)?;
         let result = setup.write::<O>(dictionary, part, at.sub, value);
         if result.is_ok() {
-            match place(at)? {
+            match place::<T>(at)? {
                 Place::Receive(n, _) => self.rx.get_mut(n)?.restart(),
-                Place::Transmit(n, _) => self.tx.get_mut(n)?.restart(),
+                Place::Transmit(n, _) => self.tx.as_mut().get_mut(n)?.restart(),
             }
         }
         Some(result)
@@ -148,7 +152,7 @@ impl Pdos {
         for pdo in &mut self.rx {
             result = result.and(pdo.setup.check(dictionary, Access::RPDO));
         }
-        for pdo in &mut self.tx {
+        for pdo in self.tx.as_mut() {
             result = result.and(pdo.setup.check(dictionary, Access::TPDO));
         }
         result
@@ -156,7 +160,7 @@ impl Pdos {
 
     fn restart(&mut self, running: bool) {
         self.running = running;
-        self.tx.iter_mut().for_each(Tpdo::restart);
+        self.tx.as_mut().iter_mut().for_each(Tpdo::restart);
         self.rx.iter_mut().for_each(Rpdo::restart);
     }
 
@@ -188,7 +192,7 @@ impl Pdos {
             applied |= u8::from(pdo.sync(objects)) << n;
         }
         let mut lost = 0;
-        for pdo in &mut self.tx {
+        for pdo in self.tx.as_mut() {
             lost += usize::from(pdo.sync(objects, counter, self.window_us, now));
         }
         self.count(lost);
@@ -209,7 +213,12 @@ impl Pdos {
                 return None;
             }
             let named = |pdo: &&mut Tpdo| is_named(&pdo.setup) && pdo.setup.answers_remote();
-            let lost = self.tx.iter_mut().find(named)?.request(objects, now);
+            let lost = self
+                .tx
+                .as_mut()
+                .iter_mut()
+                .find(named)?
+                .request(objects, now);
             self.count(usize::from(lost));
             return Some(Received::Requested);
         }
@@ -227,7 +236,7 @@ impl Pdos {
         }
         let mut lost = 0;
         self.again = false;
-        for pdo in &mut self.tx {
+        for pdo in self.tx.as_mut() {
             lost += usize::from(pdo.poll(objects, &mut self.again, now));
             pdo.deadlines(now, &mut next);
         }
@@ -252,7 +261,7 @@ impl Pdos {
             return;
         }
         let mut lost = 0;
-        for pdo in &mut self.tx {
+        for pdo in self.tx.as_mut() {
             lost += usize::from(pdo.event(objects, now));
         }
         self.count(lost);
@@ -266,7 +275,7 @@ impl Pdos {
     /// The frame of this identifier, which [`Pdos::next_cob_id`] has named at the same instant, and
     /// from when on it may not go out any more.
     pub fn hand_out(&mut self, cob_id: u16, now: Instant) -> Option<(Frame, Instant)> {
-        let mut tx = self.tx.iter_mut();
+        let mut tx = self.tx.as_mut().iter_mut();
         let pdo = tx.find(|pdo| pdo.setup.id() == cob_id && pdo.is_ready(now))?;
         let frame = pdo.take(now)?;
         Some((frame, pdo.stale))
@@ -274,7 +283,7 @@ impl Pdos {
 
     /// The identifier of what [`Pdos::transmit`] would give.
     pub fn next_cob_id(&self, now: Instant) -> Option<u16> {
-        let ready = self.tx.iter().filter(|pdo| pdo.is_ready(now));
+        let ready = self.tx.as_ref().iter().filter(|pdo| pdo.is_ready(now));
         ready.map(|pdo| pdo.setup.id()).min()
     }
 
@@ -282,6 +291,7 @@ impl Pdos {
     pub fn expires(&self, cob_id: u16) -> Option<Instant> {
         let pdo = self
             .tx
+            .as_ref()
             .iter()
             .find(|pdo| pdo.setup.id() == cob_id && pdo.setup.is_active())?;
         Some(pdo.stale)
@@ -292,7 +302,12 @@ impl Pdos {
     pub fn sent(&mut self, cob_id: u16, now: Instant) -> bool {
         let mut waits = false;
         // None of several TPDOs of one identifier may wait for ever.
-        for pdo in self.tx.iter_mut().filter(|pdo| pdo.setup.id() == cob_id) {
+        for pdo in self
+            .tx
+            .as_mut()
+            .iter_mut()
+            .filter(|pdo| pdo.setup.id() == cob_id)
+        {
             waits |= pdo.sent(now);
         }
         waits
@@ -301,7 +316,7 @@ impl Pdos {
     /// The controller has given back a frame of this identifier, which has not gone out: its sample
     /// counts as lost.
     pub fn withdrawn(&mut self, cob_id: u16) {
-        let mut tx = self.tx.iter_mut();
+        let mut tx = self.tx.as_mut().iter_mut();
         if let Some(pdo) = tx.find(|pdo| pdo.setup.id() == cob_id) {
             pdo.withdrawn();
             self.count(1);
@@ -311,7 +326,7 @@ impl Pdos {
     /// The controller has gone bus-off and has lost what it had: what is sent on events is owed
     /// still, as it is then.
     pub fn bus_off(&mut self) {
-        self.tx.iter_mut().for_each(Tpdo::withdrawn);
+        self.tx.as_mut().iter_mut().for_each(Tpdo::withdrawn);
     }
 
     /// An RPDO whose event timer has run out, counted from 0 and told once: EMCY 8250h.
@@ -327,7 +342,7 @@ impl Pdos {
     }
 }
 
-impl Default for Pdos {
+impl<T: Tpdos> Default for Pdos<T> {
     fn default() -> Self {
         Self::new()
     }

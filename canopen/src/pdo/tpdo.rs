@@ -11,6 +11,7 @@ use super::setup::Setup;
 use crate::frame::{Frame, standard};
 use crate::object::{Objects, Value};
 use crate::time::Deadline;
+use core::fmt::Debug;
 use instant::Instant;
 
 const NEVER: Instant = Instant(u64::MAX);
@@ -53,6 +54,19 @@ pub struct Tpdo {
     quiet_until: Instant,
     /// When the event timer runs out.
     timer: Deadline,
+}
+
+/// The TPDOs of a device: as many as an array of its choice has.
+pub trait Tpdos: AsRef<[Tpdo]> + AsMut<[Tpdo]> + Clone + Debug {
+    /// How many there are.
+    const COUNT: usize;
+    /// None of them exists. All its bytes are 0.
+    const NONE: Self;
+}
+
+impl<const COUNT: usize> Tpdos for [Tpdo; COUNT] {
+    const COUNT: usize = COUNT;
+    const NONE: Self = [const { Tpdo::new() }; COUNT];
 }
 
 impl Tpdo {
