@@ -400,6 +400,17 @@ impl<P: Part, C: Composition> Channel<P, C> {
         }
     }
 
+    /// The rate of turn about the housing's axes, corrected; `now` is as with [`Channel::reading`].
+    ///
+    /// # Errors
+    /// Why there is none: see [`Chain::rate`](tilt::chain::Chain::rate).
+    pub fn rate(&self, settings: &Settings<C>, now: Instant) -> Result<Rate, Invalid> {
+        match self.reason_at(now) {
+            Some(reason) => Err(reason),
+            None => settings.chain.rate(&self.state, now),
+        }
+    }
+
     /// The part's temperature, smoothed, once one has been read.
     pub fn temperature(&self) -> Option<Temperature> {
         self.state.temperature()

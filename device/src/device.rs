@@ -38,6 +38,7 @@ use crate::channel::{Channel, Settings, Setup};
 use crate::fault::Faults;
 use crate::instrument::Instrument;
 use crate::objects::device_objects::{DeviceObjects, Identity, Memory, Parts, Source, stored_lss};
+use crate::objects::moment::Moment;
 use crate::objects::process::{Shown, SyncSource};
 use crate::objects::values::Values;
 use crate::pair::Pair;
@@ -128,7 +129,7 @@ pub struct Device<P, M, I: Instrument = Whole> {
     next: Instant,
     log_writer: LogWriter,
     matching: Matching,
-    bus: Node,
+    bus: Node<I::Tpdos>,
     parts: Parts<M, Channel<P, I>, I>,
 }
 
@@ -139,6 +140,13 @@ impl<P: Part, C: Composition> Source<C> for Channel<P, C> {
 
     fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         self.observe(settings, now)
+    }
+
+    fn moment(&self, settings: &Settings<C>, now: Instant) -> Moment {
+        Moment {
+            reading: self.reading_now(settings, now),
+            rate: self.rate(settings, now),
+        }
     }
 
     fn filtered(&self) -> Option<Filtered> {
@@ -200,7 +208,10 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     }
 
     /// The bus's node and what the device lends it.
-    fn split(&mut self, now: Instant) -> (&mut Node, DeviceObjects<'_, M, Channel<P, I>, I>) {
+    fn split(
+        &mut self,
+        now: Instant,
+    ) -> (&mut Node<I::Tpdos>, DeviceObjects<'_, M, Channel<P, I>, I>) {
         let parts = &mut self.parts;
         (&mut self.bus, DeviceObjects { parts, now })
     }
@@ -507,7 +518,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     }
 
     /// The node on the bus.
-    pub const fn bus(&self) -> &Node {
+    pub const fn bus(&self) -> &Node<I::Tpdos> {
         &self.bus
     }
 

@@ -10,6 +10,7 @@
 //! Left out: settings, which are values ([`Setup`](crate::channel::Setup)).
 
 use canopen::object::Dictionary;
+use canopen::pdo::{PDOS, Tpdo, Tpdos};
 use canopen::services::Services;
 use tilt::angle::Axes;
 use tilt::chain::Correction;
@@ -23,14 +24,23 @@ use tilt::vector::Vector;
 
 use crate::calibration::motor::Motor;
 use crate::objects::device_objects::Identity;
+use crate::objects::moment::Moment;
 use crate::objects::table;
 
 impl Stage for Motor {}
+impl Stage for Moment {}
+
+/// TPDOs of an instrument with a gyroscope: two more than the predefined connection set has.
+pub const DYNAMIC_TPDOS: usize = PDOS + 2;
 
 /// The stages of the signal chain and the services of one instrument.
 pub trait Instrument: Composition {
     /// The motor's run of 2060h.
     type Motor: Place<Motor>;
+    /// Angle and rates of the moment (2029h, 202Ah).
+    type Moment: Place<Moment>;
+    /// The TPDOs.
+    type Tpdos: Tpdos;
     /// Fault log and black box (2070h to 2072h).
     const HISTORY: bool;
     /// Program download with trial and roll back (1F50h to 1F57h, 2080h).
@@ -47,6 +57,8 @@ pub trait Instrument: Composition {
 
 impl Instrument for Whole {
     type Motor = Motor;
+    type Moment = Moment;
+    type Tpdos = [Tpdo; DYNAMIC_TPDOS];
     const HISTORY: bool = true;
     const UPDATE: bool = true;
     const PRESETS: bool = true;
@@ -86,6 +98,8 @@ impl Composition for Product {
 
 impl Instrument for Product {
     type Motor = LeftOut;
+    type Moment = LeftOut;
+    type Tpdos = [Tpdo; PDOS];
     const HISTORY: bool = true;
     const UPDATE: bool = true;
     const PRESETS: bool = true;
@@ -125,13 +139,15 @@ impl Composition for Dynamic {
 
 impl Instrument for Dynamic {
     type Motor = LeftOut;
+    type Moment = Moment;
+    type Tpdos = [Tpdo; DYNAMIC_TPDOS];
     const HISTORY: bool = true;
     const UPDATE: bool = true;
     const PRESETS: bool = true;
     const SERVICES: Services = Services::ALL;
 
     fn dictionary(identity: Identity) -> Dictionary {
-        table::product(identity.channel)
+        table::dynamic(identity.channel)
     }
 }
 
@@ -176,6 +192,8 @@ impl Composition for Paper {
 
 impl Instrument for Paper {
     type Motor = Motor;
+    type Moment = LeftOut;
+    type Tpdos = [Tpdo; PDOS];
     const HISTORY: bool = false;
     const UPDATE: bool = false;
     const PRESETS: bool = false;

@@ -2,7 +2,7 @@
 //!
 //! In: one sample's calibrated acceleration and its rate of turn, with the measured time between
 //! samples. Out: the verticals of the last two samples, from which the chain reads the angle at
-//! any instant near them, and the reason where there is none.
+//! any instant near them, the reason where there is none, and the corrected rate of turn.
 //!
 //! The rate is corrected by its own calibration at the present temperature, and by the part's
 //! clock: the estimator ([`motion`](crate::motion)) reckons with nominal periods, and a part whose
@@ -164,6 +164,21 @@ impl FusionState {
     /// memorises.
     pub const fn measured(&self) -> Rate {
         self.measured
+    }
+
+    /// The rate of the last sample about the housing's axes: corrected by its calibration, and by
+    /// the bias that was found beside it.
+    pub fn rate(&self) -> Rate {
+        let mut corrected = self.rates.apply(self.measured);
+        for (rate, bias) in corrected
+            .rate
+            .iter_mut()
+            .zip(self.bias().unwrap_or_default())
+        {
+            // From 2^-32 to 2^-24 rad/s per step.
+            *rate = rate.saturating_sub((bias + 128) >> 8);
+        }
+        corrected
     }
 
     /// The gyroscope's bias as estimated beside its calibration, 2^-32 rad/s per step.

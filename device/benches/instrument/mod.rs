@@ -109,6 +109,7 @@ impl Instrument {
                 settings: settings(),
                 work,
                 pair: Pair::new(CrossCheck::product()),
+                moment: None,
                 log: FaultLog::new(),
                 black_box: BlackBox::new(),
             },

@@ -70,6 +70,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         if age_us >= REFRESH_US || self.parts.channel.reason().is_some() {
             let reading = self.parts.channel.reading(&self.parts.settings, now);
             self.parts.values.process.measure(&reading, now);
+            self.parts.take_moment(now);
         }
         let unheard = self.parts.values.process.source == SyncSource::None;
         if unheard || self.parts.values.state != State::Operational {

@@ -21,7 +21,8 @@ pub(super) const PDOS: core::ops::RangeInclusive<u16> = 0x180..=0x57F;
 /// The last identifier of a safety frame (EN 50325-5). Its frames know no SYNC.
 const LAST_SAFETY: u16 = 0x180;
 
-/// What a node sends that grows old: four TPDOs, and two SRDOs of two frames each.
+/// Identifiers of which frames may be on their way at once: three mailboxes, and five places beside
+/// them for what was taken out ([`mailboxes`](crate::mailboxes)), however many PDOs a node has.
 const PLACES: usize = 8;
 
 /// SYNCs in a row that may find a PDO of an earlier one still waiting.

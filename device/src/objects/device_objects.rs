@@ -20,6 +20,7 @@ use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
+use super::moment::Moment;
 use super::process::Shown;
 use super::safety::VALID;
 use super::table::{Channel, Models};
@@ -40,6 +41,10 @@ pub trait Source<C: Composition = Whole> {
     fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading;
     /// All that the channel says at `now`, a SYNC.
     fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation;
+    /// What is so at this very moment, where there is a gyroscope.
+    fn moment(&self, _settings: &Settings<C>, _now: Instant) -> Moment {
+        Moment::NOTHING
+    }
     /// The newest filtered acceleration.
     fn filtered(&self) -> Option<Filtered>;
     /// The part's temperature.
@@ -115,6 +120,8 @@ pub struct Parts<M, S, I: Instrument = Whole> {
     pub channel: S,
     /// The pair.
     pub pair: Pair<I>,
+    /// Angle and rates of the last SYNC, or of the last look without one.
+    pub moment: Option<I::Moment>,
     /// The memory.
     pub memory: M,
     /// Settings with the calibration in force.
@@ -143,11 +150,21 @@ impl<M, S: Source<I>, I: Instrument> Parts<M, S, I> {
             values: Values::new(),
             channel,
             pair: Pair::new(check),
+            moment: I::Moment::put(|| Moment::NOTHING),
             memory,
             settings: Settings::uncalibrated(setup),
             work: Work::new(table_settings),
             log: FaultLog::new(),
             black_box: BlackBox::new(),
+        }
+    }
+
+    /// Takes in what is so at this very moment.
+    // Where there is no gyroscope nothing is left of it.
+    #[inline(always)]
+    pub fn take_moment(&mut self, now: Instant) {
+        if let Some(place) = &mut self.moment {
+            *place.get_mut() = self.channel.moment(&self.settings, now);
         }
     }
 
@@ -241,6 +258,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             0x2010 => exchange_value(&process.sent, at.sub),
             0x2011 => exchange_value(&process.received, at.sub),
             0x2020..=0x2028 => self.shown_value(at),
+            0x2029 | 0x202A if I::Moment::FITTED => return self.read_moment(at),
             0x2031 => process.filtered.get(axis).copied().map(Number::i32),
             0x2032 => Some(Number::u32(process.samples)),
             0x2033 => Some(Number::u32(process.period_q8)),
@@ -475,6 +493,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Application for DeviceObjects<'_, M
             }
             Event::Sync => {
                 let observation = self.parts.channel.observe(&self.parts.settings, self.now);
+                self.parts.take_moment(self.now);
                 let own_fault = self.parts.pair.own_fault();
                 let shown = self.parts.presentation();
                 self.parts

@@ -557,7 +557,7 @@ const VECTOR: &str = "Along the housing's axes X, Y, Z; -32768: there is none.";
 const CAPTURED: &str = "Instant of the SYNC on the sender's clock, the low byte.";
 const ACTIVITY: &str = "Energy above 150 Hz since the SYNC before, 8 steps per doubling; 64 is the \
      channel's own noise, 0: too few samples, 255: samples are missing.";
-const UNKNOWN: &str = "65535: not known, or 65.535 deg and more.";
+pub(super) const UNKNOWN: &str = "65535: not known, or 65.535 deg and more.";
 const NONE: &str = "-32768: there is none. Larger ones stop at 32767.";
 
 /// 2003h of an instrument that has one check.

@@ -10,6 +10,7 @@ mod calibration;
 pub mod communication;
 pub mod device_objects;
 pub mod manufacturer;
+pub mod moment;
 pub mod parameters;
 pub mod pdo;
 pub mod process;

@@ -1,12 +1,15 @@
 //! PDO parameters, 1400h to 1BFFh, and what the PDOs carry as delivered
 //! (CiA 301, 7.5.2.35 to 7.5.2.38).
 //!
-//! In: nothing. Out: the rows of four RPDOs and four TPDOs.
+//! In: nothing. Out: the rows of four RPDOs and four TPDOs, and of two TPDOs more that an instrument
+//! with a gyroscope has.
 //!
 //! - TPDO 1: slopes X and Y in 16 bit with validity and state of the pair, every SYNC.
 //! - TPDO 2: validity, state, uncertainty, latency, difference, temperature, every tenth SYNC.
 //! - TPDO 3: the angles for the other channel, every SYNC. RPDO 1 takes the other's.
 //! - TPDO 4: what is behind them, every SYNC. RPDO 2 takes the other's.
+//! - TPDO 5 (gyroscope): angles of the SYNC itself, uncertainty and reasons; off.
+//! - TPDO 6 (gyroscope): rates of turn and their reason; off.
 //! - RPDO 3 and 4 are off and empty.
 //!
 //! Left out: the inhibit time of RPDOs, which the standard gives no effect.
@@ -17,7 +20,7 @@ use super::build::{member, record};
 use super::row::{Default, Row};
 
 /// Bit 31 of a COB-ID: the PDO is off.
-const OFF: i64 = 0x8000_0000;
+pub const OFF: i64 = 0x8000_0000;
 
 /// Communication parameters of the RPDOs.
 pub const RPDO: [[Row; 4]; 4] = [
@@ -111,6 +114,36 @@ pub const TPDO_4_MAPPING: [Row; 7] = mapping(
         0x2010_0808,
         0x2010_0908,
     ],
+);
+
+/// Communication parameters of TPDO 5 and 6.
+///
+/// The predefined connection set has identifiers for four TPDOs only. These two are off, so that
+/// nothing is sent that a master has not asked for; their identifiers are those that the set has
+/// for RPDO 1 and 2, which are free here, since those take the other channel's TPDO 3 and 4.
+pub const DYNAMIC_TPDO: [[Row; 6]; 2] = [
+    tpdo(0x1804, "TPDO 5 communication parameter", OFF + 0x200, 1),
+    tpdo(0x1805, "TPDO 6 communication parameter", OFF + 0x300, 1),
+];
+
+/// Mapping of TPDO 5: angles now, their uncertainty and reasons.
+pub const TPDO_5_MAPPING: [Row; 7] = mapping(
+    0x1A04,
+    "TPDO 5 mapping parameter",
+    &[
+        0x2029_0110,
+        0x2029_0210,
+        0x2029_0310,
+        0x2029_0408,
+        0x2029_0508,
+    ],
+);
+
+/// Mapping of TPDO 6: three rates and their reason.
+pub const TPDO_6_MAPPING: [Row; 6] = mapping(
+    0x1A05,
+    "TPDO 6 mapping parameter",
+    &[0x202A_0110, 0x202A_0210, 0x202A_0310, 0x202A_0408],
 );
 
 const fn rpdo(index: u16, name: &'static str, cob_id: Default) -> [Row; 4] {

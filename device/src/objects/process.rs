@@ -198,7 +198,7 @@ impl<'a, C: Composition> Shown<'a, C> {
     }
 
     /// [`Shown::usable`] of the angles as measured, however they are shown.
-    fn measured_usable(&self) -> Result<(), Invalid> {
+    pub fn measured_usable(&self) -> Result<(), Invalid> {
         if self.values.state != State::Operational {
             return Ok(());
         }
@@ -360,7 +360,7 @@ fn scaled(steps: u64) -> u64 {
 }
 
 /// An uncertainty in 0.001 deg, rounded up, since a smaller one would be a promise not made.
-fn thousandths(uncertainty: Uncertainty) -> u16 {
+pub(super) fn thousandths(uncertainty: Uncertainty) -> u16 {
     let steps = u64::from(uncertainty.0);
     let up = (steps * 360_000 + u64::from(u32::MAX)) >> 32;
     u16::try_from(up).map_or(UNKNOWN_UNCERTAINTY - 1, |u| u.min(UNKNOWN_UNCERTAINTY - 1))

@@ -111,10 +111,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
                 if which.wide {
                     return Ok(Number::i32(number.unwrap_or(i32::MIN)));
                 }
-                // Outside the measuring range it may not fit, and the nearest number that does
-                // would be a wrong angle.
-                let narrow = number.and_then(|n| i16::try_from(n).ok());
-                return Ok(Number::i16(narrow.unwrap_or(i16::MIN)));
+                return Ok(slope_of_16_bit(number));
             }
         };
         Ok(sized(number, which.wide))
@@ -128,6 +125,13 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             true => Number::i32(number.unwrap_or(i32::MIN)),
             false => Number::i16(number.map_or(i16::MIN, narrow)),
         }
+    }
+
+    /// An angle of this channel in 16 bit, as its slope `axis` (0 is X) is shown.
+    pub(super) fn as_slope(&self, axis: usize, angle: Option<Angle>) -> Number {
+        let slope = self.parts.values.parameters.slopes.get(axis);
+        let scale = self.scale(axis, self.resolution(0));
+        slope_of_16_bit(slope.and_then(|slope| angle.map(|angle| slope.displayed(angle, &scale))))
     }
 
     pub(super) fn write_slope(&mut self, at: Address, value: Value) -> Result<(), Abort> {
@@ -265,6 +269,14 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
         let number = i16::try_from(number).map_err(|_| Abort::NoData)?;
         Ok(Number::i16(number))
     }
+}
+
+/// Outside the measuring range it may not fit, and the nearest number that does would be a wrong
+/// angle.
+#[inline(always)]
+fn slope_of_16_bit(number: Option<i32>) -> Number {
+    let narrow = number.and_then(|n| i16::try_from(n).ok());
+    Number::i16(narrow.unwrap_or(i16::MIN))
 }
 
 fn sized(number: i32, wide: bool) -> Number {

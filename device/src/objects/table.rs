@@ -14,6 +14,7 @@ use super::communication::{COMMUNICATION, PROGRAM};
 use super::manufacturer::{
     CHECK, CHECK_AS_BUILT, HISTORY, MANUFACTURER, PRESENTATION, RANGES, SAFE_SLOPES, VECTORS,
 };
+use super::moment::MOMENT;
 use super::pdo;
 use super::profile::{AS_MEASURED, LOGICAL, PROFILE, RESOLUTIONS};
 use super::row::{Default, Row, Shape};
@@ -43,17 +44,22 @@ impl Channel {
 pub struct Models(u8);
 
 impl Models {
-    /// The device that is either instrument, and so has the rows of both.
+    /// The device that is any instrument, and so has the rows of all.
     pub const WHOLE: Self = Self(1);
     /// The product.
     pub const PRODUCT: Self = Self(2);
     /// The paper's instrument.
     pub const PAPER: Self = Self(4);
+    /// The product's variant with a gyroscope.
+    pub const DYNAMIC: Self = Self(8);
 
-    const ALL: Self = Self(7);
-    const BUT_PAPER: Self = Self(3);
-    const BUT_PRODUCT: Self = Self(5);
-    const BUT_WHOLE: Self = Self(6);
+    const ALL: Self = Self(15);
+    const BUT_PAPER: Self = Self(11);
+    const BUT_WHOLE: Self = Self(14);
+    /// Those with tables.
+    const TABLES: Self = Self(5);
+    /// Those with a gyroscope.
+    const GYROSCOPE: Self = Self(9);
 
     const fn share(self, other: Self) -> bool {
         self.0 & other.0 != 0
@@ -102,7 +108,11 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::BUT_PAPER, VECTORS),
     (Models::BUT_PAPER, HISTORY),
     (Models::BUT_PAPER, &UPDATE),
-    (Models::BUT_PRODUCT, MOTOR_RUN),
+    (Models::TABLES, MOTOR_RUN),
+    (Models::GYROSCOPE, MOMENT),
+    (Models::GYROSCOPE, pdo::DYNAMIC_TPDO.as_flattened()),
+    (Models::GYROSCOPE, &pdo::TPDO_5_MAPPING),
+    (Models::GYROSCOPE, &pdo::TPDO_6_MAPPING),
 ];
 
 /// Every row of any instrument, sorted by index and sub-index, with names and texts.
@@ -115,6 +125,7 @@ pub fn rows_of(models: Models) -> &'static [Row] {
     match models {
         Models::PRODUCT => product::ROWS,
         Models::PAPER => paper::ROWS,
+        Models::DYNAMIC => dynamic::ROWS,
         _ => whole::ROWS,
     }
 }
@@ -124,6 +135,7 @@ pub fn dictionary(models: Models, channel: Channel) -> Dictionary {
     match models {
         Models::PRODUCT => product(channel),
         Models::PAPER => paper(channel),
+        Models::DYNAMIC => dynamic(channel),
         _ => of(whole::TABLE, channel),
     }
 }
@@ -136,6 +148,11 @@ pub fn product(channel: Channel) -> Dictionary {
 /// The same of the paper's instrument.
 pub fn paper(channel: Channel) -> Dictionary {
     of(paper::TABLE, channel)
+}
+
+/// The same of the variant with a gyroscope.
+pub fn dynamic(channel: Channel) -> Dictionary {
+    of(dynamic::TABLE, channel)
 }
 
 fn of(table: &'static Table, channel: Channel) -> Dictionary {
@@ -180,6 +197,7 @@ macro_rules! table {
 table!(whole, Models::WHOLE);
 table!(product, Models::PRODUCT);
 table!(paper, Models::PAPER);
+table!(dynamic, Models::DYNAMIC);
 
 const fn count(models: Models) -> usize {
     let mut sum = 0;

@@ -83,7 +83,8 @@ impl Delivered {
             settings: [settings.clone(), settings],
             calibrated: false,
             models: match mode {
-                Mode::Product | Mode::Dynamic | Mode::OneAxis => Models::PRODUCT,
+                Mode::Product | Mode::OneAxis => Models::PRODUCT,
+                Mode::Dynamic => Models::DYNAMIC,
                 // The simulated one has the product's services beside.
                 _ => Models::WHOLE,
             },

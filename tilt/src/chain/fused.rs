@@ -2,7 +2,7 @@
 //!
 //! In: samples with a rate of turn. Out: the aligned [`Reading`], which belongs to the instant
 //! that [`Fusion::latency_us`] says, so that two channels can be compared, and the reading of this
-//! very moment, which lies up to one sample ahead of the last one.
+//! very moment, which lies up to one sample ahead of the last one; and the rate of turn.
 //!
 //! Both lie on the line through the verticals of the last two samples. Ahead of them that line
 //! misses half of what the rate changes by: at 500 deg/s^2 it is 0.002 deg after a sample.
@@ -101,6 +101,23 @@ impl<C: Composition> Chain<C> {
     pub fn reading_now(&self, state: &ChainState<C>, now: Instant) -> Reading {
         let fused = self.fused(state, now, 0);
         fused.unwrap_or_else(|| self.reading(state, now))
+    }
+
+    /// The rate of turn about the housing's axes that the newest sample has shown: corrected, and
+    /// not filtered.
+    ///
+    /// # Errors
+    /// Why there is none, as with readings: [`Invalid::NotMeasured`] where no gyroscope takes part,
+    /// and [`Invalid::OverRange`] where it is beyond its range on any axis.
+    pub fn rate(&self, state: &ChainState<C>, now: Instant) -> Result<Rate, Invalid> {
+        let (fusion, _, _) = self.fusion().ok_or(Invalid::NotMeasured)?;
+        self.fresh(state, now)?;
+        let rate = state.fusion.as_ref().ok_or(Invalid::NoSample)?.get().rate();
+        if fusion.motion.reaches(rate) {
+            Ok(rate)
+        } else {
+            Err(Invalid::OverRange)
+        }
     }
 
     /// The aligned angle; `None` where no gyroscope takes part.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::fusion::Fusion;
 use crate::motion::Expected;
-use crate::rate::RateCorrection;
+use crate::rate::{RateCorrection, RealRateCorrection};
 use crate::sample::{RateCounts, RateRange};
 use crate::temperature::TemperatureModel;
 use crate::uncertainty::Span;
@@ -250,4 +250,43 @@ fn a_gyroscope_whose_codes_stand_still_takes_the_angle_away_and_gives_it_back() 
         assert!(told.is_some_and(|told| told - 500 <= most), "{told:?}");
         assert!(chain.reading_now(&state, at(699)).x.is_ok());
     }
+}
+
+#[test]
+fn the_rate_is_that_of_the_last_sample_about_the_housing_s_axes_and_says_why_there_is_none() {
+    let mut chain = chain();
+    // A gyroscope that shows 1 % too much.
+    let scaled = RateCorrection::from_real(&RealRateCorrection {
+        matrix: [[1.0, 0.0, 0.0], [0.0, 1.0 / 1.01, 0.0], [0.0, 0.0, 1.0]],
+        scale1: [0.0; 3],
+        bias: [0.0; 3],
+        bias1: [0.0; 3],
+        bias2: [0.0; 3],
+    });
+    chain.calibration.rates = scaled;
+    let mut state = ChainState::default();
+    let at = |i: u64| Instant(1_000_000 + i * 2_400);
+    assert_eq!(chain.rate(&state, at(0)), Err(Invalid::NoSample));
+    let mut turning = |dps: f64, from: u64, samples: u64| {
+        for i in from..from + samples {
+            let count = (-dps * 1.01 / 0.0175).round() as i16;
+            let sample = Sample {
+                counts: Counts([0, 0, 8192]),
+                rate: Some(RateCounts([0, count, 0])),
+            };
+            chain.sample(&mut state, sample, at(i));
+        }
+        let end = at(from + samples - 1);
+        let later = [0, 9_000, 10_000].map(|later| chain.rate(&state, end.offset(later)));
+        later.map(|rate| rate.map(|rate| rate.rad_s().map(f64::to_degrees)))
+    };
+    let [now, later, late] = turning(0.0, 0, 600);
+    assert!(now.is_ok() && later == now, "{now:?} {later:?}");
+    assert_eq!(late, Err(Invalid::Stale));
+    let [x, y, z] = turning(40.0, 600, 4)[0].expect("a rate");
+    assert!((y + 40.0).abs() < 0.05, "{y}");
+    assert!(x.abs() < 0.05 && z.abs() < 0.05, "{x} {z}");
+    assert_eq!(turning(505.0, 604, 1)[0], Err(Invalid::OverRange));
+    chain.fusion = None;
+    assert_eq!(chain.rate(&state, at(604)), Err(Invalid::NotMeasured));
 }

@@ -129,7 +129,7 @@ impl Motion {
         rate: Rate,
         accel: Corrected,
     ) -> Result<Vertical, Invalid> {
-        let in_range = rate.rate.iter().all(|r| r.unsigned_abs() < self.rate_range);
+        let in_range = self.reaches(rate);
         if !(state.running && in_range) {
             return Err(self.find_up(state, accel, in_range));
         }
@@ -151,6 +151,11 @@ impl Motion {
             up: self.up(&state.frame, turn),
             uncertainty: state.uncertainty,
         })
+    }
+
+    /// True where the gyroscope is within its range on every axis.
+    pub fn reaches(&self, rate: Rate) -> bool {
+        rate.rate.iter().all(|r| r.unsigned_abs() < self.rate_range)
     }
 
     /// A sample without a frame: adds it to the first block, and gives the reason. What cannot be

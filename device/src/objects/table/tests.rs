@@ -89,7 +89,9 @@ fn texts_are_plain_and_short_enough_for_an_eds() {
 fn pdos_as_delivered_map_what_exists_and_fit_into_a_frame() {
     let received = [0x1600, 0x1601].map(|index| (index, 64, Access::RPDO));
     let full = [0x1A01, 0x1A02, 0x1A03].map(|index| (index, 64, Access::TPDO));
-    let pdos = full.into_iter().chain([(0x1A00, 48, Access::TPDO)]);
+    let partly = [(0x1A00, 48), (0x1A04, 64), (0x1A05, 56)];
+    let partly = partly.map(|(index, bits)| (index, bits, Access::TPDO));
+    let pdos = full.into_iter().chain(partly);
     let empty = [0x1602, 0x1603].map(|index| (index, 0, Access::RPDO));
     for channel in [Channel::A, Channel::B] {
         let dictionary = dictionary(Models::WHOLE, channel);
@@ -219,19 +221,53 @@ fn every_twin_of_32_bit_is_stored_and_none_of_16_bit() {
 }
 
 #[test]
-fn the_table_is_small() {
-    let dictionary = dictionary(Models::WHOLE, Channel::A);
-    let table = dictionary.table;
-    let bytes = size_of_val(table.rows)
-        + size_of_val(table.kinds)
-        + size_of_val(table.forms)
-        + size_of_val(table.defaults)
-        + size_of_val(table.limits)
-        + size_of_val(table.variants);
-    assert!(bytes < 2560, "{bytes} bytes in {} rows", table.rows.len());
+fn the_tables_that_a_chip_holds_are_small() {
+    for models in [Models::PRODUCT, Models::PAPER, Models::DYNAMIC] {
+        let dictionary = dictionary(models, Channel::A);
+        let table = dictionary.table;
+        let bytes = size_of_val(table.rows)
+            + size_of_val(table.kinds)
+            + size_of_val(table.forms)
+            + size_of_val(table.defaults)
+            + size_of_val(table.limits)
+            + size_of_val(table.variants);
+        assert!(bytes < 2560, "{bytes} bytes in {} rows", table.rows.len());
+        let texts = dictionary
+            .entries()
+            .filter(|e| e.data_type == DataType::VisibleString);
+        assert_eq!(texts.count(), 3);
+    }
     assert_eq!((size_of::<PackedRow>(), size_of::<Form>()), (4, 4));
-    let texts = dictionary
-        .entries()
-        .filter(|e| e.data_type == DataType::VisibleString);
-    assert_eq!(texts.count(), 3);
+}
+
+#[test]
+fn the_variant_with_a_gyroscope_has_the_product_s_rows_and_its_own() {
+    let key = |row: &Row| (row.index, row.sub, row.last, row.access, row.default);
+    let [product, dynamic] = [Models::PRODUCT, Models::DYNAMIC].map(rows_of);
+    let mut own = dynamic.iter().filter(|row| {
+        let twin = |other: &&Row| key(other) == key(row);
+        product.iter().find(twin).is_none()
+    });
+    let added = [0x1804, 0x1805, 0x1A04, 0x1A05, 0x2029, 0x202A];
+    assert!(own.all(|row| added.contains(&row.index)));
+    let is_new = |row: &&Row| added.contains(&row.index);
+    let new = dynamic.iter().filter(is_new).count();
+    assert_eq!(dynamic.len(), product.len() + new);
+    assert!(!product.iter().any(|row| added.contains(&row.index)));
+}
+
+#[test]
+fn the_two_tpdos_beyond_the_predefined_set_are_off_and_as_long_as_they_say() {
+    for (pdo, cob_id, bits) in [(4, 0x201, 64), (5, 0x301, 56)] {
+        assert_eq!(
+            default(Channel::A, at(0x1800 + pdo, 1)),
+            0x8000_0000 + cob_id
+        );
+        assert_eq!(default(Channel::A, at(0x1800 + pdo, 2)), 1);
+        let objects = mapped(Channel::A, 0x1A00 + pdo);
+        assert_eq!(
+            objects.iter().map(|object| object & 0xFF).sum::<u32>(),
+            bits
+        );
+    }
 }
