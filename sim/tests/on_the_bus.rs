@@ -5,6 +5,8 @@
 //! are those of the bench in the accuracy document; here the way from sensor to verdict is the
 //! device's own.
 
+mod recorded;
+
 use canopen::Frame;
 use device::objects::table::Channel;
 use sim::bench::statistics::Tally;
@@ -12,37 +14,15 @@ use sim::bench::{Mode, World};
 use sim::can_bus::{Event, Port};
 
 use sim::memory;
-use sim::motion::{Motion, Mover};
 use sim::network::Network;
 use sim::network::instrument::{Delivered, Fitting};
 use sim::rig::{Mount, Rig};
 use sim::rng::Rng;
 
+use recorded::Recorded;
+
 const SYNC_NS: u64 = 20_000_000;
 const UNIT: (u64, u32) = (17, 1);
-
-/// The motor, and where it was at each tick: s and deg.
-struct Recorded {
-    rig: Rig,
-    truth: Vec<(f64, f64)>,
-}
-
-impl Mover for Recorded {
-    fn step(&mut self, time_s: f64) -> Motion {
-        let motion = self.rig.step(time_s);
-        self.truth.push((time_s, self.rig.shaft().true_deg));
-        motion
-    }
-}
-
-impl Recorded {
-    /// Where it was, deg: between two ticks along a straight line.
-    fn at(&self, time_s: f64) -> f64 {
-        let after = self.truth.partition_point(|(tick_s, _)| *tick_s < time_s);
-        let ((from_s, from), (to_s, to)) = (self.truth[after - 1], self.truth[after]);
-        from + (to - from) * (time_s - from_s) / (to_s - from_s)
-    }
-}
 
 /// Two nodes, their master and the motor.
 struct OnTheBus {
@@ -76,13 +56,12 @@ impl OnTheBus {
         let mut rng = Rng::stream(seed, &format!("unit {unit} bench"));
         let mut rig = Rig::new(&world.rig, &mut rng);
         rig.remount(mount, 0.0, 0.0);
-        let truth = Vec::new();
         nodes.iter().for_each(|node| network.power_on(*node));
         let mut bus = Self {
             network,
             host,
             nodes,
-            motor: Recorded { rig, truth },
+            motor: Recorded::new(rig),
             mount,
         };
         bus.pass(50, |_, _| {});
