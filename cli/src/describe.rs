@@ -1,8 +1,8 @@
 //! `plumb describe`: the documents that other tools and people know the two nodes by.
 //!
 //! In: the rows of the object dictionary (`device::objects`), the only source. Out: an electronic
-//! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send as
-//! delivered, or the page `docs/objects.md`. The same rows give the same bytes, whatever the day
+//! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send with the
+//! mapping as delivered, or the page `docs/objects.md`. The same rows give the same bytes, whatever the day
 //! and the machine; the committed copies are compared with them by a test.
 //!
 //! Left out: reading such files, and what a device on a bus really holds.
@@ -23,7 +23,8 @@ pub struct Arguments {
     /// Which document
     #[arg(value_enum)]
     pub document: Document,
-    /// Whose objects: those of the product, or of the paper's instrument
+    /// Whose objects: those of the product, of its variant with a gyroscope, or of the paper's
+    /// instrument
     #[arg(long, value_enum, default_value = "product")]
     pub instrument: InstrumentName,
     /// Channel of an EDS or DCF; a when not given
@@ -50,13 +51,15 @@ pub enum Document {
     Objects,
 }
 
-/// An instrument that there is an image of.
+/// An instrument that there are documents of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum InstrumentName {
     /// The product, for the STM32F103RC
     Product,
     /// The paper's instrument, for the STM32F103C8
     Paper,
+    /// The variant of the product with a gyroscope
+    Dynamic,
 }
 
 impl From<InstrumentName> for Models {
@@ -64,6 +67,7 @@ impl From<InstrumentName> for Models {
         match name {
             InstrumentName::Product => Self::PRODUCT,
             InstrumentName::Paper => Self::PAPER,
+            InstrumentName::Dynamic => Self::DYNAMIC,
         }
     }
 }

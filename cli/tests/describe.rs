@@ -27,12 +27,14 @@ fn is_fresh(path: &str, arguments: &[&str]) {
 fn the_data_sheets_are_fresh() {
     is_fresh("eds/plumb-a.eds", &["eds", "--channel", "a"]);
     is_fresh("eds/plumb-b.eds", &["eds", "--channel", "b"]);
-    for channel in ["a", "b"] {
-        let path = format!("eds/plumb-paper-{channel}.eds");
-        is_fresh(
-            &path,
-            &["eds", "--channel", channel, "--instrument", "paper"],
-        );
+    for instrument in ["paper", "dynamic"] {
+        for channel in ["a", "b"] {
+            let path = format!("eds/plumb-{instrument}-{channel}.eds");
+            is_fresh(
+                &path,
+                &["eds", "--channel", channel, "--instrument", instrument],
+            );
+        }
     }
 }
 
@@ -40,28 +42,33 @@ fn the_data_sheets_are_fresh() {
 fn the_configurations_are_fresh() {
     is_fresh("eds/plumb-a.dcf", &["dcf", "--channel", "a"]);
     is_fresh("eds/plumb-b.dcf", &["dcf", "--channel", "b"]);
-    for channel in ["a", "b"] {
-        let path = format!("eds/plumb-paper-{channel}.dcf");
-        is_fresh(
-            &path,
-            &["dcf", "--channel", channel, "--instrument", "paper"],
-        );
+    for instrument in ["paper", "dynamic"] {
+        for channel in ["a", "b"] {
+            let path = format!("eds/plumb-{instrument}-{channel}.dcf");
+            is_fresh(
+                &path,
+                &["dcf", "--channel", channel, "--instrument", instrument],
+            );
+        }
     }
 }
 
 #[test]
 fn the_database_is_fresh() {
     is_fresh("eds/plumb.dbc", &["dbc"]);
-    is_fresh("eds/plumb-paper.dbc", &["dbc", "--instrument", "paper"]);
+    for instrument in ["paper", "dynamic"] {
+        let path = format!("eds/plumb-{instrument}.dbc");
+        is_fresh(&path, &["dbc", "--instrument", instrument]);
+    }
 }
 
 #[test]
 fn the_page_of_objects_is_fresh() {
     is_fresh("docs/objects.md", &["objects"]);
-    is_fresh(
-        "docs/objects-paper.md",
-        &["objects", "--instrument", "paper"],
-    );
+    for instrument in ["paper", "dynamic"] {
+        let path = format!("docs/objects-{instrument}.md");
+        is_fresh(&path, &["objects", "--instrument", instrument]);
+    }
 }
 
 #[test]

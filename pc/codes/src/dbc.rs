@@ -1,8 +1,9 @@
-//! A DBC of what both nodes send as delivered, for CAN tools that know nothing of CANopen.
+//! A DBC of what both nodes send with the mapping as delivered, for CAN tools that know nothing of CANopen.
 //!
-//! In: the rows. Out: one message per TPDO that is on, of channel A under node-id 1 and channel B
-//! under node-id 2, with a signal per mapped object: scale, unit, range, receivers, names of
-//! values, texts. ASCII, CRLF.
+//! In: the rows. Out: one message per TPDO that carries something, of channel A under node-id 1 and
+//! channel B under node-id 2, with a signal per mapped object: scale, unit, range, receivers, names of
+//! values, texts. A TPDO that is off as delivered is there under the identifier that it has once it
+//! is switched on, and its comment says so. ASCII, CRLF.
 //!
 //! Left out: SDO, EMCY, heartbeat and SRDO (their content is not fixed signals, or is off as
 //! delivered), and any mapping but the delivered one.
@@ -30,6 +31,8 @@ const MAPPED: u8 = 64;
 /// One TPDO.
 struct Message<'a> {
     id: i64,
+    /// It is sent as delivered.
+    is_on: bool,
     name: String,
     sender: String,
     receivers: String,
@@ -72,19 +75,20 @@ fn node(channel: Channel) -> String {
     format!("Plumb_{}", dictionary::letter(channel))
 }
 
-/// TPDO `pdo`, counted from 0; `None` when there is none or it is off.
+/// TPDO `pdo`, counted from 0; `None` when there is none or it carries nothing.
 fn message(rows: &[Row], channel: Channel, pdo: u16) -> Option<Message<'_>> {
     let at = |index, sub| dictionary::delivered_at(rows, index, sub, channel, channel.node_id());
     dictionary::row(rows, 0x1800 + pdo, 1)?;
     let cob_id = at(0x1800 + pdo, 1);
-    if cob_id & OFF != 0 {
+    let count = at(0x1A00 + pdo, 0).clamp(0, i64::from(MAPPED)) as u8;
+    if count == 0 {
         return None;
     }
-    let count = at(0x1A00 + pdo, 0).clamp(0, i64::from(MAPPED)) as u8;
     let id = cob_id & IDENTIFIER;
     let mapped = (1..=count).map(|sub| at(0x1A00 + pdo, sub));
     Some(Message {
         id,
+        is_on: cob_id & OFF == 0,
         name: format!("{}_TPDO_{}", node(channel), pdo + 1),
         sender: node(channel),
         receivers: receivers(rows, channel, id),
@@ -166,6 +170,9 @@ fn range(data_type: DataType, factor: f64) -> (f64, f64) {
 
 fn comments(message: &Message<'_>) -> String {
     let mut text = String::new();
+    if !message.is_on {
+        let _ = writeln!(text, "CM_ BO_ {} \"Off as delivered.\";", message.id);
+    }
     for signal in &message.signals {
         let place = format!("{:04X}h sub {}", signal.row.index, signal.sub);
         let doc = signal.row.doc.replace('"', "'");

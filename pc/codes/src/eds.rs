@@ -85,17 +85,17 @@ pub fn sheet(rows: &[Row], channel: Channel) -> String {
 }
 
 /// An instrument is known by its rows.
-fn is_paper(rows: &[Row]) -> bool {
+fn is(models: Models, rows: &[Row]) -> bool {
     // By what stands in it: the compiler may keep a constant in several places.
     let address = |row: &Row| (row.index, row.sub);
     rows.iter()
         .map(address)
-        .eq(rows_of(Models::PAPER).iter().map(address))
+        .eq(rows_of(models).iter().map(address))
 }
 
 /// What the instrument with these rows has of what the standards leave to the device.
 fn services(rows: &[Row]) -> Services {
-    if is_paper(rows) {
+    if is(Models::PAPER, rows) {
         PAPER_SERVICES
     } else {
         Services::ALL
@@ -104,8 +104,10 @@ fn services(rows: &[Row]) -> Services {
 
 /// The name under which a document of a channel is known.
 pub fn file_name(rows: &[Row], channel: Channel, ending: &str) -> String {
-    let instrument = if is_paper(rows) {
+    let instrument = if is(Models::PAPER, rows) {
         "plumb-paper"
+    } else if is(Models::DYNAMIC, rows) {
+        "plumb-dynamic"
     } else {
         "plumb"
     };

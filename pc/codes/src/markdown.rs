@@ -28,6 +28,15 @@ For those who read or write the objects of the paper's instrument. This page is 
 product are in [objects.md](objects.md).
 ";
 
+const DYNAMIC: &str = "\
+# Objects of the variant with a gyroscope
+
+For those who read or write the objects of the dynamic variant, the product with a gyroscope. This
+page is printed by `plumb describe objects --instrument dynamic`; a test compares it with the output.
+All objects of the product ([objects.md](objects.md)) are there with the same meaning; 2029h, 202Ah,
+TPDO 5 and TPDO 6 are there besides.
+";
+
 const OPENING: &str = "\
 It comes from the same rows as the table inside the device, the data sheets (`eds/*.eds`),
 the configurations (`eds/*.dcf`) and the CAN database (`eds/plumb.dbc`).
@@ -130,10 +139,10 @@ const HEADINGS: [&str; 12] = [
 
 /// The page.
 pub fn page(models: Models, rows: &[Row]) -> String {
-    let heading = if models == Models::PAPER {
-        PAPER
-    } else {
-        PRODUCT
+    let heading = match models {
+        Models::PAPER => PAPER,
+        Models::DYNAMIC => DYNAMIC,
+        _ => PRODUCT,
     };
     let mut text = [heading, OPENING].concat();
     for area in &AREAS {
