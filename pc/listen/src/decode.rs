@@ -23,6 +23,12 @@ pub struct Values {
     pub difference_mdeg: Option<i16>,
     /// Temperature, degC.
     pub temperature_degc: i8,
+    /// Slope X and Y of the moment, 0.001 deg; `None` where there is none.
+    pub now_mdeg: [Option<i32>; 2],
+    /// Their standard uncertainty, 0.001 deg.
+    pub now_uncertainty_mdeg: Option<u16>,
+    /// Rate of turn about X, Y and Z, 0.01 deg/s; `None` where there is none.
+    pub rates: [Option<i16>; 3],
     /// Angle, quality and what else of the exchange the PDO has.
     pub exchange: Exchange,
 }
@@ -35,6 +41,9 @@ const NOTHING: Values = Values {
     latency_ms: 0,
     difference_mdeg: None,
     temperature_degc: 0,
+    now_mdeg: [None; 2],
+    now_uncertainty_mdeg: None,
+    rates: [None; 3],
     exchange: Exchange {
         vector: NO_VECTOR,
         ..Exchange::NOTHING
@@ -53,13 +62,20 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
         let (plain, signed) = (top >> upper, (top as i64) >> upper);
         match field.what {
             What::Slope(axis) => {
-                let lowest = i64::MIN >> upper;
-                let mdeg = (signed != lowest).then(|| signed * i64::from(resolution_mdeg));
-                put(
-                    &mut values.slopes_mdeg,
-                    axis,
-                    mdeg.and_then(|mdeg| i32::try_from(mdeg).ok()),
-                );
+                let mdeg = slope_mdeg(signed, upper, resolution_mdeg);
+                put(&mut values.slopes_mdeg, axis, mdeg);
+            }
+            What::SlopeNow(axis) => {
+                let mdeg = slope_mdeg(signed, upper, resolution_mdeg);
+                put(&mut values.now_mdeg, axis, mdeg);
+            }
+            What::UncertaintyNow => {
+                let known = plain as u16;
+                values.now_uncertainty_mdeg = (known != u16::MAX).then_some(known);
+            }
+            What::Rate(axis) => {
+                let rate = signed as i16;
+                put(&mut values.rates, axis, (rate != i16::MIN).then_some(rate));
             }
             What::Validity => values.validity = Some(plain as u8),
             What::State => values.state = Some(plain as u8),
@@ -85,6 +101,13 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
     values
 }
 
+/// 0.001 deg of a number in the unit of slopes; the lowest of its length stands for none.
+#[inline]
+fn slope_mdeg(number: i64, upper: u32, resolution_mdeg: i32) -> Option<i32> {
+    let mdeg = (number != i64::MIN >> upper).then(|| number * i64::from(resolution_mdeg));
+    mdeg.and_then(|mdeg| i32::try_from(mdeg).ok())
+}
+
 #[inline]
 fn put<T>(places: &mut [T], axis: u8, value: T) {
     if let Some(place) = places.get_mut(usize::from(axis)) {
@@ -102,6 +125,17 @@ mod tests {
         let plan = PdoPlan::of(0x181, 1, &[0x6110_0020, 0x6120_0020]);
         let values = decode(&plan, [0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0x80], 100);
         assert_eq!(values.slopes_mdeg, [Some(-100), None]);
+    }
+
+    #[test]
+    fn angle_and_rates_of_the_moment() {
+        let node = super::super::NodePlan::as_delivered(1);
+        let angle = decode(&node.pdos[4], [0xE8, 3, 0, 0x80, 20, 0, 0, 6], 10);
+        assert_eq!(angle.now_mdeg, [Some(10_000), None]);
+        assert_eq!(angle.now_uncertainty_mdeg, Some(20));
+        assert_eq!(angle.slopes_mdeg, [None; 2]);
+        let rates = decode(&node.pdos[5], [0x60, 0xF0, 0xFF, 0x7F, 0, 0x80, 0, 0], 10);
+        assert_eq!(rates.rates, [Some(-4000), Some(i16::MAX), None]);
     }
 
     proptest! {

@@ -25,7 +25,7 @@ pub use messages::{Emergency, Part};
 pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
-pub use side::{Beat, Detail, SAME_START_NS, Side, Slopes};
+pub use side::{Beat, Detail, Now, SAME_START_NS, Side, Slopes};
 pub use supervision::Heartbeat;
 
 use canopen::Frame;
@@ -49,6 +49,10 @@ pub enum Meaning {
     Detail(Place),
     /// TPDO 3 or 4: what the channels tell each other, with the part of it that has come.
     Exchange(Place, Part),
+    /// TPDO 5: slopes of the SYNC itself, of an instrument with a gyroscope.
+    Angle(Place),
+    /// TPDO 6: rates of turn, of an instrument with a gyroscope.
+    Rates(Place),
     /// A fault has come or gone.
     Emergency(Place, Emergency),
     /// A heartbeat or boot-up message.
@@ -309,6 +313,8 @@ impl Watch {
                 }
                 Meaning::Exchange(at, part)
             }
+            Kind::Angle => Meaning::Angle(at),
+            Kind::Rates => Meaning::Rates(at),
             Kind::Other => {
                 self.counts.unplanned += 1;
                 Meaning::Other

@@ -109,6 +109,12 @@ pub enum What {
     Captured,
     /// 2010h sub 9: energy above 150 Hz.
     Activity,
+    /// 2029h sub 1, 2: a slope of the moment, like [`What::Slope`].
+    SlopeNow(u8),
+    /// 2029h sub 3.
+    UncertaintyNow,
+    /// 202Ah sub 1 to 3: a rate of turn, Z being axis 2.
+    Rate(u8),
     /// Anything else.
     Other,
 }
@@ -130,8 +136,19 @@ impl What {
             (0x2010, 5..=7) => Self::Vector(sub - 5),
             (0x2010, 8) => Self::Captured,
             (0x2010, 9) => Self::Activity,
+            (0x2029, 1 | 2) => Self::SlopeNow(sub - 1),
+            (0x2029, 3) => Self::UncertaintyNow,
+            (0x202A, 1..=3) => Self::Rate(sub - 1),
             _ => Self::Other,
         }
+    }
+
+    /// What only an instrument with a gyroscope has.
+    pub const fn is_of_gyroscope(self) -> bool {
+        matches!(
+            self,
+            Self::SlopeNow(_) | Self::UncertaintyNow | Self::Rate(_)
+        )
     }
 }
 
@@ -211,6 +228,24 @@ impl NodePlan {
                         0x2010_0908,
                     ],
                 ),
+                // Off as delivered, and of instruments with a gyroscope only: where they come, a
+                // master has switched them on.
+                PdoPlan::of(
+                    0x200 + id,
+                    1,
+                    &[
+                        0x2029_0110,
+                        0x2029_0210,
+                        0x2029_0310,
+                        0x2029_0408,
+                        0x2029_0508,
+                    ],
+                ),
+                PdoPlan::of(
+                    0x300 + id,
+                    1,
+                    &[0x202A_0110, 0x202A_0210, 0x202A_0310, 0x202A_0408],
+                ),
             ],
         }
     }
@@ -236,6 +271,6 @@ mod tests {
             .iter()
             .map(|p| p.length)
             .collect::<Vec<_>>();
-        assert_eq!(lengths, [6, 8, 8, 8]);
+        assert_eq!(lengths, [6, 8, 8, 8, 8, 7]);
     }
 }

@@ -55,6 +55,21 @@ pub struct Detail {
     pub temperature_degc: i8,
 }
 
+/// What TPDO 5 and 6 of an instrument with a gyroscope carry.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Now {
+    /// When the latest angle was seen; `None` where none was.
+    pub angle_ns: Option<u64>,
+    /// Slope X and Y at the SYNC itself, 0.001 deg; `None` where the channel has none.
+    pub mdeg: [Option<i32>; 2],
+    /// The larger standard uncertainty of both (k = 1), 0.001 deg.
+    pub uncertainty_mdeg: Option<u16>,
+    /// When the latest rates were seen; `None` where none were.
+    pub rates_ns: Option<u64>,
+    /// Rate of turn about the housing's X, Y and Z, 0.01 deg/s; `None` where the channel has none.
+    pub rates: [Option<i16>; 3],
+}
+
 /// What TPDO 3 and 4 carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Told {
@@ -75,6 +90,8 @@ pub struct Side {
     pub slopes: Option<Slopes>,
     /// The latest detail.
     pub detail: Option<Detail>,
+    /// The latest angle and rates of the moment.
+    pub now: Now,
     /// The latest exchange.
     pub told: Option<Told>,
     /// The state of its latest heartbeat, and when it came.
@@ -106,6 +123,8 @@ pub(super) enum Kind {
     Slopes,
     Detail,
     Exchange(Part),
+    Angle,
+    Rates,
     Other,
 }
 
@@ -124,6 +143,7 @@ impl Side {
             seen_ns: None,
             slopes: None,
             detail: None,
+            now: Now::default(),
             told: None,
             nmt: None,
             heartbeat: Heartbeat::new(plan.lost_after_ms),
@@ -179,6 +199,15 @@ impl Side {
                 });
             }
             Kind::Exchange(part) => self.take_exchange(time_ns, part, values),
+            Kind::Angle => {
+                self.now.angle_ns = Some(time_ns);
+                self.now.mdeg = values.now_mdeg;
+                self.now.uncertainty_mdeg = values.now_uncertainty_mdeg;
+            }
+            Kind::Rates => {
+                self.now.rates_ns = Some(time_ns);
+                self.now.rates = values.rates;
+            }
             Kind::Other => {}
         }
         kind
@@ -324,6 +353,8 @@ fn kind_of(pdo: &PdoPlan) -> Kind {
         (true, false) => Kind::Exchange(Part::Angles),
         (false, true) => Kind::Exchange(Part::Vector),
         _ if has_detail => Kind::Detail,
+        _ if pdo.has(|what| matches!(what, What::SlopeNow(_))) => Kind::Angle,
+        _ if pdo.has(|what| matches!(what, What::Rate(_))) => Kind::Rates,
         _ => Kind::Other,
     }
 }

@@ -340,6 +340,8 @@ impl Model {
             Meaning::Exchange(place, _) => self.exchanged(place),
             Meaning::Emergency(place, emergency) => self.emergency(place, &emergency),
             Meaning::Heartbeat(place, beat) => self.heartbeat(place, beat),
+            // Shown while it is young, by its own time.
+            Meaning::Angle(_) | Meaning::Rates(_) => {}
             Meaning::Malformed(place) => self.malformed(place, frame),
             Meaning::Other => self.stranger(frame),
         }

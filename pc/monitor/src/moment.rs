@@ -16,7 +16,7 @@ use super::snapshot::{
     StandingFault, VERSION, Verdict,
 };
 use codes::words;
-use listen::{Detail, Pair, Side, Slopes};
+use listen::{Detail, Now, Pair, Side, Slopes};
 
 /// k of the expanded uncertainty.
 const COVERAGE: f64 = 2.0;
@@ -176,6 +176,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
     });
     let why = |old: &Option<f64>| absent(model, side, *old);
     let [x, y] = [0, 1].map(|axis| slope(model, extra, slopes.as_ref(), axis, why));
+    let angle_now = Some(side.now).filter(|now| is_young(model, extra, now.angle_ns));
     let heartbeat_ns = side.nmt.map(|(_, time_ns)| time_ns);
     let now_ns = model.now_ns;
     let detail_value: Option<Detail> = detail.as_ref().ok().copied();
@@ -204,6 +205,12 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         latency_ms: detail_value.map(|d| d.latency_ms),
         temperature_degc: detail_value.map(|d| d.temperature_degc),
         detail_reason: detail.err().map(|old| why(&old)),
+        slope_x_now_deg: angle_now.and_then(|now| now.mdeg[0]).map(degrees),
+        slope_y_now_deg: angle_now.and_then(|now| now.mdeg[1]).map(degrees),
+        uncertainty_now_deg: angle_now
+            .and_then(|now| now.uncertainty_mdeg)
+            .map(|mdeg| COVERAGE * degrees(i32::from(mdeg))),
+        rates_deg_s: rates_deg_s(model, extra, &side.now),
         nmt: side.nmt.map(|(state, _)| words::nmt(state).to_owned()),
         heartbeat_age_s: heartbeat_ns.map(|ns| now_ns.saturating_sub(ns) as f64 / 1e9),
         heartbeat_lost: side.heartbeat.lost_since_ns().is_some(),
@@ -211,6 +218,22 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
         faults: faults(side.faults),
         findings: findings(side),
     }
+}
+
+/// Whether what came at this time is as young as slopes have to be.
+fn is_young(model: &Model, extra: &Extra, time_ns: Option<u64>) -> bool {
+    let age = time_ns.and_then(|time_ns| age_ns(model, extra, time_ns));
+    age.is_some_and(|age| age <= SLOPES.limit_ns(extra.slopes.interval_ns()))
+}
+
+fn rates_deg_s(model: &Model, extra: &Extra, now: &Now) -> Option<[f64; 3]> {
+    let [x, y, z] = now.rates.map(|rate| Some(f64::from(rate?) / 100.0));
+    let young = is_young(model, extra, now.rates_ns);
+    Some([x?, y?, z?]).filter(|_| young)
+}
+
+fn degrees(mdeg: i32) -> f64 {
+    f64::from(mdeg) / 1000.0
 }
 
 fn faults(bits: u32) -> Vec<StandingFault> {

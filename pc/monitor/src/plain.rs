@@ -127,7 +127,22 @@ fn channel(channel: &Channel) -> String {
     let temperature = channel
         .temperature_degc
         .map_or_else(String::new, |degc| format!(" {degc} degC"));
-    format!("{} {x} {y}{temperature}", channel.name)
+    format!("{} {x} {y}{temperature}{}", channel.name, motion(channel))
+}
+
+/// What an instrument with a gyroscope tells of this moment, where it does; begins with a space.
+pub fn motion(channel: &Channel) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let slopes = [channel.slope_x_now_deg, channel.slope_y_now_deg];
+    if slopes != [None; 2] {
+        let [x, y] = slopes.map(degrees);
+        let _ = write!(text, " now {x} {y}");
+    }
+    if let Some([x, y, z]) = channel.rates_deg_s {
+        let _ = write!(text, " turning {x:+.2} {y:+.2} {z:+.2} deg/s");
+    }
+    text
 }
 
 /// The verdict in one line: how bad, what, and why.
@@ -215,6 +230,26 @@ mod tests {
         let start = "22:13:20.0  A +10.000 -1.000  B +9.980 --  A-B +0.020 --  ok: both agree";
         assert!(text.starts_with(start), "{text}");
         assert_eq!(text.lines().count(), 1);
+    }
+
+    #[test]
+    fn angle_and_rates_of_the_moment_are_in_the_line_while_they_come() {
+        let mut model = Model::new(&Plan::default(), Setup::default());
+        let start = 1_700_000_000_000_000_000;
+        model.take(start, &Frame::data_frame(0x181, &[0, 0, 0, 0, 0x7F, 1]));
+        let now = Frame::data_frame(0x201, &[0xE8, 3, 0x9C, 0xFF, 20, 0, 0, 0]);
+        model.take(start, &now);
+        let rates = Frame::data_frame(0x301, &[0x60, 0xF0, 0, 0, 1, 0, 0]);
+        model.take(start, &rates);
+        let snapshot = moment::snapshot(&model);
+        assert_eq!(
+            motion(&snapshot.instruments[0].channels[0]),
+            " now +10.000 -1.000 turning -40.00 +0.00 +0.01 deg/s"
+        );
+        assert_eq!(motion(&snapshot.instruments[0].channels[1]), "");
+        model.pass(start + 3_000_000_000);
+        let snapshot = moment::snapshot(&model);
+        assert_eq!(motion(&snapshot.instruments[0].channels[0]), "");
     }
 
     #[test]

@@ -100,6 +100,20 @@ pub struct Channel {
     pub temperature_degc: Option<i8>,
     /// Why uncertainty, difference, latency and temperature are absent.
     pub detail_reason: Option<String>,
+    /// Slope X at the SYNC itself (2029h), deg; of an instrument with a gyroscope, while TPDO 5
+    /// comes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slope_x_now_deg: Option<f64>,
+    /// Slope Y at the SYNC itself, deg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slope_y_now_deg: Option<f64>,
+    /// Expanded uncertainty (k = 2) of these, deg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncertainty_now_deg: Option<f64>,
+    /// Rate of turn about the housing's X, Y and Z (202Ah), deg/s; of an instrument with a
+    /// gyroscope, while TPDO 6 comes and has rates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates_deg_s: Option<[f64; 3]>,
     /// NMT state by its latest heartbeat.
     pub nmt: Option<String>,
     /// Age of its latest heartbeat, s.

@@ -189,6 +189,8 @@ fn place_of(news: &Meaning) -> Option<Place> {
     match news {
         Meaning::Slopes(place, _)
         | Meaning::Detail(place)
+        | Meaning::Angle(place)
+        | Meaning::Rates(place)
         | Meaning::Exchange(place, _)
         | Meaning::Emergency(place, _)
         | Meaning::Heartbeat(place, _)

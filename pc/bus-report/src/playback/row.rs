@@ -6,10 +6,10 @@
 
 use device::exchange::Exchange;
 
-use listen::{Meaning, Part, Place, Side, Watch};
+use listen::{Meaning, Now, Part, Place, Side, Watch};
 
 /// Names of the numbers in a row, units at the end.
-pub const COLUMNS: [&str; 21] = [
+pub const COLUMNS: [&str; 27] = [
     "slope_x_deg",
     "slope_y_deg",
     "validity",
@@ -31,6 +31,12 @@ pub const COLUMNS: [&str; 21] = [
     "error_register",
     "faults",
     "nmt_state",
+    "slope_x_now_deg",
+    "slope_y_now_deg",
+    "uncertainty_now_deg",
+    "rate_x_deg_s",
+    "rate_y_deg_s",
+    "rate_z_deg_s",
 ];
 
 /// Numbers of a row.
@@ -58,6 +64,8 @@ pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values
         Meaning::Slopes(place, _) => (place, "slopes"),
         Meaning::Detail(place) => (place, "detail"),
         Meaning::Exchange(place, _) => (place, "exchange"),
+        Meaning::Angle(place) => (place, "angle-now"),
+        Meaning::Rates(place) => (place, "rates"),
         Meaning::Emergency(place, _) => (place, "emcy"),
         Meaning::Heartbeat(place, _) => (place, "heartbeat"),
         Meaning::Sync | Meaning::Malformed(_) | Meaning::Other => return None,
@@ -71,6 +79,15 @@ pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values
         }
         Meaning::Detail(_) => detail(&mut values, side),
         Meaning::Exchange(_, part) => exchange(&mut values, side, part),
+        Meaning::Angle(_) => angle_now(&mut values, &side.now),
+        Meaning::Rates(_) => {
+            let rates = side.now.rates;
+            set(
+                &mut values,
+                24,
+                rates.map(|rate| rate.map(|rate| f64::from(rate) / 100.0)),
+            );
+        }
         Meaning::Emergency(_, emergency) => {
             let numbers = [
                 Some(f64::from(emergency.code)),
@@ -126,6 +143,12 @@ fn detail(values: &mut Values, side: &Side) {
         Some(f64::from(detail.temperature_degc)),
     ];
     set(values, 6, numbers);
+}
+
+fn angle_now(values: &mut Values, now: &Now) {
+    let [x, y] = now.mdeg.map(|mdeg| mdeg.map(degrees));
+    let uncertainty = now.uncertainty_mdeg.map(|mdeg| degrees(i32::from(mdeg)));
+    set(values, 21, [x, y, uncertainty]);
 }
 
 fn exchange(values: &mut Values, side: &Side, part: Part) {
@@ -186,5 +209,9 @@ mod tests {
         let emcy = row(0x081, &[1, 0xFF, 0x81, 16, 0, 0, 0, 7]);
         assert_eq!(emcy, "emcy_code 65281, error_register 129, faults 16");
         assert_eq!(row(0x701, &[127]), "nmt_state 127");
+        let now = row(0x201, &[0xE8, 3, 0, 0x80, 20, 0, 0, 6]);
+        assert_eq!(now, "slope_x_now_deg 10, uncertainty_now_deg 0.02");
+        let rates = row(0x301, &[0x60, 0xF0, 1, 0, 0, 0x80, 1]);
+        assert_eq!(rates, "rate_x_deg_s -40, rate_y_deg_s 0.01");
     }
 }

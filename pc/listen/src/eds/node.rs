@@ -132,8 +132,9 @@ fn pdo(sheet: &Sheet, node_id: u8, number: u16, notes: &mut Sheet) -> Option<Pdo
             return None;
         }
     };
-    // Bit 31: the PDO is off.
-    if cob_id & 1 << 31 != 0 {
+    // Bit 31: the PDO is off. The two for a gyroscope are delivered so, and are switched on by a
+    // master, mostly without a file that says so.
+    if cob_id & 1 << 31 != 0 && !is_of_gyroscope(sheet, node_id, index) {
         return None;
     }
     if cob_id & 1 << 29 != 0 || cob_id & 0x1FFF_F800 != 0 {
@@ -152,6 +153,12 @@ fn pdo(sheet: &Sheet, node_id: u8, number: u16, notes: &mut Sheet) -> Option<Pdo
         mapping,
     };
     (!pdo.mapping.is_empty()).then_some(pdo)
+}
+
+/// Whether the first mapped object is one that only an instrument with a gyroscope has.
+fn is_of_gyroscope(sheet: &Sheet, node_id: u8, index: u16) -> bool {
+    let first = sheet.number(index, 1, node_id).unwrap_or(0);
+    What::of((first >> 16) as u16, (first >> 8) as u8).is_of_gyroscope()
 }
 
 /// The mapped objects of 1A00h and on; what sub 0 counts is compared and not believed.
