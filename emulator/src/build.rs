@@ -93,7 +93,8 @@ pub const FLOAT: Recipe<'_> = Recipe {
     folder: "emulated",
 };
 
-/// The product or its variant with a gyroscope: what leaves the factory, and the programs in it with their symbols.
+/// The product or its variant with a gyroscope: what leaves the factory, and the programs in it
+/// with their symbols.
 #[derive(Clone, Debug)]
 pub struct Product {
     /// Bootloader and confirmed application, from the start of the flash.

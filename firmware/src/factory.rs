@@ -20,7 +20,7 @@ pub fn product(channel: Channel, serial: u32) -> Factory {
 
 /// A node of the variant with a gyroscope as it leaves the soldering line.
 pub fn dynamic(channel: Channel, serial: u32) -> Factory {
-    of(channel, serial, Models::PRODUCT, factory::dynamic())
+    of(channel, serial, Models::DYNAMIC, factory::dynamic())
 }
 
 /// A node of the paper's instrument as it leaves the soldering line.

@@ -3,8 +3,8 @@
 //! In: two nodes without errors of their own on the motor of the bench, SYNC every 20 ms. A master
 //! switches TPDO 5 and 6 on, which are off as delivered, and has that saved. Out: what they carry
 //! while the motor turns at 40 deg/s, against where it was at that SYNC; TPDO 1 stays the aligned
-//! angle that it is in the product. Nothing was calibrated, so the uncertainty is that of the part's
-//! data sheet.
+//! angle that it is in the product. Nothing was calibrated, so the uncertainty is that of the
+//! part's data sheet.
 
 mod recorded;
 

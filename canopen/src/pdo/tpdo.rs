@@ -69,6 +69,12 @@ impl<const COUNT: usize> Tpdos for [Tpdo; COUNT] {
     const NONE: Self = [const { Tpdo::new() }; COUNT];
 }
 
+impl Default for Tpdo {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Tpdo {
     /// A TPDO that does not exist.
     pub const fn new() -> Self {

@@ -1,8 +1,8 @@
 //! PDO parameters, 1400h to 1BFFh, and what the PDOs carry as delivered
 //! (CiA 301, 7.5.2.35 to 7.5.2.38).
 //!
-//! In: nothing. Out: the rows of four RPDOs and four TPDOs, and of two TPDOs more that an instrument
-//! with a gyroscope has.
+//! In: nothing. Out: the rows of four RPDOs and four TPDOs, and of two TPDOs more that an
+//! instrument with a gyroscope has.
 //!
 //! - TPDO 1: slopes X and Y in 16 bit with validity and state of the pair, every SYNC.
 //! - TPDO 2: validity, state, uncertainty, latency, difference, temperature, every tenth SYNC.

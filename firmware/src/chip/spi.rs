@@ -18,9 +18,9 @@ use super::register::write;
 /// CR1: 72 MHz / 16 (BR = 3), master, software select that is never active (SSM, SSI), clock idle
 /// high and second edge (CPOL, CPHA), eight bits, most significant first, enabled (SPE).
 ///
-/// LIS2DW12, DS11811 table 6, and ISM330DHCX: at most 10 MHz. The next rate up is 9 MHz: 55.6 ns from the part's
-/// edge to the port's. The part's output may take 50 of them (t_v(SO)) and the port wants its input
-/// 5 before (STM32F103 data sheet, t_su(MI)), which leaves nothing for a board.
+/// LIS2DW12, DS11811 table 6, and ISM330DHCX: at most 10 MHz. The next rate up is 9 MHz: 55.6 ns
+/// from the part's edge to the port's. The part's output may take 50 of them (t_v(SO)) and the port
+/// wants its input 5 before (STM32F103 data sheet, t_su(MI)), which leaves nothing for a board.
 const SET_UP: u16 = 3 << 3 | 1 << 2 | 1 << 9 | 1 << 8 | 1 << 1 | 1 | 1 << 6;
 /// SR: a byte has come; the port is busy.
 const RXNE: u16 = 1;

@@ -1,9 +1,10 @@
-//! A DBC of what both nodes send with the mapping as delivered, for CAN tools that know nothing of CANopen.
+//! A DBC of what both nodes send with the mapping as delivered, for CAN tools that know nothing of
+//! CANopen.
 //!
 //! In: the rows. Out: one message per TPDO that carries something, of channel A under node-id 1 and
-//! channel B under node-id 2, with a signal per mapped object: scale, unit, range, receivers, names of
-//! values, texts. A TPDO that is off as delivered is there under the identifier that it has once it
-//! is switched on, and its comment says so. ASCII, CRLF.
+//! channel B under node-id 2, with a signal per mapped object: scale, unit, range, receivers, names
+//! of values, texts. A TPDO that is off as delivered is there under the identifier that it has once
+//! it is switched on, and its comment says so. ASCII, CRLF.
 //!
 //! Left out: SDO, EMCY, heartbeat and SRDO (their content is not fixed signals, or is off as
 //! delivered), and any mapping but the delivered one.

@@ -8,7 +8,7 @@
 //! | `plumb-VERSION.bin`, `.hex` | bootloader and confirmed application, for a probe |
 //! | `plumb-VERSION-slot-a.img`, `-slot-b.img` | an application with its header, for an update |
 //! | `boot.elf`, `app-a.elf`, `app-b.elf` | what was linked, for a debugger and for the emulator |
-//! | `plumb-dynamic-VERSION.bin`, `-slot-a.img` and so on, `app-dynamic-a.elf`, `-b.elf` | the same of the variant with a gyroscope |
+//! | `plumb-dynamic-VERSION.bin` and so on, `app-dynamic-a.elf` | the variant with a gyroscope |
 //! | `plumb-paper-VERSION.bin`, `.hex` | the same of the paper's instrument, for its own part |
 //! | `boot-paper.elf`, `app-paper.elf` | what was linked of it |
 //!
