@@ -133,6 +133,9 @@ pub struct Device<P, M, I: Instrument = Whole> {
     parts: Parts<M, Channel<P, I>, I>,
 }
 
+/// What the device lends its node: objects and parts.
+type Objects<'a, P, M, I> = DeviceObjects<'a, M, Channel<P, I>, I>;
+
 impl<P: Part, C: Composition> Source<C> for Channel<P, C> {
     fn reading(&self, settings: &Settings<C>, now: Instant) -> Reading {
         self.reading(settings, now)
@@ -208,10 +211,7 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     }
 
     /// The bus's node and what the device lends it.
-    fn split(
-        &mut self,
-        now: Instant,
-    ) -> (&mut Node<I::Tpdos>, DeviceObjects<'_, M, Channel<P, I>, I>) {
+    fn split(&mut self, now: Instant) -> (&mut Node<I::Tpdos>, Objects<'_, P, M, I>) {
         let parts = &mut self.parts;
         (&mut self.bus, DeviceObjects { parts, now })
     }

@@ -29,6 +29,21 @@ fn slopes(pair: &Pair, id: u16) -> [Option<f64>; 2] {
     })
 }
 
+/// Instructions of `tilt::motion` for each sample, over two seconds.
+fn of_the_estimator(product: &Product, pair: &mut Pair) -> f64 {
+    let samples = pair.board(0).samples();
+    let code = &mut pair.board(0).machine_mut().chip_mut().code;
+    code.start_profile();
+    pair.run(2.0);
+    let samples = (pair.board(0).samples() - samples) as f64;
+    let chip = pair.board(0).machine().chip();
+    let by_symbol = product.app.by_symbol(chip.code.profile());
+    let found = by_symbol
+        .iter()
+        .filter(|(name, _)| name.contains("tilt6motion"));
+    found.map(|(_, count)| *count as f64).sum::<f64>() / samples
+}
+
 #[test]
 fn the_image_with_a_gyroscope_follows_a_turn_where_the_accelerometer_lags() {
     let product = Product::dynamic().expect("the images build");
@@ -62,28 +77,9 @@ fn the_image_with_a_gyroscope_follows_a_turn_where_the_accelerometer_lags() {
     }
     assert!(turned > 100, "{turned}");
     eprintln!("off its declared latency by {worst_deg:.3} deg at most");
-    assert!(worst_deg < 0.6, "{worst_deg}");
-}
-
-#[test]
-fn the_estimator_fits_between_two_samples() {
-    let product = Product::dynamic().expect("the images build");
-    let mut pair = delivered(&product);
-    let samples = pair.board(0).samples();
-    let code = &mut pair.board(0).machine_mut().chip_mut().code;
-    code.start_profile();
-    pair.run(5.0);
-    let samples = (pair.board(0).samples() - samples) as f64;
-    let chip = pair.board(0).machine().chip();
-    let by_symbol = product.app.by_symbol(chip.code.profile());
-    let of = |part: &str| {
-        let found = by_symbol.iter().filter(|(name, _)| name.contains(part));
-        found.map(|(_, count)| *count as f64).sum::<f64>() / samples
-    };
-    for (name, count) in by_symbol.iter().take(25) {
-        eprintln!("{:9.1}  {name}", *count as f64 / samples);
-    }
-    let estimator = of("tilt6motion");
-    eprintln!("the estimator: {estimator:.0} instructions a sample");
-    assert!(samples > 2000.0 && estimator < 1_400.0, "{estimator}");
+    assert!(worst_deg < 0.15, "{worst_deg}");
+    let instructions = of_the_estimator(&product, &mut pair);
+    eprintln!("the estimator: {instructions:.0} instructions a sample");
+    // The plan is 1 200; this keeps what it is.
+    assert!(instructions < 1_300.0, "{instructions}");
 }
