@@ -149,6 +149,8 @@ impl Sync {
     }
 
     /// 1005h, 1006h, 1007h, 1019h.
+    // Two callers, each of which would hold a copy of it.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub const fn place(&mut self, at: Address) -> Place<'_> {
         match at.index {
             0x1005 => Place::U32(&mut self.cob_id),

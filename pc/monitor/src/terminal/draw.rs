@@ -12,7 +12,7 @@ use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
 use super::super::clock::clock;
 use super::super::level::Level;
-use super::super::plain::{degrees, level, told, verdict};
+use super::super::plain::{degrees, level, motion, told, verdict};
 use super::super::snapshot::{Bus, Channel, Compared, Instrument, SourceState};
 use super::chart;
 use super::picture::Picture;
@@ -228,6 +228,10 @@ fn reasons(bus: &Bus, instrument: &Instrument, screen: &Screen) -> Vec<Line<'sta
         }
         if let Some(text) = missing(channel) {
             lines.push(Line::from(toned(text, Level::Unknown, screen)));
+        }
+        let motion = motion(channel);
+        if !motion.is_empty() {
+            lines.push(Line::from(format!("{}{motion}", channel.name)));
         }
     }
     for channel in &instrument.channels {

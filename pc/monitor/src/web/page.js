@@ -87,6 +87,7 @@ function showChannel(channel, holder) {
       ["uncertainty, k = 2", or(uncertainty === null ? null : uncertainty.toFixed(3), "deg")],
       ["temperature", or(channel.temperature_degc, "degC")],
       ["latency", or(channel.latency_ms, "ms")],
+      ...motion(channel),
       ["state", known(channel.nmt ?? "not known")],
       ["heartbeat", known(heartbeat), channel.heartbeat_lost ? "fault" : ""],
       ["does not fit", findings.join("; ") || "nothing", findings.length ? "warning" : ""],
@@ -94,6 +95,21 @@ function showChannel(channel, holder) {
       ["faults", known(faults.join("; ") || "none"), faults.length ? "fault" : ""],
     ]),
   );
+}
+
+// What only an instrument with a gyroscope tells, while it does.
+function motion(channel) {
+  const { slope_x_now_deg: x, slope_y_now_deg: y, rates_deg_s: rates } = channel;
+  const number = (value) => (value === undefined ? "--" : value.toFixed(3));
+  const rows = [];
+  if (page.live && (x !== undefined || y !== undefined)) {
+    rows.push(["angle now", `${number(x)}, ${number(y)} deg`]);
+  }
+  if (page.live && rates !== undefined) {
+    const axes = rates.map((rate) => rate.toFixed(2));
+    rows.push(["rate of turn", `${axes.join(", ")} deg/s`]);
+  }
+  return rows;
 }
 
 function showPair(instrument) {

@@ -1,0 +1,191 @@
+//! Angle and rates of the moment behind their rows: 2029h and 202Ah.
+//!
+//! In: a channel that says at each instant what a test wants. Out: what the rows read as, at a SYNC
+//! and between two of them.
+
+#[path = "both/nothing.rs"]
+mod nothing;
+
+use canopen::nmt::State;
+use canopen::node::{Application, Event};
+use canopen::object::{Objects, at};
+use device::calibration::motor::{MOTOR, TableSettings};
+use device::channel::Settings;
+use device::exchange::reason_code;
+use device::factory::{self, RULE};
+use device::instrument::Dynamic;
+use device::objects::device_objects::{DeviceObjects, Identity, Parts, Source};
+use device::objects::moment::{Moment, NO_RATE};
+use device::objects::table::{Channel, Models};
+use instant::Instant;
+use nothing::Nothing;
+use tilt::angle::{Angle, Axes};
+use tilt::chain::{Invalid, Measurement, Reading};
+use tilt::composition::Composition;
+use tilt::filter::Filtered;
+use tilt::motion::{RATE_STEPS, Rate};
+use tilt::observation::Observation;
+use tilt::sample::Temperature;
+use tilt::uncertainty::Uncertainty;
+
+/// Says of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
+struct Clockwork {
+    moment: Result<[f64; 3], Invalid>,
+}
+
+impl Clockwork {
+    fn of(&self, now: Instant) -> Moment {
+        let angle = |deg: f64| {
+            self.moment.map(|_| Measurement {
+                angle: Angle::from_degrees(deg),
+                uncertainty: Uncertainty::from_degrees(0.02),
+                unshared: Uncertainty(0),
+                at: now,
+                latency_us: 0,
+            })
+        };
+        let steps = |dps: f64| (dps.to_radians() * RATE_STEPS).round() as i32;
+        Moment {
+            reading: Axes {
+                x: angle(now.0 as f64 * 1e-5),
+                y: angle(-1.5),
+            },
+            rate: self.moment.map(|dps| Rate {
+                rate: dps.map(steps),
+            }),
+        }
+    }
+}
+
+impl Source<Dynamic> for Clockwork {
+    fn reading(&self, _: &Settings<Dynamic>, _: Instant) -> Reading {
+        Observation::absent(Invalid::Stale).reading
+    }
+
+    fn observe(&mut self, _: &Settings<Dynamic>, _: Instant) -> Observation {
+        Observation::absent(Invalid::Stale)
+    }
+
+    fn moment(&self, _: &Settings<Dynamic>, now: Instant) -> Moment {
+        self.of(now)
+    }
+
+    fn filtered(&self) -> Option<Filtered> {
+        None
+    }
+
+    fn temperature(&self) -> Option<Temperature> {
+        None
+    }
+
+    fn fault(&self) -> Option<Invalid> {
+        None
+    }
+}
+
+/// Rates in deg/s.
+fn parts(moment: Result<[f64; 3], Invalid>) -> Parts<Nothing, Clockwork, Dynamic> {
+    let identity = Identity {
+        channel: Channel::A,
+        serial: 1,
+        models: Models::DYNAMIC,
+    };
+    let table_settings = TableSettings {
+        rule: RULE,
+        reference: MOTOR,
+    };
+    Parts::new(
+        identity,
+        Clockwork { moment },
+        Nothing::NEW,
+        &factory::dynamic(),
+        table_settings,
+        Dynamic::check(),
+    )
+}
+
+fn at_ms(ms: u64) -> Instant {
+    Instant(ms * 1000)
+}
+
+fn sync(parts: &mut Parts<Nothing, Clockwork, Dynamic>, ms: u64) {
+    let now = at_ms(ms);
+    DeviceObjects { parts, now }.event(Event::Sync, now);
+}
+
+fn read(parts: &mut Parts<Nothing, Clockwork, Dynamic>, ms: u64, index: u16, sub: u8) -> i32 {
+    let now = at_ms(ms);
+    let mut objects = DeviceObjects { parts, now };
+    let dictionary = objects.dictionary();
+    let signed = dictionary
+        .entry(at(index, sub))
+        .unwrap()
+        .data_type
+        .is_signed();
+    let value = objects.read(at(index, sub)).unwrap();
+    if signed {
+        value.signed_32()
+    } else {
+        value.unsigned() as i32
+    }
+}
+
+#[test]
+fn the_rows_show_the_moment_of_the_last_sync_until_the_next() {
+    let mut parts = parts(Ok([40.0, -0.004, 123.456]));
+    parts.values.parameters.resolution = [10; 2];
+    sync(&mut parts, 100);
+    for ms in [100, 105, 119] {
+        assert_eq!(read(&mut parts, ms, 0x2029, 1), 100);
+        assert_eq!(read(&mut parts, ms, 0x2029, 2), -150);
+        assert_eq!(read(&mut parts, ms, 0x2029, 3), 20);
+        assert_eq!(read(&mut parts, ms, 0x2029, 4), 0);
+    }
+    sync(&mut parts, 120);
+    assert_eq!(read(&mut parts, 125, 0x2029, 1), 120);
+    let rates = [1, 2, 3, 4].map(|sub| read(&mut parts, 125, 0x202A, sub));
+    assert_eq!(rates, [4000, 0, 12346, 0]);
+    // As 6010h shows it: in another unit.
+    parts.values.parameters.resolution = [100; 2];
+    assert_eq!(read(&mut parts, 125, 0x2029, 1), 12);
+}
+
+#[test]
+fn rates_stop_where_16_bit_end_and_never_read_as_none() {
+    let mut parts = parts(Ok([327.67, 327.8, -480.0]));
+    sync(&mut parts, 20);
+    let rates = [1, 2, 3, 4].map(|sub| read(&mut parts, 20, 0x202A, sub));
+    assert_eq!(rates, [32767, 32767, -32767, 0]);
+}
+
+#[test]
+fn what_is_not_there_reads_as_none_with_its_reason() {
+    let mut parts = parts(Err(Invalid::OverRange));
+    let reason = |of| i32::from(reason_code(of));
+    for (expected, is_after_sync) in [(Invalid::NoSample, false), (Invalid::OverRange, true)] {
+        if is_after_sync {
+            sync(&mut parts, 20);
+        }
+        let angle = [1, 2, 3, 4, 5].map(|sub| read(&mut parts, 20, 0x2029, sub));
+        let none = i32::from(i16::MIN);
+        assert_eq!(
+            angle,
+            [none, none, 65535, reason(expected), reason(expected)]
+        );
+        let rates = [1, 2, 3, 4].map(|sub| read(&mut parts, 20, 0x202A, sub));
+        let none = i32::from(NO_RATE);
+        assert_eq!(rates, [none, none, none, reason(expected)]);
+    }
+}
+
+#[test]
+fn in_operational_they_count_when_the_slopes_do() {
+    let mut parts = parts(Ok([1.0; 3]));
+    sync(&mut parts, 20);
+    parts.values.state = State::Operational;
+    // Never compared.
+    let reason = i32::from(reason_code(Invalid::Unconfirmed));
+    assert_eq!(read(&mut parts, 20, 0x2029, 4), reason);
+    assert_eq!(read(&mut parts, 20, 0x202A, 4), reason);
+    assert_eq!(read(&mut parts, 20, 0x202A, 1), i32::from(NO_RATE));
+}
