@@ -38,13 +38,13 @@ impl Window {
 #[derive(Clone, Debug)]
 pub struct Tpdo {
     /// The configuration.
-    pub setup: Setup,
+    pub(super) setup: Setup,
     /// The newest sample, sent or waiting.
     sample: Option<Value>,
     /// The sample waits for the bus.
     waiting: Window,
     /// From when on the newest sample of a SYNC, or the one handed over, may not be sent any more.
-    pub stale: Instant,
+    pub(super) stale: Instant,
     /// The event has come: type 0 waits for SYNC, types 254 and 255 for the next poll.
     due: bool,
     /// SYNCs up to the next sample; `None` before the first SYNC that counts.
@@ -77,7 +77,7 @@ impl Default for Tpdo {
 
 impl Tpdo {
     /// A TPDO that does not exist.
-    pub const fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
             setup: Setup::new(),
             sample: None,

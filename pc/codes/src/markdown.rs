@@ -32,9 +32,9 @@ const DYNAMIC: &str = "\
 # Objects of the variant with a gyroscope
 
 For those who read or write the objects of the dynamic variant, the product with a gyroscope. This
-page is printed by `plumb describe objects --instrument dynamic`; a test compares it with that.
-All objects of the product ([objects.md](objects.md)) are there with the same meaning; 2029h, 202Ah,
-TPDO 5 and TPDO 6 are there besides.
+page is printed by `plumb describe objects --instrument dynamic`; a test compares it with the
+output. All objects of the product ([objects.md](objects.md)) are there with the same meaning;
+2029h, 202Ah, TPDO 5 and TPDO 6 are there besides.
 ";
 
 const OPENING: &str = "\
