@@ -43,6 +43,8 @@ pub struct Communication<T = [Tpdo; PDOS]> {
 
 impl<T: Tpdos> Communication<T> {
     /// Services with nothing configured.
+    // Out of line: within a node all of it would stand on the stack first.
+    #[inline(never)]
     pub const fn new() -> Self {
         Self {
             state: State::Initialising,

@@ -1,9 +1,9 @@
 //! `plumb describe`: the documents that other tools and people know the two nodes by.
 //!
 //! In: the rows of the object dictionary (`device::objects`), the only source. Out: an electronic
-//! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send with the
-//! mapping as delivered, or the page `docs/objects.md`. The same rows give the same bytes, whatever
-//! the day and the machine; the committed copies are compared with them by a test.
+//! data sheet (EDS) or a device configuration (DCF) of one channel, a DBC of what both send with
+//! the mapping as delivered, or the page `docs/objects.md`. The same rows give the same bytes,
+//! whatever the day and the machine; the committed copies are compared with them by a test.
 //!
 //! Left out: reading such files, and what a device on a bus really holds.
 
