@@ -8,10 +8,12 @@ use std::marker::PhantomData;
 
 use canopen::Frame;
 use device::calibration::stage;
+use device::factory;
 use device::memory::Build;
 use device::memory::records_only::RecordMemory;
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore};
+use device::sensor::PartConfig;
 use embedded_storage::nor_flash::ReadNorFlash;
 use flash::layout::{C8, Layout, PAGE, RC, Region, Slot};
 use flash::nor::medium::Medium;
@@ -37,25 +39,44 @@ const LSI_HZ: u32 = 40_000;
 /// What is to be flashed: pieces with their addresses.
 pub type Pieces<'a> = &'a [(u32, Vec<u8>)];
 
-/// A part, and what is to be flashed into it. Pieces alone are for the product's part.
+/// The parts of a board, and what is to be flashed into it. Pieces alone are for the product's.
 #[derive(Clone, Copy, Debug)]
 pub struct Outfit<'a> {
-    /// The map of the part.
+    /// The map of the chip.
     pub layout: Layout,
+    /// The sensor. Boards that come from the bench have their own.
+    pub sensor: PartConfig,
     /// What is to be flashed.
     pub pieces: Pieces<'a>,
 }
 
 impl<'a> Outfit<'a> {
-    /// The paper's part with these pieces.
+    /// The paper's parts with these pieces.
     pub const fn paper(pieces: Pieces<'a>) -> Self {
-        Self { layout: C8, pieces }
+        Self {
+            layout: C8,
+            sensor: factory::paper().part,
+            pieces,
+        }
+    }
+
+    /// The parts of the variant with a gyroscope, with these pieces.
+    pub const fn dynamic(pieces: Pieces<'a>) -> Self {
+        Self {
+            layout: RC,
+            sensor: factory::dynamic().part,
+            pieces,
+        }
     }
 }
 
 impl<'a> From<Pieces<'a>> for Outfit<'a> {
     fn from(pieces: Pieces<'a>) -> Self {
-        Self { layout: RC, pieces }
+        Self {
+            layout: RC,
+            sensor: factory::product().part,
+            pieces,
+        }
     }
 }
 
@@ -273,7 +294,7 @@ impl Pair {
         let host = network.attach_host();
         for number in 0..boards {
             let rng = Rng::stream(seed, &format!("board {number}"));
-            let electronics = Electronics::new(model, rng);
+            let electronics = Electronics::with(&outfit.sensor, model, rng);
             let board = board::<CortexM3>(&mut network, electronics, seed, number, outfit)?;
             network.add_guest(Box::new(board));
         }

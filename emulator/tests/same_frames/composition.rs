@@ -1,7 +1,7 @@
 //! What an image is composed of, on the host: the same as `firmware::image` on the chip.
 //!
-//! In: what the flash holds. Out: instrument, memory and factory setting for the device; the
-//! images, and a calibration that suits parts without errors.
+//! In: what the flash holds. Out: instrument, sensor, memory and factory setting for the device;
+//! the images, and a calibration that suits parts without errors.
 
 use device::calibration::{deliver, stage};
 use device::device::Factory;
@@ -12,6 +12,8 @@ use device::memory::{Build, FlashMemory};
 use device::objects::device_objects;
 use device::objects::table::Channel;
 use device::records::{Record, RecordStore};
+use device::sensor::ism330dhcx::Ism330dhcx;
+use device::sensor::{Lis2dw12, Part};
 use emulator::build;
 use emulator::chip::flash_controller::Dice;
 use emulator::pair::{Outfit, Pair};
@@ -24,28 +26,36 @@ use flash::nor::medium::Medium;
 use tilt::ONE_G;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Calibration, Correction};
+use tilt::rate::RateCorrection;
 use tilt::table::{Point, Table};
 use tilt::temperature::TemperatureModel;
 use tilt::vector::Vector;
 
-use crate::node::Cells;
+use crate::node::{Cells, Wire};
 use crate::refused;
 
 /// An image with the device in it.
 pub trait Composition {
     /// The stages and services of the device.
     type Instrument: Instrument;
+    /// The driver of its sensor.
+    type Sensor: Part;
     /// What the device keeps.
     type Memory: device_objects::Memory;
     /// Different frames of TPDO 1 in half a minute, at least.
     const ANGLES: usize;
     /// The error code by which a node tells that its sensor's supply was away for a moment.
     const FAULT: u16;
+    /// How the burst begins that reads a sample, and how many bytes later the high one of the
+    /// acceleration along X comes.
+    const SAMPLE: (u8, usize);
 
     /// What is flashed.
     fn pieces() -> Vec<(u32, Vec<u8>)>;
     /// The part, with these pieces.
     fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_>;
+    /// The driver over these wires.
+    fn sensor(wire: Wire) -> Self::Sensor;
     /// A memory over these cells, as the chip's program makes it.
     fn memory(cells: Cells) -> Self::Memory;
     /// These cells with a calibration in them.
@@ -55,6 +65,11 @@ pub trait Composition {
     /// What else the nodes do at the end.
     fn end(pair: &mut Pair);
 }
+
+/// From OUT_T on, read (DS11811 table 17): OUT_T, STATUS, low and high of X.
+const OF_LIS2DW12: (u8, usize) = (0x80 | 0x26, 4);
+/// From STATUS_REG on, read (DS13012): it, 1Fh, OUT_TEMP, three rates, low and high of X.
+const OF_ISM330DHCX: (u8, usize) = (0x80 | 0x1E, 12);
 
 const ROOM: &str = "there is room in the records";
 
@@ -71,10 +86,12 @@ pub struct Product;
 
 impl Composition for Product {
     type Instrument = instrument::Product;
+    type Sensor = Lis2dw12<Wire>;
     type Memory = FlashMemory<Cells, Ed25519>;
     const ANGLES: usize = 1_000;
     /// It gives no samples: the set-up is looked at less often than they come.
     const FAULT: u16 = 0xFF02;
+    const SAMPLE: (u8, usize) = OF_LIS2DW12;
 
     fn pieces() -> Vec<(u32, Vec<u8>)> {
         let images = build::Product::build();
@@ -83,6 +100,10 @@ impl Composition for Product {
 
     fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_> {
         Outfit::from(pieces)
+    }
+
+    fn sensor(wire: Wire) -> Self::Sensor {
+        Lis2dw12::new(wire)
     }
 
     fn memory(cells: Cells) -> Self::Memory {
@@ -109,15 +130,64 @@ impl Composition for Product {
     }
 }
 
+/// The variant with a gyroscope.
+pub struct Dynamic;
+
+impl Composition for Dynamic {
+    type Instrument = instrument::Dynamic;
+    type Sensor = Ism330dhcx<Wire>;
+    type Memory = FlashMemory<Cells, Ed25519>;
+    const ANGLES: usize = 1_000;
+    const FAULT: u16 = Product::FAULT;
+    const SAMPLE: (u8, usize) = OF_ISM330DHCX;
+
+    fn pieces() -> Vec<(u32, Vec<u8>)> {
+        let images = build::Product::dynamic();
+        images.expect("the images build").pieces()
+    }
+
+    fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_> {
+        Outfit::dynamic(pieces)
+    }
+
+    fn sensor(wire: Wire) -> Self::Sensor {
+        Ism330dhcx::new(wire)
+    }
+
+    fn memory(cells: Cells) -> Self::Memory {
+        Product::memory(cells)
+    }
+
+    fn calibrated(cells: Cells) -> Cells {
+        let calibration = Calibration {
+            rates: Some(rates()),
+            ..mild()
+        };
+        let mut memory = Self::memory(cells);
+        deliver(&mut memory, &calibration).expect(ROOM);
+        memory.flash().clone()
+    }
+
+    fn factory(channel: Channel, serial: u32) -> Factory {
+        factory::dynamic(channel, serial)
+    }
+
+    fn end(pair: &mut Pair) {
+        Product::end(pair);
+    }
+}
+
 /// The paper's instrument.
 pub struct Paper;
 
 impl Composition for Paper {
     type Instrument = instrument::Paper;
+    type Sensor = Lis2dw12<Wire>;
     type Memory = RecordMemory<Medium<Vec<Page>, Dice>>;
     const ANGLES: usize = 500;
     /// Its set-up is lost, which is seen before the next sample is missed.
     const FAULT: u16 = 0x3200;
+    const SAMPLE: (u8, usize) = OF_LIS2DW12;
 
     fn pieces() -> Vec<(u32, Vec<u8>)> {
         let images = build::Paper::build();
@@ -126,6 +196,10 @@ impl Composition for Paper {
 
     fn outfit(pieces: &[(u32, Vec<u8>)]) -> Outfit<'_> {
         Outfit::paper(pieces)
+    }
+
+    fn sensor(wire: Wire) -> Self::Sensor {
+        Lis2dw12::new(wire)
     }
 
     fn memory(cells: Cells) -> Self::Memory {
@@ -166,6 +240,22 @@ fn mild() -> Calibration {
         vector.offset.iter_mut().for_each(|term| *term /= 100);
     }
     calibration
+}
+
+/// Errors of a gyroscope, each so small that a part without errors bears it.
+fn rates() -> RateCorrection {
+    let mut rates = RateCorrection {
+        scale1_q38: [2_000, -3_000, 5_000],
+        // 0.01 deg/s.
+        bias_q30: [187_000, -187_000, 90_000],
+        bias1_q38: [100_000, -50_000, 70_000],
+        bias2_q46: [30_000, 20_000, -10_000],
+        ..RateCorrection::IDENTITY
+    };
+    // 0.01 % of the largest entry.
+    let both = rates.matrix.iter_mut().flatten();
+    both.zip(1..).for_each(|(entry, n)| *entry += 12_345 * n);
+    rates
 }
 
 /// Two full tables, of parts without errors.

@@ -22,6 +22,7 @@ use flash::image::Version;
 use flash::layout::Slot;
 use instant::Instant;
 use sim::error_model::ErrorModel;
+use sim::error_model::gyroscope::GyroscopeModel;
 use sim::memory;
 use sim::network::guest::Switch;
 use sim::network::hand::Pose;
@@ -32,11 +33,6 @@ use node::{Cells, follow};
 
 /// "save", as 1010h wants it (CiA 301 7.5.2.13).
 const SAVE: u32 = 0x6576_6173;
-/// How the burst begins that reads a sample: from OUT_T on (DS11811 table 17), read. The bytes
-/// after it are OUT_T, STATUS, and then low and high of X.
-const SAMPLE: u8 = 0x80 | 0x26;
-/// Bytes from there to the high one of X.
-const HIGH_OF_X: usize = 4;
 
 /// What a run was.
 struct Run {
@@ -68,6 +64,11 @@ const PARTS: ErrorModel = ErrorModel {
     flicker_ug: ErrorModel::NOMINAL.flicker_ug,
     clock_ratio: ErrorModel::NOMINAL.clock_ratio,
     thermometer_noise_c: ErrorModel::NOMINAL.thermometer_noise_c,
+    gyroscope: GyroscopeModel {
+        noise_density_dps: GyroscopeModel::NOMINAL.noise_density_dps,
+        flicker_dps: GyroscopeModel::NOMINAL.flicker_dps,
+        ..GyroscopeModel::PERFECT
+    },
     quantisation: true,
     ..ErrorModel::PERFECT
 };
@@ -190,6 +191,11 @@ fn the_paper_s_chip_and_the_host_send_the_same_frames_bit_for_bit() {
     alike::<composition::Paper>();
 }
 
+#[test]
+fn the_chip_with_a_gyroscope_and_the_host_send_the_same_frames_bit_for_bit() {
+    alike::<composition::Dynamic>();
+}
+
 fn alike<C: Composition>() {
     let mut run = run::<C>(30);
     // Angles that were compared, of a board that tilts; and the fault of node 2's sensor.
@@ -211,9 +217,14 @@ fn alike<C: Composition>() {
     // One bit of one sample in the middle is another one: the frames after it are not the same.
     let entries = &mut run.entries[0];
     let middle = entries.len() / 2;
-    let begins = |entry: &Entry| entry.deed == Deed::Byte(SAMPLE, 0);
-    let place = entries[middle..].iter().position(begins);
-    let entry = &mut entries[middle + place.expect("there are samples") + HIGH_OF_X];
+    let (command, high_of_x) = C::SAMPLE;
+    // A shorter burst may begin like it.
+    let is_sample = |burst: &[Entry]| {
+        let bytes = |entry: &Entry| matches!(entry.deed, Deed::Byte(0, _));
+        burst[0].deed == Deed::Byte(command, 0) && burst[1..].iter().all(bytes)
+    };
+    let place = entries[middle..].windows(1 + high_of_x).position(is_sample);
+    let entry = &mut entries[middle + place.expect("there are samples") + high_of_x];
     let Deed::Byte(0, answer) = &mut entry.deed else {
         panic!("{entry:?} is no byte of a sample");
     };

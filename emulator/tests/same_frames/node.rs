@@ -11,7 +11,6 @@ use canopen::frame::Id;
 use device::device::Device;
 use device::mailboxes::{Abort, Transmitter};
 use device::objects::table::Channel;
-use device::sensor::Lis2dw12;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use emulator::chip::flash_controller::Dice;
@@ -30,7 +29,7 @@ use crate::log::{Log, error_state};
 pub type Cells = Nor<Vec<Page>, Dice>;
 /// The log, as whoever is on its ends has it.
 #[derive(Clone, Debug)]
-struct Wire(Rc<RefCell<Log>>);
+pub struct Wire(Rc<RefCell<Log>>);
 
 impl Wire {
     fn now(&self) -> Instant {
@@ -173,7 +172,7 @@ pub fn follow<C: Composition>(
     let mut wire = Wire(Rc::clone(&log));
     let (factory, memory) = (C::factory(channel, serial), C::memory(cells));
     let mut device = Device::new(
-        Lis2dw12::new(wire.clone()),
+        C::sensor(wire.clone()),
         C::Instrument::check(),
         factory,
         memory,
@@ -195,7 +194,7 @@ pub fn follow<C: Composition>(
 /// `firmware::board_node::BoardNode::serve`, once.
 fn serve<C: Composition>(
     driver: &mut Driver,
-    device: &mut Device<Lis2dw12<Wire>, C::Memory, C::Instrument>,
+    device: &mut Device<C::Sensor, C::Memory, C::Instrument>,
     wire: &mut Wire,
 ) {
     let log = Rc::clone(&wire.0);
