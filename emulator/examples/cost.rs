@@ -15,7 +15,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         [only] if only == "--write" => true,
         _ => return Err("usage: cost [--write]".into()),
     };
-    let page = Figures::count(&Product::build()?, &Paper::build()?)?.page();
+    let (product, variant) = (Product::build()?, Product::dynamic()?);
+    let page = Figures::count(&product, &variant, &Paper::build()?)?.page();
     if write {
         fs::write(document(), page)?;
     } else {

@@ -1,6 +1,6 @@
 //! Builds the images that the emulator's tests run: `cargo run -p emulator --example images`.
 //!
-//! In: nothing. Out: the images of product and paper, where `emulator::build` finds them. The test
+//! In: nothing. Out: the images of the product, its variant and the paper, where `emulator::build` finds them. The test
 //! command does this once, before tests that run side by side ask for them.
 
 use std::error::Error;
@@ -8,7 +8,7 @@ use std::error::Error;
 use emulator::build::Product;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Either of them builds both.
+    // Each of them builds all.
     Product::build()?;
     Ok(())
 }

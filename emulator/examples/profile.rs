@@ -1,8 +1,9 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
-//! In: nothing, or how many seconds, and `still` for a bus without a host. Out: instructions of one
-//! sample and of one SYNC by crate and by function, the 40 with the most, of the node of channel A:
-//! what interrupts execute for them, without the wait for SPI.
+//! In: nothing, `dynamic` for the variant with a gyroscope, or how many seconds, and `still` for a
+//! bus without a host. Out: instructions of one sample and of one SYNC by crate and by function, the
+//! 40 with the most, of the node of channel A: what interrupts execute for them, without the wait
+//! for SPI.
 //!
 //! With seconds: speed by processor time, load, and the functions with the most instructions per
 //! second and per sample, those of the background and of the wait with them; in OPERATIONAL with a
@@ -16,20 +17,26 @@ use emulator::cost::{Share, each_by_function};
 use emulator::image::readable;
 use emulator::pair::Pair;
 use emulator::stopwatch::Stopwatch;
+use sim::bench::Mode;
 
 /// How many functions are printed.
 const MOST: usize = 40;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let product = Product::build()?;
-    let Some(seconds) = std::env::args().nth(1) else {
-        let [sample, sync] = each_by_function(&product)?;
+    let word = std::env::args().nth(1);
+    let is_dynamic = word.as_deref() == Some("dynamic");
+    let Some(seconds) = word.filter(|_| !is_dynamic) else {
+        let (mode, image) = match is_dynamic {
+            false => (Mode::Product, Product::build()?),
+            true => (Mode::Dynamic, Product::dynamic()?),
+        };
+        let [sample, sync] = each_by_function(mode, &image)?;
         print("a sample, without the wait for SPI", &sample);
         print("a SYNC with its PDOs, both nodes'", &sync);
         return Ok(());
     };
     let is_still = std::env::args().nth(2).is_some_and(|word| word == "still");
-    span(&product, seconds.parse()?, is_still)
+    span(&Product::build()?, seconds.parse()?, is_still)
 }
 
 /// The lists of one thing.

@@ -1,6 +1,6 @@
-//! What the product's image costs: instructions, flash and RAM.
+//! What the images cost: instructions, flash and RAM.
 //!
-//! In: the product. Out: [`Figures`] of the node of channel A in a calibrated pair, `docs/cost.md`
+//! In: the product, its variant with a gyroscope, the paper's instrument. Out: [`Figures`] of the node of channel A in a calibrated pair, `docs/cost.md`
 //! made of them, and what of a committed page is not what was counted. The wait for the sensor's
 //! bytes is told apart: it is as long as SPI is slow, not as the code is.
 //!
@@ -30,10 +30,12 @@ use crate::image::{Image, readable};
 use crate::pair::{Pair, SdoError};
 use crate::stopwatch::Stopwatch;
 
+mod dynamic;
 mod page;
 mod paper;
 mod shares;
 
+pub use dynamic::DynamicFigures;
 pub use page::differences;
 pub use paper::PaperFigures;
 pub use shares::Share;
@@ -137,6 +139,8 @@ pub struct Figures {
     pub speed: f64,
     /// The chain alone.
     pub chain: Chain,
+    /// The image of the variant with a gyroscope.
+    pub dynamic: DynamicFigures,
     /// The paper's image.
     pub paper: PaperFigures,
     /// Of a sample and of a SYNC, in which functions they are.
@@ -261,11 +265,16 @@ pub fn document() -> PathBuf {
 }
 
 impl Figures {
-    /// Runs both instruments, each for half a minute of its time, and counts.
+    /// Runs the product, its variant with a gyroscope and the paper's instrument, each for half a
+    /// minute of its time, and counts.
     ///
     /// Errors: see [`CostError`].
-    pub fn count(product: &Product, paper: &build::Paper) -> Result<Self, CostError> {
-        let mut pair = delivered(product)?;
+    pub fn count(
+        product: &Product,
+        variant: &Product,
+        paper: &build::Paper,
+    ) -> Result<Self, CostError> {
+        let mut pair = delivered(Mode::Product, product)?;
         let app = &product.app;
         let still = still(&mut pair, app)?;
         let asked = span(&mut pair, app, |pair| {
@@ -303,6 +312,7 @@ impl Figures {
             unchecked_stack,
             interrupts: synced.interrupts.clone(),
             chain: Chain::count()?,
+            dynamic: DynamicFigures::count(variant)?,
             paper: PaperFigures::count(paper)?,
             speed,
             shares: shares::shares(&still, &synced, SYNCS),
@@ -310,11 +320,12 @@ impl Figures {
     }
 }
 
-/// Instructions of a sample and of a SYNC, function by function, without what else is counted.
+/// Instructions of a sample and of a SYNC, function by function, without what else is counted:
+/// of an image for the boards of this mode.
 ///
 /// Errors: see [`CostError`].
-pub fn each_by_function(product: &Product) -> Result<[Share; 2], CostError> {
-    let mut pair = delivered(product)?;
+pub fn each_by_function(mode: Mode, product: &Product) -> Result<[Share; 2], CostError> {
+    let mut pair = delivered(mode, product)?;
     let still = still(&mut pair, &product.app)?;
     command(&mut pair, 0x01)?;
     synced(&mut pair, 10)?;
@@ -323,8 +334,8 @@ pub fn each_by_function(product: &Product) -> Result<[Share; 2], CostError> {
 }
 
 /// A calibrated pair that has started.
-fn delivered(product: &Product) -> Result<Pair, CostError> {
-    let delivered = Delivered::calibrated(Mode::Product, &World::NOMINAL, 1, 0);
+fn delivered(mode: Mode, product: &Product) -> Result<Pair, CostError> {
+    let delivered = Delivered::calibrated(mode, &World::NOMINAL, 1, 0);
     let delivered = delivered.map_err(CostError::Bench)?;
     let pair = Pair::delivered(&delivered, 1, &product.pieces());
     let mut pair = pair.map_err(CostError::Flash)?;

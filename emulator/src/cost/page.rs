@@ -189,7 +189,8 @@ impl Row {
         }
     }
 
-    fn is_missed(&self) -> bool {
+    /// Whether it is more than it should be.
+    pub fn is_missed(&self) -> bool {
         self.target.is_some_and(|target| self.value > target)
     }
 
@@ -329,6 +330,7 @@ impl Figures {
             SIZES,
             why(app, APP_MISSED),
             why(ram, RAM_MISSED),
+            &self.dynamic.section(self),
             &self.paper.section(),
             &speed(self.speed),
             &self.then(),
@@ -451,7 +453,7 @@ fn words(page: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::{Chain, PaperFigures, Share};
+    use crate::cost::{Chain, DynamicFigures, PaperFigures, Share};
 
     fn figures() -> Figures {
         Figures {
@@ -481,6 +483,18 @@ mod tests {
                 apart: 200.0,
             },
             speed: 9.5,
+            dynamic: DynamicFigures {
+                sample: 2400.0,
+                estimator: 1100.0,
+                joint: 400.0,
+                wait: 2500.0,
+                sync: 31_000.0,
+                rate: 417.0,
+                load: 8.0,
+                app: 95_000,
+                statics: 1300,
+                stack: 14_000,
+            },
             paper: PaperFigures {
                 boot: 2000,
                 app: 54_000,
@@ -532,7 +546,7 @@ mod tests {
         let page = figures().page();
         assert_eq!(differences(&page, &figures()), [""; 0]);
         let rows = rows(&page);
-        assert_eq!(rows.len(), 29);
+        assert_eq!(rows.len(), 39);
         assert_eq!(
             rows.get("a sample, without the wait for SPI"),
             Some(&1480.0)
@@ -576,6 +590,18 @@ mod tests {
                 reading: [3000.0, 10_000.0],
                 apart: 300.0,
             },
+            dynamic: DynamicFigures {
+                sample: 3000.0,
+                estimator: 1300.0,
+                joint: 500.0,
+                wait: 3000.0,
+                sync: 34_000.0,
+                rate: 500.0,
+                load: 9.0,
+                app: 105_000,
+                statics: 1500,
+                stack: 18_000,
+            },
             paper: PaperFigures {
                 boot: 2200,
                 app: 58_000,
@@ -587,7 +613,7 @@ mod tests {
             },
             ..figures()
         };
-        assert_eq!(differences(&page, &grown).len(), 29);
+        assert_eq!(differences(&page, &grown).len(), 39);
     }
 
     #[test]
@@ -629,6 +655,6 @@ mod tests {
                 "highest heap: in the page, but not counted"
             ]
         );
-        assert_eq!(differences("", &figures()).len(), 29 + 7);
+        assert_eq!(differences("", &figures()).len(), 39 + 7);
     }
 }

@@ -11,8 +11,9 @@ use super::Span;
 
 /// Functions of the background, by the begin of their names: the idle loop, and the check sum of
 /// the running program with its reads of the flash.
-const BACKGROUND: [&str; 6] = [
+const BACKGROUND: [&str; 7] = [
     "app::app::idle",
+    "app_dynamic::app::idle",
     "main",
     "flash::check_sum::",
     "flash::image::",
@@ -85,6 +86,19 @@ pub fn is_background(name: &str) -> bool {
     })
 }
 
+/// Whether a function is in one of these modules, each with `::` at its end.
+pub fn is_in(name: &str, modules: &[&str]) -> bool {
+    let path = path(name);
+    modules.iter().any(|module| path.starts_with(module))
+}
+
+/// Instructions of a span in the functions whose names are wanted.
+pub fn sum_of(span: &Span, wanted: impl Fn(&str) -> bool) -> f64 {
+    let functions = span.functions.iter();
+    let wanted = functions.filter(|(name, _)| wanted(name));
+    wanted.map(|(_, count)| *count as f64).sum()
+}
+
 /// A name from the begin of the first path in it.
 fn path(name: &str) -> &str {
     let name = name.trim_start_matches(['<', '&', '[', '(']);
@@ -98,7 +112,7 @@ fn crate_of(name: &str) -> &'static str {
     let is_entry = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     let is_entry = name.chars().all(is_entry) && !name.starts_with("OUTLINED");
     let first = match first {
-        "app" => "firmware",
+        "app" | "app_dynamic" => "firmware",
         _ if is_entry => "firmware",
         first => first,
     };
