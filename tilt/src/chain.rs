@@ -455,8 +455,10 @@ impl<C: Composition> Chain<C> {
         state: &ChainState<C>,
         now: Instant,
     ) -> (Reading, Option<Corrected>) {
-        let (filtered, vector) = self.filtered_reading(state, now);
-        (self.fused_reading(state, now).unwrap_or(filtered), vector)
+        match self.fused_reading(state, now) {
+            Some(fused) => (fused, self.vector(state, now)),
+            None => self.filtered_reading(state, now),
+        }
     }
 
     /// [`Chain::reading_and_vector`] without the gyroscope.

@@ -15,6 +15,7 @@ use crate::chain::Invalid;
 use crate::motion::{Expected, Motion, MotionState, Rate, Vertical};
 use crate::rate::{RateAt, RateCorrection};
 use crate::sample::{RateRange, Temperature};
+use crate::temperature::CompensationAt;
 use crate::vector::Corrected;
 
 /// The configuration.
@@ -93,6 +94,8 @@ const REPEATS: [u8; 2] = [10, 40];
 pub struct FusionState {
     motion: MotionState,
     rates: RateAt,
+    /// What temperature does to the acceleration.
+    compensation: CompensationAt,
     /// The rate of the last sample before its correction, in the sensor's axes: what a calibration
     /// memorises.
     measured: Rate,
@@ -108,6 +111,7 @@ impl Default for FusionState {
         Self {
             motion: MotionState::default(),
             rates: RateCorrection::IDENTITY.at(Temperature::REFERENCE),
+            compensation: CompensationAt::default(),
             measured: Rate::default(),
             latest: Err(Invalid::NoSample),
             previous: Err(Invalid::NoSample),
@@ -118,9 +122,21 @@ impl Default for FusionState {
 }
 
 impl FusionState {
-    /// The die has this temperature from now on.
-    pub fn temperature(&mut self, correction: &RateCorrection, temperature: Temperature) {
+    /// The die has this temperature from now on, and `compensation` is what that does to the
+    /// acceleration.
+    pub fn temperature(
+        &mut self,
+        correction: &RateCorrection,
+        compensation: CompensationAt,
+        temperature: Temperature,
+    ) {
         self.rates = correction.at(temperature);
+        self.compensation = compensation;
+    }
+
+    /// What the temperature does to the acceleration.
+    pub(crate) const fn compensation(&self) -> &CompensationAt {
+        &self.compensation
     }
 
     /// Begins anew after a gap; what was found of the gyroscope is kept.
@@ -133,12 +149,17 @@ impl FusionState {
     /// Memorises what the gyroscope read, in its own axes.
     pub(crate) fn memorise(&mut self, rate: Rate) {
         let before = core::mem::replace(&mut self.measured, rate);
-        let same = |again: bool, repeats: u8| if again { repeats.saturating_add(1) } else { 0 };
-        self.repeated_all = same(before == rate, self.repeated_all);
-        let axes = before.rate.iter().zip(&rate.rate);
-        for (repeated, (before, now)) in self.repeated.iter_mut().zip(axes) {
-            *repeated = same(before == now, *repeated);
-        }
+        let count = |again: bool, repeats: &mut u8| {
+            *repeats = if again { repeats.saturating_add(1) } else { 0 };
+        };
+        // Axis by axis: loops over both would cost more than all the rest.
+        let ([x, y, z], [old_x, old_y, old_z]) = (rate.rate, before.rate);
+        let [of_x, of_y, of_z] = &mut self.repeated;
+        let (again_x, again_y, again_z) = (x == old_x, y == old_y, z == old_z);
+        count(again_x && again_y && again_z, &mut self.repeated_all);
+        count(again_x, of_x);
+        count(again_y, of_y);
+        count(again_z, of_z);
     }
 
     /// True where the gyroscope's codes repeat as those of no part in order do.
@@ -170,11 +191,8 @@ impl FusionState {
     /// the bias that was found beside it.
     pub fn rate(&self) -> Rate {
         let mut corrected = self.rates.apply(self.measured);
-        for (rate, bias) in corrected
-            .rate
-            .iter_mut()
-            .zip(self.bias().unwrap_or_default())
-        {
+        let bias = self.bias().unwrap_or_default();
+        for (rate, bias) in corrected.rate.iter_mut().zip(&bias) {
             // From 2^-32 to 2^-24 rad/s per step.
             *rate = rate.saturating_sub((bias + 128) >> 8);
         }

@@ -70,6 +70,35 @@ pub struct Quadratic {
     pub gain2_q46: [i32; 3],
 }
 
+/// What a model removes at one temperature, for whoever compensates many samples at it:
+/// y = (x - offset) (1 + gain).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CompensationAt {
+    /// Of each axis, 2^-26 g per step.
+    offset: [i32; 3],
+    /// Of each axis, 2^-30 per step.
+    gain_q30: [i32; 3],
+}
+
+impl CompensationAt {
+    /// Removes it; the same bits as [`TemperatureModel::apply`].
+    pub fn apply(&self, input: Filtered) -> Compensated {
+        let mut accel = input.accel;
+        let terms = self.offset.iter().zip(&self.gain_q30);
+        for (value, (offset, gain_q30)) in accel.iter_mut().zip(terms) {
+            *value = freed(*value, i64::from(*offset), *gain_q30);
+        }
+        Compensated { accel }
+    }
+}
+
+/// A value without an offset and a gain error.
+#[inline(always)]
+fn freed(value: i32, offset: i64, gain_q30: i32) -> i32 {
+    let centred = i64::from(saturate(i64::from(value) - offset));
+    saturate(centred + ((centred * i64::from(gain_q30)) >> 30))
+}
+
 /// Distance from 25 degC in 1/256 degC, held inside the part's operating range (-40..85 degC).
 pub(crate) fn from_reference(t: Temperature) -> i64 {
     const LOW: i32 = -40 * 256;
@@ -90,6 +119,20 @@ impl<C: Composition> TemperatureModel<C> {
             Self::DataSheet(model) => subtract(input, model.bias(t)),
             Self::Piecewise(model) => subtract(input, model.bias(t)),
             Self::Quadratic(model) => model.get().apply(input, t),
+        }
+    }
+
+    /// What is removed at `t`.
+    pub fn at(&self, t: Temperature) -> CompensationAt {
+        let of = |offset| CompensationAt {
+            offset,
+            gain_q30: [0; 3],
+        };
+        match self {
+            Self::None => CompensationAt::default(),
+            Self::DataSheet(model) => of(model.bias(t)),
+            Self::Piecewise(model) => of(model.bias(t)),
+            Self::Quadratic(model) => model.get().at(t),
         }
     }
 }
@@ -145,12 +188,25 @@ impl Quadratic {
         let offsets = self.offset1_q8.iter().zip(&self.offset2_q16);
         let gains = self.gain1_q38.iter().zip(&self.gain2_q46);
         for ((value, (&b1, &b2)), (&g1, &g2)) in accel.iter_mut().zip(offsets).zip(gains) {
-            let bias = quadratic(b1, b2, d);
-            let gain_q30 = quadratic(g1, g2, d);
-            let centred = i64::from(saturate(i64::from(*value) - bias));
-            *value = saturate(centred + ((centred * i64::from(saturate(gain_q30))) >> 30));
+            let gain_q30 = saturate(quadratic(g1, g2, d));
+            *value = freed(*value, quadratic(b1, b2, d), gain_q30);
         }
         Compensated { accel }
+    }
+
+    /// Offset and gain error at `t`; each is below 2^31.
+    fn at(&self, t: Temperature) -> CompensationAt {
+        let d = from_reference(t);
+        let mut found = CompensationAt::default();
+        let offsets = self.offset1_q8.iter().zip(&self.offset2_q16);
+        let gains = self.gain1_q38.iter().zip(&self.gain2_q46);
+        for (offset, (b1, b2)) in found.offset.iter_mut().zip(offsets) {
+            *offset = saturate(quadratic(*b1, *b2, d));
+        }
+        for (gain_q30, (g1, g2)) in found.gain_q30.iter_mut().zip(gains) {
+            *gain_q30 = saturate(quadratic(*g1, *g2, d));
+        }
+        found
     }
 }
 
@@ -180,6 +236,38 @@ mod tests {
         for t in [-10.0, 0.0, 25.0, 70.0] {
             let got = f64::from(model.bias(at(t))[0]) / MG;
             assert!((got - 0.2 * (t - 25.0)).abs() < 1e-4, "{t}: {got}");
+        }
+    }
+
+    #[test]
+    fn what_is_kept_for_many_samples_removes_the_same_bits() {
+        let quadratic = Quadratic {
+            offset1_q8: [i32::MAX, -3_435_973, 17],
+            offset2_q16: [i32::MAX, 900_000, i32::MIN],
+            gain1_q38: [i32::MIN, 54_975_581, i32::MAX],
+            gain2_q46: [i32::MAX, -7_000_000, i32::MAX],
+        };
+        let piecewise = Piecewise {
+            knots: core::array::from_fn(|i| at(-10.0 + 10.0 * i as f64)),
+            slopes_q8: [[1_000_000, -2_000_000, i32::MAX]; KNOTS - 1],
+        };
+        let sheet = DataSheet {
+            tco_q8: [3_435_973, i32::MIN, 5],
+        };
+        let models: [TemperatureModel; 4] = [
+            TemperatureModel::None,
+            TemperatureModel::DataSheet(sheet),
+            TemperatureModel::Piecewise(piecewise),
+            TemperatureModel::Quadratic(quadratic),
+        ];
+        for model in &models {
+            for t in [-60.0, -40.0, 24.9, 25.0, 85.0].map(at) {
+                let kept = model.at(t);
+                for value in [i32::MIN, -ONE_G, 0, 12_345, ONE_G, i32::MAX] {
+                    let input = Filtered { accel: [value; 3] };
+                    assert_eq!(kept.apply(input), model.apply(input, t), "{model:?} {t:?}");
+                }
+            }
         }
     }
 

@@ -50,34 +50,44 @@ impl<C: Composition> Chain<C> {
         let Some((fusion, vector, _)) = self.fusion() else {
             return;
         };
-        let Ok(temperature) = self.temperature_of(state) else {
+        if self.temperature_of(state).is_err() {
             return;
-        };
-        let filtered = Filtered { accel };
-        let compensated = self.calibration.temperature.apply(filtered, temperature);
-        let accel = vector.get().apply(compensated);
+        }
         let period_q8 = state.period_q8;
         if let Some(state) = &mut state.fusion {
-            fusion.sample(state.get_mut(), accel, period_q8, missing);
+            let state = state.get_mut();
+            let compensated = state.compensation().apply(Filtered { accel });
+            let accel = vector.get().apply(compensated);
+            fusion.sample(state, accel, period_q8, missing);
         }
     }
 
     /// Keeps what the gyroscope read; what fusion remembers is made when it is first needed.
     fn memorise(&self, state: &mut ChainState<C>, rate: Rate) {
         if state.fusion.is_none() {
-            state.fusion = C::FusionState::put(FusionState::default);
-            let temperature = self.temperature_of(state).unwrap_or(Temperature::REFERENCE);
-            self.correct_rates(state, temperature);
+            self.begin(state);
         }
         if let Some(state) = &mut state.fusion {
             state.get_mut().memorise(rate);
         }
     }
 
-    /// The gyroscope's errors at the temperature that compensation uses from now on.
+    /// Makes what fusion remembers.
+    ///
+    /// Out of line: it goes over the stack once, and no sample after it needs that room.
+    #[inline(never)]
+    fn begin(&self, state: &mut ChainState<C>) {
+        state.fusion = C::FusionState::put(FusionState::default);
+        let temperature = self.temperature_of(state).unwrap_or(Temperature::REFERENCE);
+        self.correct_rates(state, temperature);
+    }
+
+    /// The part's errors at the temperature that compensation uses from now on.
     pub(super) fn correct_rates(&self, state: &mut ChainState<C>, temperature: Temperature) {
         if let (Some(fusion), Some(rates)) = (&mut state.fusion, &self.calibration.rates) {
-            fusion.get_mut().temperature(rates.get(), temperature);
+            let compensation = self.calibration.temperature.at(temperature);
+            let state = fusion.get_mut();
+            state.temperature(rates.get(), compensation, temperature);
         }
     }
 
@@ -124,6 +134,15 @@ impl<C: Composition> Chain<C> {
     pub(super) fn fused_reading(&self, state: &ChainState<C>, now: Instant) -> Option<Reading> {
         let (fusion, _, _) = self.fusion()?;
         self.fused(state, now, fusion.latency_us)
+    }
+
+    /// The calibrated acceleration behind the low-pass, as [`Chain::reading_and_vector`] has it
+    /// beside an angle without the gyroscope.
+    pub(super) fn vector(&self, state: &ChainState<C>, now: Instant) -> Option<Corrected> {
+        let (_, vector, _) = self.fusion()?;
+        let (filtered, temperature, _) = self.take(state, now).ok()?;
+        let compensated = self.calibration.temperature.apply(filtered, temperature);
+        Some(vector.get().apply(compensated))
     }
 
     fn fused(&self, state: &ChainState<C>, now: Instant, latency_us: u32) -> Option<Reading> {

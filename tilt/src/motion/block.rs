@@ -43,11 +43,12 @@ impl Block {
 
     /// Adds one sample; `turn` below 2^28, and `seen` where the acceleration was within range.
     pub(super) fn add(&mut self, frame: &Frame, turn: [i32; 3], accel: Corrected, seen: bool) {
-        for (sum, a) in self.accel.iter_mut().zip(frame.level_part(accel)) {
+        // By reference: an array that is used up costs a call for each of its values.
+        for (sum, a) in self.accel.iter_mut().zip(&frame.level_part(accel)) {
             *sum += a;
         }
-        for (sum, t) in self.turn.iter_mut().zip(turn) {
-            *sum = sum.wrapping_add(t);
+        for (sum, t) in self.turn.iter_mut().zip(&turn) {
+            *sum = sum.wrapping_add(*t);
         }
         self.blind |= !seen;
         self.samples += 1;

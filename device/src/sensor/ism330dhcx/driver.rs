@@ -215,7 +215,8 @@ impl<SPI: SpiDevice> Ism330dhcx<SPI> {
     /// The burst of `read`, whatever is new in it.
     pub(super) fn outputs(&mut self) -> Result<Outputs, ReadError<SPI::Error>> {
         let bytes: [u8; 16] = self.burst(Register::StatusReg).map_err(ReadError::Bus)?;
-        if bytes == [0xFF; 16] {
+        // By the first one as a rule: a comparison of arrays looks at them all.
+        if bytes.iter().all(|byte| *byte == 0xFF) {
             return Err(ReadError::StuckHigh);
         }
         let [status, _, t0, t1, g0, g1, g2, g3, g4, g5, xyz @ ..] = bytes;
