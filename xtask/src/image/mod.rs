@@ -26,6 +26,7 @@ mod linked;
 mod set;
 mod traces;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{env, fmt, fs, io};
 
@@ -138,10 +139,14 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     let _alone = chip::alone(workspace)?;
     let outlet = Outlet::clear(folder, version)?;
     let mut over = Vec::new();
-    for (set, slot) in by_slot() {
-        let [boot, app] = link(workspace, &outlet, set, slot)?;
-        over.extend(judge(set, slot, &boot, &app));
-        offer(&outlet, set, slot, &boot, &app)?;
+    for (slot, sets) in by_slot() {
+        let programs: BTreeSet<_> = sets.iter().flat_map(|set| set.programs()).collect();
+        chip::firmware(workspace, &Vec::from_iter(programs), slot)?;
+        for set in sets {
+            let [boot, app] = keep(workspace, &outlet, set, slot)?;
+            over.extend(judge(set, slot, &boot, &app));
+            offer(&outlet, set, slot, &boot, &app)?;
+        }
     }
     println!("      {believed}");
     println!("      {}", outlet.folder.display());
@@ -152,23 +157,22 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     }
 }
 
-/// What is linked, all of slot A first: for another slot than before, cargo compiles the firmware
-/// anew.
-fn by_slot() -> Vec<(&'static Set, Slot)> {
-    let of_set = |set: &'static Set| set.slots().map(move |slot| (set, slot));
-    let mut all: Vec<_> = sets().iter().flat_map(of_set).collect();
-    all.sort_by_key(|(_, slot)| *slot == Slot::B);
-    all
+/// The sets of each slot, which are linked at once: for another slot than before, cargo compiles the
+/// firmware anew, and of several programs it links as many at a time as there are processors.
+fn by_slot() -> [(Slot, Vec<&'static Set>); 2] {
+    [Slot::A, Slot::B].map(|slot| {
+        let has_slot = |set: &&Set| set.slots().any(|of_set| of_set == slot);
+        (slot, sets().iter().filter(has_slot).collect())
+    })
 }
 
-/// Links both programs of a set, the application for `slot`, and keeps the linked files.
-fn link(
+/// Keeps both linked programs of a set, the application for `slot`.
+fn keep(
     workspace: &Workspace,
     outlet: &Outlet,
     set: &Set,
     slot: Slot,
 ) -> Result<[Linked; 2], ImageError> {
-    chip::firmware(workspace, &set.programs(), slot)?;
     let kept = [
         (set.boot, format!("{}.elf", set.boot), Program::Boot),
         (
@@ -351,8 +355,10 @@ mod tests {
 
     #[test]
     fn the_firmware_was_compiled_anew_for_a_slot_that_it_had_been_compiled_for() {
-        let slots: Vec<_> = by_slot().into_iter().map(|(_, slot)| slot).collect();
-        assert_eq!(slots, [Slot::A, Slot::A, Slot::B]);
+        let [(first, of_a), (second, of_b)] = by_slot();
+        assert_eq!((first, of_a.len()), (Slot::A, sets().len()));
+        let names: Vec<_> = of_b.iter().map(|set| set.app).collect();
+        assert_eq!((second, names), (Slot::B, vec!["app", "app-dynamic"]));
     }
 
     #[test]
