@@ -1,9 +1,9 @@
 //! Where the instructions of the product's image go: `cargo run -p emulator --example profile`.
 //!
 //! In: nothing, `dynamic` for the variant with a gyroscope, or how many seconds, and `still` for a
-//! bus without a host. Out: instructions of one sample and of one SYNC by crate and by function, the
-//! 40 with the most, of the node of channel A: what interrupts execute for them, without the wait
-//! for SPI.
+//! bus without a host. Out: instructions of one sample and of one SYNC by crate and by function,
+//! the 40 with the most, of the node of channel A: what interrupts execute for them, without the
+//! wait for SPI.
 //!
 //! With seconds: speed by processor time, load, and the functions with the most instructions per
 //! second and per sample, those of the background and of the wait with them; in OPERATIONAL with a

@@ -157,8 +157,8 @@ pub fn build_into(workspace: &Workspace, folder: PathBuf) -> Result<(), ImageErr
     }
 }
 
-/// The sets of each slot, which are linked at once: for another slot than before, cargo compiles the
-/// firmware anew, and of several programs it links as many at a time as there are processors.
+/// The sets of each slot, which are linked at once: for another slot than before, cargo compiles
+/// the firmware anew, and of several programs it links as many at a time as there are processors.
 fn by_slot() -> [(Slot, Vec<&'static Set>); 2] {
     [Slot::A, Slot::B].map(|slot| {
         let has_slot = |set: &&Set| set.slots().any(|of_set| of_set == slot);
