@@ -1,8 +1,8 @@
 //! What the images cost: instructions, flash and RAM.
 //!
 //! In: the product, its variant with a gyroscope, the paper's instrument. Out: [`Figures`] of the
-//! node of channel A in a calibrated pair, `docs/cost.md` made of them, and what of a committed page
-//! is not what was counted. The wait for the sensor's
+//! node of channel A in a calibrated pair, `docs/cost.md` made of them, and what of a committed
+//! page is not what was counted. The wait for the sensor's
 //! bytes is told apart: it is as long as SPI is slow, not as the code is.
 //!
 //! The chain alone is counted too, by integers and in floating point, each on the same samples in
