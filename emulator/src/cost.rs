@@ -22,6 +22,7 @@ use sim::bench::{BenchError, Mode, World};
 use sim::memory;
 use sim::network::instrument::Delivered;
 use tilt::chain::Calibration;
+use tilt::rate::RateCorrection;
 use tilt::temperature::{Quadratic, TemperatureModel};
 
 use crate::board::FlashError;
@@ -290,7 +291,7 @@ impl Figures {
         let synced = span(&mut pair, app, |pair| synced(pair, SYNCS))?;
         let speed = SPAN_S / watch.seconds();
         store(&mut pair)?;
-        calibrate(&mut pair)?;
+        calibrate(&mut pair, None)?;
         let unchecked_stack = stack(&mut pair, app)?;
         let (came, judged) = judged(&mut pair, product)?;
         let longest = came.longest().max(judged.longest());
@@ -386,9 +387,10 @@ fn store(pair: &mut Pair) -> Result<(), CostError> {
 
 /// Node A gets another calibration (2061h), as a fit on the host leaves it: understood, put in
 /// force and stored.
-fn calibrate(pair: &mut Pair) -> Result<(), CostError> {
+fn calibrate(pair: &mut Pair, rates: Option<RateCorrection>) -> Result<(), CostError> {
     let fitted = Calibration {
         temperature: TemperatureModel::Quadratic(Quadratic::default()),
+        rates,
         ..Calibration::NOMINAL
     };
     let mut bytes = vec![0; encoding::length(&fitted) as usize];
