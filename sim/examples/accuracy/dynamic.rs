@@ -49,7 +49,8 @@ impl Dynamic {
              ones. \"As it arrives\" is the angle of that very moment. On the boom of an excavator \
              every unit digs and rests for {BOOM_S:.0} s; at rest is what is read {REST_S:.0} s \
              after the last move and later, with the engine idling.\n\n\
-             | figure | product mode | with a gyroscope | at most | target |\n|---|---|---|---|---|\n"
+             | figure | product mode | with a gyroscope | at most | target |\n\
+             |---|---|---|---|---|\n"
         );
         let product = product.get(..count).unwrap_or(product);
         self.bench_rows(page, product);
