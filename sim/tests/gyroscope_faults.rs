@@ -94,6 +94,12 @@ fn a_gyroscope_that_is_wrong_by_much_is_told_and_a_stuck_one_is_named() {
             2.5,
             Judgement::Disagree,
         ),
+        (
+            Scene::Standstill,
+            RateFault::SwappedAxes,
+            1.2,
+            Judgement::Disagree,
+        ),
     ] {
         for seed in 0..3 {
             let found = told(&settings, scene, fault, seed);
@@ -103,6 +109,13 @@ fn a_gyroscope_that_is_wrong_by_much_is_told_and_a_stuck_one_is_named() {
             );
         }
     }
+}
+
+#[test]
+fn five_per_cent_of_scale_are_not_told_while_nothing_turns() {
+    let fault = RateFault::Scale { ratio: 0.05 };
+    let found = told(&calibrated(), Scene::Standstill, fault, 1);
+    assert_eq!(found, None);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use sim::bench::boom::{BoomResult, REST_S};
+use sim::bench::gyroscope::GyroscopeReport;
 use sim::bench::statistics::{Tally, median};
 use sim::bench::{Bench, BenchError, Mode, World};
 
@@ -29,12 +30,14 @@ impl Dynamic {
     /// Errors: see [`BenchError`].
     pub fn measure(count: u32) -> Result<Self, BenchError> {
         let units = shared(count, |unit| passage(Mode::Dynamic, &World::NOMINAL, unit))?;
-        let booms = |mode| shared(count, move |unit| on_booms(mode, unit));
-        let gains = shared(count, gain_uncertainties)?;
+        let on = |mode| shared(count, move |unit| on_booms(mode, unit));
+        let (product, _): (Vec<_>, Vec<_>) = on(Mode::Product)?.into_iter().unzip();
+        let (dynamic, nodes): (Vec<_>, Vec<_>) = on(Mode::Dynamic)?.into_iter().unzip();
+        let nodes = nodes.iter().flatten().flatten();
         Ok(Self {
             units,
-            booms: [booms(Mode::Product)?, booms(Mode::Dynamic)?],
-            gains: gains.concat(),
+            booms: [product, dynamic],
+            gains: nodes.map(largest_uncertainty).collect(),
         })
     }
 
@@ -162,20 +165,17 @@ fn row(
     );
 }
 
-fn on_booms(mode: Mode, unit: u32) -> Result<[BoomResult; 2], BenchError> {
+/// What a boom shows of one unit, at each of [`LEVERS_M`], and how its gyroscopes were calibrated.
+type OnBooms = ([BoomResult; 2], Option<[GyroscopeReport; 2]>);
+
+fn on_booms(mode: Mode, unit: u32) -> Result<OnBooms, BenchError> {
     let (mut bench, _) = Bench::commissioned(mode, &World::NOMINAL, SEED, unit)?;
-    Ok(LEVERS_M.map(|lever_m| bench.on_the_boom(lever_m, BOOM_S)))
+    let booms = LEVERS_M.map(|lever_m| bench.on_the_boom(lever_m, BOOM_S));
+    Ok((booms, bench.gyroscopes))
 }
 
-fn gain_uncertainties(unit: u32) -> Result<Vec<f64>, BenchError> {
-    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, SEED, unit);
-    bench.characterise()?;
-    bench.calibrate()?;
-    let reports = bench.calibrate_gyroscopes()?;
-    let nodes = reports.into_iter().flatten();
-    let largest = nodes.map(|node| {
-        let all = node.gains.uncertainty.as_flattened().iter();
-        all.copied().fold(0.0, f64::max)
-    });
-    Ok(largest.collect())
+/// The largest standard uncertainty of a node's scale and alignment.
+fn largest_uncertainty(node: &GyroscopeReport) -> f64 {
+    let all = node.gains.uncertainty.as_flattened().iter();
+    all.copied().fold(0.0, f64::max)
 }

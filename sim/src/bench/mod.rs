@@ -39,6 +39,7 @@ use crate::instrument::Instrument;
 use crate::motion::Mover;
 use crate::rig::{Rig, RigSetup};
 use crate::rng::Rng;
+use gyroscope::GyroscopeReport;
 use interpretation::Interpretation;
 
 /// Which instrument is built.
@@ -164,6 +165,8 @@ pub struct Bench {
     pub paper: Interpretation,
     /// Bias of both gyroscopes over temperature, once the chamber has shown it.
     biases: Option<[FittedBias; 2]>,
+    /// How the calibration of both gyroscopes went, once it was made.
+    pub gyroscopes: Option<[GyroscopeReport; 2]>,
     /// For the choice of test angles.
     pub rng: Rng,
 }
@@ -223,6 +226,7 @@ impl Bench {
             chamber: Chamber::at(25.0),
             paper: world.paper,
             biases: None,
+            gyroscopes: None,
             rng,
         }
     }

@@ -73,7 +73,7 @@ impl Bench {
         let mut bench = Self::new(mode, world, seed, unit);
         bench.characterise()?;
         let calibration = bench.calibrate()?;
-        bench.calibrate_gyroscopes()?;
+        bench.gyroscopes = bench.calibrate_gyroscopes()?;
         if mode != Mode::Paper || bench.paper.power_off_between {
             bench.power_cycle();
         }
