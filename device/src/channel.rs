@@ -366,14 +366,21 @@ impl<P: Part, C: Composition> Channel<P, C> {
     /// All that the channel says at `now`, a SYNC: the activity is that since the SYNC before.
     pub fn observe(&mut self, settings: &Settings<C>, now: Instant) -> Observation {
         let activity = self.health.take_activity(&mut self.watch);
-        let (reading, vector) = match self.reason_at(now) {
-            Some(reason) => (Observation::absent(reason).reading, None),
-            None => settings.chain.reading_and_vector(&self.state, now),
-        };
-        Observation {
-            reading,
-            vector,
-            activity,
+        let turned = settings.chain.take_turned(&mut self.state, now);
+        match self.reason_at(now) {
+            Some(reason) => Observation {
+                activity,
+                ..Observation::absent(reason)
+            },
+            None => {
+                let (reading, vector) = settings.chain.reading_and_vector(&self.state, now);
+                Observation {
+                    reading,
+                    vector,
+                    activity,
+                    turned,
+                }
+            }
         }
     }
 

@@ -1,4 +1,4 @@
-//! What one node tells the other at each SYNC, in two PDOs of eight bytes.
+//! What one node tells the other at each SYNC, in two PDOs of eight bytes, or three.
 //!
 //! In: an [`Observation`]. Out: an [`Exchange`], and from it the peer's observation again.
 //!
@@ -22,6 +22,10 @@
 //! 2^-13 g (0.12 mg, +-4 g), the instant of its SYNC in steps of 2 ms of the sender's clock (the
 //! low byte), and the energy above 150 Hz ([`Activity`]).
 //!
+//! An instrument with a gyroscope has a third one: how far it has turned ([`Turned`]) and the
+//! energy of its rate from sample to sample, with the low byte of the instant again, since a turn
+//! of another SYNC is none.
+//!
 //! Left out: the PDOs themselves, and what the instant says about their age (`peer_clock`).
 //!
 //! [`presentation`]: crate::presentation
@@ -31,6 +35,7 @@ use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::health::Activity;
 use tilt::observation::Observation;
+use tilt::turned::Turned;
 use tilt::uncertainty::Uncertainty;
 use tilt::vector::Corrected;
 
@@ -51,6 +56,73 @@ pub struct Exchange {
     pub captured: u8,
     /// Energy above 150 Hz, as [`Activity`] counts it.
     pub activity: u8,
+    /// What the gyroscope has turned by; nothing where there is none.
+    pub turned: ToldTurn,
+}
+
+/// The third PDO, of an instrument with a gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ToldTurn {
+    /// See [`Turned::angle`]; [`NO_VECTOR`] where there is none.
+    pub angle: [i16; 3],
+    /// The instant of the SYNC, as [`Exchange::captured`].
+    pub captured: u8,
+    /// Energy of the rate's second difference, as [`Activity`] counts it.
+    pub activity: u8,
+}
+
+impl ToldTurn {
+    /// Nothing said yet.
+    pub const NOTHING: Self = Self {
+        angle: NO_VECTOR,
+        captured: 0,
+        activity: 0,
+    };
+
+    /// Takes the PDO as it is on the bus.
+    pub const fn take(&mut self, bytes: &[u8; 8]) {
+        let [x0, x1, y0, y1, z0, z1, captured, activity] = *bytes;
+        self.angle = [
+            i16::from_le_bytes([x0, x1]),
+            i16::from_le_bytes([y0, y1]),
+            i16::from_le_bytes([z0, z1]),
+        ];
+        self.captured = captured;
+        self.activity = activity;
+    }
+
+    /// The PDO as it is on the bus.
+    pub const fn bytes(&self) -> [u8; 8] {
+        let [x, y, z] = self.angle;
+        let ([x0, x1], [y0, y1], [z0, z1]) = (x.to_le_bytes(), y.to_le_bytes(), z.to_le_bytes());
+        [x0, x1, y0, y1, z0, z1, self.captured, self.activity]
+    }
+
+    fn encode(turned: Option<&Turned>, captured: u8) -> Self {
+        let Some(turned) = turned else {
+            return Self::NOTHING;
+        };
+        let mut angle = turned.angle;
+        if angle == NO_VECTOR {
+            // All three at the end of their range at once: 1.4 mdeg beside it.
+            angle = [i16::MIN + 1; 3];
+        }
+        Self {
+            angle,
+            captured,
+            activity: turned.activity.0,
+        }
+    }
+
+    /// What the peer has told with what is behind its angles; `None` for another SYNC.
+    fn decode(&self, captured: u8) -> Option<Turned> {
+        (self.captured == captured && self.angle != NO_VECTOR).then_some(Turned {
+            angle: self.angle,
+            activity: Activity(self.activity),
+            bias: None,
+            accel: 0,
+        })
+    }
 }
 
 /// The bits below an angle.
@@ -67,6 +139,7 @@ impl Exchange {
         vector: NO_VECTOR,
         captured: 0,
         activity: 0,
+        turned: ToldTurn::NOTHING,
     };
 
     /// The byte that travels below the angles: four bits below each, those of Y higher.
@@ -97,7 +170,7 @@ impl Exchange {
         self.activity = activity;
     }
 
-    /// Both PDOs as they are on the bus, the first one first.
+    /// The first two PDOs as they are on the bus, the first one first.
     pub const fn bytes(&self) -> [u8; 16] {
         let [x, y] = self.angle;
         let [x0, x1, x2, _] = x.to_le_bytes();
@@ -256,6 +329,7 @@ pub fn encode(observation: &Observation, shown: Presentation, at: Instant) -> Ex
             .map_or(NO_VECTOR, |v| v.accel.map(coarse)),
         captured: low_steps(at),
         activity: observation.activity.0,
+        turned: ToldTurn::encode(observation.turned.as_ref(), low_steps(at)),
     }
 }
 
@@ -294,6 +368,7 @@ pub fn decode(exchange: &Exchange, at: Instant, latency_us: u32, backed: bool) -
             accel: exchange.vector.map(|step| i32::from(step) << 13),
         }),
         activity: Activity(if backed { exchange.activity } else { 0 }),
+        turned: exchange.turned.decode(exchange.captured).filter(|_| backed),
     }
 }
 
@@ -410,6 +485,7 @@ mod tests {
             vector: [0x0706, -1, 0x0908],
             captured: 0xAA,
             activity: 0xBB,
+            ..Exchange::NOTHING
         };
         let want = [
             1, 2, 3, 255, 255, 255, 0x40, 0x41, 6, 7, 255, 255, 8, 9, 0xAA, 0xBB,

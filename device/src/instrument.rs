@@ -15,7 +15,7 @@ use canopen::services::Services;
 use tilt::angle::Axes;
 use tilt::chain::Correction;
 use tilt::composition::{Composition, LeftOut, Place, Stage, Whole};
-use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductCheck, ProductState};
+use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductState, RateState};
 use tilt::fusion::{Fusion, FusionState};
 use tilt::rate::RateCorrection;
 use tilt::table::{Rule, Table};
@@ -30,8 +30,8 @@ use crate::objects::table;
 impl Stage for Motor {}
 impl Stage for Moment {}
 
-/// TPDOs of an instrument with a gyroscope: two more than the predefined connection set has.
-pub const DYNAMIC_TPDOS: usize = PDOS + 2;
+/// TPDOs of an instrument with a gyroscope: three more than the predefined connection set has.
+pub const DYNAMIC_TPDOS: usize = PDOS + 3;
 
 /// The stages of the signal chain and the services of one instrument.
 pub trait Instrument: Composition {
@@ -82,10 +82,11 @@ impl Composition for Product {
     type FusionState = LeftOut;
     type PaperRule = LeftOut;
     type Ladder = ProductState;
+    type RateLadder = LeftOut;
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {
-        CrossCheck::Product(ProductCheck::PRODUCT, ProductState::default())
+        CrossCheck::ladder(ProductState::default())
     }
 
     fn uncalibrated() -> Correction<Self> {
@@ -123,10 +124,11 @@ impl Composition for Dynamic {
     type FusionState = FusionState;
     type PaperRule = LeftOut;
     type Ladder = ProductState;
+    type RateLadder = RateState;
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {
-        CrossCheck::Product(ProductCheck::PRODUCT, ProductState::default())
+        CrossCheck::ladder(ProductState::default())
     }
 
     fn uncalibrated() -> Correction<Self> {
@@ -172,6 +174,7 @@ impl Composition for Paper {
     type FusionState = LeftOut;
     type PaperRule = PaperState;
     type Ladder = LeftOut;
+    type RateLadder = LeftOut;
     const UNCERTAINTY: bool = false;
 
     fn check() -> CrossCheck<Self> {

@@ -177,7 +177,7 @@ impl<C: Composition> Pair<C> {
         (at, now): (Instant, Instant),
         policy: Policy,
     ) {
-        if let CrossCheck::Product(check, _) = &mut self.check {
+        if let CrossCheck::Product(check, ..) = &mut self.check {
             check.latch = policy.latch();
         }
         let verdict = self.check.judge(own, peer, at);

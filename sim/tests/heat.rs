@@ -116,6 +116,7 @@ impl Channel {
                 vector.apply(TemperatureModel::<Whole>::None.apply(filtered, temperature)),
             ),
             activity: Activity::OWN,
+            turned: None,
         }
     }
 }

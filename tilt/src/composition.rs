@@ -14,7 +14,7 @@ use core::fmt::Debug;
 
 use crate::angle::Axes;
 use crate::chain::Correction;
-use crate::cross_check::{CrossCheck, PaperState, ProductState};
+use crate::cross_check::{CrossCheck, PaperState, ProductState, RateState};
 use crate::fusion::{Fusion, FusionState};
 use crate::rate::RateCorrection;
 use crate::table::Table;
@@ -42,6 +42,7 @@ impl Stage for Vector {}
 impl Stage for Quadratic {}
 impl Stage for PaperState {}
 impl Stage for ProductState {}
+impl Stage for RateState {}
 impl Stage for RateCorrection {}
 impl Stage for Fusion {}
 impl Stage for FusionState {}
@@ -103,6 +104,8 @@ pub trait Composition: Clone + Debug + PartialEq + Sized + 'static {
     type PaperRule: Place<PaperState>;
     /// The memory of the product's ladder.
     type Ladder: Place<ProductState>;
+    /// The memory of its comparison of two gyroscopes.
+    type RateLadder: Place<RateState>;
     /// Whether the uncertainty of each angle is evaluated; where not it is
     /// [`UNKNOWN`](crate::uncertainty::Uncertainty::UNKNOWN).
     const UNCERTAINTY: bool;
@@ -127,6 +130,7 @@ impl Composition for Whole {
     type FusionState = FusionState;
     type PaperRule = PaperState;
     type Ladder = ProductState;
+    type RateLadder = RateState;
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {

@@ -22,9 +22,11 @@
 
 pub mod activity;
 pub mod findings;
+pub mod gravity;
 pub mod movement;
 pub mod paper;
 pub mod product;
+pub mod rates;
 pub mod residual;
 pub mod standstill;
 pub mod window;
@@ -32,6 +34,7 @@ pub mod window;
 pub use findings::{Findings, Latch};
 pub use paper::{MOST_WARNINGS, PaperCheck, PaperState};
 pub use product::{ProductCheck, ProductState};
+pub use rates::RateState;
 pub use window::{WindowCheck, WindowState};
 
 use crate::angle::{Angle, Axes};
@@ -225,12 +228,14 @@ fn lasting(own: &Reading, peer: &Reading) -> Judgement {
 }
 
 /// A check with its state: what an instrument holds one of. The window alone is for recordings.
+// An image has one of the two; a box is not to be had.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 pub enum CrossCheck<C: Composition = Whole> {
     /// The paper's rule.
     Paper(PaperCheck, C::PaperRule),
-    /// The product's ladder.
-    Product(ProductCheck, C::Ladder),
+    /// The product's ladder, and where there are gyroscopes the memory of their comparison.
+    Product(ProductCheck, C::Ladder, Option<C::RateLadder>),
 }
 
 impl CrossCheck {
@@ -243,7 +248,7 @@ impl CrossCheck {
     // Out of line: it is made in more than one place, and is large.
     #[inline(never)]
     pub fn product() -> Self {
-        Self::Product(ProductCheck::PRODUCT, ProductState::default())
+        Self::ladder(ProductState::default())
     }
 }
 
@@ -258,8 +263,16 @@ impl<C: Composition> CrossCheck<C> {
     // Out of line: it is made in more than one place, and is large.
     #[inline(never)]
     pub fn by_ladder() -> Option<Self> {
-        let state = C::Ladder::put(ProductState::default)?;
-        Some(Self::Product(ProductCheck::PRODUCT, state))
+        C::Ladder::put(ProductState::default).map(Self::ladder)
+    }
+
+    /// The product's ladder with this memory.
+    pub fn ladder(state: C::Ladder) -> Self {
+        Self::Product(
+            ProductCheck::PRODUCT,
+            state,
+            C::RateLadder::put(RateState::default),
+        )
     }
 
     /// Judges one pair taken at `now`.
@@ -278,10 +291,10 @@ impl<C: Composition> CrossCheck<C> {
             Self::Paper(check, state) => {
                 check.step(state.get_mut(), own.reading, peer.reading, now)
             }
-            Self::Product(check, state) => Verdict {
+            Self::Product(check, state, rates) => Verdict {
                 own: own.reading,
                 peer: peer.reading,
-                judgement: check.judge(state.get_mut(), own, peer, now),
+                judgement: check.judge((state.get_mut(), rates.as_mut()), own, peer, now),
             },
         }
     }
@@ -290,15 +303,21 @@ impl<C: Composition> CrossCheck<C> {
     pub fn reset(&mut self) {
         match self {
             Self::Paper(_, state) => *state.get_mut() = PaperState::default(),
-            Self::Product(_, state) => *state.get_mut() = ProductState::default(),
+            Self::Product(_, state, rates) => {
+                *state.get_mut() = ProductState::default();
+                restart_rates::<C>(rates);
+            }
         }
     }
 
     /// One channel's word on an instant has got lost on the way, so that what the other has heard
     /// since the instant before has nothing to be held against.
     pub fn pair_lost(&mut self) {
-        if let Self::Product(_, state) = self {
+        if let Self::Product(_, state, rates) = self {
             state.get_mut().pair_lost();
+            if let Some(rates) = rates {
+                rates.get_mut().skip();
+            }
         }
     }
 
@@ -306,7 +325,7 @@ impl<C: Composition> CrossCheck<C> {
     pub fn found(&self) -> Option<Judgement> {
         match self {
             Self::Paper(_, state) => state.get().is_faulted().then_some(Judgement::PhysicalFault),
-            Self::Product(_, state) => state.get().findings().judgement(),
+            Self::Product(_, state, _) => state.get().findings().judgement(),
         }
     }
 
@@ -319,7 +338,7 @@ impl<C: Composition> CrossCheck<C> {
     /// them is held faulty for another reason.
     pub fn disagree(&self) -> bool {
         match self {
-            Self::Product(_, state) => state.get().findings().disagree(),
+            Self::Product(_, state, _) => state.get().findings().disagree(),
             Self::Paper(..) => self.found().is_some(),
         }
     }
@@ -328,14 +347,14 @@ impl<C: Composition> CrossCheck<C> {
     pub fn have_agreed(&self) -> bool {
         match self {
             Self::Paper(_, state) => state.get().has_agreed(),
-            Self::Product(_, state) => state.get().findings().have_agreed(),
+            Self::Product(_, state, _) => state.get().findings().have_agreed(),
         }
     }
 
     /// True for what lasts until a reset, or as long as the [`Latch`] says.
     pub fn is_latched(&self) -> bool {
         match self {
-            Self::Product(_, state) => state.get().findings().is_latched(),
+            Self::Product(_, state, _) => state.get().findings().is_latched(),
             Self::Paper(..) => self.found().is_some(),
         }
     }
@@ -343,7 +362,7 @@ impl<C: Composition> CrossCheck<C> {
     /// The product's findings; other checks have none.
     pub fn findings(&self) -> Option<&Findings> {
         match self {
-            Self::Product(_, state) => Some(state.get().findings()),
+            Self::Product(_, state, _) => Some(state.get().findings()),
             Self::Paper(..) => None,
         }
     }
@@ -353,13 +372,16 @@ impl<C: Composition> CrossCheck<C> {
     pub fn own_away(&mut self) {
         match self {
             Self::Paper(_, state) => state.get_mut().forget_agreement(),
-            Self::Product(_, state) => state.get_mut().own_away(),
+            Self::Product(_, state, rates) => {
+                state.get_mut().own_away();
+                restart_rates::<C>(rates);
+            }
         }
     }
 
     /// This channel reports a fault of itself before the next pair.
     pub fn own_faulty(&mut self, reason: Invalid) {
-        if let Self::Product(_, state) = self {
+        if let Self::Product(_, state, _) = self {
             let told = false;
             let against = findings::Against { reason, told };
             state.get_mut().findings_mut().hold(Member::Own, against);
@@ -370,7 +392,10 @@ impl<C: Composition> CrossCheck<C> {
     pub fn peer_restarted(&mut self) {
         match self {
             Self::Paper(_, state) => state.get_mut().peer_away(),
-            Self::Product(_, state) => state.get_mut().peer_restarted(),
+            Self::Product(_, state, rates) => {
+                state.get_mut().peer_restarted();
+                restart_rates::<C>(rates);
+            }
         }
     }
 
@@ -385,9 +410,16 @@ impl<C: Composition> CrossCheck<C> {
     /// Own minus peer, low-passed, 2^-26 g per step; zero where vectors are not compared.
     pub fn residual(&self) -> [i32; 3] {
         match self {
-            Self::Product(_, state) => state.get().residual(),
+            Self::Product(_, state, _) => state.get().residual(),
             Self::Paper(..) => [0; 3],
         }
+    }
+}
+
+/// One of two gyroscopes begins anew.
+fn restart_rates<C: Composition>(rates: &mut Option<C::RateLadder>) {
+    if let Some(rates) = rates {
+        rates.get_mut().restart();
     }
 }
 

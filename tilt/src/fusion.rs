@@ -12,10 +12,12 @@
 //! [`Expected::delay_s`](crate::motion::Expected) makes up for.
 
 use crate::chain::Invalid;
+use crate::health::log2_q8;
 use crate::motion::{Expected, Motion, MotionState, Rate, Vertical};
 use crate::rate::{RateAt, RateCorrection};
 use crate::sample::{RateRange, Temperature};
 use crate::temperature::CompensationAt;
+use crate::turned::{Turned, TurnedState, per_period_q32};
 use crate::vector::Corrected;
 
 /// The configuration.
@@ -32,6 +34,10 @@ pub struct Fusion {
     repeats: Option<[u8; 2]>,
     /// 2^40 over the nominal time between samples, 1/256 us.
     per_period_q40: u64,
+    /// A nominal period for [`TurnedState::turn`].
+    turned_q32: i32,
+    /// Energy of the second difference of the part's own noise, log2 in 1/256.
+    level_q8: i32,
 }
 
 impl Fusion {
@@ -46,6 +52,8 @@ impl Fusion {
             latency_us,
             repeats: Some(REPEATS),
             per_period_q40: (1_099_511_627_776.0 / (expected.period_s * 256e6) + 0.5) as u64,
+            turned_q32: per_period_q32(expected.period_s),
+            level_q8: noise_level_q8(expected),
         })
     }
 
@@ -66,6 +74,11 @@ impl Fusion {
             let _ = self.motion.step(&mut state.motion, rate, accel);
         }
         let latest = self.motion.step(&mut state.motion, rate, accel);
+        if self.motion.reaches(rate) {
+            state.turned.turn(rate, self.turned_q32, missing + 1);
+        } else {
+            state.turned.interrupt();
+        }
         state.previous = core::mem::replace(&mut state.latest, latest);
     }
 
@@ -80,6 +93,13 @@ impl Fusion {
             }),
         }
     }
+}
+
+/// Energy of a sample's second difference by noise alone, log2 in 1/256, in the unit of
+/// [`TurnedState`]: three axes, six variances each.
+const fn noise_level_q8(expected: &Expected) -> i32 {
+    let steps = expected.rate_noise * 262_144.0;
+    log2_q8((18.0 * steps * steps / (2.0 * expected.period_s)) as u64)
 }
 
 /// Repeats that no gyroscope in order gives: all axes 24 ms, one axis 96 ms at 417 samples/s.
@@ -99,6 +119,7 @@ pub struct FusionState {
     /// The rate of the last sample before its correction, in the sensor's axes: what a calibration
     /// memorises.
     measured: Rate,
+    turned: TurnedState,
     latest: Result<Vertical, Invalid>,
     previous: Result<Vertical, Invalid>,
     /// Repeats of all codes at once, and of each axis' code, so far.
@@ -113,6 +134,7 @@ impl Default for FusionState {
             rates: RateCorrection::IDENTITY.at(Temperature::REFERENCE),
             compensation: CompensationAt::default(),
             measured: Rate::default(),
+            turned: TurnedState::default(),
             latest: Err(Invalid::NoSample),
             previous: Err(Invalid::NoSample),
             repeated_all: 0,
@@ -142,6 +164,7 @@ impl FusionState {
     /// Begins anew after a gap; what was found of the gyroscope is kept.
     pub fn restart(&mut self) {
         self.motion.restart();
+        self.turned.interrupt();
         self.latest = Err(Invalid::NoSample);
         self.previous = Err(Invalid::NoSample);
     }
@@ -185,6 +208,27 @@ impl FusionState {
     /// memorises.
     pub const fn measured(&self) -> Rate {
         self.measured
+    }
+
+    /// How far the channel has turned, `before_us` before the last sample.
+    pub(crate) fn take_turned(
+        &mut self,
+        fusion: &Fusion,
+        before_us: i64,
+        accel: u32,
+    ) -> Option<Turned> {
+        let bias = self.bias();
+        let turned = self.turned.take(before_us, fusion.level_q8)?;
+        Some(Turned {
+            bias,
+            accel,
+            ..turned
+        })
+    }
+
+    /// What was turned since the last look is of no use.
+    pub(crate) const fn interrupt_turned(&mut self) {
+        self.turned.interrupt();
     }
 
     /// The rate of the last sample about the housing's axes: corrected by its calibration, and by

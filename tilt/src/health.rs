@@ -134,6 +134,15 @@ impl Activity {
         (((root << (self.0 / 8)) + (1 << 14)) >> 15) as u32
     }
 
+    /// The activity of so much energy in so many samples, where a sample of the own noise has
+    /// log2 `level_q8`, in 1/256. No samples count as one.
+    pub(crate) fn of_energy(energy: u64, samples: u16, level_q8: i32) -> Self {
+        if energy == 0 {
+            return Self(1);
+        }
+        Self::from_octaves(log2_q8(energy) - log2_q8(u64::from(samples.max(1))) - level_q8)
+    }
+
     /// The nearest activity to 2^(`octaves_q8` / 256) times the own noise's energy.
     const fn from_octaves(octaves_q8: i32) -> Self {
         let steps = Self::OWN.0 as i32 + ((octaves_q8 + 16) >> 5);
@@ -223,10 +232,7 @@ impl Health {
         }
         let energy = core::mem::take(&mut state.energy);
         let samples = core::mem::take(&mut state.samples);
-        if energy == 0 {
-            return Activity(1);
-        }
-        Activity::from_octaves(log2_q8(energy) - log2_q8(samples as u64) - self.level_q8)
+        Activity::of_energy(energy, samples, self.level_q8)
     }
 }
 
@@ -337,7 +343,7 @@ const fn repeats(variance_q16: u64, all: bool) -> u8 {
 }
 
 /// log2 in 1/256, rounded down; 0 for 0.
-const fn log2_q8(value: u64) -> i32 {
+pub(crate) const fn log2_q8(value: u64) -> i32 {
     let zeros = value.leading_zeros();
     if zeros > 63 {
         return 0;

@@ -35,6 +35,7 @@ mod root;
 pub mod sample;
 pub mod table;
 pub mod temperature;
+pub mod turned;
 pub mod uncertainty;
 pub mod vector;
 

@@ -1,7 +1,7 @@
 //! What one channel says of one instant: its angles, and what stands behind them.
 //!
-//! In: a [`Reading`] and, where the channel has them, the calibrated acceleration it came from and
-//! the signal's energy at high frequency. Out: an [`Observation`], which travels to the other
+//! In: a [`Reading`] and, where the channel has them, the calibrated acceleration it came from, the
+//! signal's energy at high frequency, and how far the gyroscope has turned. Out: an [`Observation`], which travels to the other
 //! channel and is judged there by `cross_check`.
 //!
 //! Left out: the journey (counters, capture times), which is the device's.
@@ -9,6 +9,7 @@
 use crate::angle::Axes;
 use crate::chain::{Invalid, Reading};
 use crate::health::Activity;
+use crate::turned::Turned;
 use crate::vector::Corrected;
 
 /// What one channel says of one instant.
@@ -21,6 +22,8 @@ pub struct Observation {
     pub vector: Option<Corrected>,
     /// Energy above 150 Hz since the observation before.
     pub activity: Activity,
+    /// How far its gyroscope has turned; `None` where there is none, or it takes no part.
+    pub turned: Option<Turned>,
 }
 
 impl Observation {
@@ -33,6 +36,7 @@ impl Observation {
             },
             vector: None,
             activity: Activity(0),
+            turned: None,
         }
     }
 
@@ -56,6 +60,7 @@ impl From<Reading> for Observation {
             reading,
             vector: None,
             activity: Activity(0),
+            turned: None,
         }
     }
 }

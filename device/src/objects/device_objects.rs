@@ -24,6 +24,7 @@ use super::moment::Moment;
 use super::process::Shown;
 use super::safety::VALID;
 use super::table::{Channel, Models};
+use super::turned;
 use super::values::Values;
 use crate::black_box::BlackBox;
 use crate::calibration::motor::{Motor, TableSettings};
@@ -259,6 +260,8 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             0x2011 => exchange_value(&process.received, at.sub),
             0x2020..=0x2028 => self.shown_value(at),
             0x2029 | 0x202A if I::Moment::FITTED => return self.read_moment(at),
+            0x202B if I::Moment::FITTED => turned::read(&process.sent.turned, at.sub),
+            0x202C if I::Moment::FITTED => turned::read(&process.received.turned, at.sub),
             0x2031 => process.filtered.get(axis).copied().map(Number::i32),
             0x2032 => Some(Number::u32(process.samples)),
             0x2033 => Some(Number::u32(process.period_q8)),
@@ -407,6 +410,10 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for DeviceObjects<'_, M, S,
                 receive_exchange(&mut self.parts.values.process.received, at, value);
                 Ok(())
             }
+            0x202C if I::Moment::FITTED => {
+                turned::receive(&mut self.parts.values.process.received.turned, at, value);
+                Ok(())
+            }
             0x2040 if I::PRESETS => self.write_range(at, value),
             0x2060 => self.write_calibration(at, value),
             0x2072 if I::HISTORY => self.clear_history(value),
@@ -420,7 +427,11 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for DeviceObjects<'_, M, S,
     /// The exchange as its two PDOs carry it: at each SYNC eight objects one by one would be a
     /// tenth of all that the node does.
     fn read_adjacent(&mut self, first: Address, length: usize) -> Option<Value> {
-        let bytes = self.parts.values.process.sent.bytes();
+        let sent = &self.parts.values.process.sent;
+        if I::Moment::FITTED && (first.index, first.sub, length) == (0x202B, 1, 8) {
+            return Some(Value::whole(sent.turned.bytes()));
+        }
+        let bytes = sent.bytes();
         let (pdos, _) = bytes.as_chunks::<8>();
         let pdo = match (first.index, first.sub, length) {
             (0x2010, ANGLES, 8) => pdos.first(),
@@ -438,6 +449,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for DeviceObjects<'_, M, S,
         match (first.index, first.sub) {
             (0x2011, ANGLES) => received.take_angles(bytes),
             (0x2011, BACKING) => received.take_backing(bytes),
+            (0x202C, 1) if I::Moment::FITTED => received.turned.take(bytes),
             _ => return false,
         }
         true

@@ -20,5 +20,6 @@ pub mod safety;
 pub mod slopes;
 pub mod streams;
 pub mod table;
+pub mod turned;
 pub mod update;
 pub mod values;

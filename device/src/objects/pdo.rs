@@ -1,7 +1,7 @@
 //! PDO parameters, 1400h to 1BFFh, and what the PDOs carry as delivered
 //! (CiA 301, 7.5.2.35 to 7.5.2.38).
 //!
-//! In: nothing. Out: the rows of four RPDOs and four TPDOs, and of two TPDOs more that an
+//! In: nothing. Out: the rows of four RPDOs and four TPDOs, and of three TPDOs more that an
 //! instrument with a gyroscope has.
 //!
 //! - TPDO 1: slopes X and Y in 16 bit with validity and state of the pair, every SYNC.
@@ -10,7 +10,8 @@
 //! - TPDO 4: what is behind them, every SYNC. RPDO 2 takes the other's.
 //! - TPDO 5 (gyroscope): angles of the SYNC itself, uncertainty and reasons; off.
 //! - TPDO 6 (gyroscope): rates of turn and their reason; off.
-//! - RPDO 3 and 4 are off and empty.
+//! - TPDO 7 (gyroscope): how far this channel has turned, every SYNC. RPDO 3 takes the other's.
+//! - RPDO 3 (without a gyroscope) and 4 are off and empty.
 //!
 //! Left out: the inhibit time of RPDOs, which the standard gives no effect.
 
@@ -116,15 +117,52 @@ pub const TPDO_4_MAPPING: [Row; 7] = mapping(
     ],
 );
 
-/// Communication parameters of TPDO 5 and 6.
+/// Communication parameters of TPDO 5 to 7.
 ///
 /// The predefined connection set has identifiers for four TPDOs only. These two are off, so that
 /// nothing is sent that a master has not asked for; their identifiers are those that the set has
 /// for RPDO 1 and 2, which are free here, since those take the other channel's TPDO 3 and 4.
-pub const DYNAMIC_TPDO: [[Row; 6]; 2] = [
+///
+/// TPDO 7 has that of RPDO 3, which takes the other channel's TPDO 7.
+pub const DYNAMIC_TPDO: [[Row; 6]; 3] = [
     tpdo(0x1804, "TPDO 5 communication parameter", OFF + 0x200, 1),
     tpdo(0x1805, "TPDO 6 communication parameter", OFF + 0x300, 1),
+    tpdo(0x1806, "TPDO 7 communication parameter", 0x400, 1),
 ];
+
+/// Communication parameters of RPDO 3 where there is a gyroscope: the other channel's TPDO 7, with
+/// node-ids 1 and 2 as delivered.
+pub const DYNAMIC_RPDO_3: [Row; 4] = rpdo(
+    0x1402,
+    "RPDO 3 communication parameter",
+    Default::Channel(0x402, 0x401),
+);
+
+/// Its mapping: how far the other channel has turned.
+pub const DYNAMIC_RPDO_3_MAPPING: [Row; 7] = mapping(
+    0x1602,
+    "RPDO 3 mapping parameter",
+    &[
+        0x202C_0110,
+        0x202C_0210,
+        0x202C_0310,
+        0x202C_0408,
+        0x202C_0508,
+    ],
+);
+
+/// Mapping of TPDO 7: how far this channel has turned.
+pub const TPDO_7_MAPPING: [Row; 7] = mapping(
+    0x1A06,
+    "TPDO 7 mapping parameter",
+    &[
+        0x202B_0110,
+        0x202B_0210,
+        0x202B_0310,
+        0x202B_0408,
+        0x202B_0508,
+    ],
+);
 
 /// Mapping of TPDO 5: angles now, their uncertainty and reasons.
 pub const TPDO_5_MAPPING: [Row; 7] = mapping(

@@ -19,6 +19,7 @@ use super::pdo;
 use super::profile::{AS_MEASURED, LOGICAL, PROFILE, RESOLUTIONS};
 use super::row::{Default, Row, Shape};
 use super::safety::{SAFETY, SRDO, SRDO_1_MAPPING, SRDO_2_MAPPING};
+use super::turned::TURNED;
 use super::update::UPDATE;
 use crate::instrument::PAPER_SERVICES;
 
@@ -79,10 +80,11 @@ impl Models {
 const PARTS: &[(Models, &[Row])] = &[
     (Models::ALL, COMMUNICATION),
     (Models::ALL, pdo::RPDO.split_at(2).0.as_flattened()),
-    (Models::BUT_PAPER, pdo::RPDO.split_at(2).1.as_flattened()),
+    (Models::PRODUCT, &pdo::RPDO[2]),
+    (Models::BUT_PAPER, &pdo::RPDO[3]),
     (Models::ALL, &pdo::RPDO_1_MAPPING),
     (Models::ALL, &pdo::RPDO_2_MAPPING),
-    (Models::BUT_PAPER, &pdo::RPDO_3_MAPPING),
+    (Models::PRODUCT, &pdo::RPDO_3_MAPPING),
     (Models::BUT_PAPER, &pdo::RPDO_4_MAPPING),
     (Models::ALL, pdo::TPDO.as_flattened()),
     (Models::ALL, &pdo::TPDO_1_MAPPING),
@@ -113,6 +115,10 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::GYROSCOPE, pdo::DYNAMIC_TPDO.as_flattened()),
     (Models::GYROSCOPE, &pdo::TPDO_5_MAPPING),
     (Models::GYROSCOPE, &pdo::TPDO_6_MAPPING),
+    (Models::GYROSCOPE, TURNED),
+    (Models::GYROSCOPE, &pdo::DYNAMIC_RPDO_3),
+    (Models::GYROSCOPE, &pdo::DYNAMIC_RPDO_3_MAPPING),
+    (Models::GYROSCOPE, &pdo::TPDO_7_MAPPING),
 ];
 
 /// Every row of any instrument, sorted by index and sub-index, with names and texts.

@@ -49,6 +49,7 @@ pub fn tilted(degrees: f64) -> Observation {
         },
         vector: Some(vector),
         activity: Activity::OWN,
+        turned: None,
     }
 }
 

@@ -49,7 +49,7 @@ impl Sabotage {
         match self {
             Self::None => {}
             Self::Blind => {
-                let check = CrossCheck::Product(BLIND, ProductState::default());
+                let check = CrossCheck::Product(BLIND, ProductState::default(), None);
                 replace(setup, network, node, check);
             }
         }

@@ -19,6 +19,7 @@ use crate::fusion::{Fusion, FusionState};
 use crate::motion::{Rate, Vertical};
 use crate::sample::{RateCounts, Temperature};
 use crate::temperature::TemperatureModel;
+use crate::turned::Turned;
 use crate::uncertainty::Uncertainty;
 use crate::vector::Corrected;
 use instant::Instant;
@@ -134,6 +135,23 @@ impl<C: Composition> Chain<C> {
     pub(super) fn fused_reading(&self, state: &ChainState<C>, now: Instant) -> Option<Reading> {
         let (fusion, _, _) = self.fusion()?;
         self.fused(state, now, fusion.latency_us)
+    }
+
+    /// How far the gyroscope has turned up to the instant of the aligned angle, about the
+    /// housing's axes; `None` where no gyroscope takes part, or something is missing since this was
+    /// last asked for.
+    pub fn take_turned(&self, state: &mut ChainState<C>, now: Instant) -> Option<Turned> {
+        let (fusion, _, _) = self.fusion()?;
+        let latest = self.fresh(state, now);
+        let temperature = self.temperature_of(state);
+        let state = state.fusion.as_mut()?.get_mut();
+        let at = now.offset(-i64::from(fusion.latency_us));
+        let (Ok(latest), Ok(temperature)) = (latest, temperature) else {
+            state.interrupt_turned();
+            return None;
+        };
+        let accel = self.calibration.budget.accel_at_rest(temperature);
+        state.take_turned(fusion, latest.at.micros_since(at), accel)
     }
 
     /// The calibrated acceleration behind the low-pass, as [`Chain::reading_and_vector`] has it

@@ -157,6 +157,11 @@ impl ActivityState {
         *self = Self::default();
     }
 
+    /// For how long no shock has been heard, us.
+    pub const fn quiet_us(&self) -> u32 {
+        self.quiet_us
+    }
+
     /// A pair was missing: its look is not known.
     pub fn skip(&mut self) {
         for channel in &mut self.channels {

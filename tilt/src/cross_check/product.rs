@@ -14,6 +14,7 @@
 //! which is the device's.
 
 use crate::chain::Invalid;
+use crate::composition::Place;
 use crate::observation::Observation;
 use crate::vector::Corrected;
 use instant::Instant;
@@ -21,6 +22,7 @@ use instant::Instant;
 use super::activity::{ActivityCheck, ActivityState};
 use super::findings::{Against, Comparison, Evidence, Findings, Latch};
 use super::movement::{Finding, Movement, MovementState};
+use super::rates::{RateCheck, RateState};
 use super::residual::{Residual, ResidualState};
 use super::standstill::{self, Standstill, StandstillState};
 use super::window::{WindowCheck, WindowState};
@@ -39,6 +41,8 @@ pub struct ProductCheck {
     pub movement: Movement,
     /// Whose gravity is wrong.
     pub standstill: Standstill,
+    /// Difference of the rates of turn, where there are gyroscopes.
+    pub rates: RateCheck,
     /// How long a finding stays.
     pub latch: Latch,
 }
@@ -54,6 +58,7 @@ impl ProductCheck {
         },
         movement: Movement::PRODUCT,
         standstill: Standstill::PRODUCT,
+        rates: RateCheck::PRODUCT,
         latch: Latch::UntilReset,
     };
 }
@@ -197,9 +202,9 @@ impl ProductState {
 
 impl ProductCheck {
     /// Judges one pair taken at `now`.
-    pub fn judge(
+    pub fn judge<R: Place<RateState>>(
         &self,
-        state: &mut ProductState,
+        (state, rates): (&mut ProductState, Option<&mut R>),
         own: &Observation,
         peer: &Observation,
         now: Instant,
@@ -208,12 +213,26 @@ impl ProductCheck {
         let paused = elapsed_us == LONGEST_PAUSE_US;
         let absent = [reason(&own.reading), reason(&peer.reading)];
         let (mut against, waiting) = state.miss(absent, now);
-        let comparison = if absent == [None, None] {
+        let (mut comparison, vectors) = if absent == [None, None] {
             self.compare(state, own, peer, &mut against, (now, elapsed_us))
         } else {
             state.lapse(absent);
-            Comparison::Absent
+            (Comparison::Absent, false)
         };
+        if let Some(rates) = rates {
+            let shaken = self.activity.is_shaken(&state.activity)
+                || state.activity.quiet_us() < self.rates.calm_us;
+            let pair = [own, peer];
+            let found = (self.rates).step(rates.get_mut(), pair, (vectors, shaken), elapsed_us);
+            accuse(&mut against, found.loud.map(|node| (node, Invalid::Noise)));
+            accuse(
+                &mut against,
+                found.contradicts.map(|node| (node, Invalid::Biased)),
+            );
+            if found.differ && comparison != Comparison::Absent {
+                comparison = Comparison::Differ;
+            }
+        }
         let evidence = Evidence {
             against,
             measures: absent.map(|why| why.is_none()),
@@ -226,7 +245,7 @@ impl ProductCheck {
         found.or(waiting).unwrap_or(Judgement::Agree)
     }
 
-    /// Both channels measure.
+    /// Both channels measure: how they compare, and whether it is their vectors that differ.
     fn compare(
         &self,
         state: &mut ProductState,
@@ -234,7 +253,7 @@ impl ProductCheck {
         peer: &Observation,
         against: &mut [Option<Against>; 2],
         (now, elapsed_us): (Instant, u32),
-    ) -> Comparison {
+    ) -> (Comparison, bool) {
         if elapsed_us == LONGEST_PAUSE_US {
             state.restart();
         }
@@ -246,21 +265,34 @@ impl ProductCheck {
             .window
             .compare(&mut state.window, &own.reading, &peer.reading, now);
         let mut differ = angles == Judgement::Disagree;
+        let mut vectors = false;
         if let (Some(a), Some(b)) = (&own.vector, &peer.vector) {
-            let uncertainty = uncertainty(own, peer);
             let shaken = self.activity.is_shaken(&state.activity);
+            let mut uncertainty = uncertainty(own, peer);
+            let (check, shaken) = match (own.turned, peer.turned) {
+                (Some(_), Some(_)) => {
+                    let shaken = shaken || state.activity.quiet_us() < self.rates.calm_us;
+                    if shaken {
+                        uncertainty = uncertainty.max(self.rates.shaken);
+                    }
+                    (&self.rates.accelerations, shaken)
+                }
+                _ => (&self.residual, shaken),
+            };
             let residual = &mut state.residual;
-            differ |= (self.residual).step(residual, [a, b], uncertainty, shaken, elapsed_us);
+            vectors = check.step(residual, [a, b], uncertainty, shaken, elapsed_us);
+            differ |= vectors;
             let culprit = self.weigh(state, [a, b], elapsed_us, (uncertainty, differ));
             accuse(against, culprit.map(|node| (node, Invalid::Biased)));
         }
-        if differ {
+        let comparison = if differ {
             Comparison::Differ
         } else if state.window.exceeds() {
             Comparison::Excess
         } else {
             Comparison::Agree
-        }
+        };
+        (comparison, vectors)
     }
 
     /// The channel that moved alone is named, or the one whose gravity is wrong at a standstill,
@@ -314,6 +346,10 @@ fn pause(before: Option<Instant>, now: Instant) -> u32 {
 ///
 /// An angle step is 2 pi / 2^32 rad, so 1 g away it is 2^26 times that: 0.098175 = 6434 / 65536.
 fn uncertainty(own: &Observation, peer: &Observation) -> u32 {
+    if let (Some(own), Some(_)) = (&own.turned, &peer.turned) {
+        // Both are calibrated alike: the root of 2.
+        return own.accel.saturating_add(own.accel / 5 * 2);
+    }
     let axis = |a, b| combined(a, b).unwrap_or(0);
     let (own, peer) = (&own.reading, &peer.reading);
     // The smaller one: where an axis stands upright its angle is vague, and the vector is not.

@@ -51,6 +51,7 @@ pub(super) fn along(mg: [f64; 3]) -> Observation {
         },
         vector: Some(vector),
         activity: Activity::OWN,
+        turned: None,
     }
 }
 
@@ -98,7 +99,7 @@ impl Bench {
             ..ProductCheck::PRODUCT
         };
         Self {
-            check: CrossCheck::Product(check, ProductState::default()),
+            check: CrossCheck::Product(check, ProductState::default(), None),
             ..Self::new()
         }
     }

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::product_tests::{Bench, G, along, level, loud, pose};
 use super::*;
 use crate::health::Activity;
+use crate::turned::Turned;
 use crate::uncertainty::Uncertainty;
 use crate::vector::Corrected;
 
@@ -101,15 +102,33 @@ fn any_axis() -> impl Strategy<Value = Result<Measurement, Invalid>> {
     ]
 }
 
+fn any_turned() -> impl Strategy<Value = Turned> {
+    let bias = prop::option::of(any::<[i32; 3]>());
+    let told = (any::<[i16; 3]>(), any::<u8>(), bias, any::<u32>());
+    told.prop_map(|(angle, activity, bias, accel)| Turned {
+        angle,
+        activity: Activity(activity),
+        bias,
+        accel,
+    })
+}
+
 fn any_observation() -> impl Strategy<Value = Observation> {
     let accel = prop_oneof![any::<[i32; 3]>(), Just([i32::MIN; 3]), Just([i32::MAX; 3])];
-    (any_axis(), any_axis(), prop::option::of(accel), any::<u8>()).prop_map(
-        |(x, y, accel, activity)| Observation {
-            reading: Axes { x, y },
-            vector: accel.map(|accel| Corrected { accel }),
-            activity: Activity(activity),
-        },
-    )
+    let turned = prop::option::of(any_turned());
+    let told = (
+        any_axis(),
+        any_axis(),
+        prop::option::of(accel),
+        any::<u8>(),
+        turned,
+    );
+    told.prop_map(|(x, y, accel, activity, turned)| Observation {
+        reading: Axes { x, y },
+        vector: accel.map(|accel| Corrected { accel }),
+        activity: Activity(activity),
+        turned,
+    })
 }
 
 /// Something that happens to a channel, to judge alike whichever it is.
@@ -212,7 +231,7 @@ proptest! {
             latch: seconds.map_or(Latch::UntilReset, Latch::Healthy),
             ..ProductCheck::PRODUCT
         };
-        let mut check: CrossCheck = CrossCheck::Product(check, ProductState::default());
+        let mut check: CrossCheck = CrossCheck::Product(check, ProductState::default(), Some(RateState::default()));
         let mut now = Instant(if back { u64::MAX / 2 } else { 0 });
         for (own, peer, pause, restarted) in pairs {
             let pause = i64::from(pause);

@@ -138,8 +138,22 @@ impl Residual {
     ) -> bool {
         let mut whole = [0; 3];
         for (d, (own, peer)) in whole.iter_mut().zip(own.accel.iter().zip(&peer.accel)) {
-            *d = (i64::from(*own) - i64::from(*peer)) << FRACTION;
+            *d = i64::from(*own) - i64::from(*peer);
         }
+        self.take(state, whole, uncertainty, shaken, elapsed_us)
+    }
+
+    /// The same with the difference own minus peer, 2^-26 per step, of whatever unit the
+    /// thresholds are.
+    pub(super) fn take(
+        &self,
+        state: &mut ResidualState,
+        difference: [i64; 3],
+        uncertainty: u32,
+        shaken: bool,
+        elapsed_us: u32,
+    ) -> bool {
+        let whole = difference.map(|axis| axis << FRACTION);
         let least = uncertainty.saturating_mul(self.coverage);
         let threshold = self.whole.max(least);
         let counted_us = elapsed_us.min(LONGEST_US);
@@ -149,7 +163,7 @@ impl Residual {
         let mut exceeded = exceeds(&mut state.whole, threshold, threshold);
         // Half for what is steady, half for what changes with the pose; 1 mg of noise on top.
         let half = threshold / 2;
-        let least = half.saturating_add(MG);
+        let least = (least / 2).saturating_add(MG);
         let known = state.learned_us >= KNOWN_US;
         let mut rest = whole;
         for (rest, baseline) in rest.iter_mut().zip(&state.baseline) {
@@ -226,13 +240,13 @@ fn follow(low: &mut [i64; 3], value: &[i64; 3], share: u32) {
 
 /// `value` / 2^`bits`, towards zero. A shift alone rounds down: the peer, to whom each difference
 /// has the other sign, would round it the other way and could judge otherwise.
-const fn towards_zero(value: i64, bits: u32) -> i64 {
+pub(super) const fn towards_zero(value: i64, bits: u32) -> i64 {
     (value + ((value >> 63) as u64 >> (64 - bits)) as i64) >> bits
 }
 
 /// `elapsed` / (`elapsed` + `tau`) in 2^-22, rounded down: long division by the chip's own of 32
 /// bits, as many digits at a time as there is room for.
-fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
+pub(super) fn share_q22(elapsed_us: u32, tau_us: u32) -> u32 {
     let sum = u64::from(elapsed_us) + u64::from(tau_us);
     let whole = match u32::try_from(sum.max(1)) {
         Ok(whole) if whole < 1 << 31 => whole,

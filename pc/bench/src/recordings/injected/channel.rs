@@ -82,6 +82,7 @@ impl<'a> Channel<'a> {
             reading,
             vector,
             activity,
+            turned: None,
         }
     }
 

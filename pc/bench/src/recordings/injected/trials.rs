@@ -8,7 +8,7 @@
 
 use sim::fault::SensorFault;
 use sim::rng::Rng;
-use tilt::cross_check::{Judgement, Member, ProductCheck, ProductState};
+use tilt::cross_check::{Judgement, Member, ProductCheck, ProductState, RateState};
 
 use super::board::{Board, PAIR_US, Pair};
 
@@ -68,7 +68,12 @@ pub fn healthy(board: &Board, check: &ProductCheck) -> Healthy {
         if board.kept.contains_key(&index) {
             seen.states.push((index, state));
         }
-        let judgement = check.judge(&mut state, &pair.own, &pair.peer, pair.now);
+        let judgement = check.judge(
+            (&mut state, None::<&mut RateState>),
+            &pair.own,
+            &pair.peer,
+            pair.now,
+        );
         let told = judgement.is_fault();
         seen.named += u32::from(matches!(judgement, Judgement::OneChannel { .. }));
         if (board.motion.0..board.motion.1).contains(&pair.now.0) {
@@ -163,7 +168,7 @@ fn trial(
             Member::Own => (seen, pair.peer),
             Member::Peer => (pair.own, seen),
         };
-        let judgement = check.judge(&mut state, &own, &peer, pair.now);
+        let judgement = check.judge((&mut state, None::<&mut RateState>), &own, &peer, pair.now);
         told.take(judgement, faulty, plan.still && pair.lies, || {
             pair.now.micros_since(first.now) as f64 / 1e6
         });

@@ -1,0 +1,305 @@
+//! Two gyroscopes on one housing: whether they turn alike, and which of them is wrong.
+//!
+//! In: how far each channel has turned ([`Turned`]) and both accelerations. Out: whether the rates
+//! differ by more than two healthy channels' can, and the channel that is the wrong one, by noise
+//! of its own or by what gravity shows ([`gravity`](super::gravity)).
+//!
+//! The difference goes through the low-passes of the [`Residual`], with its baseline: what a
+//! power-on has left in the bias of either. What calibration leaves of scale and alignment grows
+//! with the rate, so that is allowed beside it.
+//!
+//! Left out: what a channel finds of itself, such as codes that repeat (`fusion`).
+
+use super::Member;
+use super::activity::{ActivityCheck, ActivityState};
+use super::gravity::{Gravity, GravityState, Kind, Pair, Turn};
+use super::residual::{Residual, ResidualState, Stage};
+use crate::observation::Observation;
+use crate::turned::Turned;
+
+/// Configuration; rates in 2^-26 rad/s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RateCheck {
+    /// Noise.
+    pub activity: ActivityCheck,
+    /// Difference of the accelerations of a part with a gyroscope, in place of
+    /// [`ProductCheck::residual`](super::ProductCheck::residual); 2^-26 g.
+    pub accelerations: Residual,
+    /// The machine is calm again so long after a shock, us: the part passes more of one than a
+    /// part without a gyroscope, and the low-passes keep it.
+    pub calm_us: u32,
+    /// Until then the pair's combined standard uncertainty is at least this, 2^-26 g.
+    pub shaken: u32,
+    /// Difference of the rates.
+    pub residual: Residual,
+    /// Combined standard uncertainty of two rates, as a share of them, in 1/1024.
+    pub share: u32,
+    /// Whose gravity leaves its place.
+    pub gravity: Gravity,
+}
+
+/// A hundredth of a degree per second, 2^-26 rad/s.
+const CENTIDEGREE: u32 = (67_108_864.0 * core::f64::consts::PI / 18_000.0) as u32;
+
+const fn stage(tau_us: u32, calm: u32, shaken: u32) -> Stage {
+    Stage {
+        tau_us,
+        calm: calm * CENTIDEGREE,
+        shaken: shaken * CENTIDEGREE,
+    }
+}
+
+/// A stage with thresholds in 0.5 mg.
+const fn stage_mg(tau_us: u32, calm: u32, shaken: u32) -> Stage {
+    /// 2^-26 g.
+    const HALF_MG: u32 = 33_554;
+    Stage {
+        tau_us,
+        calm: calm * HALF_MG,
+        shaken: shaken * HALF_MG,
+    }
+}
+
+impl RateCheck {
+    /// For two ISM330DHCX; `docs/faults.md` has the evidence.
+    pub const PRODUCT: Self = Self {
+        activity: ActivityCheck {
+            spike: u32::MAX - 1,
+            ..ActivityCheck::PRODUCT
+        },
+        accelerations: Residual {
+            stages: [
+                stage_mg(0, 50, 400),
+                stage_mg(20_000, 24, 200),
+                stage_mg(100_000, 15, 70),
+                stage_mg(250_000, 10, 30),
+                stage_mg(500_000, 8, 18),
+            ],
+            whole: 335_545,
+            ..Residual::PRODUCT
+        },
+        calm_us: 800_000,
+        // 1.6 mg.
+        shaken: 107_374,
+        residual: Residual {
+            stages: [
+                stage(0, 150, 300),
+                stage(20_000, 80, 160),
+                stage(100_000, 40, 80),
+                stage(250_000, 30, 40),
+                stage(500_000, 25, 30),
+            ],
+            whole_us: 500_000,
+            whole: 70 * CENTIDEGREE,
+            coverage: 5,
+            baseline_us: 100_000_000,
+        },
+        share: 3,
+        gravity: Gravity::PRODUCT,
+    };
+}
+
+/// Pairs farther apart are not compared, us: the housing may have turned right round.
+const LONGEST_US: u32 = 250_000;
+
+/// What is remembered.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RateState {
+    activity: ActivityState,
+    residual: ResidualState,
+    gravity: GravityState,
+    /// Where both had turned to at the pair before.
+    before: Option<[[i16; 3]; 2]>,
+    /// The own bias before the two differed, 2^-32 rad/s.
+    bias: Option<[i32; 3]>,
+    /// Time since that pair, us.
+    elapsed_us: u32,
+}
+
+impl RateState {
+    /// A pair was lost on the way: what was heard at its instant stands alone.
+    pub fn skip(&mut self) {
+        self.activity.skip();
+    }
+
+    /// A channel was away, or began anew: everything does.
+    pub fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Nobody knows how far either has turned since the pair before.
+    fn interrupt(&mut self) {
+        self.skip();
+        self.before = None;
+        self.gravity.restart();
+    }
+}
+
+/// What one pair of rates shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Found {
+    /// The rates differ.
+    pub differ: bool,
+    /// This channel's gyroscope is too loud.
+    pub loud: Option<Member>,
+    /// This channel's gyroscope or accelerometer contradicts gravity.
+    pub contradicts: Option<Member>,
+}
+
+impl RateCheck {
+    /// Takes in a pair; `differ` says that the accelerations do, and `shaken` that a shock may be
+    /// going through the machine.
+    pub fn step(
+        &self,
+        state: &mut RateState,
+        [own, peer]: [&Observation; 2],
+        (differ, shaken): (bool, bool),
+        elapsed_us: u32,
+    ) -> Found {
+        let mut found = Found::default();
+        state.elapsed_us = state.elapsed_us.saturating_add(elapsed_us);
+        let Some(a) = &own.turned else {
+            state.interrupt();
+            return found;
+        };
+        let Some(b) = &peer.turned else {
+            // What it tells next has all that it turns meanwhile.
+            state.skip();
+            return found;
+        };
+        let loud = (self.activity).step(&mut state.activity, a.activity, b.activity, elapsed_us);
+        found.loud = loud.map(|(member, _)| member);
+        let elapsed_us = core::mem::take(&mut state.elapsed_us);
+        let turned = turned(&mut state.before, a, b);
+        let Some(turned) = turned.filter(|_| elapsed_us <= LONGEST_US) else {
+            state.gravity.restart();
+            return found;
+        };
+        found.differ = self.differ(&mut state.residual, turned, shaken, elapsed_us);
+        if !found.differ && a.bias.is_some() {
+            state.bias = a.bias;
+        }
+        let differs = match (found.differ, differ) {
+            (true, _) => Some(Kind::Rates),
+            (_, true) => Some(Kind::Accelerations),
+            _ => None,
+        };
+        if let Some(bias) = state.bias {
+            let pair = Pair {
+                accelerations: accelerations(own, peer),
+                turns: turns(turned, bias, state.residual.baseline(), elapsed_us),
+                shaken,
+                elapsed_us,
+            };
+            found.contradicts = self.gravity.step(&mut state.gravity, &pair, differs);
+        }
+        found
+    }
+
+    /// Whether the rates differ.
+    fn differ(
+        &self,
+        state: &mut ResidualState,
+        turned: [[i16; 3]; 2],
+        shaken: bool,
+        elapsed_us: u32,
+    ) -> bool {
+        let [rate, difference] = turned.map(|angle| per_second(angle, elapsed_us));
+        let fastest = rate
+            .iter()
+            .fold(0, |most, axis| axis.unsigned_abs().max(most));
+        let uncertainty = ((u64::from(fastest) * u64::from(self.share)) >> 10) as u32;
+        let difference = difference.map(i64::from);
+        self.residual
+            .take(state, difference, uncertainty, shaken, elapsed_us)
+    }
+}
+
+/// How far this channel has turned since the pair before, and how much farther than the peer;
+/// 2^-18 of a circle.
+fn turned(
+    before: &mut Option<[[i16; 3]; 2]>,
+    own: &Turned,
+    peer: &Turned,
+) -> Option<[[i16; 3]; 2]> {
+    let [own_before, peer_before] = before.replace([own.angle, peer.angle])?;
+    let own = minus(own.angle, own_before);
+    Some([own, minus(own, minus(peer.angle, peer_before))])
+}
+
+fn minus([ax, ay, az]: [i16; 3], [bx, by, bz]: [i16; 3]) -> [i16; 3] {
+    [
+        ax.wrapping_sub(bx),
+        ay.wrapping_sub(by),
+        az.wrapping_sub(bz),
+    ]
+}
+
+/// An angle of 2^-18 of a circle in so much time as a rate, 2^-26 rad/s.
+fn per_second(angle: [i16; 3], elapsed_us: u32) -> [i32; 3] {
+    /// 2 pi 2^26 / 2^18 1e6.
+    const FACTOR: u64 = (core::f64::consts::TAU * 256.0 * 1e6) as u64;
+    let factor = (FACTOR / u64::from(elapsed_us.max(1))) as i64;
+    angle.map(|axis| (i64::from(axis) * factor).clamp(-LARGEST, LARGEST) as i32)
+}
+
+/// Mean of both accelerations, and own minus peer.
+fn accelerations(own: &Observation, peer: &Observation) -> Option<[[i32; 3]; 2]> {
+    let (own, peer) = (own.vector?, peer.vector?);
+    let both = |join: fn(i64, i64) -> i64| {
+        let ([ax, ay, az], [bx, by, bz]) = (own.accel, peer.accel);
+        [(ax, bx), (ay, by), (az, bz)].map(|(a, b)| {
+            let joined = join(i64::from(a), i64::from(b));
+            joined.clamp(-LARGEST, LARGEST) as i32
+        })
+    };
+    Some([both(|a, b| (a + b) / 2), both(|a, b| a - b)])
+}
+
+/// The most that is taken of an acceleration or a rate, 16 g or 16 rad/s.
+const LARGEST: i64 = 1 << 30;
+
+/// Both turns without their bias: the peer's is the own one, and what they differ by beyond what
+/// they usually do.
+fn turns(
+    [own, difference]: [[i16; 3]; 2],
+    bias: [i32; 3],
+    baseline: [i32; 3],
+    elapsed_us: u32,
+) -> [Turn; 2] {
+    let own = less(own, bias.map(|axis| turn(axis, 32, elapsed_us)));
+    let farther = less(difference, baseline.map(|axis| turn(axis, 26, elapsed_us)));
+    let ([ox, oy, oz], [fx, fy, fz]) = (own, farther);
+    let peer = [
+        ox.saturating_sub(fx),
+        oy.saturating_sub(fy),
+        oz.saturating_sub(fz),
+    ];
+    [own, peer]
+}
+
+/// An angle of 2^-18 of a circle in radians of 2^-30, less so many of these.
+fn less([x, y, z]: [i16; 3], [bx, by, bz]: [i32; 3]) -> Turn {
+    [
+        radians(x).saturating_sub(bx),
+        radians(y).saturating_sub(by),
+        radians(z).saturating_sub(bz),
+    ]
+}
+
+/// 2^-18 of a circle in 2^-30 rad.
+fn radians(angle: i16) -> i32 {
+    /// 2 pi 2^30 / 2^18.
+    const FACTOR: i32 = (core::f64::consts::TAU * 4096.0 + 0.5) as i32;
+    i32::from(angle) * FACTOR
+}
+
+/// A rate of 2^-`bits` rad/s for so long, 2^-30 rad.
+fn turn(rate: i32, bits: u32, elapsed_us: u32) -> i32 {
+    /// 1e-6 2^30; 0.02 % too much.
+    const FACTOR: i64 = 1074;
+    ((i64::from(rate) * i64::from(elapsed_us) * FACTOR) >> bits) as i32
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,201 @@
+use super::*;
+use crate::ONE_G;
+use crate::chain::Invalid;
+use crate::health::Activity;
+use crate::motion::Rate;
+use crate::turned::{TurnedState, per_period_q32};
+
+/// A pair is judged every 20 ms, a gyroscope sampled every 2.5 ms.
+const SYNC_US: u32 = 20_000;
+const SAMPLE_S: f64 = 0.0025;
+
+/// Two channels on a housing that turns about x alone, and what is wrong with their gyroscopes.
+struct Housing {
+    check: RateCheck,
+    state: RateState,
+    turned: [TurnedState; 2],
+    pitch: f64,
+}
+
+impl Housing {
+    fn new() -> Self {
+        Self {
+            check: RateCheck::PRODUCT,
+            state: RateState::default(),
+            turned: Default::default(),
+            pitch: 0.0,
+        }
+    }
+
+    /// One pair while it turns by so many deg/s; either gyroscope reads so much more, deg/s about
+    /// each axis, and either accelerometer, mg along y.
+    fn pair(&mut self, dps: f64, errors: [[f64; 3]; 2], mg: [f64; 2]) -> Found {
+        for _ in 0..8 {
+            for (turned, error) in self.turned.iter_mut().zip(errors) {
+                let read = [dps + error[0], error[1], error[2]];
+                let rate = read.map(|dps| (dps.to_radians() * 16_777_216.0).round() as i32);
+                turned.turn(Rate { rate }, per_period_q32(SAMPLE_S), 1);
+            }
+        }
+        self.pitch += dps.to_radians() * f64::from(SYNC_US) * 1e-6;
+        let (sin, cos) = self.pitch.sin_cos();
+        let observed = [0, 1].map(|node| {
+            let g = f64::from(ONE_G);
+            let up = [0.0, sin * g + mg[node] * 1e-3 * g, cos * g];
+            let turned = self.turned[node].take(0, 0).map(|turned| Turned {
+                bias: Some([0; 3]),
+                activity: Activity::OWN,
+                ..turned
+            });
+            Observation {
+                vector: Some(crate::vector::Corrected {
+                    accel: up.map(|a| a.round() as i32),
+                }),
+                turned,
+                ..Observation::absent(Invalid::NoSample)
+            }
+        });
+        let [own, peer] = &observed;
+        let apart = (mg[0] - mg[1]).abs() > 3.0;
+        (self.check).step(&mut self.state, [own, peer], (apart, false), SYNC_US)
+    }
+
+    /// Swings to and fro for so many pairs without an error; nothing may be found.
+    fn swings(&mut self, pairs: u32) {
+        for pair in 0..pairs {
+            let found = self.pair(swing(pair), [[0.0; 3]; 2], [0.0; 2]);
+            assert_eq!(found, Found::default(), "{pair}");
+        }
+    }
+
+    /// The pairs until the rates differ, and those until a channel is named, within a minute.
+    fn found(
+        &mut self,
+        moves: bool,
+        errors: [[f64; 3]; 2],
+    ) -> (Option<u32>, Option<(u32, Member)>) {
+        let (mut told, mut named) = (None, None);
+        for pair in 0..3_000 {
+            let dps = if moves { swing(pair) } else { 0.0 };
+            let found = self.pair(dps, errors, [0.0; 2]);
+            if found.differ {
+                told = told.or(Some(pair));
+            }
+            if let Some(member) = found.contradicts {
+                named = named.or(Some((pair, member)));
+            }
+        }
+        (told, named)
+    }
+}
+
+/// Two seconds up, one of pause, two down, one of pause; 30 deg/s at most.
+fn swing(pair: u32) -> f64 {
+    match pair % 300 {
+        at @ 0..100 => 30.0 * (f64::from(at) * 0.01 * core::f64::consts::PI).sin(),
+        at @ 150..250 => -30.0 * (f64::from(at - 150) * 0.01 * core::f64::consts::PI).sin(),
+        _ => 0.0,
+    }
+}
+
+#[test]
+fn a_bias_about_any_axis_is_told_at_once_and_its_channel_named_while_it_swings() {
+    for (dps, within) in [(0.5, 20), (2.0, 2)] {
+        for axis in 0..3 {
+            for (node, member) in [(0, Member::Own), (1, Member::Peer)] {
+                let mut housing = Housing::new();
+                housing.swings(1500);
+                let mut errors = [[0.0; 3]; 2];
+                errors[node][axis] = dps;
+                let (told, named) = housing.found(true, errors);
+                let case = (dps, axis, node);
+                assert!(
+                    told.is_some_and(|pairs| pairs <= within),
+                    "{case:?}: {told:?}"
+                );
+                assert_eq!(named.map(|(_, who)| who), Some(member), "{case:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rate_about_gravity_itself_is_not_named_while_the_housing_stands() {
+    for node in [0, 1] {
+        let mut housing = Housing::new();
+        for _ in 0..1000 {
+            housing.pair(0.0, [[0.0; 3]; 2], [0.0; 2]);
+        }
+        let mut errors = [[0.0; 3]; 2];
+        errors[node][2] = 2.0;
+        let (told, named) = housing.found(false, errors);
+        assert!(told.is_some_and(|pairs| pairs < 3), "{told:?}");
+        assert_eq!(named, None);
+    }
+}
+
+#[test]
+fn a_dead_axis_names_nobody_while_the_machine_slews_slowly_and_steadily() {
+    // Both stand level and slew about gravity by 2 deg/s; the own gyroscope reads none of it.
+    let mut housing = Housing::new();
+    housing.swings(1500);
+    let errors = [[0.0; 3], [0.0, 0.0, 2.0]];
+    let (told, named) = housing.found(false, errors);
+    assert!(told.is_some());
+    assert_eq!(named, None);
+}
+
+#[test]
+fn an_acceleration_that_leaves_gravity_names_its_channel() {
+    for (node, member) in [(0, Member::Own), (1, Member::Peer)] {
+        let mut housing = Housing::new();
+        housing.swings(1500);
+        let mut mg = [0.0; 2];
+        mg[node] = 20.0;
+        let mut named = None;
+        for pair in 0..1500 {
+            let found = housing.pair(swing(pair), [[0.0; 3]; 2], mg);
+            assert!(!found.differ);
+            named = named.or(found.contradicts);
+        }
+        assert_eq!(named, Some(member));
+    }
+}
+
+#[test]
+fn a_power_on_bias_is_no_fault() {
+    let mut housing = Housing::new();
+    let bias = [[0.2, -0.1, 0.1], [-0.1, 0.2, 0.0]];
+    for pair in 0..3000 {
+        let found = housing.pair(swing(pair), bias, [0.0; 2]);
+        assert!(
+            !found.differ && found.contradicts.is_none(),
+            "{pair}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn a_turn_that_the_peer_told_late_was_held_against_it() {
+    // Three exchanges of the peer are lost while both turn; its next one has all of it.
+    let mut housing = Housing::new();
+    housing.swings(1500);
+    let level = Observation::absent(Invalid::NoSample);
+    for _ in 0..3 {
+        for turned in &mut housing.turned {
+            let rate = Rate {
+                rate: [8_000_000, 0, 0],
+            };
+            (0..8).for_each(|_| turned.turn(rate, per_period_q32(SAMPLE_S), 1));
+        }
+        let own = Observation {
+            turned: housing.turned[0].take(0, 0),
+            ..level
+        };
+        let lost =
+            (housing.check).step(&mut housing.state, [&own, &level], (false, false), SYNC_US);
+        assert_eq!(lost, Found::default());
+        let _ = housing.turned[1].take(0, 0);
+    }
+    assert!(!housing.pair(27.0, [[0.0; 3]; 2], [0.0; 2]).differ);
+}
