@@ -44,9 +44,6 @@ use truth::{Slopes, Watched};
 /// Channels of an instrument.
 pub const CHANNELS: usize = 2;
 
-/// An angle belongs to the instant so long before its SYNC, s.
-pub const LATENCY_S: f64 = 0.025;
-
 /// From the end of a fault to the look whether the pair is in order, s.
 pub const LOOK_AFTER_S: f64 = 2.0;
 
@@ -101,7 +98,7 @@ pub struct Seen<'a> {
     pub event: &'a Event,
     /// What it says, and which channel says it.
     pub message: Option<(usize, Message)>,
-    /// The true slopes [`LATENCY_S`] before the event.
+    /// The true slopes [`Setup::latency_s`] before the event.
     pub truth: Option<Slopes>,
 }
 
@@ -254,14 +251,15 @@ impl<'a> Run<'a> {
                 told = Message::of(frame);
                 if let Some((channel, message)) = &told {
                     self.master.hear(*channel, message, *at_ns);
-                    let ideal = |time_s: f64| truth.at(time_s).map(|slopes| slopes.ideal_deg);
+                    let mode = self.setup.mode;
+                    let ideal = |time_s: f64| truth.at(time_s).map(|slopes| slopes.due_deg(mode));
                     self.checks.see(at_s, *channel, message, ideal);
                 }
             }
             seen(Seen {
                 event,
                 message: told,
-                truth: truth.at(at_s - LATENCY_S),
+                truth: truth.at(at_s - self.setup.latency_s()),
             });
         }
         self.events.clear();

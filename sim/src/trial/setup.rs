@@ -5,6 +5,7 @@
 use std::fmt;
 
 use canopen::object::{Address, Value, at};
+use device::factory::{DYNAMIC_LATENCY_US, PRODUCT_LATENCY_US};
 use device::objects::safety::VALID;
 use device::records::{Record, RecordStore, parameters};
 
@@ -120,6 +121,15 @@ impl Setup {
         memory
     }
 
+    /// An angle belongs to the instant so long before its SYNC, s.
+    pub fn latency_s(&self) -> f64 {
+        let us = match self.mode {
+            Mode::Dynamic => DYNAMIC_LATENCY_US,
+            _ => PRODUCT_LATENCY_US,
+        };
+        f64::from(us) * 1e-6
+    }
+
     /// What the instrument is held to.
     pub fn limits(&self) -> Limits {
         let paper = self.mode == Mode::Paper;
@@ -138,6 +148,7 @@ impl Setup {
             order_up_to: if paper { PAPER_ORDER_UP_TO } else { 1 },
             // The paper's angle has no instant of its own, so no truth to be held to in motion.
             order_deg: if paper { f64::INFINITY } else { LIMIT_DEG },
+            latency_s: self.latency_s(),
         }
     }
 

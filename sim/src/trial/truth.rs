@@ -15,6 +15,7 @@ use std::collections::VecDeque;
 use std::f64::consts::{PI, SQRT_2};
 
 use crate::TICK_S;
+use crate::bench::Mode;
 use crate::low_pass::{self, LowPass};
 use crate::motion::{Attitude, Motion, Mover};
 
@@ -34,6 +35,17 @@ pub struct Slopes {
     pub ideal_deg: [f64; 2],
     /// Where the housing stands: X, Y.
     pub attitude_deg: [f64; 2],
+}
+
+impl Slopes {
+    /// What an instrument of this mode is held to, deg: with a gyroscope where the housing stands,
+    /// since it parts motion from tilt.
+    pub fn due_deg(&self, mode: Mode) -> [f64; 2] {
+        match mode {
+            Mode::Dynamic => self.attitude_deg,
+            Mode::Product | Mode::OneAxis | Mode::Paper => self.ideal_deg,
+        }
+    }
 }
 
 /// A second-order section for three axes, transposed.

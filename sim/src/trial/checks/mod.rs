@@ -30,6 +30,8 @@ pub mod stale;
 use std::collections::VecDeque;
 use std::fmt;
 
+use device::factory::PRODUCT_LATENCY_US;
+
 use crate::trial::message::Message;
 use stale::Kind;
 
@@ -125,6 +127,8 @@ pub struct Limits {
     pub order_up_to: u8,
     /// How far a valid angle of a pair in order may be off, deg.
     pub order_deg: f64,
+    /// An angle belongs to the instant so long before its SYNC, s.
+    pub latency_s: f64,
 }
 
 impl Limits {
@@ -137,6 +141,7 @@ impl Limits {
         safety: false,
         order_up_to: 1,
         order_deg: LIMIT_DEG,
+        latency_s: 1e-6 * PRODUCT_LATENCY_US as f64,
     };
 }
 
@@ -255,7 +260,8 @@ impl Checks {
         match message {
             Message::Sync => self.sync(at_s),
             Message::Slopes(slopes) => {
-                let truth = |sync: &f64| ideal(sync - super::LATENCY_S);
+                let latency_s = self.limits.latency_s;
+                let truth = |sync: &f64| ideal(sync - latency_s);
                 let newest = self.syncs.front().and_then(truth);
                 let older = || self.syncs.iter().skip(1).map_while(truth).collect();
                 self.exposure.slopes(at_s, channel);

@@ -40,7 +40,7 @@ impl Trace {
         self.syncs += 1;
         self.now_s = f64::from(self.syncs) * 0.02;
         self.say(0, Message::Sync);
-        let truth = (self.ideal)(self.now_s - crate::trial::LATENCY_S);
+        let truth = (self.ideal)(self.now_s - self.checks.limits.latency_s);
         let [x, y] = truth.expect("always known");
         self.now_s += 0.001;
         for channel in 0..2 {
