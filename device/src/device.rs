@@ -28,6 +28,7 @@ use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement};
 use tilt::filter::Filtered;
+use tilt::fusion::Turned;
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
@@ -150,6 +151,10 @@ impl<P: Part, C: Composition> Source<C> for Channel<P, C> {
             reading: self.reading_now(settings, now),
             rate: self.rate(settings, now),
         }
+    }
+
+    fn turned(&self) -> Turned {
+        self.turned()
     }
 
     fn filtered(&self) -> Option<Filtered> {

@@ -1,4 +1,4 @@
-//! Angle and rates of the moment behind their rows: 2029h and 202Ah.
+//! Angle and rates of the moment and the measured turn behind their rows: 2029h, 202Ah, 2034h.
 //!
 //! In: a channel that says at each instant what a test wants. Out: what the rows read as, at a SYNC
 //! and between two of them.
@@ -15,7 +15,7 @@ use device::exchange::reason_code;
 use device::factory::{self, RULE};
 use device::instrument::Dynamic;
 use device::objects::device_objects::{DeviceObjects, Identity, Parts, Source};
-use device::objects::moment::{Moment, NO_RATE};
+use device::objects::moment::{Moment, NO_RATE, SUM_STEP};
 use device::objects::table::{Channel, Models};
 use instant::Instant;
 use nothing::Nothing;
@@ -23,6 +23,7 @@ use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::Composition;
 use tilt::filter::Filtered;
+use tilt::fusion::Turned;
 use tilt::motion::{RATE_STEPS, Rate};
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
@@ -31,6 +32,7 @@ use tilt::uncertainty::Uncertainty;
 /// Says of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
 struct Clockwork {
     moment: Result<[f64; 3], Invalid>,
+    turned: Turned,
 }
 
 impl Clockwork {
@@ -70,6 +72,10 @@ impl Source<Dynamic> for Clockwork {
         self.of(now)
     }
 
+    fn turned(&self) -> Turned {
+        self.turned
+    }
+
     fn filtered(&self) -> Option<Filtered> {
         None
     }
@@ -96,7 +102,10 @@ fn parts(moment: Result<[f64; 3], Invalid>) -> Parts<Nothing, Clockwork, Dynamic
     };
     Parts::new(
         identity,
-        Clockwork { moment },
+        Clockwork {
+            moment,
+            turned: Turned::default(),
+        },
         Nothing::NEW,
         &factory::dynamic(),
         table_settings,
@@ -188,4 +197,44 @@ fn in_operational_they_count_when_the_slopes_do() {
     assert_eq!(read(&mut parts, 20, 0x2029, 4), reason);
     assert_eq!(read(&mut parts, 20, 0x202A, 4), reason);
     assert_eq!(read(&mut parts, 20, 0x202A, 1), i32::from(NO_RATE));
+}
+
+#[test]
+fn the_measured_turn_is_one_value_and_four_and_goes_on_through_a_wrap() {
+    let mut parts = parts(Err(Invalid::NoSample));
+    assert_eq!(
+        [1, 2, 3, 4, 6].map(|sub| read(&mut parts, 20, 0x2034, sub)),
+        [0; 5]
+    );
+    let all = |parts: &mut Parts<_, _, _>| {
+        let mut objects = DeviceObjects {
+            parts,
+            now: at_ms(20),
+        };
+        let whole = objects.read(at(0x2034, 5)).unwrap();
+        assert_eq!(whole.bytes().len(), 8);
+        whole.unsigned().to_le_bytes()
+    };
+    // 100 samples of 4 rad/s either side of where the sums wrap.
+    let (before, after) = (i32::MAX - 5, i32::MAX.wrapping_add(400 << 16) - 5);
+    parts.channel.turned = Turned {
+        sum: [before, -1, 1 << 27],
+        samples: 0xFFF0,
+        gaps: 7,
+    };
+    let [n, m, x, y, rest @ ..] = all(&mut parts);
+    assert_eq!(
+        (u16::from_le_bytes([n, m]), rest),
+        (0xFFF0, [0xFF, 0xFF, 0, 0])
+    );
+    assert_eq!(
+        i32::from(i16::from_le_bytes([x, y])),
+        read(&mut parts, 20, 0x2034, 2)
+    );
+    assert_eq!(read(&mut parts, 20, 0x2034, 6), 7);
+    let from = read(&mut parts, 20, 0x2034, 2) as i16;
+    parts.channel.turned.sum[0] = after;
+    let to = read(&mut parts, 20, 0x2034, 2) as i16;
+    let turned = f64::from(to.wrapping_sub(from)) * SUM_STEP;
+    assert!((turned - 400.0).abs() <= SUM_STEP, "{turned}");
 }

@@ -23,6 +23,7 @@ use crate::ONE_G;
 use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
 use crate::composition::{Composition, Place, Whole};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
+use crate::fusion::Turned;
 use crate::motion::Rate;
 use crate::root::root;
 use crate::sample::{Counts, FullScale, Sample, Temperature};
@@ -332,6 +333,13 @@ impl<C: Composition> ChainState<C> {
     /// The newest rate as the gyroscope read it, in its own axes: what its calibration memorises.
     pub fn measured_rate(&self) -> Option<Rate> {
         self.fusion.as_ref().map(|fusion| fusion.get().measured())
+    }
+
+    /// What the gyroscope has measured since the start, summed up; `None` before its first sample.
+    pub fn turned(&self) -> Option<Turned> {
+        let turned = self.fusion.as_ref()?.get().turned();
+        let gaps = turned.gaps.wrapping_add(self.filled as u16);
+        Some(Turned { gaps, ..turned })
     }
 
     /// Missing samples that were filled by holding the one before, since the start.

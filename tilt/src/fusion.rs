@@ -125,6 +125,20 @@ pub struct FusionState {
     /// Repeats of all codes at once, and of each axis' code, so far.
     repeated_all: u8,
     repeated: [u8; 3],
+    turned: Turned,
+}
+
+/// The measured rate summed up since the start, in the sensor's axes, before its correction: two
+/// of these differ by the turn between them, however rarely they are read. All of it wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Turned {
+    /// Sum over the samples, 2^-16 rad/s per step. Each sample is rounded down, so a mean is low
+    /// by up to one step, at rest as in a turn.
+    pub sum: [i32; 3],
+    /// Samples.
+    pub samples: u16,
+    /// How often samples were missing before one that came, and how many were filled there.
+    pub gaps: u16,
 }
 
 impl Default for FusionState {
@@ -139,6 +153,7 @@ impl Default for FusionState {
             previous: Err(Invalid::NoSample),
             repeated_all: 0,
             repeated: [0; 3],
+            turned: Turned::default(),
         }
     }
 }
@@ -165,6 +180,7 @@ impl FusionState {
 
     /// Begins anew after a gap; what was found of the gyroscope is kept.
     pub fn restart(&mut self) {
+        self.turned.gaps = self.turned.gaps.wrapping_add(1);
         self.motion.restart();
         self.turned.interrupt();
         self.latest = Err(Invalid::NoSample);
@@ -174,6 +190,7 @@ impl FusionState {
     /// Memorises what the gyroscope read, in its own axes.
     pub(crate) fn memorise(&mut self, rate: Rate) {
         let before = core::mem::replace(&mut self.measured, rate);
+        self.add(rate);
         let count = |again: bool, repeats: &mut u8| {
             *repeats = if again { repeats.saturating_add(1) } else { 0 };
         };
@@ -185,6 +202,21 @@ impl FusionState {
         count(again_x, of_x);
         count(again_y, of_y);
         count(again_z, of_z);
+    }
+
+    /// Adds a sample to the sum: some ten instructions.
+    fn add(&mut self, Rate { rate: [x, y, z] }: Rate) {
+        let [sum_x, sum_y, sum_z] = &mut self.turned.sum;
+        *sum_x = sum_x.wrapping_add(x >> 8);
+        *sum_y = sum_y.wrapping_add(y >> 8);
+        *sum_z = sum_z.wrapping_add(z >> 8);
+        self.turned.samples = self.turned.samples.wrapping_add(1);
+    }
+
+    /// What the gyroscope has measured since the start; of the gaps those that were too long to
+    /// be filled.
+    pub const fn turned(&self) -> Turned {
+        self.turned
     }
 
     /// True where the gyroscope's codes repeat as those of no part in order do.
@@ -260,5 +292,27 @@ impl FusionState {
     /// The gyroscope's bias as estimated beside its calibration, 2^-32 rad/s per step.
     pub fn bias(&self) -> Option<[i32; 3]> {
         self.motion.bias()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_grow_by_each_sample_and_a_long_gap_is_counted() {
+        let mut state = FusionState::default();
+        for _ in 0..70_000 {
+            state.memorise(Rate {
+                rate: [256 * 4_000, -256, 255],
+            });
+        }
+        let Turned { sum, samples, gaps } = state.turned();
+        let wrapped = 4_000_i64 * 70_000;
+        assert_eq!(sum, [wrapped as i32, -70_000, 0]);
+        assert_eq!((samples, gaps), (70_000_u32 as u16, 0));
+        state.restart();
+        assert_eq!(state.turned().gaps, 1);
+        assert_eq!(state.turned().sum, sum);
     }
 }

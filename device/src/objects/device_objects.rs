@@ -16,11 +16,12 @@ use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Place, Whole};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
+use tilt::fusion::Turned;
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
 use super::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B, REVISION, VENDOR_ID};
-use super::moment::Moment;
+use super::moment::{ALL_TURNED, Moment};
 use super::process::Shown;
 use super::safety::VALID;
 use super::table::{Channel, Models};
@@ -45,6 +46,10 @@ pub trait Source<C: Composition = Whole> {
     /// What is so at this very moment, where there is a gyroscope.
     fn moment(&self, _settings: &Settings<C>, _now: Instant) -> Moment {
         Moment::NOTHING
+    }
+    /// What the gyroscope has measured since the start, summed up.
+    fn turned(&self) -> Turned {
+        Turned::default()
     }
     /// The newest filtered acceleration.
     fn filtered(&self) -> Option<Filtered>;
@@ -262,6 +267,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             0x2029 | 0x202A if I::Moment::FITTED => return self.read_moment(at),
             0x202B if I::Moment::FITTED => turned::read(&process.sent.turned, at.sub),
             0x202C if I::Moment::FITTED => turned::read(&process.received.turned, at.sub),
+            0x2034 if I::Moment::FITTED => return self.read_turned(at),
             0x2031 => process.filtered.get(axis).copied().map(Number::i32),
             0x2032 => Some(Number::u32(process.samples)),
             0x2033 => Some(Number::u32(process.period_q8)),
@@ -400,6 +406,9 @@ impl<M: Memory, S: Source<I>, I: Instrument> Objects for DeviceObjects<'_, M, S,
     }
 
     fn read(&mut self, at: Address) -> Result<Value, Abort> {
+        if I::Moment::FITTED && at == ALL_TURNED {
+            return Ok(self.read_all_turned());
+        }
         self.number(at).map(Value::from)
     }
 

@@ -1,5 +1,6 @@
 //! What an instrument with a gyroscope shows beside the aligned angle: angle and rates of turn of
-//! the moment of SYNC, 2029h and 202Ah. CiA 410 is not known to have objects for either.
+//! the moment of SYNC, 2029h and 202Ah, and what its gyroscope measures before any correction,
+//! summed up, 2034h. CiA 410 is not known to have objects for any of it.
 //!
 //! In: what the channel says at a SYNC, or at the last look where there is none. Out: the rows, and
 //! the numbers behind them; TPDO 5 and 6 (`pdo`) carry them. The angles are shown as 6010h and
@@ -10,11 +11,12 @@
 //!
 //! Left out: the peer's angle and rates of the moment, which no node is told.
 
-use canopen::object::DataType::{Integer16, Unsigned8, Unsigned16};
-use canopen::object::{Abort, Address, Number};
+use canopen::object::DataType::{Integer16, Unsigned8, Unsigned16, Unsigned64};
+use canopen::object::{Abort, Address, Number, Value};
 use tilt::angle::Axes;
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::Place;
+use tilt::fusion::Turned;
 use tilt::motion::Rate;
 use tilt::observation::Observation;
 
@@ -59,7 +61,56 @@ pub const MOMENT: &[Row] = &[
         .tpdo()
         .unit("0.01 deg/s"),
     member(0x202A, 4, "Reason of the rates", Unsigned8, REASON).tpdo(),
+    record(
+        0x2034,
+        6,
+        "Measured turn",
+        "Sums of what the gyroscope has measured since the start, in the axes of the sensor and \
+         before any correction; everything wraps. Two readings that are less than 100 samples \
+         apart differ by the turn between them: the difference of the sums times the sample period \
+         (2033h).",
+    ),
+    member(
+        0x2034,
+        1,
+        "Samples of the sums",
+        Unsigned16,
+        "Samples in the sums.",
+    )
+    .tpdo(),
+    member(0x2034, 2, "Sum of the rate X", Integer16, SUM)
+        .to(4)
+        .tpdo()
+        .unit(SUM_UNIT),
+    member(
+        0x2034,
+        5,
+        "Samples and sums",
+        Unsigned64,
+        "Sub-index 1 to 4 of one moment, 16 bits each, sub-index 1 in the lowest.",
+    ),
+    member(
+        0x2034,
+        6,
+        "Gaps",
+        Unsigned16,
+        "Samples that were missing, and gaps too long to be counted by samples: the turn in them \
+         is not in the sums.",
+    )
+    .tpdo(),
 ];
+
+/// 2034h sub 5, the one object of eight bytes.
+pub(super) const ALL_TURNED: Address = canopen::object::at(0x2034, 5);
+
+/// 2034h sub 2 to 4 have the upper 16 bits of what wraps in 2^27 steps of [`Turned::sum`].
+const SUM_BITS: u32 = 11;
+
+/// 2034h sub 2 to 4 in one step, rad/s times samples.
+pub const SUM_STEP: f64 = 1.0 / 32.0;
+
+const SUM: &str = "About the sensor's axes X, Y, Z, right-handed.";
+const SUM_UNIT: &str = "1/32 rad/s x samples";
 
 const SLOPE: &str = "With the unit, inversion, preset and offsets of the slope of the same axis. \
      -32768: there is none.";
@@ -86,6 +137,11 @@ impl Moment {
 
 /// 0.01 deg/s in one step of [`Rate`], 2^-14.
 const HUNDREDTHS: i64 = (18_000.0 / core::f64::consts::PI * 16_384.0 + 0.5) as i64;
+
+/// A sum as 2034h has it: rounded down, which the next one has again.
+const fn shown_sum(sum: i32) -> i16 {
+    (sum >> SUM_BITS) as i16
+}
 
 /// A rate in 0.01 deg/s, rounded; it stops at +-327.67 deg/s.
 fn hundredths(rate: i32) -> i16 {
@@ -121,6 +177,29 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
             .map(|m| super::process::thousandths(m.uncertainty))
             .max();
         larger.unwrap_or(UNKNOWN_UNCERTAINTY)
+    }
+
+    /// 2034h, but for sub 5.
+    pub(super) fn read_turned(&self, at: Address) -> Result<Number, Abort> {
+        let Turned { sum, samples, gaps } = self.parts.channel.turned();
+        Ok(match at.sub {
+            1 => Number::u16(samples),
+            6 => Number::u16(gaps),
+            sub => {
+                let axis = usize::from(sub).wrapping_sub(2);
+                Number::i16(sum.get(axis).copied().map_or(0, shown_sum))
+            }
+        })
+    }
+
+    /// 2034h sub 5.
+    // Out of line: what reads any other object would hold its eight bytes.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub(super) fn read_all_turned(&self) -> Value {
+        let Turned { sum, samples, .. } = self.parts.channel.turned();
+        let ([n, m], [x, y, z]) = (samples.to_le_bytes(), sum.map(shown_sum));
+        let ([x0, x1], [y0, y1], [z0, z1]) = (x.to_le_bytes(), y.to_le_bytes(), z.to_le_bytes());
+        Value::whole([n, m, x0, x1, y0, y1, z0, z1])
     }
 
     /// 2029h and 202Ah.

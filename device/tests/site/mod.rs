@@ -258,15 +258,31 @@ impl Site {
         Some(answer.map(|_| ()))
     }
 
-    /// An expedited upload; `None` without an answer, else the abort code as error.
+    /// An upload, expedited or of eight bytes; `None` without an answer, else the abort code as
+    /// error.
     pub fn read(&mut self, at: Address) -> Option<Result<Value, u32>> {
         let [low, high] = at.index.to_le_bytes();
         let answer = self.request([0x40, low, high, at.sub, 0, 0, 0, 0])?;
+        if answer.is_ok_and(|[command, ..]| command == 0x41) {
+            return self.read_segments().map(Ok);
+        }
         Some(answer.map(|[command, _, _, _, data @ ..]| {
             assert_eq!(command & 0xF3, 0x43);
             let length = 4 - usize::from(command >> 2 & 3);
             Value::new(&data[..length]).unwrap()
         }))
+    }
+
+    /// The segments of an upload of eight bytes.
+    fn read_segments(&mut self) -> Option<Value> {
+        let mut all = Vec::new();
+        for toggle in [0, 0x10] {
+            let answer = self.request([0x60 | toggle, 0, 0, 0, 0, 0, 0, 0])?;
+            let [command, data @ ..] = answer.ok()?;
+            assert_eq!(command & 0x10, toggle);
+            all.extend(&data[..7 - usize::from(command >> 1 & 7)]);
+        }
+        Value::new(&all)
     }
 
     /// LSS for a device that has lost its node-id.
