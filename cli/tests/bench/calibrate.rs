@@ -139,8 +139,18 @@ const STANDS: [(f64, f64); 15] = [
     (-0.2, -0.3),
 ];
 
-/// Puts the housing down as it is asked for, and says so by a line unless `silent`.
-fn put_down(bench: &mut Bench, asked: ChildStderr, mut answers: Option<ChildStdin>) -> String {
+/// Puts the housing down as it is asked for, and says so by a line where there are `answers`.
+fn put_down(bench: &mut Bench, asked: ChildStderr, answers: Option<ChildStdin>) -> String {
+    put_down_by_way_of(&["level", "roll 20", "level"], bench, asked, answers)
+}
+
+/// The same with these words between two poses.
+fn put_down_by_way_of(
+    by_way_of: &[&str],
+    bench: &mut Bench,
+    asked: ChildStderr,
+    mut answers: Option<ChildStdin>,
+) -> String {
     bench.say("rate 400");
     let mut at = 0;
     let mut all = String::new();
@@ -162,11 +172,10 @@ fn put_down(bench: &mut Bench, asked: ChildStderr, mut answers: Option<ChildStdi
             continue;
         }
         // Up, so that a housing that comes back to where it stood has moved all the same.
-        for words in ["level", "roll 20"] {
+        for words in by_way_of {
             bench.say(words);
             std::thread::sleep(Duration::from_millis(150));
         }
-        bench.say("level");
         bench.say(&format!("roll {roll}"));
         bench.say(&format!("pitch {pitch}"));
         std::thread::sleep(Duration::from_millis(200));
@@ -211,6 +220,111 @@ fn a_person_calibrates_in_thirteen_poses() {
     let errors: Vec<f64> = errors.map(|p| p["error_deg"].as_f64().unwrap()).collect();
     let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
     assert!(rms < 0.08, "{rms}: {errors:?}");
+}
+
+/// The largest U of the gains that a report states for a channel, %, and how many have one.
+fn gains(channel: &serde_json::Value) -> (f64, usize) {
+    let all = channel["gyroscope"].as_array().unwrap().iter();
+    let gains = all.filter(|c| c["unit"] == "%" && c["name"] != "Scale, slope");
+    let stated: Vec<f64> = gains.filter_map(|c| c["expanded"].as_f64()).collect();
+    (stated.iter().copied().fold(0.0, f64::max), stated.len())
+}
+
+/// A bench whose instrument has gyroscopes. The bus keeps up with what they turn.
+fn dynamic(more: &[&str]) -> Bench {
+    Bench::new("5", &[&["--mode", "dynamic"], more].concat())
+}
+
+/// The channels of the report of a motor's run.
+fn channels(bench: &Bench, more: &[&str]) -> Vec<serde_json::Value> {
+    let options = ["--step", "30", "--tolerance", "1", "--json"];
+    let mut run = by_motor(bench, &[&options, more].concat());
+    let (status, out, err) = said(&run.output().unwrap());
+    assert_eq!(status, Some(0), "{err}");
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    report["channels"].as_array().unwrap().clone()
+}
+
+#[test]
+fn a_motor_calibrates_the_gyroscopes_too_and_the_report_states_their_uncertainty() {
+    let bench = dynamic(&["--uncalibrated"]);
+    for channel in channels(&bench, &[]) {
+        let turns = &channel["gyroscope_turns"];
+        assert_eq!(turns["refused"], serde_json::Value::Null);
+        assert!(turns["used"].as_u64().unwrap() >= 20, "{turns}");
+        assert!(turns["check_deg"].as_f64().unwrap() < 0.3, "{turns}");
+        let (largest, count) = gains(&channel);
+        assert_eq!(count, 9);
+        assert!(largest > 0.01 && largest < 0.6, "{largest}");
+    }
+    let certificate = fs::read_to_string(bench.path("report/dcc.xml")).unwrap();
+    assert!(certificate.contains("Turns for the gyroscope"));
+    let scale = certificate.split("Scale, axis x, in %").nth(1).unwrap();
+    let scale = scale.split("</dcc:quantity>").next().unwrap();
+    assert!(scale.contains("si:expandedUncXMLList"), "{scale}");
+    let (status, out, err) = bench.verify(&bench.path("report/dcc.xml"));
+    assert_eq!(status, Some(0), "{out} {err}");
+}
+
+#[test]
+fn a_frozen_gyroscope_and_one_of_a_wrong_scale_are_refused_and_take_no_part() {
+    let mut bench = dynamic(&["--uncalibrated"]);
+    bench.say("fault a rate-frozen");
+    bench.say("fault b rate-scale 40");
+    for (channel, why) in channels(&bench, &[])
+        .iter()
+        .zip(["0 of its turns", "contradict"])
+    {
+        let refused = channel["gyroscope_turns"]["refused"].as_str().unwrap();
+        assert!(refused.contains(why), "{refused}");
+        assert_eq!(channel["gyroscope"], serde_json::Value::Null);
+    }
+    let page = fs::read_to_string(bench.path("report/report.html")).unwrap();
+    assert!(page.contains("its correction is as it was found"));
+}
+
+#[test]
+fn a_gyroscope_that_takes_part_and_is_wrong_leaves_the_whole_calibration_as_it_was() {
+    let mut bench = dynamic(&[]);
+    let before = bench.kept();
+    bench.say("fault b rate-scale 40");
+    let options = ["--step", "30", "--nodes", "2", "--json"];
+    let (status, out, err) = said(&by_motor(&bench, &options).output().unwrap());
+    assert_eq!(status, Some(1), "{err}");
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let refused = report
+        .pointer("/channels/0/gyroscope_turns/refused")
+        .unwrap();
+    assert!(
+        refused.as_str().unwrap().contains("contradict"),
+        "{refused}"
+    );
+    assert_eq!(bench.kept(), before);
+}
+
+#[test]
+fn turns_from_pose_to_pose_calibrate_the_gyroscopes_by_hand() {
+    let mut bench = dynamic(&["--uncalibrated"]);
+    let mut run = calibrate(&bench, &["--by-hand", "--json"]);
+    run.stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut run = run.spawn().unwrap();
+    let (asked, answers) = (run.stderr.take().unwrap(), run.stdin.take());
+    // From pose to pose at once, which turns about z as well.
+    let told = put_down_by_way_of(&[], &mut bench, asked, answers);
+    let (status, out, _) = said(&run.wait_with_output().unwrap());
+    assert_eq!(status, Some(0), "{told}");
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    for channel in report["channels"].as_array().unwrap() {
+        let turns = &channel["gyroscope_turns"];
+        assert_eq!(turns["refused"], serde_json::Value::Null, "{told}");
+        let (largest, count) = gains(channel);
+        println!("by hand: {} turns, U {largest:.2} %", turns["used"]);
+        assert!(count == 9 && largest < 0.6, "{largest}");
+        // The second pose is the first one, turned: there and back shows nothing.
+        assert!(!turns["left_out"].as_array().unwrap().is_empty(), "{told}");
+    }
 }
 
 #[test]

@@ -12,9 +12,11 @@ use super::by_motor::STILL_MG;
 use super::console::{Answer, Console};
 use super::error::CalibrateError;
 use super::fit::{compensated_g, temperature};
+use super::gains::{self, Demand, Outcome, Rest};
 use super::hand::{self, Faces, HandFit, NEAR_DEG, POSES, Taken, angle_deg};
 use super::reading::Reading;
 use super::session::{Node, Session, encode};
+use super::turns;
 
 /// Readings of a pose, and how far apart, s: the mean of 1.2 s.
 const READINGS: u32 = 40;
@@ -22,6 +24,13 @@ const APART_S: f64 = 0.03;
 
 /// Readings that tell whether the housing stands still.
 const GLANCE: u32 = 8;
+
+/// Fewest turns between poses that a gyroscope is calibrated by: of 13 poses there are 14.
+const FEWEST_TURNS: usize = 8;
+
+/// What is said first where there are gyroscopes.
+const DIRECTLY: &str = "the gyroscopes are followed: turn the housing from each pose to the next \
+    directly and within a minute, not by way of its base";
 
 /// Settling of the filter behind a movement, s.
 const SETTLE_S: f64 = 0.4;
@@ -47,6 +56,9 @@ pub struct Handled {
     pub faces: Faces,
     /// Readings on the base with the calibration left, the second one turned by 180 deg.
     pub left: [Vec<Reading>; 2],
+    /// What has come of the turns from pose to pose for the gyroscope of each node; empty where
+    /// they have none.
+    pub gyroscopes: Vec<Outcome>,
 }
 
 /// The nodes with whoever puts them down.
@@ -57,6 +69,8 @@ pub struct Bench<'a> {
     pub console: &'a Console,
     /// Where requests and live figures go, a line each.
     pub tell: &'a dyn Fn(&str),
+    /// Where the housing stood still so far, all nodes each time, while gyroscopes are followed.
+    pub rests: Vec<Vec<Rest>>,
 }
 
 impl Bench<'_> {
@@ -64,6 +78,10 @@ impl Bench<'_> {
     ///
     /// Errors: whatever goes wrong; the nodes may then hold something new.
     pub fn calibrate(&mut self, count: usize) -> Result<Handled, CalibrateError> {
+        let follows = self.session.begin_to_follow()?;
+        if follows {
+            (self.tell)(DIRECTLY);
+        }
         let mut poses: Vec<Vec<Reading>> = Vec::new();
         while poses.len() < count {
             let place = poses.len();
@@ -86,6 +104,10 @@ impl Bench<'_> {
             self.session.write(place, &encode(calibration))?;
         }
         let left = self.zero(poses.last().cloned())?;
+        let gyroscopes = match follows {
+            true => self.gyroscopes(&fits, &faces)?,
+            false => Vec::new(),
+        };
         Ok(Handled {
             poses,
             taken,
@@ -93,7 +115,32 @@ impl Bench<'_> {
             calibrations,
             faces,
             left,
+            gyroscopes,
         })
+    }
+
+    /// The gyroscopes from the turns between all rests, by the accelerometers' new calibration.
+    fn gyroscopes(
+        &mut self,
+        fits: &[HandFit],
+        faces: &Faces,
+    ) -> Result<Vec<Outcome>, CalibrateError> {
+        let logs = self.session.end_to_follow();
+        let mut outcomes = Vec::new();
+        for (place, (log, fit)) in logs.iter().zip(fits).enumerate() {
+            let rests: Vec<Rest> = self.rests.iter().map(|rest| rest[place].clone()).collect();
+            let demand = Demand {
+                vertical_deg: fit.vertical_deg(faces),
+                fewest: FEWEST_TURNS,
+                shown: [true; 3],
+            };
+            let outcome = turns::fit_and_write(self.session, place, |calibration, period_s| {
+                gains::solve(calibration, period_s, log, &rests, &demand)
+            });
+            outcomes.push(outcome?);
+        }
+        turns::tell_outcomes(self.session, &outcomes, self.tell);
+        Ok(outcomes)
     }
 
     /// The live residual: what the poses so far miss of gravity's length.
@@ -215,6 +262,14 @@ impl Bench<'_> {
         }
     }
 
+    /// Samples that each gyroscope has missed; none where none is followed.
+    fn gaps(&mut self) -> Result<Vec<u16>, CalibrateError> {
+        let followed = self.session.marks()?.len();
+        (0..followed)
+            .map(|place| self.session.gaps(place))
+            .collect()
+    }
+
     /// Waits until the housing stands still, and takes its mean.
     fn stillness(&mut self) -> Result<Vec<Reading>, CalibrateError> {
         let mut told = false;
@@ -222,11 +277,18 @@ impl Bench<'_> {
             self.session.settle(SETTLE_S)?;
             let glance = self.session.read(GLANCE, APART_S)?;
             if glance.iter().all(|r| r.scatter_mg <= STILL_MG) {
+                let gaps = self.gaps()?;
+                let from = self.session.marks()?;
                 let mean = self.session.read(READINGS, APART_S)?;
+                let to = self.session.marks()?;
                 let still = mean.iter().zip(&glance).all(|(mean, glance)| {
                     mean.scatter_mg <= STILL_MG && apart_mg(mean, glance) <= DRIFT_MG
                 });
                 if still {
+                    if !from.is_empty() {
+                        let rests = turns::rests(&mean, &from, &to, &gaps, false);
+                        self.rests.push(rests);
+                    }
                     return Ok(mean);
                 }
             }

@@ -119,6 +119,36 @@ pub struct Coefficient {
     pub value: f64,
     /// Its unit.
     pub unit: String,
+    /// Its expanded uncertainty (k = 2), where this calibration has found it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expanded: Option<f64>,
+}
+
+/// A turn that could not be used.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its number, from 1.
+    pub turn: u32,
+    /// Why.
+    pub why: String,
+}
+
+/// The turns by which a gyroscope was calibrated, or was to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Turns {
+    /// Turns that were used.
+    pub used: u32,
+    /// The others.
+    pub left_out: Vec<LeftOut>,
+    /// Why the gyroscope keeps the correction that it had; none where it has a new one.
+    pub refused: Option<String>,
+    /// Root mean square of what the fit leaves in one direction of a turn's end.
+    pub turns_residual_deg: Option<f64>,
+    /// How far turns that took no part in the fit end from where it leads, at most; none where no
+    /// turn was kept out.
+    pub check_deg: Option<f64>,
+    /// Axes of the sensor about which the housing was hardly turned: their gains are as before.
+    pub open_axes: Vec<String>,
 }
 
 /// One dwell of a chamber run, of one channel.
@@ -209,6 +239,9 @@ pub struct Channel {
     /// What the calibration as left has of a gyroscope; none where it has none.
     #[serde(default)]
     pub gyroscope: Option<Vec<Coefficient>>,
+    /// The turns for it; none where nothing was turned for a gyroscope.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyroscope_turns: Option<Turns>,
     /// Uncertainty of the errors as left.
     pub uncertainty: Vec<Contribution>,
     /// All of it together, k = 1.
@@ -381,6 +414,18 @@ mod tests {
         report.channels[0].thermal = crate::sample::chamber().channels[0].thermal.clone();
         let gyroscope = crate::gyroscope::of(&crate::sample::rates());
         report.channels[0].gyroscope = Some(gyroscope);
+        report.channels[0].gyroscope.as_mut().unwrap()[0].expanded = Some(0.1);
+        report.channels[0].gyroscope_turns = Some(Turns {
+            used: 1,
+            left_out: vec![LeftOut {
+                turn: 1,
+                why: String::new(),
+            }],
+            refused: None,
+            turns_residual_deg: None,
+            check_deg: None,
+            open_axes: Vec::new(),
+        });
         let page = include_str!("../../../docs/calibration-report.md");
         assert_documented(&report, page, "## report.json");
     }

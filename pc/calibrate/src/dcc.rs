@@ -291,6 +291,9 @@ fn results(xml: &mut Xml, channel: &Channel) {
     if let Some(gyroscope) = &channel.gyroscope {
         gyroscope::result(xml, gyroscope);
     }
+    if let Some(turns) = &channel.gyroscope_turns {
+        gyroscope::turns_result(xml, turns);
+    }
     xml.of("dcc:result", |xml| {
         name(xml, "Uncertainty of an angle as left, k = 1");
         xml.of("dcc:data", |xml| {

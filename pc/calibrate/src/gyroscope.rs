@@ -1,25 +1,38 @@
 //! What a node's calibration has of a gyroscope, for the report's page and its certificate.
 //!
-//! In: the [`RateCorrection`] of a calibration as left. Out: its coefficients with their units, a
-//! section of the page and a result of the certificate. No uncertainty is stated: a calibration
-//! does not hold it.
+//! In: the [`RateCorrection`] of a calibration as left, and what has come of the turns. Out: its
+//! coefficients with their units, a section of the page and a result of the certificate. The
+//! uncertainty is stated where this calibration has found it; a calibration does not hold it.
 //!
-//! Left out: how it was found (`tilt::calibration::gyroscope`); what is not written here comes with
-//! the calibration from before.
+//! Left out: how it was found (`gains`); what was not found comes with the calibration from before.
 
 use tilt::rate::RateCorrection;
 
-use super::data::{Coefficient, Report};
+use super::data::{Channel, Coefficient, LeftOut, Report, Turns};
+use super::gains::{Found, Outcome};
 use super::over_temperature::{AXES, coefficients, put_coefficients};
-use super::quantity::name;
+use super::quantity::{name, real};
 use super::xml::Xml;
 use output::html;
+
+/// Names of coefficients that the turns show.
+const SCALE: &str = "Scale";
+const SHARE: &str = "Alignment, share of sensor axis ";
+const BIAS: &str = "Bias at 25 degC";
 
 /// How the coefficients give a rate.
 const NOTE: &str = "The rate about an axis of the housing is the sum over the sensor's axes of \
     each one's share times its reading without bias. The share of the axis of the same name is \
     100 % and its scale; the others are the alignment. Bias and scale are those at 25 degC plus \
-    their change with the distance from 25 degC. The calibration holds no uncertainty of them.";
+    their change with the distance from 25 degC.";
+
+/// What is said of the uncertainty where it is not known.
+const UNKNOWN: &str = " The calibration holds no uncertainty of them.";
+
+/// What is said of it where there were turns.
+const KNOWN: &str = " Their expanded uncertainty (k = 2) is that of the turns between rests, with \
+    gravity by the channel's own accelerometer as the reference; of an axis that the turns do not \
+    show it is that of a part as it comes. What has none is as it was found.";
 
 /// The coefficients in the order of the axes: scale and alignment, then bias.
 pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
@@ -32,16 +45,17 @@ pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
                 axis: (*axis).to_owned(),
                 value,
                 unit: unit.to_owned(),
+                expanded: None,
             });
         };
-        put("Scale", 100.0 * (real.matrix[row][row] - 1.0), "%");
+        put(SCALE, 100.0 * (real.matrix[row][row] - 1.0), "%");
         put("Scale, slope", 100.0 * real.scale1[row], "%/degC");
         for (column, other) in AXES.iter().enumerate().filter(|(c, _)| *c != row) {
-            let called = format!("Alignment, share of sensor axis {other}");
+            let called = format!("{SHARE}{other}");
             put(&called, 100.0 * real.matrix[row][column], "%");
         }
         let (b0, b1) = (real.bias[row].to_degrees(), real.bias1[row].to_degrees());
-        put("Bias at 25 degC", b0, "deg/s");
+        put(BIAS, b0, "deg/s");
         put("Bias, slope", 1e3 * b1, "(mdeg/s)/degC");
         let b2 = 1e3 * real.bias2[row].to_degrees();
         put("Bias, quadratic", b2, "(mdeg/s)/degC^2");
@@ -49,10 +63,99 @@ pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
     all
 }
 
+/// Puts into the report what has come of the turns, channel by channel.
+pub fn put(report: &mut Report, outcomes: &[Outcome]) {
+    for (channel, outcome) in report.channels.iter_mut().zip(outcomes) {
+        channel.gyroscope_turns = Some(turns(outcome));
+        if let (Ok(found), Some(all)) = (&outcome.found, &mut channel.gyroscope) {
+            put_uncertainty(all, found);
+        }
+    }
+}
+
+fn turns(outcome: &Outcome) -> Turns {
+    let left_out = outcome.bad.iter().map(|(number, reason)| LeftOut {
+        turn: *number as u32,
+        why: reason.to_string(),
+    });
+    let found = outcome.found.as_ref();
+    let open = found.map_or([false; 3], |found| found.open);
+    let open_axes = AXES.iter().zip(open).filter(|(_, open)| *open);
+    Turns {
+        used: outcome.used as u32,
+        left_out: left_out.collect(),
+        refused: found.err().map(ToString::to_string),
+        turns_residual_deg: found.ok().map(|found| found.gains.residual_rms_deg),
+        check_deg: found.ok().and_then(|found| found.check_deg),
+        open_axes: open_axes.map(|(axis, _)| (*axis).to_owned()).collect(),
+    }
+}
+
+/// U of each coefficient that was found.
+fn put_uncertainty(all: &mut [Coefficient], found: &Found) {
+    for coefficient in all {
+        let axis = AXES.iter().position(|axis| *axis == coefficient.axis);
+        let row = axis.unwrap_or(0);
+        let share = coefficient.name.strip_prefix(SHARE);
+        let column = share.and_then(|other| AXES.iter().position(|axis| *axis == other));
+        let gain = |column: usize| 100.0 * found.gains.uncertainty[row][column];
+        let u = match (coefficient.name.as_str(), column) {
+            (SCALE, _) => Some(gain(row)),
+            (BIAS, _) => Some(found.bias.uncertainty[row].to_degrees()),
+            (_, Some(column)) => Some(gain(column)),
+            _ => None,
+        };
+        coefficient.expanded = u.map(|u| 2.0 * u);
+    }
+}
+
+/// A line about each gyroscope.
+pub fn figures(report: &Report) -> String {
+    let mut text = String::new();
+    for channel in &report.channels {
+        let letter = &channel.channel;
+        let Some(turns) = &channel.gyroscope_turns else {
+            continue;
+        };
+        text += &match &turns.refused {
+            Some(refused) => {
+                format!("gyroscope {letter}: NOT calibrated, as it was: {refused}\n")
+            }
+            None => format!(
+                "gyroscope {letter}: {} turns, U of its gains {:.2} % (k = 2){}\n",
+                turns.used,
+                largest_gain(channel),
+                match &turns.open_axes[..] {
+                    [] => String::new(),
+                    open => format!("; axis {} was not turned", open.join(", ")),
+                }
+            ),
+        };
+    }
+    text
+}
+
+/// The largest U of the gains that the turns show, %.
+fn largest_gain(channel: &Channel) -> f64 {
+    let open = channel.gyroscope_turns.iter().flat_map(|t| &t.open_axes);
+    let open: Vec<&String> = open.collect();
+    let shown = |c: &&Coefficient| {
+        let of = c.name.strip_prefix(SHARE).unwrap_or(&c.axis);
+        c.unit == "%" && !open.iter().any(|open| *open == of)
+    };
+    let all = channel.gyroscope.iter().flatten().filter(shown);
+    all.filter_map(|c| c.expanded).fold(0.0, f64::max)
+}
+
 /// The section of the page; empty where no channel has a gyroscope.
 pub fn page(report: &Report) -> String {
     let mut out = String::new();
     for channel in &report.channels {
+        if let Some(turns) = &channel.gyroscope_turns {
+            let title = format!("Turns for the gyroscope of channel {}", channel.channel);
+            out += &format!("<h3>{}</h3>\n", html::escape(&title));
+            out += &html::facts(&facts(turns));
+        }
         if let Some(gyroscope) = &channel.gyroscope {
             let title = format!("Gyroscope of channel {}", channel.channel);
             out += &html::table(&coefficients(&title, gyroscope));
@@ -60,8 +163,43 @@ pub fn page(report: &Report) -> String {
     }
     match out.is_empty() {
         true => out,
-        false => html::paragraph(NOTE) + &out,
+        false => html::paragraph(&(NOTE.to_owned() + note(&report.channels))) + &out,
     }
+}
+
+fn note(channels: &[Channel]) -> &'static str {
+    let all = channels.iter().flat_map(|c| c.gyroscope.iter().flatten());
+    match all.map(|c| c.expanded).any(|u| u.is_some()) {
+        true => KNOWN,
+        false => UNKNOWN,
+    }
+}
+
+fn facts(turns: &Turns) -> Vec<(&'static str, String)> {
+    let deg = |value: Option<f64>| value.map_or("none".to_owned(), |deg| format!("{deg:.3} deg"));
+    let mut facts = vec![("Turns used", turns.used.to_string())];
+    if let Some(refused) = &turns.refused {
+        facts.push((
+            "Not calibrated",
+            format!("{refused}; its correction is as it was found"),
+        ));
+    } else {
+        facts.push((
+            "Left by the fit in one direction, rms",
+            deg(turns.turns_residual_deg),
+        ));
+        facts.push(("Turns that check it, largest error", deg(turns.check_deg)));
+    }
+    if !turns.open_axes.is_empty() {
+        facts.push((
+            "Axes not turned, gains as before",
+            turns.open_axes.join(", "),
+        ));
+    }
+    for left in &turns.left_out {
+        facts.push(("Left out", format!("turn {}: {}", left.turn, left.why)));
+    }
+    facts
 }
 
 /// The result of the certificate.
@@ -69,6 +207,34 @@ pub fn result(xml: &mut Xml, gyroscope: &[Coefficient]) {
     xml.of("dcc:result", |xml| {
         name(xml, "Gyroscope, as stored in the calibration as left");
         xml.of("dcc:data", |xml| put_coefficients(xml, gyroscope));
+    });
+}
+
+/// The result about the turns.
+pub fn turns_result(xml: &mut Xml, turns: &Turns) {
+    let refused = turns.refused.as_ref();
+    let what = refused.map_or("Turns for the gyroscope".to_owned(), |refused| {
+        format!("Turns for the gyroscope, which is as it was found: {refused}")
+    });
+    xml.of("dcc:result", |xml| {
+        name(xml, &what);
+        xml.of("dcc:data", |xml| {
+            real(xml, "Turns used", f64::from(turns.used), "\\one");
+            for (what, deg) in [
+                (
+                    "Left by the fit in one direction of a turn's end, rms",
+                    turns.turns_residual_deg,
+                ),
+                (
+                    "Largest error of the turns that check the fit",
+                    turns.check_deg,
+                ),
+            ] {
+                if let Some(deg) = deg {
+                    real(xml, what, deg, "\\degree");
+                }
+            }
+        });
     });
 }
 

@@ -172,6 +172,14 @@ impl HandFit {
         (self.length_mg.iter().map(|l| l * l).sum::<f64>() / free).sqrt()
     }
 
+    /// Standard uncertainty of a vertical by it, deg.
+    pub fn vertical_deg(&self, faces: &Faces) -> f64 {
+        let shown_deg = (self.length_rms_mg() / 1000.0).to_degrees();
+        shown_deg
+            .hypot(NONLINEARITY_DEG)
+            .hypot(faces.zero_uncertainty_deg())
+    }
+
     /// The calibration that it makes of the one `before`, taken at these temperatures.
     pub fn calibration(
         &self,

@@ -20,6 +20,7 @@ mod error;
 pub mod finish;
 pub mod fit;
 pub mod folder;
+mod gains;
 mod gyroscope;
 pub mod hand;
 pub mod kept;
@@ -32,6 +33,8 @@ mod reading;
 pub mod sample;
 pub mod scpi;
 pub mod session;
+mod turned;
+mod turns;
 pub mod verify;
 mod xml;
 
@@ -201,6 +204,14 @@ fn with_motor(
     };
     let step = arguments.step.unwrap_or(kind.step());
     let swept = bench.calibrate(kind, step)?;
+    let residual_deg: Vec<f64> = swept.fits.iter().map(fit::Fitted::residual_deg).collect();
+    let mut turns = turns::Turns {
+        session,
+        motor,
+        tell: &tell,
+        residual_deg: &residual_deg,
+    };
+    let gyroscopes = turns.calibrate(kind)?;
     let made = finish::made(session)?;
     let decoded: Vec<_> = made
         .iter()
@@ -217,7 +228,9 @@ fn with_motor(
             (exact * 1000.0).round() / 1000.0
         }),
     };
-    Ok(frame.by_motor(&swept, &name, reference_deg))
+    let mut report = frame.by_motor(&swept, &name, reference_deg);
+    gyroscope::put(&mut report, &gyroscopes.unwrap_or_default());
+    Ok(report)
 }
 
 /// What the tables of these calibrations may err between two of their points, deg.
@@ -247,6 +260,7 @@ fn with_hands(
         session,
         console: &console,
         tell: &tell,
+        rests: Vec::new(),
     };
     let handled = bench.calibrate(usize::from(arguments.poses))?;
     let made = finish::made(session)?;
@@ -257,7 +271,9 @@ fn with_hands(
         made,
         tolerance_deg: arguments.tolerance.unwrap_or(TOLERANCE_DEG),
     };
-    Ok(frame.by_hand(&handled))
+    let mut report = frame.by_hand(&handled);
+    gyroscope::put(&mut report, &handled.gyroscopes);
+    Ok(report)
 }
 
 fn largest(errors: impl Iterator<Item = Option<f64>>) -> String {
@@ -277,6 +293,7 @@ fn figures(report: &Report) -> String {
             channel.channel, channel.node, channel.expanded_uncertainty_deg
         );
     }
+    text += &gyroscope::figures(report);
     let between = largest(report.difference_as_left.iter().map(|d| d.difference_deg));
     if report.channels.len() == 2 {
         text += &format!("channel A less channel B as left: {between} at most\n");

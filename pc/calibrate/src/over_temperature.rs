@@ -99,12 +99,15 @@ fn chart(channel: &Channel, thermal: &Thermal, axis: usize) -> Chart {
 
 /// A table of coefficients.
 pub fn coefficients(title: &str, all: &[Coefficient]) -> Table {
-    Rows::of(title, all)
+    let rows = Rows::of(title, all)
         .text("Coefficient", |c| &c.name)
         .text("Axis", |c| &c.axis)
-        .number("Value", 5, |c| c.value)
-        .text("Unit", |c| &c.unit)
-        .table()
+        .number("Value", 5, |c| c.value);
+    let rows = match all.iter().any(|c| c.expanded.is_some()) {
+        true => rows.number("U (k = 2)", 5, |c| c.expanded),
+        false => rows,
+    };
+    rows.text("Unit", |c| &c.unit).table()
 }
 
 fn dwells(channel: &Channel, thermal: &Thermal) -> Table {
@@ -143,7 +146,10 @@ pub fn put_coefficients(xml: &mut Xml, all: &[Coefficient]) {
         // The format has no unit of a mg per degC, so the name tells it.
         let (axis, unit) = (&coefficient.axis, &coefficient.unit);
         let called = format!("{}, axis {axis}, in {unit}", coefficient.name);
-        real(xml, &called, coefficient.value, ONE);
+        match coefficient.expanded {
+            None => real(xml, &called, coefficient.value, ONE),
+            expanded => list(xml, &called, &[coefficient.value], ONE, expanded),
+        }
     }
 }
 

@@ -20,6 +20,10 @@ const ANSWER: Duration = Duration::from_secs(5);
 /// How long one look for an answer takes; between two of them it is asked whether to go on.
 const GLANCE: Duration = Duration::from_millis(100);
 
+/// How long an answer is waited for before whoever waits has another turn: gyroscopes are followed
+/// meanwhile.
+const LOOK: Duration = Duration::from_millis(2);
+
 /// Errors of before that are passed over; a queue holds fewer.
 const ERRORS_LIMIT: usize = 100;
 
@@ -192,7 +196,7 @@ impl Scpi {
         self.say(question)?;
         let until = Instant::now() + patience;
         while wait() {
-            let glance = until.min(Instant::now() + GLANCE);
+            let glance = until.min(Instant::now() + LOOK);
             match self.intake.next(b"\n", glance) {
                 Ok(Some((line, _))) => return Ok(String::from_utf8_lossy(line).trim().to_owned()),
                 Ok(None) if Instant::now() < until => {}

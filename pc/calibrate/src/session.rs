@@ -18,6 +18,7 @@ use tilt::chain::Calibration;
 
 use super::error::CalibrateError;
 use super::reading::{Reading, Upset, wrap};
+use super::turned::Log;
 use bus_master::nmt::{self, Command, State, Told};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::{Bus, Received};
@@ -118,6 +119,8 @@ pub struct Session {
     bus: Bus,
     /// The nodes, channel A first.
     pub nodes: Vec<Node>,
+    /// What the gyroscope of each node measures, as long as it is followed; empty where it is not.
+    followed: Vec<Log>,
 }
 
 impl Session {
@@ -146,6 +149,7 @@ impl Session {
         let mut session = Self {
             bus,
             nodes: Vec::new(),
+            followed: Vec::new(),
         };
         for id in ids {
             let node = session.meet(*id)?;
@@ -309,7 +313,67 @@ impl Session {
     /// Lets the bus pass by for so long; ends early, as an error, when the user has enough.
     pub fn rest(&mut self, pause: Duration) -> Result<(), CalibrateError> {
         let until = Instant::now() + pause;
+        while !self.followed.is_empty() {
+            self.follow()?;
+            let next = until.min(Instant::now() + LOOK.0);
+            while self.hear(next)?.is_some() {}
+            if next == until {
+                return Ok(());
+            }
+        }
         while self.hear(until)?.is_some() {}
+        Ok(())
+    }
+
+    /// Follows the gyroscopes from now on, whatever else is done meanwhile; false where a node has
+    /// none (2034h).
+    ///
+    /// Errors: a node that does not answer.
+    pub fn begin_to_follow(&mut self) -> Result<bool, CalibrateError> {
+        for place in 0..self.nodes.len() {
+            match self.gaps(place) {
+                Ok(_) => {}
+                Err(CalibrateError::Sdo(SdoError::Refused(_, _, _, NO_OBJECT))) => {
+                    return Ok(false);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        self.followed = self.nodes.iter().map(|_| Log::default()).collect();
+        self.follow()?;
+        Ok(true)
+    }
+
+    /// What the gyroscope of each node has measured; it is followed no longer.
+    pub fn end_to_follow(&mut self) -> Vec<Log> {
+        std::mem::take(&mut self.followed)
+    }
+
+    /// Where the log of each gyroscope is now.
+    ///
+    /// Errors: a node that does not answer.
+    pub fn marks(&mut self) -> Result<Vec<usize>, CalibrateError> {
+        self.follow()?;
+        Ok(self.followed.iter().map(Log::mark).collect())
+    }
+
+    /// Samples that a node's gyroscope has missed since the start, and long gaps (2034h sub 6).
+    ///
+    /// Errors: a node that does not answer.
+    pub fn gaps(&mut self, place: usize) -> Result<u16, CalibrateError> {
+        let id = self.nodes[place].id;
+        Ok(self.client(id).read_u32(0x2034, 6)? as u16)
+    }
+
+    /// One look at each gyroscope that is followed.
+    fn follow(&mut self) -> Result<(), CalibrateError> {
+        for place in 0..self.followed.len() {
+            let id = self.nodes[place].id;
+            let bytes = self.client(id).upload(0x2034, 5)?;
+            if let (Ok(bytes), Some(log)) = (bytes.try_into(), self.followed.get_mut(place)) {
+                log.take(bytes);
+            }
+        }
         Ok(())
     }
 
@@ -405,6 +469,7 @@ impl Session {
     }
 
     fn read_once(&mut self, id: u8) -> Result<Single, CalibrateError> {
+        self.follow()?;
         let mut client = self.client(id);
         let mut accel = [0.0; 3];
         for (sub, axis) in (1..).zip(&mut accel) {

@@ -89,6 +89,8 @@ pub struct GainFit {
     /// Sum of the weights.
     weight: f64,
     turns: usize,
+    /// What the turns leave open stays near these.
+    prior: [[f64; 3]; 3],
 }
 
 /// Fitted scale, axis directions and mounting.
@@ -116,6 +118,15 @@ impl GainFit {
             square: 0.0,
             weight: 0.0,
             turns: 0,
+            prior: turn::IDENTITY,
+        }
+    }
+
+    /// Without a turn, near `gains` instead of the nominal ones: those that a part was found with.
+    pub fn near(gains: [[f64; 3]; 3], accuracy: Accuracy) -> Self {
+        Self {
+            prior: gains,
+            ..Self::new(accuracy)
         }
     }
 
@@ -161,12 +172,12 @@ impl GainFit {
         })
     }
 
-    /// The best known M so far, to begin the next turn with; the identity before the first one,
-    /// and where the turns contradict each other.
+    /// The best known M so far, to begin the next turn with; that which it begins near before the
+    /// first one, and where the turns contradict each other.
     pub fn present(&self) -> [[f64; 3]; 3] {
         let found = self.with_prior().solve_within(WORST_CONDITION);
         let gains = found.map(|(solution, _)| plus_identity(solution));
-        gains.ok().filter(plausible).unwrap_or(turn::IDENTITY)
+        gains.ok().filter(plausible).unwrap_or(self.prior)
     }
 
     /// All of the gains, each with a standard uncertainty of at most `largest` (0.001 is 0.1 % of
@@ -185,15 +196,18 @@ impl GainFit {
         }
     }
 
-    /// One more observation for each parameter: that it is 0, by the prior.
+    /// One more observation for each parameter: that it is what one begins near, by the prior.
     fn with_prior(&self) -> Normal<9, 1> {
         let mut normal = self.normal.clone();
-        for (n, prior) in priors().iter().flatten().enumerate() {
+        let near = minus_identity(&self.prior);
+        let parameters = priors().into_iter().zip(near);
+        let parameters = parameters.flat_map(|(row, near)| row.into_iter().zip(near));
+        for (n, (prior, near)) in parameters.enumerate() {
             let mut row = [0.0; 9];
             if let Some(one) = row.get_mut(n) {
                 *one = 1.0;
             }
-            normal.add(row, [0.0], 1.0 / (prior * prior));
+            normal.add(row, [near], 1.0 / (prior * prior));
         }
         normal
     }

@@ -268,6 +268,7 @@ fn of_quadratic(quadratic: &Quadratic) -> Vec<Coefficient> {
             axis: (*name).to_owned(),
             value,
             unit: unit.to_owned(),
+            expanded: None,
         })
     });
     all.collect()
@@ -284,6 +285,7 @@ fn of_piecewise(piecewise: &Piecewise) -> Vec<Coefficient> {
                 axis: (*name).to_owned(),
                 value: mg(*slope, 8),
                 unit: "mg/degC".to_owned(),
+                expanded: None,
             });
         }
     }

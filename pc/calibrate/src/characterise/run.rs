@@ -350,6 +350,7 @@ fn by_person(
             session: &mut *session,
             console,
             tell,
+            rests: Vec::new(),
         };
         let before = all.last().cloned();
         let taken = bench.pose(place, &what, before.as_deref())?;
