@@ -20,7 +20,7 @@ use instant::Instant;
 use tilt::chain::{Calibration, Chain, ChainState, Invalid, PART_DELAY_Q16, Reading, Timing};
 use tilt::composition::{Composition, Whole};
 use tilt::filter::{Filtered, LowPass};
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 use tilt::health::{self, Health};
 use tilt::motion::Rate;
 use tilt::observation::Observation;
@@ -401,8 +401,8 @@ impl<P: Part, C: Composition> Channel<P, C> {
     }
 
     /// What the gyroscope has measured since the start, summed up; nothing before its first sample.
-    pub fn turned(&self) -> Turned {
-        self.state.turned().unwrap_or_default()
+    pub fn measured_sum(&self) -> MeasuredSum {
+        self.state.measured_sum().unwrap_or_default()
     }
 
     /// The angle of this very moment; where there is no gyroscope, that of [`Channel::reading`].

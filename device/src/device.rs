@@ -28,7 +28,7 @@ use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
 use tilt::cross_check::{CrossCheck, Judgement};
 use tilt::filter::Filtered;
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
@@ -153,8 +153,8 @@ impl<P: Part, C: Composition> Source<C> for Channel<P, C> {
         }
     }
 
-    fn turned(&self) -> Turned {
-        self.turned()
+    fn measured_sum(&self) -> MeasuredSum {
+        self.measured_sum()
     }
 
     fn filtered(&self) -> Option<Filtered> {

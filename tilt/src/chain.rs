@@ -23,7 +23,7 @@ use crate::ONE_G;
 use crate::angle::{Angle, Axes, Harmonics, beside, hypot, slopes_beside, turn};
 use crate::composition::{Composition, Place, Whole};
 use crate::filter::{FilterState, Filtered, LowPass, scale};
-use crate::fusion::Turned;
+use crate::fusion::MeasuredSum;
 use crate::motion::Rate;
 use crate::root::root;
 use crate::sample::{Counts, FullScale, Sample, Temperature};
@@ -336,10 +336,10 @@ impl<C: Composition> ChainState<C> {
     }
 
     /// What the gyroscope has measured since the start, summed up; `None` before its first sample.
-    pub fn turned(&self) -> Option<Turned> {
-        let turned = self.fusion.as_ref()?.get().turned();
-        let gaps = turned.gaps.wrapping_add(self.filled as u16);
-        Some(Turned { gaps, ..turned })
+    pub fn measured_sum(&self) -> Option<MeasuredSum> {
+        let sum = self.fusion.as_ref()?.get().measured_sum();
+        let gaps = sum.gaps.wrapping_add(self.filled as u16);
+        Some(MeasuredSum { gaps, ..sum })
     }
 
     /// Missing samples that were filled by holding the one before, since the start.

@@ -125,13 +125,13 @@ pub struct FusionState {
     /// Repeats of all codes at once, and of each axis' code, so far.
     repeated_all: u8,
     repeated: [u8; 3],
-    turned: Turned,
+    measured_sum: MeasuredSum,
 }
 
 /// The measured rate summed up since the start, in the sensor's axes, before its correction: two
 /// of these differ by the turn between them, however rarely they are read. All of it wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Turned {
+pub struct MeasuredSum {
     /// Sum over the samples, 2^-16 rad/s per step. Each sample is rounded down, so a mean is low
     /// by up to one step, at rest as in a turn.
     pub sum: [i32; 3],
@@ -153,7 +153,7 @@ impl Default for FusionState {
             previous: Err(Invalid::NoSample),
             repeated_all: 0,
             repeated: [0; 3],
-            turned: Turned::default(),
+            measured_sum: MeasuredSum::default(),
         }
     }
 }
@@ -180,7 +180,7 @@ impl FusionState {
 
     /// Begins anew after a gap; what was found of the gyroscope is kept.
     pub fn restart(&mut self) {
-        self.turned.gaps = self.turned.gaps.wrapping_add(1);
+        self.measured_sum.gaps = self.measured_sum.gaps.wrapping_add(1);
         self.motion.restart();
         self.turned.interrupt();
         self.latest = Err(Invalid::NoSample);
@@ -206,17 +206,17 @@ impl FusionState {
 
     /// Adds a sample to the sum: some ten instructions.
     fn add(&mut self, Rate { rate: [x, y, z] }: Rate) {
-        let [sum_x, sum_y, sum_z] = &mut self.turned.sum;
+        let [sum_x, sum_y, sum_z] = &mut self.measured_sum.sum;
         *sum_x = sum_x.wrapping_add(x >> 8);
         *sum_y = sum_y.wrapping_add(y >> 8);
         *sum_z = sum_z.wrapping_add(z >> 8);
-        self.turned.samples = self.turned.samples.wrapping_add(1);
+        self.measured_sum.samples = self.measured_sum.samples.wrapping_add(1);
     }
 
     /// What the gyroscope has measured since the start; of the gaps those that were too long to
     /// be filled.
-    pub const fn turned(&self) -> Turned {
-        self.turned
+    pub const fn measured_sum(&self) -> MeasuredSum {
+        self.measured_sum
     }
 
     /// True where the gyroscope's codes repeat as those of no part in order do.
@@ -307,12 +307,12 @@ mod tests {
                 rate: [256 * 4_000, -256, 255],
             });
         }
-        let Turned { sum, samples, gaps } = state.turned();
+        let MeasuredSum { sum, samples, gaps } = state.measured_sum();
         let wrapped = 4_000_i64 * 70_000;
         assert_eq!(sum, [wrapped as i32, -70_000, 0]);
         assert_eq!((samples, gaps), (70_000_u32 as u16, 0));
         state.restart();
-        assert_eq!(state.turned().gaps, 1);
-        assert_eq!(state.turned().sum, sum);
+        assert_eq!(state.measured_sum().gaps, 1);
+        assert_eq!(state.measured_sum().sum, sum);
     }
 }

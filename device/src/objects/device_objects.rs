@@ -16,7 +16,7 @@ use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Place, Whole};
 use tilt::cross_check::CrossCheck;
 use tilt::filter::Filtered;
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
 
@@ -48,8 +48,8 @@ pub trait Source<C: Composition = Whole> {
         Moment::NOTHING
     }
     /// What the gyroscope has measured since the start, summed up.
-    fn turned(&self) -> Turned {
-        Turned::default()
+    fn measured_sum(&self) -> MeasuredSum {
+        MeasuredSum::default()
     }
     /// The newest filtered acceleration.
     fn filtered(&self) -> Option<Filtered>;

@@ -16,7 +16,7 @@ use canopen::object::{Abort, Address, Number, Value};
 use tilt::angle::Axes;
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::Place;
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 use tilt::motion::Rate;
 use tilt::observation::Observation;
 
@@ -103,7 +103,7 @@ pub const MOMENT: &[Row] = &[
 /// 2034h sub 5, the one object of eight bytes.
 pub(super) const ALL_TURNED: Address = canopen::object::at(0x2034, 5);
 
-/// 2034h sub 2 to 4 have the upper 16 bits of what wraps in 2^27 steps of [`Turned::sum`].
+/// 2034h sub 2 to 4 have the upper 16 bits of what wraps in 2^27 steps of [`MeasuredSum::sum`].
 const SUM_BITS: u32 = 11;
 
 /// 2034h sub 2 to 4 in one step, rad/s times samples.
@@ -181,7 +181,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
 
     /// 2034h, but for sub 5.
     pub(super) fn read_turned(&self, at: Address) -> Result<Number, Abort> {
-        let Turned { sum, samples, gaps } = self.parts.channel.turned();
+        let MeasuredSum { sum, samples, gaps } = self.parts.channel.measured_sum();
         Ok(match at.sub {
             1 => Number::u16(samples),
             6 => Number::u16(gaps),
@@ -196,7 +196,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     // Out of line: what reads any other object would hold its eight bytes.
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub(super) fn read_all_turned(&self) -> Value {
-        let Turned { sum, samples, .. } = self.parts.channel.turned();
+        let MeasuredSum { sum, samples, .. } = self.parts.channel.measured_sum();
         let ([n, m], [x, y, z]) = (samples.to_le_bytes(), sum.map(shown_sum));
         let ([x0, x1], [y0, y1], [z0, z1]) = (x.to_le_bytes(), y.to_le_bytes(), z.to_le_bytes());
         Value::whole([n, m, x0, x1, y0, y1, z0, z1])

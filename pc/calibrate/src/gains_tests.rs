@@ -6,7 +6,7 @@ use sim::motion::{Motion, Mover};
 use sim::network::hand::{Hand, Pose};
 use sim::rng::Rng;
 use tilt::calibration::least_squares::invert;
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 
 use super::*;
 use crate::fit::{Stand, by_motor};
@@ -25,14 +25,14 @@ struct Held {
 
 /// 2034h sub 5.
 fn snapshot(side: &Side) -> [u8; 8] {
-    let Turned { sum, samples, .. } = side.node.channel.turned();
+    let MeasuredSum { sum, samples, .. } = side.node.channel.measured_sum();
     let [n0, n1] = samples.to_le_bytes();
     let [[x0, x1], [y0, y1], [z0, z1]] = sum.map(|sum| ((sum >> 11) as i16).to_le_bytes());
     [n0, n1, x0, x1, y0, y1, z0, z1]
 }
 
 /// Mean rate as the sums have it, rad/s, over these samples.
-fn mean(from: Turned, to: Turned) -> [f64; 3] {
+fn mean(from: MeasuredSum, to: MeasuredSum) -> [f64; 3] {
     let count = f64::from(to.samples.wrapping_sub(from.samples));
     let sum = |axis: usize| f64::from(to.sum[axis].wrapping_sub(from.sum[axis]));
     [0, 1, 2].map(|axis| sum(axis) / 65_536.0 / count)
@@ -150,10 +150,10 @@ impl Held {
                 };
                 // What is in the part's filter is out first.
                 (0..200).for_each(|_| self.tick(&motion));
-                let from = [0, 1].map(|n| self.instrument.sides[n].node.channel.turned());
+                let from = [0, 1].map(|n| self.instrument.sides[n].node.channel.measured_sum());
                 (0..20_000).for_each(|_| self.tick(&motion));
                 for (node, column) in columns.iter_mut().enumerate() {
-                    let to = self.instrument.sides[node].node.channel.turned();
+                    let to = self.instrument.sides[node].node.channel.measured_sum();
                     let mean = mean(from[node], to);
                     for (row, mean) in mean.iter().enumerate() {
                         column[row][axis] += sign * mean / 200f64.to_radians();

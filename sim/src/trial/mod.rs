@@ -252,7 +252,7 @@ impl<'a> Run<'a> {
                 if let Some((channel, message)) = &told {
                     self.master.hear(*channel, message, *at_ns);
                     let mode = self.setup.mode;
-                    let ideal = |time_s: f64| truth.at(time_s).map(|slopes| slopes.due_deg(mode));
+                    let ideal = |time_s: f64| truth.due_deg(time_s, mode);
                     self.checks.see(at_s, *channel, message, ideal);
                 }
             }

@@ -37,17 +37,6 @@ pub struct Slopes {
     pub attitude_deg: [f64; 2],
 }
 
-impl Slopes {
-    /// What an instrument of this mode is held to, deg: with a gyroscope where the housing stands,
-    /// since it parts motion from tilt.
-    pub fn due_deg(&self, mode: Mode) -> [f64; 2] {
-        match mode {
-            Mode::Dynamic => self.attitude_deg,
-            Mode::Product | Mode::OneAxis | Mode::Paper => self.ideal_deg,
-        }
-    }
-}
-
 /// A second-order section for three axes, transposed.
 #[derive(Clone, Debug)]
 struct Butterworth {
@@ -189,6 +178,17 @@ impl Truth {
             ideal_deg: mix(a.ideal_deg, b.ideal_deg),
             attitude_deg: mix(a.attitude_deg, b.attitude_deg),
         })
+    }
+}
+
+impl Truth {
+    /// What an instrument of this mode is held to at `time_s`, deg: with a gyroscope where the
+    /// housing stands, since it parts motion from tilt.
+    pub fn due_deg(&self, time_s: f64, mode: Mode) -> Option<[f64; 2]> {
+        match mode {
+            Mode::Dynamic => Some(self.at(time_s - self.delay_s)?.attitude_deg),
+            Mode::Product | Mode::OneAxis | Mode::Paper => Some(self.at(time_s)?.ideal_deg),
+        }
     }
 }
 

@@ -256,8 +256,7 @@ fn the_variant_with_a_gyroscope_has_the_product_s_rows_and_its_own() {
         product.iter().find(twin).is_none()
     });
     let added = [
-        0x1804, 0x1805, 0x1806, 0x1A04, 0x1A05, 0x1A06, 0x2029, 0x202A, 0x202B, 0x202C,
-        0x2034,
+        0x1804, 0x1805, 0x1806, 0x1A04, 0x1A05, 0x1A06, 0x2029, 0x202A, 0x202B, 0x202C, 0x2034,
     ];
     // RPDO 3, which is free in the product, takes how far the other channel has turned.
     let taken = [0x1402, 0x1602];
