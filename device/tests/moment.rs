@@ -23,7 +23,7 @@ use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::Composition;
 use tilt::filter::Filtered;
-use tilt::fusion::Turned;
+use tilt::fusion::MeasuredSum;
 use tilt::motion::{RATE_STEPS, Rate};
 use tilt::observation::Observation;
 use tilt::sample::Temperature;
@@ -32,7 +32,7 @@ use tilt::uncertainty::Uncertainty;
 /// Says of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
 struct Clockwork {
     moment: Result<[f64; 3], Invalid>,
-    turned: Turned,
+    turned: MeasuredSum,
 }
 
 impl Clockwork {
@@ -72,7 +72,7 @@ impl Source<Dynamic> for Clockwork {
         self.of(now)
     }
 
-    fn turned(&self) -> Turned {
+    fn measured_sum(&self) -> MeasuredSum {
         self.turned
     }
 
@@ -104,7 +104,7 @@ fn parts(moment: Result<[f64; 3], Invalid>) -> Parts<Nothing, Clockwork, Dynamic
         identity,
         Clockwork {
             moment,
-            turned: Turned::default(),
+            turned: MeasuredSum::default(),
         },
         Nothing::NEW,
         &factory::dynamic(),
@@ -217,7 +217,7 @@ fn the_measured_turn_is_one_value_and_four_and_goes_on_through_a_wrap() {
     };
     // 100 samples of 4 rad/s either side of where the sums wrap.
     let (before, after) = (i32::MAX - 5, i32::MAX.wrapping_add(400 << 16) - 5);
-    parts.channel.turned = Turned {
+    parts.channel.turned = MeasuredSum {
         sum: [before, -1, 1 << 27],
         samples: 0xFFF0,
         gaps: 7,

@@ -1,8 +1,8 @@
 //! What one channel says of one instant: its angles, and what stands behind them.
 //!
 //! In: a [`Reading`] and, where the channel has them, the calibrated acceleration it came from, the
-//! signal's energy at high frequency, and how far the gyroscope has turned. Out: an [`Observation`], which travels to the other
-//! channel and is judged there by `cross_check`.
+//! signal's energy at high frequency, and how far the gyroscope has turned. Out: an
+//! [`Observation`], which travels to the other channel and is judged there by `cross_check`.
 //!
 //! Left out: the journey (counters, capture times), which is the device's.
 

@@ -147,7 +147,7 @@ mod tests {
             captured: u8,
             activity: u8,
         ) {
-            let told = Exchange { angle, quality, vector, captured, activity };
+            let told = Exchange { angle, quality, vector, captured, activity, ..Exchange::NOTHING };
             let [one, two] = [0, 8].map(|at| told.bytes()[at..at + 8].try_into().unwrap());
             let node = super::super::NodePlan::as_delivered(1);
             let (first, second) = (decode(&node.pdos[2], one, 10), decode(&node.pdos[3], two, 10));

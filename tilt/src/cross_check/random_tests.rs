@@ -231,7 +231,8 @@ proptest! {
             latch: seconds.map_or(Latch::UntilReset, Latch::Healthy),
             ..ProductCheck::PRODUCT
         };
-        let mut check: CrossCheck = CrossCheck::Product(check, ProductState::default(), Some(RateState::default()));
+        let (state, rates) = (ProductState::default(), Some(RateState::default()));
+        let mut check: CrossCheck = CrossCheck::Product(check, state, rates);
         let mut now = Instant(if back { u64::MAX / 2 } else { 0 });
         for (own, peer, pause, restarted) in pairs {
             let pause = i64::from(pause);

@@ -1,3 +1,5 @@
+//! Two gyroscopes on a housing that swings and pauses: what is told, and who is named.
+
 use super::*;
 use crate::ONE_G;
 use crate::chain::Invalid;
