@@ -117,18 +117,22 @@ pub const TPDO_4_MAPPING: [Row; 7] = mapping(
     ],
 );
 
-/// Communication parameters of TPDO 5 to 7.
+/// Communication parameters of TPDO 5 and 6.
 ///
 /// The predefined connection set has identifiers for four TPDOs only. These two are off, so that
 /// nothing is sent that a master has not asked for; their identifiers are those that the set has
 /// for RPDO 1 and 2, which are free here, since those take the other channel's TPDO 3 and 4.
-///
-/// TPDO 7 has that of RPDO 3, which takes the other channel's TPDO 7.
-pub const DYNAMIC_TPDO: [[Row; 6]; 3] = [
+pub const DYNAMIC_TPDO: [[Row; 6]; 2] = [
     tpdo(0x1804, "TPDO 5 communication parameter", OFF + 0x200, 1),
     tpdo(0x1805, "TPDO 6 communication parameter", OFF + 0x300, 1),
-    tpdo(0x1806, "TPDO 7 communication parameter", 0x400, 1),
 ];
+
+/// Communication parameters of TPDO 7, whose identifier is that of RPDO 3, which takes the other
+/// channel's TPDO 7.
+pub const TPDO_7: [Row; 6] = tpdo(0x1806, "TPDO 7 communication parameter", 0x400, 1);
+
+/// The same of a device that is any instrument: off, since most of them have no gyroscope.
+pub const TPDO_7_OFF: [Row; 6] = tpdo(0x1806, "TPDO 7 communication parameter", OFF + 0x400, 1);
 
 /// Communication parameters of RPDO 3 where there is a gyroscope: the other channel's TPDO 7, with
 /// node-ids 1 and 2 as delivered.

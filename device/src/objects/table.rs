@@ -59,6 +59,8 @@ impl Models {
     const BUT_WHOLE: Self = Self(14);
     /// Those with tables.
     const TABLES: Self = Self(5);
+    /// Those that have RPDO 3 free as delivered.
+    const BUT_EXCHANGE: Self = Self(3);
     /// Those with a gyroscope.
     const GYROSCOPE: Self = Self(9);
 
@@ -80,11 +82,11 @@ impl Models {
 const PARTS: &[(Models, &[Row])] = &[
     (Models::ALL, COMMUNICATION),
     (Models::ALL, pdo::RPDO.split_at(2).0.as_flattened()),
-    (Models::PRODUCT, &pdo::RPDO[2]),
+    (Models::BUT_EXCHANGE, &pdo::RPDO[2]),
     (Models::BUT_PAPER, &pdo::RPDO[3]),
     (Models::ALL, &pdo::RPDO_1_MAPPING),
     (Models::ALL, &pdo::RPDO_2_MAPPING),
-    (Models::PRODUCT, &pdo::RPDO_3_MAPPING),
+    (Models::BUT_EXCHANGE, &pdo::RPDO_3_MAPPING),
     (Models::BUT_PAPER, &pdo::RPDO_4_MAPPING),
     (Models::ALL, pdo::TPDO.as_flattened()),
     (Models::ALL, &pdo::TPDO_1_MAPPING),
@@ -113,11 +115,13 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::TABLES, MOTOR_RUN),
     (Models::GYROSCOPE, MOMENT),
     (Models::GYROSCOPE, pdo::DYNAMIC_TPDO.as_flattened()),
+    (Models::DYNAMIC, &pdo::TPDO_7),
+    (Models::WHOLE, &pdo::TPDO_7_OFF),
     (Models::GYROSCOPE, &pdo::TPDO_5_MAPPING),
     (Models::GYROSCOPE, &pdo::TPDO_6_MAPPING),
     (Models::GYROSCOPE, TURNED),
-    (Models::GYROSCOPE, &pdo::DYNAMIC_RPDO_3),
-    (Models::GYROSCOPE, &pdo::DYNAMIC_RPDO_3_MAPPING),
+    (Models::DYNAMIC, &pdo::DYNAMIC_RPDO_3),
+    (Models::DYNAMIC, &pdo::DYNAMIC_RPDO_3_MAPPING),
     (Models::GYROSCOPE, &pdo::TPDO_7_MAPPING),
 ];
 

@@ -87,12 +87,12 @@ fn texts_are_plain_and_short_enough_for_an_eds() {
 
 #[test]
 fn pdos_as_delivered_map_what_exists_and_fit_into_a_frame() {
-    let received = [0x1600, 0x1601, 0x1602].map(|index| (index, 64, Access::RPDO));
+    let received = [0x1600, 0x1601].map(|index| (index, 64, Access::RPDO));
     let full = [0x1A01, 0x1A02, 0x1A03, 0x1A06].map(|index| (index, 64, Access::TPDO));
     let partly = [(0x1A00, 48), (0x1A04, 64), (0x1A05, 56)];
     let partly = partly.map(|(index, bits)| (index, bits, Access::TPDO));
     let pdos = full.into_iter().chain(partly);
-    let empty = [(0x1603, 0, Access::RPDO)];
+    let empty = [0x1602, 0x1603].map(|index| (index, 0, Access::RPDO));
     for channel in [Channel::A, Channel::B] {
         let dictionary = dictionary(Models::WHOLE, channel);
         for (index, bits, access) in pdos.clone().chain(received).chain(empty) {
@@ -122,8 +122,14 @@ fn each_channel_takes_the_exchange_and_the_heartbeat_of_the_other() {
         assert_eq!(default(own, at(0x1302, 5)), default(other, at(0x1301, 5)));
         assert_eq!(default(own, at(0x1302, 6)), default(other, at(0x1301, 6)));
         assert_eq!(default(own, at(0x1401, 1)), default(other, at(0x1803, 1)));
-        assert_eq!(default(own, at(0x1402, 1)), default(other, at(0x1806, 1)));
-        for (into, from) in [(0x1600, 0x1A02), (0x1601, 0x1A03), (0x1602, 0x1A06)] {
+        let dynamic = |channel: Channel, index| {
+            let dictionary = dictionary(Models::DYNAMIC, channel);
+            let entry = dictionary.entry(at(index, 1)).unwrap();
+            let value = dictionary.default(&entry, channel.node_id());
+            value.map(|value| value.number(entry.data_type)).unwrap()
+        };
+        assert_eq!(dynamic(own, 0x1402), dynamic(other, 0x1806));
+        for (into, from) in [(0x1600, 0x1A02), (0x1601, 0x1A03)] {
             let sent = mapped(other, from);
             let moved: Vec<u32> = sent.iter().map(|object| object + 0x0001_0000).collect();
             assert_eq!(mapped(own, into), moved);
