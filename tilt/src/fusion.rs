@@ -13,7 +13,7 @@
 
 use crate::chain::Invalid;
 use crate::health::log2_q8;
-use crate::motion::{Expected, Innovation, Motion, MotionState, Rate, Vertical};
+use crate::motion::{Expected, Motion, MotionState, Rate, Vertical};
 use crate::rate::{RateAt, RateCorrection};
 use crate::sample::{RateRange, Temperature};
 use crate::temperature::CompensationAt;
@@ -163,12 +163,10 @@ impl FusionState {
     /// acceleration.
     pub fn temperature(
         &mut self,
-        fusion: &Fusion,
         correction: &RateCorrection,
         compensation: CompensationAt,
         temperature: Temperature,
     ) {
-        fusion.motion.temperature(&mut self.motion, temperature);
         self.rates = correction.at(temperature);
         self.compensation = compensation;
     }
@@ -236,18 +234,6 @@ impl FusionState {
             return Err(Invalid::Stuck);
         }
         Ok([self.previous?, self.latest?])
-    }
-
-    /// What the acceleration has beside the vertical that the rate predicts.
-    ///
-    /// # Errors
-    /// Why it is not known: [`Invalid::Stuck`] where the gyroscope's codes stand still, and
-    /// otherwise that of [`Motion::innovation`].
-    pub fn innovation(&self, fusion: &Fusion) -> Result<Innovation, Invalid> {
-        if self.stuck(fusion) {
-            return Err(Invalid::Stuck);
-        }
-        fusion.motion.innovation(&self.motion)
     }
 
     /// The rate of the last sample before its correction, in the sensor's axes: what a calibration

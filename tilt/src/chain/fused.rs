@@ -16,7 +16,7 @@ use crate::angle::{Axes, Harmonics, beside, slopes_beside};
 use crate::composition::{Composition, Place};
 use crate::filter::Filtered;
 use crate::fusion::{Fusion, FusionState};
-use crate::motion::{Innovation, Rate, Vertical};
+use crate::motion::{Rate, Vertical};
 use crate::sample::{RateCounts, Temperature};
 use crate::temperature::TemperatureModel;
 use crate::turned::Turned;
@@ -85,13 +85,10 @@ impl<C: Composition> Chain<C> {
 
     /// The part's errors at the temperature that compensation uses from now on.
     pub(super) fn correct_rates(&self, state: &mut ChainState<C>, temperature: Temperature) {
-        let (Some(fusion), Some(rates)) = (&self.fusion, &self.calibration.rates) else {
-            return;
-        };
-        if let Some(state) = &mut state.fusion {
+        if let (Some(fusion), Some(rates)) = (&mut state.fusion, &self.calibration.rates) {
             let compensation = self.calibration.temperature.at(temperature);
-            let state = state.get_mut();
-            state.temperature(fusion.get(), rates.get(), compensation, temperature);
+            let state = fusion.get_mut();
+            state.temperature(rates.get(), compensation, temperature);
         }
     }
 
@@ -132,19 +129,6 @@ impl<C: Composition> Chain<C> {
         } else {
             Err(Invalid::OverRange)
         }
-    }
-
-    /// What the acceleration of the newest sample has beside the vertical that the rate predicts,
-    /// in the housing's axes: what contradicts one of the two, and the machine's own acceleration.
-    ///
-    /// # Errors
-    /// Why there is none, as with readings: [`Invalid::NotMeasured`] where no gyroscope takes part,
-    /// and otherwise that of [`FusionState::innovation`].
-    pub fn innovation(&self, state: &ChainState<C>, now: Instant) -> Result<Innovation, Invalid> {
-        let (fusion, _, _) = self.fusion().ok_or(Invalid::NotMeasured)?;
-        self.fresh(state, now)?;
-        let state = state.fusion.as_ref().ok_or(Invalid::NoSample)?.get();
-        state.innovation(fusion)
     }
 
     /// The aligned angle; `None` where no gyroscope takes part.
@@ -194,10 +178,7 @@ impl<C: Composition> Chain<C> {
             },
             Ok(estimates) => estimates.map(|found| Measurement {
                 angle: found.angle,
-                uncertainty: match found.motion {
-                    Uncertainty(0) => found.unshared,
-                    motion => found.unshared.combined_with(motion),
-                },
+                uncertainty: found.unshared,
                 unshared: found.unshared,
                 at,
                 latency_us,
@@ -227,7 +208,7 @@ impl<C: Composition> Chain<C> {
         let up = interpolate(before, last_stamped, at).ok_or(Invalid::Stale)?;
         let vertical = Vertical {
             up: up.accel,
-            ..last
+            uncertainty: last.uncertainty,
         };
         Ok((vertical, temperature))
     }
@@ -243,16 +224,11 @@ impl<C: Composition> Calibration<C> {
         let beside = beside(vector);
         let raw = slopes_beside(vector, beside);
         let unshared = self.budget.of_vectors(beside, accel);
-        // What contradicts is so much more than the rest that it may contain that once more.
-        let motion = match vertical.uncertainty == vertical.unshared {
-            true => Uncertainty(0),
-            false => vertical.uncertainty,
-        };
         let found = |angle, unshared: Uncertainty| {
             Ok(super::AngleEstimate {
                 angle,
-                unshared: unshared.combined_with(vertical.unshared),
-                motion,
+                unshared: unshared.combined_with(vertical.uncertainty),
+                motion: Uncertainty(0),
             })
         };
         Axes {

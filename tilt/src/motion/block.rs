@@ -25,8 +25,6 @@ pub(super) struct Block {
     whole: [i32; 3],
     /// Acceleration along the level axes, 2^-26 g per step.
     accel: [i64; 2],
-    /// Acceleration along the vertical of every fourth sample, 2^-26 g per step.
-    vertical: i64,
     /// The level axes, 2^-27 per step.
     axes: [[i32; 3]; 2],
     /// Component i of each level axis times the turn about axis j, 2^-27 rad per step.
@@ -43,17 +41,10 @@ impl Block {
         self.samples
     }
 
-    /// Adds one sample; `turn` below 2^28, `level` is what of the acceleration lies along the level
-    /// axes, and `seen` where it was within range.
-    pub(super) fn add(
-        &mut self,
-        frame: &Frame,
-        turn: [i32; 3],
-        (accel, level): (Corrected, &[i64; 2]),
-        seen: bool,
-    ) {
+    /// Adds one sample; `turn` below 2^28, and `seen` where the acceleration was within range.
+    pub(super) fn add(&mut self, frame: &Frame, turn: [i32; 3], accel: Corrected, seen: bool) {
         // By reference: an array that is used up costs a call for each of its values.
-        for (sum, a) in self.accel.iter_mut().zip(level) {
+        for (sum, a) in self.accel.iter_mut().zip(&frame.level_part(accel)) {
             *sum += a;
         }
         for (sum, t) in self.turn.iter_mut().zip(&turn) {
@@ -62,7 +53,6 @@ impl Block {
         self.blind |= !seen;
         self.samples += 1;
         if self.samples.is_multiple_of(STRIDE) {
-            self.vertical += frame.up_part(accel);
             self.take_levers(frame);
         }
     }
@@ -93,14 +83,6 @@ impl Block {
         let half = (period_q32 >> 1) as i32;
         let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 21;
         (!self.blind).then(|| self.accel.map(gain))
-    }
-
-    /// Square of the mean acceleration, 2^-52 g^2 per step.
-    pub(super) fn length_square(&self) -> u64 {
-        let [x, y] = self.accel.map(|sum| fit(sum / i64::from(BLOCK)));
-        let z = fit(self.vertical / i64::from(BLOCK / STRIDE));
-        let square = |a: i32| (i64::from(a) * i64::from(a)).unsigned_abs();
-        square(x) + square(y) + square(z)
     }
 
     /// Turn within the block about each axis of the housing, 2^-30 rad per step.
