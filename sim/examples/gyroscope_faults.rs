@@ -1,4 +1,4 @@
-//! The page `docs/gyroscope-faults.md`: what two channels with a gyroscope tell of each fault.
+//! A page of tables: what two channels with a gyroscope report of each fault.
 //!
 //! In: the runs of each line, the hours without a fault in each scene. Out: the page, on standard
 //! output. Everything counts as a receiver on the bus sees it; see `sim::trial`.

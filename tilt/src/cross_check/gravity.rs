@@ -276,6 +276,7 @@ fn length(v: &[i32; 3]) -> u32 {
 impl Gravity {
     /// Takes in a pair; the channel that is the wrong one, while `differs` says that the two
     /// differ in something.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn step(
         &self,
         state: &mut GravityState,
@@ -403,6 +404,7 @@ impl Gravity {
         true
     }
 
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     fn judge(&self, state: &mut GravityState, elapsed_us: u32) -> Option<Member> {
         let kind = state.dispute?;
         if state.age_us > self.longest_us {

@@ -149,6 +149,7 @@ pub struct Found {
 impl RateCheck {
     /// Takes in a pair; `differ` says that the accelerations do, and `shaken` that a shock may be
     /// going through the machine.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn step(
         &self,
         state: &mut RateState,

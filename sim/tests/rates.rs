@@ -1,0 +1,150 @@
+//! One gyroscope of two goes wrong while the machine digs, and while it stands: when it is told, and
+//! who is named.
+//!
+//! The pair compares how far either gyroscope has turned. The example `gyroscope_faults` prints many
+//! runs of the same over the bus. Left out: the image, which has no room for it yet.
+
+use device::channel::Settings;
+use sim::TICK_S;
+use sim::bench::{Bench, Mode, World};
+use sim::excavator::{Excavator, ExcavatorSetup, Scene};
+use sim::fault::{RateFault, SensorFault};
+use sim::motion::Mover;
+use sim::rng::Rng;
+use tilt::cross_check::{Judgement, Member};
+
+/// Pairs are judged every 20 ms.
+const SYNC_TICKS: u64 = 20;
+/// A fault is waited for at most so long, s.
+const PATIENCE_S: f64 = 40.0;
+
+/// What both nodes of a unit run with, calibrated.
+fn calibrated() -> [Settings; 2] {
+    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 0);
+    let (bench, _) = commissioned.expect("a sound unit");
+    bench.instrument.sides.map(|side| side.settings)
+}
+
+/// What was told of a fault: when, s after its beginning, and when a channel was named, and which.
+#[derive(Debug, Default)]
+struct Told {
+    after_s: Option<f64>,
+    named: Option<(f64, Member)>,
+}
+
+/// Runs a fault of node 1; a word before it is a failure.
+fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
+    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 1, 0);
+    for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
+        side.settings = settings.clone();
+    }
+    bench.instrument.power_cycle();
+    let mut rng = Rng::stream(seed, "gyroscope faults");
+    let setup = ExcavatorSetup {
+        scene,
+        ..ExcavatorSetup::NOMINAL
+    };
+    let mut machine = Excavator::new(&setup, &mut rng);
+    let start_s = bench.instrument.time_s();
+    let from_tick = (rng.range(20.0, 30.0) / TICK_S) as u64;
+    let mut told = Told::default();
+    for tick in 0..from_tick + (PATIENCE_S / TICK_S) as u64 {
+        if tick == from_tick {
+            let electronics = &mut bench.instrument.sides[0].electronics;
+            electronics.inject(fault, rng.fork());
+        }
+        let motion = machine.step(bench.instrument.time_s() + TICK_S - start_s);
+        bench.instrument.tick(&motion);
+        if tick % SYNC_TICKS != 0 || (tick as f64) < 5.0 / TICK_S {
+            continue;
+        }
+        let judgement = bench.instrument.sync().verdict.judgement();
+        let healthy = judgement == Judgement::Agree;
+        assert!(healthy || tick >= from_tick, "false alarm: {judgement:?}");
+        let after_s = tick.saturating_sub(from_tick) as f64 * TICK_S;
+        if !healthy {
+            told.after_s.get_or_insert(after_s);
+        }
+        if let Judgement::OneChannel { faulty, .. } = judgement {
+            told.named = Some((after_s, faulty));
+            break;
+        }
+    }
+    told
+}
+
+#[test]
+fn a_gyroscope_that_is_wrong_is_told_at_once_and_named() {
+    let settings = calibrated();
+    let bias = |axis, dps| RateFault::Bias { axis, dps };
+    // The issue asks for 0.2 s, and 1 s for 0.5 deg/s. Scale and axes show while it turns.
+    for (fault, told_s) in [
+        (RateFault::Stuck, 0.1),
+        (RateFault::Noise { factor: 10.0 }, 0.1),
+        (bias(0, 0.5), 1.0),
+        (bias(1, -0.5), 1.0),
+        (bias(2, 0.5), 1.0),
+        (bias(0, 2.0), 0.2),
+        (bias(2, -2.0), 0.2),
+        (RateFault::Scale { ratio: 0.05 }, 5.0),
+        (RateFault::SwappedAxes, 2.0),
+    ] {
+        for seed in 0..3 {
+            let found = told(
+                &settings,
+                Scene::Digging,
+                SensorFault::Gyroscope(fault),
+                seed,
+            );
+            let case = format!("{fault:?}, seed {seed}: {found:?}");
+            assert!(found.after_s.is_some_and(|s| s <= told_s), "{case}");
+            assert_ne!(
+                found.named.map(|(_, who)| who),
+                Some(Member::Peer),
+                "{case}"
+            );
+            let scale = matches!(fault, RateFault::Scale { .. });
+            assert!(scale || found.named.is_some(), "{case}");
+        }
+    }
+}
+
+#[test]
+fn a_bias_is_told_and_named_while_the_machine_stands() {
+    let settings = calibrated();
+    for axis in 0..3 {
+        for (dps, told_s) in [(0.5, 1.0), (2.0, 0.2)] {
+            let fault = SensorFault::Gyroscope(RateFault::Bias { axis, dps });
+            let found = told(&settings, Scene::Standstill, fault, 1);
+            assert!(
+                found.after_s.is_some_and(|s| s <= told_s),
+                "{axis} {dps}: {found:?}"
+            );
+            let named = found.named.map(|(_, who)| who);
+            assert_eq!(named, Some(Member::Own), "{axis} {dps}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn five_per_cent_of_scale_are_not_told_while_nothing_turns() {
+    let fault = SensorFault::Gyroscope(RateFault::Scale { ratio: 0.05 });
+    let found = told(&calibrated(), Scene::Standstill, fault, 1);
+    assert_eq!(found.after_s, None);
+}
+
+#[test]
+fn a_step_of_an_accelerometer_is_told_while_it_digs_and_nobody_is_named_wrongly() {
+    let settings = calibrated();
+    for seed in 0..4 {
+        let axis = seed as usize % 3;
+        let fault = SensorFault::Bias { axis, mg: 10.0 };
+        let found = told(&settings, Scene::Digging, fault, seed);
+        assert!(found.after_s.is_some_and(|s| s <= 1.0), "{seed}: {found:?}");
+        assert_ne!(
+            found.named.map(|(_, who)| who),
+            Some(Member::Peer),
+            "{seed}: {found:?}"
+        );
+    }
+}
