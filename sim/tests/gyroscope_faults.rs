@@ -1,8 +1,8 @@
 //! One gyroscope of two goes wrong while the machine digs, and while it stands.
 //!
-//! The pair of the image compares angles, which part as fast as the fault turns them; it has no room
-//! yet for the comparison of rates (`rates`). So a fault is told, and its channel is named only
-//! where it shows by itself.
+//! The pair of the image compares angles, which part as fast as the fault turns them. It has no
+//! room yet for the comparison of rates (`rates`). So a fault is told, and its channel is named
+//! only where it shows by itself.
 
 use device::channel::Settings;
 use sim::TICK_S;

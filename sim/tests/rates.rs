@@ -1,8 +1,8 @@
-//! One gyroscope of two goes wrong while the machine digs, and while it stands: when it is told, and
-//! who is named.
+//! One gyroscope of two goes wrong while the machine digs, and while it stands: when it is told,
+//! and who is named.
 //!
-//! The pair compares how far either gyroscope has turned. The example `gyroscope_faults` prints many
-//! runs of the same over the bus. Left out: the image, which has no room for it yet.
+//! The pair compares how far either gyroscope has turned. The example `gyroscope_faults` prints
+//! many runs of the same over the bus. Left out: the image, which has no room for it yet.
 
 use device::channel::Settings;
 use sim::TICK_S;
