@@ -193,20 +193,6 @@ pub struct Thermal {
     pub between_runs_mg: Option<f64>,
     /// The dwells.
     pub dwells: Vec<ThermalDwell>,
-    /// The bias of the gyroscope; none where there is no gyroscope.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gyroscope_bias: Option<GyroscopeBias>,
-}
-
-/// How the bias of a gyroscope over temperature was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GyroscopeBias {
-    /// Rests that went into it.
-    pub rests: u32,
-    /// Root mean square of what it leaves.
-    pub bias_residual_deg_s: Option<f64>,
-    /// Why the gyroscope keeps the bias that it had; none where it has a new one.
-    pub refused: Option<String>,
 }
 
 /// One channel.
@@ -429,12 +415,6 @@ mod tests {
         let gyroscope = crate::gyroscope::of(&crate::sample::rates());
         report.channels[0].gyroscope = Some(gyroscope);
         report.channels[0].gyroscope.as_mut().unwrap()[0].expanded = Some(0.1);
-        let thermal = report.channels[0].thermal.as_mut().unwrap();
-        thermal.gyroscope_bias = Some(GyroscopeBias {
-            rests: 1,
-            bias_residual_deg_s: None,
-            refused: None,
-        });
         report.channels[0].gyroscope_turns = Some(Turns {
             used: 1,
             left_out: vec![LeftOut {

@@ -101,7 +101,6 @@ impl Held {
             scatter_mg: 0.0,
             temperature_c: 25.0,
             angle_deg: [Err(0); 2],
-            rate_rad_s: None,
         };
         let readings = [reading(0), reading(1)];
         self.rests.push([0, 1].map(|node| Rest {

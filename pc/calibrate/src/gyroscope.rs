@@ -6,7 +6,6 @@
 //!
 //! Left out: how it was found (`gains`); what was not found comes with the calibration from before.
 
-use tilt::calibration::gyroscope::FittedBias;
 use tilt::rate::RateCorrection;
 
 use super::data::{Channel, Coefficient, LeftOut, Report, Turns};
@@ -31,10 +30,9 @@ const NOTE: &str = "The rate about an axis of the housing is the sum over the se
 const UNKNOWN: &str = " The calibration holds no uncertainty of them.";
 
 /// What is said of it where there were turns.
-const KNOWN: &str = " The expanded uncertainty (k = 2) of scale and alignment is that of the turns \
-    between rests, with gravity by the channel's own accelerometer as the reference; of an axis \
-    that the turns do not show it is that of a part as it comes. That of the bias is of the rests, \
-    in mean over their temperatures. What has none is as it was found.";
+const KNOWN: &str = " Their expanded uncertainty (k = 2) is that of the turns between rests, with \
+    gravity by the channel's own accelerometer as the reference; of an axis that the turns do not \
+    show it is that of a part as it comes. What has none is as it was found.";
 
 /// The coefficients in the order of the axes: scale and alignment, then bias.
 pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
@@ -108,15 +106,6 @@ fn put_uncertainty(all: &mut [Coefficient], found: &Found) {
             _ => None,
         };
         coefficient.expanded = u.map(|u| 2.0 * u);
-    }
-}
-
-/// U of the bias, in mean over the temperatures of a chamber run.
-pub fn put_bias_uncertainty(all: &mut [Coefficient], bias: &FittedBias) {
-    for coefficient in all.iter_mut().filter(|c| c.name == BIAS) {
-        let axis = AXES.iter().position(|axis| *axis == coefficient.axis);
-        let u = axis.and_then(|axis| bias.uncertainty.get(axis));
-        coefficient.expanded = u.map(|u| 2.0 * u.to_degrees());
     }
 }
 

@@ -48,7 +48,7 @@ fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
     let unchanged = unchanged.map_or("as with the model before, at 25 degC".to_owned(), |at| {
         format!("as before at {at:.1} degC, where the calibration was made")
     });
-    let mut facts = vec![
+    vec![
         ("Model", thermal.model.clone()),
         (
             "Holds by the sensor's thermometer",
@@ -62,22 +62,7 @@ fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
         ("Left by the model, rms", mg(channel.residual_mg)),
         ("Hysteresis seen", hysteresis),
         ("Between runs, rms", mg(thermal.between_runs_mg)),
-    ];
-    facts.extend(thermal.gyroscope_bias.iter().map(|bias| {
-        let left = bias.bias_residual_deg_s.unwrap_or_default();
-        let found = || {
-            format!(
-                "from {} rests, which it leaves by {left:.4} deg/s rms",
-                bias.rests
-            )
-        };
-        let told = bias
-            .refused
-            .as_ref()
-            .map(|refused| format!("as it was: {refused}"));
-        ("Bias of the gyroscope", told.unwrap_or_else(found))
-    }));
-    facts
+    ]
 }
 
 /// What the model leaves of an axis over the sensor's temperature, each branch by itself.

@@ -77,18 +77,6 @@ impl Log {
         self.steps.len()
     }
 
-    /// The mean rate between two marks, rad/s.
-    ///
-    /// Errors: the first thing that spoils it.
-    pub fn mean(&self, from: usize, to: usize) -> Result<[f64; 3], Spoilt> {
-        let steps = self.between(from, to)?;
-        let count: f64 = steps.iter().map(|step| f64::from(step.samples)).sum();
-        if count == 0.0 {
-            return Err(Spoilt::Silent);
-        }
-        Ok([0, 1, 2].map(|axis| steps.iter().map(|step| step.sum[axis]).sum::<f64>() / count))
-    }
-
     /// The steps between two marks.
     ///
     /// Errors: the first thing that spoils them.

@@ -9,7 +9,6 @@
 //! Left out: scale, axes and zero of the angles, which `plumb calibrate` makes and which stay.
 
 mod air;
-mod bias;
 pub mod chamber;
 pub mod hold;
 mod left;
@@ -365,22 +364,5 @@ fn figures(channel: &Channel) -> String {
         thermal.model,
         thermal.without_model_mg,
         channel.expanded_uncertainty_deg
-    ) + &bias(channel)
-}
-
-/// A line about its gyroscope.
-fn bias(channel: &Channel) -> String {
-    let thermal = channel.thermal.as_ref();
-    let Some(bias) = thermal.and_then(|thermal| thermal.gyroscope_bias.as_ref()) else {
-        return String::new();
-    };
-    let letter = &channel.channel;
-    match (&bias.refused, bias.bias_residual_deg_s) {
-        (Some(refused), _) => format!("gyroscope {letter}: as it was: {refused}\n"),
-        (None, left) => format!(
-            "gyroscope {letter}: bias over temperature from {} rests, {:.3} deg/s rms left\n",
-            bias.rests,
-            left.unwrap_or_default()
-        ),
-    }
+    )
 }

@@ -7,13 +7,11 @@
 //! Left out: the fit itself (`thermal`), and the report's forms (`crate`).
 
 use tilt::ONE_G;
-use tilt::calibration::gyroscope::FittedBias;
 use tilt::chain::Calibration;
 use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO};
 
-use super::bias::{NoBias, bias};
 use super::measured::{Dwelt, Measured};
 use super::model::Model;
 use super::profile::Branch;
@@ -22,11 +20,9 @@ use super::thermal::{Fitted, Sight, between_runs_mg, fit, hysteresis_mg, rms, wi
 use crate::CalibrateError;
 use crate::compose::{Frame, judge};
 use crate::data::{
-    Channel, Coefficient, Contribution, GyroscopeBias, Method, Reference, Report, Thermal,
-    ThermalDwell,
+    Channel, Coefficient, Contribution, Method, Reference, Report, Thermal, ThermalDwell,
 };
 use crate::fit::temperature;
-use crate::gyroscope;
 use crate::session::Node;
 
 /// What a temperature that is told to a degree is off by, degC (k = 1): uniform.
@@ -46,8 +42,6 @@ pub struct Made {
     sights: Vec<Sight>,
     /// Where its angles are those of before, degC.
     unchanged_c: Option<f64>,
-    /// The bias of its gyroscope, or why it stays; none where there is no gyroscope.
-    bias: Option<Result<FittedBias, NoBias>>,
 }
 
 /// The calibration of each node with its model in it.
@@ -65,16 +59,11 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
         let mut calibration = new.ok_or(CalibrateError::Beyond(node.id))?;
         let left_mg = left_mg(measured, &sights, &fitted);
         calibration.budget = budget(&before.budget, &fitted, left_mg);
-        let bias = bias(measured, place, before.rates.as_ref());
-        if let Some(Ok((_, rates))) = &bias {
-            calibration.rates = Some(*rates);
-        }
         Ok(Made {
             calibration,
             fitted,
             sights,
             unchanged_c: bare.then(|| f64::from(at.0) / 256.0),
-            bias: bias.map(|found| found.map(|(fitted, _)| fitted)),
         })
     };
     nodes.iter().enumerate().map(made).collect()
@@ -192,9 +181,6 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
         ),
         Contribution::new("Thermometer", "B", angle_deg(steepest_mg), resolution),
     ];
-    if let (Some(Ok(bias)), Some(all)) = (&made.bias, &mut channel.gyroscope) {
-        gyroscope::put_bias_uncertainty(all, bias);
-    }
     let [low, high] = fitted.span_c;
     channel.thermal = Some(Thermal {
         model: measured.begun.model.name().to_owned(),
@@ -210,17 +196,7 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
             .iter()
             .map(|dwelt| dwell(dwelt, measured, made))
             .collect(),
-        gyroscope_bias: made.bias.as_ref().map(gyroscope_bias),
     });
-}
-
-fn gyroscope_bias(bias: &Result<FittedBias, NoBias>) -> GyroscopeBias {
-    let fitted = bias.as_ref();
-    GyroscopeBias {
-        rests: fitted.map_or(0, |fitted| fitted.rests as u32),
-        bias_residual_deg_s: fitted.ok().map(|fitted| fitted.residual_rms_deg_s),
-        refused: fitted.err().map(ToString::to_string),
-    }
 }
 
 /// One dwell of a channel: the readings of its run and number.
