@@ -34,7 +34,7 @@ const DYNAMIC: &str = "\
 For those who read or write the objects of the dynamic variant, the product with a gyroscope. This
 page is printed by `plumb describe objects --instrument dynamic`; a test compares it with the
 output. All objects of the product ([objects.md](objects.md)) are there with the same meaning;
-2029h, 202Ah, TPDO 5 and TPDO 6 are there besides.
+2029h, 202Ah to 202Ch, 2034h and TPDO 5 to 7 are there besides, and RPDO 3 is in use.
 ";
 
 const OPENING: &str = "\
