@@ -124,7 +124,7 @@ impl Composition for Dynamic {
     type FusionState = FusionState;
     type PaperRule = LeftOut;
     type Ladder = ProductState;
-    // The image has no room for the comparison of two gyroscopes yet: 1.5 kB are missing.
+    // The slot has no room for the comparison of two gyroscopes yet.
     type RateLadder = LeftOut;
     const UNCERTAINTY: bool = true;
 

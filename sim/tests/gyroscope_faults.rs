@@ -4,27 +4,14 @@
 //! room yet for the comparison of rates (`rates`). So a fault is told, and its channel is named
 //! only where it shows by itself.
 
+mod watched;
+
 use device::channel::Settings;
-use sim::TICK_S;
-use sim::bench::{Bench, Mode, World};
-use sim::excavator::{Excavator, ExcavatorSetup, Scene};
+use sim::excavator::Scene;
 use sim::fault::{RateFault, SensorFault};
-use sim::motion::Mover;
-use sim::rng::Rng;
 use tilt::chain::Invalid;
 use tilt::cross_check::{CrossCheck, Judgement, Member, ProductCheck, ProductState};
-
-/// Pairs are judged every 10 ms.
-const SYNC_TICKS: u64 = 10;
-/// A fault is waited for at most so long, s.
-const PATIENCE_S: f64 = 20.0;
-
-/// What both nodes of a unit run with, calibrated.
-fn calibrated() -> [Settings; 2] {
-    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 0);
-    let (bench, _) = commissioned.expect("a sound unit");
-    bench.instrument.sides.map(|side| side.settings)
-}
+use watched::{Watch, calibrated};
 
 /// How long after its beginning the fault was told, s, and how; `None` where it was not.
 fn told(
@@ -33,41 +20,15 @@ fn told(
     fault: RateFault,
     seed: u64,
 ) -> Option<(f64, Judgement)> {
-    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 1, 0);
-    for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
-        side.settings = settings.clone();
-    }
-    let [first, _] = &mut bench.instrument.sides;
-    let without_rates = CrossCheck::Product(ProductCheck::PRODUCT, ProductState::default(), None);
-    first.node.set_check(without_rates);
-    bench.instrument.power_cycle();
-    let mut rng = Rng::stream(seed, "gyroscope faults");
-    let setup = ExcavatorSetup {
-        scene,
-        ..ExcavatorSetup::NOMINAL
+    let watch = Watch {
+        check: CrossCheck::Product(ProductCheck::PRODUCT, ProductState::default(), None),
+        sync_ticks: 10,
+        patience_s: 20.0,
     };
-    let mut machine = Excavator::new(&setup, &mut rng);
-    let start_s = bench.instrument.time_s();
-    let from_tick = (rng.range(20.0, 30.0) / TICK_S) as u64;
-    for tick in 0..from_tick + (PATIENCE_S / TICK_S) as u64 {
-        if tick == from_tick {
-            let fault = SensorFault::Gyroscope(fault);
-            let electronics = &mut bench.instrument.sides[0].electronics;
-            electronics.inject(fault, rng.fork());
-        }
-        let motion = machine.step(bench.instrument.time_s() + TICK_S - start_s);
-        bench.instrument.tick(&motion);
-        if tick % SYNC_TICKS != 0 || (tick as f64) < 5.0 / TICK_S {
-            continue;
-        }
-        let judgement = bench.instrument.sync().verdict.judgement();
-        let healthy = judgement == Judgement::Agree;
-        assert!(healthy || tick >= from_tick, "false alarm: {judgement:?}");
-        if !healthy {
-            return Some(((tick - from_tick) as f64 * TICK_S, judgement));
-        }
-    }
-    None
+    let fault = (SensorFault::Gyroscope(fault), seed);
+    watch.until(settings, scene, fault, |after_s, judgement| {
+        (judgement != Judgement::Agree).then_some((after_s, judgement))
+    })
 }
 
 #[test]

@@ -4,26 +4,13 @@
 //! The pair compares how far either gyroscope has turned. The example `gyroscope_faults` prints
 //! many runs of the same over the bus. Left out: the image, which has no room for it yet.
 
+mod watched;
+
 use device::channel::Settings;
-use sim::TICK_S;
-use sim::bench::{Bench, Mode, World};
-use sim::excavator::{Excavator, ExcavatorSetup, Scene};
+use sim::excavator::Scene;
 use sim::fault::{RateFault, SensorFault};
-use sim::motion::Mover;
-use sim::rng::Rng;
-use tilt::cross_check::{Judgement, Member};
-
-/// Pairs are judged every 20 ms.
-const SYNC_TICKS: u64 = 20;
-/// A fault is waited for at most so long, s.
-const PATIENCE_S: f64 = 40.0;
-
-/// What both nodes of a unit run with, calibrated.
-fn calibrated() -> [Settings; 2] {
-    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 0);
-    let (bench, _) = commissioned.expect("a sound unit");
-    bench.instrument.sides.map(|side| side.settings)
-}
+use tilt::cross_check::{CrossCheck, Judgement, Member};
+use watched::{Watch, calibrated};
 
 /// What was told of a fault: when, s after its beginning, and when a channel was named, and which.
 #[derive(Debug, Default)]
@@ -32,45 +19,24 @@ struct Told {
     named: Option<(f64, Member)>,
 }
 
-/// Runs a fault of node 1; a word before it is a failure.
+/// Runs a fault of node 1 until a channel is named.
 fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
-    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 1, 0);
-    for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
-        side.settings = settings.clone();
-    }
-    bench.instrument.power_cycle();
-    let mut rng = Rng::stream(seed, "gyroscope faults");
-    let setup = ExcavatorSetup {
-        scene,
-        ..ExcavatorSetup::NOMINAL
+    let watch = Watch {
+        check: CrossCheck::product(),
+        sync_ticks: 20,
+        patience_s: 40.0,
     };
-    let mut machine = Excavator::new(&setup, &mut rng);
-    let start_s = bench.instrument.time_s();
-    let from_tick = (rng.range(20.0, 30.0) / TICK_S) as u64;
-    let mut told = Told::default();
-    for tick in 0..from_tick + (PATIENCE_S / TICK_S) as u64 {
-        if tick == from_tick {
-            let electronics = &mut bench.instrument.sides[0].electronics;
-            electronics.inject(fault, rng.fork());
+    let mut after_s = None;
+    let named = watch.until(settings, scene, (fault, seed), |at_s, judgement| {
+        if judgement != Judgement::Agree {
+            after_s.get_or_insert(at_s);
         }
-        let motion = machine.step(bench.instrument.time_s() + TICK_S - start_s);
-        bench.instrument.tick(&motion);
-        if tick % SYNC_TICKS != 0 || (tick as f64) < 5.0 / TICK_S {
-            continue;
+        match judgement {
+            Judgement::OneChannel { faulty, .. } => Some((at_s, faulty)),
+            _ => None,
         }
-        let judgement = bench.instrument.sync().verdict.judgement();
-        let healthy = judgement == Judgement::Agree;
-        assert!(healthy || tick >= from_tick, "false alarm: {judgement:?}");
-        let after_s = tick.saturating_sub(from_tick) as f64 * TICK_S;
-        if !healthy {
-            told.after_s.get_or_insert(after_s);
-        }
-        if let Judgement::OneChannel { faulty, .. } = judgement {
-            told.named = Some((after_s, faulty));
-            break;
-        }
-    }
-    told
+    });
+    Told { after_s, named }
 }
 
 #[test]

@@ -7,8 +7,8 @@
 //! different times: a rate differs by what it changes in between, an angle hardly.
 //!
 //! Angles about three axes do not add up to an orientation. From one look to the next the housing
-//! turns by a degree or two, and of that the order of the axes makes less than 0.03 deg, alike in
-//! both channels.
+//! turns by a degree or two: what the order of the axes makes of that is half the product of two
+//! such turns, and alike in both channels.
 //!
 //! Left out: the comparison (`cross_check::rates`).
 

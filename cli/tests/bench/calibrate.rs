@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::process::{ChildStderr, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::stand::{Bench, interrupt, number, said};
@@ -186,14 +186,19 @@ fn put_down_by_way_of(
     all
 }
 
-#[test]
-fn a_person_calibrates_in_thirteen_poses() {
-    let mut bench = bench(&["--uncalibrated"]);
-    let mut run = calibrate(&bench, &["--by-hand", "--json"]);
+/// A calibration by hand that waits for its person.
+fn by_hand(bench: &Bench) -> Child {
+    let mut run = calibrate(bench, &["--by-hand", "--json"]);
     run.stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    let mut run = run.spawn().unwrap();
+    run.spawn().unwrap()
+}
+
+#[test]
+fn a_person_calibrates_in_thirteen_poses() {
+    let mut bench = bench(&["--uncalibrated"]);
+    let mut run = by_hand(&bench);
     let (asked, answers) = (run.stderr.take().unwrap(), run.stdin.take());
     let told = put_down(&mut bench, asked, answers);
     let output = run.wait_with_output().unwrap();
@@ -305,11 +310,7 @@ fn a_gyroscope_that_takes_part_and_is_wrong_leaves_the_whole_calibration_as_it_w
 #[test]
 fn turns_from_pose_to_pose_calibrate_the_gyroscopes_by_hand() {
     let mut bench = dynamic(&["--uncalibrated"]);
-    let mut run = calibrate(&bench, &["--by-hand", "--json"]);
-    run.stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
-    let mut run = run.spawn().unwrap();
+    let mut run = by_hand(&bench);
     let (asked, answers) = (run.stderr.take().unwrap(), run.stdin.take());
     // From pose to pose at once, which turns about z as well.
     let told = put_down_by_way_of(&[], &mut bench, asked, answers);

@@ -119,7 +119,7 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::WHOLE, &pdo::TPDO_7_OFF),
     (Models::GYROSCOPE, &pdo::TPDO_5_MAPPING),
     (Models::GYROSCOPE, &pdo::TPDO_6_MAPPING),
-    (Models::GYROSCOPE, TURNED),
+    (Models::GYROSCOPE, TURNED.as_flattened()),
     (Models::DYNAMIC, &pdo::DYNAMIC_RPDO_3),
     (Models::DYNAMIC, &pdo::DYNAMIC_RPDO_3_MAPPING),
     (Models::GYROSCOPE, &pdo::TPDO_7_MAPPING),

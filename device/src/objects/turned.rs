@@ -13,36 +13,43 @@ use super::row::Row;
 use crate::exchange::ToldTurn;
 
 /// The rows of both objects.
-pub const TURNED: &[Row] = &[
-    record(
+pub const TURNED: [[Row; 4]; 2] = [
+    told(
         0x202B,
-        5,
         "Turn sent",
         "How far the gyroscope has turned, for the other channel, sent at each SYNC.",
+        true,
     ),
-    member(0x202B, 1, "Turned about X", Integer16, ANGLE)
-        .to(3)
-        .tpdo()
-        .unit(STEP),
-    member(0x202B, 4, "Capture time", Unsigned8, CAPTURED)
-        .tpdo()
-        .unit("2 ms"),
-    member(0x202B, 5, "Activity", Unsigned8, ACTIVITY).tpdo(),
-    record(
+    told(
         0x202C,
-        5,
         "Turn received",
         "The same, received from the other channel; mapped into RPDO 3 as delivered.",
+        false,
     ),
-    member(0x202C, 1, "Turned about X", Integer16, ANGLE)
-        .to(3)
-        .rpdo()
-        .unit(STEP),
-    member(0x202C, 4, "Capture time", Unsigned8, CAPTURED)
-        .rpdo()
-        .unit("2 ms"),
-    member(0x202C, 5, "Activity", Unsigned8, ACTIVITY).rpdo(),
 ];
+
+/// One object: sent, and so for a TPDO, or else received.
+const fn told(index: u16, name: &'static str, doc: &'static str, is_sent: bool) -> [Row; 4] {
+    [
+        record(index, 5, name, doc),
+        mapped(
+            member(index, 1, "Turned about X", Integer16, ANGLE),
+            is_sent,
+        )
+        .to(3)
+        .unit(STEP),
+        mapped(
+            member(index, 4, "Capture time", Unsigned8, CAPTURED),
+            is_sent,
+        )
+        .unit("2 ms"),
+        mapped(member(index, 5, "Activity", Unsigned8, ACTIVITY), is_sent),
+    ]
+}
+
+const fn mapped(row: Row, is_sent: bool) -> Row {
+    if is_sent { row.tpdo() } else { row.rpdo() }
+}
 
 const STEP: &str = "2^-18 of a circle";
 

@@ -65,7 +65,8 @@ pub struct Gravity {
 const MG: u32 = 67_109;
 
 impl Gravity {
-    /// For two ISM330DHCX on a machine that digs; `docs/faults.md` has the evidence.
+    /// For two ISM330DHCX on a machine that digs; the example `gyroscope_faults` of `sim` prints
+    /// the evidence.
     pub const PRODUCT: Self = Self {
         tau_us: 6_000_000,
         least: 5 * MG,

@@ -220,8 +220,7 @@ impl ProductCheck {
             (Comparison::Absent, false)
         };
         if let Some(rates) = rates {
-            let shaken = self.activity.is_shaken(&state.activity)
-                || state.activity.quiet_us() < self.rates.calm_us;
+            let shaken = self.rings(&state.activity);
             let pair = [own, peer];
             let found = (self.rates).step(rates.get_mut(), pair, (vectors, shaken), elapsed_us);
             accuse(&mut against, found.loud.map(|node| (node, Invalid::Noise)));
@@ -243,6 +242,12 @@ impl ProductCheck {
         let found = state.findings.judgement();
         let waiting = waiting.map(Judgement::Waiting);
         found.or(waiting).unwrap_or(Judgement::Agree)
+    }
+
+    /// True while a shock may be going through the machine, or what a part with a gyroscope keeps
+    /// of it.
+    fn rings(&self, activity: &ActivityState) -> bool {
+        self.activity.is_shaken(activity) || activity.quiet_us() < self.rates.calm_us
     }
 
     /// Both channels measure: how they compare, and whether it is their vectors that differ.
@@ -271,7 +276,7 @@ impl ProductCheck {
             let mut uncertainty = uncertainty(own, peer);
             let (check, shaken) = match (own.turned, peer.turned) {
                 (Some(_), Some(_)) => {
-                    let shaken = shaken || state.activity.quiet_us() < self.rates.calm_us;
+                    let shaken = self.rings(&state.activity);
                     if shaken {
                         uncertainty = uncertainty.max(self.rates.shaken);
                     }

@@ -41,39 +41,33 @@ pub struct RateCheck {
 /// A hundredth of a degree per second, 2^-26 rad/s.
 const CENTIDEGREE: u32 = (67_108_864.0 * core::f64::consts::PI / 18_000.0) as u32;
 
-const fn stage(tau_us: u32, calm: u32, shaken: u32) -> Stage {
-    Stage {
-        tau_us,
-        calm: calm * CENTIDEGREE,
-        shaken: shaken * CENTIDEGREE,
-    }
-}
+/// Half a thousandth of g, 2^-26 g.
+const HALF_MG: u32 = 33_554;
 
-/// A stage with thresholds in 0.5 mg.
-const fn stage_mg(tau_us: u32, calm: u32, shaken: u32) -> Stage {
-    /// 2^-26 g.
-    const HALF_MG: u32 = 33_554;
+/// A stage with thresholds in so many of a unit.
+const fn stage(unit: u32, tau_us: u32, calm: u32, shaken: u32) -> Stage {
     Stage {
         tau_us,
-        calm: calm * HALF_MG,
-        shaken: shaken * HALF_MG,
+        calm: calm * unit,
+        shaken: shaken * unit,
     }
 }
 
 impl RateCheck {
-    /// For two ISM330DHCX; `docs/faults.md` has the evidence.
+    /// For two ISM330DHCX; the example `gyroscope_faults` of `sim` prints the evidence.
     pub const PRODUCT: Self = Self {
         activity: ActivityCheck {
+            // A single jerk of the housing is no fault of a gyroscope.
             spike: u32::MAX - 1,
             ..ActivityCheck::PRODUCT
         },
         accelerations: Residual {
             stages: [
-                stage_mg(0, 50, 400),
-                stage_mg(20_000, 24, 200),
-                stage_mg(100_000, 15, 70),
-                stage_mg(250_000, 10, 30),
-                stage_mg(500_000, 8, 18),
+                stage(HALF_MG, 0, 50, 400),
+                stage(HALF_MG, 20_000, 24, 200),
+                stage(HALF_MG, 100_000, 15, 70),
+                stage(HALF_MG, 250_000, 10, 30),
+                stage(HALF_MG, 500_000, 8, 18),
             ],
             whole: 335_545,
             ..Residual::PRODUCT
@@ -83,11 +77,11 @@ impl RateCheck {
         shaken: 107_374,
         residual: Residual {
             stages: [
-                stage(0, 150, 300),
-                stage(20_000, 80, 160),
-                stage(100_000, 40, 80),
-                stage(250_000, 30, 40),
-                stage(500_000, 25, 30),
+                stage(CENTIDEGREE, 0, 150, 300),
+                stage(CENTIDEGREE, 20_000, 80, 160),
+                stage(CENTIDEGREE, 100_000, 40, 80),
+                stage(CENTIDEGREE, 250_000, 30, 40),
+                stage(CENTIDEGREE, 500_000, 25, 30),
             ],
             whole_us: 500_000,
             whole: 70 * CENTIDEGREE,
