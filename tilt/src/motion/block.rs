@@ -3,8 +3,9 @@
 //! In: the frame, the turn and the acceleration of each sample. Out, at the end: the velocity
 //! gained, and by how much each error of the gyroscope has tilted the frame meanwhile (its lever).
 
+use super::BLOCK;
 use super::frame::Frame;
-use super::{BLOCK, fit};
+use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 /// By how much an error of one unit tilts the frame about each of its level axes within a block;
@@ -81,7 +82,7 @@ impl Block {
     pub(super) fn gained(&self, period_q32: u32) -> Option<[i64; 2]> {
         // Half of the period, which then fits a signed number.
         let half = (period_q32 >> 1) as i32;
-        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 21;
+        let gain = |sum: i64| (i64::from(saturate(sum >> 6)) * i64::from(half)) >> 21;
         (!self.blind).then(|| self.accel.map(gain))
     }
 

@@ -34,7 +34,7 @@
 
 mod block;
 mod covariance;
-mod frame;
+pub(crate) mod frame;
 mod gyroscope;
 #[cfg(test)]
 mod reference;
@@ -46,6 +46,7 @@ pub use settings::{Expected, Motion};
 
 use crate::chain::Invalid;
 use crate::root::root;
+use crate::saturate::saturate;
 use crate::uncertainty::Uncertainty;
 use crate::vector::Corrected;
 use block::Block;
@@ -222,11 +223,11 @@ impl Motion {
         let [x, y] = gained;
         let [last_x, last_y] = core::mem::replace(&mut state.rest.gained, gained);
         let change = (x - last_x).abs().max((y - last_y).abs());
-        let square = mean_square(gained.map(fit)) >> 15;
+        let square = mean_square(gained.map(saturate)) >> 15;
         let fall = i64::from(self.period_q32 >> 12);
         // Five standard deviations of the tilt, and the noise.
         let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
-        let noise = mean_square([fit(self.rest_gain); 2]) >> 15;
+        let noise = mean_square([saturate(self.rest_gain); 2]) >> 15;
         if !(slow && change < self.rest_gain && square < tilt + noise) {
             state.rest.blocks = 0;
             return;
@@ -241,7 +242,7 @@ impl Motion {
     /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
     fn observe(&self, state: &mut MotionState, gained: [i64; 2]) {
         for (v, gained) in state.velocity.iter_mut().zip(gained) {
-            *v = fit(i64::from(*v) + gained);
+            *v = saturate(i64::from(*v) + gained);
         }
         let noise = self.zero_velocity_noise(state, gained);
         let mut observation = Observation::new(state.velocity, noise);
@@ -258,7 +259,7 @@ impl Motion {
     /// by the acceleration; the longer, the fewer of the blocks tell something new.
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
-        let change = (mean_square(gained.map(fit)) >> 15).max(fade(state.change));
+        let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
         let speed = (mean_square(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
         state.change = change;
         state.speed = if state.rest.blocks < self.rest_blocks {
@@ -329,20 +330,9 @@ impl Start {
         if self.samples < BLOCK {
             return None;
         }
-        let mean = self.accel.map(|sum| fit(sum / i64::from(BLOCK)));
+        let mean = self.accel.map(|sum| saturate(sum / i64::from(BLOCK)));
         *self = Self::default();
         Frame::upright(mean)
-    }
-}
-
-/// Cut off at the ends of 32 bits.
-const fn fit(value: i64) -> i32 {
-    if value > i32::MAX as i64 {
-        i32::MAX
-    } else if value < i32::MIN as i64 {
-        i32::MIN
-    } else {
-        value as i32
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::BLOCK;
 use super::covariance::Variances;
+use crate::saturate::saturate;
 use crate::uncertainty::Uncertainty;
 
 /// What is expected of gyroscope, accelerometer and motion; standard deviations (k = 1).
@@ -192,7 +193,7 @@ impl Motion {
     pub(super) fn noise(&self, square: i64) -> Variances {
         let turning = square.saturating_mul(i64::from(self.defect_q20)) >> 20;
         Variances {
-            tilt: super::fit(i64::from(self.noise.tilt).saturating_add(turning)),
+            tilt: saturate(i64::from(self.noise.tilt).saturating_add(turning)),
             ..self.noise
         }
     }
