@@ -141,8 +141,8 @@ struct Followed {
 pub struct GravityState {
     /// The mean, carried by the own gyroscope.
     mean: Followed,
-    /// Half of the difference, carried by the own gyroscope; while rates differ, the mean carried by the
-    /// peer's.
+    /// Half of the difference, carried by the own gyroscope; while rates differ, the mean carried
+    /// by the peer's.
     other: Followed,
     dispute: Option<Kind>,
     /// For how long the place has been averaged, or carried on; us.
