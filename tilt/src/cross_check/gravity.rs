@@ -264,6 +264,14 @@ fn towards(low: &mut [i32; 3], value: &[i32; 3], share: u32) {
     }
 }
 
+/// The rotation of a turn, of at most an eighth of a circle about each axis: pairs that are far
+/// apart, or a gyroscope that is wrong, may claim more, and a rotation of more has no room.
+fn rotation(turn: Turn) -> Rotation {
+    /// 2^30 pi / 4.
+    const EIGHTH: i32 = (core::f64::consts::FRAC_PI_4 * 1_073_741_824.0) as i32;
+    Rotation::of(turn.map(|axis| axis.clamp(-EIGHTH, EIGHTH)))
+}
+
 fn dot(a: &[i32; 3], b: &[i32; 3]) -> i64 {
     let products = a.iter().zip(b);
     products.fold(0, |sum: i64, (a, b)| {
@@ -287,12 +295,12 @@ impl Gravity {
     ) -> Option<Member> {
         self.note(state, differs, pair.elapsed_us);
         let [own, peer] = pair.turns;
-        let own = Rotation::of(own);
+        let own = rotation(own);
         state.mean.turn_back(&own);
         let rates = state.dispute == Some(Kind::Rates);
         state
             .other
-            .turn_back(&if rates { Rotation::of(peer) } else { own });
+            .turn_back(&if rates { rotation(peer) } else { own });
         state.age_us = state.age_us.saturating_add(pair.elapsed_us);
         let [mean, half] = pair.accelerations.as_ref()?;
         let averaged_us = match state.dispute {
