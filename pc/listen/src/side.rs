@@ -125,6 +125,7 @@ pub(super) enum Kind {
     Exchange(Part),
     Angle,
     Rates,
+    Turned,
     Other,
 }
 
@@ -208,7 +209,7 @@ impl Side {
                 self.now.rates_ns = Some(time_ns);
                 self.now.rates = values.rates;
             }
-            Kind::Other => {}
+            Kind::Turned | Kind::Other => {}
         }
         kind
     }
@@ -355,6 +356,7 @@ fn kind_of(pdo: &PdoPlan) -> Kind {
         _ if has_detail => Kind::Detail,
         _ if pdo.has(|what| matches!(what, What::SlopeNow(_))) => Kind::Angle,
         _ if pdo.has(|what| matches!(what, What::Rate(_))) => Kind::Rates,
+        _ if pdo.has(|what| what == What::Turned) => Kind::Turned,
         _ => Kind::Other,
     }
 }
