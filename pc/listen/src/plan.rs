@@ -186,6 +186,15 @@ impl PdoPlan {
     }
 }
 
+/// What TPDO 7 carries (202Bh).
+const TURNED: [u32; 5] = [
+    0x202B_0110,
+    0x202B_0210,
+    0x202B_0310,
+    0x202B_0408,
+    0x202B_0508,
+];
+
 impl NodePlan {
     /// A node that nobody has configured but for its node-id.
     pub fn as_delivered(node_id: u8) -> Self {
@@ -250,17 +259,7 @@ impl NodePlan {
                     &[0x202A_0110, 0x202A_0210, 0x202A_0310, 0x202A_0408],
                 ),
                 // On as delivered, where there is a gyroscope.
-                PdoPlan::of(
-                    0x400 + id,
-                    1,
-                    &[
-                        0x202B_0110,
-                        0x202B_0210,
-                        0x202B_0310,
-                        0x202B_0408,
-                        0x202B_0508,
-                    ],
-                ),
+                PdoPlan::of(0x400 + id, 1, &TURNED),
             ],
         }
     }
