@@ -9,7 +9,7 @@ mod watched;
 use device::channel::Settings;
 use sim::excavator::Scene;
 use sim::fault::{RateFault, SensorFault};
-use tilt::cross_check::{CrossCheck, Judgement, Member};
+use tilt::cross_check::{Judgement, Member};
 use watched::{Watch, calibrated};
 
 /// What was told of a fault: when, s after its beginning, and when a channel was named, and which.
@@ -22,7 +22,6 @@ struct Told {
 /// Runs a fault of node 1 until a channel is named.
 fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
     let watch = Watch {
-        check: CrossCheck::product(),
         sync_ticks: 20,
         patience_s: 40.0,
     };
