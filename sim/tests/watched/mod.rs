@@ -1,7 +1,7 @@
 //! A calibrated pair with gyroscopes on a machine, one of them with a fault: what node 1 judges.
 //!
-//! In: the scene, the fault, how often the pair is judged. Out: each judgement with its time. A word
-//! before the fault is a failure.
+//! In: the scene, the fault, how often the pair is judged. Out: each judgement with its time. A
+//! judgement other than "agree" before the fault is a failure.
 
 use device::channel::Settings;
 use sim::TICK_S;
