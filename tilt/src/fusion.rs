@@ -164,10 +164,12 @@ impl FusionState {
     /// acceleration.
     pub fn temperature(
         &mut self,
+        fusion: &Fusion,
         correction: &RateCorrection,
         compensation: CompensationAt,
         temperature: Temperature,
     ) {
+        fusion.motion.temperature(&mut self.motion, temperature);
         self.rates = correction.at(temperature);
         self.compensation = compensation;
     }

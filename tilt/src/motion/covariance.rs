@@ -27,7 +27,7 @@ const ERRORS: usize = 12;
 /// All states.
 const STATES: usize = MOTION + ERRORS;
 /// The largest variance.
-const LARGEST: i32 = 1 << 30;
+pub(super) const LARGEST: i32 = 1 << 30;
 
 /// Covariance of one state, or of one error, with the four states of motion.
 type Row = [i32; MOTION];
@@ -41,13 +41,17 @@ pub(super) struct Variances {
     pub(super) tilt: i32,
     /// Of the bias of one axis.
     pub(super) bias: i32,
-    /// Of one number of scale or alignment.
+    /// Of the scale of one axis.
+    pub(super) scale: i32,
+    /// Of one number of alignment.
     pub(super) gain: i32,
 }
 
 impl Variances {
     fn errors(&self) -> impl Iterator<Item = i32> {
-        core::iter::repeat_n(self.bias, 3).chain(core::iter::repeat_n(self.gain, 9))
+        let (scale, gain) = (self.scale, self.gain);
+        let rows = [scale, gain, gain, gain, scale, gain, gain, gain, scale];
+        core::iter::repeat_n(self.bias, 3).chain(rows)
     }
 }
 
@@ -179,6 +183,17 @@ impl Covariance {
         for ((cell, noise), most) in cells.zip(most.errors()) {
             if *cell < most {
                 *cell = cell.saturating_add(noise);
+            }
+        }
+    }
+
+    /// The scale of each axis has changed with temperature: `variance` more of it is unknown.
+    pub(super) fn warm(&mut self, variance: i32) {
+        const SCALES: [usize; 3] = [3, 7, 11];
+        for at in SCALES {
+            let cell = self.errors.get_mut(at).and_then(|row| row.get_mut(at));
+            if let Some(cell) = cell {
+                *cell = cell.saturating_add(variance).min(LARGEST);
             }
         }
     }

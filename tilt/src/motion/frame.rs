@@ -82,6 +82,11 @@ impl Frame {
         [scalar(first, accel.accel), scalar(second, accel.accel)]
     }
 
+    /// What of an acceleration lies along the vertical, in its unit.
+    pub(super) fn up_part(&self, accel: Corrected) -> i64 {
+        scalar(self.up, accel.accel)
+    }
+
     /// The two level axes.
     pub(super) const fn level(&self) -> &[[i32; 3]; 2] {
         &self.level
