@@ -304,6 +304,8 @@ pub struct ChainState<C: Composition = Whole> {
 }
 
 impl<C: Composition> Default for ChainState<C> {
+    // Out of line: inlined, a copy of the fusion's size lies on the stack of whoever starts.
+    #[inline(never)]
     fn default() -> Self {
         Self {
             filter: FilterState::default(),
