@@ -18,7 +18,7 @@
 use embedded_hal::delay::DelayNs;
 use instant::Instant;
 use tilt::chain::{Calibration, Chain, ChainState, Invalid, PART_DELAY_Q16, Reading, Timing};
-use tilt::composition::{Composition, Whole};
+use tilt::composition::{Composition, Place, Whole};
 use tilt::filter::{Filtered, LowPass};
 use tilt::fusion::MeasuredSum;
 use tilt::health::{self, Health};
@@ -240,6 +240,9 @@ impl<P: Part, C: Composition> Channel<P, C> {
                     self.health.restart(&mut self.watch);
                 }
                 self.health.sample(&mut self.watch, sample.counts);
+                if C::Fusion::FITTED && self.reason().is_some() {
+                    self.forget_motion();
+                }
                 settings.chain.sample(&mut self.state, sample, captured);
                 self.await_next(settings);
             }
@@ -383,6 +386,11 @@ impl<P: Part, C: Composition> Channel<P, C> {
                 }
             }
         }
+    }
+
+    /// The sensor measures wrongly: what its estimator has found with it is forgotten.
+    pub fn forget_motion(&mut self) {
+        Chain::forget_motion(&mut self.state);
     }
 
     /// Takes the channel's word away until it is started: something beside the part is wrong.

@@ -267,6 +267,12 @@ impl<C: Composition> Pair<C> {
         self.check.own_fault()
     }
 
+    /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
+    /// not held to do so.
+    pub fn own_sound_us(&self) -> Option<u32> {
+        self.check.findings()?.own_sound_us()
+    }
+
     /// True while the two differ and nobody is known to be the wrong one.
     pub fn disagree(&self) -> bool {
         self.check.disagree()

@@ -2,7 +2,9 @@
 
 use sim::bench::boom::BoomResult;
 use sim::bench::{Bench, Mode, World};
+use sim::campaign::{self, draw_with_gyroscope};
 use sim::rig::Mount;
+use sim::trial::checks::REACTION_S;
 
 /// A unit through chamber, motor and turns, switched off and on; the first of the tables.
 fn commissioned() -> Bench {
@@ -55,6 +57,20 @@ fn a_scale_over_temperature_leaves_no_valid_angle_wrong_by_a_degree() {
         all += 1.0;
     }
     assert!(within >= 0.95 * all, "{within} of {all}");
+}
+
+/// Up to 22 deg, for up to 9 s, at both channels in agreement: what a swapped axis or a stuck
+/// accelerometer had shown of gyroscope and vertical was kept when the fault was over.
+#[test]
+fn a_channel_came_back_with_what_its_fault_had_taught_the_estimator() {
+    for seed in [18, 150, 272, 296, 1399] {
+        let setup = draw_with_gyroscope(seed);
+        let pool = campaign::pool_for(&setup).unwrap();
+        let outcome = campaign::run(setup, &pool, |_| {}).unwrap();
+        assert!(!outcome.setup.faults.is_empty());
+        let wrong_s = outcome.report.longest_wrong_s;
+        assert!(wrong_s <= REACTION_S, "{outcome}");
+    }
 }
 
 #[test]

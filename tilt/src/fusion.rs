@@ -188,6 +188,14 @@ impl FusionState {
         self.previous = Err(Invalid::NoSample);
     }
 
+    /// Begins anew as at first: the sensor has measured wrongly, and whatever was found meanwhile
+    /// with it.
+    pub fn forget(&mut self) {
+        self.motion.forget();
+        self.latest = Err(Invalid::NoSample);
+        self.previous = Err(Invalid::NoSample);
+    }
+
     /// Memorises what the gyroscope read, in its own axes.
     pub(crate) fn memorise(&mut self, rate: Rate) {
         let before = core::mem::replace(&mut self.measured, rate);

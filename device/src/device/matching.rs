@@ -13,7 +13,7 @@
 use canopen::Frame;
 use canopen::nmt::State;
 use instant::Instant;
-use tilt::chain::Invalid;
+use tilt::chain::{Invalid, Reading};
 use tilt::composition::Place;
 use tilt::cross_check::CrossCheck;
 use tilt::observation::Observation;
@@ -30,6 +30,10 @@ use crate::sensor::Part;
 
 /// SYNCs in a row that may pass without the peer's exchange before it counts as silent.
 const MISSES_ALLOWED: u8 = 2;
+
+/// A fault that does not show for so long is over, us: the slowest that makes the difference of two
+/// accelerations too large shows within that.
+const SOUND_US: u32 = 250_000;
 
 /// Boot-up and heartbeats have this identifier plus the node-id (CiA 301, 7.2.8.3.2).
 const ERROR_CONTROL: u16 = 0x700;
@@ -49,6 +53,8 @@ pub(super) struct Matching {
     pub(super) misses: u8,
     /// What the peer said last.
     peer: Observation,
+    /// The estimator has begun while a fault of the sensor showed.
+    began_in_fault: bool,
     /// PDOs of this node on their way to the bus.
     pub(super) sending: Sending,
 }
@@ -62,6 +68,7 @@ impl Matching {
             came: [false; 2],
             misses: 0,
             peer: Observation::absent(Invalid::Unconfirmed),
+            began_in_fault: false,
             sending: Sending::new(),
         }
     }
@@ -227,9 +234,28 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
             .judge(own, &self.matching.peer, times, policy);
     }
 
+    /// Restarts the estimator of a sensor that measures wrongly: what it has found is wrong, too.
+    ///
+    /// It begins anew when the fault shows, and once more when it has not shown for [`SOUND_US`]:
+    /// what it began with may still have been of the fault.
+    fn restart_estimator(&mut self, own: &Reading) {
+        // While it starts it shows nothing.
+        let starts = own.x.is_err_and(Invalid::is_transient);
+        let begin = match self.parts.pair.own_sound_us() {
+            Some(0) if !starts => true,
+            Some(SOUND_US..) => self.matching.began_in_fault,
+            _ => return,
+        };
+        if begin {
+            self.matching.began_in_fault = self.parts.pair.own_sound_us() == Some(0);
+            self.parts.channel.forget_motion();
+        }
+    }
+
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.
     fn judge_sync(&mut self, own: &Observation, peer: &Observation, (at, now): (Instant, Instant)) {
         self.judge(own, peer, (at, now));
+        self.restart_estimator(&own.reading);
         if !I::HISTORY {
             return;
         }

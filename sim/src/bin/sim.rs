@@ -12,11 +12,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
-use sim::bench::BenchError;
+use sim::bench::{BenchError, Mode};
 use sim::campaign::{self, Outcome, Summary};
 use sim::can_bus::Event;
 use sim::trial::pool::Pool;
-use sim::trial::{NoSuchUnit, Seen};
+use sim::trial::{NoSuchUnit, Seen, Setup};
 
 /// Worlds that run side by side.
 const WORKERS: usize = 2;
@@ -41,6 +41,9 @@ enum Verb {
         /// Print every message on the bus beside the truth
         #[arg(long)]
         trace: bool,
+        /// Take the variant with a gyroscope, whose promise is not kept yet
+        #[arg(long)]
+        gyroscope: bool,
     },
     /// Run seed after seed for a time, up to the first that fails
     Campaign {
@@ -65,6 +68,9 @@ enum Verb {
         /// Go on after a failure, and list all that fail
         #[arg(long)]
         keep_going: bool,
+        /// Take the variant with a gyroscope, whose promise is not kept yet
+        #[arg(long)]
+        gyroscope: bool,
     },
     /// Run a device that is broken on purpose: it must be found out
     Canary,
@@ -113,7 +119,11 @@ impl std::fmt::Display for Problem {
 
 fn main() -> ExitCode {
     let ended = match CommandLine::parse().verb {
-        Verb::Seed { seed, trace } => one(seed, trace),
+        Verb::Seed {
+            seed,
+            trace,
+            gyroscope,
+        } => one(drawn(gyroscope)(seed), trace),
         Verb::Campaign {
             minutes,
             from,
@@ -123,7 +133,8 @@ fn main() -> ExitCode {
             seeds,
             from,
             keep_going,
-        } => so_many(seeds, from, keep_going),
+            gyroscope,
+        } => so_many(seeds, from, keep_going, gyroscope),
         Verb::Canary => canary(),
     };
     match ended {
@@ -136,8 +147,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn one(seed: u64, trace: bool) -> Result<bool, Problem> {
-    let setup = campaign::draw(seed);
+/// How trials are drawn.
+fn drawn(gyroscope: bool) -> fn(u64) -> Setup {
+    match gyroscope {
+        true => campaign::draw_with_gyroscope,
+        false => campaign::draw,
+    }
+}
+
+fn one(setup: Setup, trace: bool) -> Result<bool, Problem> {
     let pool = campaign::pool_for(&setup)?;
     let outcome = campaign::run(setup, &pool, |seen| {
         if trace {
@@ -167,7 +185,7 @@ fn print(seen: Seen<'_>) {
 }
 
 fn canary() -> Result<bool, Problem> {
-    let (trials, caught) = campaign::canary(&campaign::pool()?)?;
+    let (trials, caught) = campaign::canary(&campaign::pool(Mode::Product)?)?;
     match &caught {
         Some(outcome) => {
             print!("{outcome}");
@@ -184,6 +202,7 @@ fn for_a_time(minutes: f64, from: u64, keep_going: bool) -> Result<bool, Problem
         last: u64::MAX,
         time: Some(time(minutes)?),
         keep_going,
+        gyroscope: false,
     };
     many.run()
 }
@@ -197,12 +216,13 @@ fn time(minutes: f64) -> Result<Duration, Problem> {
     }
 }
 
-fn so_many(seeds: u64, from: u64, keep_going: bool) -> Result<bool, Problem> {
+fn so_many(seeds: u64, from: u64, keep_going: bool, gyroscope: bool) -> Result<bool, Problem> {
     let many = Many {
         from,
         last: last(seeds, from)?,
         time: None,
         keep_going,
+        gyroscope,
     };
     many.run()
 }
@@ -220,6 +240,8 @@ struct Many {
     /// No trial but the first begins later than this after the start.
     time: Option<Duration>,
     keep_going: bool,
+    /// Of the variant with a gyroscope.
+    gyroscope: bool,
 }
 
 /// What the workers share.
@@ -237,7 +259,11 @@ struct Shared {
 impl Many {
     fn run(self) -> Result<bool, Problem> {
         eprintln!("calibrating the instruments");
-        let pool = campaign::pool()?;
+        let product = match self.gyroscope {
+            true => Mode::Dynamic,
+            false => Mode::Product,
+        };
+        let pool = campaign::pool(product)?;
         let shared = Shared {
             given: AtomicU64::new(0),
             many: self,
@@ -273,7 +299,8 @@ impl Shared {
 
     fn work(&self) -> Result<(), NoSuchUnit> {
         while let Some(seed) = self.next() {
-            let outcome = campaign::run(campaign::draw(seed), &self.pool, |_| {})?;
+            let setup = drawn(self.many.gyroscope)(seed);
+            let outcome = campaign::run(setup, &self.pool, |_| {})?;
             self.take(outcome);
         }
         Ok(())

@@ -94,6 +94,16 @@ pub fn draw(seed: u64) -> Setup {
     }
 }
 
+/// The same trial with a gyroscope in the product: its promise is the product's, with the angle as
+/// right as it states ([`COVERAGE`](crate::trial::checks::COVERAGE)). It is not kept yet.
+pub fn draw_with_gyroscope(seed: u64) -> Setup {
+    let mut setup = draw(seed);
+    if setup.mode == Mode::Product {
+        setup.mode = Mode::Dynamic;
+    }
+    setup
+}
+
 fn machine(seed: u64) -> ExcavatorSetup {
     let mut rng = stream(seed, "machine");
     let scenes = [Scene::Digging, Scene::StopAndGo, Scene::Standstill];

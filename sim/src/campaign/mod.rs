@@ -18,7 +18,7 @@ use crate::trial::pool::Pool;
 use crate::trial::sabotage::Sabotage;
 use crate::trial::{self, NoSuchUnit, Report, Seen, Setup};
 
-pub use draw::{UNITS, draw};
+pub use draw::{UNITS, draw, draw_with_gyroscope};
 pub use summary::Summary;
 
 /// Seeds among which a device broken on purpose must be found out.
@@ -33,11 +33,11 @@ pub struct Outcome {
     pub report: Report,
 }
 
-/// Every instrument that a seed may draw.
+/// Every instrument that a seed may draw; `product` is the product's mode.
 ///
 /// Errors: see [`BenchError`].
-pub fn pool() -> Result<Pool, BenchError> {
-    let modes = [Mode::Product, Mode::Paper];
+pub fn pool(product: Mode) -> Result<Pool, BenchError> {
+    let modes = [product, Mode::Paper];
     let units = modes.map(|mode| (0..UNITS).map(move |unit| (mode, unit)));
     Pool::of(&units.into_iter().flatten().collect::<Vec<_>>())
 }
@@ -88,7 +88,13 @@ impl Outcome {
     /// The command that runs this trial again.
     pub fn replay(&self) -> String {
         match self.setup.sabotage {
-            Sabotage::None => format!("cargo sim seed {}", self.setup.seed),
+            Sabotage::None => {
+                let variant = match self.setup.mode {
+                    Mode::Dynamic => " --gyroscope",
+                    _ => "",
+                };
+                format!("cargo sim seed {}{variant}", self.setup.seed)
+            }
             Sabotage::Blind => "cargo sim canary".into(),
         }
     }

@@ -114,7 +114,7 @@ impl fmt::Display for Summary {
         )?;
         writeln!(
             f,
-            "{} of them in product mode within the promise; in these a wrong angle was marked \
+            "{} of them of the product within the promise; in these a wrong angle was marked \
              valid for {:.3} s at the most",
             self.promised, self.longest_wrong_s
         )?;

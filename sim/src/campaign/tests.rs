@@ -16,7 +16,7 @@ fn the_same_seed_gives_the_same_bus() {
 
 #[test]
 fn a_blind_check_is_found_out() {
-    let pool = pool().unwrap();
+    let pool = pool(Mode::Product).unwrap();
     let (_, caught) = canary(&pool).unwrap();
     let mut setup = caught.expect("a broken device is found out").setup;
     assert_eq!(setup.sabotage, Sabotage::Blind);

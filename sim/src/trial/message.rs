@@ -21,6 +21,8 @@ const SAFETY: [u16; CHANNELS] = [0x101, 0x103];
 const NO_SLOPE: i16 = i16::MIN;
 /// Unit of a slope in TPDO 1, deg.
 const SLOPE_DEG: f64 = 0.01;
+/// Unit of 2022h, deg.
+const UNCERTAINTY_DEG: f64 = 0.001;
 
 /// TPDO 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +31,16 @@ pub struct Slopes {
     pub deg: [Option<f64>; 2],
     /// 2021h, where the frame carries it.
     pub state: Option<u8>,
+}
+
+/// TPDO 2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// 2021h.
+    pub state: u8,
+    /// Standard uncertainty of the angles, the larger one (2022h sub 3), deg; none where it is not
+    /// known.
+    pub uncertainty_deg: Option<f64>,
 }
 
 /// EMCY.
@@ -55,8 +67,8 @@ pub enum Message {
     Sync,
     /// TPDO 1.
     Slopes(Slopes),
-    /// The state of the pair as a TPDO 2 carries it.
-    State(u8),
+    /// TPDO 2.
+    State(State),
     /// SRDO 1: slope X and Y, deg.
     Safety([f64; 2]),
     /// EMCY.
@@ -87,7 +99,10 @@ impl Message {
         let bytes = frame.bytes();
         let message = match (id & 0x780, bytes) {
             (0x180, [a, b, c, d, rest @ ..]) => Self::Slopes(slopes([*a, *b, *c, *d], rest)),
-            (0x280, [_, state, ..]) => Self::State(*state),
+            (0x280, [_, state, low, high, ..]) => Self::State(State {
+                state: *state,
+                uncertainty_deg: stated([*low, *high]),
+            }),
             (0x080, _) => Self::Emergency(emergency(bytes.try_into().ok()?)),
             (0x580, _) => Self::Answer,
             (0x700, [0]) => Self::BootUp,
@@ -101,7 +116,7 @@ impl Message {
     pub fn state(&self) -> Option<u8> {
         match self {
             Self::Slopes(slopes) => slopes.state,
-            Self::State(state) => Some(*state),
+            Self::State(state) => Some(state.state),
             Self::Emergency(emergency) => Some(emergency.state),
             Self::Sync | Self::Safety(_) | Self::BootUp | Self::Heartbeat(_) | Self::Answer => None,
         }
@@ -117,6 +132,11 @@ fn slopes([a, b, c, d]: [u8; 4], rest: &[u8]) -> Slopes {
         deg: [0, 1].map(|i| valid(i).then(|| f64::from(raw[i]) * SLOPE_DEG)),
         state: rest.get(1).copied(),
     }
+}
+
+fn stated(bytes: [u8; 2]) -> Option<f64> {
+    let raw = u16::from_le_bytes(bytes);
+    (raw < u16::MAX).then(|| f64::from(raw) * UNCERTAINTY_DEG)
 }
 
 fn safety(bytes: &[u8]) -> Option<[f64; 2]> {

@@ -332,7 +332,7 @@ impl<'a> Run<'a> {
     fn look(&mut self, now_s: f64) {
         let setup = self.setup;
         // What the paper's rule calls a physical fault stays until a reset.
-        let product = setup.mode == Mode::Product;
+        let product = setup.mode != Mode::Paper;
         let lone = setup.maintenance.is_empty();
         let by_itself = product && lone && setup.latch_s != 0 && !setup.has(What::needs_reset);
         if by_itself {

@@ -148,6 +148,8 @@ impl Setup {
             order_up_to: if paper { PAPER_ORDER_UP_TO } else { 1 },
             // The paper's angle has no instant of its own, so no truth to be held to in motion.
             order_deg: if paper { f64::INFINITY } else { LIMIT_DEG },
+            // What a gyroscope predicts is known as well as it states, worst after a start.
+            stated: self.mode == Mode::Dynamic,
             latency_s: self.latency_s(),
         }
     }

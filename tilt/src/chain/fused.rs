@@ -102,6 +102,14 @@ impl<C: Composition> Chain<C> {
         }
     }
 
+    /// The sensor measures wrongly: what fusion has found with it is forgotten. Nothing where no
+    /// gyroscope takes part.
+    pub fn forget_motion(state: &mut ChainState<C>) {
+        if let Some(fusion) = &mut state.fusion {
+            fusion.get_mut().forget();
+        }
+    }
+
     /// The temperature that compensation uses.
     pub(super) fn temperature_of(&self, state: &ChainState<C>) -> Result<Temperature, Invalid> {
         match self.calibration.temperature {

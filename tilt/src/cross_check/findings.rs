@@ -290,6 +290,14 @@ impl Findings {
         self.agreed_us >= PROOF_US && !self.contested && self.disagreement.is_none()
     }
 
+    /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
+    /// not held to do so.
+    pub fn own_sound_us(&self) -> Option<u32> {
+        let [own, _] = &self.faulty;
+        let wrong = own.as_ref().filter(|faulty| faulty.explains());
+        wrong.map(|faulty| faulty.sound_us)
+    }
+
     /// True for what lasts as long as the latch says, the peer's included.
     pub fn is_latched(&self) -> bool {
         let latched = |faulty: &Faulty| !faulty.reason.passes_with_its_cause();

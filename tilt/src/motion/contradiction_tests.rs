@@ -23,9 +23,10 @@ struct Channel {
     motion: Motion,
     state: MotionState,
     housing: Housing,
-    /// What the gyroscope adds to each rate, rad/s and share.
+    /// What the gyroscope adds to each rate, rad/s and share; what a blow adds to gravity, g.
     bias: Vec3,
     scale: f64,
+    blow: Vec3,
 }
 
 impl Channel {
@@ -36,6 +37,7 @@ impl Channel {
             housing: Housing::new(up, lever_m),
             bias: STILL,
             scale: 1.0,
+            blow: STILL,
         }
     }
 
@@ -43,6 +45,7 @@ impl Channel {
     fn step(&mut self, rate: Vec3) -> Result<(f64, f64), Invalid> {
         let (w, a) = self.housing.step(rate, CALIBRATED.period_s);
         let w = [0, 1, 2].map(|i| w[i] * self.scale + self.bias[i]);
+        let a = [0, 1, 2].map(|i| a[i] + self.blow[i]);
         let found = self.motion.step(&mut self.state, rate_of(w), accel_of(a))?;
         let error = between_deg(real(&found), self.housing.up);
         Ok((error, found.uncertainty.degrees()))
@@ -101,6 +104,23 @@ fn a_housing_put_elsewhere_without_a_rate_is_found_again() {
             "{jump_deg} deg: {within} of {valid}"
         );
     }
+}
+
+#[test]
+fn a_blow_now_and_then_hid_that_gravity_contradicts() {
+    let mut channel = Channel::new(&CALIBRATED, [0.1, 0.2, 1.0], STILL);
+    channel.run(10.0, |_| STILL);
+    channel.housing.up = [0.1, -0.2, 1.0].map(|c| c / 1.05f64.sqrt());
+    let mut last = f64::NAN;
+    for _ in 0..15 {
+        channel.run(0.75, |_| STILL);
+        // It leaves no velocity.
+        for blow in [[1.0, 0.5, 0.0], [-1.0, -0.5, 0.0], STILL] {
+            channel.blow = blow;
+            last = channel.run(0.02, |_| STILL).0;
+        }
+    }
+    assert!(last < 0.1, "{last}");
 }
 
 #[test]

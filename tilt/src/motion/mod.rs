@@ -235,7 +235,9 @@ impl Motion {
     /// certain than at first, since it may be what was wrong.
     fn begin_again(&self, state: &mut MotionState) {
         state.restart();
-        state.covariance.forget(self.doubted(state.warmed));
+        if !self.is_vague(state) {
+            state.covariance.forget(self.doubted(state.warmed));
+        }
         state.uncertainty = Uncertainty(u32::MAX);
     }
 
@@ -329,6 +331,14 @@ impl MotionState {
     pub fn restart(&mut self) {
         self.start = Start::default();
         self.running = false;
+    }
+
+    /// Starts anew as at first: what was found of the gyroscope has come from a sensor that
+    /// measures wrongly.
+    pub fn forget(&mut self) {
+        self.restart();
+        self.learned = false;
+        self.lost = false;
     }
 
     /// The gyroscope's bias as estimated, 2^-32 rad/s per step; `None` before the start.

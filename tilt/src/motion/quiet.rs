@@ -56,8 +56,13 @@ impl Motion {
         let steady = self.alike(gained, last);
         let square = mean_square(gained.map(saturate)) >> 15;
         let fall = i64::from(self.period_q32 >> 12);
-        // Five standard deviations of the tilt, and the noise.
-        let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
+        // Five standard deviations of the tilt, and the noise. Where it starts, more than three
+        // tell that it started wrongly.
+        let deviations = match self.is_vague(state) {
+            true => 3 * 3,
+            false => 5 * 5,
+        };
+        let tilt = (deviations * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
         let noise = mean_square([saturate(self.rest_gain); 2]) >> 15;
         let level = square < tilt + noise;
         let quiet = &mut state.quiet;
@@ -67,8 +72,11 @@ impl Motion {
             quiet.against = quiet.against.saturating_add(1);
             let square = square.min(1 << 42) << 20;
             quiet.beside = square.checked_div(fall * fall).unwrap_or(0);
-        } else {
+        } else if steady && level {
             quiet.against = 0;
+        } else {
+            // A blow, or a move, shows neither that the vertical is right nor that it is wrong.
+            quiet.against = quiet.against.saturating_sub(1);
         }
         if !(steady && level && slower(self.rest_turn)) {
             (quiet.rest, quiet.at_rest) = (0, false);
@@ -111,8 +119,18 @@ impl Motion {
         }
     }
 
-    /// True where quiet gravity has contradicted for too long.
-    pub(super) const fn refuted(&self, state: &MotionState) -> bool {
-        state.quiet.against >= self.refuted_blocks
+    /// True where quiet gravity has contradicted for too long: at once where the vertical is not
+    /// known yet, so that nothing is lost with it.
+    pub(super) fn refuted(&self, state: &MotionState) -> bool {
+        let most = match self.is_vague(state) {
+            true => CONTRADICTS,
+            false => self.refuted_blocks,
+        };
+        state.quiet.against >= most
+    }
+
+    /// True where the vertical is not known yet, whatever contradicts it.
+    pub(super) fn is_vague(&self, state: &MotionState) -> bool {
+        state.unshared > self.limit
     }
 }

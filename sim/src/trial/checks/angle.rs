@@ -4,7 +4,7 @@
 //! valid slope of an axis has been wrong for too long. A slope that is right, or not marked valid,
 //! ends that; so does a silence, since the receiver's own time-out acts then.
 
-use super::{LIMIT_DEG, Rule, Violation};
+use super::{Rule, Violation};
 use crate::trial::CHANNELS;
 
 /// An angle this close to the truth of an earlier SYNC is taken for that SYNC's, deg.
@@ -32,6 +32,8 @@ pub struct At {
     pub at_s: f64,
     /// By the clock that the reaction time is counted with, s.
     pub compared_s: f64,
+    /// How far its angles may be off, deg.
+    pub within_deg: f64,
 }
 
 /// What the rule remembers.
@@ -70,7 +72,11 @@ impl Angles {
     /// before, the newest first.
     pub fn see(
         &mut self,
-        At { at_s, compared_s }: At,
+        At {
+            at_s,
+            compared_s,
+            within_deg,
+        }: At,
         channel: usize,
         deg: [Option<f64>; 2],
         newest: Option<[f64; 2]>,
@@ -86,7 +92,7 @@ impl Angles {
                 self.wrong[channel][axis] = None;
                 continue;
             };
-            if (deg - newest).abs() <= LIMIT_DEG {
+            if (deg - newest).abs() <= within_deg {
                 self.wrong[channel][axis] = None;
                 continue;
             }

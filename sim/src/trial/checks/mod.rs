@@ -32,6 +32,7 @@ use std::fmt;
 
 use device::factory::PRODUCT_LATENCY_US;
 
+use crate::trial::CHANNELS;
 use crate::trial::message::Message;
 use stale::Kind;
 
@@ -39,6 +40,8 @@ use stale::Kind;
 pub const REACTION_S: f64 = 0.5;
 /// An angle is right within this, deg.
 pub const LIMIT_DEG: f64 = 0.6;
+/// Where the stated uncertainty counts, an angle is right within so many of it.
+pub const COVERAGE: f64 = 3.0;
 /// Within this time after everything is well the instrument is in order, s.
 pub const RECOVERY_S: f64 = 5.0;
 /// SYNCs that are remembered, to recognise the angle of an earlier one.
@@ -127,6 +130,8 @@ pub struct Limits {
     pub order_up_to: u8,
     /// How far a valid angle of a pair in order may be off, deg.
     pub order_deg: f64,
+    /// Whether an angle may be off by [`COVERAGE`] of the stated uncertainty where that is more.
+    pub stated: bool,
     /// An angle belongs to the instant so long before its SYNC, s.
     pub latency_s: f64,
 }
@@ -141,8 +146,17 @@ impl Limits {
         safety: false,
         order_up_to: 1,
         order_deg: LIMIT_DEG,
+        stated: false,
         latency_s: 1e-6 * PRODUCT_LATENCY_US as f64,
     };
+}
+
+impl Limits {
+    /// How far an angle may be off, deg, by the standard uncertainty that its channel states.
+    fn within_deg(&self, uncertainty_deg: Option<f64>) -> f64 {
+        let stated = uncertainty_deg.filter(|_| self.stated);
+        stated.map_or(LIMIT_DEG, |u| LIMIT_DEG.max(COVERAGE * u))
+    }
 }
 
 /// A fault as the rules see it.
@@ -161,6 +175,8 @@ pub struct Affected {
 pub struct Checks {
     limits: Limits,
     syncs: VecDeque<f64>,
+    /// How far an angle of each channel may be off, deg.
+    within_deg: [f64; CHANNELS],
     angles: angle::Angles,
     exposure: exposure::Exposure,
     stale: stale::Stale,
@@ -180,6 +196,7 @@ impl Checks {
         Self {
             limits,
             syncs: VecDeque::new(),
+            within_deg: [LIMIT_DEG; CHANNELS],
             angles: angle::Angles::new(limits.reaction_s),
             exposure: exposure::Exposure::default(),
             stale: stale::Stale::new(limits.reaction_s),
@@ -257,6 +274,7 @@ impl Checks {
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) {
         let before = self.violations.len();
+        let within_deg = self.within_deg[channel];
         match message {
             Message::Sync => self.sync(at_s),
             Message::Slopes(slopes) => {
@@ -270,19 +288,23 @@ impl Checks {
                 } else {
                     at_s
                 };
-                let at = angle::At { at_s, compared_s };
+                let at = angle::At {
+                    at_s,
+                    compared_s,
+                    within_deg,
+                };
                 let found = (self.angles).see(at, channel, slopes.deg, newest, older);
                 self.violations.extend(found);
-                let found = self
-                    .stale
-                    .see(at_s, (channel, Kind::Slopes), slopes.deg, &ideal);
+                let frame = (channel, Kind::Slopes, within_deg);
+                let found = self.stale.see(at_s, frame, slopes.deg, &ideal);
                 self.violations.extend(found);
-                self.order.slopes(at_s, channel, slopes.deg, newest);
+                (self.order).slopes(at_s, (channel, within_deg), slopes.deg, newest);
             }
             Message::Safety(deg) => {
-                let found = self.safety.see(at_s, channel, *deg, &ideal);
+                let found = (self.safety).see(at_s, (channel, within_deg), *deg, &ideal);
                 self.violations.extend(found);
-                let found = (self.stale).see(at_s, (channel, Kind::Safety), deg.map(Some), &ideal);
+                let frame = (channel, Kind::Safety, within_deg);
+                let found = self.stale.see(at_s, frame, deg.map(Some), &ideal);
                 self.violations.extend(found);
                 self.order.safety(at_s, channel);
             }
@@ -297,7 +319,10 @@ impl Checks {
                 self.order.nmt(at_s, channel, 0);
             }
             Message::Heartbeat(state) => self.order.nmt(at_s, channel, *state),
-            Message::State(_) | Message::Answer => {}
+            Message::State(state) => {
+                self.within_deg[channel] = self.limits.within_deg(state.uncertainty_deg);
+            }
+            Message::Answer => {}
         }
         if let Some(state) = message.state() {
             self.judge(at_s, channel, state);

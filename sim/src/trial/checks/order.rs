@@ -83,11 +83,11 @@ impl Order {
     pub fn slopes(
         &mut self,
         at_s: f64,
-        channel: usize,
+        (channel, within_deg): (usize, f64),
         deg: [Option<f64>; 2],
         truth: Option<[f64; 2]>,
     ) {
-        let within_deg = self.within_deg;
+        let within_deg = self.within_deg.max(within_deg);
         let near =
             |deg: Option<f64>, truth: f64| deg.is_some_and(|deg| (deg - truth).abs() <= within_deg);
         let right = truth.is_some_and(|[x, y]| near(deg[0], x) && near(deg[1], y));

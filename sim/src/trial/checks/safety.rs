@@ -59,7 +59,7 @@ impl Safety {
     pub fn see(
         &mut self,
         at_s: f64,
-        channel: usize,
+        (channel, within_deg): (usize, f64),
         deg: [f64; 2],
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> Vec<Violation> {
@@ -68,6 +68,7 @@ impl Safety {
         let at = At {
             at_s,
             compared_s: at_s,
+            within_deg,
         };
         let mut found = (self.angles).see(at, channel, valid, nearest, Vec::new);
         let late = self.accuses[channel].is_some_and(|since| at_s - since > UNDER_WAY_S);

@@ -11,7 +11,7 @@
 //! reaction time without being old.
 
 use super::safety::AGE_S;
-use super::{LIMIT_DEG, Rule, Violation};
+use super::{Rule, Violation};
 use crate::trial::CHANNELS;
 
 /// Time between two looks at the truth, s; what moves passes through all that is between.
@@ -73,14 +73,15 @@ impl Stale {
     pub fn see(
         &mut self,
         at_s: f64,
-        (channel, kind): (usize, Kind),
+        (channel, kind, within_deg): (usize, Kind, f64),
         deg: [Option<f64>; 2],
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> Option<Violation> {
         let wakes = self.wakes(at_s, channel, kind);
         let excused = self.faulty[channel] || self.reaction_s > LONGEST_S || !wakes;
         let strays = |axis: usize| {
-            let range = self.range(at_s, deg[axis]?, |time_s| Some(ideal(time_s)?[axis]))?;
+            let angle = (deg[axis]?, within_deg);
+            let range = self.range(at_s, angle, |time_s| Some(ideal(time_s)?[axis]))?;
             Some((axis, deg[axis]?, range))
         };
         let found = (0..2).filter(|_| !excused).find_map(strays);
@@ -112,13 +113,18 @@ impl Stale {
     }
 
     /// Between what the truth was within the reaction time, if `deg` is none of it.
-    fn range(&self, at_s: f64, deg: f64, ideal: impl Fn(f64) -> Option<f64>) -> Option<(f64, f64)> {
+    fn range(
+        &self,
+        at_s: f64,
+        (deg, within_deg): (f64, f64),
+        ideal: impl Fn(f64) -> Option<f64>,
+    ) -> Option<(f64, f64)> {
         let newest_s = at_s - AGE_S.0;
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for step in 0..=(self.reaction_s / STEP_S).round() as u32 {
             let truth = ideal(newest_s - f64::from(step) * STEP_S)?;
             (low, high) = (low.min(truth), high.max(truth));
-            if (low - LIMIT_DEG..=high + LIMIT_DEG).contains(&deg) {
+            if (low - within_deg..=high + within_deg).contains(&deg) {
                 return None;
             }
         }
