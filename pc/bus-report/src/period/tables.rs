@@ -5,8 +5,8 @@
 
 use super::clock::{Clock, length};
 use super::data::*;
-use super::kind::Kind;
 use super::verdict::percent;
+use crate::totals::Kind;
 use output::printable;
 use output::table::{Cell, Column, Table};
 

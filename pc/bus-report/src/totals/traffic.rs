@@ -4,6 +4,8 @@
 //! stretches without any frame. Bits are counted exactly, stuff bits and intermission included,
 //! so that the load follows from the bit rate alone. What was on the bus and not in the log, such
 //! as frames with errors, is no part of it.
+//!
+//! Left out: what kinds of frames there were, which `listen` counts.
 
 use canopen::Frame;
 use sim::can_bus::frame_bits;
@@ -36,17 +38,11 @@ pub struct Traffic {
     pub gaps: Gaps,
     /// Frames without and with a date, with the first and last of each, ns.
     dates: [(u64, Option<(u64, u64)>); 2],
-    /// Frames that are older than the one before them.
-    pub backwards: u64,
-    /// Frames with a 29-bit identifier.
-    pub extended: u64,
-    /// Remote frames.
-    pub remote: u64,
-    /// NMT commands.
-    pub commands: u64,
     /// Frames by the node-id in their identifier.
     nodes: Box<[u64; IDS]>,
     last_ns: Option<u64>,
+    /// Whether bits are counted.
+    has_bits: bool,
 }
 
 impl Default for Traffic {
@@ -59,17 +55,22 @@ impl Default for Traffic {
             span_ns: None,
             dates: [(0, None); 2],
             gaps: Gaps::default(),
-            backwards: 0,
-            extended: 0,
-            remote: 0,
-            commands: 0,
             nodes: Box::new([0; IDS]),
             last_ns: None,
+            has_bits: true,
         }
     }
 }
 
 impl Traffic {
+    /// Counts no bits, so that it has no load.
+    pub fn without_bits() -> Self {
+        Self {
+            has_bits: false,
+            ..Self::default()
+        }
+    }
+
     /// Whether this is a time without a date, in a log whose times mostly have one.
     pub const fn is_stray(&self, now_ns: u64) -> bool {
         let [(undated, _), (dated, _)] = self.dates;
@@ -97,13 +98,14 @@ impl Traffic {
     /// Takes a frame; the time of the one before it, ns.
     pub fn take(&mut self, now_ns: u64, frame: &Frame) -> u64 {
         self.count(frame);
-        let bits = frame_bits(frame) + INTERMISSION;
-        self.total_bits += bits;
-        self.bits.add(now_ns, bits);
+        if self.has_bits {
+            let bits = frame_bits(frame) + INTERMISSION;
+            self.total_bits += bits;
+            self.bits.add(now_ns, bits);
+        }
         self.extend(now_ns);
         let last = self.last_ns.replace(now_ns).unwrap_or(now_ns);
         if now_ns < last {
-            self.backwards += 1;
             return last;
         }
         if is_dated(now_ns) && !is_dated(last) {
@@ -125,23 +127,13 @@ impl Traffic {
     }
 
     fn count(&mut self, frame: &Frame) {
-        let Some(cob_id) = frame.cob_id() else {
-            self.extended += 1;
-            return;
-        };
-        if frame.is_remote() {
-            self.remote += 1;
-            return;
-        }
-        match cob_id {
-            0 => self.commands += 1,
-            // From TPDO 1 to the SDOs, EMCY and error control.
-            0x081..=0x0FF | 0x181..=0x67F | 0x701..=0x77F => {
-                if let Some(count) = self.nodes.get_mut(usize::from(cob_id & 0x7F)) {
-                    *count += 1;
-                }
-            }
-            _ => {}
+        // From TPDO 1 to the SDOs, EMCY and error control.
+        let of_a_node = |id: &u16| matches!(id, 0x081..=0x0FF | 0x181..=0x67F | 0x701..=0x77F);
+        let cob_id = frame.cob_id().filter(|_| !frame.is_remote());
+        if let Some(cob_id) = cob_id.filter(of_a_node)
+            && let Some(count) = self.nodes.get_mut(usize::from(cob_id & 0x7F))
+        {
+            *count += 1;
         }
     }
 
@@ -153,7 +145,8 @@ impl Traffic {
 
     /// Bits per second over the time with data; `None` without.
     pub fn rate(&self) -> Option<f64> {
-        (self.covered_ns > 0).then(|| self.total_bits as f64 / (self.covered_ns as f64 * 1e-9))
+        (self.has_bits && self.covered_ns > 0)
+            .then(|| self.total_bits as f64 / (self.covered_ns as f64 * 1e-9))
     }
 
     /// Bits per second bin by bin: start of the bin, ns, and the rate.
@@ -186,6 +179,7 @@ mod tests {
         let rate = traffic.rate().unwrap();
         assert!((rate - bits as f64 * 100.0).abs() < bits as f64, "{rate}");
         assert_eq!(traffic.gaps.count(), 1);
+        assert_eq!(traffic.gaps.longest_ns(), 600_010_000_000);
         assert_eq!(traffic.nodes().collect::<Vec<_>>(), [(1, 2000)]);
         for (_, rate) in &traffic.rates()[1..9] {
             assert!(

@@ -1,7 +1,8 @@
-//! What the two channels tell each other at each SYNC: TPDO 3 and TPDO 4 (docs/canopen.md).
+//! What the two channels send each other at each SYNC: TPDO 3 and TPDO 4 (docs/canopen.md).
 //!
-//! In: the eight bytes of each, from the bus or out of a black box. Out: angles with their
-//! uncertainty or the reason why there is none, acceleration, and how much the sensor shakes.
+//! In: the eight bytes of each out of a black box, or what was decoded of the bus. Out: angles with
+//! their uncertainty or the reason why there is none, the difference of two of them, acceleration,
+//! and how much the sensor shakes.
 
 use device::exchange::Exchange;
 
@@ -32,17 +33,12 @@ pub struct Measured {
 impl Measured {
     /// Reads the bytes of a TPDO 3; `None` when there are not eight.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let &[x0, x1, x2, y0, y1, y2, qx, qy] = bytes else {
-            return None;
-        };
-        let steps = |low, middle, high| i32::from_le_bytes([0, low, middle, high]) >> 8;
-        Some(Self {
-            steps: [steps(x0, x1, x2), steps(y0, y1, y2)],
-            quality: [qx, qy],
-        })
+        let mut exchange = Exchange::NOTHING;
+        exchange.take_angles(bytes.try_into().ok()?);
+        Some(Self::of(&exchange))
     }
 
-    /// What `watch` has read.
+    /// The part of an exchange that TPDO 3 carries.
     pub const fn of(exchange: &Exchange) -> Self {
         Self {
             steps: exchange.angle,
@@ -50,9 +46,15 @@ impl Measured {
         }
     }
 
+    /// The angle of an axis, steps of a 2^24th of the circle; `None` where there is none.
+    pub fn steps(&self, axis: usize) -> Option<i32> {
+        let is_angle = *self.quality.get(axis)? >= FIRST_ANGLE;
+        self.steps.get(axis).copied().filter(|_| is_angle)
+    }
+
     /// The angle of an axis, 0.001 deg; `None` where there is none.
     pub fn mdeg(&self, axis: usize) -> Option<i32> {
-        (self.quality.get(axis)? >= &FIRST_ANGLE).then_some(to_mdeg(*self.steps.get(axis)?))
+        self.steps(axis).map(to_mdeg)
     }
 
     /// Why there is no angle, as 2025h numbers it: of the first axis that has a reason.
@@ -75,11 +77,16 @@ impl Measured {
 
     /// This channel's angle minus the other one's, the shorter way round, 0.001 deg.
     pub fn minus(&self, other: &Self, axis: usize) -> Option<i32> {
-        self.mdeg(axis)?;
-        other.mdeg(axis)?;
-        let steps = self.steps.get(axis)?.wrapping_sub(*other.steps.get(axis)?);
+        let steps = self.steps(axis)?.wrapping_sub(other.steps(axis)?);
         Some(to_mdeg((steps << 8) >> 8))
     }
+}
+
+/// One slope minus another one, the shorter way round, 0.001 deg.
+pub(super) fn slope_minus(own_mdeg: i32, other_mdeg: i32) -> i32 {
+    let apart = i64::from(own_mdeg) - i64::from(other_mdeg);
+    let (circle, half) = (i64::from(CIRCLE_MDEG), i64::from(CIRCLE_MDEG) / 2);
+    ((apart + half).rem_euclid(circle) - half) as i32
 }
 
 fn to_mdeg(steps: i32) -> i32 {
@@ -102,17 +109,13 @@ pub struct Activity {
 impl Activity {
     /// Reads the bytes of a TPDO 4; `None` when there are not eight.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let &[x0, x1, y0, y1, z0, z1, clock, energy] = bytes else {
-            return None;
-        };
-        let force = |low, high| {
-            let raw = i16::from_le_bytes([low, high]);
-            (raw != i16::MIN).then_some(f64::from(raw) / PER_G)
-        };
+        let mut exchange = Exchange::NOTHING;
+        exchange.take_backing(bytes.try_into().ok()?);
+        let force = |raw: i16| (raw != i16::MIN).then_some(f64::from(raw) / PER_G);
         Some(Self {
-            force_g: [force(x0, x1), force(y0, y1), force(z0, z1)],
-            clock,
-            energy,
+            force_g: exchange.vector.map(force),
+            clock: exchange.captured,
+            energy: exchange.activity,
         })
     }
 

@@ -14,6 +14,7 @@ use super::bins::{Bins, Extremes};
 use super::gaps::Gaps;
 use super::kind::{KINDS, Kind};
 use super::tally::Tally;
+use listen::Checks;
 
 /// A day in ns.
 pub const DAY_NS: u64 = 86_400_000_000_000;
@@ -28,9 +29,17 @@ pub struct Unusable {
     pub reason: u8,
 }
 
+/// States of the pair (2021h), and a place for all that do not exist.
+pub const STATES: usize = 11;
+
 /// One channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ChannelSummary {
+    /// TPDO 1 seen.
+    pub readings: u64,
+    /// How many of them carried each state of the pair; the last place is for states that do not
+    /// exist.
+    pub states: [u64; STATES],
     /// Slope X and Y while they could be used, 0.001 deg.
     pub slope: [Tally; 2],
     /// The same over time.
@@ -59,10 +68,18 @@ pub struct ChannelSummary {
     pub heartbeat_lost_ns: u64,
     /// Frames of another form than the plan says.
     pub malformed: u64,
+    /// Every fault that was present after an EMCY, bit n for fault n of `device::fault`.
+    pub faults: u32,
+    /// What does not fit together in what it sends.
+    pub checks: Checks,
 }
 
 impl ChannelSummary {
     fn merge(&mut self, other: &Self) {
+        self.readings += other.readings;
+        for (own, other) in self.states.iter_mut().zip(other.states) {
+            *own += other;
+        }
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
         }
@@ -81,6 +98,17 @@ impl ChannelSummary {
         self.heartbeat_losses += other.heartbeat_losses;
         self.heartbeat_lost_ns += other.heartbeat_lost_ns;
         self.malformed += other.malformed;
+        self.faults |= other.faults;
+        self.checks.merge(&other.checks);
+    }
+
+    /// Counts a TPDO 1 that carried this state.
+    pub fn read(&mut self, state: u8) {
+        self.readings += 1;
+        let place = usize::from(state).min(STATES - 1);
+        if let Some(count) = self.states.get_mut(place) {
+            *count += 1;
+        }
     }
 }
 
@@ -226,6 +254,8 @@ mod tests {
         channel.heartbeat_losses += 2;
         channel.heartbeat_lost_ns += 3;
         channel.malformed += 4;
+        channel.read(number as u8);
+        channel.faults |= 1 << (number % 32);
         let difference = &mut summary.difference;
         difference.own[1].add(value);
         difference.by_measured += 1;
@@ -235,7 +265,7 @@ mod tests {
         difference.above += 1;
         difference.told.add(value);
         difference.told_off.add(value);
-        summary.gaps.add(crate::period::gaps::Gap {
+        summary.gaps.add(super::super::gaps::Gap {
             from_ns: time_ns,
             to_ns: time_ns + number as u64,
             whole_bus: value > 0,
@@ -249,7 +279,7 @@ mod tests {
     }
 
     proptest! {
-        /// What makes a machine-day the unit: they can be counted apart and joined.
+        /// What makes a machine-day the unit: they can be counted apart and joined, in any order.
         #[test]
         fn merged_days_are_the_whole(
             notes in prop::collection::vec(
@@ -263,14 +293,17 @@ mod tests {
                 note(&mut whole, time_s, value);
                 note(&mut parts[part], time_s, value);
             }
-            let [mut a, b, c] = parts;
-            let mut c_first = c.clone();
-            a.merge(&b);
-            a.merge(&c);
-            prop_assert_eq!(&a, &whole);
-            c_first.merge(&a);
-            c_first.merge(&Summary::default());
-            prop_assert_eq!(c_first.days.len(), whole.days.len());
+            let merged = |parts: &[&Summary]| {
+                let mut all = Summary::default();
+                parts.iter().for_each(|part| all.merge(part));
+                all
+            };
+            let [a, b, c] = &parts;
+            for order in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
+                prop_assert_eq!(&merged(&order), &whole);
+            }
+            // And grouped the other way.
+            prop_assert_eq!(&merged(&[a, &merged(&[b, c])]), &whole);
         }
     }
 }

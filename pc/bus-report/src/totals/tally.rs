@@ -56,6 +56,11 @@ impl Tally {
         (self.count > 0).then(|| self.sum as f64 / self.count as f64)
     }
 
+    /// The root of the mean square.
+    pub fn rms(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.squares as f64 / self.count as f64).sqrt())
+    }
+
     /// The standard deviation of the values about their mean; `None` for fewer than two.
     pub fn deviation(&self) -> Option<f64> {
         let count = i128::from(self.count);
@@ -81,6 +86,7 @@ mod tests {
             tally.add(value);
         }
         assert_eq!(tally.mean(), Some(5.0));
+        assert_eq!(tally.rms(), Some(29.0_f64.sqrt()));
         let expected = (32.0_f64 / 7.0).sqrt();
         assert!((tally.deviation().unwrap() - expected).abs() < 1e-12);
         assert_eq!(tally.extremes(), Some((2, 9)));
