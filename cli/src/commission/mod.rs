@@ -18,4 +18,5 @@ pub mod restore;
 pub mod save;
 pub mod scan;
 pub mod set;
+mod whom;
 pub mod zero;
