@@ -15,8 +15,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::{CommissionError, listed};
-use super::whom::Whom;
 use bus_master::Bus;
 use bus_master::fault::Fault;
 use bus_master::lss::{BIT_RATES, Identity, Master};
@@ -53,7 +53,7 @@ pub struct Arguments {
     pub force: bool,
     /// Which nodes are read; all channels on the bus when not given
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 fn rate(text: &str) -> Result<u16, String> {
@@ -83,14 +83,14 @@ struct Content<'a> {
 ///
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.whom.join()?;
+    let mut bus = arguments.common.join()?;
     let meant = match arguments.rate {
-        Some(_) if arguments.whom.nodes.node.is_some() => return Err(CommissionError::AllOnly),
+        Some(_) if arguments.common.nodes.node.is_some() => return Err(CommissionError::AllOnly),
         Some(rate) => Meant {
             nodes: change(&mut bus, rate, arguments)?,
             missing: None,
         },
-        None => arguments.whom.nodes.readable(&mut bus)?,
+        None => arguments.common.nodes.readable(&mut bus)?,
     };
     let mut rates = Vec::new();
     for id in meant.nodes.clone() {
@@ -114,7 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 }
 
 const fn answer(arguments: &Arguments) -> Answer {
-    arguments.whom.answer("plumb-bitrate")
+    arguments.common.answer("plumb-bitrate")
 }
 
 fn line(rate: &Rate, changed: bool) -> String {

@@ -14,8 +14,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use super::whom::Whom;
 use bus_master::Bus;
 use bus_master::node::Node;
 use bus_master::sdo::meaning;
@@ -38,7 +38,7 @@ pub struct Arguments {
     pub output: Option<PathBuf>,
     /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 /// One object of one node.
@@ -70,8 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
-    let mut bus = arguments.whom.join()?;
-    let meant = arguments.whom.nodes.readable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let meant = arguments.common.nodes.readable(&mut bus)?;
     let nodes = &meant.nodes;
     let refused = match &arguments.output {
         Some(path) => {
@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
             None
         }
         None => {
-            let answer = arguments.whom.answer("plumb-get");
+            let answer = arguments.common.answer("plumb-get");
             let readings = read(&mut bus, nodes, &objects)?;
             let content = Content { objects: &readings };
             answer.show(&bus, content, || table(nodes, &objects, &readings))?;

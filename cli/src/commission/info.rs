@@ -13,8 +13,8 @@ use canopen::object::Abort;
 use clap::Args;
 use serde::Serialize;
 
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use super::whom::Whom;
 use crate::update::version;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
@@ -36,7 +36,7 @@ pub struct Arguments {
     pub id: Option<u8>,
     /// Several nodes
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -118,19 +118,19 @@ const NO_DATA: u32 = Abort::NoData.code();
 ///
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.whom.join()?;
+    let mut bus = arguments.common.join()?;
     let meant = match arguments.id {
         Some(id) => Meant {
             nodes: vec![id],
             missing: None,
         },
-        None => arguments.whom.nodes.readable(&mut bus)?,
+        None => arguments.common.nodes.readable(&mut bus)?,
     };
     let mut told = Vec::new();
     for id in meant.nodes.clone() {
         told.push(ask(&mut Node::new(&mut bus, id))?);
     }
-    let answer = arguments.whom.answer("plumb-info");
+    let answer = arguments.common.answer("plumb-info");
     answer.show(&bus, Content { nodes: &told }, || text(&told))?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)

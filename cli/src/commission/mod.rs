@@ -10,6 +10,7 @@
 
 mod answer;
 pub mod bitrate;
+mod common;
 mod error;
 pub mod get;
 pub mod info;
@@ -18,5 +19,4 @@ pub mod restore;
 pub mod save;
 pub mod scan;
 pub mod set;
-mod whom;
 pub mod zero;

@@ -13,9 +13,9 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
+use super::common::CommonOptions;
 use super::error::CommissionError;
 use super::save::Group;
-use super::whom::Whom;
 use bus_master::fault::Fault;
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
@@ -45,7 +45,7 @@ pub struct Arguments {
     pub stop: bool,
     /// Which nodes; needed where there is more than one
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -62,14 +62,14 @@ struct Content {
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are restored and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let answer = arguments.whom.answer("plumb-restore");
+    let answer = arguments.common.answer("plumb-restore");
     let what = Group::name(arguments.only);
     let counts = match arguments.reset {
         true => "the node was reset, they count",
         false => "they count from its next reset on (--reset does that too)",
     };
-    let mut bus = arguments.whom.join()?;
-    let nodes = arguments.whom.nodes.writable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.writable(&mut bus)?;
     let mut apart_nodes = Vec::new();
     let (restored_nodes, ended) = answer.each(
         nodes,

@@ -11,8 +11,8 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use super::whom::Whom;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
 use bus_master::sdo::SdoError;
@@ -65,7 +65,7 @@ pub struct Arguments {
     pub stop: bool,
     /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -78,10 +78,10 @@ struct Content {
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are saved and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let answer = arguments.whom.answer("plumb-save");
+    let answer = arguments.common.answer("plumb-save");
     let (sub, what) = (Group::sub(arguments.only), Group::name(arguments.only));
-    let mut bus = arguments.whom.join()?;
-    let nodes = arguments.whom.nodes.whole(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.whole(&mut bus)?;
     let (saved_nodes, ended) = answer.each(
         nodes,
         |id| save(&mut Node::new(&mut bus, id), sub, arguments.stop).map(|()| id),

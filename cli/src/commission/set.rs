@@ -13,8 +13,8 @@ use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use super::whom::Whom;
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
@@ -45,7 +45,7 @@ pub struct Arguments {
     pub stop: bool,
     /// Which nodes; needed where there is more than one
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 /// What was done to one node.
@@ -86,8 +86,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     if value::depends_on(row).is_none() {
         value::parse(&named, row, &arguments.value, arguments.raw, None)?;
     }
-    let mut bus = arguments.whom.join()?;
-    let nodes = arguments.whom.nodes.writable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.writable(&mut bus)?;
     let mut numbers = Vec::new();
     for id in &nodes {
         let mut node = Node::new(&mut bus, *id);
@@ -95,7 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         let number = value::parse(&named, row, &arguments.value, arguments.raw, resolution)?;
         numbers.push((*id, number));
     }
-    let answer = arguments.whom.answer("plumb-set");
+    let answer = arguments.common.answer("plumb-set");
     let (written, ended) = answer.each(
         numbers,
         |(id, number)| {

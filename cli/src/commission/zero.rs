@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use super::whom::Whom;
 use bus_master::Bus;
 use bus_master::node::Node;
 use codes::name::{self, Named};
@@ -65,7 +65,7 @@ pub struct Arguments {
     pub enable_scaling: bool,
     /// Which nodes; both channels of the instrument when not given
     #[command(flatten)]
-    pub whom: Whom,
+    pub common: CommonOptions,
 }
 
 /// Which slopes.
@@ -149,16 +149,16 @@ struct Plan {
 /// Errors: see [`CommissionError`]; nothing was written unless the bus failed in the middle, and
 /// what was is printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.whom.join()?;
-    let nodes = arguments.whom.nodes.whole(&mut bus)?;
-    if arguments.whom.nodes.node.is_none() && nodes.len() > 2 {
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.whole(&mut bus)?;
+    if arguments.common.nodes.node.is_none() && nodes.len() > 2 {
         return Err(CommissionError::Instruments(nodes));
     }
     let mut plans = Vec::new();
     for node in &nodes {
         plans.extend(plan(&mut bus, *node, arguments)?);
     }
-    let answer = arguments.whom.answer("plumb-zero");
+    let answer = arguments.common.answer("plumb-zero");
     let (mut done, ended) = answer.each(&plans, |plan| write(&mut bus, plan), |_| String::new());
     sleep(SETTLING);
     let ended = done.iter_mut().try_fold(ended, |ended, zeroed| {
@@ -167,7 +167,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         answer.say(line(zeroed))?;
         Ok::<_, CommissionError>(ended)
     })?;
-    if ended.is_ok() && !arguments.whom.json {
+    if ended.is_ok() && !arguments.common.json {
         answer.say(to_do(&mut bus, &nodes)?)?;
     }
     let content = Content {

@@ -8,9 +8,9 @@ use bus_master::fault::Fault;
 use bus_master::nodes::NodeOption;
 use bus_master::{Bus, BusOptions};
 
-/// Whom a verb is about.
+/// The options of every verb on nodes.
 #[derive(Clone, Debug, Args)]
-pub struct Whom {
+pub struct CommonOptions {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
@@ -22,7 +22,7 @@ pub struct Whom {
     pub bus: BusOptions,
 }
 
-impl Whom {
+impl CommonOptions {
     /// Joins the bus.
     ///
     /// Errors: [`Fault::Join`].
