@@ -59,10 +59,11 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
     let all = u64::from_le_bytes(bytes);
     let mut values = NOTHING;
     for field in &plan.fields {
-        let upper = 64 - u32::from(field.bits);
-        // Shifted up to the top and down again, which keeps the sign where that is wanted.
-        let top = all << (upper - u32::from(field.shift));
-        let (plain, signed) = (top >> upper, (top as i64) >> upper);
+        // Shifted up to the top and down again, which keeps the sign where that is wanted; both by
+        // less than 64, as a plan has them, so that nothing wraps.
+        let upper = 64_u32.wrapping_sub(u32::from(field.bits));
+        let top = all.wrapping_shl(upper.wrapping_sub(u32::from(field.shift)));
+        let (plain, signed) = (top.wrapping_shr(upper), (top as i64).wrapping_shr(upper));
         match field.what {
             What::Slope(axis) => {
                 let mdeg = slope_mdeg(signed, upper, resolution_mdeg);
