@@ -4,10 +4,12 @@
 //! their uncertainty or the reason why there is none, the difference of two of them, acceleration,
 //! and how much the sensor shakes.
 
+use std::sync::LazyLock;
+
 use device::exchange::Exchange;
 
-/// Steps of TPDO 3 in a full circle.
-const CIRCLE_STEPS: i64 = 1 << 24;
+/// Steps of TPDO 3 in a full circle: two to the power of this.
+const CIRCLE_BITS: u32 = 24;
 
 /// The full circle, 0.001 deg.
 const CIRCLE_MDEG: i32 = 360_000;
@@ -20,6 +22,11 @@ const PER_G: f64 = 8192.0;
 
 /// Energy above 150 Hz of the channel's own noise; 8 steps double it.
 const OWN_NOISE: u8 = 64;
+
+/// Standard uncertainty of each quality that stands for an angle, 0.001 deg.
+static UNCERTAINTY_MDEG: LazyLock<[f64; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|quality| 2_f64.powf((quality as f64 - f64::from(FIRST_ANGLE)) / 16.0))
+});
 
 /// TPDO 3 of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +79,7 @@ impl Measured {
     pub fn uncertainty_mdeg(&self, axis: usize) -> Option<f64> {
         let quality = *self.quality.get(axis)?;
         let known = (FIRST_ANGLE..u8::MAX).contains(&quality);
-        known.then(|| 2_f64.powf(f64::from(quality - FIRST_ANGLE) / 16.0))
+        known.then(|| UNCERTAINTY_MDEG[usize::from(quality)])
     }
 
     /// This channel's angle minus the other one's, the shorter way round, 0.001 deg.
@@ -92,7 +99,7 @@ pub(super) fn slope_minus(own_mdeg: i32, other_mdeg: i32) -> i32 {
 fn to_mdeg(steps: i32) -> i32 {
     let scaled = i64::from(steps) * i64::from(CIRCLE_MDEG);
     // To the nearest one.
-    ((scaled + CIRCLE_STEPS / 2).div_euclid(CIRCLE_STEPS)) as i32
+    ((scaled + (1 << (CIRCLE_BITS - 1))) >> CIRCLE_BITS) as i32
 }
 
 /// TPDO 4 of one channel.

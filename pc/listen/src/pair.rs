@@ -44,6 +44,8 @@ pub struct Pair {
     rounds: u64,
     /// Differences of the exchanged angles of the latest SYNCs, the newest first.
     recent: [[Option<i32>; 2]; RECENT],
+    /// By how much 2024h of each side was off, when it was sent.
+    off_mdeg: [Option<u32>; 2],
     /// Since when the exchanged angles are apart although both say that they agree.
     apart_ns: Option<u64>,
     /// Since when both have told states that exclude each other.
@@ -80,6 +82,7 @@ impl Pair {
             ended: None,
             rounds: 0,
             recent: [[None; 2]; RECENT],
+            off_mdeg: [None; 2],
             apart_ns: None,
             at_odds_ns: None,
         }
@@ -106,14 +109,14 @@ impl Pair {
     }
 
     fn end_round(&mut self, time_ns: u64) {
-        let round = std::mem::replace(&mut self.round, Round::at(time_ns));
-        if !round.is_of_measured() {
+        if !self.round.is_of_measured() {
             self.remember([None; 2]);
         }
-        if !round.is_empty() {
-            self.ended = Some(round);
+        if !self.round.is_empty() {
+            self.ended = Some(self.round);
             self.rounds += 1;
         }
+        self.round = Round::at(time_ns);
     }
 
     /// Side `number` has sent slopes: the difference, if it is the second one.
@@ -208,7 +211,10 @@ impl Pair {
     /// Side `number` has sent its difference.
     #[inline]
     pub(super) fn detail(&mut self, number: usize, time_ns: u64) {
-        let off = self.difference_off(number);
+        let off = self.find_off(number);
+        if let Some(place) = self.off_mdeg.get_mut(number) {
+            *place = off;
+        }
         if let (Some(off), Some(side)) = (off, self.sides.get_mut(number))
             && off > ROUNDING_MDEG
         {
@@ -227,9 +233,13 @@ impl Pair {
         Some(if number == 0 { sent } else { -sent })
     }
 
-    /// By how much 2024h of side `number` is off the closest difference of the latest SYNCs, of
-    /// the angles that the channels have sent each other, 0.001 deg; `None` without either.
+    /// By how much 2024h of side `number` was off the closest difference of the SYNCs before it,
+    /// of the angles that the channels have sent each other, 0.001 deg; `None` without either.
     pub fn difference_off(&self, number: usize) -> Option<u32> {
+        self.off_mdeg.get(number).copied().flatten()
+    }
+
+    fn find_off(&self, number: usize) -> Option<u32> {
         let sent = self.difference_sent(number)?;
         let axis = self.sides.get(number)?.detail?.difference_axis;
         let recent = self.recent.iter().flat_map(|mdeg| may_be_meant(mdeg, axis));

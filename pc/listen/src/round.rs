@@ -4,7 +4,7 @@
 //! channels, their difference A - B, and the band in which a difference is no more than both
 //! uncertainties allow.
 //!
-//! TPDO 3 has the angles as measured, also while the pair disagrees and TPDO 1 says 8000h, and
+//! TPDO 3 has the angles as measured, also while the pair disagrees and TPDO 1 has 8000h, and
 //! finer; so the difference is formed of these where both channels have sent them, and else of
 //! TPDO 1. The two are not mixed: presets and offsets are in TPDO 1 only.
 //!
@@ -27,7 +27,7 @@ pub struct Round {
 }
 
 impl Round {
-    /// A SYNC after which nobody has said anything yet.
+    /// A SYNC after which nothing was sent yet.
     pub fn at(time_ns: u64) -> Self {
         Self {
             time_ns,
@@ -35,12 +35,12 @@ impl Round {
         }
     }
 
-    /// True when nobody has said anything.
+    /// True when nothing was sent.
     pub fn is_empty(&self) -> bool {
-        self.slopes == [None; 2] && self.measured == [None; 2]
+        self.slopes.iter().all(Option::is_none) && self.measured.iter().all(Option::is_none)
     }
 
-    /// True when both have said how they measure.
+    /// True when both channels sent TPDO 3.
     pub fn is_of_measured(&self) -> bool {
         self.measured.iter().all(Option::is_some)
     }
@@ -69,19 +69,14 @@ impl Round {
         Some(slope_minus((*a.get(axis)?)?, (*b.get(axis)?)?))
     }
 
-    /// The larger of both differences by size, with its sign.
-    pub fn larger_difference(&self) -> Option<i32> {
-        let both = [0, 1].into_iter().filter_map(|axis| self.difference(axis));
-        both.max_by_key(|mdeg| mdeg.unsigned_abs())
-    }
-
     /// The expanded uncertainty (k = 2) of the difference on an axis, 0.001 deg.
     pub fn band_mdeg(&self, axis: usize) -> Option<f64> {
         let [Some(a), Some(b)] = &self.measured else {
             return None;
         };
-        let both = [a.uncertainty_mdeg(axis)?, b.uncertainty_mdeg(axis)?];
-        Some(COVERAGE * both[0].hypot(both[1]))
+        let (a, b) = (a.uncertainty_mdeg(axis)?, b.uncertainty_mdeg(axis)?);
+        // Both are from 1 to 2^14: no square is too large or too small.
+        Some(COVERAGE * (a * a + b * b).sqrt())
     }
 }
 
@@ -110,7 +105,6 @@ mod tests {
             [row.difference(0), row.difference(1)],
             [Some(-20), Some(-30)]
         );
-        assert_eq!(row.larger_difference(), Some(-30));
     }
 
     #[test]

@@ -32,7 +32,11 @@ pub fn report(
     logs: Option<LogsReport>,
     bit_rate: Option<f64>,
 ) -> PeriodReport {
-    let spans = || collected.iter().filter_map(|(_, one)| one.traffic.span_ns);
+    let spans = || {
+        collected
+            .iter()
+            .filter_map(|(_, one)| one.traffic.span_ns())
+    };
     let first = spans().map(|span| span.0).min();
     let clock = Clock::of(first.unwrap_or(0));
     let mut report = PeriodReport {
@@ -54,7 +58,7 @@ pub fn report(
     };
     for (interface, one) in collected
         .iter()
-        .filter(|(_, one)| one.traffic.span_ns.is_some())
+        .filter(|(_, one)| one.traffic.span_ns().is_some())
     {
         // A pair of which nothing but frames of another form was seen is somebody else's nodes.
         let seen = one
@@ -383,23 +387,18 @@ fn slope_difference(axis: usize, tally: &Tally) -> SlopeDifference {
 
 /// Every day from the first to the last one with data.
 fn days(summary: &Summary, clock: Clock) -> Vec<DayReport> {
-    let ends = summary
-        .days
-        .keys()
-        .next()
-        .zip(summary.days.keys().next_back());
-    let Some((first, last)) = ends else {
+    let Some((first, last)) = summary.days.ends() else {
         return Vec::new();
     };
     let none = Day::default();
     if last - first > MOST_DAYS {
         let days = summary.days.iter();
         return days
-            .map(|(number, day)| self::day(clock, *number, day))
+            .map(|(number, day)| self::day(clock, number, day))
             .collect();
     }
-    (*first..=*last)
-        .map(|number| day(clock, number, summary.days.get(&number).unwrap_or(&none)))
+    (first..=last)
+        .map(|number| day(clock, number, summary.days.get(number).unwrap_or(&none)))
         .collect()
 }
 

@@ -170,7 +170,7 @@ fn read(
         }
     })?;
     let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();
-    if collected.iter().all(|one| one.traffic.span_ns.is_none()) {
+    if collected.iter().all(|one| one.traffic.span_ns().is_none()) {
         return Err(match collected.iter().map(|one| one.outside).sum() {
             0 => PeriodError::Empty,
             frames => PeriodError::Outside(frames),

@@ -355,7 +355,7 @@ fn kinds(
 
 fn interface(name: Option<&String>, bus: &Collected) -> InterfaceJson {
     let (counts, traffic) = (&bus.counts, &bus.traffic);
-    let (first, last) = traffic.span_ns.unwrap_or_default();
+    let (first, last) = traffic.span_ns().unwrap_or_default();
     InterfaceJson {
         interface: name.cloned().unwrap_or_default(),
         first_time_s: first as f64 / 1e9,

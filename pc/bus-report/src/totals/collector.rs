@@ -3,13 +3,13 @@
 //! In: frames with their time, in ns, in the order of the log. Out: an [`Instrument`] per pair of
 //! the plan, and the [`Traffic`] of the bus. Memory does not grow with the log.
 //!
-//! Left out: where frames come from (`bus-logs`), and what a frame says (`listen`).
+//! Left out: where frames come from (`bus-logs`), and what a frame means (`listen`).
 
 use canopen::Frame;
 
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
-use listen::{Counts, Meaning, Place, Plan, Watch};
+use listen::{Counts, Meaning, Place, Plan, Side, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.
 const ANSWER_NS: u64 = 2_000_000_000;
@@ -42,6 +42,14 @@ impl Collector {
         }
     }
 
+    /// The same without the load of the bus, whose bits take as long to count as a frame to read.
+    pub fn without_load(plan: &Plan) -> Self {
+        Self {
+            traffic: Traffic::without_bits(),
+            ..Self::new(plan)
+        }
+    }
+
     /// What is known of the instruments by now.
     pub const fn watch(&self) -> &Watch {
         &self.watch
@@ -52,15 +60,7 @@ impl Collector {
         self.outside += 1;
     }
 
-    /// The same without the load of the bus, whose bits take as long to count as a frame to read.
-    pub fn without_load(plan: &Plan) -> Self {
-        Self {
-            traffic: Traffic::without_bits(),
-            ..Self::new(plan)
-        }
-    }
-
-    /// Takes a frame, and tells what it means; of one without a date among those with one nothing.
+    /// Takes a frame; its meaning, which one without a date among those with one has not.
     #[inline]
     pub fn take(&mut self, time_ns: u64, frame: &Frame) -> Meaning {
         if self.traffic.is_stray(time_ns) {
@@ -95,12 +95,11 @@ impl Collector {
         ) else {
             return;
         };
-        let keeps = match (news, pair.sides.get(side)) {
-            (Meaning::Heartbeat(..), Some(sent)) => self.reset.is_some_and(|(at_ns, node)| {
-                (node == 0 || node == sent.node_id) && at.now_ns.abs_diff(at_ns) < ANSWER_NS
-            }),
-            _ => false,
-        };
+        let keeps = matches!(news, Meaning::Heartbeat(..))
+            && self.reset.is_some_and(|(at_ns, node)| {
+                let is_it = |side: &Side| node == 0 || node == side.node_id;
+                pair.sides.get(side).is_some_and(is_it) && at.now_ns.abs_diff(at_ns) < ANSWER_NS
+            });
         instrument.take(at, news, side, pair, keeps);
     }
 
@@ -124,7 +123,7 @@ impl Collector {
 
     /// The log has ended.
     pub fn finish(mut self) -> Collected {
-        let span_ns = self.traffic.span_ns;
+        let span_ns = self.traffic.span_ns();
         let pairs = self.watch.pairs().iter();
         for (pair, instrument) in pairs.zip(&mut self.instruments) {
             if let Some((_, last_ns)) = span_ns {

@@ -3,16 +3,17 @@
 //! In: what `listen` makes of each frame, with the frame's time. Out: its [`Summary`], its
 //! [`Events`], the [`Recorder`]'s captures and its gaps.
 //!
-//! Left out: frames that belong to nobody (`collector`).
+//! Left out: frames of no instrument (`collector`).
 
 use canopen::nmt::State;
 
 use super::bins::Extremes;
 use super::capture::Recorder;
+use super::days::DAY_NS;
 use super::events::{End, Events, What};
 use super::gaps::Gap;
 use super::kind::Kind;
-use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
+use super::summary::{ChannelSummary, Summary, Unusable};
 use listen::{
     Beat, Detail, Emergency, GAP_NS, Meaning, Measured, Pair, Round, SAME_START_NS, Slopes,
 };
@@ -58,7 +59,8 @@ pub struct Instrument {
     pub span_ns: Option<(u64, u64)>,
     /// All days before.
     done: Summary,
-    day: u64,
+    /// When the day under way began, ns.
+    day_ns: u64,
     last_ns: Option<u64>,
     incident_ns: Option<u64>,
     /// SYNCs of the pair that were taken.
@@ -106,33 +108,36 @@ impl Instrument {
     /// Takes the SYNC that has ended, if one has.
     #[inline]
     pub fn rounds(&mut self, pair: &Pair) {
-        let (Some(round), count) = pair.ended() else {
+        let (round, count) = pair.ended();
+        if count == self.rounds {
             return;
-        };
-        if count != self.rounds {
-            self.rounds = count;
-            self.close(*round);
+        }
+        self.rounds = count;
+        if let Some(round) = round {
+            self.close(round);
         }
     }
 
-    fn close(&mut self, round: Round) {
-        let larger = round.larger_difference();
-        let day = self.summary.day(round.time_ns);
+    fn close(&mut self, round: &Round) {
+        let differences = [0, 1].map(|axis| round.difference(axis));
+        let day = self.summary.days.at(round.time_ns);
         day.syncs += 1;
-        if let Some(mdeg) = larger {
+        let all = differences.into_iter().flatten();
+        if let Some(mdeg) = all.max_by_key(|mdeg| mdeg.unsigned_abs()) {
             day.largest_mdeg = day.largest_mdeg.max(Some(mdeg.unsigned_abs()));
             let bins = &mut self.summary.difference.bins;
             bins.add(round.time_ns, Extremes::of(mdeg));
-            self.judge(&round);
+            self.judge(round, differences);
         }
         self.recorder.record(round);
     }
 
-    fn judge(&mut self, round: &Round) {
+    fn judge(&mut self, round: &Round, differences: [Option<i32>; 2]) {
         let difference = &mut self.summary.difference;
         let (mut known, mut above) = (false, false);
-        for (axis, own) in difference.own.iter_mut().enumerate() {
-            let Some(mdeg) = round.difference(axis) else {
+        let axes = difference.own.iter_mut().zip(differences);
+        for (axis, (own, mdeg)) in axes.enumerate() {
+            let Some(mdeg) = mdeg else {
                 continue;
             };
             own.add(mdeg);
@@ -148,19 +153,19 @@ impl Instrument {
     }
 
     /// Turns to the day of this time.
+    #[cold]
     fn turn_to(&mut self, now_ns: u64) {
-        let day = now_ns / DAY_NS;
-        if day != self.day {
-            self.day = day;
-            self.done.merge(&std::mem::take(&mut self.summary));
-        }
+        self.day_ns = now_ns - now_ns % DAY_NS;
+        self.done.merge(&std::mem::take(&mut self.summary));
     }
 
     /// Any frame of the instrument that has the form it should have.
     #[inline]
     fn seen(&mut self, at: Moment, side: usize) {
         let now = at.now_ns;
-        self.turn_to(now);
+        if now.wrapping_sub(self.day_ns) >= DAY_NS {
+            self.turn_to(now);
+        }
         let (first, last) = self.span_ns.unwrap_or((now, now));
         self.span_ns = Some((first.min(now), last.max(now)));
         if let Some(side) = self.sides.get_mut(side) {
@@ -169,7 +174,7 @@ impl Instrument {
         let last = self.last_ns.replace(now).unwrap_or(now);
         let since = now.saturating_sub(last);
         if since <= GAP_NS {
-            self.summary.day(last).covered_ns += since;
+            self.summary.days.at(last).covered_ns += since;
             return;
         }
         self.summary.gaps.add(Gap {
@@ -182,7 +187,7 @@ impl Instrument {
     /// TPDO 1.
     fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes) {
         let warns = matches!(slopes.state, 2..=4);
-        let warned = self.sides.iter().any(|side| side.warned);
+        let is_new = warns && self.sides.iter().all(|side| !side.warned);
         let Some(side) = self.sides.get_mut(number) else {
             return;
         };
@@ -197,7 +202,7 @@ impl Instrument {
             hold(channel, since, now_ns);
             note_slopes(channel, now_ns, slopes);
         }
-        if warns && !warned {
+        if is_new {
             self.happened(now_ns, Kind::Warning);
         }
     }
@@ -266,7 +271,7 @@ impl Instrument {
         }
         let last = self.incident_ns.replace(now_ns);
         if last.is_none_or(|last| now_ns.abs_diff(last) > INCIDENT_NS) {
-            self.summary.day(now_ns).incidents += 1;
+            self.summary.days.at(now_ns).incidents += 1;
         }
     }
 
@@ -276,7 +281,7 @@ impl Instrument {
             return;
         };
         let restarted = beat.changed == Some(State::Initialising);
-        // What a start tells may overtake its boot-up message.
+        // What is sent at a start may overtake its boot-up message.
         let was_seen = side
             .first_ns
             .is_some_and(|first_ns| now_ns.abs_diff(first_ns) >= SAME_START_NS);
@@ -315,14 +320,14 @@ impl Instrument {
         self.happened(from_ns, Kind::Heartbeat);
     }
 
-    /// A frame of another form than the plan says.
+    /// A frame of another form than the plan has.
     fn malformed(&mut self, number: usize) {
         if let Some(channel) = self.summary.channels.get_mut(number) {
             channel.malformed += 1;
         }
     }
 
-    /// An answer to an SDO: what it tells of the identity is kept.
+    /// An answer to an SDO: what it has of the identity is kept.
     pub fn sdo(&mut self, number: usize, bytes: &[u8]) {
         if let (&[0x43, 0x18, 0x10, sub @ 1..=4, a, b, c, d], Some(side)) =
             (bytes, self.sides.get_mut(number))
@@ -343,7 +348,7 @@ impl Instrument {
     pub fn finish(&mut self, now_ns: u64, pair: &Pair) {
         self.rounds(pair);
         if !pair.under_way().is_empty() {
-            self.close(*pair.under_way());
+            self.close(pair.under_way());
         }
         for (number, side) in pair.sides.iter().enumerate() {
             if let Some(from_ns) = side.heartbeat.lost_since_ns() {

@@ -8,11 +8,12 @@
 //! Slopes are those of TPDO 1 while the channel marks them as valid (2020h), the difference of both
 //! channels that of TPDO 3, and of TPDO 1 where TPDO 3 is not sent (`listen::Round`).
 //!
-//! Left out: what the frames say (`listen`), and what a person sees of it (`playback`, `period`).
+//! Left out: what the frames mean (`listen`), and what a person sees of it (`playback`, `period`).
 
 pub mod bins;
 pub mod capture;
 mod collector;
+mod days;
 pub mod events;
 pub mod gaps;
 pub mod histogram;
@@ -25,10 +26,11 @@ mod traffic;
 pub use bins::{Bins, Extremes};
 pub use capture::{Capture, Recorder};
 pub use collector::{Collected, Collector, Last};
+pub use days::Day;
 pub use events::{End, Event, What};
 pub use gaps::Gaps;
 pub use instrument::Instrument;
 pub use kind::Kind;
-pub use summary::{ChannelSummary, Day, DifferenceSummary, Summary, Unusable};
+pub use summary::{ChannelSummary, DifferenceSummary, Summary, Unusable};
 pub use tally::Tally;
 pub use traffic::Traffic;

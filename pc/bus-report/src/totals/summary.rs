@@ -6,18 +6,16 @@
 //! be counted apart.
 //!
 //! Left out: single events, which are kept in a list with an end (`events`), and what stands
-//! between two frames (`collect`).
+//! between two frames (`instrument`).
 
 use std::collections::BTreeMap;
 
 use super::bins::{Bins, Extremes};
+use super::days::Days;
 use super::gaps::Gaps;
-use super::kind::{KINDS, Kind};
+use super::kind::Kind;
 use super::tally::Tally;
 use listen::Checks;
-
-/// A day in ns.
-pub const DAY_NS: u64 = 86_400_000_000_000;
 
 /// Why a slope could not be used: state of the pair (2021h) and the channel's own reason (2025h),
 /// 0 where the channel had an angle.
@@ -52,7 +50,7 @@ pub struct ChannelSummary {
     pub uncertainty: Tally,
     /// The same over time.
     pub uncertainty_bins: Bins<Extremes>,
-    /// TPDO 2 that said the uncertainty was not known.
+    /// TPDO 2 without a known uncertainty.
     pub uncertainty_unknown: u64,
     /// Temperature of the sensor, degC.
     pub temperature: Tally,
@@ -66,7 +64,7 @@ pub struct ChannelSummary {
     pub heartbeat_losses: u64,
     /// How long it stayed away, ns.
     pub heartbeat_lost_ns: u64,
-    /// Frames of another form than the plan says.
+    /// Frames of another form than the plan has.
     pub malformed: u64,
     /// Every fault that was present after an EMCY, bit n for fault n of `device::fault`.
     pub faults: u32,
@@ -154,33 +152,6 @@ impl DifferenceSummary {
     }
 }
 
-/// What is kept of each day.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Day {
-    /// Time of which there is data, ns.
-    pub covered_ns: u64,
-    /// SYNCs at which something of the instrument was told.
-    pub syncs: u64,
-    /// Events by kind.
-    pub events: [u64; KINDS],
-    /// Events that stand apart: those closer than a second to the one before count once.
-    pub incidents: u64,
-    /// Greatest size of a difference, 0.001 deg.
-    pub largest_mdeg: Option<u32>,
-}
-
-impl Day {
-    fn merge(&mut self, other: &Self) {
-        self.covered_ns += other.covered_ns;
-        self.syncs += other.syncs;
-        for (own, other) in self.events.iter_mut().zip(other.events) {
-            *own += other;
-        }
-        self.incidents += other.incidents;
-        self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
-    }
-}
-
 /// An instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
@@ -190,19 +161,14 @@ pub struct Summary {
     pub difference: DifferenceSummary,
     /// Time without a frame of it.
     pub gaps: Gaps,
-    /// The days with data, by their number since time 0.
-    pub days: BTreeMap<u64, Day>,
+    /// The days with data.
+    pub days: Days,
 }
 
 impl Summary {
-    /// The day of this time.
-    pub fn day(&mut self, time_ns: u64) -> &mut Day {
-        self.days.entry(time_ns / DAY_NS).or_default()
-    }
-
     /// Counts an event of this kind.
     pub fn note(&mut self, time_ns: u64, kind: Kind) {
-        if let Some(count) = self.day(time_ns).events.get_mut(kind as usize) {
+        if let Some(count) = self.days.at(time_ns).events.get_mut(kind as usize) {
             *count += 1;
         }
     }
@@ -214,14 +180,12 @@ impl Summary {
         }
         self.difference.merge(&other.difference);
         self.gaps.merge(&other.gaps);
-        for (number, day) in &other.days {
-            self.days.entry(*number).or_default().merge(day);
-        }
+        self.days.merge(&other.days);
     }
 
     /// Time of which there is data, ns.
     pub fn covered_ns(&self) -> u64 {
-        self.days.values().map(|day| day.covered_ns).sum()
+        self.days.iter().map(|(_, day)| day.covered_ns).sum()
     }
 }
 
@@ -230,6 +194,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::totals::kind::KINDS;
 
     /// Puts something into every field.
     fn note(summary: &mut Summary, time_s: u64, value: i32) {
@@ -271,7 +236,7 @@ mod tests {
             whole_bus: value > 0,
         });
         summary.note(time_ns, Kind::ALL[number % KINDS]);
-        let day = summary.day(time_ns);
+        let day = summary.days.at(time_ns);
         day.covered_ns += time_s;
         day.syncs += 1;
         day.incidents += 1;

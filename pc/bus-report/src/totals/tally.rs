@@ -20,10 +20,12 @@ pub struct Tally {
 
 impl Tally {
     /// Takes a value.
+    #[inline]
     pub fn add(&mut self, value: i32) {
         self.count += 1;
         self.sum += i128::from(value);
-        self.squares += u128::from(value.unsigned_abs()).pow(2);
+        let size = u64::from(value.unsigned_abs());
+        self.squares += u128::from(size * size);
         let (least, most) = self.extremes.unwrap_or((value, value));
         self.extremes = Some((least.min(value), most.max(value)));
         self.histogram.add(value);

@@ -18,30 +18,55 @@ use listen::GAP_NS;
 /// Bits between two frames.
 const INTERMISSION: u64 = 3;
 
-/// Node-ids, 0 for what has none.
-const IDS: usize = 128;
+/// Identifiers of 11 bits.
+const COB_IDS: usize = 2048;
+
+/// Frames whose times are dates, or those whose times are none.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    count: u64,
+    first_ns: u64,
+    last_ns: u64,
+}
+
+impl Span {
+    const NONE: Self = Self {
+        count: 0,
+        first_ns: u64::MAX,
+        last_ns: 0,
+    };
+
+    #[inline]
+    fn take(&mut self, now_ns: u64) {
+        self.count += 1;
+        self.first_ns = self.first_ns.min(now_ns);
+        self.last_ns = self.last_ns.max(now_ns);
+    }
+
+    fn ends_ns(&self) -> Option<(u64, u64)> {
+        (self.count > 0).then_some((self.first_ns, self.last_ns))
+    }
+}
 
 /// The bus.
 #[derive(Clone, Debug)]
 pub struct Traffic {
     /// Bits, per bin.
     pub bits: Bins<u64>,
-    /// Time with data, per bin, ns.
-    pub covered: Bins<u64>,
-    /// Bits in all.
-    pub total_bits: u64,
     /// Time with data, ns.
     pub covered_ns: u64,
-    /// First and last frame, ns.
-    pub span_ns: Option<(u64, u64)>,
     /// Time without any frame.
     pub gaps: Gaps,
-    /// Frames without and with a date, with the first and last of each, ns.
-    dates: [(u64, Option<(u64, u64)>); 2],
-    /// Frames by the node-id in their identifier.
-    nodes: Box<[u64; IDS]>,
+    /// Time with data, per bin, ns.
+    covered: Bins<u64>,
+    /// Bits in all.
+    total_bits: u64,
+    undated: Span,
+    dated: Span,
+    /// Data frames by their identifier.
+    frames: Box<[u64; COB_IDS]>,
     last_ns: Option<u64>,
-    /// Whether bits are counted.
+    /// Whether bits, and the time that they took, are counted.
     has_bits: bool,
 }
 
@@ -49,13 +74,13 @@ impl Default for Traffic {
     fn default() -> Self {
         Self {
             bits: Bins::default(),
+            covered_ns: 0,
+            gaps: Gaps::default(),
             covered: Bins::default(),
             total_bits: 0,
-            covered_ns: 0,
-            span_ns: None,
-            dates: [(0, None); 2],
-            gaps: Gaps::default(),
-            nodes: Box::new([0; IDS]),
+            undated: Span::NONE,
+            dated: Span::NONE,
+            frames: Box::new([0; COB_IDS]),
             last_ns: None,
             has_bits: true,
         }
@@ -72,74 +97,81 @@ impl Traffic {
     }
 
     /// Whether this is a time without a date, in a log whose times mostly have one.
+    #[inline]
     pub const fn is_stray(&self, now_ns: u64) -> bool {
-        let [(undated, _), (dated, _)] = self.dates;
-        !is_dated(now_ns) && dated > undated
+        !is_dated(now_ns) && self.dated.count > self.undated.count
     }
 
-    /// The period is that of most frames: dates, or times without one.
-    fn extend(&mut self, now_ns: u64) {
-        let [undated, dated] = &mut self.dates;
-        let (count, span) = if is_dated(now_ns) {
-            &mut *dated
+    /// First and last frame, ns: of most frames, those with a date or those without one.
+    pub fn span_ns(&self) -> Option<(u64, u64)> {
+        let (undated, dated) = (self.undated.ends_ns(), self.dated.ends_ns());
+        if self.dated.count > self.undated.count {
+            dated
         } else {
-            &mut *undated
-        };
-        *count += 1;
-        let (first, latest) = span.unwrap_or((now_ns, now_ns));
-        *span = Some((first.min(now_ns), latest.max(now_ns)));
-        self.span_ns = if dated.0 > undated.0 {
-            dated.1
-        } else {
-            undated.1.or(dated.1)
-        };
+            undated.or(dated)
+        }
     }
 
     /// Takes a frame; the time of the one before it, ns.
+    #[inline]
     pub fn take(&mut self, now_ns: u64, frame: &Frame) -> u64 {
         self.count(frame);
+        let span = if is_dated(now_ns) {
+            &mut self.dated
+        } else {
+            &mut self.undated
+        };
+        span.take(now_ns);
         if self.has_bits {
             let bits = frame_bits(frame) + INTERMISSION;
             self.total_bits += bits;
             self.bits.add(now_ns, bits);
         }
-        self.extend(now_ns);
-        let last = self.last_ns.replace(now_ns).unwrap_or(now_ns);
-        if now_ns < last {
-            return last;
+        let last_ns = self.last_ns.replace(now_ns).unwrap_or(now_ns);
+        let since_ns = now_ns.saturating_sub(last_ns);
+        if since_ns > GAP_NS {
+            return self.gap(last_ns, now_ns);
         }
-        if is_dated(now_ns) && !is_dated(last) {
-            // Nobody knows how long it was.
-            return now_ns;
+        self.covered_ns += since_ns;
+        if self.has_bits && since_ns > 0 {
+            self.covered.add(last_ns, since_ns);
         }
-        let since = now_ns - last;
-        if since > GAP_NS {
-            self.gaps.add(Gap {
-                from_ns: last,
-                to_ns: now_ns,
-                whole_bus: true,
-            });
-        } else if since > 0 {
-            self.covered_ns += since;
-            self.covered.add(last, since);
-        }
-        last
+        last_ns
     }
 
+    /// Nothing was on the bus between these times; the first of them, or the second where the
+    /// length of the gap is not known.
+    #[cold]
+    fn gap(&mut self, from_ns: u64, to_ns: u64) -> u64 {
+        if is_dated(to_ns) && !is_dated(from_ns) {
+            return to_ns;
+        }
+        self.gaps.add(Gap {
+            from_ns,
+            to_ns,
+            whole_bus: true,
+        });
+        from_ns
+    }
+
+    #[inline]
     fn count(&mut self, frame: &Frame) {
-        // From TPDO 1 to the SDOs, EMCY and error control.
-        let of_a_node = |id: &u16| matches!(id, 0x081..=0x0FF | 0x181..=0x67F | 0x701..=0x77F);
         let cob_id = frame.cob_id().filter(|_| !frame.is_remote());
-        if let Some(cob_id) = cob_id.filter(of_a_node)
-            && let Some(count) = self.nodes.get_mut(usize::from(cob_id & 0x7F))
-        {
+        if let Some(count) = cob_id.and_then(|id| self.frames.get_mut(usize::from(id))) {
             *count += 1;
         }
     }
 
     /// Node-ids whose frames were seen, and how many of each.
     pub fn nodes(&self) -> impl Iterator<Item = (u8, u64)> {
-        let all = (0..).zip(self.nodes.iter().copied());
+        let mut nodes = [0; 128];
+        for (cob_id, count) in (0_u16..).zip(self.frames.iter()) {
+            // From TPDO 1 to the SDOs, EMCY and error control.
+            if matches!(cob_id, 0x081..=0x0FF | 0x181..=0x67F | 0x701..=0x77F) {
+                nodes[usize::from(cob_id & 0x7F)] += count;
+            }
+        }
+        let all = (0..).zip(nodes);
         all.filter(|(id, count)| *id > 0 && *count > 0)
     }
 
