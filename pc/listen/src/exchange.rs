@@ -134,10 +134,11 @@ impl Activity {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
+    /// TPDO 3 with this X, Y at 0, and one quality.
+    pub fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
         let [low, middle, high, _] = x_steps.to_le_bytes();
         Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
     }

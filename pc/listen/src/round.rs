@@ -83,11 +83,7 @@ impl Round {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
-        let [low, middle, high, _] = x_steps.to_le_bytes();
-        Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
-    }
+    use crate::exchange::tests::measured;
 
     #[test]
     fn the_difference_goes_the_shorter_way_round() {
