@@ -15,7 +15,7 @@ use canopen::services::Services;
 use tilt::angle::Axes;
 use tilt::chain::Correction;
 use tilt::composition::{Composition, LeftOut, Place, Stage, Whole};
-use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductState};
+use tilt::cross_check::{CrossCheck, PaperCheck, PaperState, ProductState, RateState};
 use tilt::fusion::{Fusion, FusionState};
 use tilt::rate::RateCorrection;
 use tilt::table::{Rule, Table};
@@ -124,8 +124,7 @@ impl Composition for Dynamic {
     type FusionState = FusionState;
     type PaperRule = LeftOut;
     type Ladder = ProductState;
-    // The slot has no room for the comparison of two gyroscopes yet.
-    type RateLadder = LeftOut;
+    type RateLadder = RateState;
     const UNCERTAINTY: bool = true;
 
     fn check() -> CrossCheck<Self> {

@@ -39,6 +39,24 @@ fn a_calibrated_unit_follows_swing_and_boom_as_it_arrives() {
     assert!(covered >= 0.95, "{covered}");
 }
 
+/// The worst of 30 units was 0.995 deg off, with 0.07 deg stated: at 70 degC its gyroscope's scale
+/// is 0.8 % off, and a vertical so wrong was taken for a machine that gains speed.
+#[test]
+fn a_scale_over_temperature_leaves_no_valid_angle_wrong_by_a_degree() {
+    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 15);
+    let mut bench = commissioned.expect("a sound unit").0;
+    let points = bench.thermal_test(Mount::Y, 8);
+    let nodes = points.iter().flat_map(|point| &point.nodes);
+    let (mut within, mut all) = (0.0, 0.0);
+    for node in nodes {
+        assert!(node.angle_deg.is_some());
+        assert!(node.error_deg.abs() <= 0.20, "{node:?}");
+        within += f64::from(node.error_deg.abs() <= 2.0 * node.uncertainty_deg);
+        all += 1.0;
+    }
+    assert!(within >= 0.95 * all, "{within} of {all}");
+}
+
 #[test]
 fn the_turns_of_the_motor_show_scale_and_axes_to_a_thousandth() {
     let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 2, 5);

@@ -27,6 +27,7 @@ use crate::fusion::MeasuredSum;
 use crate::motion::Rate;
 use crate::root::root;
 use crate::sample::{Counts, FullScale, Sample, Temperature};
+use crate::saturate::saturate;
 use crate::table::{Rule, Table};
 use crate::temperature::{Compensated, TemperatureModel};
 use crate::uncertainty::{Budget, Uncertainty};
@@ -303,6 +304,8 @@ pub struct ChainState<C: Composition = Whole> {
 }
 
 impl<C: Composition> Default for ChainState<C> {
+    // Out of line: inlined, a copy of the fusion's size lies on the stack of whoever starts.
+    #[inline(never)]
     fn default() -> Self {
         Self {
             filter: FilterState::default(),
@@ -715,7 +718,7 @@ fn interpolate(previous: Stamped, latest: Stamped, at: Instant) -> Option<Filter
     for (a, &b) in accel.iter_mut().zip(&latest.filtered.accel) {
         let step = (i64::from(b) - i64::from(*a)) * weight_q16;
         let value = i64::from(*a) + (step >> 16);
-        *a = value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+        *a = saturate(value);
     }
     Some(Filtered { accel })
 }

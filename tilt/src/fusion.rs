@@ -16,6 +16,7 @@ use crate::health::log2_q8;
 use crate::motion::{Expected, Motion, MotionState, Rate, Vertical};
 use crate::rate::{RateAt, RateCorrection};
 use crate::sample::{RateRange, Temperature};
+use crate::saturate::saturate;
 use crate::temperature::CompensationAt;
 use crate::turned::{Turned, TurnedState, per_period_q32};
 use crate::vector::Corrected;
@@ -89,7 +90,7 @@ impl Fusion {
         Rate {
             rate: rate.rate.map(|rate| {
                 let turned = (i64::from(rate) * ratio_q30 + (1 << 29)) >> 30;
-                turned.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+                saturate(turned)
             }),
         }
     }
@@ -163,10 +164,12 @@ impl FusionState {
     /// acceleration.
     pub fn temperature(
         &mut self,
+        fusion: &Fusion,
         correction: &RateCorrection,
         compensation: CompensationAt,
         temperature: Temperature,
     ) {
+        fusion.motion.temperature(&mut self.motion, temperature);
         self.rates = correction.at(temperature);
         self.compensation = compensation;
     }

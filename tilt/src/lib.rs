@@ -33,6 +33,7 @@ pub mod observation;
 pub mod rate;
 mod root;
 pub mod sample;
+mod saturate;
 pub mod table;
 pub mod temperature;
 pub mod turned;

@@ -22,7 +22,8 @@
 
 use crate::motion::{RATE_STEPS, Rate};
 use crate::sample::Temperature;
-use crate::temperature::{from_reference, quadratic, saturate};
+use crate::saturate::saturate;
+use crate::temperature::{from_reference, quadratic};
 
 /// One in the unit of the matrix.
 const ONE: i32 = 1 << 30;

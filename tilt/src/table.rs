@@ -23,6 +23,7 @@ use heapless::Vec;
 
 use crate::angle::Angle;
 use crate::root::root;
+use crate::saturate::saturate;
 
 /// Most points a table holds: -90 to 90 deg in steps of 1 deg (R5).
 pub const MAX_POINTS: usize = 181;
@@ -233,7 +234,7 @@ fn off_its_neighbours(low: Point, middle: Point, high: Point) -> i32 {
     // pi^2 / 8 of 2^-28, or 79 / 64.
     let bend = (i64::from(middle.accel) * i64::from(before * after)) >> 28;
     let off = i64::from(middle.accel) - line - ((bend * 79) >> 6);
-    off.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+    saturate(off)
 }
 
 /// A table that is being filled. Whoever drops it before [`Builder::finish`] has an empty table.

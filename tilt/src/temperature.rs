@@ -17,6 +17,7 @@
 use crate::composition::{Composition, Place, Whole};
 use crate::filter::Filtered;
 use crate::sample::Temperature;
+use crate::saturate::saturate;
 
 /// Acceleration as the part would give it at 25 degC; 2^-26 g nominal per step, part's axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,11 +105,6 @@ pub(crate) fn from_reference(t: Temperature) -> i64 {
     const LOW: i32 = -40 * 256;
     const HIGH: i32 = 85 * 256;
     i64::from(t.0.clamp(LOW, HIGH) - Temperature::REFERENCE.0)
-}
-
-/// Cut off at the ends of 32 bits.
-pub(crate) fn saturate(value: i64) -> i32 {
-    value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
 }
 
 impl<C: Composition> TemperatureModel<C> {

@@ -4,6 +4,7 @@
 //! housing's axes, 2^-26 g per step, one g long when the instrument stands still. Fitting the
 //! twelve numbers is `calibration`'s business.
 
+use crate::saturate::saturate;
 use crate::temperature::Compensated;
 
 /// Acceleration in the housing's frame, 2^-26 g per step, calibrated.
@@ -60,7 +61,7 @@ impl Vector {
                 sum.saturating_add(1 << 29)
             };
             let total = (sum >> 30) + i64::from(*out);
-            *out = total.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            *out = saturate(total);
         }
         Corrected { accel }
     }

@@ -255,7 +255,7 @@ fn channels(bench: &Bench, more: &[&str]) -> Vec<serde_json::Value> {
 
 #[test]
 fn a_motor_calibrates_the_gyroscopes_too_and_the_report_states_their_uncertainty() {
-    let bench = dynamic("5", &["--uncalibrated"]);
+    let bench = dynamic("3", &["--uncalibrated"]);
     for channel in channels(&bench, &[]) {
         let turns = &channel["gyroscope_turns"];
         assert_eq!(turns["refused"], serde_json::Value::Null);

@@ -469,3 +469,62 @@ fn the_paper_s_run_whole() {
         assert!(left < 1.0, "{left}");
     }
 }
+
+#[test]
+fn the_bias_of_gyroscopes_is_found_at_the_rests_and_one_without_gains_stays_without() {
+    for (more, calibrated) in [
+        (&["--mode", "dynamic"][..], true),
+        (&["--mode", "dynamic", "--uncalibrated"], false),
+    ] {
+        let bench = bench(more);
+        let run = by_motor(&bench, &["--json", "--tolerance", "5"]).output();
+        let (status, out, err) = said(&run.unwrap());
+        assert_eq!(status, Some(0), "{err}");
+        let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+        for file in ["report/report.html", "report/dcc.xml"] {
+            let told = fs::read_to_string(bench.path(file)).unwrap();
+            let found = told.contains("Bias left at a rest") || told.contains("Left at a rest");
+            assert_eq!(found, calibrated, "{file}");
+            assert!(told.contains("Bias of the gyroscope"), "{file}");
+        }
+        for channel in report["channels"].as_array().unwrap() {
+            let bias = &channel["thermal"]["gyroscope_bias"];
+            if !calibrated {
+                assert!(
+                    bias["refused"]
+                        .as_str()
+                        .unwrap()
+                        .contains("never calibrated")
+                );
+                assert_eq!(channel["gyroscope"], serde_json::Value::Null);
+                continue;
+            }
+            assert_eq!(bias["refused"], serde_json::Value::Null, "{err}");
+            // Each rest of five dwells counts, on a busy machine too, unless a look was very late.
+            let count = |key: &str| bias[key].as_u64().unwrap();
+            assert_eq!(count("rests") + count("rests_left_out"), 20, "{bias}");
+            assert!(count("rests") >= 16, "{bias}");
+            assert!(number(bias, "/bias_residual_deg_s") < 0.06, "{bias}");
+            let all = channel["gyroscope"].as_array().unwrap();
+            let named = |name: &str| -> Vec<&serde_json::Value> {
+                all.iter().filter(|c| c["name"] == name).collect()
+            };
+            for bias in named("Bias at 25 degC") {
+                assert!(number(bias, "/expanded") < 0.06, "{bias}");
+            }
+            let slopes = named("Bias, slope");
+            assert!(slopes.iter().all(|slope| number(slope, "/expanded") < 2.0));
+            assert!(
+                slopes
+                    .iter()
+                    .all(|slope| number(slope, "/value").abs() < 25.0)
+            );
+            assert!(slopes.iter().any(|slope| number(slope, "/value") != 0.0));
+            assert!(
+                named("Scale")
+                    .iter()
+                    .all(|scale| scale.get("expanded").is_none())
+            );
+        }
+    }
+}

@@ -8,7 +8,7 @@
 //!
 //! Room for a record is made when its storing begins: each page that has to be erased for it makes
 //! the processor stand still for 40 ms at most (STM32F103x8/xB data sheet, 5.3.9), and all of them
-//! together for 14 pages' time. Most stores need none, since [`EventStore::make_room`] makes room
+//! together for 12 pages' time. Most stores need none, since [`EventStore::make_room`] makes room
 //! ahead, a page at a time. Who must not stand still asks [`RecordStore::needs_erase`] first.
 //!
 //! Left out: the flash controller.

@@ -121,6 +121,7 @@ fn reading(mean: &Mean) -> Reading {
         scatter_mg: 0.0,
         temperature_c: f64::from(mean.temperature.celsius()),
         angle_deg: [Ok(0.0); 2],
+        rate_rad_s: None,
     }
 }
 

@@ -193,6 +193,27 @@ pub struct Thermal {
     pub between_runs_mg: Option<f64>,
     /// The dwells.
     pub dwells: Vec<ThermalDwell>,
+    /// The bias of the gyroscope; none where there is no gyroscope.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyroscope_bias: Option<GyroscopeBias>,
+}
+
+/// How the bias of a gyroscope over temperature was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GyroscopeBias {
+    /// Rests that went into it.
+    pub rests: u32,
+    /// Rests that did not: their dwells were not followed whole.
+    pub rests_left_out: u32,
+    /// Root mean square of what it leaves at a rest.
+    pub bias_residual_deg_s: Option<f64>,
+    /// Half the difference of both branches of each axis, at most; none where no temperature was
+    /// met on both.
+    pub bias_hysteresis_deg_s: Option<[f64; 3]>,
+    /// Root mean square of the difference between runs; none of a single one.
+    pub bias_between_runs_deg_s: Option<f64>,
+    /// Why the gyroscope keeps the bias that it had; none where it has a new one.
+    pub refused: Option<String>,
 }
 
 /// One channel.
@@ -415,6 +436,15 @@ mod tests {
         let gyroscope = crate::gyroscope::of(&crate::sample::rates());
         report.channels[0].gyroscope = Some(gyroscope);
         report.channels[0].gyroscope.as_mut().unwrap()[0].expanded = Some(0.1);
+        let thermal = report.channels[0].thermal.as_mut().unwrap();
+        thermal.gyroscope_bias = Some(GyroscopeBias {
+            rests: 1,
+            rests_left_out: 0,
+            bias_residual_deg_s: None,
+            bias_hysteresis_deg_s: None,
+            bias_between_runs_deg_s: None,
+            refused: None,
+        });
         report.channels[0].gyroscope_turns = Some(Turns {
             used: 1,
             left_out: vec![LeftOut {

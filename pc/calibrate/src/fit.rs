@@ -209,6 +209,7 @@ mod tests {
             scatter_mg: 0.0,
             temperature_c: 25.0,
             angle_deg: [Ok(0.0); 2],
+            rate_rad_s: None,
         }
     }
 

@@ -225,12 +225,7 @@ impl Sensor<'_> {
 
     /// Mean rate of a rest, rad/s.
     fn rate(&self, rest: &Rest) -> Result<[f64; 3], Spoilt> {
-        let steps = self.log.between(rest.marks[0], rest.marks[1])?;
-        let count: f64 = steps.iter().map(|step| f64::from(step.samples)).sum();
-        if count == 0.0 {
-            return Err(Spoilt::Silent);
-        }
-        Ok([0, 1, 2].map(|axis| steps.iter().map(|step| step.sum[axis]).sum::<f64>() / count))
+        self.log.rest(rest.marks[0], rest.marks[1])
     }
 
     fn found(

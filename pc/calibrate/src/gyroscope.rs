@@ -19,6 +19,8 @@ use output::html;
 const SCALE: &str = "Scale";
 const SHARE: &str = "Alignment, share of sensor axis ";
 const BIAS: &str = "Bias at 25 degC";
+const BIAS_SLOPE: &str = "Bias, slope";
+const BIAS_SQUARE: &str = "Bias, quadratic";
 
 /// How the coefficients give a rate.
 const NOTE: &str = "The rate about an axis of the housing is the sum over the sensor's axes of \
@@ -29,10 +31,16 @@ const NOTE: &str = "The rate about an axis of the housing is the sum over the se
 /// What is said of the uncertainty where it is not known.
 const UNKNOWN: &str = " The calibration holds no uncertainty of them.";
 
+/// What is said of it where there was a chamber.
+const IN_CHAMBER: &str = " The expanded uncertainty (k = 2) of the bias and its change is by what \
+    the dwells and their orientations leave, that at 25 degC also by the turn of the earth. What \
+    has none is as it was found.";
+
 /// What is said of it where there were turns.
-const KNOWN: &str = " Their expanded uncertainty (k = 2) is that of the turns between rests, with \
-    gravity by the channel's own accelerometer as the reference; of an axis that the turns do not \
-    show it is that of a part as it comes. What has none is as it was found.";
+const KNOWN: &str = " The expanded uncertainty (k = 2) of scale and alignment is that of the turns \
+    between rests, with gravity by the channel's own accelerometer as the reference; of an axis \
+    that the turns do not show it is that of a part as it comes. That of the bias is of the rests, \
+    at their temperature. What has none is as it was found.";
 
 /// The coefficients in the order of the axes: scale and alignment, then bias.
 pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
@@ -56,9 +64,9 @@ pub fn of(rates: &RateCorrection) -> Vec<Coefficient> {
         }
         let (b0, b1) = (real.bias[row].to_degrees(), real.bias1[row].to_degrees());
         put(BIAS, b0, "deg/s");
-        put("Bias, slope", 1e3 * b1, "(mdeg/s)/degC");
+        put(BIAS_SLOPE, 1e3 * b1, "(mdeg/s)/degC");
         let b2 = 1e3 * real.bias2[row].to_degrees();
-        put("Bias, quadratic", b2, "(mdeg/s)/degC^2");
+        put(BIAS_SQUARE, b2, "(mdeg/s)/degC^2");
     }
     all
 }
@@ -106,6 +114,22 @@ fn put_uncertainty(all: &mut [Coefficient], found: &Found) {
             _ => None,
         };
         coefficient.expanded = u.map(|u| 2.0 * u);
+    }
+}
+
+/// U of the bias over the temperatures of a chamber run, from the standard uncertainties of b0, b1
+/// and b2 of each axis, in rad/s and degC.
+pub fn put_bias_uncertainty(all: &mut [Coefficient], uncertainty: &[[f64; 3]; 3]) {
+    for (axis, [b0, b1, b2]) in AXES.iter().zip(uncertainty) {
+        for coefficient in all.iter_mut().filter(|c| c.axis == *axis) {
+            let u = match coefficient.name.as_str() {
+                BIAS => b0.to_degrees(),
+                BIAS_SLOPE => 1e3 * b1.to_degrees(),
+                BIAS_SQUARE => 1e3 * b2.to_degrees(),
+                _ => continue,
+            };
+            coefficient.expanded = Some(2.0 * u);
+        }
     }
 }
 
@@ -170,6 +194,7 @@ pub fn page(report: &Report) -> String {
 fn note(channels: &[Channel]) -> &'static str {
     let all = channels.iter().flat_map(|c| c.gyroscope.iter().flatten());
     match all.map(|c| c.expanded).any(|u| u.is_some()) {
+        true if channels.iter().any(|c| c.thermal.is_some()) => IN_CHAMBER,
         true => KNOWN,
         false => UNKNOWN,
     }

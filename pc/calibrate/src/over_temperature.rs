@@ -6,7 +6,7 @@
 //!
 //! Left out: the rest of both (`page`, `dcc`), and the figures themselves (`crate::characterise`).
 
-use super::data::{Channel, Coefficient, Report, Thermal, ThermalDwell};
+use super::data::{Channel, Coefficient, GyroscopeBias, Report, Thermal, ThermalDwell};
 use super::quantity::{METRE_PER_SECOND2, SI_PER_MG, list, name, real};
 use super::xml::Xml;
 use output::chart::{Chart, Ink, Level, Plot, Shape};
@@ -48,7 +48,7 @@ fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
     let unchanged = unchanged.map_or("as with the model before, at 25 degC".to_owned(), |at| {
         format!("as before at {at:.1} degC, where the calibration was made")
     });
-    vec![
+    let mut facts = vec![
         ("Model", thermal.model.clone()),
         (
             "Holds by the sensor's thermometer",
@@ -62,6 +62,34 @@ fn facts(channel: &Channel, thermal: &Thermal) -> Vec<(&'static str, String)> {
         ("Left by the model, rms", mg(channel.residual_mg)),
         ("Hysteresis seen", hysteresis),
         ("Between runs, rms", mg(thermal.between_runs_mg)),
+    ];
+    facts.extend(thermal.gyroscope_bias.iter().flat_map(of_gyroscope));
+    facts
+}
+
+/// How the bias of the gyroscope was found.
+fn of_gyroscope(bias: &GyroscopeBias) -> Vec<(&'static str, String)> {
+    const BIAS: &str = "Bias of the gyroscope";
+    if let Some(refused) = &bias.refused {
+        return vec![(BIAS, format!("as it was: {refused}"))];
+    }
+    let deg_s = |value: Option<f64>| {
+        value.map_or("not known".to_owned(), |value| format!("{value:.4} deg/s"))
+    };
+    let hysteresis = bias.bias_hysteresis_deg_s;
+    let hysteresis = hysteresis.map(|axes| axes.into_iter().fold(0.0, f64::max));
+    let (rests, left_out) = (bias.rests, bias.rests_left_out);
+    vec![
+        (
+            BIAS,
+            format!("from {rests} rests; {left_out} were left out"),
+        ),
+        ("Bias left at a rest, rms", deg_s(bias.bias_residual_deg_s)),
+        ("Bias hysteresis, largest axis", deg_s(hysteresis)),
+        (
+            "Bias between runs, rms",
+            deg_s(bias.bias_between_runs_deg_s),
+        ),
     ]
 }
 
@@ -153,6 +181,39 @@ pub fn put_coefficients(xml: &mut Xml, all: &[Coefficient]) {
     }
 }
 
+/// The result about the bias of the gyroscope.
+fn bias_result(xml: &mut Xml, bias: &GyroscopeBias) {
+    // As of the coefficients, the name tells the unit.
+    let axes = bias.bias_hysteresis_deg_s.map(|axes| axes.to_vec());
+    let one = |value: Option<f64>| value.map(|value| vec![value]);
+    let what = bias.refused.as_ref().map_or(
+        "Bias of the gyroscope over temperature".to_owned(),
+        |refused| format!("Bias of the gyroscope, which is as it was found: {refused}"),
+    );
+    xml.of("dcc:result", |xml| {
+        name(xml, &what);
+        xml.of("dcc:data", |xml| {
+            real(xml, "Rests", f64::from(bias.rests), ONE);
+            real(xml, "Rests left out", f64::from(bias.rests_left_out), ONE);
+            for (called, values) in [
+                (
+                    "Left at a rest, rms, in deg/s",
+                    one(bias.bias_residual_deg_s),
+                ),
+                ("Hysteresis of x, y and z, in deg/s", axes),
+                (
+                    "Between runs, rms, in deg/s",
+                    one(bias.bias_between_runs_deg_s),
+                ),
+            ] {
+                if let Some(values) = values {
+                    list(xml, called, &values, ONE, None);
+                }
+            }
+        });
+    });
+}
+
 /// The results of the certificate: range, coefficients, and what is left at each dwell.
 pub fn results(xml: &mut Xml, thermal: &Thermal) {
     xml.of("dcc:result", |xml| {
@@ -186,4 +247,7 @@ pub fn results(xml: &mut Xml, thermal: &Thermal) {
             });
         });
     });
+    if let Some(bias) = &thermal.gyroscope_bias {
+        bias_result(xml, bias);
+    }
 }

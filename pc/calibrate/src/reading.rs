@@ -15,6 +15,9 @@ pub struct Reading {
     pub temperature_c: f64,
     /// Mean of the angles X and Y, deg; the reason of 2025h where one has none.
     pub angle_deg: [Result<f64, u8>; 2],
+    /// Mean rate of the gyroscope in the sensor's axes before any correction, rad/s; none where it
+    /// is not followed, or hardly.
+    pub rate_rad_s: Option<[f64; 3]>,
 }
 
 /// What spoils the work with a node.

@@ -141,6 +141,7 @@ fn thermal() -> Thermal {
             dwell(1, "up", 70.0, 0.3),
             dwell(2, "down", 25.0, -0.2),
         ],
+        gyroscope_bias: None,
     }
 }
 

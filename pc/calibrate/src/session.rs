@@ -448,6 +448,7 @@ impl Session {
     ///
     /// Errors: a node that does not answer or takes no samples.
     pub fn read(&mut self, count: u32, apart_s: f64) -> Result<Vec<Reading>, CalibrateError> {
+        let from = self.marks()?;
         let mut sums: Vec<Sum> = self.nodes.iter().map(|_| Sum::default()).collect();
         for _ in 0..count.max(1) {
             self.settle(apart_s)?;
@@ -456,7 +457,12 @@ impl Session {
                 sum.add(self.read_once(id)?);
             }
         }
-        Ok(sums.into_iter().map(Sum::mean).collect())
+        let mut readings: Vec<Reading> = sums.into_iter().map(Sum::mean).collect();
+        let logs = self.followed.iter().zip(from);
+        for (reading, (log, from)) in readings.iter_mut().zip(logs) {
+            reading.rate_rad_s = log.rest(from, log.mark()).ok();
+        }
+        Ok(readings)
     }
 
     fn read_once(&mut self, id: u8) -> Result<Single, CalibrateError> {
@@ -628,6 +634,7 @@ impl Sum {
             scatter_mg: mean(&square).sqrt() / mg,
             temperature_c: mean(&|s| s.temperature_c),
             angle_deg: [0, 1].map(|axis| mean_angle(&self.singles, axis)),
+            rate_rad_s: None,
         }
     }
 }

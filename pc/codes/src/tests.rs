@@ -421,18 +421,18 @@ fn signal_names_fit_the_format() {
 }
 
 #[test]
-fn the_variant_with_a_gyroscope_has_two_more_messages_and_files_of_its_own() {
+fn the_variant_with_a_gyroscope_has_three_more_messages_and_files_of_its_own() {
     let rows = rows_of(Models::DYNAMIC);
     assert_eq!(
         eds::file_name(rows, Channel::B, "eds"),
         "plumb-dynamic-b.eds"
     );
     let sheet = eds::sheet(rows, Channel::A);
-    assert_eq!(value(&sheet, "DeviceInfo", "NrOfTXPDO"), Some("6"));
+    assert_eq!(value(&sheet, "DeviceInfo", "NrOfTXPDO"), Some("7"));
     let off = Some("$NODEID+0x80000200");
     assert_eq!(value(&sheet, "1804sub1", "DefaultValue"), off);
     let text = dbc::database(rows);
-    assert_eq!(text.matches("\nBO_ ").count(), 12);
+    assert_eq!(text.matches("\nBO_ ").count(), 14);
     let angle = message(&text, "Plumb_A_TPDO_5");
     assert_eq!(angle[0], "BO_ 513 Plumb_A_TPDO_5: 8 Plumb_A");
     let slope = " SG_ Slope_X_now : 0|16@1- (0.01,0) [-327.68|327.67] \"deg\" Master";

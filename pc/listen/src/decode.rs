@@ -100,7 +100,7 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
             What::Vector(axis) => put(&mut values.exchange.vector, axis, signed as i16),
             What::Captured => values.exchange.captured = plain as u8,
             What::Activity => values.exchange.activity = plain as u8,
-            What::Other => {}
+            What::Turned | What::Other => {}
         }
     }
     values

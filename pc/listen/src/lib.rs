@@ -58,6 +58,8 @@ pub enum Meaning {
     Angle(Place),
     /// TPDO 6: rates of turn, of an instrument with a gyroscope.
     Rates(Place),
+    /// TPDO 7: how far it has turned, for the other channel of an instrument with a gyroscope.
+    Turned(Place),
     /// A fault has come or gone.
     Emergency(Place, Emergency),
     /// A heartbeat or boot-up message.
@@ -312,6 +314,7 @@ impl Watch {
             }
             Kind::Angle => Meaning::Angle(at),
             Kind::Rates => Meaning::Rates(at),
+            Kind::Turned => Meaning::Turned(at),
             Kind::Other => {
                 self.counts.unplanned += 1;
                 Meaning::Other

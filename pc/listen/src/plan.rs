@@ -115,6 +115,8 @@ pub enum What {
     UncertaintyNow,
     /// 202Ah sub 1 to 3: a rate of turn, Z being axis 2.
     Rate(u8),
+    /// 202Bh sub 1 to 3: how far it has turned, for the other channel.
+    Turned,
     /// Anything else.
     Other,
 }
@@ -139,6 +141,7 @@ impl What {
             (0x2029, 1 | 2) => Self::SlopeNow(sub - 1),
             (0x2029, 3) => Self::UncertaintyNow,
             (0x202A, 1..=3) => Self::Rate(sub - 1),
+            (0x202B, 1..=3) => Self::Turned,
             _ => Self::Other,
         }
     }
@@ -147,7 +150,7 @@ impl What {
     pub const fn is_of_gyroscope(self) -> bool {
         matches!(
             self,
-            Self::SlopeNow(_) | Self::UncertaintyNow | Self::Rate(_)
+            Self::SlopeNow(_) | Self::UncertaintyNow | Self::Rate(_) | Self::Turned
         )
     }
 }
@@ -182,6 +185,15 @@ impl PdoPlan {
         self.fields.iter().any(|field| is(field.what))
     }
 }
+
+/// What TPDO 7 carries (202Bh).
+const TURNED: [u32; 5] = [
+    0x202B_0110,
+    0x202B_0210,
+    0x202B_0310,
+    0x202B_0408,
+    0x202B_0508,
+];
 
 impl NodePlan {
     /// A node that nobody has configured but for its node-id.
@@ -246,6 +258,8 @@ impl NodePlan {
                     1,
                     &[0x202A_0110, 0x202A_0210, 0x202A_0310, 0x202A_0408],
                 ),
+                // On as delivered, where there is a gyroscope.
+                PdoPlan::of(0x400 + id, 1, &TURNED),
             ],
         }
     }
@@ -271,6 +285,6 @@ mod tests {
             .iter()
             .map(|p| p.length)
             .collect::<Vec<_>>();
-        assert_eq!(lengths, [6, 8, 8, 8, 8, 7]);
+        assert_eq!(lengths, [6, 8, 8, 8, 8, 7, 8]);
     }
 }

@@ -128,6 +128,7 @@ pub(super) enum Kind {
     Exchange(Part),
     Angle,
     Rates,
+    Turned,
     Other,
 }
 
@@ -212,7 +213,7 @@ impl Side {
                 self.now.rates_ns = Some(time_ns);
                 self.now.rates = values.rates;
             }
-            Kind::Other => {}
+            Kind::Turned | Kind::Other => {}
         }
         kind
     }
@@ -361,6 +362,7 @@ fn kind_of(pdo: &PdoPlan) -> Kind {
         _ if has_detail => Kind::Detail,
         _ if pdo.has(|what| matches!(what, What::SlopeNow(_))) => Kind::Angle,
         _ if pdo.has(|what| matches!(what, What::Rate(_))) => Kind::Rates,
+        _ if pdo.has(|what| what == What::Turned) => Kind::Turned,
         _ => Kind::Other,
     }
 }

@@ -341,7 +341,7 @@ impl Model {
             Meaning::Emergency(place, emergency) => self.emergency(place, &emergency),
             Meaning::Heartbeat(place, beat) => self.heartbeat(place, beat),
             // Shown while it is young, by its own time.
-            Meaning::Angle(_) | Meaning::Rates(_) => {}
+            Meaning::Angle(_) | Meaning::Rates(_) | Meaning::Turned(_) => {}
             Meaning::Malformed(place) => self.malformed(place, frame),
             Meaning::Other => self.stranger(frame),
         }

@@ -1,7 +1,7 @@
 //! A calibrated pair with gyroscopes on a machine, one of them with a fault: what node 1 judges.
 //!
-//! In: the scene, the fault, how the pair is judged. Out: each judgement with its time. A word
-//! before the fault is a failure.
+//! In: the scene, the fault, how often the pair is judged. Out: each judgement with its time. A
+//! judgement other than "agree" before the fault is a failure.
 
 use device::channel::Settings;
 use sim::TICK_S;
@@ -10,7 +10,7 @@ use sim::excavator::{Excavator, ExcavatorSetup, Scene};
 use sim::fault::SensorFault;
 use sim::motion::Mover;
 use sim::rng::Rng;
-use tilt::cross_check::{CrossCheck, Judgement};
+use tilt::cross_check::Judgement;
 
 /// What both nodes of a unit run with, calibrated.
 pub fn calibrated() -> [Settings; 2] {
@@ -21,8 +21,6 @@ pub fn calibrated() -> [Settings; 2] {
 
 /// How a pair is watched.
 pub struct Watch {
-    /// Check of node 1.
-    pub check: CrossCheck,
     /// Between two pairs.
     pub sync_ticks: u64,
     /// A fault is waited for at most so long, s.
@@ -46,8 +44,6 @@ impl Watch {
         for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
             side.settings = settings.clone();
         }
-        let [first, _] = &mut bench.instrument.sides;
-        first.node.set_check(self.check.clone());
         bench.instrument.power_cycle();
         let mut rng = Rng::stream(seed, "gyroscope faults");
         let setup = ExcavatorSetup {

@@ -85,10 +85,13 @@ impl<C: Composition> Chain<C> {
 
     /// The part's errors at the temperature that compensation uses from now on.
     pub(super) fn correct_rates(&self, state: &mut ChainState<C>, temperature: Temperature) {
-        if let (Some(fusion), Some(rates)) = (&mut state.fusion, &self.calibration.rates) {
+        let (Some(fusion), Some(rates)) = (&self.fusion, &self.calibration.rates) else {
+            return;
+        };
+        if let Some(state) = &mut state.fusion {
             let compensation = self.calibration.temperature.at(temperature);
-            let state = fusion.get_mut();
-            state.temperature(rates.get(), compensation, temperature);
+            let state = state.get_mut();
+            state.temperature(fusion.get(), rates.get(), compensation, temperature);
         }
     }
 
@@ -178,7 +181,10 @@ impl<C: Composition> Chain<C> {
             },
             Ok(estimates) => estimates.map(|found| Measurement {
                 angle: found.angle,
-                uncertainty: found.unshared,
+                uncertainty: match found.motion {
+                    Uncertainty(0) => found.unshared,
+                    motion => found.unshared.combined_with(motion),
+                },
                 unshared: found.unshared,
                 at,
                 latency_us,
@@ -208,7 +214,7 @@ impl<C: Composition> Chain<C> {
         let up = interpolate(before, last_stamped, at).ok_or(Invalid::Stale)?;
         let vertical = Vertical {
             up: up.accel,
-            uncertainty: last.uncertainty,
+            ..last
         };
         Ok((vertical, temperature))
     }
@@ -224,11 +230,16 @@ impl<C: Composition> Calibration<C> {
         let beside = beside(vector);
         let raw = slopes_beside(vector, beside);
         let unshared = self.budget.of_vectors(beside, accel);
+        // What contradicts is so much more than the rest that it may contain that once more.
+        let motion = match vertical.uncertainty == vertical.unshared {
+            true => Uncertainty(0),
+            false => vertical.uncertainty,
+        };
         let found = |angle, unshared: Uncertainty| {
             Ok(super::AngleEstimate {
                 angle,
-                unshared: unshared.combined_with(vertical.uncertainty),
-                motion: Uncertainty(0),
+                unshared: unshared.combined_with(vertical.unshared),
+                motion,
             })
         };
         Axes {

@@ -22,6 +22,7 @@
 
 use super::Member;
 use super::residual::{share_q22, towards_zero};
+use crate::motion::frame::Turn as Rotation;
 use crate::root::root;
 
 /// Configuration.
@@ -104,7 +105,8 @@ pub type Turn = [i32; 3];
 /// What one pair shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// Mean of the two accelerations, and own minus peer, 2^-26 g; `None` where one is missing.
+    /// Mean of the two accelerations, and half of own minus peer, 2^-26 g; `None` where one is
+    /// missing.
     pub accelerations: Option<[[i32; 3]; 2]>,
     /// By the own gyroscope, by the peer's.
     pub turns: [Turn; 2],
@@ -112,6 +114,14 @@ pub struct Pair {
     pub shaken: bool,
     /// Time since the pair before, us.
     pub elapsed_us: u32,
+}
+
+impl Pair {
+    /// The fastest axis of the gyroscope that turns less, 2^-30 rad.
+    fn slower(&self) -> u32 {
+        let [own, peer] = &self.turns;
+        fastest(own).min(fastest(peer))
+    }
 }
 
 /// A vector that stands still in space, seen from the housing; 2^-26 g.
@@ -131,8 +141,8 @@ struct Followed {
 pub struct GravityState {
     /// The mean, carried by the own gyroscope.
     mean: Followed,
-    /// The difference, carried by the own gyroscope; while rates differ, the mean carried by the
-    /// peer's.
+    /// Half of the difference, carried by the own gyroscope; while rates differ, the mean carried
+    /// by the peer's.
     other: Followed,
     dispute: Option<Kind>,
     /// For how long the place has been averaged, or carried on; us.
@@ -189,10 +199,11 @@ impl GravityState {
 }
 
 impl Followed {
-    fn turn_back(&mut self, turn: &Turn) {
-        turn_back(&mut self.near, turn);
-        turn_back(&mut self.far, turn);
-        turn_back(&mut self.place, turn);
+    /// What stands in space turns back by what the housing turns.
+    fn turn_back(&mut self, by: &Rotation) {
+        for vector in [&mut self.near, &mut self.far, &mut self.place] {
+            *vector = by.apply(*vector);
+        }
     }
 
     fn follow(&mut self, value: &[i32; 3], share: u32) {
@@ -228,13 +239,22 @@ const SKIPPED_US: u32 = 80_000;
 /// From 2^-26 g to the unit of a pause's sum.
 const FINER: u32 = 6;
 
-fn minus(a: &[i32; 3], b: &[i32; 3]) -> [i32; 3] {
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+pub(super) fn minus(a: &[i32; 3], b: &[i32; 3]) -> [i32; 3] {
     let ([ax, ay, az], [bx, by, bz]) = (*a, *b);
     [
         ax.saturating_sub(bx),
         ay.saturating_sub(by),
         az.saturating_sub(bz),
     ]
+}
+
+/// The fastest of the three axes.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+pub(super) fn fastest(turn: &[i32; 3]) -> u32 {
+    let axes = turn.iter().map(|axis| axis.unsigned_abs());
+    axes.fold(0, u32::max)
 }
 
 fn towards(low: &mut [i32; 3], value: &[i32; 3], share: u32) {
@@ -244,23 +264,12 @@ fn towards(low: &mut [i32; 3], value: &[i32; 3], share: u32) {
     }
 }
 
-/// What stands in space turns back by what the housing turns: v - t x v + t x (t x v) / 2.
-fn turn_back(v: &mut [i32; 3], turn: &Turn) {
-    let once = cross(turn, v);
-    let twice = cross(turn, &once);
-    for (v, (once, twice)) in v.iter_mut().zip(once.into_iter().zip(twice)) {
-        *v = v.saturating_sub(once).saturating_add(twice / 2);
-    }
-}
-
-fn cross(turn: &Turn, v: &[i32; 3]) -> [i32; 3] {
-    let ([tx, ty, tz], [x, y, z]) = (turn.map(i64::from), v.map(i64::from));
-    let part = |a: i64| towards_zero(a, 30) as i32;
-    [
-        part(ty * z - tz * y),
-        part(tz * x - tx * z),
-        part(tx * y - ty * x),
-    ]
+/// The rotation of a turn, of at most an eighth of a circle about each axis: pairs that are far
+/// apart, or a gyroscope that is wrong, may claim more, and a rotation of more has no room.
+fn rotation(turn: Turn) -> Rotation {
+    /// 2^30 pi / 4.
+    const EIGHTH: i32 = (core::f64::consts::FRAC_PI_4 * 1_073_741_824.0) as i32;
+    Rotation::of(turn.map(|axis| axis.clamp(-EIGHTH, EIGHTH)))
 }
 
 fn dot(a: &[i32; 3], b: &[i32; 3]) -> i64 {
@@ -285,18 +294,21 @@ impl Gravity {
         differs: Option<Kind>,
     ) -> Option<Member> {
         self.note(state, differs, pair.elapsed_us);
-        let [own, peer] = &pair.turns;
-        state.mean.turn_back(own);
+        let [own, peer] = pair.turns;
+        let own = rotation(own);
+        state.mean.turn_back(&own);
         let rates = state.dispute == Some(Kind::Rates);
-        state.other.turn_back(if rates { peer } else { own });
+        state
+            .other
+            .turn_back(&if rates { rotation(peer) } else { own });
         state.age_us = state.age_us.saturating_add(pair.elapsed_us);
-        let [mean, difference] = pair.accelerations.as_ref()?;
+        let [mean, half] = pair.accelerations.as_ref()?;
         let averaged_us = match state.dispute {
             None => state.age_us.min(self.tau_us),
             Some(_) => self.tau_us,
         };
         let share = share_q22(pair.elapsed_us, averaged_us);
-        let other = if rates { mean } else { difference };
+        let other = if rates { mean } else { half };
         if self.pauses(state, pair, mean) {
             state.mean.pause(mean);
             state.other.pause(other);
@@ -379,8 +391,7 @@ impl Gravity {
     /// moment, and still have the end of the movement.
     fn pauses(&self, state: &mut GravityState, pair: &Pair, mean: &[i32; 3]) -> bool {
         let most = part(self.slow, pair.elapsed_us, 1_000_000);
-        let slow = |turn: &Turn| turn.iter().all(|axis| axis.unsigned_abs() <= most);
-        let slow = !pair.shaken && pair.turns.iter().any(slow);
+        let slow = !pair.shaken && pair.slower() <= most;
         if !slow || state.paused_us >= self.pause_us {
             (state.paused, state.paused_us, state.change) = (0, 0, 0);
             (state.mean.sum, state.other.sum) = ([0; 3], [0; 3]);
@@ -411,11 +422,14 @@ impl Gravity {
         if state.age_us > self.longest_us {
             return None;
         }
-        let stages = self.stages(state, kind);
-        let mut stages = stages.into_iter().zip(self.blurs(state));
+        let [mean, other] = [&state.mean, &state.other].map(|v| v.left(state.paused));
+        let mut stages = mean.into_iter().zip(other).zip(self.blurs(state));
         let pause = stages.next().filter(|_| state.paused_us >= self.pause_us);
         let of_place = state.blur;
-        let which = |(left, blur)| self.which(left, root_sum(blur, of_place));
+        let which = |((mean, other), blur)| {
+            let blur = root_sum(blur, of_place);
+            self.which(kind, [mean, other], blur)
+        };
         if let Some(found) = pause.and_then(which) {
             return Some(found);
         }
@@ -444,12 +458,14 @@ impl Gravity {
             .reads
             .map(|rate| part(rate, state.paused_us, 1_000_000));
         let [none, some] = most;
-        let beyond = |turn: &Turn, most: u32| turn.iter().any(|axis| axis.unsigned_abs() > most);
         let [own, peer] = &state.turned;
-        let reads = match (beyond(own, none), beyond(peer, none)) {
-            (true, false) if beyond(own, some) => Member::Own,
-            (false, true) if beyond(peer, some) => Member::Peer,
-            _ => return None,
+        let (own, peer) = (fastest(own), fastest(peer));
+        let reads = if own > some && peer <= none {
+            Member::Own
+        } else if peer > some && own <= none {
+            Member::Peer
+        } else {
+            return None;
         };
         match state.reads {
             Some((before, moved)) if before == reads => moved.then_some(reads),
@@ -463,16 +479,22 @@ impl Gravity {
     /// Notes a movement between two pauses.
     fn note_movement(&self, state: &mut GravityState, pair: &Pair) {
         let most = part(self.moves, pair.elapsed_us, 1_000_000);
-        let moves = |turn: &Turn| turn.iter().any(|axis| axis.unsigned_abs() > most);
         if let Some((_, moved)) = &mut state.reads {
-            *moved |= pair.turns.iter().all(moves);
+            *moved |= pair.slower() > most;
         }
     }
 
     /// Which of two vectors has left the place and not the other one, where each is uncertain by
     /// `blur`, 2^-26 g: one is within a quarter of what they are apart, the other one beyond
     /// three.
-    fn which(&self, [own, peer]: [[i32; 3]; 2], blur: u32) -> Option<Member> {
+    fn which(&self, kind: Kind, [mut own, mut peer]: [[i32; 3]; 2], blur: u32) -> Option<Member> {
+        if kind == Kind::Accelerations {
+            // Mean and half of the difference.
+            for (own, peer) in own.iter_mut().zip(&mut peer) {
+                let half = *peer;
+                (*own, *peer) = (own.saturating_add(half), own.saturating_sub(half));
+            }
+        }
         let apart = length(&minus(&own, &peer));
         if apart < blur.saturating_mul(self.coverage).max(self.least) {
             return None;
@@ -483,20 +505,6 @@ impl Gravity {
             return Some(Member::Own);
         }
         (of_peer > far && of_own < near).then_some(Member::Peer)
-    }
-
-    /// How far the vectors of own and peer have left the place: in the mean of a pause, behind one
-    /// low-pass, behind both.
-    fn stages(&self, state: &GravityState, kind: Kind) -> [[[i32; 3]; 2]; 3] {
-        let [a, b, c] = state.mean.left(state.paused);
-        let [d, e, f] = state.other.left(state.paused);
-        [(a, d), (b, e), (c, f)].map(|(mean, other)| match kind {
-            Kind::Rates => [mean, other],
-            Kind::Accelerations => {
-                let half = other.map(|axis| axis / 2);
-                [minus(&mean, &half.map(|axis| -axis)), minus(&mean, &half)]
-            }
-        })
     }
 }
 

@@ -12,7 +12,7 @@
 
 use super::Member;
 use super::activity::{ActivityCheck, ActivityState};
-use super::gravity::{Gravity, GravityState, Kind, Pair, Turn};
+use super::gravity::{Gravity, GravityState, Kind, Pair, Turn, minus};
 use super::residual::{Residual, ResidualState, Stage};
 use crate::observation::Observation;
 use crate::turned::Turned;
@@ -199,12 +199,11 @@ impl RateCheck {
         shaken: bool,
         elapsed_us: u32,
     ) -> bool {
-        let [rate, difference] = turned.map(|angle| per_second(angle, elapsed_us));
+        let [rate, difference] = turned.map(|angle| per_second(&angle, elapsed_us));
         let fastest = rate
             .iter()
             .fold(0, |most, axis| axis.unsigned_abs().max(most));
-        let uncertainty = ((u64::from(fastest) * u64::from(self.share)) >> 10) as u32;
-        let difference = difference.map(i64::from);
+        let uncertainty = ((fastest * u64::from(self.share)) >> 10) as u32;
         self.residual
             .take(state, difference, uncertainty, shaken, elapsed_us)
     }
@@ -218,11 +217,11 @@ fn turned(
     peer: &Turned,
 ) -> Option<[[i16; 3]; 2]> {
     let [own_before, peer_before] = before.replace([own.angle, peer.angle])?;
-    let own = minus(own.angle, own_before);
-    Some([own, minus(own, minus(peer.angle, peer_before))])
+    let own = apart(own.angle, own_before);
+    Some([own, apart(own, apart(peer.angle, peer_before))])
 }
 
-fn minus([ax, ay, az]: [i16; 3], [bx, by, bz]: [i16; 3]) -> [i16; 3] {
+fn apart([ax, ay, az]: [i16; 3], [bx, by, bz]: [i16; 3]) -> [i16; 3] {
     [
         ax.wrapping_sub(bx),
         ay.wrapping_sub(by),
@@ -231,27 +230,30 @@ fn minus([ax, ay, az]: [i16; 3], [bx, by, bz]: [i16; 3]) -> [i16; 3] {
 }
 
 /// An angle of 2^-18 of a circle in so much time as a rate, 2^-26 rad/s.
-fn per_second(angle: [i16; 3], elapsed_us: u32) -> [i32; 3] {
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn per_second(angle: &[i16; 3], elapsed_us: u32) -> [i64; 3] {
     /// 2 pi 2^26 / 2^18 1e6.
     const FACTOR: u64 = (core::f64::consts::TAU * 256.0 * 1e6) as u64;
     let factor = (FACTOR / u64::from(elapsed_us.max(1))) as i64;
-    angle.map(|axis| (i64::from(axis) * factor).clamp(-LARGEST, LARGEST) as i32)
+    let mut rate = [0; 3];
+    for (rate, angle) in rate.iter_mut().zip(angle) {
+        *rate = (i64::from(*angle) * factor).clamp(-LARGEST, LARGEST);
+    }
+    rate
 }
 
-/// Mean of both accelerations, and own minus peer.
+/// Mean of both accelerations, and half of own minus peer.
 fn accelerations(own: &Observation, peer: &Observation) -> Option<[[i32; 3]; 2]> {
-    let (own, peer) = (own.vector?, peer.vector?);
-    let both = |join: fn(i64, i64) -> i64| {
-        let ([ax, ay, az], [bx, by, bz]) = (own.accel, peer.accel);
-        [(ax, bx), (ay, by), (az, bz)].map(|(a, b)| {
-            let joined = join(i64::from(a), i64::from(b));
-            joined.clamp(-LARGEST, LARGEST) as i32
-        })
-    };
-    Some([both(|a, b| (a + b) / 2), both(|a, b| a - b)])
+    let [mut mean, mut half] = [own.vector?, peer.vector?].map(|vector| vector.accel);
+    for (a, b) in mean.iter_mut().zip(&mut half) {
+        let (own, peer) = (*a >> 1, *b >> 1);
+        (*a, *b) = (own + peer, own - peer);
+    }
+    Some([mean, half])
 }
 
-/// The most that is taken of an acceleration or a rate, 16 g or 16 rad/s.
+/// The most that is taken of a rate, 16 rad/s.
 const LARGEST: i64 = 1 << 30;
 
 /// Both turns without their bias: the peer's is the own one, and what they differ by beyond what
@@ -262,38 +264,25 @@ fn turns(
     baseline: [i32; 3],
     elapsed_us: u32,
 ) -> [Turn; 2] {
-    let own = less(own, bias.map(|axis| turn(axis, 32, elapsed_us)));
-    let farther = less(difference, baseline.map(|axis| turn(axis, 26, elapsed_us)));
-    let ([ox, oy, oz], [fx, fy, fz]) = (own, farther);
-    let peer = [
-        ox.saturating_sub(fx),
-        oy.saturating_sub(fy),
-        oz.saturating_sub(fz),
-    ];
-    [own, peer]
+    let own = less(&own, &bias, (32, elapsed_us));
+    let farther = less(&difference, &baseline, (26, elapsed_us));
+    [own, minus(&own, &farther)]
 }
 
-/// An angle of 2^-18 of a circle in radians of 2^-30, less so many of these.
-fn less([x, y, z]: [i16; 3], [bx, by, bz]: [i32; 3]) -> Turn {
-    [
-        radians(x).saturating_sub(bx),
-        radians(y).saturating_sub(by),
-        radians(z).saturating_sub(bz),
-    ]
-}
-
-/// 2^-18 of a circle in 2^-30 rad.
-fn radians(angle: i16) -> i32 {
+/// An angle of 2^-18 of a circle, less a rate of 2^-`bits` rad/s for so many us; 2^-30 rad.
+// Once in the image.
+#[cfg_attr(target_pointer_width = "32", inline(never))]
+fn less(angle: &[i16; 3], rate: &[i32; 3], (bits, elapsed_us): (u32, u32)) -> Turn {
     /// 2 pi 2^30 / 2^18.
-    const FACTOR: i32 = (core::f64::consts::TAU * 4096.0 + 0.5) as i32;
-    i32::from(angle) * FACTOR
-}
-
-/// A rate of 2^-`bits` rad/s for so long, 2^-30 rad.
-fn turn(rate: i32, bits: u32, elapsed_us: u32) -> i32 {
+    const RADIANS: i32 = (core::f64::consts::TAU * 4096.0 + 0.5) as i32;
     /// 1e-6 2^30; 0.02 % too much.
-    const FACTOR: i64 = 1074;
-    ((i64::from(rate) * i64::from(elapsed_us) * FACTOR) >> bits) as i32
+    const MICROSECOND: i64 = 1074;
+    let mut turn = [0; 3];
+    for (turn, (angle, rate)) in turn.iter_mut().zip(angle.iter().zip(rate)) {
+        let of_rate = (i64::from(*rate) * i64::from(elapsed_us) * MICROSECOND) >> bits;
+        *turn = (i32::from(*angle) * RADIANS).saturating_sub(of_rate as i32);
+    }
+    turn
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@
 //!
 //! Left out: which of the two is wrong; that takes a standstill (`standstill`).
 
+use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 /// One low-pass with its thresholds, 2^-26 g per step, of the length of the vector.
@@ -105,7 +106,7 @@ impl ResidualState {
     pub fn difference(&self) -> [i32; 3] {
         self.shown.map(|low| {
             let steps = towards_zero(low, FRACTION);
-            steps.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+            saturate(steps)
         })
     }
 

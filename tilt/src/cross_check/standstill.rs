@@ -15,6 +15,7 @@
 //!
 //! Left out: the self-test, which takes the channel away for 0.7 s and does not see an offset.
 
+use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 use super::Member;
@@ -113,5 +114,5 @@ pub fn along(difference: [i32; 3], [own, peer]: [&Corrected; 2]) -> i32 {
     let products = difference.iter().zip(twice);
     let products = products.map(|(d, twice)| i64::from(*d).saturating_mul(twice));
     let part = products.fold(0, i64::saturating_add) / (1 << 27);
-    part.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+    saturate(part)
 }

@@ -3,8 +3,9 @@
 //! In: the frame, the turn and the acceleration of each sample. Out, at the end: the velocity
 //! gained, and by how much each error of the gyroscope has tilted the frame meanwhile (its lever).
 
+use super::BLOCK;
 use super::frame::Frame;
-use super::{BLOCK, fit};
+use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 /// By how much an error of one unit tilts the frame about each of its level axes within a block;
@@ -25,6 +26,8 @@ pub(super) struct Block {
     whole: [i32; 3],
     /// Acceleration along the level axes, 2^-26 g per step.
     accel: [i64; 2],
+    /// Acceleration along the vertical of every fourth sample, 2^-26 g per step.
+    vertical: i64,
     /// The level axes, 2^-27 per step.
     axes: [[i32; 3]; 2],
     /// Component i of each level axis times the turn about axis j, 2^-27 rad per step.
@@ -33,6 +36,15 @@ pub(super) struct Block {
     square: i64,
     /// The accelerometer was at its end.
     blind: bool,
+}
+
+/// What a block shows of rest and of gravity.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shown {
+    /// Turn about each axis of the housing, 2^-30 rad per step.
+    pub(super) turned: [i32; 3],
+    /// Square of the mean acceleration, 2^-52 g^2 per step.
+    pub(super) length_square: u64,
 }
 
 impl Block {
@@ -53,6 +65,7 @@ impl Block {
         self.blind |= !seen;
         self.samples += 1;
         if self.samples.is_multiple_of(STRIDE) {
+            self.vertical += frame.up_part(accel);
             self.take_levers(frame);
         }
     }
@@ -81,13 +94,19 @@ impl Block {
     pub(super) fn gained(&self, period_q32: u32) -> Option<[i64; 2]> {
         // Half of the period, which then fits a signed number.
         let half = (period_q32 >> 1) as i32;
-        let gain = |sum: i64| (i64::from(fit(sum >> 6)) * i64::from(half)) >> 21;
+        let gain = |sum: i64| (i64::from(saturate(sum >> 6)) * i64::from(half)) >> 21;
         (!self.blind).then(|| self.accel.map(gain))
     }
 
-    /// Turn within the block about each axis of the housing, 2^-30 rad per step.
-    pub(super) const fn turned(&self) -> [i32; 3] {
-        self.whole
+    /// What rest and gravity show in.
+    pub(super) fn shown(&self) -> Shown {
+        let [x, y] = self.accel.map(|sum| saturate(sum / i64::from(BLOCK)));
+        let z = saturate(self.vertical / i64::from(BLOCK / STRIDE));
+        let square = |a: i32| (i64::from(a) * i64::from(a)).unsigned_abs();
+        Shown {
+            turned: self.whole,
+            length_square: square(x) + square(y) + square(z),
+        }
     }
 
     /// Sum of the squares of the turns, 2^-30 rad^2 per step.

@@ -15,8 +15,9 @@
 
 use super::block::Levers;
 use super::gyroscope::Errors;
-use super::{fit, product};
+use super::product;
 use crate::root::root;
+use crate::saturate::saturate;
 
 /// The states of motion: velocity x, velocity y, tilt about x, tilt about y.
 const MOTION: usize = 4;
@@ -26,7 +27,7 @@ const ERRORS: usize = 12;
 /// All states.
 const STATES: usize = MOTION + ERRORS;
 /// The largest variance.
-const LARGEST: i32 = 1 << 30;
+pub(super) const LARGEST: i32 = 1 << 30;
 
 /// Covariance of one state, or of one error, with the four states of motion.
 type Row = [i32; MOTION];
@@ -40,13 +41,17 @@ pub(super) struct Variances {
     pub(super) tilt: i32,
     /// Of the bias of one axis.
     pub(super) bias: i32,
-    /// Of one number of scale or alignment.
+    /// Of the scale of one axis.
+    pub(super) scale: i32,
+    /// Of one number of alignment.
     pub(super) gain: i32,
 }
 
 impl Variances {
     fn errors(&self) -> impl Iterator<Item = i32> {
-        core::iter::repeat_n(self.bias, 3).chain(core::iter::repeat_n(self.gain, 9))
+        let (scale, gain) = (self.scale, self.gain);
+        let rows = [scale, gain, gain, gain, scale, gain, gain, gain, scale];
+        core::iter::repeat_n(self.bias, 3).chain(rows)
     }
 }
 
@@ -113,13 +118,13 @@ impl Covariance {
         tilt_by([tilt_x, tilt_y], by, both);
         [vx[2], vy[2], vx[3], vy[3]] = [tilt_x[0], tilt_x[1], tilt_y[0], tilt_y[1]];
         for [vx, vy, x, y] in &mut self.motion {
-            *vx = fit(i64::from(*vx) + product(*y, fall, 30));
-            *vy = fit(i64::from(*vy) - product(*x, fall, 30));
+            *vx = saturate(i64::from(*vx) + product(*y, fall, 30));
+            *vy = saturate(i64::from(*vy) - product(*x, fall, 30));
         }
         let [vx, vy, x, y, ..] = &mut self.motion;
         for ((vx, vy), (x, y)) in vx.iter_mut().zip(vy).zip(x.iter().zip(y)) {
-            *vx = fit(i64::from(*vx) + product(*y, fall, 30));
-            *vy = fit(i64::from(*vy) - product(*x, fall, 30));
+            *vx = saturate(i64::from(*vx) + product(*y, fall, 30));
+            *vy = saturate(i64::from(*vy) - product(*x, fall, 30));
         }
         self.mirror();
     }
@@ -182,6 +187,17 @@ impl Covariance {
         }
     }
 
+    /// The scale of each axis has changed with temperature: `variance` more of it is unknown.
+    pub(super) fn warm(&mut self, variance: i32) {
+        const SCALES: [usize; 3] = [3, 7, 11];
+        for at in SCALES {
+            let cell = self.errors.get_mut(at).and_then(|row| row.get_mut(at));
+            if let Some(cell) = cell {
+                *cell = cell.saturating_add(variance).min(LARGEST);
+            }
+        }
+    }
+
     /// Compares both velocities with zero, one after the other.
     pub(super) fn observe(&mut self, observation: &mut Observation) {
         let mut column = [0; STATES];
@@ -240,7 +256,7 @@ impl Covariance {
 
 /// The tilt's own rows: less what the errors share with the motion, and what they spread.
 fn tilt_by([x, y]: [&mut Row; 2], [by_x, by_y]: [Row; 2], [xx, xy, yy]: [i32; 3]) {
-    let less = |cell: &mut i32, by: i64| *cell = fit(i64::from(*cell) - by);
+    let less = |cell: &mut i32, by: i64| *cell = saturate(i64::from(*cell) - by);
     let twice = |a: i32, b: i32, both: i32| i64::from(a) + i64::from(b) - i64::from(both);
     less(&mut x[0], by_x[0].into());
     less(&mut x[1], by_x[1].into());
@@ -281,15 +297,15 @@ impl Observation {
         let scale = inverse_root(i64::from(variance) + self.noise);
         let velocity = self.velocity.get(axis).map_or(0, |v| i64::from(*v));
         let known = self.states.get(axis).map_or(0, |v| i64::from(*v));
-        let missing = i64::from(fit(-velocity - known));
+        let missing = i64::from(saturate(-velocity - known));
         // In standard deviations, 2^-28.5 per step; two are the most that the noise, which has
         // seen this velocity, leaves.
         let missing = ((missing * i64::from(scale)) >> 21).clamp(-MOST, MOST) as i32;
         let mut shares = [0; STATES];
         let states = self.states.iter_mut().zip(column);
         for (share, (state, p)) in shares.iter_mut().zip(states) {
-            *share = fit((i64::from(*p) * i64::from(scale)) >> 18);
-            *state = fit(i64::from(*state) + product(*share, missing, 29));
+            *share = saturate((i64::from(*p) * i64::from(scale)) >> 18);
+            *state = saturate(i64::from(*state) + product(*share, missing, 29));
         }
         shares
     }
@@ -322,7 +338,7 @@ fn weighted(lever: &[i32; ERRORS], values: &[i32; ERRORS]) -> i32 {
 
 /// A sum of products with levers in the units of covariance.
 fn shortened(sum: i64) -> i32 {
-    fit((sum + (1 << 26)) >> 27)
+    saturate((sum + (1 << 26)) >> 27)
 }
 
 /// The upper half of a product, rounded.

@@ -8,8 +8,9 @@
 //! Axes are of length one to a few per cent at the worst, so what is computed of them stays below
 //! 2 and is not cut off.
 
-use super::{fit, product};
+use super::product;
 use crate::root::root;
+use crate::saturate::saturate;
 use crate::vector::Corrected;
 
 /// One, as a component of an axis.
@@ -34,7 +35,7 @@ impl Frame {
         }
         let part = |a: i32| {
             let whole = (i64::from(a) << 30).checked_div(i64::from(length));
-            fit(whole.unwrap_or(0)).clamp(-ONE, ONE)
+            saturate(whole.unwrap_or(0)).clamp(-ONE, ONE)
         };
         let mut frame = Self {
             level: [[0; 3]; 2],
@@ -81,6 +82,11 @@ impl Frame {
         [scalar(first, accel.accel), scalar(second, accel.accel)]
     }
 
+    /// What of an acceleration lies along the vertical, in its unit.
+    pub(super) fn up_part(&self, accel: Corrected) -> i64 {
+        scalar(self.up, accel.accel)
+    }
+
     /// The two level axes.
     pub(super) const fn level(&self) -> &[[i32; 3]; 2] {
         &self.level
@@ -109,11 +115,11 @@ impl Frame {
 
 /// How what stands still turns in the axes of a housing that turns; 2^-30 per step, one row for
 /// each component of the result.
-struct Turn([[i32; 3]; 3]);
+pub struct Turn([[i32; 3]; 3]);
 
 impl Turn {
     /// By an angle below a quarter of a radian about each axis.
-    fn of([x, y, z]: [i32; 3]) -> Self {
+    pub fn of([x, y, z]: [i32; 3]) -> Self {
         let times = |a: i32, b: i32| ((i64::from(a) * i64::from(b)) >> 30) as i32;
         let (xx, yy, zz) = (times(x, x), times(y, y), times(z, z));
         let (xy, yz, zx) = (times(x, y) >> 1, times(y, z) >> 1, times(z, x) >> 1);
@@ -131,7 +137,8 @@ impl Turn {
         ])
     }
 
-    fn apply(&self, axis: [i32; 3]) -> [i32; 3] {
+    /// A vector that stands still, in the axes of the housing behind the turn; any unit.
+    pub fn apply(&self, axis: [i32; 3]) -> [i32; 3] {
         let [x, y, z] = self.0;
         [
             scalar(x, axis) as i32,
@@ -143,7 +150,7 @@ impl Turn {
 
 /// A vector and a change of it.
 fn plus([x, y, z]: [i32; 3], [a, b, c]: [i64; 3]) -> [i32; 3] {
-    let sum = |v: i32, change: i64| fit(i64::from(v) + change);
+    let sum = |v: i32, change: i64| saturate(i64::from(v) + change);
     [sum(x, a), sum(y, b), sum(z, c)]
 }
 
@@ -174,6 +181,6 @@ fn scalar([ax, ay, az]: [i32; 3], [bx, by, bz]: [i32; 3]) -> i64 {
 
 /// A vector of nearly length one, nearer to it: times (3 - square) / 2.
 fn lengthened(vector: [i32; 3]) -> [i32; 3] {
-    let factor = fit((3 * i64::from(ONE) - scalar(vector, vector)) >> 1);
-    vector.map(|v| fit(product(v, factor, 30)))
+    let factor = saturate((3 * i64::from(ONE) - scalar(vector, vector)) >> 1);
+    vector.map(|v| saturate(product(v, factor, 30)))
 }

@@ -24,8 +24,11 @@
 //!
 //! # Uncertainty
 //! It is the filter's own, and the accelerometer's offset beside it, which gravity cannot show.
-//! It grows with every turn and while the velocity is large, and shrinks when the machine is
-//! quiet. It is that of the vertical in one direction, so of one slope.
+//! It grows with every turn, with the gyroscope's temperature and while the velocity is large, and
+//! shrinks when the machine is quiet. It is that of the vertical in one direction, so of one slope.
+//!
+//! Quiet gravity beside the vertical is in it as soon as it is seen; where it stays there, the
+//! vertical is found anew (module `quiet`).
 //!
 //! Left out: samples that are missing (who knows of a gap starts anew), heading, and
 //! accelerations that last for longer than the machine's motion usually does, like the long curve
@@ -33,9 +36,12 @@
 //! uncertainty does not contain them.
 
 mod block;
+#[cfg(test)]
+mod contradiction_tests;
 mod covariance;
-mod frame;
+pub(crate) mod frame;
 mod gyroscope;
+mod quiet;
 #[cfg(test)]
 mod reference;
 mod settings;
@@ -46,15 +52,22 @@ pub use settings::{Expected, Motion};
 
 use crate::chain::Invalid;
 use crate::root::root;
+use crate::sample::Temperature;
+use crate::saturate::saturate;
+use crate::temperature::from_reference;
 use crate::uncertainty::Uncertainty;
 use crate::vector::Corrected;
 use block::Block;
 use covariance::{Covariance, Observation};
 use frame::Frame;
 use gyroscope::Gyroscope;
+use quiet::Quiet;
 
 /// Samples from one run of the filter to the next: 80 ms at 400 samples/s.
 pub const BLOCK: u32 = 32;
+
+/// Change of temperature that counts, 2^-8 degC: 2 degC.
+const LEAST_WARMED: u32 = 2 * 256;
 
 /// Rate of turn in the housing's axes, 2^-24 rad/s per step: +-7 334 deg/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,6 +87,9 @@ pub struct Vertical {
     pub up: [i32; 3],
     /// Its standard uncertainty (k = 1) in any one direction.
     pub uncertainty: Uncertainty,
+    /// The part of it that another channel of the housing does not share: all but quiet gravity
+    /// beside the vertical, which the other one has, too, where the machine gains speed.
+    pub unshared: Uncertainty,
 }
 
 /// What the estimator remembers; [`MotionState::default`] has seen nothing yet.
@@ -95,19 +111,15 @@ pub struct MotionState {
     speed: i64,
     /// The same of the velocity gained in a block; 2^-47 of (2 g s)^2.
     change: i64,
-    rest: Rest,
+    quiet: Quiet,
+    /// How far the gyroscope's temperature is from 25 degC, as its scale takes account of it;
+    /// 2^-8 degC.
+    warmed: i32,
     covariance: Covariance,
     block: Block,
+    /// With what contradicts, and without it.
     uncertainty: Uncertainty,
-}
-
-/// For how long the machine has been at rest.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct Rest {
-    /// Blocks in a row.
-    blocks: u32,
-    /// Velocity that the last block gained, 2^-30 g s per step.
-    gained: [i64; 2],
+    unshared: Uncertainty,
 }
 
 /// The acceleration of the first block, in the housing's axes.
@@ -150,6 +162,7 @@ impl Motion {
         Ok(Vertical {
             up: self.up(&state.frame, turn),
             uncertainty: state.uncertainty,
+            unshared: state.unshared,
         })
     }
 
@@ -175,80 +188,83 @@ impl Motion {
     /// Begins to follow the housing; what is known of the gyroscope already is kept.
     fn start(&self, state: &mut MotionState, frame: Frame) {
         if state.learned {
-            state.covariance.forget_motion(self.priors());
+            state.covariance.forget_motion(self.priors(state.warmed));
         } else {
             state.gyroscope.forget(self.period_q32);
-            state.covariance.forget(self.priors());
+            state.covariance.forget(self.priors(state.warmed));
         }
         (state.running, state.learned) = (true, true);
         state.frame = frame;
         (state.velocity, state.speed) = ([0; 2], self.start_speed);
         state.change = 0;
-        state.rest = Rest::default();
+        state.quiet = Quiet::default();
         state.block = Block::default();
-        state.uncertainty = self.uncertainty(state.covariance.tilt());
+        self.state_uncertainty(state);
     }
 
     /// One run of the filter at the end of a block.
     fn filter(&self, state: &mut MotionState) {
         let levers = state.block.levers(self.period_q32);
         let gained = state.block.gained(self.period_q32);
-        let (square, turned) = (state.block.square(), state.block.turned());
+        let (square, shown) = (state.block.square(), state.block.shown());
         state.block = Block::default();
         // A block, in units of tilt by units of velocity: four periods.
         let fall = self.period_q32 as i32;
         state.covariance.propagate(&levers, fall);
-        state.covariance.spread(self.noise(square), self.priors());
+        let priors = self.priors(state.warmed);
+        state.covariance.spread(self.noise(square), priors);
         match gained {
             Some(gained) => {
-                self.look_for_rest(state, turned, gained);
+                self.look_for_rest(state, shown, gained);
                 self.observe(state, gained);
             }
             None => {
-                state.rest = Rest::default();
+                state.quiet = Quiet::default();
                 // An accelerometer at its end says nothing of the velocity.
                 state.covariance.forget_velocity(1 << 29);
                 state.velocity = [0; 2];
             }
         }
-        state.uncertainty = self.uncertainty(state.covariance.tilt());
+        self.state_uncertainty(state);
+        if self.refuted(state) {
+            self.begin_again(state);
+        }
     }
 
-    /// Counts the blocks at rest: hardly a turn, the acceleration that it was before, and no more
-    /// of it than the tilt may be. A steady speed looks the same; so from here on velocity is that
-    /// against what is at rest now.
-    fn look_for_rest(&self, state: &mut MotionState, turned: [i32; 3], gained: [i64; 2]) {
-        let slow = turned.iter().all(|t| t.unsigned_abs() < self.rest_turn);
-        let [x, y] = gained;
-        let [last_x, last_y] = core::mem::replace(&mut state.rest.gained, gained);
-        let change = (x - last_x).abs().max((y - last_y).abs());
-        let square = mean_square(gained.map(fit)) >> 15;
-        let fall = i64::from(self.period_q32 >> 12);
-        // Five standard deviations of the tilt, and the noise.
-        let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
-        let noise = mean_square([fit(self.rest_gain); 2]) >> 15;
-        if !(slow && change < self.rest_gain && square < tilt + noise) {
-            state.rest.blocks = 0;
+    /// The vertical is wrong: finds it anew. What was found of the gyroscope is kept, but is less
+    /// certain than at first, since it may be what was wrong.
+    fn begin_again(&self, state: &mut MotionState) {
+        state.restart();
+        state.covariance.forget(self.doubted(state.warmed));
+        state.uncertainty = Uncertainty(u32::MAX);
+    }
+
+    /// The gyroscope has this temperature from now on.
+    ///
+    /// Its scale changes with that by what no calibration has, and is less known from then on.
+    pub fn temperature(&self, state: &mut MotionState, temperature: Temperature) {
+        let warmed = from_reference(temperature) as i32;
+        // Less is the thermometer's noise, and would add up.
+        if warmed.abs_diff(state.warmed) < LEAST_WARMED {
             return;
         }
-        state.rest.blocks = state.rest.blocks.saturating_add(1);
-        if state.rest.blocks == self.rest_blocks {
-            state.velocity = [0; 2];
-            state.covariance.forget_velocity(self.rest_variance);
+        if state.learned {
+            state.covariance.warm(self.of_warmth(state.warmed, warmed));
         }
+        state.warmed = warmed;
     }
 
     /// Compares the velocity, which has `gained` so much, with zero, and corrects all states.
     fn observe(&self, state: &mut MotionState, gained: [i64; 2]) {
         for (v, gained) in state.velocity.iter_mut().zip(gained) {
-            *v = fit(i64::from(*v) + gained);
+            *v = saturate(i64::from(*v) + gained);
         }
         let noise = self.zero_velocity_noise(state, gained);
         let mut observation = Observation::new(state.velocity, noise);
         state.covariance.observe(&mut observation);
         state.frame.tilt(observation.tilt());
         let errors = observation.errors();
-        state.gyroscope.add(errors, self.most_gain);
+        state.gyroscope.add(errors, self.most_gain(state.warmed));
         state.velocity = observation.velocity();
     }
 
@@ -258,14 +274,14 @@ impl Motion {
     /// by the acceleration; the longer, the fewer of the blocks tell something new.
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
-        let change = (mean_square(gained.map(fit)) >> 15).max(fade(state.change));
+        let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
         let speed = (mean_square(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
         state.change = change;
-        state.speed = if state.rest.blocks < self.rest_blocks {
-            speed.max(self.least_speed)
-        } else {
+        state.speed = if state.quiet.at_rest() {
             // Whatever velocity is left has come from a wrong vertical.
             i64::from(self.rest_variance)
+        } else {
+            speed.max(self.least_speed)
         };
         // Blocks for which it keeps its direction, 2^-8.
         let speed = state.speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
@@ -278,9 +294,20 @@ impl Motion {
         noise.clamp(1 << 8, 1 << 37)
     }
 
-    /// From a variance of tilt (2^-31 of (2^-2 rad)^2) to a standard uncertainty.
-    fn uncertainty(&self, tilt: i32) -> Uncertainty {
-        let variance = i64::from(tilt.max(0)) + i64::from(self.accel_variance);
+    /// Brings both uncertainties up to date.
+    fn state_uncertainty(&self, state: &mut MotionState) {
+        state.unshared = self.deviation(state, 0);
+        state.uncertainty = match Self::contradiction(state) {
+            0 => state.unshared,
+            beside => self.deviation(state, beside),
+        };
+    }
+
+    /// The standard uncertainty of tilt (2^-31 of (2^-2 rad)^2) and accelerometer, and of a
+    /// variance more.
+    fn deviation(&self, state: &MotionState, more: i64) -> Uncertainty {
+        let tilt = i64::from(state.covariance.tilt().max(0));
+        let variance = tilt + i64::from(self.accel_variance) + more;
         let root = root(variance.unsigned_abs().min(u64::from(u32::MAX)) << 32);
         // The unit's root, 2^-17.5 rad, is 3687.5 steps of an angle; the root has 16 bits more.
         Uncertainty(((u64::from(root) * 3687 + u64::from(root >> 1)) >> 16) as u32)
@@ -329,20 +356,9 @@ impl Start {
         if self.samples < BLOCK {
             return None;
         }
-        let mean = self.accel.map(|sum| fit(sum / i64::from(BLOCK)));
+        let mean = self.accel.map(|sum| saturate(sum / i64::from(BLOCK)));
         *self = Self::default();
         Frame::upright(mean)
-    }
-}
-
-/// Cut off at the ends of 32 bits.
-const fn fit(value: i64) -> i32 {
-    if value > i32::MAX as i64 {
-        i32::MAX
-    } else if value < i32::MIN as i64 {
-        i32::MIN
-    } else {
-        value as i32
     }
 }
 

@@ -1,6 +1,7 @@
 //! The same estimator in real numbers, with all matrices written out: what the integers are held
 //! against. It shares no arithmetic with them.
 
+use super::settings::{DOUBT, DOUBTED_S};
 use super::{BLOCK, Expected};
 
 const N: usize = 16;
@@ -46,6 +47,8 @@ pub(super) struct Reference {
     before: [f64; 2],
     whole: Vec3,
     quiet: u32,
+    at_rest: bool,
+    first: [f64; 2],
     /// Velocity, tilt, bias, gain.
     p: Matrix,
     turn: Vec3,
@@ -87,6 +90,8 @@ impl Reference {
             before: [0.0; 2],
             whole: [0.0; 3],
             quiet: 0,
+            at_rest: false,
+            first: [0.0; 2],
             p,
             turn: [0.0; 3],
             levers: [[0.0; 12]; 2],
@@ -167,8 +172,7 @@ impl Reference {
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
         let speed = mean(self.velocity).max(self.speed * fade);
-        let at_rest = f64::from(self.quiet) > e.rest_after_s / block_s;
-        self.speed = if at_rest {
+        self.speed = if self.at_rest {
             e.rest_speed.powi(2)
         } else {
             speed.max(e.least_speed.powi(2))
@@ -196,19 +200,29 @@ impl Reference {
     fn look_for_rest(&mut self, block_s: f64) {
         let e = self.e;
         let slow = self.whole.iter().all(|w| w.abs() < e.rest_rate * block_s);
-        let changes = self
-            .gained
-            .iter()
-            .zip(self.before)
-            .map(|(g, b)| (g - b).abs());
-        let steady = changes.fold(0.0, f64::max) < e.rest_accel * block_s;
+        let alike = |other: [f64; 2]| {
+            let changes = self.gained.iter().zip(other).map(|(g, o)| (g - o).abs());
+            changes.fold(0.0, f64::max) < e.rest_accel * block_s
+        };
+        let steady = alike(self.before);
         let square = self.gained.iter().map(|g| g * g).sum::<f64>() / 2.0;
         let tilt = 25.0 * self.p[2][2].midpoint(self.p[3][3]) * block_s.powi(2);
         let level = square < tilt + (e.rest_accel * block_s).powi(2);
+        let tilt = self.p[2][2].midpoint(self.p[3][3]).sqrt();
+        let doubted = tilt > DOUBT && !self.at_rest;
+        if self.quiet == 0 || (doubted && !alike(self.first)) {
+            (self.quiet, self.first) = (0, self.gained);
+        }
         let at_rest = slow && steady && level;
         self.quiet = if at_rest { self.quiet + 1 } else { 0 };
-        if self.quiet == (e.rest_after_s / block_s) as u32 + 1 {
-            self.velocity = [0.0; 2];
+        let enough = if doubted { DOUBTED_S } else { e.rest_after_s };
+        let begins = self.quiet > (enough / block_s) as u32 && !self.at_rest;
+        self.at_rest = at_rest && (self.at_rest || begins);
+        if begins {
+            self.velocity = match doubted {
+                true => self.gained.map(|gained| -gained),
+                false => [0.0; 2],
+            };
             for a in 0..2 {
                 self.p[a] = [0.0; N];
                 self.p.iter_mut().for_each(|row| row[a] = 0.0);

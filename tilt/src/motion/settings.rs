@@ -5,7 +5,8 @@
 //! has no real number.
 
 use super::BLOCK;
-use super::covariance::Variances;
+use super::covariance::{LARGEST, Variances};
+use crate::saturate::saturate;
 use crate::uncertainty::Uncertainty;
 
 /// What is expected of gyroscope, accelerometer and motion; standard deviations (k = 1).
@@ -28,6 +29,9 @@ pub struct Expected {
     /// Scale and alignment at first: up to 0.044. More than twice as much is never believed: where
     /// a lever arm makes acceleration follow the turns, it looks like scale.
     pub gain: f64,
+    /// Change of scale per degree of temperature that the calibration does not have, 1/degC: up to
+    /// 2e-4.
+    pub gain_per_degree: f64,
     /// Time after which a change of scale and alignment by as much is no surprise, s.
     pub gain_memory_s: f64,
     /// White noise of the acceleration and of what shakes it, g per square root of Hz.
@@ -52,6 +56,11 @@ pub struct Expected {
     /// Velocity against the ground, or against a steady speed, that it is believed to have at rest,
     /// g s.
     pub rest_speed: f64,
+    /// By how much the length of the acceleration may differ from 1 g where it is gravity, g.
+    pub gravity: f64,
+    /// Time for which a quiet machine's gravity has to contradict the vertical until that is found
+    /// anew, s: longer than a machine gains speed at a steady rate.
+    pub refuted_after_s: f64,
     /// Vertical at the start, rad: up to 0.17.
     pub start: f64,
     /// Above this uncertainty there is no vertical, rad.
@@ -75,6 +84,7 @@ impl Expected {
         bias: 0.017_45,
         bias_walk: 8.7e-5,
         gain: 0.005,
+        gain_per_degree: 5.0e-5,
         gain_memory_s: 1000.0,
         accel_noise: 0.001,
         accel_offset: 0.004_4,
@@ -86,6 +96,8 @@ impl Expected {
         rest_accel: 0.005,
         rest_after_s: 0.4,
         rest_speed: 0.001,
+        gravity: 0.02,
+        refuted_after_s: 3.0,
         start: 0.14,
         limit: 0.105,
         rate_range: 34.9,
@@ -107,7 +119,10 @@ pub struct Motion {
     /// At the start.
     prior: Variances,
     /// What scale and alignment are at the most, 2^-32.
-    pub(super) most_gain: i32,
+    most_gain: i32,
+    /// The same that a change of temperature adds, for 2^-8 degC; and its variance, for 1 degC.
+    most_gain_warmed: i32,
+    warmth: i32,
     /// Of one block without turns.
     noise: Variances,
     /// Variance of tilt for the square of turns (2^-30 rad^2), 2^-20 per step.
@@ -127,6 +142,13 @@ pub struct Motion {
     pub(super) rest_gain: i64,
     /// Blocks at rest until it counts.
     pub(super) rest_blocks: u32,
+    /// Squares of an acceleration that is gravity, 2^-52 g^2.
+    pub(super) gravity: core::ops::RangeInclusive<u64>,
+    /// Variance of tilt above which rest takes longer, and how many blocks.
+    pub(super) doubt: i32,
+    pub(super) doubted_blocks: u32,
+    /// Blocks of contradiction until the vertical is found anew.
+    pub(super) refuted_blocks: u32,
     /// Variance of the vertical by the accelerometer.
     pub(super) accel_variance: i32,
     /// The largest uncertainty.
@@ -137,6 +159,15 @@ pub struct Motion {
 const VELOCITY: f64 = 2.0;
 const TILT: f64 = 0.25;
 const ERROR: f64 = 0.0625;
+
+/// Standard uncertainty of a vertical that is hardly known, rad: five of it explain 0.17 g beside.
+pub(super) const DOUBT: f64 = 0.035;
+
+/// For how long rest has to last there, s.
+pub(super) const DOUBTED_S: f64 = 0.7;
+
+/// Variance of the bias of a gyroscope that gravity has contradicted, of 2 deg/s.
+const DOUBTED_BIAS: i32 = variance(0.035, ERROR);
 
 impl Motion {
     /// From real numbers; `None` where one is outside what [`Expected`] says of it, negative or
@@ -150,12 +181,14 @@ impl Motion {
             velocity: variance(2.0 * e.start_speed, VELOCITY),
             tilt: variance(e.start, TILT),
             bias: variance(e.bias, ERROR),
+            scale: variance(e.gain, ERROR),
             gain: variance(e.gain, ERROR),
         };
         let noise = Variances {
             velocity: walk(e.accel_noise, VELOCITY, block_s),
             tilt: walk(e.rate_noise, TILT, block_s),
             bias: walk(e.bias_walk, ERROR, block_s),
+            scale: walk(e.gain, ERROR, block_s / e.gain_memory_s),
             gain: walk(e.gain, ERROR, block_s / e.gain_memory_s),
         };
         let steps_per_radian = crate::angle::STEPS_PER_DEGREE * (180.0 / core::f64::consts::PI);
@@ -166,6 +199,8 @@ impl Motion {
             accel_range: (e.accel_range * crate::ONE_G as f64) as u32,
             prior,
             most_gain: (2.0 * e.gain * 4_294_967_296.0) as i32,
+            most_gain_warmed: (2.0 * e.gain_per_degree / 256.0 * 4_294_967_296.0) as i32,
+            warmth: variance(e.gain_per_degree, ERROR),
             noise,
             // A square in 2^-30 rad^2 has 2^5 units of covariance.
             defect_q20: (e.rate_defect * e.rate_defect / e.period_s * 33_554_432.0 + 0.5) as u32,
@@ -178,21 +213,52 @@ impl Motion {
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
             rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
             rest_blocks: (e.rest_after_s / block_s + 1.0) as u32,
+            gravity: length_square(1.0 - e.gravity)..=length_square(1.0 + e.gravity),
+            doubt: variance(DOUBT, TILT),
+            doubted_blocks: (DOUBTED_S / block_s + 1.0) as u32,
+            refuted_blocks: (e.refuted_after_s / block_s + 1.0) as u32,
             accel_variance: variance(e.accel_offset, TILT),
             limit: Uncertainty((e.limit * steps_per_radian) as u32),
         })
     }
 
-    /// Variances at the start.
-    pub(super) const fn priors(&self) -> Variances {
-        self.prior
+    /// Variances at the start, so far (2^-8 degC) from 25 degC.
+    pub(super) const fn priors(&self, warmed: i32) -> Variances {
+        let scale = self.prior.scale.saturating_add(self.of_warmth(0, warmed));
+        Variances {
+            scale: if scale < LARGEST { scale } else { LARGEST },
+            ..self.prior
+        }
+    }
+
+    /// Variances of a gyroscope that gravity has contradicted, so far from 25 degC.
+    pub(super) const fn doubted(&self, warmed: i32) -> Variances {
+        Variances {
+            bias: DOUBTED_BIAS,
+            ..self.priors(warmed)
+        }
+    }
+
+    /// Variance that a change of temperature adds to the scale; both temperatures from 25 degC,
+    /// 2^-8 degC.
+    ///
+    /// A scale that follows the temperature in a straight line from where it was calibrated.
+    pub(super) const fn of_warmth(&self, from: i32, to: i32) -> i32 {
+        let change = from.abs_diff(to) as i64;
+        let both = from.unsigned_abs() as i64 + to.unsigned_abs() as i64;
+        saturate((self.warmth as i64 * ((change * both) >> 8)) >> 8)
+    }
+
+    /// The largest scale and alignment, so far (2^-8 degC) from 25 degC; 2^-32.
+    pub(super) const fn most_gain(&self, warmed: i32) -> i32 {
+        self.most_gain + self.most_gain_warmed * warmed.abs()
     }
 
     /// Noise of a block in which the squares of the turns add up to `square`, 2^-30 rad^2.
     pub(super) fn noise(&self, square: i64) -> Variances {
         let turning = square.saturating_mul(i64::from(self.defect_q20)) >> 20;
         Variances {
-            tilt: super::fit(i64::from(self.noise.tilt).saturating_add(turning)),
+            tilt: saturate(i64::from(self.noise.tilt).saturating_add(turning)),
             ..self.noise
         }
     }
@@ -202,6 +268,11 @@ impl Motion {
 const fn variance(deviation: f64, unit: f64) -> i32 {
     let share = deviation / unit;
     (share * share * 2_147_483_648.0) as i32 + 1
+}
+
+/// Square of an acceleration in g, 2^-52.
+const fn length_square(accel: f64) -> u64 {
+    (accel * accel * 4_503_599_627_370_496.0) as u64
 }
 
 /// Variance of a random walk after `time_s`.
@@ -220,6 +291,7 @@ const fn sound(e: &Expected) -> bool {
         (e.bias, 0.0, 0.044),
         (e.bias_walk, 0.0, 0.01),
         (e.gain, 0.0, 0.044),
+        (e.gain_per_degree, 0.0, 2e-4),
         (e.gain_memory_s, 1.0, 1e6),
         (e.accel_noise, 0.0, 1.0),
         (e.accel_offset, 0.0, 0.17),
@@ -232,6 +304,8 @@ const fn sound(e: &Expected) -> bool {
         (e.rest_accel, 0.0, 1.0),
         (e.rest_after_s, 0.0, 1e3),
         (e.rest_speed, 0.0001, 1.0),
+        (e.gravity, 0.0, 0.5),
+        (e.refuted_after_s, 0.0, 1e3),
         (e.start, 0.0, 0.17),
         (e.limit, 0.0, 1.0),
         (e.rate_range, 0.0, 127.0),

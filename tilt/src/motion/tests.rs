@@ -7,44 +7,44 @@ use proptest::prelude::*;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
-type Vec3 = [f64; 3];
+pub(super) type Vec3 = [f64; 3];
 const G: f64 = 9.80665;
 
-fn motion(e: &Expected) -> Motion {
+pub(super) fn motion(e: &Expected) -> Motion {
     Motion::new(e).unwrap()
 }
 
-fn rate_of(v: Vec3) -> Rate {
+pub(super) fn rate_of(v: Vec3) -> Rate {
     Rate {
         rate: v.map(|v| (v * RATE_STEPS).round() as i32),
     }
 }
 
-fn accel_of(v: Vec3) -> Corrected {
+pub(super) fn accel_of(v: Vec3) -> Corrected {
     Corrected {
         accel: v.map(|v| (v * f64::from(ONE_G)).round() as i32),
     }
 }
 
-fn real(vertical: &Vertical) -> Vec3 {
+pub(super) fn real(vertical: &Vertical) -> Vec3 {
     vertical.up.map(|v| f64::from(v) / f64::from(1 << 30))
 }
 
-fn between_deg(a: Vec3, b: Vec3) -> f64 {
+pub(super) fn between_deg(a: Vec3, b: Vec3) -> f64 {
     let c = cross(a, b);
     dot(c, c).sqrt().atan2(dot(a, b)).to_degrees()
 }
 
 /// A housing whose true vertical is kept to the last bit of a real number.
-struct Housing {
-    up: Vec3,
+pub(super) struct Housing {
+    pub(super) up: Vec3,
     /// From the axis of rotation to the sensor, m, in the housing's axes.
     lever_m: Vec3,
     before: Vec3,
 }
 
 impl Housing {
-    fn new(up: Vec3, lever_m: Vec3) -> Self {
+    pub(super) fn new(up: Vec3, lever_m: Vec3) -> Self {
         Self {
             up: unit(up),
             lever_m,
@@ -53,7 +53,7 @@ impl Housing {
     }
 
     /// Turns at `rate` (rad/s) for a period; what a perfect sensor says at its end.
-    fn step(&mut self, rate: Vec3, period_s: f64) -> (Vec3, Vec3) {
+    pub(super) fn step(&mut self, rate: Vec3, period_s: f64) -> (Vec3, Vec3) {
         self.up = turned(self.up, rate.map(|r| r * period_s));
         let speeding = [0, 1, 2].map(|i| (rate[i] - self.before[i]) / period_s);
         self.before = rate;

@@ -64,6 +64,7 @@ pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values
         Meaning::Exchange(place, _) => (place, "exchange"),
         Meaning::Angle(place) => (place, "angle-now"),
         Meaning::Rates(place) => (place, "rates"),
+        Meaning::Turned(place) => (place, "turned"),
         Meaning::Emergency(place, _) => (place, "emcy"),
         Meaning::Heartbeat(place, _) => (place, "heartbeat"),
         Meaning::Sync | Meaning::Malformed(_) | Meaning::Other => return None,
@@ -78,6 +79,8 @@ pub fn of_news(news: Meaning, watch: &Watch) -> Option<(u8, &'static str, Values
         Meaning::Detail(_) => detail(&mut values, side),
         Meaning::Exchange(_, part) => exchange(&mut values, side, part),
         Meaning::Angle(_) => angle_now(&mut values, &side.now),
+        // Sums that wrap, for the other channel.
+        Meaning::Turned(_) => {}
         Meaning::Rates(_) => {
             let rates = side.now.rates;
             set(

@@ -186,6 +186,7 @@ fn place_of(news: &Meaning) -> Option<Place> {
         | Meaning::Detail(place)
         | Meaning::Angle(place)
         | Meaning::Rates(place)
+        | Meaning::Turned(place)
         | Meaning::Exchange(place, _)
         | Meaning::Emergency(place, _)
         | Meaning::Heartbeat(place, _)

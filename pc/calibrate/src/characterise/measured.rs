@@ -62,6 +62,9 @@ pub struct Felt {
     pub scatter_mg: f64,
     /// What the sensor told of its temperature.
     pub sensor_degc: f64,
+    /// Mean rate of the gyroscope in its own axes; left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_rad_s: Option<[f64; 3]>,
 }
 
 /// One dwell that was measured.
@@ -297,6 +300,7 @@ mod tests {
             accel_g: [0.01, 0.02, 1.0],
             scatter_mg: 0.3,
             sensor_degc: 20.0,
+            rate_rad_s: None,
         };
         Dwelt {
             run,

@@ -9,6 +9,7 @@
 //! Left out: scale, axes and zero of the angles, which `plumb calibrate` makes and which stay.
 
 mod air;
+mod bias;
 pub mod chamber;
 pub mod hold;
 mod left;
@@ -364,5 +365,24 @@ fn figures(channel: &Channel) -> String {
         thermal.model,
         thermal.without_model_mg,
         channel.expanded_uncertainty_deg
-    )
+    ) + &bias(channel)
+}
+
+/// A line about its gyroscope.
+fn bias(channel: &Channel) -> String {
+    let thermal = channel.thermal.as_ref();
+    let Some(bias) = thermal.and_then(|thermal| thermal.gyroscope_bias.as_ref()) else {
+        return String::new();
+    };
+    let letter = &channel.channel;
+    match &bias.refused {
+        Some(refused) => format!("gyroscope {letter}: as it was: {refused}\n"),
+        None => format!(
+            "gyroscope {letter}: bias over temperature from {} rests, {} left out; {:.3} deg/s rms \
+             left at a rest\n",
+            bias.rests,
+            bias.rests_left_out,
+            bias.bias_residual_deg_s.unwrap_or_default()
+        ),
+    }
 }

@@ -12,17 +12,20 @@ use tilt::sample::Temperature;
 use tilt::temperature::{KNOTS, Piecewise, Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO};
 
+use super::bias::{Found, NoBias, bias};
 use super::measured::{Dwelt, Measured};
 use super::model::Model;
 use super::profile::Branch;
 use super::run::READINGS;
-use super::thermal::{Fitted, Sight, between_runs_mg, fit, hysteresis_mg, rms, with_model};
+use super::thermal::{Fitted, Sight, between_runs, fit, hysteresis, rms, with_model};
 use crate::CalibrateError;
 use crate::compose::{Frame, judge};
 use crate::data::{
-    Channel, Coefficient, Contribution, Method, Reference, Report, Thermal, ThermalDwell,
+    Channel, Coefficient, Contribution, GyroscopeBias, Method, Reference, Report, Thermal,
+    ThermalDwell,
 };
 use crate::fit::temperature;
+use crate::gyroscope;
 use crate::session::Node;
 
 /// What a temperature that is told to a degree is off by, degC (k = 1): uniform.
@@ -42,6 +45,8 @@ pub struct Made {
     sights: Vec<Sight>,
     /// Where its angles are those of before, degC.
     unchanged_c: Option<f64>,
+    /// The bias of its gyroscope, or why it stays; none where there is no gyroscope.
+    bias: Option<Result<Found, NoBias>>,
 }
 
 /// The calibration of each node with its model in it.
@@ -59,11 +64,16 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
         let mut calibration = new.ok_or(CalibrateError::Beyond(node.id))?;
         let left_mg = left_mg(measured, &sights, &fitted);
         calibration.budget = budget(&before.budget, &fitted, left_mg);
+        let bias = bias(measured, place, before.rates.as_ref());
+        if let Some(Ok(found)) = &bias {
+            calibration.rates = Some(found.rates);
+        }
         Ok(Made {
             calibration,
             fitted,
             sights,
             unchanged_c: bare.then(|| f64::from(at.0) / 256.0),
+            bias,
         })
     };
     nodes.iter().enumerate().map(made).collect()
@@ -79,7 +89,7 @@ fn middle(span: Span) -> Temperature {
 /// nothing of the hysteresis.
 fn left_mg(measured: &Measured, sights: &[Sight], fitted: &Fitted) -> Option<f64> {
     let residuals_mg = &fitted.residuals_mg;
-    let both = hysteresis_mg(&measured.begun.profile, sights, residuals_mg);
+    let both = hysteresis(&measured.begun.profile, sights, residuals_mg);
     both.map(|_| rms(residuals_mg))
 }
 
@@ -181,6 +191,9 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
         ),
         Contribution::new("Thermometer", "B", angle_deg(steepest_mg), resolution),
     ];
+    if let (Some(Ok(bias)), Some(all)) = (&made.bias, &mut channel.gyroscope) {
+        gyroscope::put_bias_uncertainty(all, &bias.uncertainty);
+    }
     let [low, high] = fitted.span_c;
     channel.thermal = Some(Thermal {
         model: measured.begun.model.name().to_owned(),
@@ -189,14 +202,27 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
         unchanged_at_degc: made.unchanged_c,
         coefficients: coefficients(&fitted.model),
         without_model_mg: fitted.without_mg,
-        hysteresis_mg: hysteresis_mg(profile, sights, &fitted.residuals_mg),
-        between_runs_mg: between_runs_mg(sights, &fitted.residuals_mg),
+        hysteresis_mg: hysteresis(profile, sights, &fitted.residuals_mg),
+        between_runs_mg: between_runs(sights, &fitted.residuals_mg),
         dwells: measured
             .dwells
             .iter()
             .map(|dwelt| dwell(dwelt, measured, made))
             .collect(),
+        gyroscope_bias: made.bias.as_ref().map(gyroscope_bias),
     });
+}
+
+fn gyroscope_bias(bias: &Result<Found, NoBias>) -> GyroscopeBias {
+    let found = bias.as_ref().ok();
+    GyroscopeBias {
+        rests: found.map_or(0, |found| found.rests as u32),
+        rests_left_out: found.map_or(0, |found| found.left_out as u32),
+        bias_residual_deg_s: found.map(|found| found.residual_deg_s),
+        bias_hysteresis_deg_s: found.and_then(|found| found.hysteresis_deg_s),
+        bias_between_runs_deg_s: found.and_then(|found| found.between_runs_deg_s),
+        refused: bias.as_ref().err().map(ToString::to_string),
+    }
 }
 
 /// One dwell of a channel: the readings of its run and number.

@@ -266,8 +266,15 @@ impl Bench<'_> {
         Ok(set?)
     }
 
-    /// The readings of a dwell, by orientation.
+    /// The readings of a dwell, by orientation; gyroscopes are followed meanwhile.
     fn orientations(&mut self, model: Model, degc: f64) -> Result<Vec<Vec<Felt>>, CalibrateError> {
+        self.session.begin_to_follow()?;
+        let felt = self.turned_about(model, degc);
+        self.session.end_to_follow();
+        felt
+    }
+
+    fn turned_about(&mut self, model: Model, degc: f64) -> Result<Vec<Vec<Felt>>, CalibrateError> {
         let settle_s = Kind::of(self.session)?.settle_s();
         let Self {
             session,
@@ -314,6 +321,7 @@ fn felt(reading: &Reading) -> Felt {
         accel_g: reading.accel.map(|a| a / f64::from(ONE_G)),
         scatter_mg: reading.scatter_mg,
         sensor_degc: reading.temperature_c,
+        rate_rad_s: reading.rate_rad_s,
     }
 }
 

@@ -197,12 +197,8 @@ fn left(model: &TemperatureModel, sights: &[Sight]) -> Vec<[f64; 3]> {
 }
 
 /// Half the difference of both branches at the temperature at which it is largest, of each axis,
-/// mg; `None` where no temperature was met on both.
-pub fn hysteresis_mg(
-    profile: &Profile,
-    sights: &[Sight],
-    residuals_mg: &[[f64; 3]],
-) -> Option<[f64; 3]> {
+/// in the unit of the residuals; `None` where no temperature was met on both.
+pub fn hysteresis(profile: &Profile, sights: &[Sight], residuals: &[[f64; 3]]) -> Option<[f64; 3]> {
     let mut most: Option<[f64; 3]> = None;
     for step in &profile.steps {
         let on = |branch: Branch| {
@@ -214,9 +210,9 @@ pub fn hysteresis_mg(
             mean(
                 sights
                     .iter()
-                    .zip(residuals_mg)
+                    .zip(residuals)
                     .filter(here)
-                    .map(|(_, mg)| *mg),
+                    .map(|(_, left)| *left),
             )
         };
         if let (Some(up), Some(down)) = (on(Branch::Up), on(Branch::Down)) {
@@ -236,9 +232,9 @@ fn mean(all: impl Iterator<Item = [f64; 3]>) -> Option<[f64; 3]> {
 }
 
 /// Root mean square of the difference between the first run and each later one at the same dwell
-/// and orientation, mg; `None` of a single run.
-pub fn between_runs_mg(sights: &[Sight], residuals_mg: &[[f64; 3]]) -> Option<f64> {
-    let both = || sights.iter().zip(residuals_mg);
+/// and orientation, in the unit of the residuals; `None` of a single run.
+pub fn between_runs(sights: &[Sight], residuals: &[[f64; 3]]) -> Option<f64> {
+    let both = || sights.iter().zip(residuals);
     let mut differences = Vec::new();
     for (later, mg) in both().filter(|(sight, _)| sight.run > 1) {
         let same = |(first, _): &(&Sight, &[f64; 3])| {
@@ -390,9 +386,9 @@ mod tests {
             rms(&fitted.residuals_mg)
         );
         assert!(fitted.without_mg > 5.0);
-        let hysteresis = hysteresis_mg(&profile, &all, &fitted.residuals_mg).unwrap();
+        let hysteresis = hysteresis(&profile, &all, &fitted.residuals_mg).unwrap();
         assert!(hysteresis.iter().all(|mg| *mg < 0.02), "{hysteresis:?}");
-        assert_eq!(between_runs_mg(&all, &fitted.residuals_mg), Some(0.0));
+        assert_eq!(between_runs(&all, &fitted.residuals_mg), Some(0.0));
     }
 
     #[test]
@@ -400,12 +396,12 @@ mod tests {
         let profile = profile(&[-10.0, 10.0, 30.0, 50.0, 70.0, 50.0, 30.0, 10.0, -10.0], 1);
         let all = sights(&profile, &POSES, 0.5);
         let fitted = fit(Model::Quadratic, &profile, &all).unwrap();
-        let hysteresis = hysteresis_mg(&profile, &all, &fitted.residuals_mg).unwrap();
+        let hysteresis = hysteresis(&profile, &all, &fitted.residuals_mg).unwrap();
         assert!(
             hysteresis.iter().all(|mg| (mg - 0.5).abs() < 0.05),
             "{hysteresis:?}"
         );
-        assert_eq!(between_runs_mg(&all, &fitted.residuals_mg), None);
+        assert_eq!(between_runs(&all, &fitted.residuals_mg), None);
     }
 
     #[test]

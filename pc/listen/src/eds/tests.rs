@@ -234,7 +234,7 @@ fn our_own_sheets_are_the_plan_as_delivered_and_give_no_warning() {
             assert!(device.is_inclinometer());
             let mut plan = NodePlan::as_delivered(node_id);
             if !name.contains("dynamic") {
-                // The last two are those of a gyroscope.
+                // The last three are those of a gyroscope.
                 plan.pdos.truncate(4);
             }
             assert_eq!(*device.plan(), plan, "{name}");

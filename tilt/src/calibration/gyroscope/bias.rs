@@ -76,6 +76,11 @@ pub struct FittedBias {
     /// Standard uncertainty (k = 1) of the bias at the temperatures of the rests, in mean over
     /// them, rad/s: what the residual leaves, and of [`EARTH_RATE`] what falls on one axis.
     pub uncertainty: [f64; 3],
+    /// Standard deviation of one rest around the fit, rad/s.
+    pub scatter: [f64; 3],
+    /// Standard uncertainty of b0, b1 and b2 where that of each rest is 1 and they are
+    /// independent: 1, 1/degC, 1/degC^2; 0 of one that was not fitted.
+    pub shares: [f64; 3],
     /// Root mean square of what the fit leaves, over rests and axes, deg/s.
     pub residual_rms_deg_s: f64,
     /// Condition figure of the rests; 1 without slopes.
@@ -125,8 +130,13 @@ impl BiasFit {
             let left = self.mean.left_over(&means, self.squares);
             (means.map(|[mean]| [mean, 0.0, 0.0]), left, condition)
         };
-        let parameters = if wide { 3 } else { 1 };
-        self.fitted(axes, left, condition, parameters)
+        let shares = if wide {
+            let [v0, v1, v2] = self.quadratic.variances().map(square_root);
+            [v0, v1 / 10.0, v2 / 100.0]
+        } else {
+            [1.0 / square_root(have as f64), 0.0, 0.0]
+        };
+        self.fitted(axes, left, condition, shares)
     }
 
     fn fitted(
@@ -134,7 +144,7 @@ impl BiasFit {
         axes: [[f64; 3]; 3],
         left: [f64; 3],
         condition: f64,
-        parameters: usize,
+        shares: [f64; 3],
     ) -> Result<FittedBias, FitError> {
         let bias = axes.map(|[b0, _, _]| b0);
         let bias1 = axes.map(|[_, b1, _]| b1 / 10.0);
@@ -147,6 +157,7 @@ impl BiasFit {
             return Err(FitError::Implausible);
         }
         let rests = self.mean.rows();
+        let parameters = shares.iter().filter(|share| **share > 0.0).count();
         let free = rests.saturating_sub(parameters).max(1) as f64;
         // The mean of the fitted values' variances is that of one rest by parameters / rests.
         let share = parameters as f64 / rests as f64;
@@ -157,6 +168,8 @@ impl BiasFit {
             bias1,
             bias2,
             uncertainty: left.map(|sum| square_root(sum / free * share + earth)),
+            scatter: left.map(|sum| square_root(sum / free)),
+            shares,
             residual_rms_deg_s: square_root(mean_square) * DEGREES,
             condition,
             temperatures: self.temperatures,
@@ -234,6 +247,14 @@ mod tests {
                 .all(|u| (share..1.2 * share).contains(u))
         );
         assert_eq!(fitted.temperatures, Span::CHAMBER);
+        // A slope of points 10 degC apart by hand; the axes scatter by some mdeg/s.
+        assert!((fitted.shares[1] - 1.0 / 6000f64.sqrt()).abs() < 0.004);
+        assert!(
+            fitted
+                .scatter
+                .iter()
+                .all(|s| (0.0005..0.003).contains(&(s / RAD)))
+        );
     }
 
     #[test]
@@ -242,6 +263,7 @@ mod tests {
         assert_eq!((fitted.bias1, fitted.bias2), ([0.0; 3], [0.0; 3]));
         assert!((fitted.bias[1] / RAD + 2.0).abs() < 0.002);
         assert_eq!((fitted.rests, fitted.condition), (4, 1.0));
+        assert_eq!(fitted.shares, [0.5, 0.0, 0.0]);
         // Far away it goes on as it is.
         assert_eq!(fitted.at(celsius(60.0)), fitted.bias);
     }

@@ -201,3 +201,36 @@ fn a_turn_that_the_peer_told_late_was_held_against_it() {
     }
     assert!(!housing.pair(27.0, [[0.0; 3]; 2], [0.0; 2]).differ);
 }
+
+/// A gyroscope that claims far more than a rotation has room for stopped a host by an overflow.
+#[test]
+fn turns_and_accelerations_at_their_ends_overflow_nothing() {
+    let (check, mut state) = (RateCheck::PRODUCT, RateState::default());
+    let mut angle = [[0_i16; 3]; 2];
+    for pair in 0..4000_u32 {
+        let observed = [0, 1].map(|node: usize| {
+            for (axis, angle) in angle[node].iter_mut().enumerate() {
+                let bit = pair >> (node * 3 + axis) & 1;
+                *angle = angle.wrapping_add([i16::MIN, i16::MAX][bit as usize]);
+            }
+            let turned = Turned {
+                angle: angle[node],
+                bias: Some([i32::MIN, i32::MAX, 0]),
+                activity: Activity::OWN,
+                accel: u32::MAX,
+            };
+            let end = [i32::MIN, i32::MAX][(pair >> 6) as usize & 1];
+            Observation {
+                vector: Some(crate::vector::Corrected { accel: [end; 3] }),
+                turned: Some(turned),
+                ..Observation::absent(Invalid::NoSample)
+            }
+        });
+        let [own, peer] = &observed;
+        let differ = pair % 1000 > 600;
+        let _ = check.step(&mut state, [own, peer], (differ, false), LONGEST_US);
+    }
+    // Both were wide apart all the time.
+    let found = check.differ(&mut state.residual, [[0; 3], [i16::MAX; 3]], false, 20_000);
+    assert!(found);
+}

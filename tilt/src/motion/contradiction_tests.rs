@@ -1,0 +1,136 @@
+//! What a vertical states that gravity contradicts.
+
+use super::tests::{Housing, Vec3, accel_of, between_deg, motion, rate_of, real};
+use super::*;
+
+/// As a calibrated part is set up.
+const CALIBRATED: Expected = Expected {
+    rate_noise: 1.0e-4,
+    rate_defect: 3.0e-4,
+    bias: 0.003,
+    bias_walk: 5.0e-5,
+    gain: 0.001,
+    accel_noise: 1.5e-4,
+    rest_speed: 0.0003,
+    accel_offset: 0.0,
+    ..Expected::INDUSTRIAL
+};
+
+const STILL: Vec3 = [0.0; 3];
+
+/// One channel, sample by sample.
+struct Channel {
+    motion: Motion,
+    state: MotionState,
+    housing: Housing,
+    /// What the gyroscope adds to each rate, rad/s and share.
+    bias: Vec3,
+    scale: f64,
+}
+
+impl Channel {
+    fn new(e: &Expected, up: Vec3, lever_m: Vec3) -> Self {
+        Self {
+            motion: motion(e),
+            state: MotionState::default(),
+            housing: Housing::new(up, lever_m),
+            bias: STILL,
+            scale: 1.0,
+        }
+    }
+
+    /// Error and standard uncertainty, deg; the reason where there is no vertical.
+    fn step(&mut self, rate: Vec3) -> Result<(f64, f64), Invalid> {
+        let (w, a) = self.housing.step(rate, CALIBRATED.period_s);
+        let w = [0, 1, 2].map(|i| w[i] * self.scale + self.bias[i]);
+        let found = self.motion.step(&mut self.state, rate_of(w), accel_of(a))?;
+        let error = between_deg(real(&found), self.housing.up);
+        Ok((error, found.uncertainty.degrees()))
+    }
+
+    /// The last of so many seconds, the share of those with a vertical that were within twice the
+    /// uncertainty, and how many there were.
+    fn run(&mut self, seconds: f64, rate: impl Fn(f64) -> Vec3) -> (f64, f64, [u32; 2]) {
+        let mut last = (f64::NAN, f64::NAN);
+        let (mut within, mut valid) = (0, 0);
+        for n in 0..(seconds / CALIBRATED.period_s) as u32 {
+            if let Ok(found) = self.step(rate(f64::from(n) * CALIBRATED.period_s)) {
+                last = found;
+                valid += 1;
+                within += u32::from(found.0 <= 2.0 * found.1);
+            }
+        }
+        (last.0, last.1, [within, valid])
+    }
+}
+
+/// A bench in a chamber: the scale was calibrated at 25 degC and is 0.8 % off at 70.
+#[test]
+fn a_scale_that_temperature_has_changed_is_in_the_uncertainty_and_is_mended_at_rest() {
+    let mut channel = Channel::new(&CALIBRATED, [0.0, 0.9, 0.4], STILL);
+    channel.run(5.0, |_| STILL);
+    let hot = Temperature::from_celsius(70);
+    channel.motion.temperature(&mut channel.state, hot);
+    channel.scale = 1.008;
+    // 126 deg at 80 deg/s, then a rest.
+    let turn = |t: f64| [if t < 1.575 { 80f64.to_radians() } else { 0.0 }, 0.0, 0.0];
+    let (error, stated, _) = channel.run(1.575, turn);
+    assert!(error > 0.8 && error < 4.0 * stated, "{error} {stated}");
+    let (error, stated, _) = channel.run(1.5, |_| STILL);
+    assert!(error < 0.2 && error < 2.0 * stated, "{error} {stated}");
+}
+
+#[test]
+fn a_housing_put_elsewhere_without_a_rate_is_found_again() {
+    for jump_deg in [1.0f64, 5.0, 20.0, 90.0, 170.0] {
+        let mut channel = Channel::new(&CALIBRATED, [0.1, 0.2, 1.0], STILL);
+        channel.run(10.0, |_| STILL);
+        let (sin, cos) = jump_deg.to_radians().sin_cos();
+        let [x, y, z] = channel.housing.up;
+        channel.housing.up = [x, y * cos - z * sin, z * cos + y * sin];
+        channel.run(0.3, |_| STILL);
+        let (_, _, [within, valid]) = channel.run(2.7, |_| STILL);
+        assert_eq!(within, valid, "{jump_deg} deg");
+        let (error, stated, [within, valid]) = channel.run(4.0, |_| STILL);
+        assert!(
+            error < 0.02 && stated < 0.2,
+            "{jump_deg} deg: {error} {stated}"
+        );
+        assert!(
+            within == valid && valid > 800,
+            "{jump_deg} deg: {within} of {valid}"
+        );
+    }
+}
+
+#[test]
+fn a_bias_step_of_a_gyroscope_is_stated_after_0_7_s_and_never_stated_away() {
+    let mut channel = Channel::new(&CALIBRATED, [0.1, 0.2, 1.0], STILL);
+    channel.run(10.0, |_| STILL);
+    channel.bias = [2f64.to_radians(), 0.0, 0.0];
+    let (_, _, [within, valid]) = channel.run(0.7, |_| STILL);
+    assert!(within < valid, "{within} of {valid}");
+    let (_, _, [within, valid]) = channel.run(20.0, |_| STILL);
+    assert!(within * 100 >= valid * 95, "{within} of {valid}");
+}
+
+#[test]
+fn a_start_while_the_boom_moves_states_what_it_deserves() {
+    let stroke = |hz: f64, t: f64| (2.0 * core::f64::consts::PI * hz * t).sin();
+    let rate = |t: f64| [0.0, 0.4 * stroke(0.15, t) + 0.25 * stroke(0.3, t), 0.0];
+    for e in [CALIBRATED, Expected::INDUSTRIAL] {
+        let mut channel = Channel::new(&e, [0.0, 0.0, 1.0], [3.0, 0.0, 0.3]);
+        channel.run(10.0, |_| STILL);
+        let mut counts = [0; 2];
+        for start in 0..60 {
+            channel.state.restart();
+            let (_, _, found) = channel.run(3.7, |t| rate(3.7 * f64::from(start) + t));
+            counts = [0, 1].map(|i| counts[i] + found[i]);
+        }
+        let [within, valid] = counts;
+        assert!(
+            within * 100 >= valid * 95 && valid > 0,
+            "{within} of {valid}"
+        );
+    }
+}

@@ -1,0 +1,118 @@
+//! Rest, and the gravity of a quiet housing that contradicts the vertical.
+//!
+//! In: what each block of samples adds up to. Out: whether the machine is at rest, by how much the
+//! stated uncertainty grows, and when the estimator has to begin again.
+//!
+//! At rest the housing hardly turns, the acceleration is what it was before, and beside the
+//! vertical there is no more of it than the vertical's uncertainty explains. After a start that
+//! explains anything; so there rest takes longer, and an acceleration that does not drift.
+//!
+//! Where there is more beside it, the machine changes its speed steadily, or the vertical is wrong:
+//! the gyroscope is, or the housing was moved without a rate. Both look alike at first, so the
+//! uncertainty contains what is seen. No machine gains speed at a steady rate for seconds; after
+//! that the vertical is wrong.
+//!
+//! Left out: contradiction while the machine moves, which one channel alone cannot tell from the
+//! machine's own acceleration (`cross_check::gravity` compares two).
+
+use super::block::Shown;
+use super::{Motion, MotionState, mean_square};
+use crate::saturate::saturate;
+
+/// Blocks of quiet gravity that contradict the vertical until the uncertainty contains them: one
+/// may be a moment between two moves.
+const CONTRADICTS: u32 = 2;
+
+/// For how long the machine has been quiet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Quiet {
+    /// Blocks in a row that look like rest.
+    rest: u32,
+    /// They have been enough: the machine is at rest.
+    at_rest: bool,
+    /// Blocks in a row whose quiet gravity contradicts the vertical.
+    against: u32,
+    /// Mean square of what the last of them had beside the vertical; a variance of tilt.
+    beside: i64,
+    /// Velocity that the last block gained, 2^-30 g s per step.
+    gained: [i64; 2],
+    /// The same of the first block that looked like rest.
+    first: [i64; 2],
+}
+
+impl Quiet {
+    /// True where the machine is at rest.
+    pub(super) const fn at_rest(&self) -> bool {
+        self.at_rest
+    }
+}
+
+impl Motion {
+    /// Counts the blocks at rest, and those that contradict. A steady speed looks like rest; so
+    /// from there on velocity is that against what is at rest now.
+    pub(super) fn look_for_rest(&self, state: &mut MotionState, shown: Shown, gained: [i64; 2]) {
+        let slower = |most: u32| shown.turned.iter().all(|t| t.unsigned_abs() < most);
+        let last = core::mem::replace(&mut state.quiet.gained, gained);
+        let steady = self.alike(gained, last);
+        let square = mean_square(gained.map(saturate)) >> 15;
+        let fall = i64::from(self.period_q32 >> 12);
+        // Five standard deviations of the tilt, and the noise.
+        let tilt = (25 * i64::from(state.covariance.tilt()) * fall * fall) >> 20;
+        let noise = mean_square([saturate(self.rest_gain); 2]) >> 15;
+        let level = square < tilt + noise;
+        let quiet = &mut state.quiet;
+        // A gyroscope that is wrong turns, too; but a cab that slews faster feels it.
+        let against = steady && !level && slower(3 * self.rest_turn);
+        if against && self.gravity.contains(&shown.length_square) {
+            quiet.against = quiet.against.saturating_add(1);
+            let square = square.min(1 << 42) << 20;
+            quiet.beside = square.checked_div(fall * fall).unwrap_or(0);
+        } else {
+            quiet.against = 0;
+        }
+        if !(steady && level && slower(self.rest_turn)) {
+            (quiet.rest, quiet.at_rest) = (0, false);
+            return;
+        }
+        // Where a boom turns back it is slow and steady, too, but its acceleration drifts.
+        let doubted = state.covariance.tilt() > self.doubt && !quiet.at_rest;
+        if quiet.rest == 0 || (doubted && !self.alike(gained, quiet.first)) {
+            (quiet.rest, quiet.first) = (0, gained);
+        }
+        quiet.rest = quiet.rest.saturating_add(1);
+        let enough = match doubted {
+            true => self.doubted_blocks,
+            false => self.rest_blocks,
+        };
+        if quiet.rest >= enough && !quiet.at_rest {
+            quiet.at_rest = true;
+            // What this block has gained is added. A vertical that is hardly known would follow
+            // it twice: now, and as soon as the tilt explains it.
+            state.velocity = match doubted {
+                true => gained.map(|gained| saturate(-gained)),
+                false => [0; 2],
+            };
+            state.covariance.forget_velocity(self.rest_variance);
+        }
+    }
+
+    /// True for two blocks with the same acceleration.
+    fn alike(&self, [x, y]: [i64; 2], [other_x, other_y]: [i64; 2]) -> bool {
+        (x - other_x).abs().max((y - other_y).abs()) < self.rest_gain
+    }
+
+    /// The variance of tilt that quiet gravity shows beside the vertical; 0 where it does not
+    /// contradict.
+    pub(super) const fn contradiction(state: &MotionState) -> i64 {
+        if state.quiet.against >= CONTRADICTS {
+            state.quiet.beside
+        } else {
+            0
+        }
+    }
+
+    /// True where quiet gravity has contradicted for too long.
+    pub(super) const fn refuted(&self, state: &MotionState) -> bool {
+        state.quiet.against >= self.refuted_blocks
+    }
+}
