@@ -392,6 +392,17 @@ fn frames_that_are_nobodys_are_told_apart() {
 }
 
 #[test]
+fn how_far_a_channel_has_turned_is_a_message_of_that_channel() {
+    let mut bus = bus();
+    assert_eq!(bus.see(0x402, &[1; 8]), Meaning::Turned(PLACES[1]));
+    assert_eq!(bus.see(0x402, &[1; 7]), Meaning::Malformed(PLACES[1]));
+    let pair = &bus.watch.pairs()[0];
+    let is_seen = pair.sides.each_ref().map(|side| side.seen_ns.is_some());
+    assert_eq!(is_seen, [false, true]);
+    assert_eq!(bus.watch.counts().unplanned, 0);
+}
+
+#[test]
 fn a_fault_of_the_start_that_overtook_its_boot_up_message_was_taken_back_by_it() {
     let mut bus = bus();
     let faults = |bus: &Bus| bus.watch.pairs()[0].sides[0].faults;

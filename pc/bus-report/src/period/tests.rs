@@ -287,6 +287,17 @@ fn frames_of_others_are_counted_and_the_identity_is_taken_where_it_passes() {
 }
 
 #[test]
+fn a_channel_of_which_only_its_turns_are_seen_is_seen() {
+    let slopes = Frame::data_frame(0x181, &SLOPES);
+    let turns = Frame::data_frame(0x402, &[0; 8]);
+    let seen_with = |frames: &[Frame]| of_frames(frames).instruments[0].channels[1].seen;
+    assert!(!seen_with(&[slopes]));
+    assert!(seen_with(&[slopes, turns]));
+    let report = of_frames(&[slopes, turns]);
+    assert!(report.buses[0].foreign.is_empty());
+}
+
+#[test]
 fn a_reset_of_communication_takes_no_fault_back_and_one_of_the_node_does() {
     let data = |id, bytes: &[u8]| Frame::data_frame(id, bytes);
     let ends = |command: u8| {
