@@ -20,7 +20,7 @@ use sim::memory::{DEVELOPMENT, HARDWARE, SICK, SOUND, public_key, sign, unsigned
 
 use crate::update::UpdateError;
 use crate::update::file;
-use output::stdout;
+use output::{hex, stdout};
 
 /// What is built.
 #[derive(Clone, Debug, Args)]
@@ -190,7 +190,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
         None => *DEVELOPMENT,
     };
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.public) else {
-        let public = digits(&public_key(&key));
+        let public = hex::digits(&public_key(&key));
         let printed = match arguments.json {
             true => stdout::print_json(&Done {
                 public_key: Some(public),
@@ -226,7 +226,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, ImageError> {
             length_bytes: Some(length),
             images: Some(images.len()),
             is_signed: Some(!arguments.unsigned),
-            public_key: (!arguments.unsigned).then(|| digits(&public_key(&key))),
+            public_key: (!arguments.unsigned).then(|| hex::digits(&public_key(&key))),
             ..Done::new()
         };
         stdout::print_json(&done).map_err(ImageError::Print)?;
@@ -295,22 +295,13 @@ fn is_for_other(body: &[u8], slot: Slot) -> bool {
     is_table && !in_slot
 }
 
-fn digits(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
     fs::read(path).map_err(|error| ImageError::File(path.to_owned(), error))
 }
 
 fn secret(path: &Path) -> Result<[u8; 32], ImageError> {
     let text = read(path)?;
-    let digits = text.trim_ascii();
-    let pairs = digits.chunks(2).map(|pair| {
-        let pair = std::str::from_utf8(pair).ok()?;
-        u8::from_str_radix(pair, 16).ok()
-    });
-    let bytes: Option<Vec<u8>> = pairs.collect();
+    let bytes = hex::bytes(text.trim_ascii());
     let key = bytes.and_then(|bytes| bytes.try_into().ok());
     key.ok_or_else(|| ImageError::Key(path.to_owned()))
 }
@@ -358,7 +349,7 @@ mod tests {
         let key = secret(&file);
         fs::remove_file(&file).unwrap();
         assert_eq!(
-            digits(&public_key(&key.unwrap())),
+            hex::digits(&public_key(&key.unwrap())),
             "d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a"
         );
     }

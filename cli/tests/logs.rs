@@ -33,8 +33,8 @@ fn rounds(start_s: u64, count: u64, interface: &str) -> String {
             "080#",
             "181#E80300003F01",
             "182#E60300003F01",
-            "381#727107000000707",
-            "382#0E6E07000000707",
+            "381#721C07000000707",
+            "382#CE1807000000707",
         ] {
             let whole = if frame.len() == 19 {
                 format!("{frame}0")
@@ -72,10 +72,12 @@ fn json_with(wanted: i32, arguments: &[&str]) -> (Value, String) {
     let (status, out, err) = said(&output);
     assert_eq!(status, Some(wanted), "{err}");
     let value: Value = serde_json::from_str(&out).unwrap();
-    assert!(
-        out.starts_with(r#"{"format":"plumb-replay","version":1,"#),
-        "{out}"
-    );
+    let kind = match arguments.contains(&"--onto") {
+        true => "plumb-onto",
+        false => "plumb-log",
+    };
+    let head = format!(r#"{{"format":"{kind}","version":1,"#);
+    assert!(out.starts_with(&head), "{out}");
     (value, err)
 }
 

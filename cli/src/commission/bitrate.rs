@@ -15,15 +15,16 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::{CommissionError, listed};
+use bus_master::Bus;
 use bus_master::fault::Fault;
 use bus_master::lss::{BIT_RATES, Identity, Master};
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::{Meant, NodeOption};
+use bus_master::nodes::Meant;
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
-use bus_master::{Bus, BusOptions};
 
 /// How long is listened for who is there.
 const ASKING: Duration = Duration::from_millis(1000);
@@ -50,15 +51,9 @@ pub struct Arguments {
     /// Change also while nodes that cannot follow are on the bus
     #[arg(long)]
     pub force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes are read; all channels on the bus when not given
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 fn rate(text: &str) -> Result<u16, String> {
@@ -88,14 +83,14 @@ struct Content<'a> {
 ///
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let mut bus = arguments.common.join()?;
     let meant = match arguments.rate {
-        Some(_) if arguments.nodes.node.is_some() => return Err(CommissionError::AllOnly),
+        Some(_) if arguments.common.nodes.node.is_some() => return Err(CommissionError::AllOnly),
         Some(rate) => Meant {
             nodes: change(&mut bus, rate, arguments)?,
             missing: None,
         },
-        None => arguments.nodes.readable(&mut bus)?,
+        None => arguments.common.nodes.readable(&mut bus)?,
     };
     let mut rates = Vec::new();
     for id in meant.nodes.clone() {
@@ -119,10 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
 }
 
 const fn answer(arguments: &Arguments) -> Answer {
-    Answer {
-        format: "plumb-bitrate",
-        json: arguments.json,
-    }
+    arguments.common.answer("plumb-bitrate")
 }
 
 fn line(rate: &Rate, changed: bool) -> String {

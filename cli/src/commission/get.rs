@@ -13,15 +13,15 @@ use canopen::object::Access;
 use clap::Args;
 use serde::Serialize;
 
-use super::answer::{self, Answer};
+use super::answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use bus_master::fault::Fault;
+use bus_master::Bus;
 use bus_master::node::Node;
-use bus_master::nodes::NodeOption;
 use bus_master::sdo::meaning;
-use bus_master::{Bus, BusOptions};
 use codes::name::{self, Named};
 use codes::value::Shown;
+use output::hex;
 use output::table::{Cell, Column, Table};
 
 /// What is read.
@@ -36,15 +36,9 @@ pub struct Arguments {
     /// Write the bytes of the one object to this file
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 /// One object of one node.
@@ -76,8 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         return Ok(ExitCode::SUCCESS);
     }
     let objects = objects(&arguments.names)?;
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let meant = arguments.nodes.readable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let meant = arguments.common.nodes.readable(&mut bus)?;
     let nodes = &meant.nodes;
     let refused = match &arguments.output {
         Some(path) => {
@@ -88,10 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
             None
         }
         None => {
-            let answer = Answer {
-                format: "plumb-get",
-                json: arguments.json,
-            };
+            let answer = arguments.common.answer("plumb-get");
             let readings = read(&mut bus, nodes, &objects)?;
             let content = Content { objects: &readings };
             answer.show(&bus, content, || table(nodes, &objects, &readings))?;
@@ -179,8 +170,8 @@ fn reading(node: u8, object: &Named, shown: Result<(Vec<u8>, Shown), u32>) -> Re
             reading.raw = shown.raw;
             reading.text = Some(shown.text);
             reading.reason = shown.reason;
-            let hex = || bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-            reading.bytes = (!is_number).then(hex);
+            let digits = || hex::digits(&bytes).to_ascii_uppercase();
+            reading.bytes = (!is_number).then(digits);
         }
         Err(code) => reading.reason = Some(meaning(code).to_owned()),
     }

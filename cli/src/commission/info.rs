@@ -9,20 +9,20 @@
 
 use std::process::ExitCode;
 
+use canopen::object::Abort;
 use clap::Args;
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
 use crate::update::version;
-use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
-use bus_master::nodes::{Meant, NodeOption};
+use bus_master::nodes::Meant;
 use codes::name::{self, Named};
 use codes::words::{self, because};
-use output::printable;
 use output::table::{Cell, Column, Table};
+use output::{hex, printable};
 
 /// Which nodes.
 #[derive(Clone, Debug, Args)]
@@ -34,15 +34,9 @@ pub struct Arguments {
         value_name = "NODE"
     )]
     pub id: Option<u8>,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Several nodes
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -118,28 +112,25 @@ const ASKED: [(&str, &str); 36] = [
 const REPORT: &str = "calibration report";
 
 /// The abort code of an object without content.
-const NO_DATA: u32 = 0x0800_0024;
+const NO_DATA: u32 = Abort::NoData.code();
 
 /// Asks and prints.
 ///
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
+    let mut bus = arguments.common.join()?;
     let meant = match arguments.id {
         Some(id) => Meant {
             nodes: vec![id],
             missing: None,
         },
-        None => arguments.nodes.readable(&mut bus)?,
+        None => arguments.common.nodes.readable(&mut bus)?,
     };
     let mut told = Vec::new();
     for id in meant.nodes.clone() {
         told.push(ask(&mut Node::new(&mut bus, id))?);
     }
-    let answer = Answer {
-        format: "plumb-info",
-        json: arguments.json,
-    };
+    let answer = arguments.common.answer("plumb-info");
     answer.show(&bus, Content { nodes: &told }, || text(&told))?;
     meant.complete()?;
     Ok(ExitCode::SUCCESS)
@@ -178,8 +169,8 @@ fn ask(node: &mut Node) -> Result<Info, Fault> {
 
 /// The first digits of a hash.
 fn beginning(hash: &[u8]) -> String {
-    let digits = hash.iter().take(4).map(|byte| format!("{byte:02x}"));
-    format!("SHA-256 {}...", digits.collect::<String>())
+    let first = hash.get(..4).unwrap_or(hash);
+    format!("SHA-256 {}...", hex::digits(first))
 }
 
 /// Whether the node keeps the hash of its calibration's report, and how that begins.

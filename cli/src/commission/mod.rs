@@ -10,6 +10,7 @@
 
 mod answer;
 pub mod bitrate;
+mod common;
 mod error;
 pub mod get;
 pub mod info;

@@ -13,14 +13,13 @@ use clap::Args;
 use device::objects::table::Channel;
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
 use super::save::Group;
-use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::nmt::{self, Command, State};
 use bus_master::node::Node;
-use bus_master::nodes::{self, NodeOption};
+use bus_master::nodes;
 
 /// "load", lowest byte first (CiA 301, 7.5.2.14).
 const LOAD: [u8; 4] = *b"load";
@@ -44,15 +43,9 @@ pub struct Arguments {
     /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
     #[arg(long)]
     pub stop: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes; needed where there is more than one
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -69,17 +62,14 @@ struct Content {
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are restored and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let answer = Answer {
-        format: "plumb-restore",
-        json: arguments.json,
-    };
+    let answer = arguments.common.answer("plumb-restore");
     let what = Group::name(arguments.only);
     let counts = match arguments.reset {
         true => "the node was reset, they count",
         false => "they count from its next reset on (--reset does that too)",
     };
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.writable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.writable(&mut bus)?;
     let mut apart_nodes = Vec::new();
     let (restored_nodes, ended) = answer.each(
         nodes,

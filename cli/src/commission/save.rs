@@ -11,12 +11,10 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::node::Node;
-use bus_master::nodes::NodeOption;
 use bus_master::sdo::SdoError;
 
 /// "save", lowest byte first (CiA 301, 7.5.2.13).
@@ -65,15 +63,9 @@ pub struct Arguments {
     /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for it, and back
     #[arg(long)]
     pub stop: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes; all channels on the bus when not given
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -86,13 +78,10 @@ struct Content {
 ///
 /// Errors: see [`CommissionError`]; nodes before the failing one are saved and were printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let answer = Answer {
-        format: "plumb-save",
-        json: arguments.json,
-    };
+    let answer = arguments.common.answer("plumb-save");
     let (sub, what) = (Group::sub(arguments.only), Group::name(arguments.only));
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.whole(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.whole(&mut bus)?;
     let (saved_nodes, ended) = answer.each(
         nodes,
         |id| save(&mut Node::new(&mut bus, id), sub, arguments.stop).map(|()| id),

@@ -10,7 +10,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
-use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use serde::Serialize;
 
 use super::answer::Answer;
@@ -18,6 +17,7 @@ use super::error::CommissionError;
 use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
 use bus_master::node::Node;
+use bus_master::nodes;
 use bus_master::survey::{Survey, survey};
 use bus_master::{Bus, BusOptions};
 use codes::words;
@@ -137,11 +137,8 @@ fn found(bus: &mut Bus, heard: &Survey, id: u8) -> Result<Found, Fault> {
     found.product_code = node.number(0x1018, 2)?;
     found.revision_number = node.number(0x1018, 3)?;
     found.serial_number = node.number(0x1018, 4)?;
-    found.channel = match found.product_code {
-        Some(PRODUCT_CODE_A) => Some('A'),
-        Some(PRODUCT_CODE_B) => Some('B'),
-        _ => None,
-    };
+    let channel = found.product_code.and_then(nodes::channel_of);
+    found.channel = channel.map(codes::dictionary::letter);
     if found.channel.is_some() {
         let peer = node.number(0x2001, 0)?;
         found.peer = peer.and_then(|peer| u8::try_from(peer).ok());

@@ -8,24 +8,22 @@
 
 use std::process::ExitCode;
 
-use canopen::object::Access;
+use canopen::object::{Abort, Access};
 use clap::Args;
 use device::objects::row::Row;
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use bus_master::BusOptions;
 use bus_master::fault::Fault;
 use bus_master::nmt::State;
 use bus_master::node::Node;
-use bus_master::nodes::NodeOption;
 use bus_master::sdo::SdoError;
 use codes::name::{self, Named};
 use codes::value;
 
 /// The abort code of what can't be done in a node's present state.
-const WRONG_STATE: u32 = 0x0800_0022;
+const WRONG_STATE: u32 = Abort::WrongState.code();
 
 /// Objects that count from the next reset on only; all others count at once.
 const FROM_RESET: [(u16, u8); 3] = [(0x1F80, 0), (0x2003, 0), (0x2053, 2)];
@@ -45,15 +43,9 @@ pub struct Arguments {
     /// Take a node that is OPERATIONAL to PRE-OPERATIONAL for the write, and back
     #[arg(long)]
     pub stop: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes; needed where there is more than one
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 /// What was done to one node.
@@ -94,8 +86,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
     if value::depends_on(row).is_none() {
         value::parse(&named, row, &arguments.value, arguments.raw, None)?;
     }
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.writable(&mut bus)?;
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.writable(&mut bus)?;
     let mut numbers = Vec::new();
     for id in &nodes {
         let mut node = Node::new(&mut bus, *id);
@@ -103,10 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         let number = value::parse(&named, row, &arguments.value, arguments.raw, resolution)?;
         numbers.push((*id, number));
     }
-    let answer = Answer {
-        format: "plumb-set",
-        json: arguments.json,
-    };
+    let answer = arguments.common.answer("plumb-set");
     let (written, ended) = answer.each(
         numbers,
         |(id, number)| {

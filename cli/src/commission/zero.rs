@@ -19,12 +19,10 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
-use bus_master::fault::Fault;
+use bus_master::Bus;
 use bus_master::node::Node;
-use bus_master::nodes::NodeOption;
-use bus_master::{Bus, BusOptions};
 use codes::name::{self, Named};
 use codes::value::{self, decimal};
 
@@ -65,15 +63,9 @@ pub struct Arguments {
     /// Turn scaling on where it is off
     #[arg(long)]
     pub enable_scaling: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
     /// Which nodes; both channels of the instrument when not given
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 /// Which slopes.
@@ -157,19 +149,16 @@ struct Plan {
 /// Errors: see [`CommissionError`]; nothing was written unless the bus failed in the middle, and
 /// what was is printed.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let nodes = arguments.nodes.whole(&mut bus)?;
-    if arguments.nodes.node.is_none() && nodes.len() > 2 {
+    let mut bus = arguments.common.join()?;
+    let nodes = arguments.common.nodes.whole(&mut bus)?;
+    if arguments.common.nodes.node.is_none() && nodes.len() > 2 {
         return Err(CommissionError::Instruments(nodes));
     }
     let mut plans = Vec::new();
     for node in &nodes {
         plans.extend(plan(&mut bus, *node, arguments)?);
     }
-    let answer = Answer {
-        format: "plumb-zero",
-        json: arguments.json,
-    };
+    let answer = arguments.common.answer("plumb-zero");
     let (mut done, ended) = answer.each(&plans, |plan| write(&mut bus, plan), |_| String::new());
     sleep(SETTLING);
     let ended = done.iter_mut().try_fold(ended, |ended, zeroed| {
@@ -178,7 +167,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
         answer.say(line(zeroed))?;
         Ok::<_, CommissionError>(ended)
     })?;
-    if ended.is_ok() && !arguments.json {
+    if ended.is_ok() && !arguments.common.json {
         answer.say(to_do(&mut bus, &nodes)?)?;
     }
     let content = Content {

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use canopen::object::Abort;
 use flash::image::ImageError;
 
 use super::version::version;
@@ -154,7 +155,7 @@ impl From<SdoError> for UpdateError {
 }
 
 /// The abort code of what can't be done in a node's present state.
-const WRONG_STATE: u32 = 0x0800_0022;
+const WRONG_STATE: u32 = Abort::WrongState.code();
 
 /// What helps after most of them.
 const AGAIN: &str =

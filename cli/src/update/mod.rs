@@ -22,12 +22,14 @@ use std::process::ExitCode;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use canopen::object::Abort;
 use clap::Args;
-use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use flash::layout::Slot;
 
 use bus_master::diagnosis;
 use bus_master::nmt::{self, Command, State, Told as Heard};
+use bus_master::node::Node;
+use bus_master::nodes;
 use bus_master::sdo::Client;
 use bus_master::{Bus, BusOptions};
 pub use error::UpdateError;
@@ -72,7 +74,7 @@ const HEARTBEAT: Duration = Duration::from_secs(2);
 const TRIES: usize = 3;
 
 /// The abort code of an object that a node does not have (CiA 301 7.2.4.3.17).
-const NO_OBJECT: u32 = 0x0602_0000;
+const NO_OBJECT: u32 = Abort::NoSuchObject.code();
 
 /// 1F57h of a memory that is clear: there is no program.
 const EMPTY: u32 = 1 << 1;
@@ -127,7 +129,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
     let mut bus = arguments.bus.join().map_err(UpdateError::Join)?;
     let mut plans = Vec::new();
     for node in &arguments.nodes {
-        let asked = match Node::new(&mut bus, *node).plan(&images) {
+        let asked = match Renewal::of(&mut bus, *node).plan(&images) {
             // Nothing has begun yet, so there is time to find out why.
             Err(UpdateError::Silent(node)) => {
                 let why = diagnosis::silence(&mut bus, Some(node));
@@ -145,7 +147,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
     if !arguments.force {
         works = rejoin(&mut bus, &arguments.nodes, told)?;
         for node in &arguments.nodes {
-            Node::new(&mut bus, *node).must_measure(Duration::ZERO)?;
+            Renewal::of(&mut bus, *node).must_measure(Duration::ZERO)?;
         }
     }
     for (node, plan) in plans {
@@ -157,7 +159,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
                     true => Vec::new(),
                     false => others.copied().collect(),
                 };
-                Node::new(&mut bus, node).renew(image, &others, works, told)?;
+                Renewal::of(&mut bus, node).renew(image, &others, works, told)?;
             }
         }
     }
@@ -170,7 +172,7 @@ fn update(arguments: &Arguments, progress: &Progress) -> Result<(), UpdateError>
 fn rejoin(bus: &mut Bus, nodes: &[u8], told: Told) -> Result<bool, UpdateError> {
     let mut states = Vec::new();
     for node in nodes {
-        states.push((*node, Node::new(bus, *node).state()?));
+        states.push((*node, Renewal::of(bus, *node).state()?));
     }
     let works = |(_, state): &(u8, Option<Heard>)| *state == Some(Ok(State::Operational));
     if !states.iter().any(works) {
@@ -178,7 +180,7 @@ fn rejoin(bus: &mut Bus, nodes: &[u8], told: Told) -> Result<bool, UpdateError> 
     }
     for (node, state) in states.iter().filter(|one| !works(one)) {
         // It does nothing to one that is OPERATIONAL and was not heard.
-        Node::new(bus, *node).command(Command::Start)?;
+        Renewal::of(bus, *node).command(Command::Start)?;
         if state.is_some() {
             told.tell(*node, NodeEvent::Started);
         }
@@ -202,19 +204,21 @@ enum Plan<'a> {
     Send(&'a Image),
 }
 
-/// A node and the way to it.
-struct Node<'a> {
-    bus: &'a mut Bus,
-    node: u8,
-}
+/// A node under update. A silent one is come back to, so its silence is not looked into.
+struct Renewal<'a>(Node<'a>);
 
-impl<'a> Node<'a> {
-    fn new(bus: &'a mut Bus, node: u8) -> Self {
-        Self { bus, node }
+impl<'a> Renewal<'a> {
+    const fn of(bus: &'a mut Bus, node: u8) -> Self {
+        Self(Node::patient(bus, node))
+    }
+
+    /// The way to another node.
+    const fn beside(&mut self, node: u8) -> Renewal<'_> {
+        Renewal::of(self.0.bus, node)
     }
 
     fn client(&mut self) -> Client<'_> {
-        Client::patient(self.bus, self.node)
+        self.0.client()
     }
 
     fn read(&mut self, index: u16, sub: u8) -> Result<u32, UpdateError> {
@@ -227,14 +231,14 @@ impl<'a> Node<'a> {
     }
 
     fn command(&mut self, command: Command) -> Result<(), UpdateError> {
-        nmt::command(self.bus, command, self.node).map_err(UpdateError::lost)
+        nmt::command(self.0.bus, command, self.0.id).map_err(UpdateError::lost)
     }
 
     /// What this node needs of these images. Nothing is changed.
     fn plan<'i>(&mut self, images: &'i [Image]) -> Result<Plan<'i>, UpdateError> {
-        let node = self.node;
+        let node = self.0.id;
         self.client().give_up(0x1F50, 1)?;
-        if ![PRODUCT_CODE_A, PRODUCT_CODE_B].contains(&self.read(0x1018, 2)?) {
+        if nodes::channel_of(self.read(0x1018, 2)?).is_none() {
             return Err(UpdateError::Stranger(node));
         }
         let hardware = match self.read(0x2080, 1) {
@@ -297,7 +301,7 @@ impl<'a> Node<'a> {
             false => Ok(()),
         };
         ended.and(given_up).and(back)?;
-        told.tell(self.node, NodeEvent::Now(image.header.version.0));
+        told.tell(self.0.id, NodeEvent::Now(image.header.version.0));
         if works {
             self.together(others)?;
         }
@@ -308,8 +312,8 @@ impl<'a> Node<'a> {
     /// find in each other there takes the angles away.
     fn together(&mut self, others: &[u8]) -> Result<(), UpdateError> {
         for other in others {
-            for node in [self.node, *other] {
-                if !Node::new(self.bus, node).measures_for(TOGETHER, MEASURING)? {
+            for node in [self.0.id, *other] {
+                if !self.beside(node).measures_for(TOGETHER, MEASURING)? {
                     return Err(UpdateError::Apart(node));
                 }
             }
@@ -323,7 +327,7 @@ impl<'a> Node<'a> {
         let mut together = TOGETHER;
         for left in (0..TRIES).rev() {
             for other in others {
-                Node::new(self.bus, *other).must_stand_in(works, together)?;
+                self.beside(*other).must_stand_in(works, together)?;
             }
             self.command(Command::EnterPreOperational)?;
             sleep(APART);
@@ -341,7 +345,7 @@ impl<'a> Node<'a> {
     /// The first of the others that does not measure alone.
     fn first_without_angle(&mut self, others: &[u8]) -> Result<Option<u8>, UpdateError> {
         for other in others {
-            if !Node::new(self.bus, *other).measures_for(Duration::ZERO, ALONE)? {
+            if !self.beside(*other).measures_for(Duration::ZERO, ALONE)? {
                 return Ok(Some(*other));
             }
         }
@@ -357,7 +361,7 @@ impl<'a> Node<'a> {
     ) -> Result<(), UpdateError> {
         self.transfer(image, told)?;
         for other in others {
-            Node::new(self.bus, *other).must_stand_in(works, Duration::ZERO)?;
+            self.beside(*other).must_stand_in(works, Duration::ZERO)?;
         }
         self.start()?;
         self.wait_for_trial(image.header.version.0)?;
@@ -380,7 +384,7 @@ impl<'a> Node<'a> {
     }
 
     fn transfer_once(&mut self, image: &Image, told: Told) -> Result<(), UpdateError> {
-        let node = self.node;
+        let node = self.0.id;
         let held = self.held(image)?;
         match held {
             0 => self.clear()?,
@@ -443,7 +447,7 @@ impl<'a> Node<'a> {
                 return Ok(());
             }
         }
-        Err(UpdateError::Found(self.node, status))
+        Err(UpdateError::Found(self.0.id, status))
     }
 
     /// Waits until the node does not work at its memory any more: what 1F57h says then.
@@ -455,7 +459,7 @@ impl<'a> Node<'a> {
                 return Ok(status);
             }
             if Instant::now() > until {
-                return Err(UpdateError::Clearing(self.node));
+                return Err(UpdateError::Clearing(self.0.id));
             }
             sleep(PAUSE);
         }
@@ -468,7 +472,7 @@ impl<'a> Node<'a> {
         };
         match self.read(0x1F57, 1) {
             Ok(status) if status & 1 == 0 && status != 0 => {
-                Err(UpdateError::Found(self.node, status))
+                Err(UpdateError::Found(self.0.id, status))
             }
             _ => outcome,
         }
@@ -476,7 +480,7 @@ impl<'a> Node<'a> {
 
     /// The state that the node's next heartbeat tells; `None` when none comes.
     fn state(&mut self) -> Result<Option<Heard>, UpdateError> {
-        nmt::state(self.bus, self.node, HEARTBEAT).map_err(UpdateError::lost)
+        self.0.heartbeat(HEARTBEAT).map_err(UpdateError::lost)
     }
 
     /// Waits until the image is checked, for which the node goes on, and the node has restarted.
@@ -491,11 +495,11 @@ impl<'a> Node<'a> {
                 // It says nothing of the image any more: it has restarted meanwhile, and its
                 // boot-up message came with the answer.
                 Ok(0) | Err(UpdateError::Silent(_)) => return Ok(()),
-                Ok(status) => return Err(UpdateError::Found(self.node, status)),
+                Ok(status) => return Err(UpdateError::Found(self.0.id, status)),
                 Err(error) => return Err(error),
             }
         }
-        Err(UpdateError::Gone(self.node))
+        Err(UpdateError::Gone(self.0.id))
     }
 
     /// Waits until the program is confirmed. Between its starts the node does not answer.
@@ -504,13 +508,13 @@ impl<'a> Node<'a> {
         while Instant::now() < until {
             let asked = self.read(0x2080, 2);
             match asked.and_then(|runs| Ok((runs, self.read(0x2080, 4)?))) {
-                Ok((runs, ROLLED_BACK)) => return Err(UpdateError::RolledBack(self.node, runs)),
+                Ok((runs, ROLLED_BACK)) => return Err(UpdateError::RolledBack(self.0.id, runs)),
                 Ok((runs, standing)) if runs == wanted && standing != ON_TRIAL => return Ok(()),
                 Ok(_) | Err(UpdateError::Silent(_)) => sleep(PAUSE),
                 Err(error) => return Err(error),
             }
         }
-        Err(UpdateError::Undecided(self.node))
+        Err(UpdateError::Undecided(self.0.id))
     }
 
     /// Waits until it measures, so that the other one may be updated; one that could not before
@@ -525,7 +529,7 @@ impl<'a> Node<'a> {
         if works {
             let state = self.state()?;
             if state.is_some_and(|state| state != Ok(State::Operational)) {
-                return Err(UpdateError::Idle(self.node));
+                return Err(UpdateError::Idle(self.0.id));
             }
         }
         self.must_measure(long)
@@ -535,7 +539,7 @@ impl<'a> Node<'a> {
     fn must_measure(&mut self, long: Duration) -> Result<(), UpdateError> {
         match self.measures_for(long, MEASURING + long)? {
             true => Ok(()),
-            false => Err(UpdateError::NoAngle(self.node)),
+            false => Err(UpdateError::NoAngle(self.0.id)),
         }
     }
 

@@ -15,7 +15,7 @@
 use canopen::Frame;
 use canopen::frame::ExtendedId;
 
-use crate::cursor::{Cursor, data_frame, hex, identifier, remote_frame};
+use crate::cursor::{Cursor, data_frame, hex, hex_bytes, identifier, remote_frame};
 use crate::date;
 use crate::skipped::Skip;
 
@@ -142,6 +142,10 @@ fn dated(line: &mut Cursor<'_>) -> Result<u64, Skip> {
 /// Bytes of two digits, with or without a point between them, up to a blank or the end.
 #[inline]
 fn data(line: &mut Cursor<'_>, id: canopen::frame::Id) -> Result<Frame, Skip> {
+    if let Some((number, length)) = hex_bytes(line.0) {
+        line.0 = &[];
+        return Ok(Frame::of_parts(id, false, length, number.to_le_bytes()));
+    }
     let mut bytes = [0; 8];
     let mut length = 0;
     while let Some(byte) = line.hex_byte() {
@@ -157,7 +161,7 @@ fn data(line: &mut Cursor<'_>, id: canopen::frame::Id) -> Result<Frame, Skip> {
     {
         line.0 = rest;
     }
-    data_frame(id, bytes.get(..length).unwrap_or(&[]))
+    Ok(Frame::of_parts(id, false, length as u8, bytes))
 }
 
 /// Nothing more, or whether the frame was received or sent.

@@ -89,7 +89,9 @@ impl<'a> Cursor<'a> {
     /// The bytes up to the next blank or the end; empty at the end.
     #[inline]
     pub fn word(&mut self) -> &'a [u8] {
-        let end = self.0.iter().position(|b| matches!(b, b' ' | b'\t'));
+        // The first condition alone decides for every byte of a word.
+        let is_blank = |byte: &u8| *byte <= b' ' && matches!(byte, b' ' | b'\t');
+        let end = self.0.iter().position(is_blank);
         let (word, rest) = self.0.split_at(end.unwrap_or(self.0.len()));
         self.0 = rest;
         word
@@ -147,6 +149,14 @@ impl<'a> Cursor<'a> {
     pub fn hex_digits(&mut self) -> (u32, usize) {
         let mut value = 0_u32;
         let mut count = 0;
+        // Three at a time, as nearly every identifier has them.
+        if let Some((three, rest)) = self.0.split_first_chunk()
+            && let [a, b, c] = three.map(|digit| u32::from(HEX[usize::from(digit)]))
+            && a | b | c < 16
+        {
+            (value, count) = (a << 8 | b << 4 | c, 3);
+            self.0 = rest;
+        }
         while let [first, rest @ ..] = self.0
             && let digit @ ..16 = HEX[usize::from(*first)]
         {
@@ -170,6 +180,25 @@ impl<'a> Cursor<'a> {
         self.0 = rest;
         Some(high << 4 | low)
     }
+}
+
+/// At most eight bytes of two hexadecimal digits each as a number, the first byte its lowest, and
+/// how many they are; `None` when there is anything else in this text.
+#[inline]
+pub fn hex_bytes(text: &[u8]) -> Option<(u64, u8)> {
+    let (pairs, []) = text.as_chunks::<2>() else {
+        return None;
+    };
+    if pairs.len() > 8 {
+        return None;
+    }
+    let (mut number, mut all) = (0, 0);
+    for digits in pairs.iter().rev() {
+        let [high, low] = digits.map(|digit| u64::from(HEX[usize::from(digit)]));
+        all |= high | low;
+        number = number << 8 | high << 4 | low;
+    }
+    (all < 16).then_some((number, pairs.len() as u8))
 }
 
 /// An identifier of 11 bits, or of 29 when `extended`; unreadable when it has more.
@@ -197,6 +226,16 @@ pub fn remote_frame(id: Id, length: u64) -> Result<Frame, Skip> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bytes_of_two_digits_are_a_number_and_nothing_else_is() {
+        assert_eq!(hex_bytes(b"0102fF"), Some((0xFF_0201, 3)));
+        assert_eq!(hex_bytes(b""), Some((0, 0)));
+        assert_eq!(hex_bytes(b"FFFFFFFFFFFFFFFF"), Some((u64::MAX, 8)));
+        for other in ["1", "0g", "01.2", "01 R", "010203040506070809"] {
+            assert_eq!(hex_bytes(other.as_bytes()), None, "{other}");
+        }
+    }
 
     #[test]
     fn seconds_keep_every_place_and_refuse_what_is_none() {

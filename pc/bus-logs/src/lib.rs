@@ -35,7 +35,7 @@ pub use error::LogError;
 pub use input::Input;
 pub use lines::{LONGEST as LONGEST_LINE, Line};
 pub use logged::Logged;
-pub use pace::{PaceOptions, speed};
+pub use pace::{LONGEST_GAP_S, PaceOptions, gap, speed};
 pub use part::{Moment, Part, PartOptions};
 pub use player::{PlayOptions, Player};
 pub use skipped::{Damage, Skip, Skipped, Tally};

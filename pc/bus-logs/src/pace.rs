@@ -18,6 +18,18 @@ pub fn speed(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "0.001 to 1000000 times, or max".to_owned())
 }
 
+/// The value of `--skip-gaps` without one, as [`gap`] reads it, s.
+pub const LONGEST_GAP_S: &str = "2";
+
+/// The length, in s, to which longer gaps are shortened: `0.5`.
+///
+/// Errors: a sentence that says how to write it.
+pub fn gap(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok();
+    let length = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    length.ok_or_else(|| "give a number of seconds, such as 0.5".to_owned())
+}
+
 /// How fast a log goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaceOptions {
@@ -96,6 +108,15 @@ mod tests {
         assert_eq!(speed("max"), Ok(f64::INFINITY));
         for wrong in ["0", "-1", "fast", "NaN", "inf", ""] {
             assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_gap_is_a_number_of_seconds() {
+        assert_eq!(gap("0.5"), Ok(Duration::from_millis(500)));
+        assert_eq!(gap(LONGEST_GAP_S), Ok(Duration::from_secs(2)));
+        for wrong in ["-1", "NaN", "inf", "", "2s"] {
+            assert!(gap(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -96,12 +96,12 @@ impl JoinError {
     /// An interface of the kernel that could not be used.
     #[cfg(target_os = "linux")]
     pub fn interface(name: &str, error: io::Error) -> Self {
-        use rustix::io::Errno;
-        match error.raw_os_error().map(Errno::from_raw_os_error) {
-            Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => Self::NoKernelCan(name.to_owned()),
-            Some(Errno::NODEV | Errno::NXIO) => Self::NoInterface(name.to_owned()),
-            Some(Errno::NETDOWN) => Self::Down(name.to_owned()),
-            _ => Self::System(name.to_owned(), error),
+        use can_text::kernel::Unusable;
+        match Unusable::of(&error) {
+            Unusable::NoKernelCan => Self::NoKernelCan(name.to_owned()),
+            Unusable::NoInterface => Self::NoInterface(name.to_owned()),
+            Unusable::Down => Self::Down(name.to_owned()),
+            Unusable::Other => Self::System(name.to_owned(), error),
         }
     }
 }

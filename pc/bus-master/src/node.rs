@@ -1,11 +1,13 @@
 //! Objects of a node, read and written with silence looked into.
 //!
 //! In: a bus, a node, objects. Out: what they hold, shown with the node's own resolution, which is
-//! asked for once. A guard brings a node out of OPERATIONAL and back where the user allows it.
+//! asked for once. A guard brings a node out of OPERATIONAL and back where the user allows it. Who
+//! comes back to a silent node has its transfers as they end, without the look into the silence.
 //!
 //! Left out: which nodes and which objects.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::time::Duration;
 
 use super::fault::Fault;
@@ -32,17 +34,33 @@ pub struct Node<'a> {
     pub bus: &'a mut Bus,
     /// Its id.
     pub id: u8,
+    patient: bool,
     resolutions: BTreeMap<u16, Option<u32>>,
 }
 
 impl<'a> Node<'a> {
     /// Asks this node.
-    pub fn new(bus: &'a mut Bus, id: u8) -> Self {
-        let resolutions = BTreeMap::new();
+    pub const fn new(bus: &'a mut Bus, id: u8) -> Self {
         Self {
             bus,
             id,
-            resolutions,
+            patient: false,
+            resolutions: BTreeMap::new(),
+        }
+    }
+
+    /// Asks a node that may be at work for seconds.
+    pub const fn patient(bus: &'a mut Bus, id: u8) -> Self {
+        let mut node = Self::new(bus, id);
+        node.patient = true;
+        node
+    }
+
+    /// A transfer with it; its silence is not looked into.
+    pub fn client(&mut self) -> Client<'_> {
+        match self.patient {
+            true => Client::patient(self.bus, self.id),
+            false => Client::new(self.bus, self.id),
         }
     }
 
@@ -63,7 +81,7 @@ impl<'a> Node<'a> {
         ask: impl Fn(&mut Client) -> Result<T, SdoError>,
     ) -> Result<Result<T, SdoError>, Fault> {
         for left in (0..ROUNDS).rev() {
-            match ask(&mut Client::new(self.bus, self.id)) {
+            match ask(&mut self.client()) {
                 Ok(read) => return Ok(Ok(read)),
                 Err(SdoError::Step(..)) if left > 0 => {}
                 Err(error @ (SdoError::Refused(..) | SdoError::Length(..))) => {
@@ -89,7 +107,7 @@ impl<'a> Node<'a> {
     ///
     /// Errors: see [`Fault`].
     pub fn write(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), Fault> {
-        let written = Client::new(self.bus, self.id).download(index, sub, bytes);
+        let written = self.client().download(index, sub, bytes);
         written.map_err(|error| Fault::sdo(self.bus, self.id, error))
     }
 
@@ -124,7 +142,14 @@ impl<'a> Node<'a> {
     ///
     /// Errors: see [`Fault`].
     pub fn state(&mut self) -> Result<Option<Told>, Fault> {
-        nmt::state(self.bus, self.id, HEARTBEAT).map_err(Fault::bus)
+        self.heartbeat(HEARTBEAT).map_err(Fault::bus)
+    }
+
+    /// The state that the next heartbeat within `patience` tells; `None` when none comes.
+    ///
+    /// Errors: the bus is lost, or the user has ended it.
+    pub fn heartbeat(&mut self, patience: Duration) -> io::Result<Option<Told>> {
+        nmt::state(self.bus, self.id, patience)
     }
 
     /// Sends an NMT command to it.

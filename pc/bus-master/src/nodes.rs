@@ -219,11 +219,17 @@ fn device_type(bus: &mut Bus, node: u8) -> Result<Option<u32>, Fault> {
 ///
 /// Errors: see [`Fault`].
 pub fn channel(bus: &mut Bus, node: u8) -> Result<Option<Channel>, Fault> {
-    Ok(match Node::new(bus, node).number(0x1018, 2)? {
-        Some(PRODUCT_CODE_A) => Some(Channel::A),
-        Some(PRODUCT_CODE_B) => Some(Channel::B),
+    let product_code = Node::new(bus, node).number(0x1018, 2)?;
+    Ok(product_code.and_then(channel_of))
+}
+
+/// The channel of a Plumb that has this product code (1018h sub 2); `None` for another device.
+pub const fn channel_of(product_code: u32) -> Option<Channel> {
+    match product_code {
+        PRODUCT_CODE_A => Some(Channel::A),
+        PRODUCT_CODE_B => Some(Channel::B),
         _ => None,
-    })
+    }
 }
 
 impl NodeOption {

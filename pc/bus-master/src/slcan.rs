@@ -14,7 +14,7 @@ use canopen::Frame;
 
 use super::intake::{self, Intake, Stream};
 use super::received::{Received, Trouble, now_ns};
-use can_text::slcan::{BEL, CR, FRAME_LETTERS, Flags, Form, RATES, frame};
+use can_text::slcan::{BEL, CR, Command, FRAME_LETTERS, Flags, frame};
 
 /// How long an adapter has for an answer.
 const ANSWER: Duration = Duration::from_secs(1);
@@ -86,10 +86,11 @@ impl Client {
     }
 
     fn open_again(&mut self, kbit_s: Option<u32>) -> io::Result<()> {
-        let rate = kbit_s.and_then(|wanted| RATES.iter().position(|rate| *rate == wanted));
+        // A rate that has no letter is left as it is.
+        let rate = kbit_s.and_then(|kbit_s| Command::Rate(kbit_s).line());
         let mut failed = io::Error::from(io::ErrorKind::TimedOut);
         for _ in 0..OPENINGS {
-            match self.open_once(rate) {
+            match self.open_once(rate.as_deref()) {
                 Ok(()) => return Ok(()),
                 Err(error) if AGAIN.contains(&error.kind()) => failed = error,
                 Err(error) => return Err(error),
@@ -98,22 +99,29 @@ impl Client {
         Err(failed)
     }
 
-    fn open_once(&mut self, rate: Option<usize>) -> io::Result<()> {
+    fn open_once(&mut self, rate: Option<&[u8]>) -> io::Result<()> {
         // Whatever stands half written is ended, and an open channel closed; either may be refused.
-        self.intake.write(b"\rC\r")?;
+        let close = Command::Close.line().unwrap_or_default();
+        self.intake.write(&[&[CR], close.as_slice()].concat())?;
         self.answered(Instant::now() + ANSWER)?;
         self.answered(Instant::now() + ANSWER)?;
         if let Some(rate) = rate {
-            self.command(format!("S{rate}\r").as_bytes(), "the bit rate")?;
+            self.intake.write(rate)?;
+            self.must_take("the bit rate")?;
         }
-        self.command(b"O\r", "to open its channel")?;
+        self.write(Command::Open)?;
+        self.must_take("to open its channel")?;
         self.early.clear();
         Ok(())
     }
 
-    /// A command that must not be refused.
-    fn command(&mut self, command: &[u8], what: &str) -> io::Result<()> {
-        self.intake.write(command)?;
+    fn write(&mut self, command: Command) -> io::Result<()> {
+        let line = command.line().ok_or(io::ErrorKind::InvalidInput)?;
+        self.intake.write(&line)
+    }
+
+    /// The command that was written must not be refused.
+    fn must_take(&mut self, what: &str) -> io::Result<()> {
         match self.answered(Instant::now() + ANSWER)? {
             true => Ok(()),
             false => {
@@ -149,9 +157,7 @@ impl Client {
     ///
     /// Errors: what the system says.
     pub fn send(&mut self, frame: &Frame) -> io::Result<()> {
-        let mut line = Vec::new();
-        Form::default().put_frame(&mut line, frame, 0);
-        self.intake.write(&line)
+        self.write(Command::Send(*frame))
     }
 
     /// The next frame until then. A refused frame counts as trouble.
@@ -181,7 +187,7 @@ impl Client {
     ///
     /// Errors: what the system says.
     pub fn trouble(&mut self) -> io::Result<Trouble> {
-        self.intake.write(b"F\r")?;
+        self.write(Command::Flags)?;
         let until = Instant::now() + ANSWER / 4;
         while let Some(said) = self.said(until)? {
             match said {
@@ -200,7 +206,7 @@ impl Client {
 impl Drop for Client {
     /// An adapter that is left open goes on sending to whoever opens its port next.
     fn drop(&mut self) {
-        let _ = self.intake.write(b"C\r");
+        let _ = self.write(Command::Close);
     }
 }
 

@@ -11,8 +11,8 @@
 
 use std::time::{Duration, Instant};
 
+use canopen::object::Abort;
 use device::calibration::encoding::{decode_into, identity, length, read_at};
-use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
 use device::objects::table::Channel;
 use tilt::chain::Calibration;
 
@@ -20,6 +20,7 @@ use super::error::CalibrateError;
 use super::reading::{Reading, Upset, wrap};
 use super::turned::Log;
 use bus_master::nmt::{self, Command, State, Told};
+use bus_master::nodes;
 use bus_master::sdo::{Client, SdoError};
 use bus_master::{Bus, Received};
 
@@ -31,12 +32,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The shortest and the longest pause between two looks at the counters of samples.
 const LOOK: (Duration, Duration) = (Duration::from_millis(2), Duration::from_millis(200));
-
-/// The abort code of an object without content.
-const NO_DATA: u32 = 0x0800_0024;
-
-/// The abort code of an object that is not there.
-const NO_OBJECT: u32 = 0x0602_0000;
 
 /// Angle of one step of 2010h, deg.
 const ANGLE_STEP: f64 = 360.0 / 16_777_216.0;
@@ -170,11 +165,7 @@ impl Session {
 
     fn meet(&mut self, id: u8) -> Result<Node, CalibrateError> {
         let product = self.client(id).read_u32(0x1018, 2)?;
-        let channel = match product {
-            PRODUCT_CODE_A => Channel::A,
-            PRODUCT_CODE_B => Channel::B,
-            _ => return Err(CalibrateError::Stranger(id)),
-        };
+        let channel = nodes::channel_of(product).ok_or(CalibrateError::Stranger(id))?;
         let serial = self.client(id).read_u32(0x1018, 4)?;
         let software = self.client(id).upload(0x100A, 0)?;
         let kind = self.client(id).read_u32(0x2062, 2)? as u8;
@@ -333,7 +324,7 @@ impl Session {
         for place in 0..self.nodes.len() {
             match self.gaps(place) {
                 Ok(_) => {}
-                Err(CalibrateError::Sdo(SdoError::Refused(_, _, _, NO_OBJECT))) => {
+                Err(CalibrateError::Sdo(why)) if why.is_refusal(Abort::NoSuchObject) => {
                     return Ok(false);
                 }
                 Err(error) => return Err(error),
@@ -604,8 +595,9 @@ const fn upset(told: Told) -> Option<Upset> {
 fn hash_of(bus: &mut Bus, id: u8) -> Result<Option<Vec<u8>>, CalibrateError> {
     match Client::new(bus, id).upload(0x2063, 0) {
         Ok(hash) => Ok(Some(hash)),
+        Err(why) if why.is_refusal(Abort::NoData) => Ok(None),
         // A program of before this object has none either.
-        Err(SdoError::Refused(_, _, _, NO_DATA | NO_OBJECT)) => Ok(None),
+        Err(why) if why.is_refusal(Abort::NoSuchObject) => Ok(None),
         Err(error) => Err(error.into()),
     }
 }

@@ -1,7 +1,7 @@
 //! A frame as the CAN sockets of the Linux kernel have it, and back.
 //!
-//! In: a frame of the bus, or one of the kernel. Out: the other one; and whether a frame that the
-//! kernel has refused may be sent again.
+//! In: a frame of the bus, or one of the kernel. Out: the other one; what an error means, and
+//! whether a frame that the kernel has refused may be sent again.
 //!
 //! Left out: the sockets themselves, CAN FD, and what an error frame reports.
 
@@ -14,6 +14,31 @@ use socketcan::{CanFrame, EmbeddedFrame as _, ShouldRetry as _};
 
 /// How long to wait when the interface's own queue is full: eight frames at 1 Mbit/s.
 pub const FULL_WAIT: Duration = Duration::from_millis(1);
+
+/// Why an interface could not be opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unusable {
+    /// The kernel has no CAN.
+    NoKernelCan,
+    /// There is no such interface.
+    NoInterface,
+    /// It is down.
+    Down,
+    /// Something else.
+    Other,
+}
+
+impl Unusable {
+    /// What the kernel means by an error.
+    pub fn of(error: &io::Error) -> Self {
+        match error.raw_os_error().map(Errno::from_raw_os_error) {
+            Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => Self::NoKernelCan,
+            Some(Errno::NODEV | Errno::NXIO) => Self::NoInterface,
+            Some(Errno::NETDOWN) => Self::Down,
+            _ => Self::Other,
+        }
+    }
+}
 
 /// A frame of the kernel; `None` for an error frame.
 pub fn from_kernel(frame: &CanFrame) -> Option<Frame> {
@@ -55,6 +80,15 @@ mod tests {
             let there = to_kernel(&frame).unwrap();
             assert_eq!(from_kernel(&there), Some(frame));
         }
+    }
+
+    #[test]
+    fn the_kernel_tells_why_an_interface_can_not_be_opened() {
+        let told = |errno: Errno| Unusable::of(&io::Error::from_raw_os_error(errno.raw_os_error()));
+        assert_eq!(told(Errno::AFNOSUPPORT), Unusable::NoKernelCan);
+        assert_eq!(told(Errno::NODEV), Unusable::NoInterface);
+        assert_eq!(told(Errno::NETDOWN), Unusable::Down);
+        assert_eq!(told(Errno::PERM), Unusable::Other);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Lines of the serial protocol of Lawicel's CAN adapters (SLCAN), as both ends have them.
 //!
 //! In: a frame of the bus, and what the client has asked for; or a line. Out: `t`, `T`, `r` or `R`
-//! with identifier, length, bytes and CR, as in the CAN232/CANUSB manuals; or the frame. Bit rates
-//! and status flags have their digits here as well.
+//! with identifier, length, bytes and CR, as in the CAN232/CANUSB manuals; or the frame. The other
+//! [`Command`]s of a client, bit rates and status flags have their letters here as well.
 //!
 //! Left out: when which command is sent, and how it is answered, which the two ends decide.
 
@@ -60,6 +60,93 @@ impl Flags {
 
 /// kbit/s of `S0` to `S8`.
 pub const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
+
+/// A command of a client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Open the channel.
+    Open,
+    /// Open it to listen only.
+    ListenOnly,
+    /// Close it.
+    Close,
+    /// Tell hardware and software version.
+    Version,
+    /// Tell the serial number.
+    SerialNumber,
+    /// Tell the status flags.
+    Flags,
+    /// Take this bit rate, one of [`RATES`].
+    Rate(u32),
+    /// Take these values of the controller's registers for the bit rate.
+    Registers(u32),
+    /// Stamp frames with the time, or do not.
+    Stamped(bool),
+    /// Take this acceptance code.
+    Code(u32),
+    /// Take this acceptance mask.
+    Mask(u32),
+    /// Send a frame.
+    Send(Frame),
+}
+
+impl Command {
+    /// The command of a line without its end; `None` for one that is unknown or malformed.
+    pub fn read(line: &[u8]) -> Option<Self> {
+        let (letter, rest) = line.split_first()?;
+        Some(match (*letter, rest) {
+            (letter, _) if FRAME_LETTERS.contains(&letter) => Self::Send(frame(letter, rest)?),
+            (b'O', []) => Self::Open,
+            (b'L', []) => Self::ListenOnly,
+            (b'C', []) => Self::Close,
+            (b'V', []) => Self::Version,
+            (b'N', []) => Self::SerialNumber,
+            (b'F', []) => Self::Flags,
+            (b'S', [digit @ b'0'..=b'8']) => {
+                Self::Rate(RATES.get(usize::from(digit - b'0')).copied()?)
+            }
+            (b's', [_, _, _, _]) => Self::Registers(hex::number(rest)?),
+            (b'Z', [b'0']) => Self::Stamped(false),
+            (b'Z', [b'1']) => Self::Stamped(true),
+            (b'M', _) if rest.len() == 8 => Self::Code(hex::number(rest)?),
+            (b'm', _) if rest.len() == 8 => Self::Mask(hex::number(rest)?),
+            _ => return None,
+        })
+    }
+
+    /// The line of the command, with its end. A rate that is none of [`RATES`] has none.
+    pub fn line(self) -> Option<Vec<u8>> {
+        let mut line = Vec::new();
+        match self {
+            Self::Open => line.push(b'O'),
+            Self::ListenOnly => line.push(b'L'),
+            Self::Close => line.push(b'C'),
+            Self::Version => line.push(b'V'),
+            Self::SerialNumber => line.push(b'N'),
+            Self::Flags => line.push(b'F'),
+            Self::Rate(kbit_s) => {
+                let place = RATES.iter().position(|rate| *rate == kbit_s)?;
+                line.push(b'S');
+                hex::put(&mut line, place as u32, 1);
+            }
+            Self::Registers(values) => put(&mut line, b's', values, 4),
+            Self::Stamped(on) => put(&mut line, b'Z', u32::from(on), 1),
+            Self::Code(code) => put(&mut line, b'M', code, 8),
+            Self::Mask(mask) => put(&mut line, b'm', mask, 8),
+            Self::Send(frame) => {
+                Form::default().put_frame(&mut line, &frame, 0);
+                return Some(line);
+            }
+        }
+        line.push(CR);
+        Some(line)
+    }
+}
+
+fn put(line: &mut Vec<u8>, letter: u8, value: u32, digits: u32) {
+    line.push(letter);
+    hex::put(line, value, digits);
+}
 
 /// How a client wants its frames, set by `Z`, `M` and `m`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,6 +244,44 @@ mod tests {
         assert!(flags.errors() == 3 && flags.is_unsent());
         assert!(Flags(0x59).errors() == 0 && !Flags(0x59).is_unsent());
         assert_eq!(Flags::read(b"100"), None);
+    }
+
+    #[test]
+    fn a_command_comes_back_from_its_line() {
+        let commands = [
+            Command::Open,
+            Command::ListenOnly,
+            Command::Close,
+            Command::Version,
+            Command::SerialNumber,
+            Command::Flags,
+            Command::Rate(250),
+            Command::Registers(0x031C),
+            Command::Stamped(true),
+            Command::Stamped(false),
+            Command::Code(0x3025_FFEA),
+            Command::Mask(0x10),
+            Command::Send(Frame::data_frame(0x601, &[0x40, 8])),
+        ];
+        for command in commands {
+            let line = command.line().unwrap();
+            let (end, line) = line.split_last().unwrap();
+            assert_eq!((*end, Command::read(line)), (CR, Some(command)));
+        }
+        assert_eq!(Command::Rate(250).line().unwrap(), b"S5\r");
+        assert_eq!(Command::Rate(77).line(), None);
+        for line in [
+            &b""[..],
+            b"O1",
+            b"S9",
+            b"s03G0",
+            b"Z2",
+            b"M123",
+            b"t12",
+            b"X1",
+        ] {
+            assert_eq!(Command::read(line), None);
+        }
     }
 
     #[test]

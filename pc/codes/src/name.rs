@@ -232,7 +232,7 @@ fn at(objects: &[Object<'static>], index: u16, sub: Option<u8>) -> Vec<Named> {
 }
 
 /// The digits behind "0x".
-fn hex(text: &str) -> Option<&str> {
+pub(crate) fn hex(text: &str) -> Option<&str> {
     text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"))
 }
 

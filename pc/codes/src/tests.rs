@@ -443,3 +443,19 @@ fn the_variant_with_a_gyroscope_has_three_more_messages_and_files_of_its_own() {
     assert_eq!(rates[3], rate);
     assert_eq!(text.matches("\"Off as delivered.\";").count(), 4);
 }
+
+#[test]
+fn counts_are_shown_in_decimal_and_patterns_in_hexadecimal() {
+    let shown = |address: &str| {
+        let named = crate::name::one(address).unwrap();
+        let size = named.row.unwrap().data_type.size().unwrap();
+        let bytes = 1000_u64.to_le_bytes()[..size].to_vec();
+        crate::value::show(&named, &bytes, None).text
+    };
+    for count in [
+        "1018:4", "2026:1", "2026:2", "2032", "2052:5", "2052:6", "2080:6",
+    ] {
+        assert_eq!(shown(count), "1000", "{count}");
+    }
+    assert_eq!(shown("1018:1"), "0x000003E8");
+}

@@ -13,7 +13,7 @@ use canopen::object::DataType;
 use device::objects::row::Row;
 use device::objects::table::{self, Channel};
 
-use super::name::Named;
+use super::name::{self, Named};
 use crate::{dictionary, meaning, words};
 use output::printable;
 
@@ -172,10 +172,21 @@ fn show_number(row: &Row, raw: i64, resolution: Option<u32>) -> Shown {
     }
 }
 
+/// Objects of more than a byte and without a unit that count something: serial number, SYNCs,
+/// samples, overruns, bus-offs, bytes of a program.
+const COUNTS: [(u16, u8); 7] = [
+    (0x1018, 4),
+    (0x2026, 1),
+    (0x2026, 2),
+    (0x2032, 0),
+    (0x2052, 5),
+    (0x2052, 6),
+    (0x2080, 6),
+];
+
 /// A number without a unit: counts are decimal, patterns and identifiers hexadecimal.
 fn plain(row: &Row, raw: i64) -> String {
-    let counts = ["stops at", "wraps", "Number of", "Bytes of"];
-    match counts.iter().any(|word| row.doc.contains(word)) {
+    match COUNTS.contains(&(row.index, row.sub)) {
         true => raw.to_string(),
         false => dictionary::number(row, raw),
     }
@@ -248,9 +259,7 @@ fn whole(text: &str) -> Option<i64> {
         Some(digits) => (-1, digits),
         None => (1, text.strip_prefix('+').unwrap_or(text)),
     };
-    let hex = digits
-        .strip_prefix("0x")
-        .or_else(|| digits.strip_prefix("0X"));
+    let hex = name::hex(digits);
     let hex = hex.or_else(|| digits.strip_suffix('h').filter(|d| !d.is_empty()));
     let magnitude = match hex {
         Some(digits) if digits.starts_with(['+', '-']) => None,

@@ -88,10 +88,51 @@ impl Checks {
         finding.count += 1;
     }
 
+    /// Takes what another one has found.
+    pub fn merge(&mut self, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            own.first_ns = match (own.count, other.count) {
+                (_, 0) => own.first_ns,
+                (0, _) => other.first_ns,
+                _ => own.first_ns.min(other.first_ns),
+            };
+            own.count += other.count;
+        }
+    }
+
     /// The kinds that were found.
     pub fn found(&self) -> impl Iterator<Item = (Check, Finding)> + '_ {
         let all = Check::ALL.iter().zip(&self.0);
         all.filter(|(_, finding)| finding.count > 0)
             .map(|(check, finding)| (*check, *finding))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn merged_parts_are_the_whole(
+            found in prop::collection::vec((0..Check::ALL.len(), any::<bool>()), 0..40),
+        ) {
+            let of = |wanted: &dyn Fn(bool) -> bool| {
+                let mut checks = Checks::default();
+                for (time_ns, (check, part)) in (0..).zip(&found) {
+                    if wanted(*part) {
+                        checks.add(Check::ALL[*check], time_ns);
+                    }
+                }
+                checks
+            };
+            let (one, other, whole) = (of(&|part| part), of(&|part| !part), of(&|_| true));
+            for (mut own, other) in [(one, other), (other, one)] {
+                own.merge(&other);
+                prop_assert_eq!(own, whole);
+            }
+        }
     }
 }

@@ -21,6 +21,8 @@ pub struct Values {
     pub latency_ms: u8,
     /// The larger difference, 0.001 deg.
     pub difference_mdeg: Option<i16>,
+    /// Where it is that of one axis: which, X being 0.
+    pub difference_axis: Option<u8>,
     /// Temperature, degC.
     pub temperature_degc: i8,
     /// Slope X and Y of the moment, 0.001 deg; `None` where there is none.
@@ -40,6 +42,7 @@ const NOTHING: Values = Values {
     uncertainty_mdeg: None,
     latency_ms: 0,
     difference_mdeg: None,
+    difference_axis: None,
     temperature_degc: 0,
     now_mdeg: [None; 2],
     now_uncertainty_mdeg: None,
@@ -56,10 +59,11 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
     let all = u64::from_le_bytes(bytes);
     let mut values = NOTHING;
     for field in &plan.fields {
-        let upper = 64 - u32::from(field.bits);
-        // Shifted up to the top and down again, which keeps the sign where that is wanted.
-        let top = all << (upper - u32::from(field.shift));
-        let (plain, signed) = (top >> upper, (top as i64) >> upper);
+        // Shifted up to the top and down again, which keeps the sign where that is wanted; both by
+        // less than 64, as a plan has them, so that nothing wraps.
+        let upper = 64_u32.wrapping_sub(u32::from(field.bits));
+        let top = all.wrapping_shl(upper.wrapping_sub(u32::from(field.shift)));
+        let (plain, signed) = (top.wrapping_shr(upper), (top as i64).wrapping_shr(upper));
         match field.what {
             What::Slope(axis) => {
                 let mdeg = slope_mdeg(signed, upper, resolution_mdeg);
@@ -85,7 +89,8 @@ pub fn decode(plan: &PdoPlan, bytes: [u8; 8], resolution_mdeg: i32) -> Values {
                 values.uncertainty_mdeg = if known == u16::MAX { None } else { larger };
             }
             What::Latency => values.latency_ms = plain as u8,
-            What::Difference => {
+            What::Difference(axis) => {
+                values.difference_axis = Some(axis).filter(|axis| *axis < 2);
                 let known = signed as i16;
                 values.difference_mdeg = (known != i16::MIN).then_some(known);
             }

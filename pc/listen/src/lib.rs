@@ -6,25 +6,30 @@
 //! in 0.001 deg whatever resolution the bus has. The difference of a pair is formed anew here, of
 //! the two angles of one SYNC, beside what the nodes say of themselves.
 //!
-//! Left out: where frames come from (`bus`, `log`), and what is done with what they say.
+//! Left out: where frames come from (`bus-master`, `bus-logs`), and what is done with what they
+//! say.
 
 mod checks;
 mod decode;
 pub mod eds;
+mod exchange;
 mod messages;
 mod options;
 mod pair;
 mod plan;
+mod round;
 mod side;
 mod supervision;
 #[cfg(test)]
 mod tests;
 
 pub use checks::{Check, Checks};
+pub use exchange::{Activity, Measured};
 pub use messages::{Emergency, Part};
 pub use options::{PlanError, PlanOptions, Unnamed};
 pub use pair::{Delta, Pair};
 pub use plan::{NodePlan, PdoPlan, Plan, What};
+pub use round::Round;
 pub use side::{Beat, Detail, Now, SAME_START_NS, Side, Slopes};
 pub use supervision::Heartbeat;
 
@@ -94,10 +99,6 @@ pub struct Counts {
     pub remote: u64,
     /// Frames that are older than one before them.
     pub backwards: u64,
-    /// Times that nothing at all was seen for longer than [`GAP_NS`].
-    pub holes: u64,
-    /// The longest of these, ns.
-    pub longest_hole_ns: u64,
 }
 
 /// What an identifier stands for.
@@ -236,10 +237,6 @@ impl Watch {
             if self.ahead_ns == NEVER {
                 self.ahead_ns = self.last_ns;
             }
-        } else if time_ns - self.last_ns > GAP_NS {
-            let hole_ns = time_ns - self.last_ns;
-            self.counts.holes += 1;
-            self.counts.longest_hole_ns = self.counts.longest_hole_ns.max(hole_ns);
         }
         if time_ns >= self.ahead_ns {
             self.ahead_ns = NEVER;
@@ -304,14 +301,14 @@ impl Watch {
         let values = decode::decode(plan, frame.padded(), side.plan.resolution_mdeg);
         side.arrived(number, plan.every, time_ns);
         match side.take(time_ns, usize::from(number), &values) {
-            Kind::Slopes => Meaning::Slopes(at, pair.slopes(usize::from(at.side))),
+            Kind::Slopes => Meaning::Slopes(at, pair.slopes(usize::from(at.side), time_ns)),
             Kind::Detail => {
                 pair.detail(usize::from(at.side), time_ns);
                 Meaning::Detail(at)
             }
             Kind::Exchange(part) => {
                 if part.has_angles() {
-                    pair.exchange(usize::from(at.side));
+                    pair.exchange(usize::from(at.side), time_ns);
                 }
                 Meaning::Exchange(at, part)
             }

@@ -1,17 +1,20 @@
-//! Two channels, and the difference between them.
+//! Two channels, and what they are to each other.
 //!
-//! In: what both have told. Out: with the second slopes of a SYNC their difference; and beside
-//! what the channels say of themselves an own comparison of the angles that they exchange
-//! (TPDO 3), which is found to contradict them or not.
+//! In: what both have sent. Out: a [`Round`] for each SYNC; with the second slopes of a SYNC their
+//! difference; and beside what the channels report themselves an own comparison of the angles that
+//! they exchange (TPDO 3), which is found to contradict them or not. A round ends with the next
+//! SYNC, or where a channel sends the same PDO again, in a log without SYNCs.
 //!
 //! The comparison takes what the nodes compare: angles without preset and offset. 2024h has to be
-//! one of the latest differences, and a pair that says it agrees must not be apart for long by
-//! more than 0.40 deg and five standard uncertainties (the product's window, the paper's
+//! one of the latest differences, and a pair that reports that it agrees must not be apart for long
+//! by more than 0.40 deg and five standard uncertainties (the product's window, the paper's
 //! threshold).
 //!
 //! Left out: a judgement of who is wrong; the nodes send theirs.
 
 use super::checks::Check;
+use super::exchange::Measured;
+use super::round::Round;
 use super::side::Side;
 
 /// The difference of the two channels at one SYNC.
@@ -35,25 +38,25 @@ pub struct Pair {
     pub exchanged_mdeg: [Option<i32>; 2],
     /// How often that was formed.
     pub exchanges: u64,
-    sync_ns: u64,
-    /// Which of them have sent slopes since the SYNC, and which the exchange.
-    told: [bool; 2],
-    exchanged: [bool; 2],
-    /// Differences of the latest SYNCs, the newest first.
+    /// The SYNC under way, and the one before it that something was sent at.
+    round: Round,
+    ended: Option<Round>,
+    rounds: u64,
+    /// Differences of the exchanged angles of the latest SYNCs, the newest first.
     recent: [[Option<i32>; 2]; RECENT],
+    /// By how much 2024h of each side was off, when it was sent.
+    off_mdeg: [Option<u32>; 2],
     /// Since when the exchanged angles are apart although both say that they agree.
     apart_ns: Option<u64>,
     /// Since when both have told states that exclude each other.
     at_odds_ns: Option<u64>,
-    /// Squared uncertainty of each quality, 2^-24 of a circle.
-    variance: Box<[f32; 256]>,
 }
 
 /// How many SYNCs back 2024h may be; as the nodes work it is of the SYNC before.
 const RECENT: usize = 4;
 
 /// 2024h is rounded, and the exchange cuts the angle to 2^-24 of a circle.
-const ROUNDING_MDEG: i32 = 2;
+const ROUNDING_MDEG: u32 = 2;
 
 /// The largest number of 2024h, which stands for all above.
 const LARGEST_MDEG: i32 = 32_767;
@@ -62,73 +65,81 @@ const LARGEST_MDEG: i32 = 32_767;
 /// slowest SYNC of the nodes themselves is one in a second.
 const MAY_LAST_NS: u64 = 1_500_000_000;
 
-/// 0.40 deg in 2^-24 of a circle.
-const THRESHOLD: f32 = 0.40 / 360.0 * 16_777_216.0;
+/// 0.40 deg.
+const THRESHOLD_MDEG: u32 = 400;
 
 /// Standard uncertainties that two angles may be apart.
-const COVERAGE: f32 = 5.0;
+const COVERAGE: f64 = 5.0;
 
 impl Pair {
     pub(super) fn new(sides: [Side; 2]) -> Self {
-        let steps_per_mdeg = 16_777_216.0 / 360_000.0;
-        let variance = |quality: usize| {
-            let mdeg = f32::exp2((quality as f32 - 32.0) / 16.0);
-            (mdeg * steps_per_mdeg).powi(2)
-        };
-        let mut table = Box::new([0.0; 256]);
-        let all = table.iter_mut().enumerate();
-        all.for_each(|(quality, square)| *square = variance(quality));
-        // The highest quality says that nothing is known.
-        if let Some(last) = table.last_mut() {
-            *last = f32::INFINITY;
-        }
         Self {
             sides,
             delta: None,
             exchanged_mdeg: [None; 2],
             exchanges: 0,
-            sync_ns: 0,
-            told: [false; 2],
-            exchanged: [false; 2],
+            round: Round::default(),
+            ended: None,
+            rounds: 0,
             recent: [[None; 2]; RECENT],
+            off_mdeg: [None; 2],
             apart_ns: None,
             at_odds_ns: None,
-            variance: table,
         }
+    }
+
+    /// The SYNC that ended last, and how many have ended; those at which nothing was sent are none.
+    pub const fn ended(&self) -> (Option<&Round>, u64) {
+        (self.ended.as_ref(), self.rounds)
+    }
+
+    /// The SYNC under way.
+    pub const fn under_way(&self) -> &Round {
+        &self.round
     }
 
     #[inline]
     pub(super) fn sync(&mut self, time_ns: u64) {
-        self.sync_ns = time_ns;
         // A plan may have many pairs of which none is there.
-        if self.sides.iter().all(|side| side.seen_ns.is_none()) {
-            return;
+        if self.sides.iter().any(|side| side.seen_ns.is_some()) {
+            self.sides.iter_mut().for_each(|side| side.sync(time_ns));
+            self.end_round(time_ns);
         }
-        self.told = [false; 2];
-        if self.exchanged != [true; 2] {
+        self.round.time_ns = time_ns;
+    }
+
+    fn end_round(&mut self, time_ns: u64) {
+        if !self.round.is_of_measured() {
             self.remember([None; 2]);
         }
-        self.exchanged = [false; 2];
-        self.sides.iter_mut().for_each(|side| side.sync(time_ns));
+        if !self.round.is_empty() {
+            self.ended = Some(self.round);
+            self.rounds += 1;
+        }
+        self.round = Round::at(time_ns);
     }
 
     /// Side `number` has sent slopes: the difference, if it is the second one.
     #[inline]
-    pub(super) fn slopes(&mut self, number: usize) -> Option<Delta> {
-        if let Some(told) = self.told.get_mut(number) {
-            *told = true;
+    pub(super) fn slopes(&mut self, number: usize, time_ns: u64) -> Option<Delta> {
+        let is_again = self.round.slopes.get(number).is_some_and(Option::is_some);
+        if is_again {
+            self.end_round(time_ns);
+        }
+        let sent = self.sides.get(number).and_then(|side| side.slopes);
+        if let (Some(sent), Some(place)) = (sent, self.round.slopes.get_mut(number)) {
+            *place = Some(sent.mdeg);
         }
         let [Some(a), Some(b)] = [self.sides[0].slopes, self.sides[1].slopes] else {
             return None;
         };
-        if self.told != [true; 2] {
+        if self.round.slopes.iter().any(Option::is_none) {
             return None;
         }
         self.compare_states(a.state, b.state);
-        let minus = |axis: usize| Some(a.mdeg[axis]? - b.mdeg[axis]?);
         self.delta = Some(Delta {
-            time_ns: self.sync_ns,
-            mdeg: [minus(0), minus(1)],
+            time_ns: self.round.time_ns,
+            mdeg: [0, 1].map(|axis| self.round.slope_difference(axis)),
         });
         self.delta
     }
@@ -144,9 +155,9 @@ impl Pair {
             self.at_odds_ns = None;
             return;
         }
-        let since_ns = *self.at_odds_ns.get_or_insert(self.sync_ns);
-        if self.sync_ns.saturating_sub(since_ns) > MAY_LAST_NS {
-            let now_ns = self.sync_ns;
+        let since_ns = *self.at_odds_ns.get_or_insert(self.round.time_ns);
+        if self.round.time_ns.saturating_sub(since_ns) > MAY_LAST_NS {
+            let now_ns = self.round.time_ns;
             self.sides
                 .iter_mut()
                 .for_each(|side| side.checks.add(Check::State, now_ns));
@@ -155,31 +166,23 @@ impl Pair {
 
     /// Side `number` has sent the angles for the other one.
     #[inline]
-    pub(super) fn exchange(&mut self, number: usize) {
-        if let Some(exchanged) = self.exchanged.get_mut(number) {
-            *exchanged = true;
+    pub(super) fn exchange(&mut self, number: usize, time_ns: u64) {
+        let is_again = self.round.measured.get(number).is_some_and(Option::is_some);
+        if is_again {
+            self.end_round(time_ns);
         }
-        let [Some(a), Some(b)] = [self.sides[0].told, self.sides[1].told] else {
+        let sent = self.sides.get(number).and_then(|side| side.told);
+        if let (Some(sent), Some(place)) = (sent, self.round.measured.get_mut(number)) {
+            *place = Some(Measured::of(&sent.exchange));
+        }
+        let [Some(a), Some(b)] = self.round.measured else {
             return;
         };
-        if self.exchanged != [true; 2] {
-            return;
-        }
-        let (a, b) = (a.exchange, b.exchange);
-        let mut mdeg = [None; 2];
-        let mut is_apart = false;
-        for (axis, mdeg) in mdeg.iter_mut().enumerate() {
-            let [qa, qb] = [a.quality[axis], b.quality[axis]];
-            if qa < FIRST_ANGLE || qb < FIRST_ANGLE {
-                continue;
-            }
-            // Half a circle wraps, as angles do.
-            let steps = (a.angle[axis].wrapping_sub(b.angle[axis]) << 8) >> 8;
-            *mdeg = Some(as_mdeg(steps));
-            let variance = self.variance[usize::from(qa)] + self.variance[usize::from(qb)];
-            let apart = steps as f32;
-            is_apart |= apart.abs() > THRESHOLD && apart * apart > COVERAGE * COVERAGE * variance;
-        }
+        let mdeg = [0, 1].map(|axis| a.minus(&b, axis));
+        let axes = mdeg.into_iter().enumerate();
+        let is_apart = axes
+            .filter_map(|(axis, mdeg)| Some((axis, mdeg?.unsigned_abs())))
+            .any(|(axis, apart)| apart > THRESHOLD_MDEG && is_beyond(apart, &a, &b, axis));
         self.remember(mdeg);
         self.exchanged_mdeg = mdeg;
         self.exchanges += 1;
@@ -197,7 +200,7 @@ impl Pair {
             self.apart_ns = None;
             return;
         }
-        let now_ns = self.sync_ns;
+        let now_ns = self.round.time_ns;
         let since_ns = *self.apart_ns.get_or_insert(now_ns);
         if now_ns.saturating_sub(since_ns) > MAY_LAST_NS {
             let accused = self.sides.iter_mut().filter(|side| agree(side));
@@ -205,27 +208,43 @@ impl Pair {
         }
     }
 
-    /// Side `number` has told its difference.
+    /// Side `number` has sent its difference.
     #[inline]
     pub(super) fn detail(&mut self, number: usize, time_ns: u64) {
-        let Some(side) = self.sides.get_mut(number) else {
-            return;
-        };
-        let Some(told) = side.detail.and_then(|detail| detail.difference_mdeg) else {
-            return;
-        };
-        let told = i32::from(told) * if number == 0 { 1 } else { -1 };
-        let mut any = false;
-        for mdeg in self.recent.iter().flatten().flatten() {
-            any = true;
-            let own = (*mdeg).clamp(-LARGEST_MDEG, LARGEST_MDEG);
-            if (own - told).abs() <= ROUNDING_MDEG {
-                return;
-            }
+        let off = self.find_off(number);
+        if let Some(place) = self.off_mdeg.get_mut(number) {
+            *place = off;
         }
-        if any {
+        if let (Some(off), Some(side)) = (off, self.sides.get_mut(number))
+            && off > ROUNDING_MDEG
+        {
             side.checks.add(Check::Difference, time_ns);
         }
+    }
+
+    /// 2024h of side `number` as A - B, 0.001 deg: each node sends its own angle minus the other's.
+    pub fn difference_sent(&self, number: usize) -> Option<i32> {
+        let sent = self
+            .sides
+            .get(number)?
+            .detail?
+            .difference_mdeg
+            .map(i32::from)?;
+        Some(if number == 0 { sent } else { -sent })
+    }
+
+    /// By how much 2024h of side `number` was off the closest difference of the SYNCs before it,
+    /// of the angles that the channels have sent each other, 0.001 deg; `None` without either.
+    pub fn difference_off(&self, number: usize) -> Option<u32> {
+        self.off_mdeg.get(number).copied().flatten()
+    }
+
+    fn find_off(&self, number: usize) -> Option<u32> {
+        let sent = self.difference_sent(number)?;
+        let axis = self.sides.get(number)?.detail?.difference_axis;
+        let recent = self.recent.iter().flat_map(|mdeg| may_be_meant(mdeg, axis));
+        let off = recent.map(|own| own.clamp(-LARGEST_MDEG, LARGEST_MDEG).abs_diff(sent));
+        off.min()
     }
 
     /// The log has a hole, or time has gone back: what lasted is not known any longer.
@@ -236,13 +255,27 @@ impl Pair {
     }
 }
 
-/// The lowest quality that stands for an angle.
-const FIRST_ANGLE: u8 = 32;
-
 /// 2021h of a pair that agrees.
 const AGREE: u8 = 1;
 
-/// 2^-24 of a circle to 0.001 deg, rounded.
-const fn as_mdeg(steps: i32) -> i32 {
-    ((steps as i64 * 360_000 + (1 << 23)) >> 24) as i32
+/// The differences of a SYNC that 2024h may be: that of its axis; else the larger one, and the
+/// other one too where they are as large but for the rounding.
+fn may_be_meant(mdeg: &[Option<i32>; 2], axis: Option<u8>) -> impl Iterator<Item = i32> {
+    let largest = mdeg.iter().flatten().map(|mdeg| mdeg.unsigned_abs()).max();
+    let least = largest.unwrap_or(0).saturating_sub(ROUNDING_MDEG);
+    let is_meant = move |(number, mdeg): &(u8, i32)| match axis {
+        Some(axis) => *number == axis,
+        None => mdeg.unsigned_abs() >= least,
+    };
+    let both = (0_u8..)
+        .zip(*mdeg)
+        .filter_map(|(number, mdeg)| Some((number, mdeg?)));
+    both.filter(is_meant).map(|(_, mdeg)| mdeg)
+}
+
+/// Whether the angles of an axis are this much apart by more than their uncertainties explain.
+fn is_beyond(apart_mdeg: u32, a: &Measured, b: &Measured, axis: usize) -> bool {
+    // Of an angle whose uncertainty is not known nothing follows.
+    let both = a.uncertainty_mdeg(axis).zip(b.uncertainty_mdeg(axis));
+    both.is_some_and(|(a, b)| f64::from(apart_mdeg) > COVERAGE * a.hypot(b))
 }

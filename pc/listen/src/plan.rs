@@ -95,8 +95,8 @@ pub enum What {
     Uncertainty,
     /// 2023h sub 2, ms.
     Latency,
-    /// 2024h, any of it.
-    Difference,
+    /// 2024h: sub 1 and 2 of an axis, sub 3 (axis 2) the larger of both.
+    Difference(u8),
     /// 6511h, degC.
     Temperature,
     /// 2010h sub 1, 2: an angle of the exchange.
@@ -131,7 +131,7 @@ impl What {
             (0x2021, 0) => Self::State,
             (0x2022, 1..=3) => Self::Uncertainty,
             (0x2023, 2) => Self::Latency,
-            (0x2024, 1..=3) => Self::Difference,
+            (0x2024, 1..=3) => Self::Difference(sub - 1),
             (0x6511, 0) => Self::Temperature,
             (0x2010, 1 | 2) => Self::Angle(sub - 1),
             (0x2010, 3 | 4) => Self::Quality(sub - 3),

@@ -32,10 +32,11 @@ pub const SAME_START_NS: u64 = 20_000_000;
 pub struct Slopes {
     /// When it was seen.
     pub time_ns: u64,
-    /// Slope X and Y, 0.001 deg; `None` where the channel reports that it must not be used.
+    /// Slope X and Y, 0.001 deg; `None` where the channel reports that it must not be used: by its
+    /// bit of 2020h, by the number 8000h, or by both.
     pub mdeg: [Option<i32>; 2],
-    /// Validity (2020h).
-    pub validity: u8,
+    /// Validity (2020h); `None` where no PDO carries it.
+    pub validity: Option<u8>,
     /// State of the pair (2021h).
     pub state: u8,
 }
@@ -51,6 +52,8 @@ pub struct Detail {
     pub latency_ms: u8,
     /// The larger difference to the other channel as the node has formed it, 0.001 deg (2024h).
     pub difference_mdeg: Option<i16>,
+    /// Where it is that of one axis: which, X being 0 (2024h sub 1, 2).
+    pub difference_axis: Option<u8>,
     /// Temperature of the sensor, degC (6511h).
     pub temperature_degc: i8,
 }
@@ -196,6 +199,7 @@ impl Side {
                     uncertainty_mdeg: values.uncertainty_mdeg,
                     latency_ms: values.latency_ms,
                     difference_mdeg: values.difference_mdeg,
+                    difference_axis: values.difference_axis,
                     temperature_degc: values.temperature_degc,
                 });
             }
@@ -216,34 +220,36 @@ impl Side {
 
     fn take_slopes(&mut self, time_ns: u64, values: &Values) {
         // A PDO without them keeps what another one has told.
-        let before = self.slopes.map_or((0, 0), |s| (s.validity, s.state));
-        let slopes = Slopes {
-            time_ns,
-            mdeg: values.slopes_mdeg,
-            validity: values.validity.unwrap_or(before.0),
-            state: values.state.unwrap_or(before.1),
-        };
-        if values.validity.is_some() {
-            self.check_validity(&slopes);
+        let before = self.slopes.map_or((None, 0), |s| (s.validity, s.state));
+        let validity = values.validity.or(before.0);
+        if let Some(validity) = values.validity {
+            self.check_validity(time_ns, validity, &values.slopes_mdeg);
         }
-        let ranges = slopes.mdeg.iter().zip(&self.plan.range_mdeg).enumerate();
-        for (axis, (mdeg, [low, high])) in ranges {
-            let outside = mdeg.is_some_and(|mdeg| mdeg < *low || mdeg > *high);
-            if outside && slopes.validity & (1 << axis) != 0 {
+        let mut mdeg = values.slopes_mdeg;
+        for (axis, mdeg) in mdeg.iter_mut().enumerate() {
+            *mdeg = mdeg.filter(|_| validity.is_none_or(|bits| bits & (1 << axis) != 0));
+        }
+        for (mdeg, [low, high]) in mdeg.iter().zip(&self.plan.range_mdeg) {
+            if mdeg.is_some_and(|mdeg| mdeg < *low || mdeg > *high) {
                 self.checks.add(Check::Range, time_ns);
             }
         }
-        self.slopes = Some(slopes);
+        self.slopes = Some(Slopes {
+            time_ns,
+            mdeg,
+            validity,
+            state: values.state.unwrap_or(before.1),
+        });
     }
 
     /// Bits 0 and 1 of 2020h against the numbers (docs/canopen.md, "Reading an angle"). A valid
     /// slope that 16 bit cannot hold reads as none, and is then told as outside its range.
-    fn check_validity(&mut self, slopes: &Slopes) {
-        for (axis, mdeg) in slopes.mdeg.iter().enumerate() {
-            let is_valid = slopes.validity & (1 << axis) != 0;
+    fn check_validity(&mut self, time_ns: u64, validity: u8, sent_mdeg: &[Option<i32>; 2]) {
+        for (axis, mdeg) in sent_mdeg.iter().enumerate() {
+            let is_valid = validity & (1 << axis) != 0;
             let out_of_range = self.faults & (1 << axis) != 0;
             if is_valid != mdeg.is_some() && !(is_valid && out_of_range) {
-                self.checks.add(Check::Validity, slopes.time_ns);
+                self.checks.add(Check::Validity, time_ns);
             }
         }
     }
@@ -345,7 +351,7 @@ fn kind_of(pdo: &PdoPlan) -> Kind {
     let has_detail = pdo.has(|what| {
         matches!(
             what,
-            What::Uncertainty | What::Difference | What::Temperature
+            What::Uncertainty | What::Difference(_) | What::Temperature
         )
     });
     match (has_angles, has_vector) {

@@ -89,6 +89,76 @@ fn slopes_of_one_sync_make_a_difference() {
 }
 
 #[test]
+fn a_slope_is_valid_by_its_bit_and_by_its_number() {
+    let mut bus = bus();
+    let sent = |bus: &Bus| bus.watch.pairs()[0].sides[0].slopes.unwrap().mdeg;
+    // 1 deg and 0 deg: X, Y, neither may be used.
+    for (validity, mdeg) in [
+        (0x3D, [Some(1000), None]),
+        (0x3E, [None, Some(0)]),
+        (0x3C, [None; 2]),
+    ] {
+        bus.see(0x181, &slopes(100, validity, 1));
+        assert_eq!(sent(&bus), mdeg);
+    }
+    bus.see(0x181, &slopes(i16::MIN, 0x3F, 1));
+    assert_eq!(sent(&bus), [None, Some(0)]);
+    assert!(bus.found(0).contains(&(Check::Validity, 5)));
+}
+
+#[test]
+fn without_validity_on_the_bus_the_number_alone_counts() {
+    let mut node = NodePlan::as_delivered(1);
+    node.pdos[0] = PdoPlan::of(0x181, 1, &[0x6010_0010, 0x6020_0010]);
+    let plan = Plan {
+        nodes: vec![node],
+        ..Plan::default()
+    };
+    let mut watch = Watch::new(&plan);
+    watch.take(1, &Frame::data_frame(0x181, &[100, 0, 0, 0x80]));
+    let slopes = watch.pairs()[0].sides[0].slopes.unwrap();
+    assert_eq!((slopes.mdeg, slopes.validity), ([Some(1000), None], None));
+}
+
+#[test]
+fn the_difference_of_slopes_went_the_longer_way_round() {
+    let mut bus = bus();
+    bus.see(0x080, &[]);
+    bus.see(0x181, &slopes(17_999, 0x3F, 1));
+    let Meaning::Slopes(_, Some(delta)) = bus.see(0x182, &slopes(-17_999, 0x3F, 1)) else {
+        panic!("a difference");
+    };
+    assert_eq!(delta.mdeg, [Some(-20), Some(0)]);
+}
+
+#[test]
+fn a_round_ends_with_the_next_sync_or_where_a_channel_sends_again() {
+    let mut bus = bus();
+    for _ in 0..3 {
+        bus.round([0, 10], [1, 1]);
+    }
+    let (round, count) = bus.watch.pairs()[0].ended();
+    assert_eq!((round.unwrap().is_of_measured(), count), (true, 2));
+    // Nothing is sent at these.
+    for _ in 0..5 {
+        bus.see(0x080, &[]);
+    }
+    assert_eq!(bus.watch.pairs()[0].ended().1, 3);
+    let mut without = self::bus();
+    let times: Vec<u64> = (0..3)
+        .map(|_| {
+            without.see(0x181, &slopes(1, 0x3F, 1));
+            let at_ns = without.now_ns;
+            let told = without.see(0x182, &slopes(2, 0x3F, 1));
+            assert!(matches!(told, Meaning::Slopes(_, Some(_))));
+            at_ns
+        })
+        .collect();
+    let (round, count) = without.watch.pairs()[0].ended();
+    assert_eq!((round.unwrap().time_ns, count), (times[1], 2));
+}
+
+#[test]
 fn a_healthy_pair_is_found_guilty_of_nothing() {
     let mut bus = bus();
     for turn in 0..500 {
@@ -119,6 +189,16 @@ fn a_difference_that_is_not_that_of_the_angles_is_counted() {
     bus.see(0x281, &detail(i16::MIN));
     let one = vec![(Check::Difference, 1)];
     assert_eq!((bus.found(0), bus.found(1)), (one.clone(), one));
+}
+
+#[test]
+fn a_difference_of_the_smaller_axis_was_taken_for_the_larger_one() {
+    let mut bus = bus();
+    // X is 0.050 deg apart, Y not at all.
+    bus.round([1000, 1050], [1, 1]);
+    bus.see(0x281, &detail(0));
+    assert_eq!(bus.watch.pairs()[0].difference_off(0), Some(50));
+    assert_eq!(bus.found(0), [(Check::Difference, 1)]);
 }
 
 #[test]
@@ -235,8 +315,6 @@ fn a_hole_in_the_log_is_no_lost_heartbeat() {
     }
     bus.pass(60_000);
     bus.round([0, 0], [1, 1]);
-    let counts = *bus.watch.counts();
-    assert_eq!((counts.holes, counts.longest_hole_ns / MS), (1, 60_010));
     let losses = |bus: &Bus| bus.watch.pairs()[0].sides[0].heartbeat.losses();
     assert_eq!(losses(&bus), 0);
     bus.now_ns -= 3_600_000 * MS;
@@ -311,6 +389,17 @@ fn frames_that_are_nobodys_are_told_apart() {
     );
     assert_eq!(counts.others, 11);
     assert_eq!(bus.watch.strangers().collect::<Vec<_>>(), [5]);
+}
+
+#[test]
+fn how_far_a_channel_has_turned_is_a_message_of_that_channel() {
+    let mut bus = bus();
+    assert_eq!(bus.see(0x402, &[1; 8]), Meaning::Turned(PLACES[1]));
+    assert_eq!(bus.see(0x402, &[1; 7]), Meaning::Malformed(PLACES[1]));
+    let pair = &bus.watch.pairs()[0];
+    let is_seen = pair.sides.each_ref().map(|side| side.seen_ns.is_some());
+    assert_eq!(is_seen, [false, true]);
+    assert_eq!(bus.watch.counts().unplanned, 0);
 }
 
 #[test]

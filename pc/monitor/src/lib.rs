@@ -49,6 +49,7 @@ use reading::{Ending, Line, Outcome, Reader, Shared, Tasks};
 use record::Recorder;
 use web::Server;
 
+use bus_logs::PaceOptions;
 use listen::{Plan, Unnamed};
 
 /// Lines that may wait for a slow reader of the standard output.
@@ -123,8 +124,10 @@ fn watch_log(
 ) -> Result<ExitCode, MonitorError> {
     let options = LogOptions {
         paths: arguments.log.clone(),
-        speed: arguments.speed,
-        skip_gaps: arguments.skip_gaps,
+        pace: PaceOptions {
+            speed: arguments.speed,
+            longest_gap: arguments.skip_gaps,
+        },
         part: arguments.part,
         interface: arguments.bus.channel.clone(),
     };

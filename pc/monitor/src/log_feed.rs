@@ -8,7 +8,7 @@
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use canopen::Frame;
 
@@ -18,18 +18,13 @@ use bus_logs::{LogError, Logged, PaceOptions, PartOptions, PlayOptions, Player, 
 use bus_master::JoinError;
 use output::progress::Progress;
 
-/// With `--skip-gaps` a gap lasts no longer than this.
-const LONGEST_GAP: Duration = Duration::from_secs(2);
-
 /// What is played and how.
 #[derive(Clone, Debug)]
 pub struct LogOptions {
     /// Files and folders.
     pub paths: Vec<PathBuf>,
-    /// Times as fast as it was, or infinite.
-    pub speed: f64,
-    /// Whether long gaps are passed over.
-    pub skip_gaps: bool,
+    /// How fast.
+    pub pace: PaceOptions,
     /// Which part of their time.
     pub part: PartOptions,
     /// The only interface.
@@ -64,10 +59,7 @@ impl LogFeed {
     /// Errors: see [`LogError`].
     pub fn open(options: &LogOptions, shared: Arc<Shared>) -> Result<Self, LogError> {
         let play = PlayOptions {
-            pace: PaceOptions {
-                speed: options.speed,
-                longest_gap: options.skip_gaps.then_some(LONGEST_GAP),
-            },
+            pace: options.pace,
             part: options.part,
             interface: options.interface.clone(),
             ..PlayOptions::default()
@@ -75,7 +67,7 @@ impl LogFeed {
         let player = Player::open(&options.paths, play, &Progress::hidden())?;
         Ok(Self {
             player,
-            speed: options.speed,
+            speed: options.pace.speed,
             shared,
             head: None,
             last_ns: 0,
@@ -200,6 +192,8 @@ impl Feed for LogFeed {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::super::model::{Model, Setup};
     use super::*;
     use listen::Plan;
@@ -211,8 +205,10 @@ mod tests {
         let shared = Arc::new(Shared::new(Model::new(&Plan::default(), Setup::default())));
         let options = LogOptions {
             paths: vec![path.clone()],
-            speed,
-            skip_gaps,
+            pace: PaceOptions {
+                speed,
+                longest_gap: skip_gaps.then_some(Duration::from_secs(2)),
+            },
             part: PartOptions::default(),
             interface: None,
         };

@@ -9,7 +9,7 @@ use super::level::Level;
 use super::model::{Model, Setup};
 use super::moment;
 use super::snapshot::{Channel, Compared, Snapshot, SourceState};
-use listen::Plan;
+use listen::{NodePlan, PdoPlan, Plan};
 
 const MS: u64 = 1_000_000;
 
@@ -21,12 +21,16 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
+        Self::of(&Plan::default())
+    }
+
+    fn of(plan: &Plan) -> Self {
         let setup = Setup {
             name: "bench".to_owned(),
             bit_rate: Some(250_000),
         };
         Self {
-            model: Model::new(&Plan::default(), setup),
+            model: Model::new(plan, setup),
             time_ms: 1_000_000,
         }
     }
@@ -124,6 +128,23 @@ fn a_sound_pair_shows_its_angles_its_difference_and_its_band() {
     assert_eq!((seen.bus.syncs_per_s, seen.bus.frames_per_s), (100, 300));
     let load = seen.bus.load_percent.unwrap();
     assert!((10.0..14.0).contains(&load), "{load}");
+}
+
+#[test]
+fn fresh_slopes_that_come_without_validity_were_shown_as_stale() {
+    let mut node = NodePlan::as_delivered(1);
+    node.pdos[0] = PdoPlan::of(0x181, 1, &[0x6010_0010, 0x6020_0010]);
+    let mut bench = Bench::of(&Plan {
+        nodes: vec![node],
+        ..Plan::default()
+    });
+    bench.heartbeats(5);
+    bench.take(0x80, &[]);
+    bench.take(0x181, &[100, 0, 0, 0]);
+    let channel = bench.channel(0);
+    assert_eq!((channel.slope_x_deg, channel.stale), (Some(1.0), false));
+    assert_eq!(channel.validity, None);
+    assert_eq!(channel.validity_text.as_deref(), Some("not sent"));
 }
 
 #[test]

@@ -167,6 +167,13 @@ fn band(channels: &[Channel; 2]) -> Option<f64> {
     Some(a.uncertainty_deg?.hypot(b.uncertainty_deg?))
 }
 
+/// 2020h in words, also where the slopes come without it.
+fn validity_text(bits: Option<u8>) -> String {
+    bits.map_or("not sent".to_owned(), |bits| {
+        words::validity(bits).join(", ")
+    })
+}
+
 fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel {
     let slopes = fresh(model, extra, SLOPES, extra.slopes, side.slopes, |s| {
         s.time_ns
@@ -181,6 +188,7 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
     let now_ns = model.now_ns;
     let detail_value: Option<Detail> = detail.as_ref().ok().copied();
     let slopes_value: Option<Slopes> = slopes.as_ref().ok().copied();
+    let validity = slopes_value.and_then(|slopes| slopes.validity);
     Channel {
         name: NAMES[number & 1],
         node_id: side.node_id,
@@ -193,8 +201,8 @@ fn channel(model: &Model, number: usize, side: &Side, extra: &Extra) -> Channel 
             .slopes
             .and_then(|s| age_ns(model, extra, s.time_ns))
             .map(|age| age as f64 / 1e9),
-        validity: slopes_value.map(|s| s.validity),
-        validity_text: slopes_value.map(|s| words::validity(s.validity).join(", ")),
+        validity,
+        validity_text: slopes_value.map(|slopes| validity_text(slopes.validity)),
         state: slopes_value.map(|s| s.state),
         uncertainty_deg: detail_value
             .and_then(|d| d.uncertainty_mdeg)

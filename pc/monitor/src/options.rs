@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use bus_logs::{PartOptions, speed};
+use bus_logs::{LONGEST_GAP_S, PartOptions, gap, speed};
 use bus_master::BusOptions;
 use listen::{Plan, PlanOptions};
 
@@ -24,9 +24,10 @@ pub struct Arguments {
     /// Speed of a log: 10 is ten times as fast as recorded, max as fast as possible
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = speed)]
     pub speed: f64,
-    /// Skip gaps of a log that are longer than two seconds
-    #[arg(long, requires = "log")]
-    pub skip_gaps: bool,
+    /// Shorten gaps between two frames of a log to this many seconds, 2 when none are given
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = LONGEST_GAP_S,
+          value_parser = gap, requires = "log")]
+    pub skip_gaps: Option<Duration>,
     /// Which part of the logs.
     #[command(flatten)]
     pub part: PartOptions,

@@ -84,9 +84,9 @@ pub struct Channel {
     pub stale: bool,
     /// Age of its latest TPDO 1, s.
     pub slopes_age_s: Option<f64>,
-    /// 2020h of its latest fresh TPDO 1.
+    /// 2020h of its latest fresh TPDO 1; `None` too where no PDO carries it.
     pub validity: Option<u8>,
-    /// The same in words.
+    /// The same in words; `None` only where there is no fresh TPDO 1.
     pub validity_text: Option<String>,
     /// 2021h of its latest fresh TPDO 1.
     pub state: Option<u8>,

@@ -7,6 +7,7 @@
 
 pub mod chart;
 pub mod check;
+pub mod hex;
 pub mod html;
 mod json;
 mod printable;

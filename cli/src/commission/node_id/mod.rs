@@ -22,7 +22,6 @@ use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use device::objects::table::Channel;
 use serde::Serialize;
 
 use super::answer::Answer;
@@ -474,14 +473,8 @@ fn pair_state(state: u32) -> Cow<'static, str> {
 
 /// A node by its identity.
 fn member(identity: Identity) -> Member {
-    use device::objects::communication::{PRODUCT_CODE_A, PRODUCT_CODE_B};
-    let channel = match identity[1] {
-        PRODUCT_CODE_A => Some(Channel::A),
-        PRODUCT_CODE_B => Some(Channel::B),
-        _ => None,
-    };
     Member {
-        channel: channel.map(codes::dictionary::letter),
+        channel: nodes::channel_of(identity[1]).map(codes::dictionary::letter),
         old_node: None,
         node: 0,
         serial_number: identity[3],

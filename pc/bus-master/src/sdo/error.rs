@@ -2,6 +2,8 @@
 
 use std::io;
 
+use canopen::object::Abort;
+
 /// Why a transfer ended. Each names node and object.
 #[derive(Debug, thiserror::Error)]
 pub enum SdoError {
@@ -51,6 +53,11 @@ impl SdoError {
             io::ErrorKind::Interrupted => Self::Interrupted,
             _ => Self::Lost(error),
         }
+    }
+
+    /// Whether the node has refused with this abort code.
+    pub const fn is_refusal(&self, abort: Abort) -> bool {
+        matches!(self, Self::Refused(.., code) if *code == abort.code())
     }
 
     /// Whether the node has said nothing at all.
@@ -113,7 +120,6 @@ pub const fn meaning(code: u32) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::object::Abort;
 
     #[test]
     fn every_code_that_our_nodes_send_has_words_of_its_own() {

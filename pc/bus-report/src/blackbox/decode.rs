@@ -8,7 +8,7 @@ use std::fmt;
 
 use device::fault_log::Entry;
 
-use super::exchange::{Activity, Measured};
+use listen::{Activity, Measured};
 
 /// The version that is known.
 const VERSION: u8 = 1;

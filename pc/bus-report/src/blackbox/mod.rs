@@ -11,7 +11,6 @@ mod csv;
 pub mod data;
 mod decode;
 mod error;
-pub mod exchange;
 mod read;
 
 use std::fs;

@@ -6,6 +6,7 @@
 use bus_master::Bus;
 use bus_master::fault::Fault;
 use bus_master::sdo::{Client, SdoError};
+use canopen::object::Abort;
 
 /// The fault log.
 const LOG: u16 = 0x2070;
@@ -15,9 +16,6 @@ const BOX: u16 = 0x2071;
 
 /// Boxes.
 pub const BOXES: u8 = 2;
-
-/// The abort code of a box that is empty.
-const EMPTY: u32 = 0x0800_0024;
 
 /// What a node has given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -43,7 +41,8 @@ fn try_ask(bus: &mut Bus, node: u8) -> Result<Bytes, SdoError> {
     };
     for (sub, place) in (1..).zip(&mut bytes.boxes) {
         *place = match client.upload(BOX, sub) {
-            Err(SdoError::Refused(.., EMPTY)) => None,
+            // It is empty.
+            Err(why) if why.is_refusal(Abort::NoData) => None,
             content => Some(content?),
         };
     }

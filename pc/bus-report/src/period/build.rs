@@ -3,23 +3,17 @@
 //! In: [`Collected`], the logs that were read, the bit rate where it is known. Out: a
 //! [`PeriodReport`] without memories. Units are turned here: 0.001 deg and ns into deg and s.
 
-use super::bins::{Bins, Extremes};
-use super::capture::{Capture, Recorder};
 use super::charts::CHANNEL_A;
 use super::clock::Clock;
-use super::collect::{Collected, Told};
 use super::data::*;
-use super::events::{End, Event, What};
-use super::gaps::Gaps;
-use super::instrument::Instrument;
-use super::kind::Kind;
-use super::row::Row;
-use super::summary::{ChannelSummary, Day, DifferenceSummary, Summary, Unusable};
-use super::tally::Tally;
-use super::traffic::Traffic;
 use super::verdict;
 use crate::blackbox::data::{PlotReport, PlotRow};
+use crate::totals::{
+    Bins, Capture, ChannelSummary, Collected, Day, DifferenceSummary, End, Event, Extremes, Gaps,
+    Instrument, Kind, Last, Recorder, Summary, Tally, Traffic, Unusable, What,
+};
 use codes::words;
+use listen::Round;
 use output::series::{Bin, Point, rounded};
 
 /// The percentiles that are told.
@@ -38,7 +32,11 @@ pub fn report(
     logs: Option<LogsReport>,
     bit_rate: Option<f64>,
 ) -> PeriodReport {
-    let spans = || collected.iter().filter_map(|(_, one)| one.traffic.span_ns);
+    let spans = || {
+        collected
+            .iter()
+            .filter_map(|(_, one)| one.traffic.span_ns())
+    };
     let first = spans().map(|span| span.0).min();
     let clock = Clock::of(first.unwrap_or(0));
     let mut report = PeriodReport {
@@ -60,7 +58,7 @@ pub fn report(
     };
     for (interface, one) in collected
         .iter()
-        .filter(|(_, one)| one.traffic.span_ns.is_some())
+        .filter(|(_, one)| one.traffic.span_ns().is_some())
     {
         // A pair of which nothing but frames of another form was seen is somebody else's nodes.
         let seen = one
@@ -137,15 +135,15 @@ fn bus(
         syncs: counts.syncs,
         outside: collected.outside,
         undated: collected.undated,
-        backwards: traffic.backwards,
+        backwards: counts.backwards,
         malformed: instruments
             .iter()
             .flat_map(|one| &one.channels)
             .map(|c| c.malformed)
             .sum(),
-        extended: traffic.extended,
-        remote: traffic.remote,
-        commands: traffic.commands,
+        extended: counts.extended,
+        remote: counts.remote,
+        commands: counts.nmt,
         foreign: foreign
             .map(|(node_id, frames)| ForeignNode { node_id, frames })
             .collect(),
@@ -183,7 +181,7 @@ fn gaps(gaps: &Gaps) -> GapsReport {
 
 fn one(
     number: usize,
-    sides: &[Told; 2],
+    sides: &[Last; 2],
     instrument: &Instrument,
     clock: Clock,
 ) -> InstrumentReport {
@@ -201,7 +199,7 @@ fn one(
         channels: (0..2)
             .zip(sides)
             .zip(&summary.channels)
-            .map(|((side, told), channel)| self::channel(side, told, channel, instrument))
+            .map(|((side, last), channel)| self::channel(side, last, channel, instrument))
             .collect(),
         difference: difference(&summary.difference),
         days: days(summary, clock),
@@ -220,7 +218,7 @@ fn one(
 
 fn channel(
     side: usize,
-    told: &Told,
+    last: &Last,
     channel: &ChannelSummary,
     instrument: &Instrument,
 ) -> ChannelReport {
@@ -229,8 +227,8 @@ fn channel(
     let codes = channel.emergencies.iter();
     ChannelReport {
         channel: words::channel(side).to_owned(),
-        node_id: told.node_id,
-        seen: instrument.has_seen(side),
+        node_id: last.node_id,
+        seen: last.seen,
         vendor_id,
         product_code,
         revision,
@@ -259,7 +257,7 @@ fn channel(
         heartbeat_losses: channel.heartbeat_losses,
         heartbeat_lost_s: seconds(channel.heartbeat_lost_ns),
         malformed: channel.malformed,
-        findings: told
+        findings: channel
             .checks
             .found()
             .map(|(check, finding)| FindingReport {
@@ -389,23 +387,18 @@ fn slope_difference(axis: usize, tally: &Tally) -> SlopeDifference {
 
 /// Every day from the first to the last one with data.
 fn days(summary: &Summary, clock: Clock) -> Vec<DayReport> {
-    let ends = summary
-        .days
-        .keys()
-        .next()
-        .zip(summary.days.keys().next_back());
-    let Some((first, last)) = ends else {
+    let Some((first, last)) = summary.days.ends() else {
         return Vec::new();
     };
     let none = Day::default();
     if last - first > MOST_DAYS {
         let days = summary.days.iter();
         return days
-            .map(|(number, day)| self::day(clock, *number, day))
+            .map(|(number, day)| self::day(clock, number, day))
             .collect();
     }
-    (*first..=*last)
-        .map(|number| day(clock, number, summary.days.get(&number).unwrap_or(&none)))
+    (first..=last)
+        .map(|number| day(clock, number, summary.days.get(number).unwrap_or(&none)))
         .collect()
 }
 
@@ -474,7 +467,7 @@ fn plots(recorder: &Recorder, clock: Clock) -> Vec<PlotReport> {
         .collect()
 }
 
-fn plot_row(row: &Row, capture: &Capture) -> PlotRow {
+fn plot_row(row: &Round, capture: &Capture) -> PlotRow {
     let angle = |side, axis| row.angle(side, axis).map(degrees);
     PlotRow {
         since_s: rounded((row.time_ns as i64 - capture.at_ns as i64) as f64 * 1e-9),

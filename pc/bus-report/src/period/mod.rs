@@ -2,33 +2,20 @@
 //!
 //! In: logs of a bus, as many and as long as there are, and what nodes remember of their faults,
 //! out of files or asked over the bus. Out: `report.html` and `report.json` in a folder, and the
-//! verdict with the main tables on the terminal. Frames are read by `watch`, counted by an
-//! `instrument::Instrument` each, and kept in a `summary::Summary` whose size does not
-//! grow with the log. The JSON is described in `docs/period-report.md`.
+//! verdict with the main tables on the terminal. `totals` counts what the logs come to, in a size
+//! that does not grow with them. The JSON is described in `docs/period-report.md`.
 //!
 //! Left out: a judgement of the machine. The exit status is 0 whatever the log tells, and 2 where a
 //! part of it could not be read.
 
-mod bins;
 mod build;
-mod capture;
 mod charts;
 mod clock;
-mod collect;
 mod data;
 mod error;
-mod events;
-mod gaps;
-mod histogram;
 mod input;
-mod instrument;
-mod kind;
 mod page;
-mod row;
-mod summary;
 mod tables;
-mod tally;
-mod traffic;
 mod verdict;
 
 #[cfg(test)]
@@ -42,6 +29,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::blackbox::{self, data::MemoryReport};
+use crate::totals::Collector;
 use bus_logs::{LogError, Part, PartOptions};
 use bus_master::BusOptions;
 use bus_master::nodes::{NodeOption, Nodes};
@@ -52,7 +40,6 @@ use output::stdout;
 use output::table::wrap;
 use output::write::{self, Written};
 
-use collect::Collector;
 use data::PeriodReport;
 pub use error::PeriodError;
 
@@ -173,12 +160,17 @@ fn read(
         while collectors.len() <= interface {
             collectors.push(Collector::new(&plan));
         }
-        if let Some(collector) = collectors.get_mut(interface) {
-            collector.take_part(&mut part, time_ns, frame);
+        let Some(collector) = collectors.get_mut(interface) else {
+            return;
+        };
+        if part.has(time_ns) {
+            collector.take(time_ns, frame);
+        } else {
+            collector.pass_over();
         }
     })?;
     let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();
-    if collected.iter().all(|one| one.traffic.span_ns.is_none()) {
+    if collected.iter().all(|one| one.traffic.span_ns().is_none()) {
         return Err(match collected.iter().map(|one| one.outside).sum() {
             0 => PeriodError::Empty,
             frames => PeriodError::Outside(frames),

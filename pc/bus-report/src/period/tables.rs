@@ -5,10 +5,10 @@
 
 use super::clock::{Clock, length};
 use super::data::*;
-use super::kind::Kind;
 use super::verdict::percent;
+use crate::totals::Kind;
 use output::printable;
-use output::table::{Cell, Column, Table};
+use output::table::{Cell, Column, Rows, Table};
 
 /// Rows of a table that are shown; the JSON has them all.
 const SHOWN: usize = 60;
@@ -32,12 +32,17 @@ pub fn at(report: &PeriodReport, seconds: f64) -> String {
     clock(report).text(ns(seconds))
 }
 
-fn lasting(seconds: f64) -> Cell {
-    Cell::text(length(ns(seconds)))
+fn lasting(seconds: f64) -> String {
+    length(ns(seconds))
 }
 
-fn count(value: u64) -> Cell {
-    Cell::text(value.to_string())
+/// A channel with its node-id.
+fn named(channel: &str, node_id: u8) -> String {
+    format!("{channel} ({node_id})")
+}
+
+fn or_empty(text: Option<&String>) -> &str {
+    text.map_or("", String::as_str)
 }
 
 /// Cuts a table to what people read.
@@ -77,10 +82,10 @@ pub fn days(instrument: &InstrumentReport) -> Table {
             table.rows.push(row);
             continue;
         }
-        row.extend([lasting(day.covered_s), count(day.incidents)]);
+        row.extend([lasting(day.covered_s), day.incidents.to_string()].map(Cell::text));
         row.extend(kinds.iter().map(|kind| {
             let seen = day.kinds.iter().find(|seen| seen.kind == kind.key());
-            count(seen.map_or(0, |seen| seen.count))
+            Cell::text(seen.map_or(0, |seen| seen.count).to_string())
         }));
         row.push(Cell::number(day.difference_max_deg, 3));
         table.rows.push(row);
@@ -95,45 +100,28 @@ pub fn days(instrument: &InstrumentReport) -> Table {
 
 /// The faults, or all other events.
 pub fn events(report: &PeriodReport, instrument: &InstrumentReport, faults: bool) -> Table {
-    let columns = vec![
-        Column::text("When"),
-        Column::text("Node"),
-        Column::text("What"),
-        Column::text("Blamed"),
-        Column::text("Why"),
-        Column::text("How long"),
-        Column::number("Again"),
-        Column::number("Plot"),
-    ];
-    let title = if faults { "Faults" } else { "Other events" };
-    let mut table = Table::new(title, columns);
     let is_fault = |event: &&EventReport| {
         let kind = Kind::ALL.into_iter().find(|kind| kind.key() == event.kind);
         kind.is_some_and(Kind::is_fault) == faults
     };
-    for event in instrument.events.iter().filter(is_fault) {
-        let word = |text: &Option<String>| Cell::text(text.clone().unwrap_or_default());
-        table.rows.push(vec![
-            Cell::text(at(report, event.time_s)),
-            Cell::text(format!("{} ({})", event.channel, event.node_id)),
-            Cell::text(what(event)),
-            word(&event.blamed),
-            word(&event.reason_text),
-            Cell::text(how_long(event)),
-            Cell::text(if event.repeats > 0 {
-                event.repeats.to_string()
-            } else {
-                String::new()
-            }),
-            Cell::text(event.plot.map_or(String::new(), |plot| plot.to_string())),
-        ]);
-    }
-    let left_out = if faults {
-        instrument.faults_left_out
-    } else {
-        instrument.others_left_out
+    let events: Vec<_> = instrument.events.iter().filter(is_fault).collect();
+    let (title, left_out) = match faults {
+        true => ("Faults", instrument.faults_left_out),
+        false => ("Other events", instrument.others_left_out),
     };
-    cut(table, left_out)
+    let again = |event: &EventReport| (event.repeats > 0).then(|| event.repeats.to_string());
+    let table = Rows::of(title, &events)
+        .text("When", |event| at(report, event.time_s))
+        .text("Node", |event| named(&event.channel, event.node_id))
+        .text("What", |event| what(event))
+        .text("Blamed", |event| or_empty(event.blamed.as_ref()))
+        .text("Why", |event| or_empty(event.reason_text.as_ref()))
+        .text("How long", |event| how_long(event))
+        .count("Again", |event| again(event).unwrap_or_default())
+        .count("Plot", |event| {
+            event.plot.map_or(String::new(), |plot| plot.to_string())
+        });
+    cut(table.table(), left_out)
 }
 
 fn what(event: &EventReport) -> String {
@@ -154,24 +142,17 @@ fn how_long(event: &EventReport) -> String {
 
 /// The angles of both channels.
 pub fn angles(instrument: &InstrumentReport) -> Table {
-    let mut columns = vec![
-        Column::text("Channel"),
-        Column::text("Slope"),
-        Column::number("Values"),
-    ];
-    columns.extend(FIGURES.map(|name| Column::number(name).under("deg")));
-    let mut table = Table::new("Angles while they could be used", columns);
-    for channel in &instrument.channels {
-        for slope in &channel.slopes {
-            let mut row = vec![
-                Cell::text(format!("{} ({})", channel.channel, channel.node_id)),
-                Cell::text(slope.values.axis.to_uppercase()),
-                count(slope.values.count),
-            ];
-            row.extend(figures(&slope.values, 2));
-            table.rows.push(row);
-        }
-    }
+    let channels = instrument.channels.iter();
+    let slopes: Vec<_> = channels
+        .flat_map(|channel| channel.slopes.iter().map(move |slope| (channel, slope)))
+        .collect();
+    let rows = Rows::of("Angles while they could be used", &slopes)
+        .text("Channel", |(channel, _)| {
+            named(&channel.channel, channel.node_id)
+        })
+        .text("Slope", |(_, slope)| slope.values.axis.to_uppercase())
+        .count("Values", |(_, slope)| slope.values.count);
+    let mut table = figures(rows, 2, |(_, slope)| &slope.values).table();
     let steps = instrument
         .channels
         .iter()
@@ -186,48 +167,49 @@ pub fn angles(instrument: &InstrumentReport) -> Table {
     table
 }
 
-/// What [`figures`] gives.
-const FIGURES: [&str; 9] = [
-    "Mean",
-    "Std. deviation",
-    "Least",
-    "1 %",
-    "5 %",
-    "50 %",
-    "95 %",
-    "99 %",
-    "Greatest",
-];
+/// A figure of an axis, deg.
+type Figure = fn(&AxisFigures) -> Option<f64>;
 
 /// Mean and deviation, least, percentiles, greatest.
-fn figures(of: &AxisFigures, decimals: usize) -> Vec<Cell> {
-    let cell = |value| Cell::number(value, decimals);
-    let mut cells = vec![cell(of.mean_deg), cell(of.std_deg), cell(of.min_deg)];
-    let wanted = [1.0, 5.0, 50.0, 95.0, 99.0];
-    cells.extend(wanted.map(|percent| {
-        let mut percentiles = of.percentiles.iter();
-        let found = percentiles.find(|value| value.percent == percent);
-        cell(found.map(|found| found.value_deg))
-    }));
-    cells.push(cell(of.max_deg));
-    cells
+const FIGURES: [(&str, Figure); 9] = [
+    ("Mean", |of| of.mean_deg),
+    ("Std. deviation", |of| of.std_deg),
+    ("Least", |of| of.min_deg),
+    ("1 %", |of| percentile(of, 1.0)),
+    ("5 %", |of| percentile(of, 5.0)),
+    ("50 %", |of| percentile(of, 50.0)),
+    ("95 %", |of| percentile(of, 95.0)),
+    ("99 %", |of| percentile(of, 99.0)),
+    ("Greatest", |of| of.max_deg),
+];
+
+fn percentile(of: &AxisFigures, percent: f64) -> Option<f64> {
+    let mut percentiles = of.percentiles.iter();
+    let found = percentiles.find(|value| value.percent == percent)?;
+    Some(found.value_deg)
+}
+
+/// Columns with the [`FIGURES`] of each row.
+fn figures<'a, R>(
+    rows: Rows<'a, R>,
+    decimals: usize,
+    of: impl Fn(&'a R) -> &'a AxisFigures,
+) -> Rows<'a, R> {
+    FIGURES.iter().fold(rows, |rows, (name, figure)| {
+        rows.number(name, decimals, |row| figure(of(row)))
+            .under("deg")
+    })
 }
 
 /// The difference of the channels.
 pub fn difference(instrument: &InstrumentReport) -> Table {
-    let mut columns = vec![Column::text("Slope"), Column::number("SYNCs")];
-    columns.extend(FIGURES.map(|name| Column::number(name).under("deg")));
-    let mut table = Table::new("Channel A \u{2212} channel B at the same SYNC", columns);
     let difference = &instrument.difference;
-    for slope in &difference.slopes {
-        let values = &slope.values;
-        if values.count == 0 {
-            continue;
-        }
-        let mut row = vec![Cell::text(values.axis.to_uppercase()), count(values.count)];
-        row.extend(figures(values, 3));
-        table.rows.push(row);
-    }
+    let slopes = difference.slopes.iter().map(|slope| &slope.values);
+    let compared: Vec<_> = slopes.filter(|values| values.count > 0).collect();
+    let rows = Rows::of("Channel A \u{2212} channel B at the same SYNC", &compared)
+        .text("Slope", |values| values.axis.to_uppercase())
+        .count("SYNCs", |values| values.count);
+    let mut table = figures(rows, 3, |values| values).table();
     table.notes = difference_notes(difference);
     table
 }
@@ -264,82 +246,65 @@ fn difference_notes(difference: &DifferenceReport) -> Vec<String> {
     notes
 }
 
+/// A stretch of a channel's time: why there was no angle, how long, out of how much.
+type Stretch<'a> = (&'a ChannelReport, Option<&'a UnusableReport>, f64, f64);
+
+fn stretches(channel: &ChannelReport) -> Vec<Stretch<'_>> {
+    let without: f64 = channel.unusable.iter().map(|why| why.time_s).sum();
+    let all = channel.usable_s + without;
+    if all == 0.0 {
+        return Vec::new();
+    }
+    let usable = (channel, None, channel.usable_s, all);
+    let unusable = channel.unusable.iter();
+    let unusable = unusable.map(|why| (channel, Some(why), why.time_s, all));
+    std::iter::once(usable).chain(unusable).collect()
+}
+
 /// For how long the angles could be used, and why not.
 pub fn availability(instrument: &InstrumentReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("Angle"),
-        Column::text("State of the pair"),
-        Column::text("Reason of the channel"),
-        Column::number("Time"),
-        Column::number("Share"),
-    ];
-    let mut table = Table::new("Time with and without an angle", columns);
-    for channel in &instrument.channels {
-        let not: f64 = channel.unusable.iter().map(|why| why.time_s).sum();
-        let all = channel.usable_s + not;
-        if all == 0.0 {
-            continue;
-        }
-        let name = || Cell::text(format!("{} ({})", channel.channel, channel.node_id));
-        let share = |time_s: f64| Cell::text(percent(time_s / all));
-        let empty = || Cell::text("");
-        table.rows.push(vec![
-            name(),
-            Cell::text("could be used"),
-            empty(),
-            empty(),
-            lasting(channel.usable_s),
-            share(channel.usable_s),
-        ]);
-        table.rows.extend(channel.unusable.iter().map(|why| {
-            vec![
-                name(),
-                Cell::text("could not"),
-                Cell::text(why.state_text.as_str()),
-                Cell::text(why.reason_text.clone().unwrap_or_default()),
-                lasting(why.time_s),
-                share(why.time_s),
-            ]
-        }));
-    }
-    table
+    let all: Vec<_> = instrument.channels.iter().flat_map(stretches).collect();
+    Rows::of("Time with and without an angle", &all)
+        .text("Channel", |(channel, ..)| {
+            named(&channel.channel, channel.node_id)
+        })
+        .text("Angle", |(_, why, ..)| match why {
+            None => "could be used",
+            Some(_) => "could not",
+        })
+        .text("State of the pair", |(_, why, ..)| {
+            why.map_or("", |why| why.state_text.as_str())
+        })
+        .text("Reason of the channel", |(_, why, ..)| {
+            or_empty(why.and_then(|why| why.reason_text.as_ref()))
+        })
+        .count("Time", |(.., time_s, _)| lasting(*time_s))
+        .count("Share", |(.., time_s, all_s)| percent(time_s / all_s))
+        .table()
 }
 
 /// What each channel is, and what was counted of it.
 pub fn channels(instrument: &InstrumentReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::number("Node-id"),
-        Column::text("Identity (1018h)"),
-        Column::number("Uncertainty, deg"),
-        Column::number("Temperature, degC"),
-        Column::number("Boot-ups"),
-        Column::number("Heartbeat lost"),
-        Column::number("Not read"),
-    ];
-    let mut table = Table::new("Channels", columns);
     let range = |quantity: &QuantityReport, decimals: usize| match (quantity.min, quantity.max) {
         (Some(min), Some(max)) => format!("{min:.decimals$} to {max:.decimals$}"),
         _ => "-".to_owned(),
     };
-    for channel in &instrument.channels {
-        let lost = match channel.heartbeat_losses {
-            0 => "never".to_owned(),
-            times => format!("{times} x, {}", length(ns(channel.heartbeat_lost_s))),
-        };
-        table.rows.push(vec![
-            Cell::text(channel.channel.as_str()),
-            Cell::text(channel.node_id.to_string()),
-            Cell::text(identity(channel)),
-            Cell::text(range(&channel.uncertainty, 3)),
-            Cell::text(range(&channel.temperature, 0)),
-            count(channel.boots),
-            Cell::text(lost),
-            count(channel.malformed),
-        ]);
-    }
-    table
+    let lost = |channel: &ChannelReport| match channel.heartbeat_losses {
+        0 => "never".to_owned(),
+        times => format!("{times} x, {}", lasting(channel.heartbeat_lost_s)),
+    };
+    Rows::of("Channels", &instrument.channels)
+        .text("Channel", |channel| channel.channel.as_str())
+        .count("Node-id", |channel| channel.node_id)
+        .text("Identity (1018h)", identity)
+        .count("Uncertainty, deg", |channel| range(&channel.uncertainty, 3))
+        .count("Temperature, degC", |channel| {
+            range(&channel.temperature, 0)
+        })
+        .count("Boot-ups", |channel| channel.boots)
+        .count("Heartbeat lost", lost)
+        .count("Not read", |channel| channel.malformed)
+        .table()
 }
 
 fn identity(channel: &ChannelReport) -> String {
@@ -365,26 +330,15 @@ fn identity(channel: &ChannelReport) -> String {
 
 /// Stretches without data.
 pub fn gaps(report: &PeriodReport, title: &str, gaps: &GapsReport) -> Table {
-    let columns = vec![
-        Column::text("From"),
-        Column::text("To"),
-        Column::number("Length"),
-        Column::text("What was silent"),
-    ];
-    let mut table = Table::new(title, columns);
-    for gap in &gaps.longest {
-        let who = if gap.whole_bus {
-            "the whole bus, or the log"
-        } else {
-            "this instrument"
-        };
-        table.rows.push(vec![
-            Cell::text(at(report, gap.from_s)),
-            Cell::text(at(report, gap.to_s)),
-            lasting(gap.to_s - gap.from_s),
-            Cell::text(who),
-        ]);
-    }
+    let mut table = Rows::of(title, &gaps.longest)
+        .text("From", |gap| at(report, gap.from_s))
+        .text("To", |gap| at(report, gap.to_s))
+        .count("Length", |gap| lasting(gap.to_s - gap.from_s))
+        .text("What was silent", |gap| match gap.whole_bus {
+            true => "the whole bus, or the log",
+            false => "this instrument",
+        })
+        .table();
     if gaps.count > 0 {
         table.notes.push(format!(
             "{} gaps of more than 2 s, {} together{}.",
@@ -402,65 +356,53 @@ pub fn gaps(report: &PeriodReport, title: &str, gaps: &GapsReport) -> Table {
 
 /// What was on the bus.
 pub fn bus(bus: &BusReport) -> Table {
-    let columns = vec![Column::text("On the bus"), Column::number("Frames")];
-    let mut table = Table::new("Frames", columns);
-    let mut row = |name: &str, value: u64, always: bool| {
-        if always || value > 0 {
-            table.rows.push(vec![Cell::text(name), count(value)]);
-        }
-    };
-    row("All frames of the period", bus.frames, true);
-    row("SYNC", bus.syncs, true);
-    row("NMT commands", bus.commands, true);
-    row(
-        "Of the instruments, not of the form as delivered",
-        bus.malformed,
-        true,
-    );
-    row("With a 29-bit identifier", bus.extended, false);
-    row("Remote frames", bus.remote, false);
-    row("Older than the frame before", bus.backwards, true);
-    row("Outside the time asked for", bus.outside, false);
-    for node in bus.foreign.iter().take(20) {
-        row(
-            &format!("Of node {}, which is of no instrument", node.node_id),
-            node.frames,
-            true,
-        );
-    }
-    table
+    let always = |name: &str, frames: u64| Some((name.to_owned(), frames));
+    let where_any = |name: &str, frames: u64| always(name, frames).filter(|_| frames > 0);
+    let other = "Of the instruments, not of the form as delivered";
+    let kinds = [
+        always("All frames of the period", bus.frames),
+        always("SYNC", bus.syncs),
+        always("NMT commands", bus.commands),
+        always(other, bus.malformed),
+        where_any("With a 29-bit identifier", bus.extended),
+        where_any("Remote frames", bus.remote),
+        always("Older than the frame before", bus.backwards),
+        where_any("Outside the time asked for", bus.outside),
+    ];
+    let foreign = bus.foreign.iter().take(20).map(|node| {
+        let name = format!("Of node {}, which is of no instrument", node.node_id);
+        (name, node.frames)
+    });
+    let kinds: Vec<_> = kinds.into_iter().flatten().chain(foreign).collect();
+    Rows::of("Frames", &kinds)
+        .text("On the bus", |(name, _)| name)
+        .count("Frames", |(_, frames)| frames)
+        .table()
 }
 
 /// What does not fit together in what the channels say.
 pub fn findings(report: &PeriodReport, instrument: &InstrumentReport) -> Table {
-    let columns = vec![
-        Column::text("Channel"),
-        Column::text("What"),
-        Column::number("Times"),
-        Column::text("First"),
-    ];
-    let mut table = Table::new("What does not fit together", columns);
-    for channel in &instrument.channels {
-        table.rows.extend(channel.findings.iter().map(|finding| {
-            vec![
-                Cell::text(format!("{} ({})", channel.channel, channel.node_id)),
-                Cell::text(finding.text.as_str()),
-                count(finding.count),
-                Cell::text(at(report, finding.first_s)),
-            ]
-        }));
-    }
-    table
+    let channels = instrument.channels.iter();
+    let all: Vec<_> = channels
+        .flat_map(|channel| channel.findings.iter().map(move |found| (channel, found)))
+        .collect();
+    Rows::of("What does not fit together", &all)
+        .text("Channel", |(channel, _)| {
+            named(&channel.channel, channel.node_id)
+        })
+        .text("What", |(_, found)| found.text.as_str())
+        .count("Times", |(_, found)| found.count)
+        .text("First", |(_, found)| at(report, found.first_s))
+        .table()
 }
 
 /// What was read.
 pub fn files(logs: &LogsReport) -> Table {
-    let columns = vec![Column::number("Log"), Column::text("File")];
-    let mut table = Table::new("What was read", columns);
-    let numbered = (1..).zip(&logs.files);
-    table.rows = numbered
-        .map(|(number, file)| vec![count(number), Cell::text(printable(file))])
-        .collect();
+    let numbered: Vec<_> = (1_usize..).zip(&logs.files).collect();
+    let mut table = Rows::of("What was read", &numbered)
+        .count("Log", |(number, _)| number)
+        .text("File", |(_, file)| printable(file))
+        .table();
     table.notes.push(format!("{} frames in all.", logs.frames));
     if logs.overlapping > 0 {
         table.notes.push(format!(
@@ -483,24 +425,10 @@ pub fn files(logs: &LogsReport) -> Table {
 
 /// What gave no frame.
 pub fn skipped(logs: &LogsReport) -> Table {
-    let columns = vec![
-        Column::text("What was skipped"),
-        Column::number("Times"),
-        Column::text("First in"),
-        Column::number("Line"),
-    ];
-    let mut table = Table::new("Skipped", columns);
-    table.rows = logs
-        .skipped
-        .iter()
-        .map(|lines| {
-            vec![
-                Cell::text(printable(&lines.reason)),
-                count(lines.count),
-                Cell::text(printable(&lines.file)),
-                count(lines.first_line),
-            ]
-        })
-        .collect();
-    table
+    Rows::of("Skipped", &logs.skipped)
+        .text("What was skipped", |lines| printable(&lines.reason))
+        .count("Times", |lines| lines.count)
+        .text("First in", |lines| printable(&lines.file))
+        .count("Line", |lines| lines.first_line)
+        .table()
 }

@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 use canopen::Frame;
 
 use super::bench::{START_NS, Site, candump};
-use super::collect::Collector;
 use super::data::PeriodReport;
 use super::*;
+use crate::totals::bins;
 use bus_logs::Moment;
 use listen::{NodePlan, Plan};
 use output::check;
@@ -42,7 +42,11 @@ fn collected(frames: &[(u64, Frame)], part: PartOptions) -> PeriodReport {
     let mut part = part.part().unwrap();
     let mut collector = Collector::new(&Plan::default());
     for (at_ns, frame) in frames {
-        collector.take_part(&mut part, START_NS + at_ns, frame);
+        if part.has(START_NS + at_ns) {
+            collector.take(START_NS + at_ns, frame);
+        } else {
+            collector.pass_over();
+        }
     }
     finished(collector, Some(250e3))
 }
@@ -236,7 +240,9 @@ fn candump_text_gives_the_same_report() {
     let path = folder.join("trip.log");
     std::fs::write(&path, candump(frames(), 0)).unwrap();
     let mut collector = Collector::new(&Plan::default());
-    let take = |_, at_ns, frame: &Frame| collector.take(at_ns, frame);
+    let take = |_, at_ns, frame: &Frame| {
+        collector.take(at_ns, frame);
+    };
     let logs = input::read(&[path], &Progress::hidden(), take).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(logs.report.frames, frames().len() as u64);
@@ -278,6 +284,17 @@ fn frames_of_others_are_counted_and_the_identity_is_taken_where_it_passes() {
     assert_eq!(instrument.channels[1].serial_number, Some(42));
     assert_eq!(instrument.channels[1].vendor_id, None);
     assert_eq!(instrument.channels[0].malformed, 1);
+}
+
+#[test]
+fn a_channel_of_which_only_its_turns_are_seen_is_seen() {
+    let slopes = Frame::data_frame(0x181, &SLOPES);
+    let turns = Frame::data_frame(0x402, &[0; 8]);
+    let seen_with = |frames: &[Frame]| of_frames(frames).instruments[0].channels[1].seen;
+    assert!(!seen_with(&[slopes]));
+    assert!(seen_with(&[slopes, turns]));
+    let report = of_frames(&[slopes, turns]);
+    assert!(report.buses[0].foreign.is_empty());
 }
 
 #[test]
@@ -447,7 +464,7 @@ mod documented {
 
     #[test]
     fn limits_in_the_document_are_those_of_the_code() {
-        use super::super::{bins, capture, events, gaps, histogram};
+        use crate::totals::{bins, capture, events, gaps, histogram};
 
         let words: Vec<&str> = DOCUMENT.split_whitespace().collect();
         let text = words.join(" ");
@@ -470,7 +487,7 @@ mod documented {
 
     #[test]
     fn every_kind_is_documented() {
-        for kind in super::super::kind::Kind::ALL {
+        for kind in crate::totals::Kind::ALL {
             assert!(DOCUMENT.contains(&format!("`{}`", kind.key())), "{kind:?}");
         }
     }

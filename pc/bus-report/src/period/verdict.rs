@@ -4,7 +4,7 @@
 
 use super::clock::length;
 use super::data::{BusReport, EventReport, InstrumentReport, PeriodReport};
-use super::kind::Kind;
+use crate::totals::Kind;
 
 /// The period in a sentence, and whether it is one without a fault.
 pub fn of(report: &PeriodReport) -> (String, bool) {

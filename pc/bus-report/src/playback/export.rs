@@ -111,10 +111,10 @@ impl Export {
             let written = log.write(logged.time_ns, interface, &logged.frame);
             return written.map_err(|why| self.failed(why));
         }
-        let Some(bus) = summary.bus(logged.interface) else {
+        let Some(watch) = summary.watch(logged.interface) else {
             return Ok(());
         };
-        let known = row::of_news(news, &bus.watch);
+        let known = row::of_news(news, watch);
         let foreign = summary.foreign();
         let other = if foreign.is_empty() {
             None

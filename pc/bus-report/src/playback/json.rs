@@ -5,18 +5,17 @@
 use device::fault::Fault;
 use serde::Serialize;
 
-use super::bus::{Bus, Channel, Instrument, Spread};
 use super::export::Exported;
 use super::foreign::Foreign;
 use super::summary::Summary;
-use bus_logs::{Skipped, Source, Tally};
+use crate::totals::{ChannelSummary, Collected, Instrument, Last, Tally};
+use bus_logs::{Skipped, Source, Tally as Lines};
 use codes::words;
-use listen::{Side, Watch};
 
 /// All of it.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Always `plumb-replay`.
+    /// Always `plumb-log`.
     pub format: &'static str,
     /// Of this layout.
     pub version: u32,
@@ -128,6 +127,8 @@ pub struct InterfaceJson {
     pub syncs: u64,
     /// Frames of the instruments of a wrong length.
     pub malformed: u64,
+    /// Frames whose time is no date although most of those before have one; they are left out.
+    pub undated: u64,
     /// Frames of other nodes and services.
     pub others: OthersJson,
     /// Times that nothing was seen for more than 2 s, which is taken as a hole in the log.
@@ -166,7 +167,7 @@ pub struct OthersJson {
 pub struct InstrumentJson {
     /// Channel A and B.
     pub nodes: [NodeJson; 2],
-    /// Channel A minus B at the same SYNC, of X and Y.
+    /// Channel A minus B at the same SYNC, of X and Y: as measured (TPDO 3) where that was sent.
     pub delta: [SpreadJson; 2],
 }
 
@@ -194,11 +195,11 @@ pub struct NodeJson {
     /// What does not fit together in what it says.
     pub findings: Vec<FindingJson>,
     /// How often its heartbeat was lost.
-    pub heartbeats_lost: u32,
+    pub heartbeats_lost: u64,
     /// Whether it is lost at the end.
     pub heartbeat_is_lost: bool,
     /// Boot-up messages.
-    pub boots: u32,
+    pub boots: u64,
     /// EMCY messages.
     pub emergencies: u64,
     /// Each fault that one of them told of, by its number in docs/canopen.md.
@@ -259,10 +260,11 @@ pub struct SpreadJson {
 
 impl Report {
     /// Of all that was read.
-    pub fn new(summary: &Summary, source: &Source) -> Self {
+    pub fn new(summary: Summary, source: &Source) -> Self {
+        let (foreign, buses) = summary.finish();
         let skipped = source.skipped();
         let name = |file: usize| source.files().get(file).cloned().unwrap_or_default();
-        let tally = |kind, words, tally: Tally| SkippedJson {
+        let tally = |kind, words, tally: Lines| SkippedJson {
             kind,
             words,
             count: tally.count,
@@ -270,7 +272,7 @@ impl Report {
             first_line: tally.line,
         };
         Self {
-            format: "plumb-replay",
+            format: "plumb-log",
             version: 1,
             files: source.files().to_vec(),
             frames: source.frames(),
@@ -294,11 +296,11 @@ impl Report {
             overlapping_files: skipped.overlapping,
             undated_files: skipped.undated.iter().map(|file| name(*file)).collect(),
             outside: 0,
-            devices: devices(summary.foreign()),
+            devices: devices(&foreign),
             export: None,
-            interfaces: summary
-                .buses()
-                .map(|(place, bus)| interface(source.interfaces().get(place), bus))
+            interfaces: buses
+                .iter()
+                .map(|(place, bus)| interface(source.interfaces().get(*place), bus))
                 .collect(),
         }
     }
@@ -343,7 +345,7 @@ fn signals(foreign: &Foreign, place: usize) -> Vec<SignalJson> {
 
 fn kinds(
     skipped: &Skipped,
-    tally: impl Fn(&'static str, &'static str, Tally) -> SkippedJson,
+    tally: impl Fn(&'static str, &'static str, Lines) -> SkippedJson,
 ) -> Vec<SkippedJson> {
     skipped
         .kinds()
@@ -351,10 +353,9 @@ fn kinds(
         .collect()
 }
 
-fn interface(name: Option<&String>, bus: &Bus) -> InterfaceJson {
-    let counts = bus.watch.counts();
-    let [first, last] = bus.span_ns.unwrap_or_default();
-    let pairs = bus.watch.pairs().iter().zip(&bus.instruments);
+fn interface(name: Option<&String>, bus: &Collected) -> InterfaceJson {
+    let (counts, traffic) = (&bus.counts, &bus.traffic);
+    let (first, last) = traffic.span_ns().unwrap_or_default();
     InterfaceJson {
         interface: name.cloned().unwrap_or_default(),
         first_time_s: first as f64 / 1e9,
@@ -362,17 +363,20 @@ fn interface(name: Option<&String>, bus: &Bus) -> InterfaceJson {
         frames: counts.frames,
         syncs: counts.syncs,
         malformed: counts.malformed,
-        others: others(&bus.watch),
-        holes: counts.holes,
-        longest_hole_s: counts.longest_hole_ns as f64 / 1e9,
-        instruments: pairs
-            .map(|(pair, seen)| instrument(&pair.sides, seen))
+        undated: bus.undated,
+        others: others(bus),
+        holes: traffic.gaps.count(),
+        longest_hole_s: traffic.gaps.longest_ns() as f64 / 1e9,
+        instruments: bus
+            .instruments
+            .iter()
+            .map(|(last, one)| instrument(last, one))
             .collect(),
     }
 }
 
-fn others(watch: &Watch) -> OthersJson {
-    let counts = watch.counts();
+fn others(bus: &Collected) -> OthersJson {
+    let counts = &bus.counts;
     OthersJson {
         frames: counts.others,
         nmt: counts.nmt,
@@ -382,16 +386,15 @@ fn others(watch: &Watch) -> OthersJson {
         strangers: counts.strangers,
         extended: counts.extended,
         remote: counts.remote,
-        node_ids: watch.strangers().collect(),
+        node_ids: bus.strangers.clone(),
     }
 }
 
-fn instrument(sides: &[Side; 2], seen: &Instrument) -> InstrumentJson {
-    let [a, b] = sides;
-    let [channel_a, channel_b] = &seen.channels;
+fn instrument(last: &[Last; 2], one: &Instrument) -> InstrumentJson {
+    let ([last_a, last_b], [a, b]) = (last, &one.summary.channels);
     InstrumentJson {
-        nodes: [node(a, channel_a), node(b, channel_b)],
-        delta: [spread(&seen.delta[0]), spread(&seen.delta[1])],
+        nodes: [node(last_a, a), node(last_b, b)],
+        delta: one.summary.difference.own.each_ref().map(spread),
     }
 }
 
@@ -403,21 +406,19 @@ fn state_words(state: u8) -> String {
     }
 }
 
-fn node(side: &Side, channel: &Channel) -> NodeJson {
-    let temperature = &channel.temperature;
-    let known = |value: i32| (temperature.count > 0).then_some(value);
-    let uncertainty = &channel.uncertainty;
+fn node(last: &Last, channel: &ChannelSummary) -> NodeJson {
+    let temperature = channel.temperature.extremes();
+    let uncertainty = channel.uncertainty.extremes();
     let states = (0..).zip(channel.states);
     NodeJson {
-        node_id: side.node_id,
-        seen: side.seen_ns.is_some(),
+        node_id: last.node_id,
+        seen: last.seen,
         readings: channel.readings,
-        slope_x: spread(&channel.slopes[0]),
-        slope_y: spread(&channel.slopes[1]),
-        largest_uncertainty_deg: (uncertainty.count > 0)
-            .then(|| f64::from(uncertainty.max) / 1000.0),
-        lowest_temperature_degc: known(temperature.min),
-        highest_temperature_degc: known(temperature.max),
+        slope_x: spread(&channel.slope[0]),
+        slope_y: spread(&channel.slope[1]),
+        largest_uncertainty_deg: uncertainty.map(|(_, most)| f64::from(most) / 1000.0),
+        lowest_temperature_degc: temperature.map(|(least, _)| least),
+        highest_temperature_degc: temperature.map(|(_, most)| most),
         states: states
             .filter(|(_, count)| *count > 0)
             .map(|(state, count)| StateJson {
@@ -426,7 +427,7 @@ fn node(side: &Side, channel: &Channel) -> NodeJson {
                 count,
             })
             .collect(),
-        findings: side
+        findings: channel
             .checks
             .found()
             .map(|(check, finding)| FindingJson {
@@ -436,11 +437,11 @@ fn node(side: &Side, channel: &Channel) -> NodeJson {
                 first_time_s: finding.first_ns as f64 / 1e9,
             })
             .collect(),
-        heartbeats_lost: side.heartbeat.losses(),
-        heartbeat_is_lost: side.heartbeat.lost_since_ns().is_some(),
-        boots: side.boots,
-        emergencies: channel.emergencies,
-        faults: faults(channel.faults, side.faults),
+        heartbeats_lost: channel.heartbeat_losses,
+        heartbeat_is_lost: last.heartbeat_is_lost,
+        boots: channel.boots,
+        emergencies: channel.emergencies.values().sum(),
+        faults: faults(channel.faults, last.faults),
     }
 }
 
@@ -456,13 +457,13 @@ fn faults(seen: u32, stand: u32) -> Vec<FaultJson> {
         .collect()
 }
 
-fn spread(of: &Spread) -> SpreadJson {
-    let known = |mdeg: i32| (of.count > 0).then(|| f64::from(mdeg) / 1000.0);
+fn spread(of: &Tally) -> SpreadJson {
+    let extremes = of.extremes();
     SpreadJson {
-        count: of.count,
-        min_deg: known(of.min),
+        count: of.count(),
+        min_deg: extremes.map(|(least, _)| f64::from(least) / 1000.0),
         mean_deg: of.mean().map(|mdeg| mdeg / 1000.0),
-        max_deg: known(of.max),
+        max_deg: extremes.map(|(_, most)| f64::from(most) / 1000.0),
         rms_deg: of.rms().map(|mdeg| mdeg / 1000.0),
     }
 }

@@ -2,12 +2,11 @@
 //!
 //! In: logs that `log` reads, files or whole folders. Out: a summary per interface and instrument,
 //! or its JSON; all values as a table; or the frames on a bus, when they are due. Every interface
-//! has a [`listen::Watch`] of its own, so two buses in one log are two instruments.
+//! is counted for itself (`totals`), so two buses in one log are two instruments.
 //! `docs/logs.md` describes it.
 //!
 //! Left out: recordings of bare sensors, which `replay` runs through the signal chain.
 
-mod bus;
 mod error;
 mod export;
 mod foreign;
@@ -73,7 +72,7 @@ pub fn run(
         return Err(LogError::NoSuchInterface(wanted.clone(), there).into());
     }
     let exported = export.map(Export::finish).transpose()?;
-    let mut report = json::Report::new(&summary, &source);
+    let mut report = json::Report::new(summary, &source);
     report.outside = part.outside();
     report.export = exported;
     if json {

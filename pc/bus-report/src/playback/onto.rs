@@ -135,7 +135,7 @@ impl Stage {
 
     fn tell(self, elapsed: Duration, json: bool) -> Result<(), PlaybackError> {
         let played = Played {
-            format: "plumb-replay",
+            format: "plumb-onto",
             version: 1,
             bus: self.bus.name().to_owned(),
             sent: self.sent,

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use bus_logs::{Moment, PaceOptions, PartOptions, PlayOptions, speed};
+use bus_logs::{LONGEST_GAP_S, Moment, PaceOptions, PartOptions, PlayOptions, gap, speed};
 use listen::PlanOptions;
 
 /// Options that only bus logs have.
@@ -32,8 +32,9 @@ pub struct Options {
     /// Speed: 10 is ten times as fast as recorded, max as fast as possible
     #[arg(long, value_name = "TIMES", value_parser = speed, requires = "onto")]
     pub speed: Option<f64>,
-    /// Shorten gaps between two frames to this many seconds
-    #[arg(long, value_name = "S", value_parser = seconds, requires = "onto")]
+    /// Shorten gaps between two frames to this many seconds, 2 when none are given
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = LONGEST_GAP_S,
+          value_parser = gap, requires = "onto")]
     pub skip_gaps: Option<Duration>,
     /// Send a frame each time that Enter is pressed; q ends
     #[arg(long, requires = "onto", conflicts_with_all = ["speed", "skip_gaps"])]
@@ -41,12 +42,6 @@ pub struct Options {
     /// Start again at the end
     #[arg(long = "loop", requires = "onto")]
     pub again: bool,
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().unwrap_or(f64::NAN);
-    Duration::try_from_secs_f64(seconds)
-        .map_err(|_| "give a number of seconds, such as 0.5".to_owned())
 }
 
 impl Options {

@@ -4,9 +4,7 @@
 //! not carry is not there; angles that must not be used are not there either. The columns are
 //! described in `docs/logs.md`.
 
-use device::exchange::Exchange;
-
-use listen::{Meaning, Now, Part, Place, Side, Watch};
+use listen::{Meaning, Measured, Now, Part, Place, Side, Watch};
 
 /// Names of the numbers in a row, units at the end.
 pub const COLUMNS: [&str; 27] = [
@@ -126,12 +124,9 @@ fn degrees(mdeg: i32) -> f64 {
 
 fn slopes(values: &mut Values, side: &Side) {
     let Some(slopes) = side.slopes else { return };
-    for (axis, (value, mdeg)) in values.iter_mut().zip(slopes.mdeg).enumerate() {
-        let may_be_used = slopes.validity & (1 << axis) != 0;
-        *value = mdeg.filter(|_| may_be_used).map(degrees);
-    }
+    set(values, 0, slopes.mdeg.map(|mdeg| mdeg.map(degrees)));
     let numbers = [
-        Some(f64::from(slopes.validity)),
+        slopes.validity.map(f64::from),
         Some(f64::from(slopes.state)),
     ];
     set(values, 2, numbers);
@@ -157,7 +152,7 @@ fn angle_now(values: &mut Values, now: &Now) {
 fn exchange(values: &mut Values, side: &Side, part: Part) {
     let Some(told) = side.told else { return };
     if part.has_angles() {
-        angles(values, &told.exchange);
+        angles(values, &Measured::of(&told.exchange));
     }
     if part.has_vector() {
         let vector = side.vector();
@@ -166,17 +161,14 @@ fn exchange(values: &mut Values, side: &Side, part: Part) {
     }
 }
 
-fn angles(values: &mut Values, exchange: &Exchange) {
-    let angle = |axis: usize| {
-        // Below 32 the quality is a reason why there is no angle.
-        let is_angle = exchange.quality[axis] >= 32;
-        is_angle.then(|| f64::from(exchange.angle[axis]) * 360.0 / 16_777_216.0)
-    };
-    set(values, 10, [angle(0), angle(1)]);
+fn angles(values: &mut Values, measured: &Measured) {
+    // As fine as it was sent.
+    let angle = |axis| Some(f64::from(measured.steps(axis)?) * 360.0 / 16_777_216.0);
+    set(values, 10, [0, 1].map(angle));
     set(
         values,
         12,
-        exchange.quality.map(|quality| Some(f64::from(quality))),
+        [0, 1].map(|axis| measured.quality(axis).map(f64::from)),
     );
 }
 

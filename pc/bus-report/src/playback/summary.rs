@@ -1,17 +1,18 @@
 //! All interfaces of the logs.
 //!
-//! In: frames with their interface. Out: a [`Bus`] for each.
+//! In: frames with their interface. Out: what each of them came to ([`Collected`]), and the signals
+//! of other nodes.
 
-use super::bus::Bus;
 use super::foreign::Foreign;
+use crate::totals::{Collected, Collector};
 use bus_logs::Logged;
-use listen::{Meaning, Plan};
+use listen::{Meaning, Plan, Watch};
 
 /// What the logs have shown.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Summary {
     plan: Plan,
-    buses: Vec<Option<Bus>>,
+    buses: Vec<Option<Collector>>,
     foreign: Foreign,
 }
 
@@ -30,7 +31,7 @@ impl Summary {
     pub fn take(&mut self, logged: &Logged) -> Meaning {
         let place = usize::from(logged.interface);
         if self.buses.len() <= place {
-            self.buses.resize(place + 1, None);
+            self.buses.resize_with(place + 1, || None);
         }
         if !self.foreign.is_empty() {
             self.foreign.take(&logged.frame);
@@ -38,23 +39,25 @@ impl Summary {
         let Some(bus) = self.buses.get_mut(place) else {
             return Meaning::Other;
         };
-        let bus = bus.get_or_insert_with(|| Bus::new(&self.plan));
+        let bus = bus.get_or_insert_with(|| Collector::without_load(&self.plan));
         bus.take(logged.time_ns, &logged.frame)
     }
 
-    /// The interface at this place.
-    pub fn bus(&self, place: u8) -> Option<&Bus> {
-        self.buses.get(usize::from(place))?.as_ref()
-    }
-
-    /// The interfaces that frames came from, by their places.
-    pub fn buses(&self) -> impl Iterator<Item = (usize, &Bus)> {
-        let all = self.buses.iter().enumerate();
-        all.filter_map(|(place, bus)| Some((place, bus.as_ref()?)))
+    /// What is known of the instruments at the interface of this place.
+    pub fn watch(&self, place: u8) -> Option<&Watch> {
+        let bus = self.buses.get(usize::from(place))?.as_ref()?;
+        Some(bus.watch())
     }
 
     /// Other nodes.
     pub const fn foreign(&self) -> &Foreign {
         &self.foreign
+    }
+
+    /// The logs have ended: other nodes, and the interfaces that frames came from, by their places.
+    pub fn finish(self) -> (Foreign, Vec<(usize, Collected)>) {
+        let buses = self.buses.into_iter().enumerate();
+        let buses = buses.filter_map(|(place, bus)| Some((place, bus?.finish())));
+        (self.foreign, buses.collect())
     }
 }

@@ -131,6 +131,13 @@ fn about_interface(text: &mut String, interface: &InterfaceJson) {
         "  {} SYNC, {} of a wrong form, {} of other nodes and services",
         interface.syncs, interface.malformed, others.frames
     );
+    if interface.undated > 0 {
+        let _ = writeln!(
+            text,
+            "  {} without a date among frames with one, left out",
+            interface.undated
+        );
+    }
     if interface.holes > 0 {
         let _ = writeln!(
             text,

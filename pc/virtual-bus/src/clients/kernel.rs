@@ -32,9 +32,8 @@ mod linux {
     use std::thread;
     use std::time::Duration;
 
-    use can_text::kernel::{FULL_WAIT, from_kernel, may_send_again, to_kernel};
+    use can_text::kernel::{FULL_WAIT, Unusable, from_kernel, may_send_again, to_kernel};
     use canopen::Frame;
-    use rustix::io::Errno;
     use socketcan::{CanSocket, ShouldRetry as _, Socket as _};
 
     use super::super::shared::{Client, Port, Shared};
@@ -67,12 +66,10 @@ mod linux {
     }
 
     fn unusable(name: &str, error: io::Error) -> ServeError {
-        match error.raw_os_error().map(Errno::from_raw_os_error) {
-            Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => {
-                ServeError::NoKernelCan(name.to_owned())
-            }
-            Some(Errno::NODEV | Errno::NXIO) => ServeError::NoInterface(name.to_owned()),
-            _ => ServeError::Interface(name.to_owned(), error),
+        match Unusable::of(&error) {
+            Unusable::NoKernelCan => ServeError::NoKernelCan(name.to_owned()),
+            Unusable::NoInterface => ServeError::NoInterface(name.to_owned()),
+            Unusable::Down | Unusable::Other => ServeError::Interface(name.to_owned(), error),
         }
     }
 
@@ -113,6 +110,7 @@ mod linux {
     #[cfg(test)]
     mod tests {
         use super::*;
+        use rustix::io::Errno;
 
         #[test]
         fn each_way_to_fail_has_its_own_sentence() {

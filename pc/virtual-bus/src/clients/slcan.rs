@@ -12,8 +12,9 @@ use std::time::Duration;
 
 use super::dialogue::{Dialogue, Heard};
 use super::outlet::Tap;
-use can_text::hex;
-use can_text::slcan::{BEL, CR, FRAME_LETTERS, Flags, Form, LINE_LIMIT, RATES, frame};
+use can_text::slcan::{BEL, CR, Command, Flags, Form, LINE_LIMIT};
+use canopen::Frame;
+use canopen::frame::Id;
 
 /// Hardware and software version, two digits each.
 const VERSION: &[u8] = b"V0100";
@@ -54,44 +55,38 @@ impl Session {
 
     fn line(&mut self, heard: &mut Heard) {
         let line = std::mem::take(&mut self.line);
-        let done = match line.split_first() {
+        let done = match line.first() {
             // Clients send empty lines to end what stood there before.
             None => Ok(()),
             Some(_) if line.len() > LINE_LIMIT => Err(Refused),
-            Some((letter, rest)) => self.obey(*letter, rest, heard),
+            Some(_) => self.obey(&line, heard),
         };
         heard.answer.push(if done.is_ok() { CR } else { BEL });
     }
 
-    fn obey(&mut self, letter: u8, rest: &[u8], heard: &mut Heard) -> Result<(), Refused> {
-        match (letter, rest) {
-            _ if FRAME_LETTERS.contains(&letter) => self.transmit(letter, rest, heard),
-            (b'O', []) => self.open(Channel::Open, heard),
-            (b'L', []) => self.open(Channel::ListenOnly, heard),
-            (b'C', []) => self.close(heard),
-            (b'V', []) => say(VERSION, heard),
-            (b'N', []) => say(SERIAL_NUMBER, heard),
-            (b'F', []) if self.channel != Channel::Closed => say(&Flags::default().text(), heard),
-            _ if self.channel == Channel::Closed => self.set(letter, rest),
+    fn obey(&mut self, line: &[u8], heard: &mut Heard) -> Result<(), Refused> {
+        match Command::read(line).ok_or(Refused)? {
+            Command::Send(frame) => self.transmit(frame, heard),
+            Command::Open => self.open(Channel::Open, heard),
+            Command::ListenOnly => self.open(Channel::ListenOnly, heard),
+            Command::Close => self.close(heard),
+            Command::Version => say(VERSION, heard),
+            Command::SerialNumber => say(SERIAL_NUMBER, heard),
+            Command::Flags if self.is_open() => say(&Flags::default().text(), heard),
+            setting if !self.is_open() => self.set(setting),
             _ => Err(Refused),
         }
     }
 
     /// The settings, which a client may change while its channel is closed.
-    fn set(&mut self, letter: u8, rest: &[u8]) -> Result<(), Refused> {
-        match (letter, rest) {
-            (b'S', [digit @ b'0'..=b'8']) => {
-                self.rate = RATES.get(usize::from(digit - b'0')).copied();
-            }
+    fn set(&mut self, setting: Command) -> Result<(), Refused> {
+        match setting {
+            Command::Rate(kbit_s) => self.rate = Some(kbit_s),
             // Registers of a controller that isn't there: read, and without effect.
-            (b's', [_, _, _, _]) => {
-                hex::number(rest).ok_or(Refused)?;
-                self.rate = None;
-            }
-            (b'Z', [b'0']) => self.form.stamped = false,
-            (b'Z', [b'1']) => self.form.stamped = true,
-            (b'M', _) if rest.len() == 8 => self.form.code = hex::number(rest).ok_or(Refused)?,
-            (b'm', _) if rest.len() == 8 => self.form.mask = hex::number(rest).ok_or(Refused)?,
+            Command::Registers(_) => self.rate = None,
+            Command::Stamped(on) => self.form.stamped = on,
+            Command::Code(code) => self.form.code = code,
+            Command::Mask(mask) => self.form.mask = mask,
             _ => return Err(Refused),
         }
         Ok(())
@@ -118,16 +113,15 @@ impl Session {
         Ok(())
     }
 
-    fn transmit(&self, letter: u8, rest: &[u8], heard: &mut Heard) -> Result<(), Refused> {
+    fn transmit(&self, frame: Frame, heard: &mut Heard) -> Result<(), Refused> {
         if self.channel != Channel::Open {
             return Err(Refused);
         }
-        heard.frames.push(frame(letter, rest).ok_or(Refused)?);
-        heard.answer.push(if letter.is_ascii_lowercase() {
-            b'z'
-        } else {
-            b'Z'
+        heard.answer.push(match frame.id() {
+            Id::Standard(_) => b'z',
+            Id::Extended(_) => b'Z',
         });
+        heard.frames.push(frame);
         Ok(())
     }
 }
@@ -158,7 +152,6 @@ impl Dialogue for Session {
 
 #[cfg(test)]
 mod tests {
-    use canopen::Frame;
     use canopen::frame::{ExtendedId, StandardId};
 
     use super::*;

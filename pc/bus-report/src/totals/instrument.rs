@@ -1,30 +1,28 @@
 //! One instrument under way: what stands between two of its frames.
 //!
-//! In: what `watch` makes of each frame, with the frame's time. Out: its [`Summary`], its
+//! In: what `listen` makes of each frame, with the frame's time. Out: its [`Summary`], its
 //! [`Events`], the [`Recorder`]'s captures and its gaps.
 //!
-//! Left out: frames that belong to nobody (`collect`).
+//! Left out: frames of no instrument (`collector`).
 
 use canopen::nmt::State;
 
 use super::bins::Extremes;
 use super::capture::Recorder;
+use super::days::DAY_NS;
 use super::events::{End, Events, What};
 use super::gaps::Gap;
 use super::kind::Kind;
-use super::row::Row;
-use super::summary::{ChannelSummary, DAY_NS, Summary, Unusable};
-use crate::blackbox::exchange::Measured;
-use listen::{Beat, Detail, Emergency, GAP_NS, SAME_START_NS, Slopes};
+use super::summary::{ChannelSummary, Summary, Unusable};
+use listen::{
+    Beat, Detail, Emergency, GAP_NS, Meaning, Measured, Pair, Round, SAME_START_NS, Slopes,
+};
 
 /// A slope counts as such until the next one, for no longer than this, ns.
 const HOLD_NS: u64 = 1_000_000_000;
 
 /// Events closer than this to the one before are one incident, ns.
 const INCIDENT_NS: u64 = 1_000_000_000;
-
-/// Differences of the last SYNCs among which 2024h is looked for.
-const RECENT: usize = 4;
 
 /// Where a frame stands in the log.
 #[derive(Clone, Copy, Debug)]
@@ -61,73 +59,113 @@ pub struct Instrument {
     pub span_ns: Option<(u64, u64)>,
     /// All days before.
     done: Summary,
-    day: u64,
+    /// When the day under way began, ns.
+    day_ns: u64,
     last_ns: Option<u64>,
     incident_ns: Option<u64>,
-    row: Row,
-    recent: [Option<i32>; RECENT],
+    /// SYNCs of the pair that were taken.
+    rounds: u64,
     sides: [Under; 2],
 }
 
 impl Instrument {
-    /// A SYNC, or the first frame of one that is not in the log.
-    pub fn sync(&mut self, now_ns: u64) {
-        // Most pairs of a plan are not there.
-        if self.row.is_empty() {
-            self.row.time_ns = now_ns;
+    /// Takes what a frame of channel `side` means, by now; with `keeps` a boot-up takes no fault
+    /// back.
+    #[inline]
+    pub fn take(&mut self, at: Moment, news: Meaning, side: usize, pair: &Pair, keeps: bool) {
+        self.rounds(pair);
+        let Some(sent) = pair.sides.get(side) else {
+            return;
+        };
+        let now_ns = at.now_ns;
+        match news {
+            Meaning::Slopes(..) => {
+                if let Some(slopes) = &sent.slopes {
+                    self.slopes(now_ns, side, slopes);
+                }
+            }
+            Meaning::Detail(_) => {
+                if let Some(detail) = &sent.detail {
+                    self.detail(now_ns, side, detail);
+                    self.difference_sent(side, pair);
+                }
+            }
+            Meaning::Exchange(_, part) if part.has_angles() => {
+                if let Some(told) = sent.told {
+                    self.measured(side, Measured::of(&told.exchange));
+                }
+            }
+            Meaning::Emergency(_, emergency) => {
+                self.emergency(now_ns, side, &emergency, sent.faults);
+            }
+            Meaning::Heartbeat(_, beat) => self.heartbeat(now_ns, side, beat, keeps),
+            Meaning::Malformed(_) => return self.malformed(side),
+            _ => {}
+        }
+        self.seen(at, side);
+    }
+
+    /// Takes the SYNC that has ended, if one has.
+    #[inline]
+    pub fn rounds(&mut self, pair: &Pair) {
+        let (round, count) = pair.ended();
+        if count == self.rounds {
             return;
         }
-        let row = std::mem::replace(&mut self.row, Row::at(now_ns));
-        self.close(row);
+        self.rounds = count;
+        if let Some(round) = round {
+            self.close(round);
+        }
     }
 
-    fn close(&mut self, row: Row) {
-        let larger = row.larger_difference();
-        self.recent.rotate_right(1);
-        self.recent[0] = larger;
-        let day = self.summary.day(row.time_ns);
+    fn close(&mut self, round: &Round) {
+        let differences = [0, 1].map(|axis| round.difference(axis));
+        let day = self.summary.days.at(round.time_ns);
         day.syncs += 1;
-        if let Some(mdeg) = larger {
+        let all = differences.into_iter().flatten();
+        if let Some(mdeg) = all.max_by_key(|mdeg| mdeg.unsigned_abs()) {
             day.largest_mdeg = day.largest_mdeg.max(Some(mdeg.unsigned_abs()));
             let bins = &mut self.summary.difference.bins;
-            bins.add(row.time_ns, Extremes::of(mdeg));
-            self.judge(&row);
+            bins.add(round.time_ns, Extremes::of(mdeg));
+            self.judge(round, differences);
         }
-        self.recorder.record(row);
+        self.recorder.record(round);
     }
 
-    fn judge(&mut self, row: &Row) {
+    fn judge(&mut self, round: &Round, differences: [Option<i32>; 2]) {
         let difference = &mut self.summary.difference;
         let (mut known, mut above) = (false, false);
-        for (axis, own) in difference.own.iter_mut().enumerate() {
-            let Some(mdeg) = row.difference(axis) else {
+        let axes = difference.own.iter_mut().zip(differences);
+        for (axis, (own, mdeg)) in axes.enumerate() {
+            let Some(mdeg) = mdeg else {
                 continue;
             };
             own.add(mdeg);
-            if let Some(band) = row.band_mdeg(axis) {
+            if let Some(band) = round.band_mdeg(axis) {
                 known = true;
                 above |= f64::from(mdeg.unsigned_abs()) > band;
             }
         }
-        difference.by_measured += u64::from(row.is_of_measured());
-        difference.by_slopes += u64::from(!row.is_of_measured());
+        difference.by_measured += u64::from(round.is_of_measured());
+        difference.by_slopes += u64::from(!round.is_of_measured());
         difference.judged += u64::from(known);
         difference.above += u64::from(above);
     }
 
     /// Turns to the day of this time.
+    #[cold]
     fn turn_to(&mut self, now_ns: u64) {
-        let day = now_ns / DAY_NS;
-        if day != self.day {
-            self.day = day;
-            self.done.merge(&std::mem::take(&mut self.summary));
-        }
+        self.day_ns = now_ns - now_ns % DAY_NS;
+        self.done.merge(&std::mem::take(&mut self.summary));
     }
 
     /// Any frame of the instrument that has the form it should have.
-    pub fn seen(&mut self, at: Moment, side: usize) {
+    #[inline]
+    fn seen(&mut self, at: Moment, side: usize) {
         let now = at.now_ns;
-        self.turn_to(now);
+        if now.wrapping_sub(self.day_ns) >= DAY_NS {
+            self.turn_to(now);
+        }
         let (first, last) = self.span_ns.unwrap_or((now, now));
         self.span_ns = Some((first.min(now), last.max(now)));
         if let Some(side) = self.sides.get_mut(side) {
@@ -136,7 +174,7 @@ impl Instrument {
         let last = self.last_ns.replace(now).unwrap_or(now);
         let since = now.saturating_sub(last);
         if since <= GAP_NS {
-            self.summary.day(last).covered_ns += since;
+            self.summary.days.at(last).covered_ns += since;
             return;
         }
         self.summary.gaps.add(Gap {
@@ -147,12 +185,9 @@ impl Instrument {
     }
 
     /// TPDO 1.
-    pub fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes) {
-        if self.row.slopes.get(number).is_some_and(Option::is_some) {
-            self.sync(now_ns);
-        }
+    fn slopes(&mut self, now_ns: u64, number: usize, slopes: &Slopes) {
         let warns = matches!(slopes.state, 2..=4);
-        let warned = self.sides.iter().any(|side| side.warned);
+        let is_new = warns && self.sides.iter().all(|side| !side.warned);
         let Some(side) = self.sides.get_mut(number) else {
             return;
         };
@@ -163,34 +198,24 @@ impl Instrument {
         });
         side.warned = warns;
         let since = side.since.replace((now_ns, unusable));
-        if let Some(row) = self.row.slopes.get_mut(number) {
-            *row = Some(slopes.mdeg);
-        }
         if let Some(channel) = self.summary.channels.get_mut(number) {
             hold(channel, since, now_ns);
             note_slopes(channel, now_ns, slopes);
         }
-        if warns && !warned {
+        if is_new {
             self.happened(now_ns, Kind::Warning);
         }
     }
 
     /// TPDO 3.
-    pub fn measured(&mut self, now_ns: u64, number: usize, measured: Measured) {
-        if self.row.measured.get(number).is_some_and(Option::is_some) {
-            self.sync(now_ns);
-        }
-        if let (Some(row), Some(side)) = (
-            self.row.measured.get_mut(number),
-            self.sides.get_mut(number),
-        ) {
-            *row = Some(measured);
+    fn measured(&mut self, number: usize, measured: Measured) {
+        if let Some(side) = self.sides.get_mut(number) {
             side.reason = measured.reason().unwrap_or(0);
         }
     }
 
     /// TPDO 2.
-    pub fn detail(&mut self, now_ns: u64, number: usize, detail: &Detail) {
+    fn detail(&mut self, now_ns: u64, number: usize, detail: &Detail) {
         let Some(channel) = self.summary.channels.get_mut(number) else {
             return;
         };
@@ -206,22 +231,23 @@ impl Instrument {
             }
             None => channel.uncertainty_unknown += 1,
         }
-        let Some(told) = detail.difference_mdeg.map(i32::from) else {
-            return;
-        };
-        // Each node says its own angle minus the other's.
-        let told = if number == 0 { told } else { -told };
+    }
+
+    /// 2024h, against the differences of the last SYNCs.
+    fn difference_sent(&mut self, number: usize, pair: &Pair) {
         let difference = &mut self.summary.difference;
-        difference.told.add(told);
-        let recent = self.recent.iter().flatten();
-        if let Some(off) = recent.map(|own| (told - own).abs()).min() {
-            difference.told_off.add(off);
+        if let Some(mdeg) = pair.difference_sent(number) {
+            difference.told.add(mdeg);
+        }
+        if let Some(off) = pair.difference_off(number) {
+            difference.told_off.add(off.try_into().unwrap_or(i32::MAX));
         }
     }
 
     /// EMCY.
-    pub fn emergency(&mut self, now_ns: u64, number: usize, told: &Emergency) {
+    fn emergency(&mut self, now_ns: u64, number: usize, told: &Emergency, faults: u32) {
         if let Some(channel) = self.summary.channels.get_mut(number) {
+            channel.faults |= faults;
             *channel.emergencies.entry(told.code).or_default() += 1;
         }
         let placed = self.events.emergency(now_ns, number as u8, told);
@@ -245,17 +271,17 @@ impl Instrument {
         }
         let last = self.incident_ns.replace(now_ns);
         if last.is_none_or(|last| now_ns.abs_diff(last) > INCIDENT_NS) {
-            self.summary.day(now_ns).incidents += 1;
+            self.summary.days.at(now_ns).incidents += 1;
         }
     }
 
-    /// A heartbeat or boot-up; with `keeps` a boot-up takes no fault back.
-    pub fn heartbeat(&mut self, now_ns: u64, number: usize, beat: Beat, keeps: bool) {
+    /// A heartbeat or boot-up.
+    fn heartbeat(&mut self, now_ns: u64, number: usize, beat: Beat, keeps: bool) {
         let Some(side) = self.sides.get_mut(number) else {
             return;
         };
         let restarted = beat.changed == Some(State::Initialising);
-        // What a start tells may overtake its boot-up message.
+        // What is sent at a start may overtake its boot-up message.
         let was_seen = side
             .first_ns
             .is_some_and(|first_ns| now_ns.abs_diff(first_ns) >= SAME_START_NS);
@@ -294,14 +320,14 @@ impl Instrument {
         self.happened(from_ns, Kind::Heartbeat);
     }
 
-    /// A frame of another form than the plan says.
-    pub fn malformed(&mut self, number: usize) {
+    /// A frame of another form than the plan has.
+    fn malformed(&mut self, number: usize) {
         if let Some(channel) = self.summary.channels.get_mut(number) {
             channel.malformed += 1;
         }
     }
 
-    /// An answer to an SDO: what it tells of the identity is kept.
+    /// An answer to an SDO: what it has of the identity is kept.
     pub fn sdo(&mut self, number: usize, bytes: &[u8]) {
         if let (&[0x43, 0x18, 0x10, sub @ 1..=4, a, b, c, d], Some(side)) =
             (bytes, self.sides.get_mut(number))
@@ -318,19 +344,18 @@ impl Instrument {
             .map_or([None; 4], |side| side.identity)
     }
 
-    /// True when a channel sent anything that has the form it should have.
-    pub fn has_seen(&self, number: usize) -> bool {
-        self.sides
-            .get(number)
-            .is_some_and(|side| side.first_ns.is_some())
-    }
-
-    /// The log has ended at this time; since when the heartbeat of each channel is lost.
-    pub fn finish(&mut self, now_ns: u64, lost: [Option<u64>; 2]) {
-        self.sync(now_ns);
-        for (number, lost) in lost.into_iter().enumerate() {
-            if let Some(from_ns) = lost {
+    /// The log has ended at this time, with the pair as it is.
+    pub fn finish(&mut self, now_ns: u64, pair: &Pair) {
+        self.rounds(pair);
+        if !pair.under_way().is_empty() {
+            self.close(pair.under_way());
+        }
+        for (number, side) in pair.sides.iter().enumerate() {
+            if let Some(from_ns) = side.heartbeat.lost_since_ns() {
                 self.lost(number, from_ns, now_ns, End::Standing);
+            }
+            if let Some(channel) = self.summary.channels.get_mut(number) {
+                channel.checks.merge(&side.checks);
             }
         }
         let last = std::mem::take(&mut self.summary);
@@ -355,6 +380,7 @@ fn hold(channel: &mut ChannelSummary, since: Option<(u64, Option<Unusable>)>, no
 }
 
 fn note_slopes(channel: &mut ChannelSummary, now_ns: u64, slopes: &Slopes) {
+    channel.read(slopes.state);
     let axes = channel.slope.iter_mut().zip(&mut channel.slope_bins);
     for ((tally, bins), mdeg) in axes.zip(slopes.mdeg) {
         if let Some(mdeg) = mdeg {

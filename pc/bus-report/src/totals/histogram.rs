@@ -15,19 +15,29 @@ pub const MOST: usize = 4096;
 const BEFORE: i64 = 5;
 
 /// Counts by value.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histogram {
-    /// The step is ten to the power of this, 0.001 deg.
-    level: u32,
+    /// The step, a power of ten, 0.001 deg.
+    step_mdeg: i64,
     /// Number of the first step.
     first: i64,
     counts: Vec<u64>,
 }
 
+impl Default for Histogram {
+    fn default() -> Self {
+        Self {
+            step_mdeg: 1,
+            first: 0,
+            counts: Vec::new(),
+        }
+    }
+}
+
 impl Histogram {
     /// Width of a step, 0.001 deg.
     pub const fn step_mdeg(&self) -> i64 {
-        10_i64.pow(self.level)
+        self.step_mdeg
     }
 
     /// Values taken.
@@ -36,7 +46,18 @@ impl Histogram {
     }
 
     /// Takes a value.
+    #[inline]
     pub fn add(&mut self, mdeg: i32) {
+        let place = (self.index_of(mdeg) - self.first) as usize;
+        match self.counts.get_mut(place) {
+            Some(count) => *count += 1,
+            None => self.add_beyond(mdeg),
+        }
+    }
+
+    /// Takes a value that the counts do not reach to.
+    #[cold]
+    fn add_beyond(&mut self, mdeg: i32) {
         let mut index = self.index_of(mdeg);
         while !self.make_room(index) {
             self.coarsen();
@@ -48,8 +69,9 @@ impl Histogram {
         }
     }
 
+    #[inline]
     fn index_of(&self, mdeg: i32) -> i64 {
-        (i64::from(mdeg) + BEFORE).div_euclid(self.step_mdeg())
+        (i64::from(mdeg) + BEFORE).div_euclid(self.step_mdeg)
     }
 
     /// Lets the counts reach to this step; `false` when that would be too many.
@@ -75,7 +97,7 @@ impl Histogram {
     fn coarsen(&mut self) {
         let old = std::mem::take(&mut self.counts);
         let old_first = self.first;
-        self.level += 1;
+        self.step_mdeg *= 10;
         for (index, count) in (old_first..).zip(old) {
             let index = index.div_euclid(10);
             // Joined steps are no more than they were.
@@ -88,10 +110,10 @@ impl Histogram {
     /// Takes all values of another one.
     pub fn merge(&mut self, other: &Self) {
         let mut other = other.clone();
-        while self.level < other.level {
+        while self.step_mdeg < other.step_mdeg {
             self.coarsen();
         }
-        while other.level < self.level {
+        while other.step_mdeg < self.step_mdeg {
             other.coarsen();
         }
         while let Some(last) = other.counts.len().checked_sub(1) {
@@ -109,7 +131,7 @@ impl Histogram {
 
     /// The middle of a step, 0.001 deg.
     fn middle(&self, index: i64) -> i64 {
-        let step = self.step_mdeg();
+        let step = self.step_mdeg;
         index * step - BEFORE + step / 2
     }
 
@@ -133,7 +155,7 @@ impl Histogram {
         let joined = self.counts.len().div_ceil(most.max(1)).max(1);
         let joined = nice(joined as i64);
         let first = self.first.div_euclid(joined);
-        let width = joined * self.step_mdeg();
+        let width = joined * self.step_mdeg;
         let mut bars: Vec<(i64, i64, u64)> = Vec::new();
         for (index, count) in (self.first..).zip(&self.counts) {
             let bar = index.div_euclid(joined);

@@ -1,34 +1,33 @@
-//! What both channels of an instrument said at one SYNC.
+//! What both channels of an instrument sent at one SYNC, and the difference between them.
 //!
-//! In: TPDO 1 as `watch` has read it, and the bytes of TPDO 3 (docs/canopen.md). Out: a [`Row`]
-//! with the angles of both channels, their difference, and the band in which a difference is no
-//! more than both uncertainties allow.
+//! In: TPDO 1 and TPDO 3 (docs/canopen.md) as they come. Out: a [`Round`] with the angles of both
+//! channels, their difference A - B, and the band in which a difference is no more than both
+//! uncertainties allow.
 //!
-//! TPDO 3 has the angles as measured, also while the pair disagrees and TPDO 1 says 8000h, and
+//! TPDO 3 has the angles as measured, also while the pair disagrees and TPDO 1 has 8000h, and
 //! finer; so the difference is formed of these where both channels have sent them, and else of
 //! TPDO 1. The two are not mixed: presets and offsets are in TPDO 1 only.
+//!
+//! Left out: which frames belong to one SYNC (`pair`).
 
-use crate::blackbox::exchange::Measured;
-
-/// The full circle, 0.001 deg.
-const CIRCLE_MDEG: i32 = 360_000;
+use super::exchange::{Measured, slope_minus};
 
 /// The coverage factor of the band.
 const COVERAGE: f64 = 2.0;
 
 /// One SYNC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Row {
+pub struct Round {
     /// When it was seen, or the first frame after it; ns.
     pub time_ns: u64,
-    /// TPDO 1 of both channels: slope X and Y, 0.001 deg.
+    /// TPDO 1 of both channels: slope X and Y while they may be used, 0.001 deg.
     pub slopes: [Option<[Option<i32>; 2]>; 2],
     /// TPDO 3 of both channels.
     pub measured: [Option<Measured>; 2],
 }
 
-impl Row {
-    /// A SYNC after which nobody has said anything yet.
+impl Round {
+    /// A SYNC after which nothing was sent yet.
     pub fn at(time_ns: u64) -> Self {
         Self {
             time_ns,
@@ -36,12 +35,12 @@ impl Row {
         }
     }
 
-    /// True when nobody has said anything.
+    /// True when nothing was sent.
     pub fn is_empty(&self) -> bool {
-        self.slopes == [None; 2] && self.measured == [None; 2]
+        self.slopes.iter().all(Option::is_none) && self.measured.iter().all(Option::is_none)
     }
 
-    /// True when both have said how they measure.
+    /// True when both channels sent TPDO 3.
     pub fn is_of_measured(&self) -> bool {
         self.measured.iter().all(Option::is_some)
     }
@@ -56,21 +55,18 @@ impl Row {
 
     /// Channel A minus channel B on an axis, 0.001 deg.
     pub fn difference(&self, axis: usize) -> Option<i32> {
-        if let [Some(a), Some(b)] = &self.measured {
-            return a.minus(b, axis);
+        match &self.measured {
+            [Some(a), Some(b)] => a.minus(b, axis),
+            _ => self.slope_difference(axis),
         }
+    }
+
+    /// The same of TPDO 1, with the presets and offsets of both channels in it.
+    pub fn slope_difference(&self, axis: usize) -> Option<i32> {
         let [Some(a), Some(b)] = &self.slopes else {
             return None;
         };
-        let apart = (*a.get(axis)?)? - (*b.get(axis)?)?;
-        let half = CIRCLE_MDEG / 2;
-        Some((apart + half).rem_euclid(CIRCLE_MDEG) - half)
-    }
-
-    /// The larger of both differences by size, with its sign.
-    pub fn larger_difference(&self) -> Option<i32> {
-        let both = [0, 1].into_iter().filter_map(|axis| self.difference(axis));
-        both.max_by_key(|mdeg| mdeg.unsigned_abs())
+        Some(slope_minus((*a.get(axis)?)?, (*b.get(axis)?)?))
     }
 
     /// The expanded uncertainty (k = 2) of the difference on an axis, 0.001 deg.
@@ -78,25 +74,22 @@ impl Row {
         let [Some(a), Some(b)] = &self.measured else {
             return None;
         };
-        let both = [a.uncertainty_mdeg(axis)?, b.uncertainty_mdeg(axis)?];
-        Some(COVERAGE * both[0].hypot(both[1]))
+        let (a, b) = (a.uncertainty_mdeg(axis)?, b.uncertainty_mdeg(axis)?);
+        // Both are from 1 to 2^14: no square is too large or too small.
+        Some(COVERAGE * (a * a + b * b).sqrt())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
-        let [low, middle, high, _] = x_steps.to_le_bytes();
-        Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
-    }
+    use crate::exchange::tests::measured;
 
     #[test]
     fn the_difference_goes_the_shorter_way_round() {
-        let mut row = Row {
+        let mut row = Round {
             measured: [measured(0x7F_FFFF, 40), measured(-0x80_0000, 40)],
-            ..Row::default()
+            ..Round::default()
         };
         assert_eq!(row.difference(0), Some(0));
         row.measured = [None; 2];
@@ -108,15 +101,14 @@ mod tests {
             [row.difference(0), row.difference(1)],
             [Some(-20), Some(-30)]
         );
-        assert_eq!(row.larger_difference(), Some(-30));
     }
 
     #[test]
     fn as_measured_goes_before_the_slopes() {
-        let row = Row {
+        let row = Round {
             measured: [measured(466, 40), measured(0, 40)],
             slopes: [Some([None; 2]), Some([None; 2])],
-            ..Row::default()
+            ..Round::default()
         };
         assert_eq!((row.angle(0, 0), row.difference(0)), (Some(10), Some(10)));
         let band = 2.0 * 2_f64.sqrt() * 2_f64.powf(0.5);

@@ -1,23 +1,23 @@
 //! The SYNCs around an event, from the log itself.
 //!
-//! In: every [`Row`] in the order of the log, and a word when something has happened. Out: up to
+//! In: every [`Round`] in the order of the log, and the time of an event. Out: up to
 //! [`MOST`] captures of [`BEFORE`] rows up to the event and [`AFTER`] behind it, as the device's
 //! black box has them. What happens while a capture is being filled is in that one already.
 
 use std::collections::VecDeque;
 
-use super::row::Row;
+use listen::Round;
 
-/// Rows up to an event.
+/// Rounds up to an event.
 pub const BEFORE: usize = 32;
 
-/// Rows after it.
+/// Rounds after it.
 pub const AFTER: usize = 16;
 
 /// Captures that are kept.
 pub const MOST: usize = 24;
 
-/// Rows that are further apart than this do not belong together, ns.
+/// Rounds that are further apart than this do not belong together, ns.
 const BREAK_NS: u64 = 5_000_000_000;
 
 /// One capture.
@@ -25,25 +25,25 @@ const BREAK_NS: u64 = 5_000_000_000;
 pub struct Capture {
     /// When its first event was, ns.
     pub at_ns: u64,
-    /// Rows up to the event.
+    /// Rounds up to the event.
     pub before: usize,
     /// All rows, oldest first.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Round>,
 }
 
 /// The recorder.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    ring: VecDeque<Row>,
+    ring: VecDeque<Round>,
     captures: Vec<Capture>,
-    /// Rows that the latest capture still wants.
+    /// Rounds that the latest capture still lacks.
     wanted: usize,
     left_out: u64,
 }
 
 impl Recorder {
     /// Takes a row.
-    pub fn record(&mut self, row: Row) {
+    pub fn record(&mut self, row: &Round) {
         let last = self.ring.back().map_or(row.time_ns, |last| last.time_ns);
         if row.time_ns.abs_diff(last) > BREAK_NS {
             self.ring.clear();
@@ -52,9 +52,9 @@ impl Recorder {
         if self.ring.len() >= BEFORE {
             self.ring.pop_front();
         }
-        self.ring.push_back(row);
+        self.ring.push_back(*row);
         if let (Some(capture), 1..) = (self.captures.last_mut(), self.wanted) {
-            capture.rows.push(row);
+            capture.rows.push(*row);
             self.wanted -= 1;
         }
     }
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!((BEFORE, AFTER), (black_box::BEFORE, black_box::AFTER));
         let mut recorder = Recorder::default();
         for n in 0..100 {
-            recorder.record(Row::at(n * 10 * MS));
+            recorder.record(&Round::at(n * 10 * MS));
             if n == 50 {
                 assert_eq!(recorder.trigger(n * 10 * MS), Some(0));
             }
@@ -124,10 +124,10 @@ mod tests {
     #[test]
     fn rows_from_before_a_long_silence_are_not_shown() {
         let mut recorder = Recorder::default();
-        recorder.record(Row::at(0));
-        recorder.record(Row::at(9000 * MS));
+        recorder.record(&Round::at(0));
+        recorder.record(&Round::at(9000 * MS));
         recorder.trigger(9001 * MS);
-        recorder.record(Row::at(20_000 * MS));
+        recorder.record(&Round::at(20_000 * MS));
         assert_eq!(recorder.captures()[0].rows.len(), 1);
         assert_eq!(recorder.trigger(60_000 * MS), None);
     }
@@ -136,7 +136,7 @@ mod tests {
     fn more_than_there_is_room_for_is_counted() {
         let mut recorder = Recorder::default();
         for n in 0..1000 {
-            recorder.record(Row::at(n * 10 * MS));
+            recorder.record(&Round::at(n * 10 * MS));
             if n % 20 == 0 {
                 recorder.trigger(n * 10 * MS);
             }

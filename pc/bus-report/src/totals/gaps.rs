@@ -68,6 +68,11 @@ impl Gaps {
         self.sum_ns
     }
 
+    /// How long the longest one is, ns; 0 without one.
+    pub fn longest_ns(&self) -> u64 {
+        self.longest.first().map_or(0, Gap::length_ns)
+    }
+
     /// The longest ones in the order of time.
     pub fn in_time(&self) -> Vec<Gap> {
         let mut gaps = self.longest.clone();

@@ -1,17 +1,15 @@
-//! From the frames of a log to what is kept of each instrument.
+//! From the frames of one interface to what is kept of each instrument on it.
 //!
 //! In: frames with their time, in ns, in the order of the log. Out: an [`Instrument`] per pair of
 //! the plan, and the [`Traffic`] of the bus. Memory does not grow with the log.
 //!
-//! Left out: where frames come from (`input`), and what a frame says (`watch`).
+//! Left out: where frames come from (`bus-logs`), and what a frame means (`listen`).
 
 use canopen::Frame;
 
 use super::instrument::{Instrument, Moment};
 use super::traffic::Traffic;
-use crate::blackbox::exchange::Measured;
-use bus_logs::Part;
-use listen::{Checks, Counts, Meaning, Place, Plan, Watch};
+use listen::{Counts, Meaning, Place, Plan, Side, Watch};
 
 /// A boot-up this soon after NMT 130 is its answer, ns.
 const ANSWER_NS: u64 = 2_000_000_000;
@@ -44,75 +42,65 @@ impl Collector {
         }
     }
 
-    /// Takes a frame where its time is in the part that was asked for.
-    pub fn take_part(&mut self, part: &mut Part, time_ns: u64, frame: &Frame) {
-        if part.has(time_ns) {
-            self.take(time_ns, frame);
-        } else {
-            self.outside += 1;
+    /// The same without the load of the bus, whose bits take as long to count as a frame to read.
+    pub fn without_load(plan: &Plan) -> Self {
+        Self {
+            traffic: Traffic::without_bits(),
+            ..Self::new(plan)
         }
     }
 
-    /// Takes a frame.
-    pub fn take(&mut self, time_ns: u64, frame: &Frame) {
+    /// What is known of the instruments by now.
+    pub const fn watch(&self) -> &Watch {
+        &self.watch
+    }
+
+    /// A frame that is outside the time which was asked for.
+    pub const fn pass_over(&mut self) {
+        self.outside += 1;
+    }
+
+    /// Takes a frame; its meaning, which one without a date among those with one has not.
+    #[inline]
+    pub fn take(&mut self, time_ns: u64, frame: &Frame) -> Meaning {
         if self.traffic.is_stray(time_ns) {
             self.undated += 1;
-            return;
+            return Meaning::Other;
         }
         let at = Moment {
             now_ns: time_ns,
             before_ns: self.traffic.take(time_ns, frame),
         };
         let news = self.watch.take(time_ns, frame);
-        self.hand_on(at, news, frame);
-    }
-
-    fn hand_on(&mut self, at: Moment, news: Meaning, frame: &Frame) {
-        let now_ns = at.now_ns;
         match news {
             Meaning::Sync => {
-                let all = self.instruments.iter_mut();
-                return all.for_each(|instrument| instrument.sync(now_ns));
+                let all = self.watch.pairs().iter().zip(&mut self.instruments);
+                all.for_each(|(pair, instrument)| instrument.rounds(pair));
             }
-            Meaning::Other => return self.other(now_ns, frame),
-            _ => {}
+            Meaning::Other => self.other(time_ns, frame),
+            _ => self.hand_on(at, news),
         }
+        news
+    }
+
+    #[inline]
+    fn hand_on(&mut self, at: Moment, news: Meaning) {
         let Some(place) = place_of(&news) else {
             return;
         };
         let (number, side) = (usize::from(place.pair), usize::from(place.side));
-        let pair = self.watch.pairs().get(number);
-        let told = pair.and_then(|pair| pair.sides.get(side));
-        let (Some(instrument), Some(told)) = (self.instruments.get_mut(number), told) else {
+        let (Some(pair), Some(instrument)) = (
+            self.watch.pairs().get(number),
+            self.instruments.get_mut(number),
+        ) else {
             return;
         };
-        match news {
-            Meaning::Slopes(..) => {
-                if let Some(slopes) = &told.slopes {
-                    instrument.slopes(now_ns, side, slopes);
-                }
-            }
-            Meaning::Detail(_) => {
-                if let Some(detail) = &told.detail {
-                    instrument.detail(now_ns, side, detail);
-                }
-            }
-            Meaning::Exchange(_, part) if part.has_angles() => {
-                if let Some(told) = told.told {
-                    instrument.measured(now_ns, side, Measured::of(&told.exchange));
-                }
-            }
-            Meaning::Emergency(_, told) => instrument.emergency(now_ns, side, &told),
-            Meaning::Heartbeat(_, beat) => {
-                let keeps = self.reset.is_some_and(|(at_ns, node)| {
-                    (node == 0 || node == told.node_id) && now_ns.abs_diff(at_ns) < ANSWER_NS
-                });
-                instrument.heartbeat(now_ns, side, beat, keeps);
-            }
-            Meaning::Malformed(_) => return instrument.malformed(side),
-            _ => {}
-        }
-        instrument.seen(at, side);
+        let keeps = matches!(news, Meaning::Heartbeat(..))
+            && self.reset.is_some_and(|(at_ns, node)| {
+                let is_it = |side: &Side| node == 0 || node == side.node_id;
+                pair.sides.get(side).is_some_and(is_it) && at.now_ns.abs_diff(at_ns) < ANSWER_NS
+            });
+        instrument.take(at, news, side, pair, keeps);
     }
 
     fn other(&mut self, now_ns: u64, frame: &Frame) {
@@ -135,50 +123,57 @@ impl Collector {
 
     /// The log has ended.
     pub fn finish(mut self) -> Collected {
-        if let Some((_, last_ns)) = self.traffic.span_ns {
-            for (pair, instrument) in self.watch.pairs().iter().zip(&mut self.instruments) {
-                let lost = pair
-                    .sides
-                    .each_ref()
-                    .map(|side| side.heartbeat.lost_since_ns());
-                instrument.finish(last_ns, lost);
+        let span_ns = self.traffic.span_ns();
+        let pairs = self.watch.pairs().iter();
+        for (pair, instrument) in pairs.zip(&mut self.instruments) {
+            if let Some((_, last_ns)) = span_ns {
+                instrument.finish(last_ns, pair);
             }
         }
         let pairs = self.watch.pairs().iter();
-        let told = pairs.map(|pair| {
-            [0, 1].map(|side: usize| Told {
-                node_id: pair.sides[side].node_id,
-                checks: pair.sides[side].checks,
+        let last = pairs.map(|pair| {
+            pair.sides.each_ref().map(|side| Last {
+                node_id: side.node_id,
+                seen: side.seen_ns.is_some(),
+                heartbeat_is_lost: side.heartbeat.lost_since_ns().is_some(),
+                faults: side.faults,
             })
         });
         Collected {
-            instruments: told.zip(self.instruments).collect(),
+            instruments: last.zip(self.instruments).collect(),
             traffic: self.traffic,
             counts: *self.watch.counts(),
+            strangers: self.watch.strangers().collect(),
             outside: self.outside,
             undated: self.undated,
         }
     }
 }
 
-/// What `watch` knows of a channel.
+/// How a channel was at the end.
 #[derive(Clone, Copy, Debug)]
-pub struct Told {
+pub struct Last {
     /// Its node-id.
     pub node_id: u8,
-    /// What does not fit together in what it says.
-    pub checks: Checks,
+    /// Whether anything of it was seen.
+    pub seen: bool,
+    /// Whether its heartbeat is lost.
+    pub heartbeat_is_lost: bool,
+    /// The faults that stand, bit n for fault n of `device::fault`.
+    pub faults: u32,
 }
 
-/// What a log came to.
+/// What the frames of an interface came to.
 #[derive(Debug)]
 pub struct Collected {
-    /// Each instrument of the plan, with what `watch` knows of channel A and B.
-    pub instruments: Vec<([Told; 2], Instrument)>,
+    /// Each instrument of the plan, with how channel A and B were at the end.
+    pub instruments: Vec<([Last; 2], Instrument)>,
     /// The bus.
     pub traffic: Traffic,
-    /// What `watch` has counted.
+    /// How many frames of what there were.
     pub counts: Counts,
+    /// Node-ids that are not in the plan and have sent a PDO, an EMCY or a heartbeat.
+    pub strangers: Vec<u8>,
     /// Frames outside the time that was asked for.
     pub outside: u64,
     /// Frames without a date among those with one.

@@ -6,17 +6,16 @@
 //! be counted apart.
 //!
 //! Left out: single events, which are kept in a list with an end (`events`), and what stands
-//! between two frames (`collect`).
+//! between two frames (`instrument`).
 
 use std::collections::BTreeMap;
 
 use super::bins::{Bins, Extremes};
+use super::days::Days;
 use super::gaps::Gaps;
-use super::kind::{KINDS, Kind};
+use super::kind::Kind;
 use super::tally::Tally;
-
-/// A day in ns.
-pub const DAY_NS: u64 = 86_400_000_000_000;
+use listen::Checks;
 
 /// Why a slope could not be used: state of the pair (2021h) and the channel's own reason (2025h),
 /// 0 where the channel had an angle.
@@ -28,9 +27,17 @@ pub struct Unusable {
     pub reason: u8,
 }
 
+/// States of the pair (2021h), and a place for all that do not exist.
+pub const STATES: usize = 11;
+
 /// One channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ChannelSummary {
+    /// TPDO 1 seen.
+    pub readings: u64,
+    /// How many of them carried each state of the pair; the last place is for states that do not
+    /// exist.
+    pub states: [u64; STATES],
     /// Slope X and Y while they could be used, 0.001 deg.
     pub slope: [Tally; 2],
     /// The same over time.
@@ -43,7 +50,7 @@ pub struct ChannelSummary {
     pub uncertainty: Tally,
     /// The same over time.
     pub uncertainty_bins: Bins<Extremes>,
-    /// TPDO 2 that said the uncertainty was not known.
+    /// TPDO 2 without a known uncertainty.
     pub uncertainty_unknown: u64,
     /// Temperature of the sensor, degC.
     pub temperature: Tally,
@@ -57,12 +64,20 @@ pub struct ChannelSummary {
     pub heartbeat_losses: u64,
     /// How long it stayed away, ns.
     pub heartbeat_lost_ns: u64,
-    /// Frames of another form than the plan says.
+    /// Frames of another form than the plan has.
     pub malformed: u64,
+    /// Every fault that was present after an EMCY, bit n for fault n of `device::fault`.
+    pub faults: u32,
+    /// What does not fit together in what it sends.
+    pub checks: Checks,
 }
 
 impl ChannelSummary {
     fn merge(&mut self, other: &Self) {
+        self.readings += other.readings;
+        for (own, other) in self.states.iter_mut().zip(other.states) {
+            *own += other;
+        }
         for (own, other) in self.slope.iter_mut().zip(&other.slope) {
             own.merge(other);
         }
@@ -81,6 +96,17 @@ impl ChannelSummary {
         self.heartbeat_losses += other.heartbeat_losses;
         self.heartbeat_lost_ns += other.heartbeat_lost_ns;
         self.malformed += other.malformed;
+        self.faults |= other.faults;
+        self.checks.merge(&other.checks);
+    }
+
+    /// Counts a TPDO 1 that carried this state.
+    pub fn read(&mut self, state: u8) {
+        self.readings += 1;
+        let place = usize::from(state).min(STATES - 1);
+        if let Some(count) = self.states.get_mut(place) {
+            *count += 1;
+        }
     }
 }
 
@@ -126,33 +152,6 @@ impl DifferenceSummary {
     }
 }
 
-/// What is kept of each day.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Day {
-    /// Time of which there is data, ns.
-    pub covered_ns: u64,
-    /// SYNCs at which something of the instrument was told.
-    pub syncs: u64,
-    /// Events by kind.
-    pub events: [u64; KINDS],
-    /// Events that stand apart: those closer than a second to the one before count once.
-    pub incidents: u64,
-    /// Greatest size of a difference, 0.001 deg.
-    pub largest_mdeg: Option<u32>,
-}
-
-impl Day {
-    fn merge(&mut self, other: &Self) {
-        self.covered_ns += other.covered_ns;
-        self.syncs += other.syncs;
-        for (own, other) in self.events.iter_mut().zip(other.events) {
-            *own += other;
-        }
-        self.incidents += other.incidents;
-        self.largest_mdeg = self.largest_mdeg.max(other.largest_mdeg);
-    }
-}
-
 /// An instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
@@ -162,19 +161,14 @@ pub struct Summary {
     pub difference: DifferenceSummary,
     /// Time without a frame of it.
     pub gaps: Gaps,
-    /// The days with data, by their number since time 0.
-    pub days: BTreeMap<u64, Day>,
+    /// The days with data.
+    pub days: Days,
 }
 
 impl Summary {
-    /// The day of this time.
-    pub fn day(&mut self, time_ns: u64) -> &mut Day {
-        self.days.entry(time_ns / DAY_NS).or_default()
-    }
-
     /// Counts an event of this kind.
     pub fn note(&mut self, time_ns: u64, kind: Kind) {
-        if let Some(count) = self.day(time_ns).events.get_mut(kind as usize) {
+        if let Some(count) = self.days.at(time_ns).events.get_mut(kind as usize) {
             *count += 1;
         }
     }
@@ -186,14 +180,12 @@ impl Summary {
         }
         self.difference.merge(&other.difference);
         self.gaps.merge(&other.gaps);
-        for (number, day) in &other.days {
-            self.days.entry(*number).or_default().merge(day);
-        }
+        self.days.merge(&other.days);
     }
 
     /// Time of which there is data, ns.
     pub fn covered_ns(&self) -> u64 {
-        self.days.values().map(|day| day.covered_ns).sum()
+        self.days.iter().map(|(_, day)| day.covered_ns).sum()
     }
 }
 
@@ -202,6 +194,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::totals::kind::KINDS;
 
     /// Puts something into every field.
     fn note(summary: &mut Summary, time_s: u64, value: i32) {
@@ -226,6 +219,8 @@ mod tests {
         channel.heartbeat_losses += 2;
         channel.heartbeat_lost_ns += 3;
         channel.malformed += 4;
+        channel.read(number as u8);
+        channel.faults |= 1 << (number % 32);
         let difference = &mut summary.difference;
         difference.own[1].add(value);
         difference.by_measured += 1;
@@ -235,13 +230,13 @@ mod tests {
         difference.above += 1;
         difference.told.add(value);
         difference.told_off.add(value);
-        summary.gaps.add(crate::period::gaps::Gap {
+        summary.gaps.add(super::super::gaps::Gap {
             from_ns: time_ns,
             to_ns: time_ns + number as u64,
             whole_bus: value > 0,
         });
         summary.note(time_ns, Kind::ALL[number % KINDS]);
-        let day = summary.day(time_ns);
+        let day = summary.days.at(time_ns);
         day.covered_ns += time_s;
         day.syncs += 1;
         day.incidents += 1;
@@ -249,7 +244,7 @@ mod tests {
     }
 
     proptest! {
-        /// What makes a machine-day the unit: they can be counted apart and joined.
+        /// What makes a machine-day the unit: they can be counted apart and joined, in any order.
         #[test]
         fn merged_days_are_the_whole(
             notes in prop::collection::vec(
@@ -263,14 +258,17 @@ mod tests {
                 note(&mut whole, time_s, value);
                 note(&mut parts[part], time_s, value);
             }
-            let [mut a, b, c] = parts;
-            let mut c_first = c.clone();
-            a.merge(&b);
-            a.merge(&c);
-            prop_assert_eq!(&a, &whole);
-            c_first.merge(&a);
-            c_first.merge(&Summary::default());
-            prop_assert_eq!(c_first.days.len(), whole.days.len());
+            let merged = |parts: &[&Summary]| {
+                let mut all = Summary::default();
+                parts.iter().for_each(|part| all.merge(part));
+                all
+            };
+            let [a, b, c] = &parts;
+            for order in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
+                prop_assert_eq!(&merged(&order), &whole);
+            }
+            // And grouped the other way.
+            prop_assert_eq!(&merged(&[a, &merged(&[b, c])]), &whole);
         }
     }
 }

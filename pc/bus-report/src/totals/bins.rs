@@ -37,6 +37,7 @@ impl Extremes {
 }
 
 impl Join for Extremes {
+    #[inline]
     fn join(&mut self, other: &Self) {
         self.least = self.least.min(other.least);
         self.most = self.most.max(other.most);
@@ -44,6 +45,7 @@ impl Join for Extremes {
 }
 
 impl Join for u64 {
+    #[inline]
     fn join(&mut self, other: &Self) {
         *self += other;
     }
@@ -74,8 +76,19 @@ impl<T: Join + Clone> Bins<T> {
     }
 
     /// Puts a value into the bin of its time.
+    #[inline]
     pub fn add(&mut self, time_ns: u64, value: T) {
-        self.put((time_ns / SHORTEST_NS) >> self.level, value);
+        let number = (time_ns / SHORTEST_NS) >> self.level;
+        match self.bins.last_mut() {
+            Some((last, held)) if *last == number => held.join(&value),
+            _ => self.add_elsewhere(number, value),
+        }
+    }
+
+    /// Puts a value into another bin than the last one.
+    #[cold]
+    fn add_elsewhere(&mut self, number: u64, value: T) {
+        self.put(number, value);
         while self.bins.len() > MOST {
             self.coarsen();
         }

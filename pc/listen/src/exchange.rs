@@ -1,12 +1,15 @@
-//! What the two channels tell each other at each SYNC: TPDO 3 and TPDO 4 (docs/canopen.md).
+//! What the two channels send each other at each SYNC: TPDO 3 and TPDO 4 (docs/canopen.md).
 //!
-//! In: the eight bytes of each, from the bus or out of a black box. Out: angles with their
-//! uncertainty or the reason why there is none, acceleration, and how much the sensor shakes.
+//! In: the eight bytes of each out of a black box, or what was decoded of the bus. Out: angles with
+//! their uncertainty or the reason why there is none, the difference of two of them, acceleration,
+//! and how much the sensor shakes.
+
+use std::sync::LazyLock;
 
 use device::exchange::Exchange;
 
-/// Steps of TPDO 3 in a full circle.
-const CIRCLE_STEPS: i64 = 1 << 24;
+/// Steps of TPDO 3 in a full circle: two to the power of this.
+const CIRCLE_BITS: u32 = 24;
 
 /// The full circle, 0.001 deg.
 const CIRCLE_MDEG: i32 = 360_000;
@@ -20,6 +23,11 @@ const PER_G: f64 = 8192.0;
 /// Energy above 150 Hz of the channel's own noise; 8 steps double it.
 const OWN_NOISE: u8 = 64;
 
+/// Standard uncertainty of each quality that stands for an angle, 0.001 deg.
+static UNCERTAINTY_MDEG: LazyLock<[f64; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|quality| 2_f64.powf((quality as f64 - f64::from(FIRST_ANGLE)) / 16.0))
+});
+
 /// TPDO 3 of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measured {
@@ -32,17 +40,12 @@ pub struct Measured {
 impl Measured {
     /// Reads the bytes of a TPDO 3; `None` when there are not eight.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let &[x0, x1, x2, y0, y1, y2, qx, qy] = bytes else {
-            return None;
-        };
-        let steps = |low, middle, high| i32::from_le_bytes([0, low, middle, high]) >> 8;
-        Some(Self {
-            steps: [steps(x0, x1, x2), steps(y0, y1, y2)],
-            quality: [qx, qy],
-        })
+        let mut exchange = Exchange::NOTHING;
+        exchange.take_angles(bytes.try_into().ok()?);
+        Some(Self::of(&exchange))
     }
 
-    /// What `watch` has read.
+    /// The part of an exchange that TPDO 3 carries.
     pub const fn of(exchange: &Exchange) -> Self {
         Self {
             steps: exchange.angle,
@@ -50,9 +53,15 @@ impl Measured {
         }
     }
 
+    /// The angle of an axis, steps of a 2^24th of the circle; `None` where there is none.
+    pub fn steps(&self, axis: usize) -> Option<i32> {
+        let is_angle = *self.quality.get(axis)? >= FIRST_ANGLE;
+        self.steps.get(axis).copied().filter(|_| is_angle)
+    }
+
     /// The angle of an axis, 0.001 deg; `None` where there is none.
     pub fn mdeg(&self, axis: usize) -> Option<i32> {
-        (self.quality.get(axis)? >= &FIRST_ANGLE).then_some(to_mdeg(*self.steps.get(axis)?))
+        self.steps(axis).map(to_mdeg)
     }
 
     /// Why there is no angle, as 2025h numbers it: of the first axis that has a reason.
@@ -70,22 +79,27 @@ impl Measured {
     pub fn uncertainty_mdeg(&self, axis: usize) -> Option<f64> {
         let quality = *self.quality.get(axis)?;
         let known = (FIRST_ANGLE..u8::MAX).contains(&quality);
-        known.then(|| 2_f64.powf(f64::from(quality - FIRST_ANGLE) / 16.0))
+        known.then(|| UNCERTAINTY_MDEG[usize::from(quality)])
     }
 
     /// This channel's angle minus the other one's, the shorter way round, 0.001 deg.
     pub fn minus(&self, other: &Self, axis: usize) -> Option<i32> {
-        self.mdeg(axis)?;
-        other.mdeg(axis)?;
-        let steps = self.steps.get(axis)?.wrapping_sub(*other.steps.get(axis)?);
+        let steps = self.steps(axis)?.wrapping_sub(other.steps(axis)?);
         Some(to_mdeg((steps << 8) >> 8))
     }
+}
+
+/// One slope minus another one, the shorter way round, 0.001 deg.
+pub(super) fn slope_minus(own_mdeg: i32, other_mdeg: i32) -> i32 {
+    let apart = i64::from(own_mdeg) - i64::from(other_mdeg);
+    let (circle, half) = (i64::from(CIRCLE_MDEG), i64::from(CIRCLE_MDEG) / 2);
+    ((apart + half).rem_euclid(circle) - half) as i32
 }
 
 fn to_mdeg(steps: i32) -> i32 {
     let scaled = i64::from(steps) * i64::from(CIRCLE_MDEG);
     // To the nearest one.
-    ((scaled + CIRCLE_STEPS / 2).div_euclid(CIRCLE_STEPS)) as i32
+    ((scaled + (1 << (CIRCLE_BITS - 1))) >> CIRCLE_BITS) as i32
 }
 
 /// TPDO 4 of one channel.
@@ -102,17 +116,13 @@ pub struct Activity {
 impl Activity {
     /// Reads the bytes of a TPDO 4; `None` when there are not eight.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let &[x0, x1, y0, y1, z0, z1, clock, energy] = bytes else {
-            return None;
-        };
-        let force = |low, high| {
-            let raw = i16::from_le_bytes([low, high]);
-            (raw != i16::MIN).then_some(f64::from(raw) / PER_G)
-        };
+        let mut exchange = Exchange::NOTHING;
+        exchange.take_backing(bytes.try_into().ok()?);
+        let force = |raw: i16| (raw != i16::MIN).then_some(f64::from(raw) / PER_G);
         Some(Self {
-            force_g: [force(x0, x1), force(y0, y1), force(z0, z1)],
-            clock,
-            energy,
+            force_g: exchange.vector.map(force),
+            clock: exchange.captured,
+            energy: exchange.activity,
         })
     }
 
@@ -124,10 +134,11 @@ impl Activity {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
+    /// TPDO 3 with this X, Y at 0, and one quality.
+    pub fn measured(x_steps: i32, quality: u8) -> Option<Measured> {
         let [low, middle, high, _] = x_steps.to_le_bytes();
         Measured::read(&[low, middle, high, 0, 0, 0, quality, quality])
     }

@@ -20,10 +20,12 @@ pub struct Tally {
 
 impl Tally {
     /// Takes a value.
+    #[inline]
     pub fn add(&mut self, value: i32) {
         self.count += 1;
         self.sum += i128::from(value);
-        self.squares += u128::from(value.unsigned_abs()).pow(2);
+        let size = u64::from(value.unsigned_abs());
+        self.squares += u128::from(size * size);
         let (least, most) = self.extremes.unwrap_or((value, value));
         self.extremes = Some((least.min(value), most.max(value)));
         self.histogram.add(value);
@@ -56,6 +58,11 @@ impl Tally {
         (self.count > 0).then(|| self.sum as f64 / self.count as f64)
     }
 
+    /// The root of the mean square.
+    pub fn rms(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.squares as f64 / self.count as f64).sqrt())
+    }
+
     /// The standard deviation of the values about their mean; `None` for fewer than two.
     pub fn deviation(&self) -> Option<f64> {
         let count = i128::from(self.count);
@@ -81,6 +88,7 @@ mod tests {
             tally.add(value);
         }
         assert_eq!(tally.mean(), Some(5.0));
+        assert_eq!(tally.rms(), Some(29.0_f64.sqrt()));
         let expected = (32.0_f64 / 7.0).sqrt();
         assert!((tally.deviation().unwrap() - expected).abs() < 1e-12);
         assert_eq!(tally.extremes(), Some((2, 9)));
