@@ -2,7 +2,7 @@
 
 use sim::bench::boom::BoomResult;
 use sim::bench::{Bench, Mode, World};
-use sim::campaign::{self, draw_with_gyroscope};
+use sim::campaign::{self, Outcome, draw_with_gyroscope};
 use sim::rig::Mount;
 use sim::trial::checks::REACTION_S;
 
@@ -64,13 +64,26 @@ fn a_scale_over_temperature_leaves_no_valid_angle_wrong_by_a_degree() {
 #[test]
 fn a_channel_came_back_with_what_its_fault_had_taught_the_estimator() {
     for seed in [18, 150, 272, 296, 1399] {
-        let setup = draw_with_gyroscope(seed);
-        let pool = campaign::pool_for(&setup).unwrap();
-        let outcome = campaign::run(setup, &pool, |_| {}).unwrap();
+        let outcome = trial(seed);
         assert!(!outcome.setup.faults.is_empty());
         let wrong_s = outcome.report.longest_wrong_s;
         assert!(wrong_s <= REACTION_S, "{outcome}");
     }
+}
+
+/// It looked for its vertical for more than 2 s, as on a machine that moves, and was held faulty.
+#[test]
+fn a_start_in_motion_was_taken_for_a_fault() {
+    for seed in [43, 441] {
+        let outcome = trial(seed);
+        assert!(outcome.passed(), "{outcome}");
+    }
+}
+
+fn trial(seed: u64) -> Outcome {
+    let setup = draw_with_gyroscope(seed);
+    let pool = campaign::pool_for(&setup).unwrap();
+    campaign::run(setup, &pool, |_| {}).unwrap()
 }
 
 #[test]

@@ -239,6 +239,9 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// It begins anew when the fault shows, and once more when it has not shown for [`SOUND_US`]:
     /// what it began with may still have been of the fault.
     fn restart_estimator(&mut self, own: &Reading) {
+        if !I::Moment::FITTED {
+            return;
+        }
         // While it starts it shows nothing.
         let starts = own.x.is_err_and(Invalid::is_transient);
         let begin = match self.parts.pair.own_sound_us() {

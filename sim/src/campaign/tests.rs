@@ -45,7 +45,7 @@ fn a_fault_that_nobody_told_had_a_delay_that_is_no_number() {
     summary.add(&outcome);
     let text = summary.to_string();
     assert!(!text.contains("NaN") && text.contains(" - "), "{text}");
-    assert!(text.contains("1 of them in product mode within"), "{text}");
+    assert!(text.contains("1 of them of the product within"), "{text}");
 }
 
 #[test]

@@ -71,6 +71,10 @@ const LONGEST_PAUSE_US: u32 = 11_000_000;
 /// range, us: that is the machine's doing and accuses neither, but somebody has to be told at last.
 const SHAKEN_PATIENCE_US: i64 = 10_000_000;
 
+/// How long a channel that follows its gyroscope may look for the vertical, us: until the machine
+/// has paused. Its samples come, so nothing is wrong with it that has to be told sooner.
+const FOLLOWING_PATIENCE_US: i64 = 30_000_000;
+
 /// What the check remembers. A reset is a new state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ProductState {
@@ -150,19 +154,26 @@ impl ProductState {
 }
 
 impl ProductState {
-    /// What a missing angle says against either channel, and the reason that is waited for.
+    /// What a missing angle says against either channel, and the reason that is waited for; a
+    /// channel that `follows` tells how far it has turned.
     fn miss(
         &mut self,
         absent: [Option<Invalid>; 2],
+        follows: [bool; 2],
         now: Instant,
     ) -> ([Option<Against>; 2], Option<Invalid>) {
         let patience_us = self.patience_us(absent, now);
         let mut against = [None; 2];
         let mut waiting = None;
-        let channels = self.silence.iter_mut().zip(absent).zip(&mut against);
-        for (node, ((silence, why), against)) in
+        let whys = absent.into_iter().zip(follows);
+        let channels = self.silence.iter_mut().zip(whys).zip(&mut against);
+        for (node, ((silence, (why, follows)), against)) in
             [Member::Own, Member::Peer].into_iter().zip(channels)
         {
+            let patience_us = match why {
+                Some(Invalid::Settling | Invalid::NoSample) if follows => FOLLOWING_PATIENCE_US,
+                _ => patience_us,
+            };
             match why {
                 None => silence.hear(now),
                 Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
@@ -212,7 +223,8 @@ impl ProductCheck {
         let elapsed_us = pause(state.before.replace(now), now);
         let paused = elapsed_us == LONGEST_PAUSE_US;
         let absent = [reason(&own.reading), reason(&peer.reading)];
-        let (mut against, waiting) = state.miss(absent, now);
+        let follows = [own.turned.is_some(), peer.turned.is_some()];
+        let (mut against, waiting) = state.miss(absent, follows, now);
         let (mut comparison, vectors) = if absent == [None, None] {
             self.compare(state, own, peer, &mut against, (now, elapsed_us))
         } else {
