@@ -54,27 +54,12 @@ pub const fn dynamic() -> Setup {
 pub const DYNAMIC_LATENCY_US: u32 = 5_000;
 
 /// What is expected of a calibrated ISM330DHCX and of the machine that moves it.
-///
-/// Noise of the rate is that of the data sheet, 5 mdps per root of Hz; of the acceleration it is
-/// twice that of the part, 60 ug per root of Hz. What calibration leaves \[ASSUME\]: 0.1 % of scale
-/// and alignment, and 0.17 deg/s of bias, from one power-on to the next and over the years; the
-/// bias wanders with what gravity does to it as the housing turns. A machine at rest moves by
-/// 3 mm/s at most, its engine idling \[ASSUME\].
 const CALIBRATED: Expected = Expected {
     period_s: ism330dhcx::Config::PRODUCT.rate.period_us() as f64 * 1e-6,
     delay_s: rate_delay_s(),
-    rate_noise: 1.0e-4,
-    rate_defect: 3.0e-4,
-    bias: 0.003,
-    bias_walk: 5.0e-5,
-    gain: 0.001,
-    accel_noise: 1.5e-4,
-    rest_speed: 0.0003,
-    // The calibration's budget has it.
-    accel_offset: 0.0,
     rate_range: 8.7,
     accel_range: 3.99,
-    ..Expected::INDUSTRIAL
+    ..Expected::CALIBRATED
 };
 
 /// How late the vertical is that follows the part's rates, s.

@@ -244,15 +244,12 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         }
         // While it starts it shows nothing.
         let starts = own.x.is_err_and(Invalid::is_transient);
-        let begin = match self.parts.pair.own_sound_us() {
+        self.matching.began_in_fault = match self.parts.pair.own_sound_us() {
             Some(0) if !starts => true,
-            Some(SOUND_US..) => self.matching.began_in_fault,
+            Some(SOUND_US..) if self.matching.began_in_fault => false,
             _ => return,
         };
-        if begin {
-            self.matching.began_in_fault = self.parts.pair.own_sound_us() == Some(0);
-            self.parts.channel.forget_motion();
-        }
+        self.parts.channel.forget_motion();
     }
 
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.

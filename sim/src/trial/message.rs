@@ -99,9 +99,9 @@ impl Message {
         let bytes = frame.bytes();
         let message = match (id & 0x780, bytes) {
             (0x180, [a, b, c, d, rest @ ..]) => Self::Slopes(slopes([*a, *b, *c, *d], rest)),
-            (0x280, [_, state, low, high, ..]) => Self::State(State {
+            (0x280, [_, state, rest @ ..]) => Self::State(State {
                 state: *state,
-                uncertainty_deg: stated([*low, *high]),
+                uncertainty_deg: rest.first_chunk().and_then(stated),
             }),
             (0x080, _) => Self::Emergency(emergency(bytes.try_into().ok()?)),
             (0x580, _) => Self::Answer,
@@ -134,8 +134,8 @@ fn slopes([a, b, c, d]: [u8; 4], rest: &[u8]) -> Slopes {
     }
 }
 
-fn stated(bytes: [u8; 2]) -> Option<f64> {
-    let raw = u16::from_le_bytes(bytes);
+fn stated(bytes: &[u8; 2]) -> Option<f64> {
+    let raw = u16::from_le_bytes(*bytes);
     (raw < u16::MAX).then(|| f64::from(raw) * UNCERTAINTY_DEG)
 }
 

@@ -189,10 +189,7 @@ impl<C: Composition> Chain<C> {
             },
             Ok(estimates) => estimates.map(|found| Measurement {
                 angle: found.angle,
-                uncertainty: match found.motion {
-                    Uncertainty(0) => found.unshared,
-                    motion => found.unshared.combined_with(motion),
-                },
+                uncertainty: found.unshared.combined_with(found.motion),
                 unshared: found.unshared,
                 at,
                 latency_us,

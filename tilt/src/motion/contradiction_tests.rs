@@ -3,18 +3,7 @@
 use super::tests::{Housing, Vec3, accel_of, between_deg, motion, rate_of, real};
 use super::*;
 
-/// As a calibrated part is set up.
-const CALIBRATED: Expected = Expected {
-    rate_noise: 1.0e-4,
-    rate_defect: 3.0e-4,
-    bias: 0.003,
-    bias_walk: 5.0e-5,
-    gain: 0.001,
-    accel_noise: 1.5e-4,
-    rest_speed: 0.0003,
-    accel_offset: 0.0,
-    ..Expected::INDUSTRIAL
-};
+const CALIBRATED: Expected = Expected::CALIBRATED;
 
 const STILL: Vec3 = [0.0; 3];
 

@@ -149,9 +149,7 @@ impl Limits {
         stated: false,
         latency_s: 1e-6 * PRODUCT_LATENCY_US as f64,
     };
-}
 
-impl Limits {
     /// How far an angle may be off, deg, by the standard uncertainty that its channel states.
     fn within_deg(&self, uncertainty_deg: Option<f64>) -> f64 {
         let stated = uncertainty_deg.filter(|_| self.stated);
