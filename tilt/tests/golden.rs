@@ -15,8 +15,11 @@ use tilt::temperature::{Quadratic, TemperatureModel};
 use tilt::uncertainty::{Budget, Span, TCO, Uncertainty};
 use tilt::vector::Vector;
 
+/// A temperature that is known from the start on, 1/256 degC.
+pub const TEMPERATURE_Q8: i32 = 40 * 256 + 77;
+
 /// A swing of slope X over +-60 deg with a little of Y and noise of some counts.
-fn samples(count: u32) -> impl Iterator<Item = Counts> {
+pub fn samples(count: u32) -> impl Iterator<Item = Counts> {
     let mut noise = 1u32;
     (0..count).map(move |i| {
         let mut draw = || {
@@ -33,7 +36,8 @@ fn samples(count: u32) -> impl Iterator<Item = Counts> {
     })
 }
 
-fn product() -> Chain {
+/// The product, with a calibration that has something in every field.
+pub fn product() -> Chain {
     let vector = Vector {
         matrix: [
             [1_084_479_242, -9_663_676, 5_368_709],
@@ -80,7 +84,8 @@ fn product() -> Chain {
     }
 }
 
-fn paper() -> Chain {
+/// The paper's instrument, with a table of a perfect part.
+pub fn paper() -> Chain {
     let points: Vec<_> = (-90..=90i32)
         .map(|d| {
             let angle = Angle(d * 11_930_465);
@@ -106,13 +111,18 @@ fn paper() -> Chain {
     chain
 }
 
+/// Microseconds on the device's clock at which a sample of this number is captured.
+pub fn captured_us(chain: &Chain, number: u64) -> u64 {
+    5_000_000 + number * u64::from(chain.period_us) * 101 / 100
+}
+
 /// (slope X, uncertainty of X, slope Y) at every hundredth sample.
 fn run(chain: &Chain) -> Vec<(i32, u32, i32)> {
     let mut state = ChainState::default();
-    chain.temperature(&mut state, Temperature(40 * 256 + 77));
+    chain.temperature(&mut state, Temperature(TEMPERATURE_Q8));
     let mut out = Vec::new();
     for (i, counts) in samples(900).enumerate() {
-        let now = Instant(5_000_000 + i as u64 * u64::from(chain.period_us) * 101 / 100);
+        let now = Instant(captured_us(chain, i as u64));
         chain.sample(&mut state, counts, now);
         if i % 100 == 99 && i > 150 {
             let reading = chain.reading(&state, now.offset(700));
@@ -133,7 +143,8 @@ fn paper_mode_bits() {
     assert_eq!(run(&paper()), GOLDEN_PAPER);
 }
 
-const GOLDEN_PRODUCT: &[(i32, u32, i32)] = &[
+/// What [`product`] reads.
+pub const GOLDEN_PRODUCT: &[(i32, u32, i32)] = &[
     (559_186_102, 2_082_328, 48_518_159),
     (-188_058_546, 11_519_851, 40_647_287),
     (-707_737_156, 21_024_145, 38_899_886),
@@ -144,7 +155,8 @@ const GOLDEN_PRODUCT: &[(i32, u32, i32)] = &[
     (-601_285_845, 19_672_644, 38_813_799),
 ];
 
-const GOLDEN_PAPER: &[(i32, u32, i32)] = &[
+/// What [`paper`] reads.
+pub const GOLDEN_PAPER: &[(i32, u32, i32)] = &[
     (513_009_995, 3_589_200, 35_791_395),
     (-250_539_765, 3_533_962, 35_791_395),
     (-715_827_900, 3_741_643, 35_791_395),

@@ -42,6 +42,19 @@ pub fn example(workspace: &Workspace, name: &str) -> Result<PathBuf, CommandErro
     Ok(folder(workspace).join("examples").join(file(name)))
 }
 
+/// The library `name` that another program loads.
+///
+/// Errors: it does not build.
+pub fn library(workspace: &Workspace, name: &str) -> Result<PathBuf, CommandError> {
+    build(workspace, &["--lib"])?;
+    let file = format!(
+        "{}{name}{}",
+        env::consts::DLL_PREFIX,
+        env::consts::DLL_SUFFIX
+    );
+    Ok(folder(workspace).join(file))
+}
+
 fn build(workspace: &Workspace, wanted: &[&str]) -> Result<(), CommandError> {
     if is_ready() {
         return Ok(());

@@ -12,6 +12,7 @@ use crate::faults::FaultsError;
 use crate::image::ImageError;
 use crate::interop::InteropError;
 use crate::program::ProgramError;
+use crate::python::PythonError;
 use crate::size::SizeError;
 
 /// Why a step failed.
@@ -37,6 +38,8 @@ pub enum StepError {
     Program(ProgramError),
     /// The master written by others.
     Interop(InteropError),
+    /// The Python package.
+    Python(PythonError),
     /// A file or folder could not be handled.
     File(PathBuf, io::Error),
     /// The demo left a report out, or left it empty.
@@ -61,6 +64,7 @@ impl fmt::Display for StepError {
             Self::Image(error) => write!(out, "{error}"),
             Self::Program(error) => write!(out, "{error}"),
             Self::Interop(error) => write!(out, "{error}"),
+            Self::Python(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
             Self::NoReport(name) => write!(out, "the demo wrote no {name}"),
         }
@@ -82,6 +86,12 @@ impl From<AccuracyError> for StepError {
 impl From<FaultsError> for StepError {
     fn from(error: FaultsError) -> Self {
         Self::Faults(error)
+    }
+}
+
+impl From<PythonError> for StepError {
+    fn from(error: PythonError) -> Self {
+        Self::Python(error)
     }
 }
 

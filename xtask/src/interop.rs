@@ -2,42 +2,31 @@
 //!
 //! In: the programs `plumb` and `emulate`, built with the flags of the other tests, and Python.
 //! Out: the number of tests that passed. The master's packages are pinned in
-//! `interop/requirements.txt`; they go into a virtual environment in the target folder, which is
-//! made anew whenever the list or Python changes. Nothing is installed anywhere else, and the
-//! network is needed that once only.
+//! `interop/requirements.txt`; they go into a virtual environment in the target folder.
 //!
 //! Left out: the tests themselves, which are Python.
 
 use std::cmp::Reverse;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::{env, fmt, fs, io, thread};
 
 use crate::built;
-use crate::command::{self, CommandError, Tally};
+use crate::command::{CommandError, Tally};
+use crate::environment::{self, EnvironmentError};
 use crate::image::{self, ImageError};
+use crate::pytest;
 use crate::workspace::Workspace;
 
 /// The packages, each with its exact release.
 const REQUIREMENTS: &str = "interop/requirements.txt";
 
-/// Names under which Python is called, the usual one first.
-const PYTHONS: [&str; 2] = ["python3", "python"];
-
-/// Ends with status 0 for a Python that is new enough, and prints which one it is.
-const VERSION: &str = "import sys; print(sys.version); sys.exit(sys.version_info < (3, 10))";
-
 /// Why the tests did not run, or failed.
 #[derive(Debug)]
 pub enum InteropError {
-    /// There is no Python, or an old one.
-    NoPython,
-    /// Python cannot make a virtual environment.
-    NoEnvironment,
-    /// The packages could not be installed.
-    Packages,
+    /// There is no environment to run them in.
+    Environment(EnvironmentError),
     /// A command failed: the build, or a test.
     Command(CommandError),
     /// There are no images to emulate.
@@ -51,20 +40,7 @@ pub enum InteropError {
 impl fmt::Display for InteropError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoPython => write!(
-                out,
-                "there is no Python 3.10 or newer under the name python3 or python: install one"
-            ),
-            Self::NoEnvironment => write!(
-                out,
-                "Python cannot make a virtual environment here; on Debian and Ubuntu type \
-                 `sudo apt install python3-venv`, elsewhere `pip install virtualenv`"
-            ),
-            Self::Packages => write!(
-                out,
-                "the packages of {REQUIREMENTS} could not be installed (what pip says stands \
-                 above); the network is needed once, then never again"
-            ),
+            Self::Environment(error) => write!(out, "{error}"),
             Self::Command(error) => write!(out, "{error}"),
             Self::Image(error) => write!(out, "{error}"),
             Self::File(path, error) => write!(out, "{}: {error}", path.display()),
@@ -76,6 +52,12 @@ impl fmt::Display for InteropError {
 impl From<CommandError> for InteropError {
     fn from(error: CommandError) -> Self {
         Self::Command(error)
+    }
+}
+
+impl From<EnvironmentError> for InteropError {
+    fn from(error: EnvironmentError) -> Self {
+        Self::Environment(error)
     }
 }
 
@@ -167,7 +149,7 @@ const EMULATED_AT_ONCE: usize = 2;
 ///
 /// The count stands in `tally` even when a test fails.
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError> {
-    let python = environment(workspace)?;
+    let python = environment::python(workspace, REQUIREMENTS, "interop-venv")?;
     for program in [PRODUCT, IMAGE].map(|served| served.program) {
         built::binary(workspace, program)?;
     }
@@ -257,108 +239,14 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
 fn test(workspace: &Workspace, python: &Path, images: &Path, (file, served): Job) -> Outcome {
     let Served { program, mode } = served;
     let name = format!("{program}{}", env::consts::EXE_SUFFIX);
-    let mut pytest = workspace.program(
-        &python.to_string_lossy(),
-        &["-m", "pytest", "-q", "-p", "no:cacheprovider"],
-    );
+    let mut pytest = pytest::command(workspace, python, &format!("interop/{file}"));
     pytest
-        .arg(format!("interop/{file}"))
         .env("PLUMB", built::folder(workspace).join(name))
         .env("PLUMB_IMAGES", images)
-        .env("PLUMB_MODE", mode)
-        .env("PYTHONDONTWRITEBYTECODE", "1");
-    let (mut tally, mut said, mut last) = (Tally::default(), String::new(), String::new());
-    let outcome = command::watch(pytest, |line| {
-        tally = tally.plus(summary(line));
-        said += line;
-        said.push('\n');
-        last.clear();
-        last += line;
-    });
-    if outcome.is_err() {
-        print!("{said}");
-    }
+        .env("PLUMB_MODE", mode);
+    let (tally, last, outcome) = pytest::run(pytest);
     println!("      {program}, {mode}, {file}: {last}");
     (tally, outcome)
-}
-
-/// What pytest's last line counts; nothing for any other line.
-fn summary(line: &str) -> Tally {
-    if !line.contains(" in ") || !line.ends_with('s') && !line.ends_with(')') {
-        return Tally::default();
-    }
-    Tally {
-        passed: command::count(line, " passed"),
-        failed: command::count(line, " failed") + command::count(line, " error"),
-        skipped: command::count(line, " skipped"),
-    }
-}
-
-/// The Python of an environment that has the packages; made now unless it is there already.
-fn environment(workspace: &Workspace) -> Result<PathBuf, InteropError> {
-    let (system, version) = system(workspace)?;
-    let folder = workspace.target().join("interop-venv");
-    let list = workspace.root().join(REQUIREMENTS);
-    let wanted = fs::read_to_string(&list).map_err(|error| InteropError::File(list, error))?;
-    let wanted = format!("# {}\n{wanted}", version.trim());
-    let stamp = folder.join("installed.txt");
-    let python = interpreter(&folder);
-    let installed = fs::read_to_string(&stamp).is_ok_and(|text| text == wanted);
-    if installed && command::succeeds(query(workspace, &python)) {
-        return Ok(python);
-    }
-    println!("      installing the packages of {REQUIREMENTS}");
-    make(workspace, system, &folder)?;
-    let mut pip = workspace.program(&python.to_string_lossy(), &["-m", "pip", "install"]);
-    pip.args(["--quiet", "--disable-pip-version-check", "-r", REQUIREMENTS]);
-    command::pass(pip).map_err(|_| InteropError::Packages)?;
-    fs::write(&stamp, wanted).map_err(|error| InteropError::File(stamp, error))?;
-    Ok(python)
-}
-
-/// The Python of this machine: how to call it, and what it says it is.
-fn system(workspace: &Workspace) -> Result<(&'static str, String), InteropError> {
-    let answers = PYTHONS.into_iter().filter_map(|name| {
-        let found = command::succeeds(query(workspace, Path::new(name)));
-        let version = || command::capture(query(workspace, Path::new(name))).ok();
-        found.then(version).flatten().map(|version| (name, version))
-    });
-    answers.take(1).next().ok_or(InteropError::NoPython)
-}
-
-/// Asks a Python for its version.
-fn query(workspace: &Workspace, python: &Path) -> Command {
-    workspace.program(&python.to_string_lossy(), &["-c", VERSION])
-}
-
-/// Makes an empty environment in place of what is there.
-fn make(workspace: &Workspace, python: &str, folder: &Path) -> Result<(), InteropError> {
-    match fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            return Err(InteropError::File(folder.to_path_buf(), error));
-        }
-        _ => {}
-    }
-    // Debian ships `venv` without what it needs to work; `virtualenv` brings its own.
-    let made = ["venv", "virtualenv"].into_iter().any(|module| {
-        let mut command = workspace.program(python, &["-m", module]);
-        command.arg(folder);
-        command::succeeds(command) && interpreter(folder).exists()
-    });
-    if made {
-        Ok(())
-    } else {
-        Err(InteropError::NoEnvironment)
-    }
-}
-
-/// Where an environment keeps its Python.
-fn interpreter(folder: &Path) -> PathBuf {
-    if cfg!(windows) {
-        folder.join("Scripts").join("python.exe")
-    } else {
-        folder.join("bin").join("python")
-    }
 }
 
 #[cfg(test)]
@@ -380,40 +268,5 @@ mod tests {
         for file in left_out {
             assert!(NOT_EMULATED.contains(&file.as_str()), "{file}");
         }
-    }
-
-    #[test]
-    fn the_last_line_of_pytest_is_counted() {
-        let counted = |line| {
-            let tally = summary(line);
-            [tally.passed, tally.failed, tally.skipped]
-        };
-        assert_eq!(counted("148 passed in 99.20s"), [148, 0, 0]);
-        assert_eq!(
-            counted("61 passed, 1 skipped in 134.50s (0:02:14)"),
-            [61, 0, 1]
-        );
-        let bad = "2 failed, 16 passed, 3 errors in 28.82s";
-        assert_eq!(counted(bad), [16, 5, 0]);
-    }
-
-    #[test]
-    fn other_lines_of_pytest_count_nothing() {
-        for line in [
-            ".F.....                                 [ 61%]",
-            "E   assert 1 passed",
-            "FAILED test_lss.py::test_two - AssertionError: 3 passed",
-            "",
-        ] {
-            assert_eq!(summary(line), Tally::default(), "{line}");
-        }
-    }
-
-    #[test]
-    fn what_is_missing_is_named_with_what_to_do() {
-        let said = |error: InteropError| error.to_string();
-        assert!(said(InteropError::NoPython).ends_with("install one"));
-        assert!(said(InteropError::NoEnvironment).contains("python3-venv"));
-        assert!(said(InteropError::Packages).contains(REQUIREMENTS));
     }
 }

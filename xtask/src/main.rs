@@ -11,6 +11,7 @@ mod chip;
 mod command;
 mod cost;
 mod difference;
+mod environment;
 mod failure;
 mod faults;
 mod harness;
@@ -19,6 +20,8 @@ mod interop;
 mod packages;
 mod plan;
 mod program;
+mod pytest;
+mod python;
 mod side_by_side;
 mod size;
 mod steps;
@@ -53,6 +56,8 @@ usage: cargo xtask COMMAND
   image               bootloaders and applications of product and paper, to target/images
   program             length of the released plumb, and how soon it answers
   interop             plumb serve against python-canopen, in an environment made for it
+  python              tests of the Python package, in an environment made for them
+  wheel               its wheel, built by maturin and installed; a build of its own
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
 
@@ -78,6 +83,8 @@ fn main() -> ExitCode {
         ["image"] => plan::equipped(&steps::IMAGE, &workspace),
         ["program"] => plan::alone(&steps::PROGRAM_RELEASED, &workspace),
         ["interop"] => plan::equipped(&steps::INTEROP, &workspace),
+        ["python"] => plan::alone(&steps::PYTHON, &workspace),
+        ["wheel"] => plan::alone(&steps::WHEEL, &workspace),
         ["fuzz-long"] => plan::equipped(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");

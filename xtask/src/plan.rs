@@ -52,6 +52,7 @@ const SIDE_BY_SIDE: [Row; 3] = [
             &steps::SIZE,
             &steps::IMAGE,
             &steps::PROGRAM,
+            &steps::PYTHON,
             &steps::DEMO,
         ],
         gives_way: true,

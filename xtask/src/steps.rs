@@ -20,6 +20,7 @@ use crate::harness::{self, Kind};
 use crate::image;
 use crate::interop;
 use crate::program;
+use crate::python;
 use crate::size;
 use crate::tidy;
 use crate::toolchain;
@@ -45,6 +46,10 @@ const FAULTS_ADVICE: &str = "if the change is meant, run `cargo xtask faults --w
 /// What to do when a test in Python fails.
 const INTEROP_ADVICE: &str =
     "the failing tests stand above; `cargo xtask interop` repeats them without the other steps";
+
+/// What to do when a test of the Python package fails.
+const PYTHON_ADVICE: &str =
+    "the failing tests stand above; `cargo xtask python` repeats them without the other steps";
 
 /// What to do when a test fails.
 const TESTS_ADVICE: &str = "the failing tests stand above; `cargo test -p CRATE NAME` repeats one";
@@ -187,6 +192,22 @@ pub const INTEROP: Step = Step {
     name: "plumb serve against python-canopen",
     advice: INTEROP_ADVICE,
     run: check_interop,
+};
+
+/// The Python package.
+pub const PYTHON: Step = Step {
+    key: "python",
+    name: "the Python package: chain, logs, twin, and the tour of docs/python.md",
+    advice: PYTHON_ADVICE,
+    run: check_python,
+};
+
+/// The wheel of the Python package, which maturin builds by itself.
+pub const WHEEL: Step = Step {
+    key: "wheel",
+    name: "the wheel of the Python package, built, installed and called",
+    advice: "what maturin or pip says stands above",
+    run: check_wheel,
 };
 
 /// Formats every crate.
@@ -338,7 +359,10 @@ fn provide_toolchain(workspace: &Workspace, _: &mut Tally) -> Result<(), StepErr
 }
 
 fn build(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
-    Ok(harness::build(workspace)?)
+    harness::build(workspace)?;
+    // No test asks for it, since no crate links it.
+    built::library(workspace, "_plumb")?;
+    Ok(())
 }
 
 /// Calls the function that each test would call (`emulator::build`), before they run.
@@ -451,6 +475,14 @@ fn write_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 
 fn check_interop(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
     Ok(interop::run(workspace, tally)?)
+}
+
+fn check_python(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
+    Ok(python::run(workspace, tally)?)
+}
+
+fn check_wheel(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(python::wheel(workspace)?)
 }
 
 fn check_tidy(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {

@@ -3,6 +3,7 @@
 //! In: frames of CAN clients that come over TCP, over a pseudo-terminal or from a CAN interface
 //! of the kernel; motion and faults as words from a script, typed, or sent by `plumb twin`. Out:
 //! every frame of the bus to each client, paced to real time or as fast as the machine can.
+//! [`Twin`] is the same for one program that holds it, in virtual time alone.
 //!
 //! Left out: real nodes. A virtual node has the device's code, but not its processor.
 
@@ -18,6 +19,7 @@ mod ports;
 mod ready;
 mod server;
 mod threads;
+mod twin;
 mod words;
 mod world;
 
@@ -39,6 +41,7 @@ pub use addresses::TWIN_AT;
 pub use error::{Complaint, ServeError};
 pub use options::Arguments;
 pub use ports::twin::Answer;
+pub use twin::{Heard, Twin};
 pub use words::line::{candidates, help, read};
 pub use words::reader::WordError;
 

@@ -343,6 +343,18 @@ pub fn to_text(channels: &[Channel]) -> Result<String, Problem> {
 
 /// The channels in the text of a calibration file that must hold `expected` of them.
 pub fn from_text(text: &[u8], expected: usize) -> Result<Vec<Channel>, Problem> {
+    let channels = channels(text)?;
+    if channels.len() != expected {
+        return Err(Problem::ChannelCount {
+            found: channels.len(),
+            expected,
+        });
+    }
+    Ok(channels)
+}
+
+/// The channels in the text of a calibration file.
+fn channels(text: &[u8]) -> Result<Vec<Channel>, Problem> {
     let file: Value = serde_json::from_slice(text).map_err(malformed)?;
     if file.get("format").and_then(Value::as_str) != Some(FORMAT) {
         return Err(Problem::Format(FORMAT));
@@ -365,12 +377,6 @@ pub fn from_text(text: &[u8], expected: usize) -> Result<Vec<Channel>, Problem> 
         });
     }
     let channels = Vec::<Channel>::deserialize(value).map_err(malformed)?;
-    if channels.len() != expected {
-        return Err(Problem::ChannelCount {
-            found: channels.len(),
-            expected,
-        });
-    }
     for (channel, number) in channels.iter().zip(1..) {
         channel
             .check()
@@ -397,22 +403,39 @@ fn shortened(value: &Value) -> String {
 
 /// Reads a calibration file that must hold `expected` channels.
 pub fn load(path: &Path, expected: usize) -> Result<Vec<Channel>, FileError> {
-    let read = || {
-        let unreadable = |error: io::Error| Problem::not_readable(&error);
-        if fs::metadata(path).map_err(unreadable)?.is_dir() {
-            return Err(unreadable(io::ErrorKind::IsADirectory.into()));
-        }
-        // Devices and pipes have no length and may have no end.
-        let mut text = Vec::new();
-        fs::File::open(path)
-            .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut text))
-            .map_err(unreadable)?;
-        if text.len() as u64 > LARGEST_BYTES {
-            return Err(Problem::TooLarge);
-        }
-        from_text(&text, expected)
-    };
-    read().map_err(|problem| FileError::of_file(path.display().to_string(), problem))
+    open(path, |text| from_text(text, expected))
+}
+
+/// Reads a calibration file, however many channels it has: what the chain of each runs on.
+///
+/// Errors: it can't be read, or is no calibration file.
+pub fn load_calibrations(path: &Path) -> Result<Vec<Calibration>, FileError> {
+    let channels = open(path, channels)?;
+    Ok(channels.iter().map(Channel::calibration).collect())
+}
+
+fn open(
+    path: &Path,
+    read: impl FnOnce(&[u8]) -> Result<Vec<Channel>, Problem>,
+) -> Result<Vec<Channel>, FileError> {
+    let of_file = |problem| FileError::of_file(path.display().to_string(), problem);
+    read(&bytes(path).map_err(of_file)?).map_err(of_file)
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, Problem> {
+    let unreadable = |error: io::Error| Problem::not_readable(&error);
+    if fs::metadata(path).map_err(unreadable)?.is_dir() {
+        return Err(unreadable(io::ErrorKind::IsADirectory.into()));
+    }
+    // Devices and pipes have no length and may have no end.
+    let mut text = Vec::new();
+    fs::File::open(path)
+        .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut text))
+        .map_err(unreadable)?;
+    if text.len() as u64 > LARGEST_BYTES {
+        return Err(Problem::TooLarge);
+    }
+    Ok(text)
 }
 
 /// Refuses a place that holds anything but a regular file: a rename would replace a device.

@@ -59,6 +59,7 @@ use output::write::{self, Written};
 use arguments::Mode;
 
 pub use arguments::{Arguments, CalibrateFrom, Options};
+pub use calibration_file::load_calibrations;
 pub use error::FileError;
 
 /// Replays; exit status 0 whatever the verdicts are, since finding a fault is what it is for.

@@ -32,19 +32,18 @@ pub fn read(
     mut take: impl FnMut(usize, u64, &Frame),
 ) -> Result<Logs, PeriodError> {
     let mut source = Source::open(paths, progress).map_err(PeriodError::Log)?;
-    let mut frames = 0;
     while let Some(logged) = source.next().transpose().map_err(PeriodError::Log)? {
-        frames += 1;
         take(logged.interface.into(), logged.time_ns, &logged.frame);
     }
     Ok(Logs {
-        report: report(&source, frames),
+        report: logs_report(&source),
         interfaces: source.interfaces().to_vec(),
         incomplete: source.incomplete(),
     })
 }
 
-fn report(source: &Source, frames: u64) -> LogsReport {
+/// What of the logs was read so far, and what was skipped in them.
+pub fn logs_report(source: &Source) -> LogsReport {
     let files = source.files();
     let name = |place: usize| files.get(place).cloned().unwrap_or_default();
     let skipped = source.skipped();
@@ -58,7 +57,7 @@ fn report(source: &Source, frames: u64) -> LogsReport {
     let damaged = damaged.map(|(place, how)| format!("{}: {}", name(*place), how.words()));
     LogsReport {
         files: files.to_vec(),
-        frames,
+        frames: source.frames(),
         skipped: kinds.collect(),
         damaged: damaged.collect(),
         not_logs: skipped.not_logs.clone(),

@@ -41,7 +41,9 @@ use output::table::wrap;
 use output::write::{self, Written};
 
 use data::PeriodReport;
+pub use data::{LogsReport, Skipped};
 pub use error::PeriodError;
+pub use input::logs_report;
 
 /// What is reported on, and where the report goes.
 #[derive(Clone, Debug, Args)]

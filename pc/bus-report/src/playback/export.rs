@@ -1,9 +1,7 @@
 //! All values of the logs as a table, or their frames as another log.
 //!
-//! In: frames with their news. Out: a CSV or Parquet file: a row for each frame that tells
-//! something, a column for each value that there is (see [`super::row`]), and one for each signal
-//! of other nodes with a data sheet; or a log of all frames. It is written beside its place and
-//! put there when whole.
+//! In: frames with their news. Out: a CSV or Parquet file of the rows that [`super::rows`] makes of
+//! them, or a log of all frames. It is written beside its place and put there when whole.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -13,7 +11,8 @@ use serde::Serialize;
 
 use super::PlaybackError;
 use super::parquet_file::ParquetFile;
-use super::row::{self, COLUMNS, Row};
+use super::row::{COLUMNS, Row};
+use super::rows::Rows;
 use super::summary::Summary;
 use bus_logs::{Format, Logged, Writer};
 use listen::Meaning;
@@ -24,9 +23,7 @@ pub struct Export {
     path: PathBuf,
     beside: PathBuf,
     table: Table,
-    /// By device and PDO the first of its columns behind [`COLUMNS`].
-    places: Vec<Vec<usize>>,
-    extra: Vec<Option<f64>>,
+    made: Rows,
     rows: u64,
 }
 
@@ -68,7 +65,8 @@ impl Export {
         if !ENDINGS.contains(&ending.as_str()) {
             return Err(PlaybackError::ExportName(name));
         }
-        let (signals, places) = columns(devices);
+        let made = Rows::new(devices);
+        let signals = made.signals();
         let mut beside = path.as_os_str().to_owned();
         beside.push(".part");
         let beside = PathBuf::from(beside);
@@ -78,20 +76,17 @@ impl Export {
         let table = match ending.as_str() {
             "csv" => {
                 let mut out = buffered(file);
-                head(&mut out, &signals).map_err(failed)?;
+                head(&mut out, signals).map_err(failed)?;
                 Table::Csv(out)
             }
-            "parquet" => {
-                Table::Parquet(Box::new(ParquetFile::new(file, &signals).map_err(failed)?))
-            }
+            "parquet" => Table::Parquet(Box::new(ParquetFile::new(file, signals).map_err(failed)?)),
             _ => Table::Log(Writer::new(buffered(file), Format::of(path))),
         };
         Ok(Self {
             path: path.to_owned(),
             beside,
             table,
-            places,
-            extra: vec![None; signals.len()],
+            made,
             rows: 0,
         })
     }
@@ -104,63 +99,23 @@ impl Export {
         news: Meaning,
         summary: &Summary,
     ) -> Result<(), PlaybackError> {
-        let interface = interfaces.get(usize::from(logged.interface));
-        let interface = interface.map_or("", String::as_str);
         if let Table::Log(log) = &mut self.table {
+            let interface = interfaces.get(usize::from(logged.interface));
+            let interface = interface.map_or("", String::as_str);
             self.rows += 1;
             let written = log.write(logged.time_ns, interface, &logged.frame);
             return written.map_err(|why| self.failed(why));
         }
-        let Some(watch) = summary.watch(logged.interface) else {
+        let Some((row, extra)) = self.made.of(logged, interfaces, news, summary) else {
             return Ok(());
         };
-        let known = row::of_news(news, watch);
-        let foreign = summary.foreign();
-        let other = if foreign.is_empty() {
-            None
-        } else {
-            foreign.find(&logged.frame)
-        };
-        let (node_id, message, values) = match (known, other) {
-            (Some(known), _) => known,
-            (None, Some((device, _))) => {
-                let node_id = foreign
-                    .devices()
-                    .get(device)
-                    .map_or(0, |device| device.node_id);
-                (node_id, "pdo", [None; COLUMNS.len()])
-            }
-            (None, None) => return Ok(()),
-        };
-        if let Some((device, pdo)) = other {
-            self.signals(logged, summary, device, pdo);
-        }
-        let row = Row {
-            time_ns: logged.time_ns,
-            interface,
-            node_id,
-            message,
-            values,
-        };
         let written = match &mut self.table {
-            Table::Csv(out) => line(out, &row, &self.extra),
-            Table::Parquet(file) => file.row(&row, &self.extra),
+            Table::Csv(out) => line(out, &row, extra),
+            Table::Parquet(file) => file.row(&row, extra),
             Table::Log(_) => Ok(()),
         };
-        self.extra.fill(None);
         self.rows += 1;
         written.map_err(|why| self.failed(why))
-    }
-
-    fn signals(&mut self, logged: &Logged, summary: &Summary, device: usize, pdo: usize) {
-        let first = self.places.get(device).and_then(|pdos| pdos.get(pdo));
-        let signals = summary.foreign().devices().get(device);
-        let signals = signals.and_then(|device| device.pdos.get(pdo));
-        if let (Some(first), Some(pdo)) = (first, signals) {
-            let places = self.extra.iter_mut().skip(*first);
-            let both = places.zip(&pdo.signals);
-            both.for_each(|(place, signal)| *place = Some(signal.value(logged.frame.padded())));
-        }
     }
 
     fn failed(&self, why: io::Error) -> PlaybackError {
@@ -181,48 +136,6 @@ impl Export {
             rows: self.rows,
         })
     }
-}
-
-/// Names of the columns of other nodes' signals, and where those of each PDO begin.
-fn columns(devices: &[Device]) -> (Vec<String>, Vec<Vec<usize>>) {
-    let mut names: Vec<String> = Vec::new();
-    let mut places = Vec::new();
-    for device in devices {
-        let mut of_device = Vec::new();
-        for pdo in &device.pdos {
-            of_device.push(names.len());
-            // Ours have columns of their own.
-            if device.is_inclinometer() {
-                continue;
-            }
-            for signal in &pdo.signals {
-                let plain = format!("node{}_{}", device.node_id, plain(&signal.name));
-                let (index, sub) = signal.place;
-                let taken = names.contains(&plain) || COLUMNS.contains(&plain.as_str());
-                let name = if taken {
-                    format!("{plain}_{index:04x}_{sub}_{:03x}", pdo.cob_id)
-                } else {
-                    plain
-                };
-                names.push(name);
-            }
-        }
-        places.push(of_device);
-    }
-    (names, places)
-}
-
-/// Small letters, digits and underscores.
-fn plain(name: &str) -> String {
-    let letters = name.chars().map(|c| {
-        if c.is_ascii_alphanumeric() {
-            c.to_ascii_lowercase()
-        } else {
-            '_'
-        }
-    });
-    let name: String = letters.collect();
-    name.trim_matches('_').to_owned()
 }
 
 fn head(out: &mut impl Write, signals: &[String]) -> io::Result<()> {

@@ -14,23 +14,28 @@ mod json;
 mod onto;
 mod options;
 mod parquet_file;
+mod reading;
 mod row;
+mod rows;
 mod summary;
+mod table;
 mod text;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use bus_logs::{LogError, Moment, Source};
+use bus_logs::Moment;
 use listen::Unnamed;
 use output::progress::Progress;
 use output::stdout;
 
 pub use error::PlaybackError;
 pub use options::Options;
+pub use row::{COLUMNS, Row, unit};
+pub use table::Table;
 
 use export::Export;
-use foreign::Foreign;
+use reading::Reading;
 use summary::Summary;
 
 /// Reads the logs and tells what they say, or plays them; exit status 0, whatever that is.
@@ -44,33 +49,30 @@ pub fn run(
     json: bool,
     progress: &Progress,
 ) -> Result<ExitCode, PlaybackError> {
-    let mut part = options.part(from).part()?;
-    let (plan, devices) = options.plan.plan(Unnamed::One)?;
     if options.onto.is_some() {
+        options.plan.plan(Unnamed::One)?;
         return onto::run(paths, options, from, json);
     }
+    let part = options.part(from).part()?;
+    let (plan, devices) = options.plan.plan(Unnamed::One)?;
     let mut export = match &options.export {
         Some(path) => Some(Export::create(path, paths, &devices)?),
         None => None,
     };
-    let mut source = Source::of_interface(paths, options.channel.as_deref(), progress)?;
-    let mut summary = Summary::new(plan, Foreign::new(devices));
-    while let Some(logged) = source.next() {
-        let logged = logged?;
-        if !part.has(logged.time_ns) {
-            continue;
-        }
-        let news = summary.take(&logged);
+    let channel = options.channel.as_deref();
+    let mut reading = Reading::open(paths, channel, part, Summary::new(plan, devices), progress)?;
+    while let Some((logged, news)) = reading.next()? {
         if let Some(export) = &mut export {
-            export.take(&logged, source.interfaces(), news, &summary)?;
+            let interfaces = reading.source.interfaces();
+            export.take(&logged, interfaces, news, &reading.summary)?;
         }
     }
-    if let Some(wanted) = &options.channel
-        && source.frames() == 0
-    {
-        let there = source.interfaces().to_vec();
-        return Err(LogError::NoSuchInterface(wanted.clone(), there).into());
-    }
+    let Reading {
+        source,
+        part,
+        summary,
+        ..
+    } = reading;
     let exported = export.map(Export::finish).transpose()?;
     let mut report = json::Report::new(summary, &source);
     report.outside = part.outside();

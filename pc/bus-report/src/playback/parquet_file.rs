@@ -92,7 +92,7 @@ impl ParquetFile {
 
     /// Adds a row.
     pub fn row(&mut self, row: &Row<'_>, extra: &[Option<f64>]) -> io::Result<()> {
-        self.times.push(row.time_ns as f64 / 1e9);
+        self.times.push(row.time_s());
         // Most rows are of the interface of the one before; its bytes are shared.
         let interface = match self.interfaces.last() {
             Some(last) if last.data() == row.interface.as_bytes() => last.clone(),

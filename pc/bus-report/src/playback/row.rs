@@ -37,6 +37,23 @@ pub const COLUMNS: [&str; 27] = [
     "rate_z_deg_s",
 ];
 
+/// Ends of the names in [`COLUMNS`], and the unit that each stands for.
+const UNITS: [(&str, &str); 6] = [
+    ("_deg", "deg"),
+    ("_deg_s", "deg/s"),
+    ("_degc", "degC"),
+    ("_g", "g"),
+    ("_ms", "ms"),
+    ("_s", "s"),
+];
+
+/// The unit of a column of [`COLUMNS`] by its name; `None` for a number without one.
+pub fn unit(column: &str) -> Option<&'static str> {
+    let ends = UNITS.into_iter().filter(|(end, _)| column.ends_with(end));
+    let longest = ends.max_by_key(|(end, _)| end.len());
+    longest.map(|(_, unit)| unit)
+}
+
 /// Numbers of a row.
 pub type Values = [Option<f64>; COLUMNS.len()];
 
@@ -53,6 +70,13 @@ pub struct Row<'a> {
     pub message: &'static str,
     /// Its values.
     pub values: Values,
+}
+
+impl Row<'_> {
+    /// When, s: to half a microsecond for a date.
+    pub fn time_s(&self) -> f64 {
+        self.time_ns as f64 / 1e9
+    }
 }
 
 /// Node, kind and values of a frame with news; `None` without.
@@ -177,6 +201,21 @@ mod tests {
     use super::*;
     use canopen::Frame;
     use listen::Plan;
+
+    #[test]
+    fn a_unit_is_the_end_of_a_name() {
+        let units = COLUMNS.map(|name| unit(name).unwrap_or("-"));
+        let degrees = units.iter().filter(|unit| **unit == "deg").count();
+        assert_eq!((units[0], degrees), ("deg", 11));
+        assert_eq!(
+            ["state", "latency_ms", "temperature_degc"].map(unit),
+            [None, Some("ms"), Some("degC")]
+        );
+        assert_eq!(
+            ["accel_x_g", "rate_z_deg_s"].map(unit),
+            [Some("g"), Some("deg/s")]
+        );
+    }
 
     #[test]
     fn each_value_stands_in_the_column_of_its_name() {

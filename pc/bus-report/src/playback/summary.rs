@@ -6,6 +6,7 @@
 use super::foreign::Foreign;
 use crate::totals::{Collected, Collector};
 use bus_logs::Logged;
+use listen::eds::Device;
 use listen::{Meaning, Plan, Watch};
 
 /// What the logs have shown.
@@ -18,11 +19,11 @@ pub struct Summary {
 
 impl Summary {
     /// Of these instruments on each interface, and of other nodes with a data sheet.
-    pub const fn new(plan: Plan, foreign: Foreign) -> Self {
+    pub fn new(plan: Plan, devices: Vec<Device>) -> Self {
         Self {
             plan,
             buses: Vec::new(),
-            foreign,
+            foreign: Foreign::new(devices),
         }
     }
 

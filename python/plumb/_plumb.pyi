@@ -1,0 +1,93 @@
+"""What the native half has; `plumb` gives it names and arrays of the right shape."""
+
+from collections.abc import Sequence
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+class Error(ValueError): ...
+class IncompleteWarning(UserWarning): ...
+
+class Decoder:
+    def __new__(
+        cls,
+        logs: Sequence[str],
+        eds: Sequence[str],
+        nodes: Sequence[int],
+        channel: str | None,
+        begin: str | None,
+        end: str | None,
+    ) -> Decoder: ...
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object: ...
+    @property
+    def frames(self) -> int: ...
+    @property
+    def files(self) -> list[str]: ...
+    @property
+    def skipped(self) -> list[tuple[str, int, str, int]]: ...
+    @property
+    def damaged(self) -> list[str]: ...
+    @property
+    def not_logs(self) -> list[str]: ...
+    @property
+    def incomplete(self) -> str | None: ...
+    @property
+    def failure(self) -> str | None: ...
+
+class Chain:
+    def __new__(
+        cls,
+        given: bytes | str | PathLike[str] | None,
+        mode: str,
+        channel: int,
+        latency_us: int | None,
+    ) -> Chain: ...
+    @property
+    def period_us(self) -> int: ...
+    @property
+    def counts_per_g(self) -> int: ...
+    @property
+    def deg_s_per_count(self) -> float | None: ...
+    @property
+    def calibration(self) -> bytes: ...
+    def reset(self) -> None: ...
+    def run(
+        self,
+        counts: npt.NDArray[np.int16],
+        times_us: npt.NDArray[np.uint64],
+        temperatures: npt.NDArray[np.float64] | None,
+        rates: npt.NDArray[np.int16] | None,
+        read_us: npt.NDArray[np.uint64],
+    ) -> tuple[
+        npt.NDArray[np.int32],
+        npt.NDArray[np.uint32],
+        npt.NDArray[np.uint8],
+        npt.NDArray[np.int64],
+    ]: ...
+
+class Fitted:
+    calibration: bytes
+    matrix: list[list[float]]
+    offset_g: list[float]
+    residual_g: float | None
+    condition: float
+
+class World:
+    def __new__(cls, words: Sequence[str]) -> World: ...
+    @property
+    def now_ns(self) -> int: ...
+    def truth(self) -> tuple[list[float], list[float]]: ...
+    def say(self, line: str) -> str: ...
+    def send(self, client: int, sent: tuple[int, bool, bool, int, bytes]) -> bool: ...
+    def run_until(self, until_ns: int) -> None: ...
+    def take_heard(self) -> list[tuple[int, int, bool, bool, int, bytes, int | None]]: ...
+
+def reasons() -> dict[int, str]: ...
+def fit_poses(felt_g: npt.NDArray[np.float64]) -> Fitted: ...
+def fit_motor(
+    name: str,
+    slopes: npt.NDArray[np.uint8],
+    reference_deg: npt.NDArray[np.float64],
+    felt_g: npt.NDArray[np.float64],
+) -> Fitted: ...

@@ -1,0 +1,222 @@
+"""The instrument's signal chain on arrays, and the fits of a calibration."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _plumb
+from ._plumb import Error
+
+Calibration = Union[bytes, str, "os.PathLike[str]", "Fit"]
+
+DEG_PER_STEP = 360.0 / 2**32
+
+REASONS: dict[int, str] = _plumb.reasons()
+"""Why there is no angle, in words, by the code in `Readings.reason`; 0 stands for an angle."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What a chain has read: a row for each instant, a column for axis X and one for axis Y."""
+
+    read_us: npt.NDArray[np.uint64]
+    """The instants that were asked for, us."""
+    angle: npt.NDArray[np.int32]
+    """Angles as the chip has them, 2^-32 of a circle; 0 without one."""
+    uncertainty: npt.NDArray[np.uint32]
+    """Standard uncertainties (k = 1), 2^-32 of a circle; 2^32 - 1 for none."""
+    reason: npt.NDArray[np.uint8]
+    """0 for an angle, or why there is none (`REASONS`)."""
+    at_us: npt.NDArray[np.int64]
+    """The instants that the angles belong to, us; -1 without an angle."""
+
+    @property
+    def valid(self) -> npt.NDArray[np.bool_]:
+        """Where there is an angle."""
+        return self.reason == 0
+
+    @property
+    def angle_deg(self) -> npt.NDArray[np.float64]:
+        """Angles in degrees; NaN without one."""
+        return np.where(self.valid, self.angle * DEG_PER_STEP, np.nan)
+
+    @property
+    def uncertainty_deg(self) -> npt.NDArray[np.float64]:
+        """Standard uncertainties in degrees; NaN where they are not known."""
+        known = self.valid & (self.uncertainty != 2**32 - 1)
+        return np.where(known, self.uncertainty * DEG_PER_STEP, np.nan)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted correction; a `Chain` takes it as its calibration."""
+
+    calibration: bytes
+    """As a node stores it, with the data sheet's uncertainty budget."""
+    matrix: npt.NDArray[np.float64]
+    """Housing axis by part axis, g per g."""
+    offset_g: npt.NDArray[np.float64]
+    """Added after the matrix, g."""
+    residual_g: float | None
+    """Root mean square of length minus 1 g over the poses; None of a motor."""
+    condition: float
+    """Condition figure of the fit."""
+
+
+class Chain:
+    """One channel's signal chain, with its memory: samples may come in pieces.
+
+    `calibration` is what a node stores (bytes), a file of `plumb replay --save-calibration`, a
+    `Fit`, or None for a part as its data sheet has it; `channel` counts the channels of a file from
+    0. `mode` is product, dynamic, paper or one-axis. `latency_us` replaces the mode's: 0 reads the
+    newest sample, whatever its age.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration | None = None,
+        mode: str = "product",
+        *,
+        channel: int = 0,
+        latency_us: int | None = None,
+    ) -> None:
+        given = calibration.calibration if isinstance(calibration, Fit) else calibration
+        self._chain = _plumb.Chain(given, mode, channel, latency_us)
+
+    @property
+    def period_us(self) -> int:
+        """Nominal time between samples, us."""
+        return self._chain.period_us
+
+    @property
+    def counts_per_g(self) -> int:
+        """Left-justified counts of one g."""
+        return self._chain.counts_per_g
+
+    @property
+    def deg_s_per_count(self) -> float | None:
+        """Deg/s of one count of the gyroscope; None in a mode without one."""
+        return self._chain.deg_s_per_count
+
+    @property
+    def calibration(self) -> bytes:
+        """The calibration as a node stores it."""
+        return self._chain.calibration
+
+    def reset(self) -> None:
+        """Forgets all samples."""
+        self._chain.reset()
+
+    def counts(self, accel_g: npt.ArrayLike) -> npt.NDArray[np.int16]:
+        """Accelerations in g as counts, clipped at the ends of the range."""
+        counts = np.round(np.asarray(accel_g, dtype=np.float64) * self.counts_per_g)
+        return np.clip(counts, -(2**15), 2**15 - 1).astype(np.int16)
+
+    def run(
+        self,
+        counts: npt.ArrayLike | None = None,
+        times_us: npt.ArrayLike | None = None,
+        *,
+        accel_g: npt.ArrayLike | None = None,
+        temperature_degc: npt.ArrayLike | float | None = None,
+        rates: npt.ArrayLike | None = None,
+        read_us: npt.ArrayLike | None = None,
+    ) -> Readings:
+        """Takes samples in and reads at `read_us`, or else at the time of each sample.
+
+        `counts` is n x 3 of int16, left-justified as the part gives them, or `accel_g` n x 3 in g.
+        `times_us` are the times of capture; without them the samples follow each other by the
+        nominal period, the first at 0. `temperature_degc` is one value, taken in before the first
+        sample, or n of them with NaN where none was read; a calibration over temperature gives no
+        angle before the first of them. `rates` is n x 3 of int16, counts of a gyroscope. `read_us` rises.
+        """
+        if (counts is None) == (accel_g is None):
+            raise Error("give either counts or accel_g")
+        taken = self.counts(accel_g) if counts is None else counts
+        samples = _triples(taken, np.int16, "counts")
+        if times_us is None:
+            times = np.arange(len(samples), dtype=np.uint64) * np.uint64(self.period_us)
+        else:
+            times = _flat(times_us, np.uint64, "times_us")
+        instants = times if read_us is None else _flat(read_us, np.uint64, "read_us")
+        found = self._chain.run(
+            samples,
+            times,
+            _temperatures(temperature_degc, len(samples)),
+            None if rates is None else _triples(rates, np.int16, "rates"),
+            instants,
+        )
+        return Readings(instants, *found)
+
+
+def fit_poses(felt_g: npt.ArrayLike) -> Fit:
+    """Fits matrix and offset to the mean acceleration of nine poses or more, n x 3 in g."""
+    return _fit(_plumb.fit_poses(_triples(felt_g, np.float64, "felt_g")))
+
+
+def fit_motor(
+    slope: npt.ArrayLike,
+    reference_deg: npt.ArrayLike,
+    felt_g: npt.ArrayLike,
+    mode: str = "product",
+) -> Fit:
+    """Fits matrix, offset and harmonics to a motor's stands.
+
+    `slope` is "x" or "y" for each stand: what was turned; `reference_deg` the motor's angle;
+    `felt_g` the mean acceleration, n x 3 in g. In mode one-axis all is turned about one axis.
+    """
+    axes = np.asarray(slope)
+    if not np.isin(axes, ["x", "y"]).all():
+        raise Error('slope is "x" or "y" for each stand')
+    turned = np.ascontiguousarray(axes == "y", dtype=np.uint8).reshape(-1)
+    angles = _flat(reference_deg, np.float64, "reference_deg")
+    return _fit(_plumb.fit_motor(mode, turned, angles, _triples(felt_g, np.float64, "felt_g")))
+
+
+def _fit(fitted: _plumb.Fitted) -> Fit:
+    return Fit(
+        calibration=bytes(fitted.calibration),
+        matrix=np.array(fitted.matrix),
+        offset_g=np.array(fitted.offset_g),
+        residual_g=fitted.residual_g,
+        condition=fitted.condition,
+    )
+
+
+def _triples(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
+    array = _exact(values, dtype, name)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise Error(f"{name} is an array of n x 3, and not of {array.shape}")
+    return array
+
+
+def _flat(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
+    array = _exact(values, dtype, name)
+    if array.ndim != 1:
+        raise Error(f"{name} is an array of n, and not of {array.shape}")
+    return array
+
+
+def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
+    """Without a copy where the array is of this type already; no value may change."""
+    given = np.asarray(values)
+    array = np.ascontiguousarray(given, dtype=dtype)
+    if given.dtype != dtype and not np.array_equal(given, array):
+        raise Error(f"{name} has values that {np.dtype(dtype).name} can't hold")
+    return array
+
+
+def _temperatures(given: npt.ArrayLike | float | None, samples: int) -> npt.NDArray | None:
+    if given is None:
+        return None
+    array = np.asarray(given, dtype=np.float64)
+    if array.ndim == 0:
+        once = np.full(samples, np.nan)
+        once[:1] = array
+        return once
+    return np.ascontiguousarray(array)

@@ -1,0 +1,125 @@
+"""Logs of a bus: the rows that `plumb replay --export` writes, as Arrow record batches."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import Iterable, Iterator, NamedTuple, Union
+
+import pyarrow
+
+from ._plumb import Decoder, Error, IncompleteWarning
+
+Path = Union[str, "os.PathLike[str]"]
+
+
+def paths(given: Path | Iterable[Path]) -> list[str]:
+    """One path or several, as text."""
+    if isinstance(given, (str, os.PathLike)):
+        return [os.fspath(given)]
+    return [os.fspath(path) for path in given]
+
+
+class Skipped(NamedTuple):
+    """Lines of one kind that gave no frame."""
+
+    reason: str
+    count: int
+    file: str
+    """The file of the first of them."""
+    first_line: int
+    """Its line, counted from 1."""
+
+
+class Decoded:
+    """A log under way: an iterable of record batches, and an Arrow stream.
+
+    It can be read once. `pyarrow`, `polars` and `duckdb` take it as it is, since it has
+    `__arrow_c_stream__`; memory does not grow with the log as long as the batches are let go. What
+    could not be read is counted in `skipped` and `damaged`, and at the end of an iteration there is
+    an `IncompleteWarning` about it.
+    """
+
+    def __init__(self, decoder: Decoder) -> None:
+        self._decoder = decoder
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self._decoder.__arrow_c_stream__(requested_schema)
+
+    def __iter__(self) -> Iterator[pyarrow.RecordBatch]:
+        reader = pyarrow.RecordBatchReader.from_stream(self._decoder)
+        while (batch := self._next(reader)) is not None:
+            yield batch
+        self._warn()
+
+    def _next(self, reader: pyarrow.RecordBatchReader) -> pyarrow.RecordBatch | None:
+        try:
+            return reader.read_next_batch()
+        except StopIteration:
+            return None
+        except (pyarrow.ArrowException, OSError):
+            if self._decoder.failure is None:
+                raise
+            raise Error(self._decoder.failure) from None
+
+    def read_all(self) -> pyarrow.Table:
+        """All rows in one table, in memory."""
+        reader = pyarrow.RecordBatchReader.from_stream(self._decoder)
+        batches = []
+        while (batch := self._next(reader)) is not None:
+            batches.append(batch)
+        self._warn()
+        return pyarrow.Table.from_batches(batches, reader.schema)
+
+    def _warn(self) -> None:
+        if self._decoder.incomplete is not None:
+            warnings.warn(self._decoder.incomplete, IncompleteWarning, stacklevel=3)
+
+    @property
+    def frames(self) -> int:
+        """Frames read so far."""
+        return self._decoder.frames
+
+    @property
+    def files(self) -> list[str]:
+        """The logs that were found."""
+        return self._decoder.files
+
+    @property
+    def skipped(self) -> list[Skipped]:
+        """Lines that gave no frame so far, by reason."""
+        return [Skipped(*kind) for kind in self._decoder.skipped]
+
+    @property
+    def damaged(self) -> list[str]:
+        """Compressed files whose end is missing or damaged, and how."""
+        return self._decoder.damaged
+
+    @property
+    def not_logs(self) -> list[str]:
+        """Files of a folder that are no logs."""
+        return self._decoder.not_logs
+
+    @property
+    def incomplete(self) -> str | None:
+        """At the end, a sentence on what could not be read; None when nothing is missing."""
+        return self._decoder.incomplete
+
+
+def decode(
+    log: Path | Iterable[Path],
+    eds: Path | Iterable[Path] | None = None,
+    *,
+    nodes: Iterable[int] = (),
+    channel: str | None = None,
+    begin: str | None = None,
+    end: str | None = None,
+) -> Decoded:
+    """Decodes logs: files or folders of candump or ASC, plain or gzip.
+
+    `eds` are data sheets, each with `@NODE` behind it where it has no node-id. `nodes` are node-ids
+    A, B, A, B; 1 and 2 by default. `channel` names one interface. `begin` and `end` are seconds
+    since the first frame, or a date as 2026-11-22T12:30:00.
+    """
+    sheets = [] if eds is None else paths(eds)
+    return Decoded(Decoder(paths(log), sheets, list(nodes), channel, begin, end))

@@ -1,0 +1,175 @@
+"""The virtual instrument in virtual time, for tests that break it and look at what follows."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Callable, Iterable, NamedTuple
+
+from . import _plumb
+from ._plumb import Error
+
+NS = 1_000_000_000
+
+
+class Frame(NamedTuple):
+    """A frame that was on the bus."""
+
+    time_s: float
+    """When it ended, s of virtual time."""
+    id: int
+    data: bytes
+    extended: bool
+    """An identifier of 29 bits."""
+    remote: bool
+    length: int
+    """The length code; of a remote frame the length that is asked for."""
+    client: int | None
+    """The client that sent it; None for a node."""
+
+
+class Truth(NamedTuple):
+    """Where the housing truly stands."""
+
+    slope_x_deg: float
+    """Slope X, or the turn of a one-axis instrument."""
+    slope_y_deg: float
+    air_degc: float
+    die_degc: float
+
+
+class Client:
+    """A client of a twin's bus, with the frames that it has not taken yet."""
+
+    def __init__(self, twin: Twin, number: int, own: bool) -> None:
+        self._twin = twin
+        self.number = number
+        self.own = own
+        self.waiting: deque[Frame] = deque()
+
+    def send(
+        self,
+        id: int,
+        data: bytes = b"",
+        *,
+        extended: bool = False,
+        remote: bool = False,
+        length: int | None = None,
+    ) -> None:
+        """Puts a frame onto the bus; it goes out while virtual time goes on."""
+        size = len(data) if length is None else length
+        frame = (id, extended, remote, size, bytes(data))
+        if not self._twin._world.send(self.number, frame):
+            raise Error("too many frames of this client wait already: let time go on")
+
+    def close(self) -> None:
+        """Takes no more frames."""
+        self._twin._clients.discard(self)
+
+
+class Twin:
+    """The virtual instrument on a bus of its own; its clock goes on only when it is told to.
+
+    The same seed, words, frames and times give the same frames. `mode` is product, dynamic, paper
+    or one-axis; `calibrated=False` leaves out the virtual bench, which takes a third of a second.
+    `node_ids` are given in the order a, b, a2, b2.
+    """
+
+    def __init__(
+        self,
+        seed: int = 1,
+        mode: str = "product",
+        *,
+        instruments: int = 1,
+        node_ids: Iterable[int] | None = None,
+        bit_rate: int = 250,
+        chamber_speed: float = 1.0,
+        calibrated: bool = True,
+    ) -> None:
+        words = {
+            "seed": seed,
+            "mode": mode,
+            "instruments": instruments,
+            "bit-rate": bit_rate,
+            "chamber-speed": chamber_speed,
+        }
+        if node_ids is not None:
+            words["node-ids"] = ",".join(str(node) for node in node_ids) or "none"
+        line = [f"--{name}={value}" for name, value in words.items()]
+        line += [] if calibrated else ["--uncalibrated"]
+        self._world = _plumb.World(line)
+        self._clients: set[Client] = set()
+        self._numbers = 0
+        self._own = self.join()
+
+    @property
+    def now_s(self) -> float:
+        """Virtual time, s."""
+        return self._world.now_ns / NS
+
+    @property
+    def truth(self) -> Truth:
+        """Where the housing truly stands, and how warm air and die are."""
+        (x, y), (air, die) = self._world.truth()
+        return Truth(x, y, air, die)
+
+    def say(self, words: str) -> str:
+        """Carries out a word of `plumb serve`, such as `pitch 30` or `fault b stuck`, or puts it
+        off (`+2 s level`); what it has to tell. `wait 2 s` takes virtual time."""
+        answer = self._world.say(words)
+        self._deal()
+        return answer
+
+    def send(self, id: int, data: bytes = b"", *, extended: bool = False) -> None:
+        """Puts a frame onto the bus."""
+        self._own.send(id, data, extended=extended)
+
+    def run(self, seconds: float) -> list[Frame]:
+        """Goes on by this much virtual time; the frames since the last call."""
+        return self.run_until(self.now_s + seconds)
+
+    def run_until(self, time_s: float) -> list[Frame]:
+        """Goes on to this virtual time; the frames since the last call."""
+        self._go(round(time_s * NS))
+        frames = list(self._own.waiting)
+        self._own.waiting.clear()
+        return frames
+
+    def wait_for(
+        self, is_it: Callable[[Frame], bool], timeout_s: float, step_s: float = 0.001
+    ) -> Frame | None:
+        """Goes on until a frame fulfils `is_it`, for `timeout_s` of virtual time at most.
+
+        The first such frame, also of those that wait already, or None. Frames before it are let go,
+        those behind it come next.
+        """
+        end_ns = self._world.now_ns + round(timeout_s * NS)
+        while True:
+            while self._own.waiting:
+                frame = self._own.waiting.popleft()
+                if is_it(frame):
+                    return frame
+            now_ns = self._world.now_ns
+            if now_ns >= end_ns:
+                return None
+            self._go(min(end_ns, now_ns + round(step_s * NS)))
+
+    def join(self, own: bool = False) -> Client:
+        """One more client, which gets every frame from now on; its own too where `own` says so."""
+        client = Client(self, self._numbers, own)
+        self._numbers += 1
+        self._clients.add(client)
+        return client
+
+    def _go(self, until_ns: int) -> None:
+        try:
+            self._world.run_until(until_ns)
+        finally:
+            self._deal()
+
+    def _deal(self) -> None:
+        """Gives what was on the bus to the clients."""
+        for at_ns, id, extended, remote, length, data, sender in self._world.take_heard():
+            frame = Frame(at_ns / NS, id, bytes(data), extended, remote, length, sender)
+            for client in self._clients:
+                if client.own or client.number != sender:
+                    client.waiting.append(frame)

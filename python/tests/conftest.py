@@ -1,0 +1,70 @@
+"""What the tests share: the program `plumb`, and a log that it has recorded of the twin."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+import plumb
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+PLUMB = os.environ.get("PLUMB", str(ROOT / "target" / "debug" / "plumb"))
+
+START_ALL = (0x000, b"\x01\x00")
+
+
+def candump(frames: list[plumb.Frame], start_s: float = 1_790_000_000.0) -> str:
+    """Frames as lines of `candump -L`."""
+    lines = (
+        f"({start_s + frame.time_s:.6f}) can0 {frame.id:03X}#{frame.data.hex().upper()}\n"
+        for frame in frames
+        if not frame.remote
+    )
+    return "".join(lines)
+
+
+def shift(seed: int, seconds: float, words: str = "") -> list[plumb.Frame]:
+    """What a machine's bus carries: SYNCs every 20 ms, a turn, and a fault if there is one."""
+    twin = plumb.Twin(seed=seed, calibrated=False)
+    everything = twin.join(own=True)
+    twin.run(1.0)
+    twin.send(*START_ALL)
+    twin.say("pitch 20")
+    if words:
+        twin.say(words)
+    while twin.now_s < 1.0 + seconds:
+        twin.send(0x080)
+        twin.run(0.02)
+    return list(everything.waiting)
+
+
+@pytest.fixture(scope="session")
+def program() -> pathlib.Path:
+    return pathlib.Path(PLUMB)
+
+
+@pytest.fixture(scope="session")
+def log(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """Eight seconds of a machine whose channel B breaks after three, with a damaged line."""
+    path = tmp_path_factory.mktemp("logs") / "machine.log"
+    text = candump(shift(3, 8.0, "+3 s fault b stuck"))
+    lines = text.splitlines(keepends=True)
+    lines.insert(len(lines) // 2, "this is no frame\n")
+    path.write_text("".join(lines))
+    return path
+
+
+def run(program: pathlib.Path, *words: object) -> subprocess.CompletedProcess[str]:
+    """The program with these words."""
+    command = [str(program), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+
+
+def sentence(program: pathlib.Path, *words: object) -> str:
+    """The sentence that the program ends with."""
+    done = run(program, *words)
+    assert done.returncode == 2, done
+    return done.stderr.strip().splitlines()[-1].removeprefix("plumb: ")

@@ -1,0 +1,157 @@
+"""The chain on arrays gives the integers of the chip."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import plumb
+
+GOLDEN = json.loads((ROOT / "device" / "tests" / "golden.json").read_text())
+
+# The vectors are read at every hundredth sample from this one on, 0.7 ms after it.
+READ = range(199, 900, 100)
+AFTER_US = 700
+
+
+def golden(mode: str, pieces: int = 1) -> list[list[int]]:
+    """Slope X, its uncertainty and slope Y by this package, the samples in so many pieces."""
+    vectors = GOLDEN[mode]
+    chain = plumb.Chain(bytes.fromhex(vectors["calibration"]), mode)
+    samples = np.array(GOLDEN["samples"], dtype=np.int16)
+    times = np.array(vectors["times_us"], dtype=np.uint64)
+    found = []
+    for numbers in np.array_split(np.arange(len(samples)), pieces):
+        wanted = [number for number in READ if number in numbers]
+        readings = chain.run(
+            samples[numbers],
+            times[numbers],
+            temperature_degc=GOLDEN["temperature_q8"] / 256 if numbers[0] == 0 else None,
+            read_us=times[wanted] + AFTER_US,
+        )
+        assert readings.valid.all()
+        rows = zip(readings.angle[:, 0], readings.uncertainty[:, 0], readings.angle[:, 1])
+        found += [[int(value) for value in row] for row in rows]
+    return found
+
+
+@pytest.mark.parametrize("mode", ["product", "paper"])
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_the_integers_are_those_of_the_golden_vectors(mode: str, pieces: int) -> None:
+    assert golden(mode, pieces) == GOLDEN[mode]["readings"]
+
+
+def test_another_mode_gives_other_integers() -> None:
+    vectors = GOLDEN["product"]
+    chain = plumb.Chain(bytes.fromhex(vectors["calibration"]), "product", latency_us=0)
+    times = np.array(vectors["times_us"], dtype=np.uint64)
+    readings = chain.run(GOLDEN["samples"], times, temperature_degc=40.0)
+    assert readings.angle[199, 0] != vectors["readings"][0][0]
+
+
+def test_a_calibration_comes_back_as_it_was_given() -> None:
+    given = bytes.fromhex(GOLDEN["product"]["calibration"])
+    assert plumb.Chain(given).calibration == given
+
+
+def test_reasons_and_instants_stand_beside_the_angles() -> None:
+    chain = plumb.Chain()
+    level = np.tile([0.0, 0.0, 1.0], (400, 1))
+    readings = chain.run(accel_g=level)
+    early = {plumb.REASONS[int(reason)] for reason in readings.reason[:100, 0]}
+    assert early == {"the filter settles"}
+    assert np.isnan(readings.angle_deg[0]).all() and readings.at_us[0].tolist() == [-1, -1]
+    over_temperature = plumb.Chain(bytes.fromhex(GOLDEN["product"]["calibration"]))
+    readings = over_temperature.run(accel_g=level)
+    assert plumb.REASONS[int(readings.reason[-1, 0])] == "temperature not known"
+    chain.reset()
+    readings = chain.run(accel_g=level, temperature_degc=25.0)
+    assert readings.valid[-1].all() and abs(readings.angle_deg[-1]).max() < 1e-3
+    # Product mode declares 25 ms.
+    assert readings.at_us[-1, 0] == readings.read_us[-1] - 25_000
+    assert 0.0 < readings.uncertainty_deg[-1, 0] < 5.0
+
+
+def test_a_tilt_in_g_is_the_angle_that_it_has() -> None:
+    angle = math.radians(30.0)
+    tilted = np.tile([math.sin(angle), 0.0, math.cos(angle)], (400, 1))
+    readings = plumb.Chain().run(accel_g=tilted, temperature_degc=25.0)
+    assert readings.angle_deg[-1] == pytest.approx([30.0, 0.0], abs=0.01)
+
+
+def test_one_axis_goes_all_the_way_round() -> None:
+    vectors = np.tile([0.5, 0.0, -math.sqrt(0.75)], (400, 1))
+    fit = plumb.fit_motor(["x"] * 12, *turned(np.arange(0.0, 360.0, 30.0), "x"), mode="one-axis")
+    readings = plumb.Chain(fit, "one-axis").run(accel_g=vectors, temperature_degc=25.0)
+    assert readings.angle_deg[-1, 0] == pytest.approx(150.0, abs=0.05)
+    assert plumb.REASONS[int(readings.reason[-1, 1])] == "this axis is not measured"
+
+
+def turned(angles_deg: np.ndarray, axis: str) -> tuple[np.ndarray, np.ndarray]:
+    """A motor's angles, and what an ideal part feels at them."""
+    sin, cos = np.sin(np.radians(angles_deg)), np.cos(np.radians(angles_deg))
+    zero = np.zeros_like(sin)
+    columns = [sin, zero, cos] if axis == "x" else [zero, sin, cos]
+    return angles_deg, np.column_stack(columns)
+
+
+def sphere() -> np.ndarray:
+    """Directions all around, of length 1 g."""
+    axes = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
+    directions = np.array([axis for axis in axes if any(axis)], dtype=float)
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def test_poses_find_scale_and_offset() -> None:
+    scale, offset_g = np.array([1.02, 0.98, 1.01]), np.array([0.02, -0.01, 0.03])
+    fit = plumb.fit_poses(sphere() * scale + offset_g)
+    assert np.diag(fit.matrix) == pytest.approx(1.0 / scale, abs=1e-6)
+    assert fit.offset_g == pytest.approx(-offset_g / scale, abs=1e-6)
+    assert fit.residual_g < 1e-9 and fit.condition > 1.0
+    felt = np.tile(np.array([0.5, 0.0, math.sqrt(0.75)]) * scale + offset_g, (400, 1))
+    readings = plumb.Chain(fit).run(accel_g=felt, temperature_degc=25.0)
+    assert readings.angle_deg[-1, 0] == pytest.approx(30.0, abs=0.02)
+
+
+def test_a_motor_finds_a_crooked_part() -> None:
+    # The part is turned by 2 deg about z in its housing.
+    sin, cos = math.sin(math.radians(2.0)), math.cos(math.radians(2.0))
+    crooked = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    angles = np.arange(-60.0, 61.0, 10.0)
+    slope = ["x"] * len(angles) + ["y"] * len(angles)
+    felt = np.vstack([turned(angles, axis)[1] for axis in "xy"]) @ crooked
+    fit = plumb.fit_motor(slope, np.tile(angles, 2), felt)
+    assert fit.matrix == pytest.approx(crooked, abs=1e-5) and fit.residual_g is None
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda: plumb.Chain(b"PLMC"), "these bytes are no calibration of a node: they end early"),
+        (lambda: plumb.Chain(mode="fancy"), 'there is no mode "fancy": take product, dynamic'),
+        (lambda: plumb.Chain().run(), "give either counts or accel_g"),
+        (lambda: plumb.Chain().run([[1, 2]]), "counts is an array of n x 3"),
+        (lambda: plumb.Chain().run([[1, 2, 40_000]]), "counts has values that int16 can't hold"),
+        (lambda: plumb.Chain().run([[1, 2, 3]], [1, 2]), "there are 1 samples and 2 of times_us"),
+        (lambda: plumb.fit_poses(sphere()[:5]), "5 readings do not determine the fit; take at"),
+        (lambda: plumb.fit_motor(["z"], [0.0], [[0, 0, 1]]), 'slope is "x" or "y" for each stand'),
+        (lambda: plumb.fit_motor("x", [0.0], [[0, 0, 1]], "paper"), "paper mode has tables"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_sentence(what, words: str) -> None:
+    with pytest.raises(plumb.Error) as told:
+        what()
+    assert str(told.value).startswith(words), told.value
+
+
+def test_a_calibration_file_that_is_none_is_told_by_its_name(tmp_path) -> None:
+    path = tmp_path / "cal.json"
+    path.write_text("{}")
+    with pytest.raises(plumb.Error, match="cal.json"):
+        plumb.Chain(path)
+    with pytest.raises(plumb.Error, match="nowhere.json"):
+        plumb.Chain(tmp_path / "nowhere.json")

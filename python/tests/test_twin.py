@@ -1,0 +1,169 @@
+"""The virtual instrument in a test: words, frames, python-can, python-canopen."""
+
+from __future__ import annotations
+
+import time
+
+import can
+import pytest
+from conftest import START_ALL
+
+import plumb
+from plumb.bus import TwinBus
+
+A, B = 1, 2
+
+
+def emergencies(frames: list[plumb.Frame], node: int) -> list[str]:
+    """EMCY codes of a node, in their order."""
+    own = [frame for frame in frames if frame.id == 0x080 + node and len(frame.data) == 8]
+    return [f"{int.from_bytes(frame.data[:2], 'little'):04X}" for frame in own]
+
+
+def test_the_same_seed_gives_the_same_frames() -> None:
+    def frames(seed: int) -> list[plumb.Frame]:
+        twin = plumb.Twin(seed=seed, calibrated=False)
+        twin.say("+0.5 s roll 5")
+        twin.send(*START_ALL)
+        return twin.run(2.0)
+
+    assert frames(1) == frames(1) != frames(2)
+
+
+def test_a_fault_is_told_and_healed_in_milliseconds() -> None:
+    twin = plumb.Twin(calibrated=False)
+    twin.run(1.0)
+    twin.send(*START_ALL)
+    begin = time.monotonic()
+    twin.say("fault b stuck")
+    frames = twin.run(1.0)
+    took = time.monotonic() - begin
+    assert "FF01" in emergencies(frames, B), frames
+    # A virtual second of two nodes takes some ten milliseconds on an idle machine.
+    assert took < 1.0, took
+    assert "FF01" not in emergencies(frames, A)
+    twin.say("heal b")
+    twin.say("reset b")
+    assert any(frame.id == 0x700 + B and frame.data == b"\0" for frame in twin.run(1.0))
+
+
+def test_the_truth_is_where_the_words_have_led() -> None:
+    twin = plumb.Twin(calibrated=False)
+    twin.say("roll 12.5")
+    twin.say("temp 40 now")
+    twin.say("wait")
+    truth = twin.truth
+    assert sorted([abs(truth.slope_x_deg), abs(truth.slope_y_deg)]) == pytest.approx([0, 12.5], abs=1e-6)
+    assert truth.die_degc == pytest.approx(40.0, abs=0.1)
+    assert twin.say("+2 s level") == f"put off to {twin.now_s + 2:.3f} s"
+    assert "roll" in twin.say("help")
+
+
+def test_a_frame_is_waited_for() -> None:
+    twin = plumb.Twin(calibrated=False, node_ids=[7, 9])
+    boot = twin.wait_for(lambda frame: frame.id == 0x709, timeout_s=1.0)
+    assert boot is not None and boot.data == b"\0" and boot.client is None
+    assert 0 < boot.time_s <= twin.now_s < 1.0
+    assert twin.wait_for(lambda frame: frame.id == 0x123, timeout_s=0.1) is None
+
+
+@pytest.mark.parametrize("mode", ["product", "paper", "one-axis", "dynamic"])
+def test_every_mode_boots(mode: str) -> None:
+    twin = plumb.Twin(mode=mode, calibrated=False)
+    ids = {frame.id for frame in twin.run(1.0)}
+    assert {0x701, 0x702} <= ids, mode
+
+
+def upload(bus: can.BusABC, node: int, index: int, sub: int = 0) -> int:
+    """Reads an object of up to four bytes (CiA 301, 7.2.4.3.6)."""
+    ask = bytes([0x40, index & 0xFF, index >> 8, sub]) + bytes(4)
+    bus.send(can.Message(arbitration_id=0x600 + node, data=ask, is_extended_id=False))
+    while (answer := bus.recv(0.5)) is not None:
+        if answer.arbitration_id == 0x580 + node:
+            size = 4 - (answer.data[0] >> 2 & 3)
+            return int.from_bytes(answer.data[4 : 4 + size], "little", signed=True)
+    raise TimeoutError
+
+
+def test_python_can_reads_the_slope_of_a_calibrated_instrument() -> None:
+    with TwinBus(seed=5) as bus:
+        bus.twin.say("roll 10")
+        bus.twin.say("wait 2 s")
+        steps = upload(bus, A, 0x6110), upload(bus, A, 0x6120)
+        resolution = upload(bus, A, 0x6000)
+    slopes = [step * resolution / 1000 for step in steps]
+    truth = bus.twin.truth
+    assert slopes == pytest.approx([truth.slope_x_deg, truth.slope_y_deg], abs=0.2)
+
+
+def test_python_can_finds_the_bus_by_its_name_and_filters() -> None:
+    filters = [{"can_id": 0x702, "can_mask": 0x7FF}]
+    with can.Bus(interface="plumb", seed=2, calibrated=False, can_filters=filters) as bus:
+        boot = bus.recv(1.0)
+        assert boot.arbitration_id == 0x702 and bytes(boot.data) == b"\0" and boot.is_rx
+        assert boot.timestamp < 1.0
+        bus.twin.say("wire b off")
+        while bus.recv(0.01) is not None:
+            pass
+        before_s = bus.twin.now_s
+        assert bus.recv(0.25) is None
+        assert bus.twin.now_s == pytest.approx(before_s + 0.25)
+
+
+def test_each_client_hears_the_others_and_itself_if_it_wants() -> None:
+    twin = plumb.Twin(calibrated=False)
+    with TwinBus(twin) as one, TwinBus(twin, receive_own_messages=True) as two:
+        one.send(can.Message(arbitration_id=0x7F1, data=[1, 2], is_extended_id=False))
+        two.send(can.Message(arbitration_id=0x1ABCDEF, is_remote_frame=True, dlc=3))
+        frames = twin.run(0.05)
+
+        def heard(bus: TwinBus) -> dict[int, can.Message]:
+            found = iter(lambda: bus.recv(0), None)
+            return {frame.arbitration_id: frame for frame in found}
+
+        by_one, by_two = heard(one), heard(two)
+    assert 0x7F1 not in by_one and not by_two[0x1ABCDEF].is_rx
+    remote = by_one[0x1ABCDEF]
+    assert remote.is_remote_frame and remote.is_extended_id and remote.dlc == 3
+    assert bytes(by_two[0x7F1].data) == b"\1\2" and by_two[0x7F1].is_rx
+    assert {0x7F1, 0x1ABCDEF} <= {frame.id for frame in frames}
+
+
+def test_python_canopen_reads_an_object_beside_virtual_time() -> None:
+    import canopen
+
+    network = canopen.Network(bus=TwinBus(calibrated=False))
+    network.connect()
+    try:
+        node = network.add_node(A, canopen.ObjectDictionary())
+        data = node.sdo.upload(0x1018, 4)
+        assert len(data) == 4
+    finally:
+        network.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda: plumb.Twin(mode="fancy"), "invalid value 'fancy' for '--mode"),
+        (lambda: plumb.Twin(node_ids=[1]), "1 node-id for 2 nodes"),
+        (lambda: plumb.Twin(instruments=99), "invalid value '99' for '--instruments"),
+        (lambda: plumb.Twin(calibrated=False).say("levitate"), 'there is no word "levitate"'),
+        (lambda: plumb.Twin(calibrated=False).say("pitch 300"), "write pitch DEGREES"),
+        (lambda: plumb.Twin(calibrated=False).send(0x800), "this is no CAN frame"),
+        (lambda: plumb.Twin(calibrated=False).send(1, bytes(9)), "this is no CAN frame"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_sentence(what, words: str) -> None:
+    with pytest.raises(plumb.Error) as told:
+        what()
+    assert words in str(told.value) and "\n" not in str(told.value), told.value
+
+
+def test_a_client_that_floods_is_stopped() -> None:
+    twin = plumb.Twin(calibrated=False)
+    with pytest.raises(plumb.Error, match="too many frames"):
+        for _ in range(1000):
+            twin.send(0x7FF, bytes(8))
+    twin.run(1.0)
+    twin.send(0x7FF, bytes(8))

@@ -1,0 +1,197 @@
+//! The Python package `plumb`: its tests, and its wheel.
+//!
+//! In: the library of the crate `python`, from the one build of tests and tools, and the package's
+//! files. Out: the package in `target/python`, as pip would lay it out, and the number of tests
+//! that passed on it. [`wheel`] lets maturin build the wheel that `pip install ./python` makes,
+//! installs it into an environment without the checkout, and runs a script there: a build of its
+//! own, since cargo chooses other features for a package alone.
+
+use std::path::{Path, PathBuf};
+use std::{env, fmt, fs, io};
+
+use crate::built;
+use crate::command::{self, CommandError, Tally};
+use crate::environment::{self, EnvironmentError};
+use crate::pytest;
+use crate::workspace::Workspace;
+
+/// The packages of the tests, each with its exact release.
+const REQUIREMENTS: &str = "python/requirements.txt";
+
+/// The same for the wheel alone.
+const WHEEL_REQUIREMENTS: &str = "python/wheel-requirements.txt";
+
+/// What the package says of itself where it was laid out and not installed.
+const METADATA: &str = "Metadata-Version: 2.1\nName: plumb\nVersion: 0.0.0\n";
+
+/// By which python-can finds the virtual instrument, as `pyproject.toml` has it.
+const ENTRY_POINTS: &str = "[can.interface]\nplumb = plumb.bus:TwinBus\n";
+
+/// What has to work where nothing but the wheel is installed.
+const SCRIPT: &str = "import plumb; twin = plumb.Twin(calibrated=False); \
+                      assert {0x701, 0x702} <= {frame.id for frame in twin.run(1.0)}; \
+                      assert plumb.Chain().run([[0, 0, 16384]]).reason.tolist() == [[2, 2]]";
+
+/// Why the tests did not run, or failed.
+#[derive(Debug)]
+pub enum PythonError {
+    /// There is no environment to run them in.
+    Environment(EnvironmentError),
+    /// A command failed: the build, a test, or the installation.
+    Command(CommandError),
+    /// A file or folder could not be handled.
+    File(PathBuf, io::Error),
+    /// No test ran at all, which means the run says nothing.
+    NoTests,
+    /// Maturin has left no wheel, or several.
+    NoWheel,
+}
+
+impl fmt::Display for PythonError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Environment(error) => write!(out, "{error}"),
+            Self::Command(error) => write!(out, "{error}"),
+            Self::File(path, error) => write!(out, "{}: {error}", path.display()),
+            Self::NoTests => write!(out, "not one test ran"),
+            Self::NoWheel => write!(out, "maturin has not left one wheel"),
+        }
+    }
+}
+
+impl From<EnvironmentError> for PythonError {
+    fn from(error: EnvironmentError) -> Self {
+        Self::Environment(error)
+    }
+}
+
+impl From<CommandError> for PythonError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+/// Builds the package, makes the environment where it is missing, and runs every test.
+///
+/// The count stands in `tally` even when a test fails. Errors: see [`PythonError`].
+pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
+    let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
+    let program = built::binary(workspace, "plumb")?;
+    let library = built::library(workspace, "_plumb")?;
+    let package = lay_out(workspace, &library)?;
+    let mut tests = pytest::command(workspace, &python, "python/tests");
+    tests.env("PYTHONPATH", package).env("PLUMB", program);
+    let (counted, last, outcome) = pytest::run(tests);
+    println!("      {last}");
+    *tally = tally.plus(counted);
+    outcome?;
+    match counted.passed {
+        0 => Err(PythonError::NoTests),
+        _ => Ok(()),
+    }
+}
+
+/// Puts the package's files and the library side by side; the folder for `PYTHONPATH`.
+fn lay_out(workspace: &Workspace, library: &Path) -> Result<PathBuf, PythonError> {
+    let folder = workspace.target().join("python");
+    empty(&folder)?;
+    let (package, about) = (folder.join("plumb"), folder.join("plumb-0.0.0.dist-info"));
+    for folder in [&package, &about] {
+        fs::create_dir_all(folder).map_err(|error| PythonError::File(folder.clone(), error))?;
+    }
+    let sources = workspace.root().join("python").join("plumb");
+    let failed = |error| PythonError::File(sources.clone(), error);
+    for entry in fs::read_dir(&sources).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if entry.path().is_file() {
+            copy(&entry.path(), &package.join(entry.file_name()))?;
+        }
+    }
+    copy(library, &package.join(native()))?;
+    for (name, text) in [("METADATA", METADATA), ("entry_points.txt", ENTRY_POINTS)] {
+        let path = about.join(name);
+        fs::write(&path, text).map_err(|error| PythonError::File(path.clone(), error))?;
+    }
+    Ok(folder)
+}
+
+/// The library's name among the package's files.
+const fn native() -> &'static str {
+    if cfg!(windows) {
+        "_plumb.pyd"
+    } else {
+        "_plumb.abi3.so"
+    }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), PythonError> {
+    let copied = fs::copy(from, to);
+    let copied = copied.map_err(|error| PythonError::File(from.to_path_buf(), error));
+    copied.map(drop)
+}
+
+/// Removes a folder with all that is in it.
+fn empty(folder: &Path) -> Result<(), PythonError> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(PythonError::File(folder.to_path_buf(), error))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Builds the wheel in the profile of the tests, installs it and runs [`SCRIPT`] on it.
+///
+/// Errors: see [`PythonError`].
+pub fn wheel(workspace: &Workspace) -> Result<(), PythonError> {
+    let python = environment::python(workspace, WHEEL_REQUIREMENTS, "wheel-venv")?;
+    let folder = workspace.target().join("wheels");
+    empty(&folder)?;
+    let words = [
+        "-m",
+        "maturin",
+        "build",
+        "--profile",
+        "dev",
+        "--manifest-path",
+    ];
+    let mut maturin = workspace.program(&python.to_string_lossy(), &words);
+    maturin.arg("python/Cargo.toml").arg("--out").arg(&folder);
+    command::pass(maturin)?;
+    let failed = |error| PythonError::File(folder.clone(), error);
+    let found = fs::read_dir(&folder).map_err(failed)?;
+    let found: Vec<_> = found.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let [wheel] = &found[..] else {
+        return Err(PythonError::NoWheel);
+    };
+    let words = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+    ];
+    let mut pip = workspace.program(&python.to_string_lossy(), &words);
+    pip.args(["--force-reinstall", "--no-deps"]).arg(wheel);
+    command::pass(pip)?;
+    let mut script = workspace.program(&python.to_string_lossy(), &["-c", SCRIPT]);
+    script.current_dir(env::temp_dir());
+    command::pass(script)?;
+    let bytes = fs::metadata(wheel).map_or(0, |about| about.len());
+    println!("      {}: {} kB", wheel.display(), bytes / 1000);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_package_that_was_laid_out_has_the_entry_points_of_the_wheel() {
+        let path = Workspace::locate().root().join("python/pyproject.toml");
+        let text = fs::read_to_string(path).expect("the package's description");
+        let section = "[project.entry-points.\"can.interface\"]\nplumb = \"plumb.bus:TwinBus\"\n";
+        assert!(text.contains(section));
+        assert!(ENTRY_POINTS.ends_with("plumb = plumb.bus:TwinBus\n"));
+    }
+}
