@@ -11,6 +11,7 @@ mod chain;
 mod decode;
 mod error;
 mod fit;
+mod summary;
 mod twin;
 
 use pyo3::prelude::*;
@@ -26,6 +27,8 @@ mod _plumb {
     use super::error::{Error, IncompleteWarning};
     #[pymodule_export]
     use super::fit::{Fitted, fit_motor, fit_poses};
+    #[pymodule_export]
+    use super::summary::{merge, report, summarise};
     #[pymodule_export]
     use super::twin::World;
 }

@@ -2,6 +2,8 @@
 //!
 //! In: each thing found, with its time. Out: how often, and when first.
 
+use serde::{Deserialize, Serialize};
+
 /// A thing that can be wrong with what was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
@@ -67,7 +69,7 @@ impl Check {
 }
 
 /// How often something was found, and when first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// How often.
     pub count: u64,
@@ -76,7 +78,7 @@ pub struct Finding {
 }
 
 /// All that was found in what a channel says.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checks([Finding; Check::ALL.len()]);
 
 impl Checks {

@@ -4,6 +4,7 @@
 //! their uncertainty or the reason why there is none, the difference of two of them, acceleration,
 //! and how much the sensor shakes.
 
+use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
 use device::exchange::Exchange;
@@ -29,7 +30,7 @@ static UNCERTAINTY_MDEG: LazyLock<[f64; 256]> = LazyLock::new(|| {
 });
 
 /// TPDO 3 of one channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 pub struct Measured {
     /// X and Y in steps of a 2^24th of the circle.
     steps: [i32; 2],

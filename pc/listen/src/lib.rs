@@ -34,6 +34,7 @@ pub use side::{Beat, Detail, Now, SAME_START_NS, Side, Slopes};
 pub use supervision::Heartbeat;
 
 use canopen::Frame;
+use serde::{Deserialize, Serialize};
 use side::Kind;
 
 /// Which channel a piece of news is about.
@@ -73,7 +74,7 @@ pub enum Meaning {
 }
 
 /// How many frames of what were seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// All frames.
     pub frames: u64,
@@ -99,6 +100,24 @@ pub struct Counts {
     pub remote: u64,
     /// Frames that are older than one before them.
     pub backwards: u64,
+}
+
+impl Counts {
+    /// Takes the counts of another log.
+    pub const fn merge(&mut self, other: &Self) {
+        self.frames += other.frames;
+        self.syncs += other.syncs;
+        self.malformed += other.malformed;
+        self.others += other.others;
+        self.nmt += other.nmt;
+        self.sdo += other.sdo;
+        self.services += other.services;
+        self.unplanned += other.unplanned;
+        self.strangers += other.strangers;
+        self.extended += other.extended;
+        self.remote += other.remote;
+        self.backwards += other.backwards;
+    }
 }
 
 /// What an identifier stands for.

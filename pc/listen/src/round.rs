@@ -11,12 +11,13 @@
 //! Left out: which frames belong to one SYNC (`pair`).
 
 use super::exchange::{Measured, slope_minus};
+use serde::{Deserialize, Serialize};
 
 /// The coverage factor of the band.
 const COVERAGE: f64 = 2.0;
 
 /// One SYNC.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 pub struct Round {
     /// When it was seen, or the first frame after it; ns.
     pub time_ns: u64,

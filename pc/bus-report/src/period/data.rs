@@ -68,7 +68,7 @@ pub struct LogsReport {
 }
 
 /// Lines that are no frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Skipped {
     /// Why.
     pub reason: String,

@@ -1,7 +1,7 @@
-//! Where frames come from.
+//! Where frames come from, and what they come to.
 //!
-//! In: names of logs and folders. Out: their frames in the order of time, and what was counted
-//! besides (`log`).
+//! In: names of logs and folders. Out: of each interface what `totals` makes of its frames in the
+//! order of time, and what was counted besides (`bus-logs`).
 
 use std::path::PathBuf;
 
@@ -9,7 +9,9 @@ use canopen::Frame;
 
 use super::data::{LogsReport, Skipped};
 use super::error::PeriodError;
-use bus_logs::{LogError, Source};
+use crate::totals::{Collected, Collector};
+use bus_logs::{LogError, Part, Source};
+use listen::{PlanOptions, Unnamed};
 use output::progress::Progress;
 
 /// What was read.
@@ -21,6 +23,42 @@ pub struct Logs {
     pub interfaces: Vec<String>,
     /// What of the logs could not be read.
     pub incomplete: Option<LogError>,
+}
+
+/// What each interface came to, by its name, and the logs that were read.
+///
+/// Errors: a log can't be read, or there is no frame in the part.
+pub fn collect(
+    paths: &[PathBuf],
+    plan: &PlanOptions,
+    mut part: Part,
+    progress: &Progress,
+) -> Result<(Vec<(String, Collected)>, Logs), PeriodError> {
+    let (plan, _) = plan.plan(Unnamed::All)?;
+    let mut collectors: Vec<Collector> = Vec::new();
+    let logs = read(paths, progress, |interface, time_ns, frame| {
+        while collectors.len() <= interface {
+            collectors.push(Collector::new(&plan));
+        }
+        let Some(collector) = collectors.get_mut(interface) else {
+            return;
+        };
+        if part.has(time_ns) {
+            collector.take(time_ns, frame);
+        } else {
+            collector.pass_over();
+        }
+    })?;
+    let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();
+    if collected.iter().all(|one| one.traffic.span_ns().is_none()) {
+        return Err(match collected.iter().map(|one| one.outside).sum() {
+            0 => PeriodError::Empty,
+            frames => PeriodError::Outside(frames),
+        });
+    }
+    let names = logs.interfaces.iter().cloned();
+    let collected: Vec<_> = names.zip(collected).collect();
+    Ok((collected, logs))
 }
 
 /// Reads logs; `take` gets the place of each frame's interface, its time in ns, and the frame.

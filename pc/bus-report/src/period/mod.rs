@@ -14,6 +14,7 @@ mod clock;
 mod data;
 mod error;
 mod input;
+mod kept;
 mod page;
 mod tables;
 mod verdict;
@@ -29,11 +30,10 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::blackbox::{self, data::MemoryReport};
-use crate::totals::Collector;
 use bus_logs::{LogError, Part, PartOptions};
 use bus_master::BusOptions;
 use bus_master::nodes::{NodeOption, Nodes};
-use listen::{PlanOptions, Unnamed};
+use listen::PlanOptions;
 use output::printable;
 use output::progress::Progress;
 use output::stdout;
@@ -44,6 +44,7 @@ use data::PeriodReport;
 pub use data::{LogsReport, Skipped};
 pub use error::PeriodError;
 pub use input::logs_report;
+pub use kept::{Kept, KeptError};
 
 /// What is reported on, and where the report goes.
 #[derive(Clone, Debug, Args)]
@@ -153,33 +154,10 @@ fn ask(
 /// Reads all logs, each interface for itself; also what of them could not be read.
 fn read(
     arguments: &Arguments,
-    mut part: Part,
+    part: Part,
     progress: &Progress,
 ) -> Result<(PeriodReport, Option<LogError>), PeriodError> {
-    let (plan, _) = arguments.plan.plan(Unnamed::All)?;
-    let mut collectors: Vec<Collector> = Vec::new();
-    let logs = input::read(&arguments.logs, progress, |interface, time_ns, frame| {
-        while collectors.len() <= interface {
-            collectors.push(Collector::new(&plan));
-        }
-        let Some(collector) = collectors.get_mut(interface) else {
-            return;
-        };
-        if part.has(time_ns) {
-            collector.take(time_ns, frame);
-        } else {
-            collector.pass_over();
-        }
-    })?;
-    let collected: Vec<_> = collectors.into_iter().map(Collector::finish).collect();
-    if collected.iter().all(|one| one.traffic.span_ns().is_none()) {
-        return Err(match collected.iter().map(|one| one.outside).sum() {
-            0 => PeriodError::Empty,
-            frames => PeriodError::Outside(frames),
-        });
-    }
-    let names = logs.interfaces.into_iter();
-    let collected: Vec<_> = names.zip(collected).collect();
+    let (collected, logs) = input::collect(&arguments.logs, &arguments.plan, part, progress)?;
     let kbit_s = arguments.bus.address().map_err(PeriodError::Bus)?.kbit_s;
     let bit_rate = kbit_s.map(|kbit_s| f64::from(kbit_s) * 1e3);
     let report = build::report(&collected, Some(logs.report), bit_rate);

@@ -7,7 +7,7 @@ use canopen::Frame;
 use super::bench::{START_NS, Site, candump};
 use super::data::PeriodReport;
 use super::*;
-use crate::totals::bins;
+use crate::totals::{Collector, bins};
 use bus_logs::Moment;
 use listen::{NodePlan, Plan};
 use output::check;

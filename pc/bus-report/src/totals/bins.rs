@@ -5,6 +5,8 @@
 //! without a value take no bin. The width depends on the times alone and not on their order, so
 //! the bins of two halves joined are the bins of the whole.
 
+use serde::{Deserialize, Serialize};
+
 /// Bins that are kept.
 pub const MOST: usize = 400;
 
@@ -18,7 +20,7 @@ pub trait Join {
 }
 
 /// Least and greatest value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Extremes {
     /// The least.
     pub least: i32,
@@ -52,7 +54,7 @@ impl Join for u64 {
 }
 
 /// Bins over time.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bins<T> {
     /// The width is the shortest one times two to the power of this.
     level: u32,

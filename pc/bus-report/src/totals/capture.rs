@@ -4,6 +4,7 @@
 //! [`MOST`] captures of [`BEFORE`] rows up to the event and [`AFTER`] behind it, as the device's
 //! black box has them. What happens while a capture is being filled is in that one already.
 
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 use listen::Round;
@@ -21,7 +22,7 @@ pub const MOST: usize = 24;
 const BREAK_NS: u64 = 5_000_000_000;
 
 /// One capture.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 pub struct Capture {
     /// When its first event was, ns.
     pub at_ns: u64,
@@ -32,11 +33,13 @@ pub struct Capture {
 }
 
 /// The recorder.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Recorder {
+    #[serde(skip)]
     ring: VecDeque<Round>,
     captures: Vec<Capture>,
     /// Rounds that the latest capture still lacks.
+    #[serde(skip)]
     wanted: usize,
     left_out: u64,
 }
@@ -80,6 +83,20 @@ impl Recorder {
             rows: self.ring.iter().copied().collect(),
         });
         Some(self.captures.len() - 1)
+    }
+
+    /// Takes the captures of another log: the earliest of both are kept. Where they are then, by
+    /// their former places: of the own ones, and of the others; `None` for those without room.
+    pub fn merge(&mut self, other: &Self) -> [Vec<Option<usize>>; 2] {
+        let mut all = [self.captures.clone(), other.captures.clone()].concat();
+        all.sort_unstable();
+        let place = |capture: &Capture| all.iter().position(|one| one == capture);
+        let kept = |capture: &Capture| place(capture).filter(|place| *place < MOST);
+        let places = [&self.captures, &other.captures].map(|own| own.iter().map(kept).collect());
+        self.left_out += other.left_out + all.len().saturating_sub(MOST) as u64;
+        all.truncate(MOST);
+        self.captures = all;
+        places
     }
 
     /// What was captured.

@@ -5,6 +5,9 @@
 //!
 //! Left out: where frames come from (`bus-logs`), and what a frame means (`listen`).
 
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
 use canopen::Frame;
 
 use super::instrument::{Instrument, Moment};
@@ -116,7 +119,7 @@ impl Collector {
         let id = (cob_id & 0x7F) as u8;
         for (pair, instrument) in self.watch.pairs().iter().zip(&mut self.instruments) {
             if let Some(side) = pair.sides.iter().position(|side| side.node_id == id) {
-                instrument.sdo(side, frame.bytes());
+                instrument.sdo(now_ns, side, frame.bytes());
             }
         }
     }
@@ -151,7 +154,7 @@ impl Collector {
 }
 
 /// How a channel was at the end.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Last {
     /// Its node-id.
     pub node_id: u8,
@@ -164,7 +167,7 @@ pub struct Last {
 }
 
 /// What the frames of an interface came to.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Collected {
     /// Each instrument of the plan, with how channel A and B were at the end.
     pub instruments: Vec<([Last; 2], Instrument)>,
@@ -178,6 +181,64 @@ pub struct Collected {
     pub outside: u64,
     /// Frames without a date among those with one.
     pub undated: u64,
+}
+
+impl Last {
+    /// Takes how the channel was at the end of another log; `order` tells whether that ended
+    /// before, with or after this one.
+    fn merge(&mut self, other: &Self, order: Ordering) {
+        self.seen |= other.seen;
+        match order {
+            Ordering::Less => {}
+            Ordering::Equal => {
+                self.heartbeat_is_lost |= other.heartbeat_is_lost;
+                self.faults |= other.faults;
+            }
+            Ordering::Greater => {
+                self.heartbeat_is_lost = other.heartbeat_is_lost;
+                self.faults = other.faults;
+            }
+        }
+    }
+}
+
+impl Collected {
+    /// Leaves out instruments of which nothing was seen.
+    pub fn drop_empty(&mut self) {
+        self.instruments
+            .retain(|(_, instrument)| !instrument.is_empty());
+    }
+
+    /// Takes what another log of the same bus came to. In whatever order and groups logs are
+    /// merged, the result is the same.
+    pub fn merge(&mut self, other: &Self) {
+        for (last, instrument) in &other.instruments {
+            let ids = last.map(|side| side.node_id);
+            let own = self.instruments.iter_mut();
+            let own = own
+                .into_iter()
+                .find(|(own, _)| own.map(|side| side.node_id) == ids);
+            match own {
+                Some((own, its)) => {
+                    let end = |instrument: &Instrument| instrument.span_ns.map(|span| span.1);
+                    let order = end(instrument).cmp(&end(its));
+                    let sides = own.iter_mut().zip(last);
+                    sides.for_each(|(own, other)| own.merge(other, order));
+                    its.merge(instrument);
+                }
+                None => self.instruments.push((*last, instrument.clone())),
+            }
+        }
+        let ids = |(last, _): &([Last; 2], Instrument)| last.map(|side| side.node_id);
+        self.instruments.sort_by_key(ids);
+        self.traffic.merge(&other.traffic);
+        self.counts.merge(&other.counts);
+        self.strangers.extend(&other.strangers);
+        self.strangers.sort_unstable();
+        self.strangers.dedup();
+        self.outside += other.outside;
+        self.undated += other.undated;
+    }
 }
 
 fn place_of(news: &Meaning) -> Option<Place> {

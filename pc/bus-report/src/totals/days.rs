@@ -4,12 +4,13 @@
 //! Days without data are none. Joining the days of two parts gives the days of the whole.
 
 use super::kind::KINDS;
+use serde::{Deserialize, Serialize};
 
 /// A day in ns.
 pub const DAY_NS: u64 = 86_400_000_000_000;
 
 /// What is kept of each day.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Day {
     /// Time of which there is data, ns.
     pub covered_ns: u64,
@@ -36,7 +37,7 @@ impl Day {
 }
 
 /// The days with data, in order of time.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Days(Vec<(u64, Day)>);
 
 impl Days {

@@ -10,6 +10,7 @@
 
 use super::kind::{Kind, fault_of};
 use listen::{Emergency, SAME_START_NS};
+use serde::{Deserialize, Serialize};
 
 /// Faults that are kept one by one.
 pub const MOST_FAULTS: usize = 200;
@@ -25,7 +26,7 @@ const COMMUNICATION: u8 = 0x10;
 const GENERIC: u8 = 0x01;
 
 /// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 pub enum What {
     /// An EMCY message of this code.
     Emergency(u16),
@@ -57,7 +58,7 @@ impl What {
 }
 
 /// How an event ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, PartialOrd, Ord)]
 pub enum End {
     /// It has no end of its own.
     Momentary,
@@ -70,7 +71,7 @@ pub enum End {
 }
 
 /// One event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
     /// When, ns.
     pub at_ns: u64,
@@ -93,9 +94,10 @@ pub struct Event {
 }
 
 /// The list.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Events {
     kept: Vec<Event>,
+    #[serde(skip)]
     faults: usize,
     /// Faults and others that were not kept.
     left_out: [u64; 2],
@@ -194,6 +196,41 @@ impl Events {
         }
     }
 
+    /// Takes the events of another log: the earliest faults and others of both are kept, in the
+    /// order of time. `places` are those of the captures behind a merge, by their former places.
+    pub fn merge(&mut self, other: &Self, places: &[Vec<Option<usize>>; 2]) {
+        let [own, others] = places;
+        let both = self.kept.iter().map(|event| (event, own));
+        let both = both.chain(other.kept.iter().map(|event| (event, others)));
+        let mut all: Vec<Event> = both
+            .map(|(event, places)| Event {
+                plot: event.plot.and_then(|plot| *places.get(plot)?),
+                ..*event
+            })
+            .collect();
+        all.sort_unstable_by_key(Event::key);
+        let (mut faults, mut rest): (Vec<Event>, Vec<Event>) = all
+            .into_iter()
+            .partition(|event| event.what.kind().is_fault());
+        let lost = [
+            faults.len().saturating_sub(MOST_FAULTS),
+            rest.len().saturating_sub(MOST_OTHERS),
+        ];
+        for (place, (other, lost)) in self
+            .left_out
+            .iter_mut()
+            .zip(other.left_out.iter().zip(lost))
+        {
+            *place += other + lost as u64;
+        }
+        faults.truncate(MOST_FAULTS);
+        rest.truncate(MOST_OTHERS);
+        self.faults = faults.len();
+        faults.append(&mut rest);
+        faults.sort_unstable_by_key(Event::key);
+        self.kept = faults;
+    }
+
     /// Notes which plot shows an event.
     pub fn in_plot(&mut self, place: usize, plot: usize) {
         if let Some(event) = self.kept.get_mut(place) {
@@ -220,6 +257,29 @@ impl Event {
             repeats: 0,
             plot: None,
         }
+    }
+
+    /// All of it, the time first; an event without a plot comes after the same one with a plot,
+    /// whether it never had one or has lost it.
+    const fn key(&self) -> (u64, u8, What, [u8; 3], End, u32, usize) {
+        let state = match self.state {
+            Some(state) => state,
+            None => u8::MAX,
+        };
+        let plot = match self.plot {
+            Some(plot) => plot,
+            None => usize::MAX,
+        };
+        let about = [self.blamed, self.reason, state];
+        (
+            self.at_ns,
+            self.side,
+            self.what,
+            about,
+            self.end,
+            self.repeats,
+            plot,
+        )
     }
 
     fn is_within_a_second(&self, later: &Self) -> bool {

@@ -3,11 +3,13 @@
 //! In: the gaps as they are found. Out: their number, their sum, and the longest [`MOST`] of them
 //! by name. Joining two lists gives the list of both.
 
+use serde::{Deserialize, Serialize};
+
 /// Gaps that are kept by name.
 pub const MOST: usize = 40;
 
 /// A gap.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Gap {
     /// The last frame before it, ns.
     pub from_ns: u64,
@@ -26,7 +28,7 @@ impl Gap {
 }
 
 /// The gaps.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Gaps {
     longest: Vec<Gap>,
     count: u64,

@@ -7,6 +7,8 @@
 //!
 //! Left out: mean and scatter, which are kept exactly (`tally`).
 
+use serde::{Deserialize, Serialize};
+
 /// Steps that are kept.
 pub const MOST: usize = 4096;
 
@@ -15,7 +17,7 @@ pub const MOST: usize = 4096;
 const BEFORE: i64 = 5;
 
 /// Counts by value.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Histogram {
     /// The step, a power of ten, 0.001 deg.
     step_mdeg: i64,

@@ -6,6 +6,7 @@
 //! Left out: frames of no instrument (`collector`).
 
 use canopen::nmt::State;
+use serde::{Deserialize, Serialize};
 
 use super::bins::Extremes;
 use super::capture::Recorder;
@@ -34,20 +35,25 @@ pub struct Moment {
 }
 
 /// What is remembered of a channel.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Under {
     /// Since when its slopes are as they are: usable, or why not.
+    #[serde(skip)]
     since: Option<(u64, Option<Unusable>)>,
+    #[serde(skip)]
     reason: u8,
+    #[serde(skip)]
     warned: bool,
     /// When it was seen first.
+    #[serde(skip)]
     first_ns: Option<u64>,
-    /// Vendor-ID, product code, revision and serial number (1018h), where the log has them.
-    identity: [Option<u32>; 4],
+    /// Vendor-ID, product code, revision and serial number (1018h), where the log has them, each
+    /// with the time at which it was read last, ns.
+    identity: [Option<(u64, u32)>; 4],
 }
 
 /// One instrument.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Instrument {
     /// What has no end of its size: of the day under way, and after the end of the whole log.
     pub summary: Summary,
@@ -58,12 +64,17 @@ pub struct Instrument {
     /// First and last frame of it, ns.
     pub span_ns: Option<(u64, u64)>,
     /// All days before.
+    #[serde(skip)]
     done: Summary,
     /// When the day under way began, ns.
+    #[serde(skip)]
     day_ns: u64,
+    #[serde(skip)]
     last_ns: Option<u64>,
+    #[serde(skip)]
     incident_ns: Option<u64>,
     /// SYNCs of the pair that were taken.
+    #[serde(skip)]
     rounds: u64,
     sides: [Under; 2],
 }
@@ -328,12 +339,12 @@ impl Instrument {
     }
 
     /// An answer to an SDO: what it has of the identity is kept.
-    pub fn sdo(&mut self, number: usize, bytes: &[u8]) {
+    pub fn sdo(&mut self, now_ns: u64, number: usize, bytes: &[u8]) {
         if let (&[0x43, 0x18, 0x10, sub @ 1..=4, a, b, c, d], Some(side)) =
             (bytes, self.sides.get_mut(number))
             && let Some(place) = side.identity.get_mut(usize::from(sub) - 1)
         {
-            *place = Some(u32::from_le_bytes([a, b, c, d]));
+            *place = Some((now_ns, u32::from_le_bytes([a, b, c, d])));
         }
     }
 
@@ -341,7 +352,31 @@ impl Instrument {
     pub fn identity(&self, number: usize) -> [Option<u32>; 4] {
         self.sides
             .get(number)
-            .map_or([None; 4], |side| side.identity)
+            .map_or([None; 4], |side| side.identity.map(|known| Some(known?.1)))
+    }
+
+    /// True when nothing of it was seen.
+    pub fn is_empty(&self) -> bool {
+        let is_known = |side: &Under| side.identity.iter().any(Option::is_some);
+        self.span_ns.is_none()
+            && self.summary == Summary::default()
+            && !self.sides.iter().any(is_known)
+    }
+
+    /// Takes what another log has of it; both have ended.
+    pub fn merge(&mut self, other: &Self) {
+        self.summary.merge(&other.summary);
+        let places = self.recorder.merge(&other.recorder);
+        self.events.merge(&other.events, &places);
+        self.span_ns = match (self.span_ns, other.span_ns) {
+            (Some(own), Some(other)) => Some((own.0.min(other.0), own.1.max(other.1))),
+            (own, other) => own.or(other),
+        };
+        for (own, other) in self.sides.iter_mut().zip(&other.sides) {
+            for (own, other) in own.identity.iter_mut().zip(other.identity) {
+                *own = (*own).max(other);
+            }
+        }
     }
 
     /// The log has ended at this time, with the pair as it is.

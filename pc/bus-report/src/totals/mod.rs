@@ -19,9 +19,13 @@ pub mod gaps;
 pub mod histogram;
 mod instrument;
 mod kind;
+mod pairs;
 mod summary;
 mod tally;
 mod traffic;
+
+#[cfg(test)]
+mod merge_tests;
 
 pub use bins::{Bins, Extremes};
 pub use capture::{Capture, Recorder};

@@ -8,6 +8,7 @@
 //! Left out: single events, which are kept in a list with an end (`events`), and what stands
 //! between two frames (`instrument`).
 
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::bins::{Bins, Extremes};
@@ -19,7 +20,7 @@ use listen::Checks;
 
 /// Why a slope could not be used: state of the pair (2021h) and the channel's own reason (2025h),
 /// 0 where the channel had an angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Unusable {
     /// State of the pair, as 2021h shows it.
     pub state: u8,
@@ -31,7 +32,7 @@ pub struct Unusable {
 pub const STATES: usize = 11;
 
 /// One channel.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChannelSummary {
     /// TPDO 1 seen.
     pub readings: u64,
@@ -45,6 +46,7 @@ pub struct ChannelSummary {
     /// Time with a slope that could be used, ns.
     pub usable_ns: u64,
     /// Time without one, by reason, ns.
+    #[serde(with = "super::pairs")]
     pub unusable_ns: BTreeMap<Unusable, u64>,
     /// Standard uncertainty over time, 0.001 deg.
     pub uncertainty: Tally,
@@ -117,7 +119,7 @@ fn add_all<K: Ord + Copy>(own: &mut BTreeMap<K, u64>, other: &BTreeMap<K, u64>) 
 }
 
 /// The difference of the two channels, by our own calculation and by the nodes'.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DifferenceSummary {
     /// Channel A minus channel B on X and Y at the same SYNC, 0.001 deg.
     pub own: [Tally; 2],
@@ -153,7 +155,7 @@ impl DifferenceSummary {
 }
 
 /// An instrument.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Summary {
     /// Channel A and channel B.
     pub channels: [ChannelSummary; 2],

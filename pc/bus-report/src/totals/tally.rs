@@ -6,9 +6,10 @@
 //! Left out: when a value came (`bins`).
 
 use super::histogram::Histogram;
+use serde::{Deserialize, Serialize};
 
 /// Values so far.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
     count: u64,
     sum: i128,

@@ -8,6 +8,7 @@
 //! Left out: what kinds of frames there were, which `listen` counts.
 
 use canopen::Frame;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sim::can_bus::frame_bits;
 
 use super::bins::Bins;
@@ -22,7 +23,7 @@ const INTERMISSION: u64 = 3;
 const COB_IDS: usize = 2048;
 
 /// Frames whose times are dates, or those whose times are none.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Span {
     count: u64,
     first_ns: u64,
@@ -35,6 +36,12 @@ impl Span {
         first_ns: u64::MAX,
         last_ns: 0,
     };
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.first_ns = self.first_ns.min(other.first_ns);
+        self.last_ns = self.last_ns.max(other.last_ns);
+    }
 
     #[inline]
     fn take(&mut self, now_ns: u64) {
@@ -49,7 +56,7 @@ impl Span {
 }
 
 /// The bus.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Traffic {
     /// Bits, per bin.
     pub bits: Bins<u64>,
@@ -64,7 +71,9 @@ pub struct Traffic {
     undated: Span,
     dated: Span,
     /// Data frames by their identifier.
+    #[serde(serialize_with = "sparse", deserialize_with = "dense")]
     frames: Box<[u64; COB_IDS]>,
+    #[serde(skip)]
     last_ns: Option<u64>,
     /// Whether bits, and the time that they took, are counted.
     has_bits: bool,
@@ -162,6 +171,21 @@ impl Traffic {
         }
     }
 
+    /// Takes what was on the bus in another log. Time between the two is in no gap.
+    pub fn merge(&mut self, other: &Self) {
+        self.bits.merge(&other.bits);
+        self.covered_ns += other.covered_ns;
+        self.gaps.merge(&other.gaps);
+        self.covered.merge(&other.covered);
+        self.total_bits += other.total_bits;
+        self.undated.merge(&other.undated);
+        self.dated.merge(&other.dated);
+        for (own, other) in self.frames.iter_mut().zip(other.frames.iter()) {
+            *own += other;
+        }
+        self.has_bits &= other.has_bits;
+    }
+
     /// Node-ids whose frames were seen, and how many of each.
     pub fn nodes(&self) -> impl Iterator<Item = (u8, u64)> {
         let mut nodes = [0; 128];
@@ -193,6 +217,22 @@ impl Traffic {
         };
         bits.iter().filter_map(rate).collect()
     }
+}
+
+/// The identifiers that were seen, each with its count.
+fn sparse<S: Serializer>(frames: &[u64; COB_IDS], into: S) -> Result<S::Ok, S::Error> {
+    let seen = (0_u16..).zip(frames).filter(|(_, count)| **count > 0);
+    into.collect_seq(seen)
+}
+
+fn dense<'de, D: Deserializer<'de>>(from: D) -> Result<Box<[u64; COB_IDS]>, D::Error> {
+    let mut frames = Box::new([0; COB_IDS]);
+    for (cob_id, count) in Vec::<(u16, u64)>::deserialize(from)? {
+        if let Some(place) = frames.get_mut(usize::from(cob_id)) {
+            *place = count;
+        }
+    }
+    Ok(frames)
 }
 
 #[cfg(test)]

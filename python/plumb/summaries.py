@@ -1,0 +1,47 @@
+"""What logs came to: summaries as bytes, which merge exactly, and the report of a period."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+from . import _plumb
+from ._plumb import IncompleteWarning
+from .logs import Path as Log
+from .logs import paths
+
+
+def summarise(
+    log: Log | Iterable[Log],
+    eds: Log | Iterable[Log] | None = None,
+    *,
+    nodes: Iterable[int] = (),
+) -> bytes:
+    """Counts logs as `plumb report` does; a summary whose size does not grow with them.
+
+    Of all pairs of nodes 1 and 2, 3 and 4 and so on, or of `nodes` A, B, A, B. What could not be
+    read is told by an `IncompleteWarning`.
+    """
+    sheets = [] if eds is None else paths(eds)
+    summary, incomplete = _plumb.summarise(paths(log), sheets, list(nodes))
+    if incomplete is not None:
+        warnings.warn(incomplete, IncompleteWarning, stacklevel=2)
+    return summary
+
+
+def merge(summaries: Iterable[bytes]) -> bytes:
+    """The summary of all these, the same bytes in any order and in any groups."""
+    return _plumb.merge(list(summaries))
+
+
+def report(
+    summary: bytes, path: str | os.PathLike[str], *, bit_rate: float | None = None
+) -> Path:
+    """Writes report.html and report.json of `plumb report` into a folder; the path of the page.
+
+    `bit_rate` in bit/s, to state the load of the bus in per cent.
+    """
+    html, _ = _plumb.report(bytes(summary), os.fspath(path), bit_rate)
+    return Path(html)

@@ -1,0 +1,73 @@
+//! Summaries of logs as bytes, merged and reported.
+//!
+//! In: names of logs, or bytes of summaries. Out: bytes, which merge to the same in any order and
+//! in any groups (`bus_report::period::Kept`), and the report of `plumb report` in a folder.
+
+use std::path::PathBuf;
+
+use bus_report::period::Kept;
+use listen::PlanOptions;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::said;
+
+/// Summarises logs, of the instruments with these node-ids or of all pairs; the bytes, and the
+/// sentence on what could not be read.
+///
+/// Errors: `plumb.Error`.
+#[pyfunction]
+pub fn summarise(
+    py: Python<'_>,
+    logs: Vec<PathBuf>,
+    eds: Vec<String>,
+    nodes: Vec<u8>,
+) -> PyResult<(Bound<'_, PyBytes>, Option<String>)> {
+    let eds = eds.iter().map(|sheet| sheet.parse());
+    let plan = PlanOptions {
+        nodes,
+        eds: eds.collect::<Result<_, _>>().map_err(said)?,
+    };
+    let done = py.detach(|| {
+        let (kept, incomplete) = Kept::of(&logs, &plan)?;
+        Ok((kept.to_bytes()?, incomplete.map(|why| why.to_string())))
+    });
+    let (bytes, incomplete) = done.map_err(|why: bus_report::period::PeriodError| said(why))?;
+    Ok((PyBytes::new(py, &bytes), incomplete))
+}
+
+/// Merges summaries.
+///
+/// Errors: `plumb.Error` where one is none, is of another version, or there is none at all.
+#[pyfunction]
+pub fn merge(py: Python<'_>, summaries: Vec<Vec<u8>>) -> PyResult<Bound<'_, PyBytes>> {
+    let merged = py.detach(|| {
+        let all = summaries.iter().map(|bytes| Kept::from_bytes(bytes));
+        let all = all
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|why| why.to_string())?;
+        let merged = Kept::merged(all).map_err(|why| why.to_string())?;
+        merged.to_bytes().map_err(|why| why.to_string())
+    });
+    Ok(PyBytes::new(py, &merged.map_err(said)?))
+}
+
+/// Writes the report of a summary into a folder; the page and its data.
+///
+/// Errors: `plumb.Error`; the old report is untouched then.
+#[pyfunction]
+#[pyo3(signature = (summary, folder, bit_rate))]
+pub fn report(
+    py: Python<'_>,
+    summary: Vec<u8>,
+    folder: PathBuf,
+    bit_rate: Option<f64>,
+) -> PyResult<(PathBuf, PathBuf)> {
+    let written = py.detach(|| {
+        let kept = Kept::from_bytes(&summary).map_err(|why| why.to_string())?;
+        kept.report(&folder, bit_rate)
+            .map_err(|why| why.to_string())
+    });
+    let written = written.map_err(said)?;
+    Ok((written.html, written.json))
+}
