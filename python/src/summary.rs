@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use bus_report::period::Kept;
 use listen::PlanOptions;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyBytes;
 
 use crate::error::said;
@@ -40,7 +41,7 @@ pub fn summarise(
 ///
 /// Errors: `plumb.Error` where one is none, is of another version, or there is none at all.
 #[pyfunction]
-pub fn merge(py: Python<'_>, summaries: Vec<Vec<u8>>) -> PyResult<Bound<'_, PyBytes>> {
+pub fn merge(py: Python<'_>, summaries: Vec<PyBackedBytes>) -> PyResult<Bound<'_, PyBytes>> {
     let merged = py.detach(|| {
         let all = summaries.iter().map(|bytes| Kept::from_bytes(bytes));
         let all = all
@@ -59,7 +60,7 @@ pub fn merge(py: Python<'_>, summaries: Vec<Vec<u8>>) -> PyResult<Bound<'_, PyBy
 #[pyo3(signature = (summary, folder, bit_rate))]
 pub fn report(
     py: Python<'_>,
-    summary: Vec<u8>,
+    summary: PyBackedBytes,
     folder: PathBuf,
     bit_rate: Option<f64>,
 ) -> PyResult<(PathBuf, PathBuf)> {

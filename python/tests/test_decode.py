@@ -7,6 +7,8 @@ import gzip
 import math
 import pathlib
 import shutil
+import subprocess
+import sys
 import threading
 import time
 
@@ -164,6 +166,32 @@ def test_other_threads_go_on_while_a_log_is_read(tmp_path: pathlib.Path) -> None
     during = [tick for tick in ticks if begin < tick < begin + took]
     # A thousand in a second where the machine is idle; none where the interpreter stood still.
     assert len(during) > 10 * took, (len(during), took)
+
+
+# Reads a log batch by batch; the rows, and how much memory the process has had at most, kB. What
+# getrusage says would be at least what the process that has started this one has.
+READER = """
+import pathlib, re, sys, plumb
+rows = sum(batch.num_rows for batch in plumb.decode(sys.argv[1]))
+status = pathlib.Path("/proc/self/status").read_text()
+print(rows, re.search(r"VmHWM:\\s+(\\d+) kB", status)[1])
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel tells it under Linux alone")
+def test_memory_does_not_grow_with_the_log(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "long.log"
+    text = candump(shift(6, 8.0))
+    found = []
+    for times in (80, 400):
+        path.write_text(text * times)
+        command = [sys.executable, "-c", READER, str(path)]
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        found.append([int(number) for number in said.split()])
+    (few, some_kb), (many, more_kb) = found
+    # Eight hundred thousand rows more, which would be 200 MB; a batch has 16.
+    assert many == 5 * few > 1_000_000
+    assert more_kb - some_kb < 40_000, found
 
 
 @pytest.mark.parametrize("name", ["nowhere.log", "empty", "README.md", "log.blf"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import can
+import numpy as np
 import pytest
 from conftest import START_ALL
 
@@ -39,7 +40,7 @@ def test_a_fault_is_told_and_healed_in_milliseconds() -> None:
     frames = twin.run(1.0)
     took = time.monotonic() - begin
     assert "FF01" in emergencies(frames, B), frames
-    # A virtual second of two nodes takes some ten milliseconds on an idle machine.
+    # Some milliseconds on an idle machine.
     assert took < 1.0, took
     assert "FF01" not in emergencies(frames, A)
     twin.say("heal b")
@@ -167,3 +168,29 @@ def test_a_client_that_floods_is_stopped() -> None:
             twin.send(0x7FF, bytes(8))
     twin.run(1.0)
     twin.send(0x7FF, bytes(8))
+
+
+def test_a_chain_follows_the_gyroscope_by_the_calibration_of_a_node() -> None:
+    import canopen
+
+    twin = plumb.Twin(mode="dynamic", seed=4)
+    network = canopen.Network(bus=TwinBus(twin))
+    network.connect()
+    try:
+        node = network.add_node(A, canopen.ObjectDictionary())
+        calibration = node.sdo.upload(0x2061, 0)
+    finally:
+        network.disconnect()
+    chain = plumb.Chain(calibration, "dynamic")
+    assert chain.calibration == calibration and chain.deg_s_per_count == pytest.approx(0.0175)
+    # Ten seconds at rest, with the noise of a living part; then half a second of 20 deg/s that
+    # gravity does not show.
+    noise = np.random.default_rng(1).integers(-4, 5, (2, 4170, 3)).astype(np.int16)
+    counts, rates = chain.counts([0.0, 0.0, 1.0]) + noise[0], noise[1]
+    still = chain.run(counts, temperature_degc=25.0, rates=rates)
+    assert still.valid[-1].all() and still.read_us[-1] - still.at_us[-1, 0] == 5_000
+    chain.reset()
+    rates[-208:, :2] += round(20.0 / chain.deg_s_per_count)
+    turned = chain.run(counts, temperature_degc=25.0, rates=rates)
+    moved = np.abs(turned.angle_deg[-1] - still.angle_deg[-1])
+    assert moved.max() > 5.0, moved
