@@ -135,10 +135,12 @@ class Chain:
         sample, or n of them with NaN where none was read; a calibration over temperature gives no
         angle before the first of them. `rates` is n x 3 of int16, counts of a gyroscope. `read_us` rises.
         """
-        if (counts is None) == (accel_g is None):
+        if counts is not None and accel_g is None:
+            samples = _triples(counts, np.int16, "counts")
+        elif accel_g is not None and counts is None:
+            samples = _triples(self.counts(accel_g), np.int16, "counts")
+        else:
             raise Error("give either counts or accel_g")
-        taken = self.counts(accel_g) if counts is None else counts
-        samples = _triples(taken, np.int16, "counts")
         if times_us is None:
             times = np.arange(len(samples), dtype=np.uint64) * np.uint64(self.period_us)
         else:
@@ -205,7 +207,7 @@ def _flat(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
 def _exact(values: npt.ArrayLike, dtype: type, name: str) -> npt.NDArray:
     """Without a copy where the array is of this type already; no value may change."""
     given = np.asarray(values)
-    array = np.ascontiguousarray(given, dtype=dtype)
+    array: npt.NDArray = np.ascontiguousarray(given, dtype=dtype)
     if given.dtype != dtype and not np.array_equal(given, array):
         raise Error(f"{name} has values that {np.dtype(dtype).name} can't hold")
     return array

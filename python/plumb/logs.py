@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Iterable, Iterator, NamedTuple, Union
+from dataclasses import dataclass
+from typing import Iterable, Iterator, Union
 
 import pyarrow
 
@@ -20,7 +21,8 @@ def paths(given: Path | Iterable[Path]) -> list[str]:
     return [os.fspath(path) for path in given]
 
 
-class Skipped(NamedTuple):
+@dataclass(frozen=True)
+class Skipped:
     """Lines of one kind that gave no frame."""
 
     reason: str

@@ -105,7 +105,7 @@ def test_what_is_damaged_is_counted_as_the_program_does(
     lines = log.read_text().splitlines()
     line = lines.index("this is no frame") + 1
     [skipped] = decoded.skipped
-    assert skipped == ("lines that can't be read", 1, str(log), line)
+    assert skipped == plumb.Skipped("lines that can't be read", 1, str(log), line)
     assert decoded.frames == len(lines) - 1 and decoded.files == [str(log)]
     assert sum(batch.num_rows for batch in batches) > 2500
 
