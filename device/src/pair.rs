@@ -158,10 +158,10 @@ impl<C: Composition> Pair<C> {
         &mut self,
         piece: (u8, u8),
         own: Presentation,
-        readings: [&Reading; 2],
+        pair: [&Observation; 2],
         now: Instant,
     ) {
-        self.shown.hear(piece, own, readings, now);
+        self.shown.hear(piece, own, pair, now);
     }
 
     /// True when both nodes are set to show different angles.

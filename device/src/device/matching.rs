@@ -194,11 +194,9 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         }
         if backed && I::PRESETS {
             let own_shown = self.parts.presentation();
-            let readings = [&own.observation.reading, &peer.reading];
+            let pair = [&own.observation, &peer];
             let piece = (received.captured, received.piece());
-            self.parts
-                .pair
-                .compare_shown(piece, own_shown, readings, now);
+            self.parts.pair.compare_shown(piece, own_shown, pair, now);
         }
         self.judge_sync(&own.observation, &peer, (own.at, now));
     }
@@ -247,7 +245,11 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         self.matching.began_in_fault = match self.parts.pair.own_sound_us() {
             Some(0) if !starts => true,
             Some(SOUND_US..) if self.matching.began_in_fault => false,
-            _ => return,
+            Some(_) => return,
+            None => {
+                self.matching.began_in_fault = false;
+                return;
+            }
         };
         self.parts.channel.forget_motion();
     }
