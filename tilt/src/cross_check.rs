@@ -444,4 +444,6 @@ mod random_tests;
 #[cfg(test)]
 mod standstill_tests;
 #[cfg(test)]
+mod starting_tests;
+#[cfg(test)]
 mod tests;

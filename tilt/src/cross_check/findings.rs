@@ -299,13 +299,18 @@ impl Findings {
     }
 
     /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
-    /// not held to do so, and no disagreement that nothing has explained says that it may.
+    /// not held to do so, and no disagreement says that it may.
     pub fn own_sound_us(&self) -> Option<u32> {
         let [own, _] = &self.faulty;
         let wrong = own.as_ref().filter(|faulty| faulty.explains());
-        let unexplained = self.disagreement.filter(|held| held.age_us >= ONE_CAUSE_US);
         let wrong = wrong.map(|faulty| faulty.sound_us);
-        wrong.or(unexplained.map(|held| held.agreed_us))
+        wrong.or(self.disagreement.map(|held| held.agreed_us))
+    }
+
+    /// True for a disagreement that the peer's fault may still explain.
+    pub fn may_be_explained(&self) -> bool {
+        self.disagreement
+            .is_some_and(|held| held.age_us < ONE_CAUSE_US)
     }
 
     /// True for what lasts as long as the latch says, the peer's included.
