@@ -7,7 +7,6 @@
 //!
 //! Left out: reading such files, and what a device on a bus really holds.
 
-use std::fmt;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -91,40 +90,20 @@ impl From<ChannelName> for Channel {
 }
 
 /// Why nothing was described.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum DescribeError {
     /// The document is the same for both channels.
+    #[error("this document holds both channels; omit --channel, or ask for eds or dcf")]
     BothChannels,
     /// The document holds no node-id.
+    #[error("only a dcf holds a node-id; omit --node-id, or ask for dcf")]
     NoNodeId,
     /// The file could not be written.
+    #[error("cannot write {path}: {1}; choose another file with --output", path = .0.display())]
     Write(PathBuf, io::Error),
     /// The document could not be printed.
+    #[error("the document cannot be printed: {0}; name a file with --output")]
     Print(io::Error),
-}
-
-impl fmt::Display for DescribeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BothChannels => write!(
-                f,
-                "this document holds both channels; leave --channel away, or ask for eds or dcf"
-            ),
-            Self::NoNodeId => write!(
-                f,
-                "only a dcf holds a node-id; leave --node-id away, or ask for dcf"
-            ),
-            Self::Write(path, why) => write!(
-                f,
-                "cannot write {}: {why}; choose another file with --output",
-                path.display()
-            ),
-            Self::Print(why) => write!(
-                f,
-                "the document cannot be printed: {why}; name a file with --output"
-            ),
-        }
-    }
 }
 
 /// Describes; exit status 0.

@@ -27,8 +27,8 @@ use bus_report::{blackbox, period};
 use calibrate::{characterise, verify};
 use output::progress::Progress;
 
-/// Plumb, an open redundant inclinometer: commission it, calibrate it, watch it, and try it out on
-/// a virtual bus.
+/// Plumb, an open redundant inclinometer: commission it, calibrate it, monitor it, and try it out
+/// on a virtual bus.
 ///
 /// Exit status: 0 when all is well, 1 when the work was done and the answer is no (the instrument
 /// is outside its specification, or does not match), 2 when the command could not be carried out.

@@ -5,7 +5,6 @@
 //!
 //! Left out: where a system keeps such files; docs/exit-status.md says what the exit status means.
 
-use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -37,31 +36,17 @@ pub struct ManualPages {
 }
 
 /// Why nothing was written.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum ShellError {
     /// There is no such verb.
+    #[error("there is no verb {0:?}; `plumb --help` lists those there are")]
     Verb(String),
     /// A file or folder could not be written.
+    #[error("cannot write {path}: {1}; choose another folder with --output", path = .0.display())]
     Write(PathBuf, io::Error),
     /// It could not be printed.
+    #[error("it cannot be printed: {0}")]
     Print(io::Error),
-}
-
-impl fmt::Display for ShellError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Verb(verb) => write!(
-                f,
-                "there is no verb {verb:?}; `plumb --help` lists those there are"
-            ),
-            Self::Write(path, why) => write!(
-                f,
-                "cannot write {}: {why}; choose another folder with --output",
-                path.display()
-            ),
-            Self::Print(why) => write!(f, "it cannot be printed: {why}"),
-        }
-    }
 }
 
 /// Prints a completion script; exit status 0.

@@ -72,11 +72,11 @@ fn json_with(wanted: i32, arguments: &[&str]) -> (Value, String) {
     let (status, out, err) = said(&output);
     assert_eq!(status, Some(wanted), "{err}");
     let value: Value = serde_json::from_str(&out).unwrap();
-    let kind = match arguments.contains(&"--onto") {
-        true => "plumb-onto",
-        false => "plumb-log",
+    let (kind, version) = match arguments.contains(&"--onto") {
+        true => ("plumb-onto", 1),
+        false => ("plumb-log", 2),
     };
-    let head = format!(r#"{{"format":"{kind}","version":1,"#);
+    let head = format!(r#"{{"format":"{kind}","version":{version},"#);
     assert!(out.starts_with(&head), "{out}");
     (value, err)
 }

@@ -121,7 +121,7 @@ fn a_fault_is_in_the_log_in_the_memory_of_the_nodes_and_on_the_page() {
     assert!(text.starts_with("One instrument, "), "{text}");
     assert!(text.contains("the sensor is too noisy"), "{text}");
     let page = fs::read_to_string(folder.0.path().join("out/report.html")).unwrap();
-    assert!(page.contains("What is remembered: node 2") && page.contains("Plot 1"));
+    assert!(page.contains("Fault memory: node 2") && page.contains("Plot 1"));
     let report = fs::read_to_string(folder.0.path().join("out/report.json")).unwrap();
     let report: Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["format"], "plumb-period");
@@ -170,7 +170,7 @@ fn asked_alone_and_read_later(folder: &Folder, url: &str) {
     let arguments = ["report", "--black-box", &saved, &log, "--out", &out];
     let (status, text, err) = said(&plumb(&arguments).output().unwrap());
     assert_eq!(status, Some(0), "{err}");
-    assert!(text.starts_with("What 2 fault memories remember"), "{text}");
+    assert!(text.starts_with("2 fault memories contain "), "{text}");
 }
 
 #[test]

@@ -103,7 +103,7 @@ impl Entry {
     }
 
     /// An entry from the format above.
-    pub(crate) const fn decode(bytes: &[u8; ENTRY]) -> Self {
+    pub const fn decode(bytes: &[u8; ENTRY]) -> Self {
         let [t0, t1, t2, t3, s0, s1, s2, s3, c0, c1, rest @ ..] = *bytes;
         let [f0, f1, f2, f3, state, blamed, reason, number, r0, r1] = rest;
         Self {

@@ -181,7 +181,7 @@ fn r8_a_cut_in_a_store_of_the_paper_s_node_leaves_the_old_or_the_new() {
 }
 
 #[test]
-fn r9_a_flipped_bit_of_the_paper_s_program_is_told_of_and_it_is_not_started_again() {
+fn r9_a_flipped_bit_of_the_paper_s_program_is_reported_and_it_is_not_started_again() {
     let mut pair = boards(1);
     pair.run(1.0);
     assert_eq!(told(&pair, 0x6110), 0);

@@ -168,7 +168,7 @@ fn code_that_loops_is_ended_by_the_watchdog_and_the_other_node_measures_on() {
 }
 
 #[test]
-fn a_hard_fault_resets_at_once_and_is_told_of() {
+fn a_hard_fault_resets_at_once_and_is_reported() {
     let mut pair = pair();
     pair.run(1.0);
     let before = pair.of_id(0x081).len();
@@ -294,7 +294,7 @@ fn a_cut_at_every_operation_of_a_store_of_the_image_leaves_the_old_or_the_new() 
 }
 
 #[test]
-fn r9_a_flipped_bit_of_the_running_program_is_told_of() {
+fn r9_a_flipped_bit_of_the_running_program_is_reported() {
     let mut pair = pair();
     pair.run(1.0);
     let told = |pair: &Pair| {

@@ -1,41 +1,83 @@
-//! One gyroscope of two goes wrong while the machine digs, and while it stands: when it is told,
-//! and who is named.
+//! One gyroscope of two is faulty while the machine digs, and while it stands: when it is detected,
+//! and which channel is named.
 //!
 //! The pair compares how far either gyroscope has turned, as the image does. `docs/safety.md` has
 //! these times. The example `gyroscope_faults` prints many runs of the same over the bus.
 
-mod watched;
-
 use device::channel::Settings;
-use sim::excavator::Scene;
+use sim::TICK_S;
+use sim::bench::{Bench, Mode, World};
+use sim::excavator::{Excavator, ExcavatorSetup, Scene};
 use sim::fault::{RateFault, SensorFault};
+use sim::motion::Mover;
+use sim::rng::Rng;
 use tilt::cross_check::{Judgement, Member};
-use watched::{Watch, calibrated};
 
-/// What was told of a fault: when, s after its beginning, and when a channel was named, and which.
+/// Between two judgements of the pair.
+const SYNC_TICKS: u64 = 20;
+
+/// How long a channel may take to be named, s.
+const PATIENCE_S: f64 = 40.0;
+
+/// What was detected of a fault: when, s after its beginning, and when a channel was named, and
+/// which.
 #[derive(Debug, Default)]
 struct Told {
     after_s: Option<f64>,
     named: Option<(f64, Member)>,
 }
 
-/// Runs a fault of node 1 until a channel is named.
+/// What both nodes of a unit run with, calibrated.
+fn calibrated() -> [Settings; 2] {
+    let commissioned = Bench::commissioned(Mode::Dynamic, &World::NOMINAL, 1, 0);
+    let (bench, _) = commissioned.expect("a sound unit");
+    bench.instrument.sides.map(|side| side.settings)
+}
+
+/// Gives node 1 the fault after 20 to 30 s, and runs until a channel is named.
+///
+/// # Panics
+/// When the pair does not agree before the fault.
 fn told(settings: &[Settings; 2], scene: Scene, fault: SensorFault, seed: u64) -> Told {
-    let watch = Watch {
-        sync_ticks: 20,
-        patience_s: 40.0,
+    let mut bench = Bench::new(Mode::Dynamic, &World::NOMINAL, 1, 0);
+    for (side, settings) in bench.instrument.sides.iter_mut().zip(settings) {
+        side.settings = settings.clone();
+    }
+    bench.instrument.power_cycle();
+    let mut rng = Rng::stream(seed, "gyroscope faults");
+    let setup = ExcavatorSetup {
+        scene,
+        ..ExcavatorSetup::NOMINAL
     };
-    let mut after_s = None;
-    let named = watch.until(settings, scene, (fault, seed), |at_s, judgement| {
+    let mut machine = Excavator::new(&setup, &mut rng);
+    let start_s = bench.instrument.time_s();
+    let from_tick = (rng.range(20.0, 30.0) / TICK_S) as u64;
+    let mut found = Told::default();
+    for tick in 0..from_tick + (PATIENCE_S / TICK_S) as u64 {
+        if tick == from_tick {
+            let electronics = &mut bench.instrument.sides[0].electronics;
+            electronics.inject(fault, rng.fork());
+        }
+        let motion = machine.step(bench.instrument.time_s() + TICK_S - start_s);
+        bench.instrument.tick(&motion);
+        if !tick.is_multiple_of(SYNC_TICKS) || (tick as f64) < 5.0 / TICK_S {
+            continue;
+        }
+        let judgement = bench.instrument.sync().verdict.judgement();
+        if tick < from_tick {
+            assert_eq!(judgement, Judgement::Agree, "false alarm");
+            continue;
+        }
+        let after_s = (tick - from_tick) as f64 * TICK_S;
         if judgement != Judgement::Agree {
-            after_s.get_or_insert(at_s);
+            found.after_s.get_or_insert(after_s);
         }
-        match judgement {
-            Judgement::OneChannel { faulty, .. } => Some((at_s, faulty)),
-            _ => None,
+        if let Judgement::OneChannel { faulty, .. } = judgement {
+            found.named = Some((after_s, faulty));
+            break;
         }
-    });
-    Told { after_s, named }
+    }
+    found
 }
 
 #[test]

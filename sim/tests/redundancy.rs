@@ -129,7 +129,7 @@ fn a_step_of_the_offset_is_named_where_the_machine_stands() {
 }
 
 #[test]
-fn a_step_of_the_offset_is_told_at_once_and_never_blamed_on_the_other() {
+fn a_step_of_the_offset_is_detected_at_once_and_never_blamed_on_the_other() {
     let pool = pool();
     for scene in [Scene::Digging, Scene::StopAndGo, Scene::Standstill] {
         for (channel, axis) in [(0, 0), (0, 2), (1, 1), (1, 2)] {

@@ -37,7 +37,7 @@ fn table_one_tells_late_data_from_a_physical_fault_in_both_modes() {
 }
 
 #[test]
-fn late_data_are_told_however_late_they_are() {
+fn late_data_are_detected_however_late_they_are() {
     for mode in [Mode::Paper, Mode::Product] {
         for ms in [25, 50, 75, 130, 410, 1000, 3000] {
             let trouble = Trouble::Delay { from_s: FROM_S, ms };

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_last_line_end_is_told() {
+    fn a_missing_last_line_end_is_reported() {
         assert!(between("a\nb", "a\nb\n").contains("line ends differ"));
     }
 

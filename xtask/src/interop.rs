@@ -159,9 +159,7 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), InteropError>
         kept.cloned().collect()
     };
     let (emulated, paper) = (without(&NOT_EMULATED), without(&NOT_PAPER));
-    // Once for all, since every bus would build them anew.
-    let images = workspace.target().join("emulated").join("interop");
-    image::build_into(workspace, images.clone())?;
+    let images = images(workspace)?;
     let test = |job: Job| test(workspace, &python, &images, job);
     let passes = PAPER_IMAGE_PASSES.map(str::to_owned).to_vec();
     let virtual_ones = jobs(all, PRODUCT).chain(jobs(paper, PAPER)).collect();
@@ -232,6 +230,18 @@ fn files(workspace: &Workspace) -> Result<Vec<String>, InteropError> {
     }
     files.sort();
     Ok(files.into_iter().map(|(_, name)| name).collect())
+}
+
+/// The folder with the images for emulated boards: once for all, since every bus would build them
+/// anew. Beside other steps they are those that the emulator's tests use, made before.
+fn images(workspace: &Workspace) -> Result<PathBuf, ImageError> {
+    let emulated = workspace.target().join("emulated");
+    if built::is_ready() {
+        return Ok(emulated.join("images"));
+    }
+    let images = emulated.join("interop");
+    image::build_into(workspace, images.clone())?;
+    Ok(images)
 }
 
 /// Runs one file of tests against what is served: its summary is printed, and everything

@@ -86,7 +86,7 @@ pub const CHECK_FORMAT: Step = Step {
 pub const CLIPPY: Step = Step {
     key: "clippy",
     name: "clippy, warnings denied",
-    advice: "mend what it names above; nothing is allowed away without a reason beside it",
+    advice: "mend what it names above; an exception needs its reason in the same place",
     run: clippy,
 };
 
@@ -149,7 +149,7 @@ pub const QUICK_TESTS: Step = Step {
 /// All seeds of the fixed set.
 pub const SEEDS: Step = Step {
     key: "seeds",
-    name: "the world tries to break the instrument",
+    name: "trials of the instrument with drawn faults",
     advice: "the failing seed stands above; `cargo sim seed N --trace` shows it frame by frame",
     run: try_to_break,
 };
@@ -157,7 +157,7 @@ pub const SEEDS: Step = Step {
 /// A handful of them.
 pub const FEW_SEEDS: Step = Step {
     key: "few-seeds",
-    name: "the world tries to break the instrument, a few times",
+    name: "trials of the instrument with drawn faults, a few",
     run: try_a_few_times,
     ..SEEDS
 };
@@ -238,7 +238,7 @@ pub const ACCURACY_FULL: Step = Step {
 /// Compares the page on faults.
 pub const FAULTS: Step = Step {
     key: "faults",
-    name: "faults: what is told of them, against docs/faults.md",
+    name: "detection of faults against docs/faults.md",
     advice: FAULTS_ADVICE,
     run: compare_faults,
 };
@@ -311,7 +311,7 @@ pub const SIZE_INSTRUCTIONS: Step = Step {
 pub const SIZE_WRITE: Step = Step {
     key: "size-write",
     name: "writing docs/size.md",
-    advice: "`cargo xtask size` tells the figures without writing them",
+    advice: "`cargo xtask size` prints the figures without writing them",
     run: write_size,
 };
 

@@ -133,7 +133,7 @@ pub enum CommissionError {
     #[error("node {0} has not come back after its reset: look for it with `plumb scan`")]
     NotBack(u8),
     /// A change of the bit rate is for all nodes.
-    #[error("a bus has one bit rate: leave --node away, all nodes are changed at once")]
+    #[error("a bus has one bit rate: omit --node, all nodes are changed at once")]
     AllOnly,
     /// These nodes are OPERATIONAL, where they do not answer LSS.
     #[error(

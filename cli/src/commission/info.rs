@@ -178,7 +178,7 @@ fn report(node: &mut Node) -> Result<Fact, Fault> {
     let (mut text, mut reason) = (None, None);
     match node.try_read(0x2063, 0)? {
         Ok(hash) => text = Some(beginning(&hash)),
-        Err(NO_DATA) => reason = Some("no report of this calibration is known to it".to_owned()),
+        Err(NO_DATA) => reason = Some("it stores no report of this calibration".to_owned()),
         Err(code) => reason = Some(bus_master::sdo::meaning(code).to_owned()),
     }
     Ok(Fact {

@@ -43,7 +43,9 @@ fn a_bus_that_cannot_be_joined_is_told_with_what_to_do() {
         .unwrap();
     let told = refused(&["scan", "--bus", &free.to_string()]);
     assert!(
-        told.contains(&format!("nobody listens at {free}: start `plumb serve`")),
+        told.contains(&format!(
+            "nothing accepts a connection at {free}: start `plumb serve`"
+        )),
         "{told}"
     );
     let told = refused(&["scan", "--bus", "slcan:///dev/no-such-port"]);

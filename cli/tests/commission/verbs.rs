@@ -36,10 +36,7 @@ fn who_is_on_the_bus_and_which_are_a_pair() {
         .find(|fact| fact["name"] == "calibration-report-hash")
         .unwrap();
     assert!(report["text"].is_null(), "{report}");
-    assert_eq!(
-        report["reason"],
-        "no report of this calibration is known to it"
-    );
+    assert_eq!(report["reason"], "it stores no report of this calibration");
     let latency = facts
         .iter()
         .find(|fact| fact["name"] == "latency.in-microseconds");

@@ -62,7 +62,7 @@ pub const COMMUNICATION: &[Row] = &[
         0x1003,
         8,
         "Pre-defined error field",
-        "Number of errors kept below. Writing 0 forgets them all (CiA 301, 7.5.2.4).",
+        "Number of errors kept below. Writing 0 deletes them all (CiA 301, 7.5.2.4).",
     )
     .rw()
     .value(0),
@@ -160,7 +160,7 @@ pub const COMMUNICATION: &[Row] = &[
         0x1011,
         4,
         "Restore default parameters",
-        "Forgets stored parameters; the defaults count from the next reset on \
+        "Deletes the stored parameters; the defaults apply from the next reset on \
          (CiA 301, 7.5.2.14).",
     ),
     memory(0x1011, 1, "Restore all default parameters", LOAD),

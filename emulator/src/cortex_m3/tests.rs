@@ -110,7 +110,7 @@ fn a_fetch_from_the_ram_ends_in_a_fault() {
 }
 
 #[test]
-fn a_store_into_locked_flash_changes_nothing_and_is_told_of() {
+fn a_store_into_locked_flash_changes_nothing_and_is_reported() {
     // MOVS r0, #8; LSLS r0, r0, #24; MOVS r1, #0; STRH r1, [r0, #32]; NOP; WFI.
     let mut cpu = cpu(&[0x2008, 0x0600, 0x2100, 0x8401, 0xBF00, 0xBF30]);
     assert_eq!(cpu.run(), Stop::WaitForInterrupt);
@@ -121,7 +121,7 @@ fn a_store_into_locked_flash_changes_nothing_and_is_told_of() {
 }
 
 #[test]
-fn a_return_from_an_exception_is_told_with_its_code() {
+fn a_return_from_an_exception_is_reported_with_its_code() {
     // MOVS r0, #6; MVNS r0, r0; BX r0: FFFF FFF9h.
     let mut cpu = cpu(&[0x2006, 0x43C0, 0x4700]);
     assert_eq!(cpu.run(), Stop::ExceptionReturn(0xFFFF_FFF9));

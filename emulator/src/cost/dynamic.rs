@@ -90,7 +90,7 @@ impl DynamicFigures {
             ),
             Row::new("the estimator in it", self.estimator, Some(1200.0)),
             Row::new("what joins it to the chain", self.joint, None),
-            Row::new("the wait for SPI beside it", self.wait, None),
+            Row::new("the wait for SPI in addition", self.wait, None),
             Row::new("a SYNC with its PDOs, with a gyroscope", self.sync, None),
             Row::new("samples of six axes a second", self.rate, None),
             Row::per_cent("load with a gyroscope, % of 72 MHz", self.load, None),
@@ -177,7 +177,7 @@ const SAMPLE_MISSED: &str = "
 The target for a sample is missed: the product's alone takes more than that, and all of it is spent
 here too. A little more than half of what comes on top are the estimator and what joins it to the
 chain. The rest are the longer burst, temperature and axes of each sample, which the product
-corrects once in about four, and the angle of the moment beside the aligned one.
+corrects once in about four, and the angle of the moment in addition to the aligned one.
 ";
 
 /// Why the estimator takes more than its target.

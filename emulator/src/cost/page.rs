@@ -115,9 +115,9 @@ const SIZES: &str = "
 /// Why a sample takes more than its target.
 const SAMPLE_MISSED: &str = "
 The target for a sample is missed. A little more than half of what is counted is the sample's own
-way: its edge, the driver, the watch over its health, the low-pass, and finding out what is due
+way: its edge, the driver, the checks of its health, the low-pass, and finding out what is due
 before and after it. The rest happens every 10 ms, once in about four samples: a reading with its
-uncertainties, the look for faults, the memory, and what the bus wants. The image is optimised for
+uncertainties, the look for faults, the memory, and the bus. The image is optimised for
 size. Optimising the chain's crate for speed instead takes a twentieth off and makes the image 4 kB
 longer; with all our crates optimised for speed it does not fit into its slot.
 `cargo xtask size --instructions` shows it function by function: it is spread over many, with no
@@ -556,7 +556,7 @@ mod tests {
     }
 
     #[test]
-    fn four_per_cent_are_let_be_and_six_are_told() {
+    fn four_per_cent_are_accepted_and_six_are_reported() {
         let page = figures().page();
         let with = |sdo| Figures { sdo, ..figures() };
         assert_eq!(differences(&page, &with(8320.0)), [""; 0]);
@@ -568,7 +568,7 @@ mod tests {
     }
 
     #[test]
-    fn every_figure_that_grows_is_told() {
+    fn every_figure_that_grows_is_reported() {
         let page = figures().page();
         let grown = Figures {
             sample: 2000.0,
@@ -617,7 +617,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_missed_by_little_is_told() {
+    fn a_target_missed_by_little_is_reported() {
         let page = figures().page();
         let missed = Figures {
             sample: 1510.0,
@@ -644,7 +644,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_only_one_has_are_told() {
+    fn rows_that_only_one_has_are_reported() {
         let page = figures().page();
         let other = page.replace("| deepest stack |", "| highest heap |");
         let told = differences(&other, &figures());

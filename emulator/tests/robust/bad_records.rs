@@ -77,7 +77,7 @@ fn check_angle(bench: &mut Bench, said: &Said, case: &str) {
 }
 
 #[test]
-fn a_bit_gone_bad_in_any_page_of_records_is_told_of_and_no_angle_is_invented() {
+fn a_bit_gone_bad_in_any_page_of_records_is_reported_and_no_angle_is_invented() {
     let mut bench = Bench::new();
     let default = bench.says().heartbeat;
     let cells = stored(&mut bench);

@@ -24,11 +24,11 @@ pub enum JoinError {
     )]
     BitRate(String),
     /// Nobody listens there.
-    #[error("nobody listens at {0}: start `plumb serve`, or name the bus with --bus")]
+    #[error("nothing accepts a connection at {0}: start `plumb serve`, or name the bus with --bus")]
     Refused(String),
     /// Who listens there does not answer as it should: the bus, and what it said.
     #[error(
-        "who listens at {0} is no CAN adapter of this kind ({1}): look at address and interface"
+        "the device at {0} is no CAN adapter of this kind ({1}): look at address and interface"
     )]
     Stranger(String, String),
     /// There is no such serial port.
@@ -62,7 +62,7 @@ pub enum JoinError {
     #[error("cannot join the bus {0}: {1}")]
     System(String, io::Error),
     /// Signals can't be watched.
-    #[error("cannot watch signals: {0}")]
+    #[error("cannot handle signals: {0}")]
     Signal(String),
 }
 

@@ -139,9 +139,7 @@ pub enum CalibrateError {
     #[error("the dwell at {0} degC was begun too often: {1}")]
     Spoilt(f64, Box<CalibrateError>),
     /// There is no run to go on from.
-    #[error(
-        "{0} is not there: no run to go on from; leave --resume out, or name its folder with --out"
-    )]
+    #[error("{0} is not there: no run to go on from; omit --resume, or name its folder with --out")]
     NoRun(PathBuf),
     /// A folder holds a run that was interrupted.
     #[error(

@@ -15,11 +15,11 @@ use super::console::tell;
 use super::data::Report;
 use super::error::CalibrateError;
 use super::folder::Folder;
-use super::kept::{self, Kept, KeptNode, hex};
+use super::kept::{self, Kept, KeptNode};
 use super::session::Session;
 use super::{dcc, page};
 use bus_master::BusOptions;
-use output::stdout;
+use output::{hex, stdout};
 
 /// More or fewer nodes than an instrument has.
 pub const NODES: CalibrateError =
@@ -237,7 +237,7 @@ pub fn publish(folder: &Folder, session: &mut Session, mut report: Report, count
         for place in 0..session.nodes.len() {
             session.write_hash(place, &hash)?;
         }
-        report.dcc_sha256 = Some(hex(&hash));
+        report.dcc_sha256 = Some(hex::digits(&hash));
     }
     let json = serde_json::to_string_pretty(&report);
     let json = json.map_err(|e| CalibrateError::Print(e.into()))? + "\n";

@@ -10,6 +10,7 @@ use std::path::Path;
 use device::calibration::encoding::identity;
 use serde::{Deserialize, Serialize};
 
+use output::hex;
 use output::write::Staged;
 
 use super::error::CalibrateError;
@@ -59,21 +60,6 @@ impl Kept {
     }
 }
 
-/// Bytes as hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// The other way; `None` for anything else.
-pub fn bytes(hex: &str) -> Option<Vec<u8>> {
-    let digits = hex.as_bytes();
-    if !digits.len().is_multiple_of(2) || !digits.iter().all(u8::is_ascii_hexdigit) {
-        return None;
-    }
-    let pair = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
-    digits.chunks(2).map(pair).collect()
-}
-
 /// What the nodes of a session had when they were found.
 pub fn as_found(session: &Session) -> Kept {
     let nodes = session.nodes.iter();
@@ -81,8 +67,8 @@ pub fn as_found(session: &Session) -> Kept {
         node: node.id,
         serial_number: node.serial,
         crc32: format!("{:08X}", node.found_sum()),
-        calibration_hex: hex(&node.bytes),
-        report_sha256: node.hash.as_deref().map(hex),
+        calibration_hex: hex::digits(&node.bytes),
+        report_sha256: node.hash.as_deref().map(hex::digits),
     });
     Kept {
         format: FORMAT.to_owned(),
@@ -118,14 +104,14 @@ pub fn load(path: &Path) -> Result<Kept, CalibrateError> {
 
 /// What is wrong with one node's, if anything is.
 fn flaw(node: &KeptNode) -> Option<&'static str> {
-    let decoded = bytes(&node.calibration_hex).and_then(|bytes| decode(&bytes));
+    let decoded = hex::bytes(&node.calibration_hex).and_then(|bytes| decode(&bytes));
     let Some(calibration) = decoded else {
         return Some("a calibration in it is damaged: its check sum is wrong");
     };
     if node.crc32 != format!("{:08X}", identity(&calibration)) {
         return Some("it was changed: crc32 in it is not that of its calibration");
     }
-    let hash = node.report_sha256.as_deref().map(bytes);
+    let hash = node.report_sha256.as_deref().map(hex::bytes);
     let whole = hash.is_none_or(|hash| hash.is_some_and(|hash| hash.len() == 32));
     (!whole).then_some("it was changed: report_sha256 in it is no SHA-256")
 }
@@ -144,9 +130,9 @@ pub fn restore(session: &mut Session, path: &Path, kept: &Kept) -> Result<(), Ca
         let found = kept.nodes.iter().find(|k| k.serial_number == node.serial);
         let unknown = || CalibrateError::Unknown(path.to_owned(), node.id, node.serial);
         let found = found.ok_or_else(unknown)?;
-        let content = bytes(&found.calibration_hex);
+        let content = hex::bytes(&found.calibration_hex);
         let content = content.ok_or_else(|| CalibrateError::Content(path.to_owned(), NOT_KEPT))?;
-        all.push((content, found.report_sha256.as_deref().and_then(bytes)));
+        all.push((content, found.report_sha256.as_deref().and_then(hex::bytes)));
     }
     for (place, (content, hash)) in all.into_iter().enumerate() {
         session.write(place, &content)?;
@@ -171,14 +157,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_come_back_and_anything_else_is_none() {
-        assert_eq!(bytes(&hex(&[0, 0x5A, 0xFF])), Some(vec![0, 0x5A, 0xFF]));
-        for bad in ["0", "0g", "+1", "é1", " 1"] {
-            assert_eq!(bytes(bad), None, "{bad}");
-        }
-    }
-
-    #[test]
     fn a_changed_field_was_printed_and_never_checked() {
         let calibration = tilt::chain::Calibration::NOMINAL;
         let whole = Kept {
@@ -188,7 +166,7 @@ mod tests {
                 node: 1,
                 serial_number: 1,
                 crc32: format!("{:08X}", identity(&calibration)),
-                calibration_hex: hex(&encode(&calibration)),
+                calibration_hex: hex::digits(&encode(&calibration)),
                 report_sha256: Some("5a".repeat(32)),
             }],
         };

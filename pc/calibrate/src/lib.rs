@@ -67,7 +67,6 @@ pub use finish::Common;
 use finish::Done;
 use folder::Folder;
 use hand::{FEWEST, POSES};
-pub use kept::hex;
 use motor::{Motor, ScpiMotor};
 pub use reading::Reading;
 pub use session::Session;

@@ -17,9 +17,9 @@ use quick_xml::events::{BytesStart, Event};
 use serde::Serialize;
 
 use crate::data::FORMAT;
-use crate::{CalibrateError, Session, dcc, hex};
+use crate::{CalibrateError, Session, dcc};
 use bus_master::BusOptions;
-use output::stdout;
+use output::{hex, stdout};
 
 /// What to compare.
 #[derive(Clone, Debug, Args)]
@@ -110,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
             node: node.id,
             serial_number: node.serial,
             crc32: format!("{:08X}", node.found_sum()),
-            report_sha256: node.hash.as_deref().map(hex),
+            report_sha256: node.hash.as_deref().map(hex::digits),
             verdict: claim.judge(node.serial, node.found_sum(), node.hash.as_deref()),
         })
         .collect();
@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, CalibrateError> {
     let verified = Verified {
         format: "plumb-verify",
         version: 1,
-        file_sha256: hex(&hmac_sha256::Hash::hash(&bytes)),
+        file_sha256: hex::digits(&hmac_sha256::Hash::hash(&bytes)),
         matches,
         nodes,
     };

@@ -5,6 +5,9 @@
 //!
 //! Left out: reading such files (`eds`).
 
+use device::objects::pdo;
+use device::objects::row::{self, Row};
+
 /// The instruments on a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plan {
@@ -186,19 +189,26 @@ impl PdoPlan {
     }
 }
 
-/// What TPDO 7 carries (202Bh).
-const TURNED: [u32; 5] = [
-    0x202B_0110,
-    0x202B_0210,
-    0x202B_0310,
-    0x202B_0408,
-    0x202B_0508,
+/// The PDOs as delivered: COB-ID less the node-id, SYNCs from one to the next, and the rows of the
+/// mapping. The last three are of instruments with a gyroscope: the first two of them come only
+/// where a master has switched them on.
+const AS_DELIVERED: [(u16, u8, &[Row]); 7] = [
+    (0x180, 1, &pdo::TPDO_1_MAPPING),
+    (0x280, 10, &pdo::TPDO_2_MAPPING),
+    (0x380, 1, &pdo::TPDO_3_MAPPING),
+    (0x480, 1, &pdo::TPDO_4_MAPPING),
+    (0x200, 1, &pdo::TPDO_5_MAPPING),
+    (0x300, 1, &pdo::TPDO_6_MAPPING),
+    (0x400, 1, &pdo::TPDO_7_MAPPING),
 ];
 
 impl NodePlan {
     /// A node that nobody has configured but for its node-id.
     pub fn as_delivered(node_id: u8) -> Self {
         let id = u16::from(node_id);
+        let pdos = AS_DELIVERED
+            .iter()
+            .map(|(base, every, rows)| PdoPlan::of(base + id, *every, &mapped(rows)));
         Self {
             node_id,
             sync: 0x080,
@@ -206,63 +216,18 @@ impl NodePlan {
             lost_after_ms: 500,
             resolution_mdeg: 10,
             range_mdeg: [[-90_000, 90_000]; 2],
-            pdos: vec![
-                PdoPlan::of(
-                    0x180 + id,
-                    1,
-                    &[0x6010_0010, 0x6020_0010, 0x2020_0008, 0x2021_0008],
-                ),
-                PdoPlan::of(
-                    0x280 + id,
-                    10,
-                    &[
-                        0x2020_0008,
-                        0x2021_0008,
-                        0x2022_0310,
-                        0x2023_0208,
-                        0x2024_0310,
-                        0x6511_0008,
-                    ],
-                ),
-                PdoPlan::of(
-                    0x380 + id,
-                    1,
-                    &[0x2010_0118, 0x2010_0218, 0x2010_0308, 0x2010_0408],
-                ),
-                PdoPlan::of(
-                    0x480 + id,
-                    1,
-                    &[
-                        0x2010_0510,
-                        0x2010_0610,
-                        0x2010_0710,
-                        0x2010_0808,
-                        0x2010_0908,
-                    ],
-                ),
-                // Off as delivered, and of instruments with a gyroscope only: where they come, a
-                // master has switched them on.
-                PdoPlan::of(
-                    0x200 + id,
-                    1,
-                    &[
-                        0x2029_0110,
-                        0x2029_0210,
-                        0x2029_0310,
-                        0x2029_0408,
-                        0x2029_0508,
-                    ],
-                ),
-                PdoPlan::of(
-                    0x300 + id,
-                    1,
-                    &[0x202A_0110, 0x202A_0210, 0x202A_0310, 0x202A_0408],
-                ),
-                // On as delivered, where there is a gyroscope.
-                PdoPlan::of(0x400 + id, 1, &TURNED),
-            ],
+            pdos: pdos.collect(),
         }
     }
+}
+
+/// What a mapping has in it as delivered, behind the row with the number of its objects.
+fn mapped(rows: &[Row]) -> Vec<u32> {
+    let objects = rows.iter().skip(1).filter_map(|row| match row.default {
+        row::Default::Value(object) => u32::try_from(object).ok(),
+        _ => None,
+    });
+    objects.filter(|object| *object != 0).collect()
 }
 
 #[cfg(test)]

@@ -517,7 +517,7 @@ impl Model {
         let bit = 1 << (id & 0x7F);
         if frame.bytes().len() == 1 && self.strangers & bit == 0 {
             self.strangers |= bit;
-            let text = format!("node {} is on the bus too and is not watched", id & 0x7F);
+            let text = format!("node {} is also on the bus and is not monitored", id & 0x7F);
             self.note(Kind::Stranger, Level::Good, text);
         }
     }

@@ -386,7 +386,7 @@ fn strangers_and_malformed_frames_are_counted_and_told_once() {
     assert_eq!((bus.malformed, bus.others), (5, 6));
     let texts = bench.texts();
     assert_eq!(texts.len(), 2, "{texts:?}");
-    assert_eq!(texts[0], "- node 5 is on the bus too and is not watched");
+    assert_eq!(texts[0], "- node 5 is also on the bus and is not monitored");
     let second = bench.model.events.since(1).next().unwrap().clone();
     assert_eq!((second.kind, second.times), (Kind::Stranger, 5));
 }

@@ -62,7 +62,7 @@ pub enum ServeError {
     ScriptLong(PathBuf, u64),
     /// There is no word in the script.
     #[error(
-        "there is no word in the script {path}: write at least `hold`, or leave --script away",
+        "there is no word in the script {path}: write at least `hold`, or omit --script",
         path = .0.display()
     )]
     ScriptEmpty(PathBuf),

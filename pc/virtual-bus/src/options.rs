@@ -43,7 +43,7 @@ pub enum Mode {
     Product,
     /// Two axes by a part with a gyroscope, 417 samples/s: the angle while the machine moves
     Dynamic,
-    /// The paper's: 50 samples/s, tables; it has the product's objects beside its own
+    /// The paper's: 50 samples/s, tables; it has the product's objects in addition to its own
     Paper,
     /// One axis over 360 deg
     OneAxis,

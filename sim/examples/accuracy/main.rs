@@ -103,7 +103,7 @@ fn main() -> Result<(), BenchError> {
 const FULL_OPENING: &str = "\
 # Accuracy
 
-For whoever wants to know how accurate the instrument is. `cargo xtask accuracy --full` prints this
+For those who judge the accuracy of the instrument. `cargo xtask accuracy --full` prints this
 page in a quarter of an hour, and with it the same page of a few units, which `cargo xtask test`
 repeats and compares: [accuracy-of-few-units.md](accuracy-of-few-units.md). So the code that printed
 the one prints the other.

@@ -159,14 +159,14 @@ name, and how often they raise a false alarm. Everything on this page is simulat
 a virtual CAN bus at 250 kbit/s with 50 SYNCs a second, on an excavator with the sensor 1 m from the
 boom's pivot. Only what is reported on the bus counts.
 
-Three ways to watch the same pair:
+Three ways to monitor the same pair:
 
 - **product**, the instrument as delivered. A fault is *detected* when a channel shows state 6 to 9
   in 2021h, or when neither channel sends a frame for 0.1 s. State 7 or 8 names a channel.
 - **plain**, what a controller could do by itself: compare the two measured angles of each SYNC, as
   the product's nodes exchange them (TPDO 3), with 0.40 deg. It names no channel.
 - **paper**, the instrument as the paper built it: its sampling, its tables, and its rule on the
-  pitch, which is all that its excavator watches. Each difference above 0.40 deg, and each reading
+  pitch, which is all that its excavator monitors. Each difference above 0.40 deg, and each reading
   that is missing, is a *warning*; more than 110 warnings in ten minutes ask for a *stop* of 45 s.
   It reports after the stop whether there was a fault, 10 min 45 s after the beginning at worst. It
   names no channel either.
@@ -174,11 +174,11 @@ Three ways to watch the same pair:
 ";
 
 const HOW_TO_READ: &str = "\
-Product and plain are watched for 10 s after the fault's beginning (drift of 0.2 mg/s: 60 s). Delays
+Product and plain are run for 10 s after the fault's beginning (drift of 0.2 mg/s: 60 s). Delays
 are those of the runs in which the fault was detected. *Right* and *wrong* are runs in which the
 faulty or the healthy channel was named, at any time; *unknown* those in which neither was.
 
-Paper mode is watched for 20 s, which is enough for 110 warnings but not for its verdict. Its single
+Paper mode is run for 20 s, which is enough for 110 warnings but not for its verdict. Its single
 warnings are counted separately: how many there are in a second of 50 comparisons, in the last 5 s
 before the fault and in the first 5 s after its beginning. Where both are alike, a warning does not
 indicate the fault. The machine ignores each request to stop, so that the warnings are those of the
@@ -248,7 +248,7 @@ fn faults(page: &mut String, all: &Everything) {
         page,
         "## Fault by fault\n\n{} runs of each line: one of {} units, channel, axis, sign and \
          moment drawn; the fault begins after 8 to 15 s of healthy work, and stays. The line \
-         \"none\" is a healthy instrument watched for as long: its entries are chance.\n",
+         \"none\" is a healthy instrument observed for as long: its entries are chance.\n",
         all.counts.cell, all.counts.units
     );
     page.push_str(HOW_TO_READ);

@@ -110,7 +110,7 @@ impl std::fmt::Display for Problem {
             Self::Bench(error) => write!(f, "an instrument could not be calibrated: {error}"),
             Self::Unit(error) => error.fmt(f),
             Self::Minutes => f.write_str("--minutes must be above 0 and at most 100000"),
-            Self::NoSeeds => f.write_str("--seeds must be at least 1: no seed tells nothing"),
+            Self::NoSeeds => f.write_str("--seeds must be at least 1"),
             Self::Seeds(from) => write!(
                 f,
                 "there are not so many seeds from {from} on: the last one is {}",

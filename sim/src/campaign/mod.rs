@@ -100,10 +100,10 @@ impl Outcome {
     }
 }
 
-/// What was told of a fault, in words.
+/// When a fault was detected, and which channel was named, in words.
 fn told(detection: &Detection) -> String {
     let Some(after_s) = detection.told_s() else {
-        return "not told".into();
+        return "not detected".into();
     };
     let blame = match detection.blame() {
         Blame::Right => "the right channel named",
@@ -112,8 +112,8 @@ fn told(detection: &Detection) -> String {
     };
     let named_s = detection.by.iter().filter_map(|f| f.named).map(|n| n.0);
     match named_s.reduce(f64::min) {
-        Some(named_s) => format!("told after {after_s:.3} s, {blame} after {named_s:.3} s"),
-        None => format!("told after {after_s:.3} s, {blame}"),
+        Some(named_s) => format!("after {after_s:.3} s, {blame} after {named_s:.3} s"),
+        None => format!("after {after_s:.3} s, {blame}"),
     }
 }
 
@@ -130,7 +130,7 @@ impl fmt::Display for Outcome {
             )?;
         }
         for (injection, detection) in setup.faults.iter().zip(&report.detections) {
-            writeln!(f, "told           {}: {}", injection.what, told(detection))?;
+            writeln!(f, "detected       {}: {}", injection.what, told(detection))?;
         }
         let (duration_s, old) = (report.duration_s, report.old_angles);
         writeln!(

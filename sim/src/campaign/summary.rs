@@ -99,7 +99,7 @@ impl Summary {
     }
 }
 
-/// A delay; a dash where nothing was told.
+/// A delay; a dash where nothing was detected.
 fn seconds(seconds: Option<f64>) -> String {
     seconds.map_or("-".to_owned(), |s| format!("{s:.3}"))
 }
@@ -131,8 +131,8 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "{:<24} {:>6} {:>6} {:>9} {:>9} {:>6} {:>6}",
-            "fault, in these", "trials", "told %", "median s", "worst s", "right", "wrong"
+            "{:<24} {:>6} {:>10} {:>9} {:>9} {:>6} {:>6}",
+            "fault, in these", "trials", "detected %", "median s", "worst s", "right", "wrong"
         )?;
         for (name, row) in &self.rows {
             let mut told_s = row.told_s.clone();
@@ -142,7 +142,7 @@ impl fmt::Display for Summary {
             let [median_s, worst_s] = [median_s, worst_s].map(seconds);
             writeln!(
                 f,
-                "{name:<24} {:>6} {share:>6.0} {median_s:>9} {worst_s:>9} {:>6} {:>6}",
+                "{name:<24} {:>6} {share:>10.0} {median_s:>9} {worst_s:>9} {:>6} {:>6}",
                 row.trials, row.right, row.wrong
             )?;
         }

@@ -31,7 +31,7 @@ fn a_blind_check_is_found_out() {
 }
 
 #[test]
-fn a_fault_that_nobody_told_had_a_delay_that_is_no_number() {
+fn a_fault_that_was_not_detected_had_a_delay_that_is_no_number() {
     let setup = (1..500).map(draw).find(|setup| {
         setup.within_promise && setup.mode == Mode::Product && !setup.faults.is_empty()
     });

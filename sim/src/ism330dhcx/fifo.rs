@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_word_is_told_once() {
+    fn a_lost_word_is_reported_once() {
         let mut words = Words::default();
         (0..=WORDS).for_each(|_| words.push(FifoMode::Continuous, Tag::Rate, [[0; 2]; 3]));
         assert!(words.overrun() && words.lost());

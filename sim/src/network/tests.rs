@@ -254,7 +254,7 @@ fn without_sync_the_lower_node_id_makes_it_and_the_other_one_after_it() {
 }
 
 #[test]
-fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
+fn a_silent_peer_is_reported_and_counts_again_when_it_returns() {
     let mut site = Site::working(250);
     let sync = |site: &mut Site, count: usize| {
         for _ in 0..count {
@@ -290,7 +290,7 @@ fn a_silent_peer_is_told_and_forgiven_when_it_returns() {
 }
 
 #[test]
-fn bus_off_is_told_counted_and_left_again() {
+fn bus_off_is_reported_counted_and_left_again() {
     let mut site = Site::working(250);
     let every = Rates {
         corrupt: 1.0,

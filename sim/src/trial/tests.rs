@@ -35,7 +35,7 @@ fn a_healthy_product_passes() {
 }
 
 #[test]
-fn a_bias_step_is_told_within_a_second() {
+fn a_bias_step_is_detected_within_a_second() {
     let bias = SensorFault::Bias { axis: 0, mg: 50.0 };
     let report = with(What::Sensor(bias));
     let told_s = report.detections[0].told_s();

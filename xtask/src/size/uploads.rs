@@ -1,7 +1,8 @@
 //! How many instructions an SDO upload of a four-byte object takes on the device's side.
 //!
 //! In: the example `sdo_upload` of `device`, which does as many as it is told, under valgrind.
-//! Out: a printed line. Two runs differ in nothing but the number of uploads, so start and end of
+//! Out: a printed line. It is the example that tests share, with their checks of overflow, so no
+//! step builds for it. Two runs differ in nothing but the number of uploads, so start and end of
 //! the program cancel out. Where there is no valgrind the line says so.
 //!
 //! Left out: cycles of the part; the instructions are the host's.
@@ -11,6 +12,7 @@ use std::path::Path;
 use std::{env, fs, process};
 
 use super::SizeError;
+use crate::built;
 use crate::command;
 use crate::workspace::Workspace;
 
@@ -23,22 +25,13 @@ pub fn print(workspace: &Workspace) -> Result<(), SizeError> {
         println!("      skipped: instructions of an SDO upload (no valgrind here)");
         return Ok(());
     }
-    let build = [
-        "build",
-        "--quiet",
-        "--release",
-        "-p",
-        "device",
-        "--example",
-        "sdo_upload",
-    ];
-    command::pass(workspace.cargo(&build))?;
-    let program = workspace.target().join("release/examples/sdo_upload");
+    let program = built::example(workspace, "sdo_upload")?;
     let few = count(workspace, &program, UPLOADS)?;
     let many = count(workspace, &program, 2 * UPLOADS)?;
     if let (Some(few), Some(many)) = (few, many) {
         let each = many.saturating_sub(few) / UPLOADS;
-        println!("      SDO upload of 4 bytes, request to response: {each} instructions ({ARCH})");
+        println!("      SDO upload of 4 bytes, request to response, as built for tests:");
+        println!("      {each} instructions ({ARCH})");
     }
     Ok(())
 }

@@ -2,7 +2,8 @@
 //!
 //! In: ARCHITECTURE.md, docs/paper.md, README.md and docs/accuracy.md. Out: a finding for an
 //! invariant without an existing test, for a row of the paper without an existing module and
-//! test, and for a figure in prose that the generated accuracy document doesn't hold.
+//! test, for a figure in prose that the generated accuracy document doesn't hold, and for a long
+//! name on any page of docs/ that no source contains.
 
 use std::collections::BTreeSet;
 
@@ -37,7 +38,41 @@ pub fn check(tree: &Tree) -> Vec<Finding> {
     findings.extend(paper(tree, &tests));
     findings.extend(figures(tree, README));
     findings.extend(figures(tree, PAPER));
+    findings.extend(names(tree, &tests));
     findings
+}
+
+/// So many underscores make a name so long that it is a test's or a field's.
+const LONG: usize = 4;
+
+/// Each long name between backquotes in docs/ is that of a test, or stands in a source.
+fn names(tree: &Tree, tests: &BTreeSet<String>) -> Vec<Finding> {
+    let is_page = |path: &str| path.starts_with("docs/") && path.ends_with(".md");
+    let pages = tree.files.iter().filter(|file| is_page(&file.path));
+    let mut findings = Vec::new();
+    for page in pages {
+        let text = page.text.as_deref().unwrap_or_default();
+        for (line, number) in text.lines().zip(1..) {
+            let named = quoted(line).into_iter().filter(|name| is_long(name));
+            let unknown = named.filter(|name| !tests.contains(*name) && !stands(tree, name));
+            findings.extend(unknown.map(|name| {
+                let what = format!("no test and no source has the name `{name}`");
+                Finding::new(&page.path, number, what)
+            }));
+        }
+    }
+    findings
+}
+
+fn is_long(name: &str) -> bool {
+    let of_a_name = |c: char| matches!(c, 'a'..='z' | '0'..='9' | '_');
+    name.chars().all(of_a_name) && name.matches('_').count() >= LONG
+}
+
+fn stands(tree: &Tree, name: &str) -> bool {
+    let sources = tree.files.iter().filter(|file| !file.path.ends_with(".md"));
+    let mut texts = sources.filter_map(|file| file.text.as_deref());
+    texts.any(|text| text.contains(name))
 }
 
 /// The numbered list of functions under this heading.
@@ -348,6 +383,25 @@ mod tests {
         assert_eq!(found(&readme("a 0.031")), 0);
         assert_eq!(found(&readme("a 0.030")), 1);
         assert_eq!(found(FIGURES), 1);
+    }
+
+    #[test]
+    fn a_page_named_a_test_that_had_another_name_since() {
+        let found = |line: &str| {
+            let field = ("pc/a/src/data.rs", "pub bias_between_runs_deg_s: f64,");
+            let test = (
+                "tilt/src/a.rs",
+                "#[test]\nfn a_baseline_is_taken_off() {}\n",
+            );
+            let tree = Tree::of(&[field, test, ("docs/safety.md", line)]);
+            texts(names(&tree, &tree.test_names()))
+        };
+        let good = "| `a_baseline_is_taken_off` | `bias_between_runs_deg_s` | `plumb_log` |";
+        assert_eq!(found(good), [""; 0]);
+        let gone = found(&good.replace("baseline", "habit"));
+        assert_eq!(gone.len(), 1);
+        assert!(gone[0].starts_with("docs/safety.md:1: no test and no source"));
+        assert!(gone[0].ends_with("`a_habit_is_taken_off`"));
     }
 
     #[test]

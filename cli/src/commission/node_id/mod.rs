@@ -25,7 +25,9 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::Answer;
+use super::common::CommonOptions;
 use super::error::CommissionError;
+use bus_master::Bus;
 use bus_master::fault::Fault;
 use bus_master::lss::{Identity, Master};
 use bus_master::nmt::{self, Command, State};
@@ -33,7 +35,6 @@ use bus_master::node::Node;
 use bus_master::nodes::{self, NodeOption, Nodes};
 use bus_master::sdo::{Client, SdoError};
 use bus_master::survey::survey;
-use bus_master::{Bus, BusOptions};
 use codes::words;
 
 /// How long is listened for who is there.
@@ -83,15 +84,9 @@ pub struct Arguments {
     /// The new node-ids of channel A and channel B of one instrument
     #[arg(long, value_name = "A,B")]
     pub pair: Option<Pair>,
-    /// Print one JSON object at the end
-    #[arg(long)]
-    pub json: bool,
-    /// Which nodes; those without a node-id when not given
+    /// The rest; where no nodes are named, those without a node-id.
     #[command(flatten)]
-    pub nodes: NodeOption,
-    /// The bus
-    #[command(flatten)]
-    pub bus: BusOptions,
+    pub common: CommonOptions,
 }
 
 /// A node on its way to its new node-id.
@@ -128,18 +123,15 @@ struct Work<'a> {
 ///
 /// Errors: see [`CommissionError`].
 pub fn run(arguments: &Arguments) -> Result<ExitCode, CommissionError> {
-    let mut bus = arguments.bus.join().map_err(Fault::from)?;
-    let answer = Answer {
-        format: "plumb-node-id",
-        json: arguments.json,
-    };
+    let mut bus = arguments.common.join()?;
+    let answer = arguments.common.answer("plumb-node-id");
     let mut work = Work {
         bus: &mut bus,
         answer,
     };
     let (members, compare) = match (arguments.pair, arguments.id) {
-        (Some(pair), _) => work.pair(pair, &arguments.nodes)?,
-        (None, id) => work.single(id.unwrap_or(1), &arguments.nodes)?,
+        (Some(pair), _) => work.pair(pair, &arguments.common.nodes)?,
+        (None, id) => work.single(id.unwrap_or(1), &arguments.common.nodes)?,
     };
     let notes: Vec<_> = compare.map(|_| SAFETY).into_iter().collect();
     let lines: String = notes.iter().map(|note| format!("note: {note}\n")).collect();

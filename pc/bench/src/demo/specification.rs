@@ -44,12 +44,8 @@ impl Line {
         value: fn(&Results) -> Option<f64>,
     ) -> Self {
         Self {
-            name,
-            value,
-            relation: Relation::AtMost,
-            limit,
             unit: "deg",
-            needs,
+            ..Self::count(name, (Relation::AtMost, limit), needs, value)
         }
     }
 

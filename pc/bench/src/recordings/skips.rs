@@ -3,25 +3,34 @@
 use std::fmt;
 
 /// Why a row was left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Reason {
     /// More or fewer cells than the header has.
+    #[error("wrong number of cells")]
     CellCount,
     /// The time or an acceleration is empty.
+    #[error("missing cell")]
     MissingCell,
     /// The time or an acceleration is no number, or the line is no text.
+    #[error("cell that is no number")]
     UnparsableCell,
     /// The time or an acceleration is infinite or not a number.
+    #[error("number that is not finite")]
     NotFinite,
     /// All three accelerations are exactly zero: what a logger writes before the sensor answers.
+    #[error("all axes zero")]
     AllZero,
     /// The same time as the row before, to the microsecond.
+    #[error("repeated timestamp")]
     RepeatedTime,
     /// An earlier time than the row before.
+    #[error("backward timestamp")]
     BackwardTime,
     /// A time ahead of the rows that follow, or far ahead at the end: up to three in a row.
+    #[error("timestamp ahead of the others")]
     ForwardJump,
     /// An axis beyond 16 g, which no sensor of this kind can say.
+    #[error("acceleration beyond 16 g")]
     OverRange,
 }
 
@@ -37,22 +46,6 @@ pub const REASONS: [Reason; 9] = [
     Reason::ForwardJump,
     Reason::OverRange,
 ];
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::CellCount => "wrong number of cells",
-            Self::MissingCell => "missing cell",
-            Self::UnparsableCell => "cell that is no number",
-            Self::NotFinite => "number that is not finite",
-            Self::AllZero => "all axes zero",
-            Self::RepeatedTime => "repeated timestamp",
-            Self::BackwardTime => "backward timestamp",
-            Self::ForwardJump => "timestamp ahead of the others",
-            Self::OverRange => "acceleration beyond 16 g",
-        })
-    }
-}
 
 /// How many rows of one kind, and the line of the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

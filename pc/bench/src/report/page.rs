@@ -43,7 +43,7 @@ pub fn sections(report: &DemoReport) -> [Section; 4] {
         },
         Section {
             title: "Two channels",
-            intro: "Two nodes watch each other. First each cause in Table I is provoked alone, \
+            intro: "Two nodes monitor each other. First each cause in Table I is provoked alone, \
                     then the arm digs for some hours a day.",
             tables: vec![tables::table_one(report), tables::week(report)],
             groups: figures::week(report),

@@ -216,7 +216,7 @@ pub fn table_three(report: &DemoReport) -> Table {
 const DYNAMIC_NOTE: &str = "Max is the greatest absolute error; arm is the distance of the sensor \
  from the motor's axis. Aligned means compared with the motor's angle that much earlier. The \
  paper gives one figure and does not state that it was aligned; its filter alone lags 0.64 deg at \
- this speed, so the figure stands beside both. An accelerometer on a lever arm also feels the \
+ this speed, so the figure stands next to both. An accelerometer on a lever arm also feels the \
  motion itself, and nothing is done about that here.";
 
 /// Paper Table I: what was provoked and what the cross-check made of it.

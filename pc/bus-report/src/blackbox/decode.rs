@@ -4,17 +4,12 @@
 //! Longer entries and frames than today's are taken, and what they have more is passed over;
 //! another version is not.
 
-use std::fmt;
-
-use device::fault_log::Entry;
+use device::fault_log::{ENTRY, Entry};
 
 use listen::{Activity, Measured};
 
 /// The version that is known.
 const VERSION: u8 = 1;
-
-/// Bytes of an entry, at least.
-const ENTRY: usize = 20;
 
 /// Bytes of a frame, at least.
 const FRAME: usize = 34;
@@ -26,37 +21,22 @@ const BOX_HEAD: usize = 8;
 const LOG_HEAD: usize = 4;
 
 /// Why bytes are neither fault log nor box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
     /// There are none, or not even the head: so many.
+    #[error("{0} bytes are neither a fault log (2070h) nor a black box (2071h)")]
     Short(usize),
     /// Another version of the format.
+    #[error("it is of version {0} of the format, and this program reads version 1")]
     Version(u8),
     /// The length of an entry or frame is none that there can be.
+    #[error(
+        "entries of {0} bytes are neither those of a fault log (20) nor those of a black box (34)"
+    )]
     Length(u8),
     /// Fewer entries or frames are there than the head says.
+    #[error("it ends before the last entry that its header announces")]
     Cut,
-}
-
-impl fmt::Display for DecodeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Short(bytes) => write!(
-                f,
-                "{bytes} bytes are neither a fault log (2070h) nor a black box (2071h)"
-            ),
-            Self::Version(version) => write!(
-                f,
-                "it is of version {version} of the format, and this program reads version 1"
-            ),
-            Self::Length(bytes) => write!(
-                f,
-                "entries of {bytes} bytes are neither those of a fault log (20) nor those of a \
-                 black box (34)"
-            ),
-            Self::Cut => write!(f, "it ends before the last entry that its header announces"),
-        }
-    }
 }
 
 /// The fault log (2070h).
@@ -149,21 +129,9 @@ pub fn fault_log(bytes: &[u8]) -> Result<FaultLog, DecodeError> {
     })
 }
 
+/// The first bytes of these as an entry.
 fn entry(bytes: &[u8]) -> Option<Entry> {
-    let (bytes, _) = bytes.split_first_chunk::<ENTRY>()?;
-    let [t0, t1, t2, t3, s0, s1, s2, s3, c0, c1, rest @ ..] = *bytes;
-    let [f0, f1, f2, f3, state, blamed, reason, box_number, r0, r1] = rest;
-    Some(Entry {
-        at_ms: u32::from_le_bytes([t0, t1, t2, t3]),
-        sync: u32::from_le_bytes([s0, s1, s2, s3]),
-        code: u16::from_le_bytes([c0, c1]),
-        faults: u32::from_le_bytes([f0, f1, f2, f3]),
-        state,
-        blamed,
-        reason,
-        box_number,
-        repeats: u16::from_le_bytes([r0, r1]),
-    })
+    bytes.first_chunk().map(Entry::decode)
 }
 
 /// Reads a box.

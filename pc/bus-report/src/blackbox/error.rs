@@ -18,7 +18,7 @@ pub enum FaultsError {
     #[error("{0}")]
     Nodes(NodesError),
     /// A node has given something else.
-    #[error("what node {0} remembers can't be read: {1}; is it another device?")]
+    #[error("the fault memory of node {0} can't be read: {1}; is it another device?")]
     Node(u8, DecodeError),
     /// A file could not be read.
     #[error("{0}")]

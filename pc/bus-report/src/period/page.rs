@@ -174,7 +174,7 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
 
 fn memory_section(number: usize, memory: &MemoryReport) -> String {
     let mut out = format!(
-        "<section><h2>What is remembered: {}</h2>\n",
+        "<section><h2>Fault memory: {}</h2>\n",
         escape(&printable(&memory.source))
     );
     if memory.entries_made.is_some() {

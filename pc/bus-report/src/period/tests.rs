@@ -415,7 +415,7 @@ fn a_page_with_memories_is_whole_and_names_can_not_upset_it() {
     let html = page::page(&full());
     check::assert_balanced(&html);
     check::assert_stands_alone(&html);
-    assert!(html.contains("a&lt;b&gt;.log") && html.contains("What is remembered"));
+    assert!(html.contains("a&lt;b&gt;.log") && html.contains("Fault memory: "));
 }
 
 #[test]

@@ -65,7 +65,7 @@ fn without_instrument(report: &PeriodReport) -> (String, bool) {
         );
     }
     let sentence = format!(
-        "What {} remember{}: {}, and the samples around {boxes} of them.",
+        "{} contain{} {}, and the samples around {boxes} of them.",
         plural(report.memories.len(), "fault memory", "fault memories"),
         if report.memories.len() == 1 { "s" } else { "" },
         plural(entries, "event", "events"),

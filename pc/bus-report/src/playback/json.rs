@@ -12,12 +12,17 @@ use crate::totals::{ChannelSummary, Collected, Instrument, Last, Tally};
 use bus_logs::{Skipped, Source, Tally as Lines};
 use codes::words;
 
+/// Name of the format, the field `format`.
+pub const FORMAT: &str = "plumb-log";
+/// Version of the format. It rises when a field changes its meaning or goes away.
+pub const VERSION: u32 = 2;
+
 /// All of it.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Always `plumb-log`.
+    /// Always [`FORMAT`].
     pub format: &'static str,
-    /// Of this layout.
+    /// Always [`VERSION`].
     pub version: u32,
     /// The logs in the order in which they were found.
     pub files: Vec<String>,
@@ -272,8 +277,8 @@ impl Report {
             first_line: tally.line,
         };
         Self {
-            format: "plumb-log",
-            version: 1,
+            format: FORMAT,
+            version: VERSION,
             files: source.files().to_vec(),
             frames: source.frames(),
             skipped: kinds(skipped, tally),

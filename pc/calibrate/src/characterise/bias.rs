@@ -26,7 +26,7 @@ use tilt::calibration::gyroscope::{BiasFit, EARTH_RATE, FittedBias};
 use tilt::rate::{RateCorrection, RealRateCorrection};
 
 use super::measured::{Dwelt, Measured};
-use super::thermal::{Sight, between_runs, hysteresis, rms};
+use super::thermal::{MeanReading, between_runs, hysteresis, rms};
 use crate::fit::temperature;
 
 /// Why a gyroscope keeps the bias that it had.
@@ -71,7 +71,7 @@ pub struct Found {
 
 /// The rests of one dwell.
 struct Rests {
-    sights: Vec<Sight>,
+    mean_readings: Vec<MeanReading>,
     rates: Vec<[f64; 3]>,
     mean: [f64; 3],
     temperature_c: f64,
@@ -95,8 +95,8 @@ pub fn bias(
 }
 
 fn found(measured: &Measured, place: usize, before: &RateCorrection) -> Result<Found, NoBias> {
-    let sights = measured.sights(place);
-    let whole = |dwelt: &Dwelt| rests(dwelt, place, &sights);
+    let mean_readings = measured.mean_readings(place);
+    let whole = |dwelt: &Dwelt| rests(dwelt, place, &mean_readings);
     let dwells: Vec<Rests> = measured.dwells.iter().filter_map(whole).collect();
     everywhere(measured, &dwells)?;
     let mut fit = BiasFit::default();
@@ -111,12 +111,15 @@ fn found(measured: &Measured, place: usize, before: &RateCorrection) -> Result<F
         ..before.real()
     });
     let left = left_deg_s(&dwells, &fitted);
-    let used: Vec<Sight> = dwells.iter().flat_map(|d| d.sights.clone()).collect();
+    let used: Vec<MeanReading> = dwells
+        .iter()
+        .flat_map(|d| d.mean_readings.clone())
+        .collect();
     Ok(Found {
         rates: rates.ok_or(NoBias::Fit(FitError::Implausible))?,
         uncertainty: uncertainty(&dwells, &fitted),
         rests: used.len(),
-        left_out: sights.len() - used.len(),
+        left_out: mean_readings.len() - used.len(),
         residual_deg_s: rms(&left),
         hysteresis_deg_s: hysteresis(&measured.begun.profile, &used, &left),
         between_runs_deg_s: between_runs(&used, &left),
@@ -124,18 +127,23 @@ fn found(measured: &Measured, place: usize, before: &RateCorrection) -> Result<F
 }
 
 /// The rests of a dwell; `None` where the gyroscope was not followed at each.
-fn rests(dwelt: &Dwelt, place: usize, sights: &[Sight]) -> Option<Rests> {
-    let here = |sight: &&Sight| (sight.run, sight.step) == (dwelt.run, dwelt.step);
-    let sights: Vec<Sight> = sights.iter().filter(here).copied().collect();
+fn rests(dwelt: &Dwelt, place: usize, mean_readings: &[MeanReading]) -> Option<Rests> {
+    let here = |mean_reading: &&MeanReading| {
+        (mean_reading.run, mean_reading.step) == (dwelt.run, dwelt.step)
+    };
+    let mean_readings: Vec<MeanReading> = mean_readings.iter().filter(here).copied().collect();
     let felt = dwelt.orientations.iter();
     let rates = felt.map(|felt| felt.get(place)?.rate_rad_s);
     let rates = rates.collect::<Option<Vec<_>>>()?;
     let count = rates.len() as f64;
-    let temperatures: f64 = sights.iter().map(|sight| sight.temperature_c).sum();
+    let temperatures: f64 = mean_readings
+        .iter()
+        .map(|mean_reading| mean_reading.temperature_c)
+        .sum();
     (!rates.is_empty()).then(|| Rests {
         mean: [0, 1, 2].map(|axis| rates.iter().map(|rate| rate[axis]).sum::<f64>() / count),
         temperature_c: temperatures / count,
-        sights,
+        mean_readings,
         rates,
     })
 }
@@ -145,8 +153,8 @@ fn everywhere(measured: &Measured, dwells: &[Rests]) -> Result<(), NoBias> {
     let steps = &measured.begun.profile.steps;
     let degc = |step: usize| steps.get(step).map(|step| step.temperature_degc);
     let is_there = |at: f64| {
-        let mut sights = dwells.iter().flat_map(|dwell| &dwell.sights);
-        sights.any(|sight| degc(sight.step) == Some(at))
+        let mut mean_readings = dwells.iter().flat_map(|dwell| &dwell.mean_readings);
+        mean_readings.any(|mean_reading| degc(mean_reading.step) == Some(at))
     };
     let mut all = steps.iter().map(|step| step.temperature_degc);
     all.find(|at| !is_there(*at))

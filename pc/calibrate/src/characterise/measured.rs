@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 
 use super::model::Model;
 use super::profile::Profile;
-use super::thermal::Sight;
+use super::thermal::MeanReading;
 use crate::CalibrateError;
 use crate::folder::MEASURED;
-use crate::kept::hex;
 use crate::kept::put;
 use crate::session::Node;
+use output::hex;
 
 /// Name of the format.
 const FORMAT: &str = "plumb-measured-temperatures";
@@ -148,7 +148,7 @@ struct Tagged {
 fn sealed(text: &str, sha256: &str) -> String {
     let member = |sha256: &str| format!("\"sha256\": \"{sha256}\"");
     let open = text.replacen(&member(sha256), &member(""), 1);
-    let hash = hex(&hmac_sha256::Hash::hash(open.as_bytes()));
+    let hash = hex::digits(&hmac_sha256::Hash::hash(open.as_bytes()));
     open.replacen(&member(""), &member(&hash), 1)
 }
 
@@ -248,14 +248,14 @@ impl Measured {
     }
 
     /// The readings of one channel.
-    pub fn sights(&self, channel: usize) -> Vec<Sight> {
-        let mut sights = Vec::new();
+    pub fn mean_readings(&self, channel: usize) -> Vec<MeanReading> {
+        let mut mean_readings = Vec::new();
         for dwelt in &self.dwells {
             for (orientation, felt) in dwelt.orientations.iter().enumerate() {
                 let Some(felt) = felt.get(channel) else {
                     continue;
                 };
-                sights.push(Sight {
+                mean_readings.push(MeanReading {
                     run: dwelt.run,
                     step: dwelt.step,
                     orientation,
@@ -264,7 +264,7 @@ impl Measured {
                 });
             }
         }
-        sights
+        mean_readings
     }
 }
 
@@ -322,8 +322,8 @@ mod tests {
         let again = Measured::resume(scratch.path(), &begun()).unwrap();
         assert_eq!(again, run);
         assert_eq!(again.missing(), [(2, 1), (2, 2)]);
-        assert_eq!(again.sights(0).len(), 4);
-        assert!(again.sights(1).is_empty());
+        assert_eq!(again.mean_readings(0).len(), 4);
+        assert!(again.mean_readings(1).is_empty());
     }
 
     #[test]

@@ -17,7 +17,7 @@ use super::measured::{Dwelt, Measured};
 use super::model::Model;
 use super::profile::Branch;
 use super::run::READINGS;
-use super::thermal::{Fitted, Sight, between_runs, fit, hysteresis, rms, with_model};
+use super::thermal::{Fitted, MeanReading, between_runs, fit, hysteresis, rms, with_model};
 use crate::CalibrateError;
 use crate::compose::{Frame, judge};
 use crate::data::{
@@ -42,7 +42,7 @@ pub struct Made {
     /// The model.
     fitted: Fitted,
     /// The readings that it was fitted to.
-    sights: Vec<Sight>,
+    mean_readings: Vec<MeanReading>,
     /// Where its angles are those of before, degC.
     unchanged_c: Option<f64>,
     /// The bias of its gyroscope, or why it stays; none where there is no gyroscope.
@@ -54,15 +54,19 @@ pub struct Made {
 /// Errors: a fit that is refused, and [`CalibrateError::Beyond`].
 pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateError> {
     let made = |(place, node): (usize, &Node)| {
-        let sights = measured.sights(place);
-        let fitted = fit(measured.begun.model, &measured.begun.profile, &sights);
+        let mean_readings = measured.mean_readings(place);
+        let fitted = fit(
+            measured.begun.model,
+            &measured.begun.profile,
+            &mean_readings,
+        );
         let fitted = fitted.map_err(|error| CalibrateError::Fit(node.id, error))?;
         let before = &node.calibration;
         let at = middle(before.budget.span);
         let bare = before.temperature == TemperatureModel::None;
         let new = with_model(before, fitted.model, at);
         let mut calibration = new.ok_or(CalibrateError::Beyond(node.id))?;
-        let left_mg = left_mg(measured, &sights, &fitted);
+        let left_mg = left_mg(measured, &mean_readings, &fitted);
         calibration.budget = budget(&before.budget, &fitted, left_mg);
         let bias = bias(measured, place, before.rates.as_ref());
         if let Some(Ok(found)) = &bias {
@@ -71,7 +75,7 @@ pub fn make(measured: &Measured, nodes: &[Node]) -> Result<Vec<Made>, CalibrateE
         Ok(Made {
             calibration,
             fitted,
-            sights,
+            mean_readings,
             unchanged_c: bare.then(|| f64::from(at.0) / 256.0),
             bias,
         })
@@ -87,9 +91,9 @@ fn middle(span: Span) -> Temperature {
 /// What the model leaves over the run, rms, mg; `None` where one branch only was met. Points that
 /// each have a reading of their own, as those of eq 6, leave nothing by construction, and that says
 /// nothing of the hysteresis.
-fn left_mg(measured: &Measured, sights: &[Sight], fitted: &Fitted) -> Option<f64> {
+fn left_mg(measured: &Measured, mean_readings: &[MeanReading], fitted: &Fitted) -> Option<f64> {
     let residuals_mg = &fitted.residuals_mg;
-    let both = hysteresis(&measured.begun.profile, sights, residuals_mg);
+    let both = hysteresis(&measured.begun.profile, mean_readings, residuals_mg);
     both.map(|_| rms(residuals_mg))
 }
 
@@ -115,7 +119,11 @@ pub fn report(frame: &Frame, measured: &Measured, made: &[Made]) -> Report {
     };
     let temperatures: Vec<f64> = made
         .iter()
-        .flat_map(|made| made.sights.iter().map(|sight| sight.temperature_c))
+        .flat_map(|made| {
+            made.mean_readings
+                .iter()
+                .map(|mean_reading| mean_reading.temperature_c)
+        })
         .collect();
     let reference = reference(measured);
     let mut report = frame.report(method, reference, &temperatures, |place, channel| {
@@ -162,8 +170,12 @@ fn angle_deg(mg: f64) -> f64 {
 }
 
 fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
-    let Made { fitted, sights, .. } = made;
-    let left_mg = left_mg(measured, sights, fitted);
+    let Made {
+        fitted,
+        mean_readings,
+        ..
+    } = made;
+    let left_mg = left_mg(measured, mean_readings, fitted);
     let assumed = f64::from(made.calibration.budget.hysteresis) / f64::from(ONE_G);
     let scatter = measured.dwells.iter().flat_map(|dwelt| &dwelt.orientations);
     let scatter: Vec<f64> = scatter.flatten().map(|felt| felt.scatter_mg).collect();
@@ -202,8 +214,8 @@ fn figures(channel: &mut Channel, measured: &Measured, made: &Made) {
         unchanged_at_degc: made.unchanged_c,
         coefficients: coefficients(&fitted.model),
         without_model_mg: fitted.without_mg,
-        hysteresis_mg: hysteresis(profile, sights, &fitted.residuals_mg),
-        between_runs_mg: between_runs(sights, &fitted.residuals_mg),
+        hysteresis_mg: hysteresis(profile, mean_readings, &fitted.residuals_mg),
+        between_runs_mg: between_runs(mean_readings, &fitted.residuals_mg),
         dwells: measured
             .dwells
             .iter()
@@ -228,12 +240,16 @@ fn gyroscope_bias(bias: &Result<Found, NoBias>) -> GyroscopeBias {
 /// One dwell of a channel: the readings of its run and number.
 fn dwell(dwelt: &Dwelt, measured: &Measured, made: &Made) -> ThermalDwell {
     let profile = &measured.begun.profile;
-    let readings = made.sights.iter().zip(&made.fitted.residuals_mg);
-    let here =
-        |(sight, _): &(&Sight, &[f64; 3])| (sight.run, sight.step) == (dwelt.run, dwelt.step);
+    let readings = made.mean_readings.iter().zip(&made.fitted.residuals_mg);
+    let here = |(mean_reading, _): &(&MeanReading, &[f64; 3])| {
+        (mean_reading.run, mean_reading.step) == (dwelt.run, dwelt.step)
+    };
     let here: Vec<_> = readings.filter(here).collect();
     let count = here.len().max(1) as f64;
-    let sensors: f64 = here.iter().map(|(sight, _)| sight.temperature_c).sum();
+    let sensors: f64 = here
+        .iter()
+        .map(|(mean_reading, _)| mean_reading.temperature_c)
+        .sum();
     let sum = |axis: usize| here.iter().map(|(_, mg)| mg[axis]).sum::<f64>();
     let all = here.iter().flat_map(|(_, mg)| mg.iter());
     let branch = match profile.branch(dwelt.run, dwelt.step) {

@@ -308,7 +308,7 @@ impl Bench<'_> {
             return Ok(());
         }
         for (place, node) in self.session.nodes.iter().enumerate() {
-            if let Some(axis) = alike(&measured.sights(place)) {
+            if let Some(axis) = alike(&measured.mean_readings(place)) {
                 return Err(CalibrateError::Alike(node.id, axis));
             }
         }

@@ -32,7 +32,7 @@ const APART_G2: f64 = 0.05;
 
 /// One mean reading of one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
+pub struct MeanReading {
     /// Run, from 1.
     pub run: u32,
     /// The profile's dwell.
@@ -45,7 +45,7 @@ pub struct Sight {
     pub accel_g: [f64; 3],
 }
 
-impl Sight {
+impl MeanReading {
     fn dwell(&self) -> Dwell {
         Dwell {
             temperature: temperature(self.temperature_c),
@@ -70,16 +70,24 @@ pub struct Fitted {
 /// Fits `model` to the readings of one node.
 ///
 /// Errors: see [`FitError`].
-pub fn fit(model: Model, profile: &Profile, sights: &[Sight]) -> Result<Fitted, FitError> {
+pub fn fit(
+    model: Model,
+    profile: &Profile,
+    mean_readings: &[MeanReading],
+) -> Result<Fitted, FitError> {
     let fitted = match model {
-        Model::Quadratic => quadratic(sights)?,
-        Model::Piecewise => stairs(profile, sights)?,
+        Model::Quadratic => quadratic(mean_readings)?,
+        Model::Piecewise => stairs(profile, mean_readings)?,
     };
-    let temperatures = || sights.iter().map(|sight| sight.temperature_c);
+    let temperatures = || {
+        mean_readings
+            .iter()
+            .map(|mean_reading| mean_reading.temperature_c)
+    };
     let low = temperatures().fold(f64::MAX, f64::min);
     let high = temperatures().fold(f64::MIN, f64::max);
-    let residuals_mg = left(&fitted, sights);
-    let without = left(&TemperatureModel::None, sights);
+    let residuals_mg = left(&fitted, mean_readings);
+    let without = left(&TemperatureModel::None, mean_readings);
     Ok(Fitted {
         model: fitted,
         span_c: [low, high],
@@ -107,8 +115,8 @@ fn means(of: impl Iterator<Item = (usize, [f64; 3])>) -> [[f64; 3]; ORIENTATIONS
 }
 
 /// Gravity's share of each axis in each orientation, g.
-fn shares(sights: &[Sight]) -> [[f64; 3]; ORIENTATIONS] {
-    let of = means(sights.iter().map(|s| (s.orientation, s.accel_g)));
+fn shares(mean_readings: &[MeanReading]) -> [[f64; 3]; ORIENTATIONS] {
+    let of = means(mean_readings.iter().map(|s| (s.orientation, s.accel_g)));
     of.map(|mean| {
         let length = mean.iter().map(|g| g * g).sum::<f64>().sqrt();
         mean.map(|g| g / length.max(1e-3))
@@ -117,8 +125,8 @@ fn shares(sights: &[Sight]) -> [[f64; 3]; ORIENTATIONS] {
 
 /// Whether offset and gain of each axis can be told apart by these orientations; the axis of which
 /// they can't.
-pub fn alike(sights: &[Sight]) -> Option<char> {
-    let shares = shares(sights);
+pub fn alike(mean_readings: &[MeanReading]) -> Option<char> {
+    let shares = shares(mean_readings);
     let count = ORIENTATIONS as f64;
     let variance = |axis: usize| {
         let of = |power: i32| shares.iter().map(|s| s[axis].powi(power)).sum::<f64>() / count;
@@ -129,23 +137,29 @@ pub fn alike(sights: &[Sight]) -> Option<char> {
     alike.next().map(|(_, name)| name)
 }
 
-fn quadratic(sights: &[Sight]) -> Result<TemperatureModel, FitError> {
-    let shares = shares(sights);
+fn quadratic(mean_readings: &[MeanReading]) -> Result<TemperatureModel, FitError> {
+    let shares = shares(mean_readings);
     let mut fit = QuadraticFit::default();
-    for sight in sights {
-        let share = shares.get(sight.orientation).copied().unwrap_or_default();
-        fit.add(sight.orientation, share, sight.dwell());
+    for mean_reading in mean_readings {
+        let share = shares
+            .get(mean_reading.orientation)
+            .copied()
+            .unwrap_or_default();
+        fit.add(mean_reading.orientation, share, mean_reading.dwell());
     }
     fit.solve().map(TemperatureModel::Quadratic)
 }
 
 /// Eq 6 over the rising stairs, each the mean of its runs.
-fn stairs(profile: &Profile, sights: &[Sight]) -> Result<TemperatureModel, FitError> {
+fn stairs(profile: &Profile, mean_readings: &[MeanReading]) -> Result<TemperatureModel, FitError> {
     let stair = |step: usize| {
-        let here: Vec<&Sight> = sights.iter().filter(|sight| sight.step == step).collect();
+        let here: Vec<&MeanReading> = mean_readings
+            .iter()
+            .filter(|mean_reading| mean_reading.step == step)
+            .collect();
         let count = here.len().max(1) as f64;
         let accel = |axis: usize| here.iter().map(|s| s.accel_g[axis]).sum::<f64>() / count;
-        Sight {
+        MeanReading {
             run: 1,
             step,
             orientation: 0,
@@ -179,13 +193,13 @@ fn split(knots: &mut Vec<Dwell>) {
 }
 
 /// What a model leaves at each reading: less the mean of its orientation, mg.
-fn left(model: &TemperatureModel, sights: &[Sight]) -> Vec<[f64; 3]> {
-    let mended: Vec<_> = sights
+fn left(model: &TemperatureModel, mean_readings: &[MeanReading]) -> Vec<[f64; 3]> {
+    let mended: Vec<_> = mean_readings
         .iter()
-        .map(|sight| {
-            let dwell = sight.dwell();
+        .map(|mean_reading| {
+            let dwell = mean_reading.dwell();
             let felt_g = compensated_g(model, dwell.accel, dwell.temperature);
-            (sight.orientation, felt_g)
+            (mean_reading.orientation, felt_g)
         })
         .collect();
     let mean = means(mended.iter().copied());
@@ -198,17 +212,24 @@ fn left(model: &TemperatureModel, sights: &[Sight]) -> Vec<[f64; 3]> {
 
 /// Half the difference of both branches at the temperature at which it is largest, of each axis,
 /// in the unit of the residuals; `None` where no temperature was met on both.
-pub fn hysteresis(profile: &Profile, sights: &[Sight], residuals: &[[f64; 3]]) -> Option<[f64; 3]> {
+pub fn hysteresis(
+    profile: &Profile,
+    mean_readings: &[MeanReading],
+    residuals: &[[f64; 3]],
+) -> Option<[f64; 3]> {
     let mut most: Option<[f64; 3]> = None;
     for step in &profile.steps {
         let on = |branch: Branch| {
-            let here = |(sight, _): &(&Sight, &[f64; 3])| {
-                let set = profile.steps.get(sight.step).map(|s| s.temperature_degc);
+            let here = |(mean_reading, _): &(&MeanReading, &[f64; 3])| {
+                let set = profile
+                    .steps
+                    .get(mean_reading.step)
+                    .map(|s| s.temperature_degc);
                 set == Some(step.temperature_degc)
-                    && profile.branch(sight.run, sight.step) == branch
+                    && profile.branch(mean_reading.run, mean_reading.step) == branch
             };
             mean(
-                sights
+                mean_readings
                     .iter()
                     .zip(residuals)
                     .filter(here)
@@ -233,11 +254,11 @@ fn mean(all: impl Iterator<Item = [f64; 3]>) -> Option<[f64; 3]> {
 
 /// Root mean square of the difference between the first run and each later one at the same dwell
 /// and orientation, in the unit of the residuals; `None` of a single run.
-pub fn between_runs(sights: &[Sight], residuals: &[[f64; 3]]) -> Option<f64> {
-    let both = || sights.iter().zip(residuals);
+pub fn between_runs(mean_readings: &[MeanReading], residuals: &[[f64; 3]]) -> Option<f64> {
+    let both = || mean_readings.iter().zip(residuals);
     let mut differences = Vec::new();
-    for (later, mg) in both().filter(|(sight, _)| sight.run > 1) {
-        let same = |(first, _): &(&Sight, &[f64; 3])| {
+    for (later, mg) in both().filter(|(mean_reading, _)| mean_reading.run > 1) {
+        let same = |(first, _): &(&MeanReading, &[f64; 3])| {
             first.run == 1 && first.step == later.step && first.orientation == later.orientation
         };
         if let Some((_, first)) = both().find(same) {
@@ -347,7 +368,11 @@ mod tests {
 
     /// A part of 0.3 mg/degC, 0.8 ug/degC^2 and 0.012 %/degC, with a thermometer 4 degC off and
     /// this hysteresis, mg.
-    fn sights(profile: &Profile, poses: &[[f64; 3]], hysteresis_mg: f64) -> Vec<Sight> {
+    fn mean_readings(
+        profile: &Profile,
+        poses: &[[f64; 3]],
+        hysteresis_mg: f64,
+    ) -> Vec<MeanReading> {
         let mut all = Vec::new();
         for (run, step) in profile.places() {
             let t = profile.steps[step].temperature_degc;
@@ -361,7 +386,7 @@ mod tests {
                 let accel_g = pose.map(|a| {
                     a * (1.01 + 1.2e-4 * d) + 0.02 + (0.3 * d - 0.0008 * d * d + side) / 1000.0
                 });
-                all.push(Sight {
+                all.push(MeanReading {
                     run,
                     step,
                     orientation,
@@ -376,7 +401,7 @@ mod tests {
     #[test]
     fn four_orientations_of_a_motor_with_two_axes_tell_offset_from_gain() {
         let profile = profile(&[-10.0, 10.0, 30.0, 50.0, 70.0, 50.0, 30.0, 10.0, -10.0], 2);
-        let all = sights(&profile, &POSES, 0.0);
+        let all = mean_readings(&profile, &POSES, 0.0);
         assert_eq!(alike(&all), None);
         let fitted = fit(Model::Quadratic, &profile, &all).unwrap();
         assert_eq!(fitted.span_c, [-6.0, 74.0]);
@@ -394,7 +419,7 @@ mod tests {
     #[test]
     fn hysteresis_is_seen_and_the_fit_comes_out_between_the_branches() {
         let profile = profile(&[-10.0, 10.0, 30.0, 50.0, 70.0, 50.0, 30.0, 10.0, -10.0], 1);
-        let all = sights(&profile, &POSES, 0.5);
+        let all = mean_readings(&profile, &POSES, 0.5);
         let fitted = fit(Model::Quadratic, &profile, &all).unwrap();
         let hysteresis = hysteresis(&profile, &all, &fitted.residuals_mg).unwrap();
         assert!(
@@ -413,14 +438,14 @@ mod tests {
             [0.0, 1.0, 0.0],
             [0.0, -1.0, 0.0],
         ];
-        assert_eq!(alike(&sights(&profile, &flat, 0.0)), Some('x'));
+        assert_eq!(alike(&mean_readings(&profile, &flat, 0.0)), Some('x'));
         let sides = [
             [0.0, 0.0, 1.0],
             [0.0, 0.0, -1.0],
             [1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],
         ];
-        let all = sights(&profile, &sides, 0.0);
+        let all = mean_readings(&profile, &sides, 0.0);
         assert_eq!(alike(&all), None);
         assert!(fit(Model::Quadratic, &profile, &all).is_ok());
     }
@@ -436,7 +461,7 @@ mod tests {
         ] {
             let profile = profile(temperatures, 2);
             profile.check(Model::Piecewise).unwrap();
-            let all = sights(&profile, &[[0.0, 0.0, 1.0]], 0.0);
+            let all = mean_readings(&profile, &[[0.0, 0.0, 1.0]], 0.0);
             let fitted = fit(Model::Piecewise, &profile, &all).unwrap();
             let worst = rms(&fitted.residuals_mg);
             // At 25 degC the parabola lies off its secant.

@@ -4,7 +4,6 @@
 //! object is there when its section is. What stands twice counts as it stands first.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use super::ini::{self, Line};
 use super::number::{self, Form, Number};
@@ -44,68 +43,53 @@ pub struct Warning {
 }
 
 /// What can be odd about a sheet.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Oddity {
     /// Neither section nor key.
+    #[error("neither a section nor a key")]
     NoKey,
     /// A key in front of the first section.
+    #[error("a key before the first section")]
     NoSection,
     /// Characters that are no UTF-8, taken as Latin-1.
+    #[error("is no UTF-8, and was taken as Latin-1")]
     Latin1,
     /// The section stands there a second time.
+    #[error("section [{0}] a second time, added to it")]
     SectionTwice(String),
     /// The key stands there a second time.
+    #[error("key {0} a second time; the first counts")]
     KeyTwice(String),
     /// A value that is no number.
+    #[error("`{0}` is no number")]
     NoNumber(String),
     /// A number in a form that the standard doesn't have.
+    #[error("`{0}` has a form that no standard defines")]
     OddNumber(String),
     /// A list names an object that has no section, or leaves one out.
+    #[error("{0:04X}h is listed and has no section")]
     List(u16),
     /// A list counts other than it lists.
+    #[error("{0} objects are announced and {1} listed")]
     ListCount(i64, usize),
     /// An index that can't be read.
+    #[error("section [{0}] belongs to no object")]
     NoIndex(String),
     /// An object that is mapped and has no section.
+    #[error("{0:04X}h sub {1} is mapped and has no section")]
     NotThere(u16, u8),
     /// A mapping count that the mapped objects don't bear out.
+    #[error("{0:04X}h maps {1} objects and names {2}")]
     MappingCount(u16, i64, usize),
     /// A PDO without a COB-ID.
+    #[error("{0:04X}h has no COB-ID; its PDO is left out")]
     NoCobId(u16),
     /// A PDO of more than 64 bit, or of none.
+    #[error("{0:04X}h maps more than 64 bit, cut there")]
     TooLong(u16),
     /// A PDO with a 29-bit identifier, which is left out.
+    #[error("{0:04X}h has a 29-bit COB-ID; its PDO is left out")]
     Extended(u16),
-}
-
-impl fmt::Display for Oddity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoKey => write!(f, "neither a section nor a key"),
-            Self::NoSection => write!(f, "a key before the first section"),
-            Self::Latin1 => write!(f, "is no UTF-8, and was taken as Latin-1"),
-            Self::SectionTwice(name) => write!(f, "section [{name}] a second time, added to it"),
-            Self::KeyTwice(key) => write!(f, "key {key} a second time; the first counts"),
-            Self::NoNumber(text) => write!(f, "`{text}` is no number"),
-            Self::OddNumber(text) => write!(f, "`{text}` has a form that no standard defines"),
-            Self::List(index) => write!(f, "{index:04X}h is listed and has no section"),
-            Self::ListCount(count, listed) => {
-                write!(f, "{count} objects are announced and {listed} listed")
-            }
-            Self::NoIndex(name) => write!(f, "section [{name}] belongs to no object"),
-            Self::NotThere(index, sub) => {
-                write!(f, "{index:04X}h sub {sub} is mapped and has no section")
-            }
-            Self::MappingCount(index, count, there) => {
-                write!(f, "{index:04X}h maps {count} objects and names {there}")
-            }
-            Self::NoCobId(index) => write!(f, "{index:04X}h has no COB-ID; its PDO is left out"),
-            Self::TooLong(index) => write!(f, "{index:04X}h maps more than 64 bit, cut there"),
-            Self::Extended(index) => {
-                write!(f, "{index:04X}h has a 29-bit COB-ID; its PDO is left out")
-            }
-        }
-    }
 }
 
 /// A data sheet or configuration.

@@ -151,19 +151,19 @@ fn push_plot(plot: &Plot, frame: &Frame, out: &mut String) {
     }
 }
 
+/// Lines from the first of these points through the others.
+fn go_through<'a>(path: &mut String, points: impl Iterator<Item = &'a (f64, f64)>, frame: &Frame) {
+    for (index, (x, y)) in points.enumerate() {
+        let command = if index == 0 { 'M' } else { 'L' };
+        let _ = write!(path, "{command}{:.1} {:.1}", frame.x(*x), frame.y(*y));
+    }
+}
+
 /// Lines through the points, interrupted at gaps; a lone point becomes a dot.
 fn line_path(points: &[(f64, f64)], frame: &Frame) -> String {
     let mut path = String::new();
     for run in points.split(|point| point.1.is_nan()) {
-        for (index, point) in run.iter().enumerate() {
-            let command = if index == 0 { 'M' } else { 'L' };
-            let _ = write!(
-                path,
-                "{command}{:.1} {:.1}",
-                frame.x(point.0),
-                frame.y(point.1)
-            );
-        }
+        go_through(&mut path, run.iter(), frame);
         if run.len() == 1 {
             path.push_str("h0");
         }
@@ -182,16 +182,7 @@ fn band_path(bins: &[(f64, f64, f64)], frame: &Frame) -> String {
     let mut path = String::new();
     let upper = most.split(|point| point.1.is_nan());
     for (upper, lower) in upper.zip(least.split(|point| point.1.is_nan())) {
-        let around = upper.iter().chain(lower.iter().rev());
-        for (index, point) in around.enumerate() {
-            let command = if index == 0 { 'M' } else { 'L' };
-            let _ = write!(
-                path,
-                "{command}{:.1} {:.1}",
-                frame.x(point.0),
-                frame.y(point.1)
-            );
-        }
+        go_through(&mut path, upper.iter().chain(lower.iter().rev()), frame);
         if !upper.is_empty() {
             path.push('Z');
         }

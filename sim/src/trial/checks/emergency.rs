@@ -59,7 +59,7 @@ impl Emergencies {
                 None
             }
             (0, _) => Some("0000h, and nothing has gone"),
-            (_, Some(bit)) if open & bit != 0 => Some("told twice"),
+            (_, Some(bit)) if open & bit != 0 => Some("reported twice"),
             (_, Some(bit)) => {
                 self.open[channel] |= bit;
                 None

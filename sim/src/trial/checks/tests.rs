@@ -160,7 +160,7 @@ fn the_first_word_and_the_name_of_a_fault_are_timed_from_its_beginning() {
 }
 
 #[test]
-fn a_channel_that_blames_the_healthy_one_is_told() {
+fn a_channel_that_blames_the_healthy_one_is_reported() {
     let mut trace = working();
     trace.fault_of(1);
     trace.run(0.1, [Some(0.0); 2], [7, 6]);
@@ -244,7 +244,7 @@ fn a_communication_error_excuses_one_message_that_takes_back() {
 }
 
 #[test]
-fn a_channel_that_does_not_come_back_is_told_after_5_s() {
+fn a_channel_that_does_not_come_back_is_reported_after_5_s() {
     let mut trace = working();
     trace.fault_of(1);
     trace.run(1.0, [Some(0.0), None], [8, 7]);

@@ -242,7 +242,7 @@ what remains is each channel's own health.
             "\
 ### Faults that begin while the board lies still
 
-Watched for {WATCHED_S} s, which takes in two or three poses. A detection in a turn counts only if
+Observed for {WATCHED_S} s, which takes in two or three poses. A detection in a turn counts only if
 it names the channel with the fault. Delays are over all trials, undetected faults counted as the
 longest. Wrong: the healthy channel was named, if only for a moment. None: detected, but no channel
 was named.
@@ -265,7 +265,7 @@ by the chain and is no fault by itself.
 
 ### Faults that begin while the board is shaken
 
-Watched for {SHAKEN_S} s. The pair is under an alarm already, so detected here means that the
+Observed for {SHAKEN_S} s. The pair is under an alarm already, so detected here means that the
 channel with the fault is named. Faults without a row are never named.
 
 | fault | detected | median | 95 % | right | wrong | none |

@@ -9,6 +9,7 @@ use tilt::chain::Measurement;
 use tilt::cross_check::{Latch, ProductCheck, residual};
 
 use super::board::{PAIR_US, Pair};
+use crate::recordings::windows::quantile;
 
 /// A threshold is so many times the healthy root mean square. The length of a vector of three
 /// equal Gaussians is above 4 times its own once in 10^9 looks; of one axis alone, in 10^4.
@@ -237,7 +238,6 @@ fn change_mg(block: &[Pair]) -> f64 {
     axes.fold(0.0, f64::max)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5).unwrap_or(0.0)
 }
