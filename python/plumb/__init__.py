@@ -1,8 +1,9 @@
 """Plumb, a redundant inclinometer: logs, the signal chain and the virtual instrument.
 
-`decode` reads logs of a bus, `summarise` counts them, `Chain` runs the instrument's signal chain on arrays, `Twin` is the
-virtual instrument in virtual time, and `plumb.bus` puts it under python-can. Whatever can't be done
-raises `Error` with the sentence that the program `plumb` would print. docs/python.md is a tour.
+`decode` reads logs of a bus, `summarise` counts them, `Chain` runs the instrument's signal chain on
+arrays, `Twin` is the virtual instrument in virtual time, and `plumb.bus` puts it under python-can.
+Whatever can't be done raises `Error` with the sentence that the program `plumb` would print.
+docs/python.md is a tour.
 """
 
 from __future__ import annotations

@@ -133,7 +133,8 @@ class Chain:
         `times_us` are the times of capture; without them the samples follow each other by the
         nominal period, the first at 0. `temperature_degc` is one value, taken in before the first
         sample, or n of them with NaN where none was read; a calibration over temperature gives no
-        angle before the first of them. `rates` is n x 3 of int16, counts of a gyroscope. `read_us` rises.
+        angle before the first of them. `rates` is n x 3 of int16, counts of a gyroscope. `read_us`
+        rises.
         """
         if counts is not None and accel_g is None:
             samples = _triples(counts, np.int16, "counts")

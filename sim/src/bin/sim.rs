@@ -200,12 +200,7 @@ fn canary() -> Result<bool, Problem> {
     Ok(caught.is_some())
 }
 
-fn for_a_time(
-    minutes: f64,
-    from: u64,
-    keep_going: bool,
-    gyroscope: bool,
-) -> Result<bool, Problem> {
+fn for_a_time(minutes: f64, from: u64, keep_going: bool, gyroscope: bool) -> Result<bool, Problem> {
     let many = Many {
         from,
         last: u64::MAX,
