@@ -109,6 +109,8 @@ pub struct MotionState {
     velocity: [i32; 2],
     /// Mean square of the velocity along one axis, held for a while; 2^-31 of (2 g s)^2.
     speed: i64,
+    /// The same without what was expected at the start.
+    seen: i64,
     /// The same of the velocity gained in a block; 2^-47 of (2 g s)^2.
     change: i64,
     quiet: Quiet,
@@ -196,6 +198,7 @@ impl Motion {
         (state.running, state.learned) = (true, true);
         state.frame = frame;
         (state.velocity, state.speed) = ([0; 2], self.start_speed);
+        state.seen = 0;
         state.change = 0;
         state.quiet = Quiet::default();
         state.block = Block::default();
@@ -277,15 +280,17 @@ impl Motion {
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
         let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
-        let held = fade(state.speed << 16) >> 16;
+        let fade_speed = |held: i64| fade(held << 16) >> 16;
         let speed = if state.quiet.at_rest() {
-            // What was seen while it moved may come again, though less likely after a rest.
-            state.speed = fade(held << 16) >> 16;
+            // What was seen may come again, but what was expected at the start has not come.
+            state.seen = fade_speed(state.seen);
+            state.speed = state.seen;
             // Whatever velocity is left has come from a wrong vertical.
             i64::from(self.rest_variance)
         } else {
-            let speed = (mean_square(state.velocity) >> 31).max(held);
-            state.speed = speed.max(self.least_speed);
+            let square = mean_square(state.velocity) >> 31;
+            state.seen = square.max(fade_speed(state.seen));
+            state.speed = square.max(fade_speed(state.speed)).max(self.least_speed);
             state.speed
         };
         state.change = change;

@@ -42,6 +42,7 @@ pub(super) struct Reference {
     gain: [Vec3; 3],
     velocity: [f64; 2],
     speed: f64,
+    seen: f64,
     change: f64,
     gained: [f64; 2],
     before: [f64; 2],
@@ -85,6 +86,7 @@ impl Reference {
             gain: [[0.0; 3]; 3],
             velocity: [0.0; 2],
             speed: e.start_speed.powi(2),
+            seen: 0.0,
             change: 0.0,
             gained: [0.0; 2],
             before: [0.0; 2],
@@ -171,13 +173,14 @@ impl Reference {
         let mean = |v: [f64; 2]| v.iter().map(|v| v * v).sum::<f64>() / 2.0;
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
-        let held = self.speed * fade;
         let speed = if self.at_rest {
-            self.speed = held * fade;
+            self.seen *= fade;
+            self.speed = self.seen;
             e.rest_speed.powi(2)
         } else {
-            let speed = mean(self.velocity).max(held);
-            self.speed = speed.max(e.least_speed.powi(2));
+            let square = mean(self.velocity);
+            self.seen = square.max(self.seen * fade);
+            self.speed = square.max(self.speed * fade).max(e.least_speed.powi(2));
             self.speed
         };
         let [least, most] = e.swing_s.map(|s| s / block_s);
