@@ -14,7 +14,8 @@
 
 use instant::Instant;
 use tilt::angle::{Angle, Axes};
-use tilt::chain::{Measurement, Reading};
+use tilt::chain::Measurement;
+use tilt::observation::Observation;
 
 use crate::profile::{Resolution, Slope};
 
@@ -116,12 +117,12 @@ impl PeerPresentation {
 
     /// A byte that came with an exchange of this capture time, at `now`.
     ///
-    /// `readings` are this node's and the peer's, for their uncertainties.
+    /// `pair` is what this node and the peer have observed, for their uncertainties.
     pub fn hear(
         &mut self,
         (captured, piece): (u8, u8),
         own: Presentation,
-        readings: [&Reading; 2],
+        pair: [&Observation; 2],
         now: Instant,
     ) {
         let place = place(captured);
@@ -136,7 +137,7 @@ impl PeerPresentation {
             return;
         }
         let peer = Presentation::from_bytes(self.bytes);
-        if own.differs(peer, vagueness(readings)) {
+        if own.differs(peer, vagueness(pair)) {
             let apart_us = self.apart_us.saturating_add(passed_us);
             self.apart_us = apart_us.min(PATIENCE_US + MOST_US);
         } else {
@@ -157,11 +158,21 @@ impl PeerPresentation {
 
 /// Four standard uncertainties of each angle: by so much two that were zeroed in one place may be
 /// apart in their shifts.
-fn vagueness([own, peer]: [&Reading; 2]) -> Axes<u32> {
+///
+/// With a gyroscope it is that of the accelerometers, since an angle is zeroed at a standstill:
+/// what motion adds now was not in it.
+fn vagueness([own, peer]: [&Observation; 2]) -> Axes<u32> {
+    if let Some(turned) = &own.turned {
+        // A step of 2^-26 g is 10.2 steps of an angle. Both channels are calibrated alike.
+        let each = turned.accel.saturating_mul(4 * 10);
+        let both = each.saturating_mul(2);
+        return Axes { x: both, y: both };
+    }
     let of = |axis: &Result<Measurement, _>| match axis {
         Ok(measured) => measured.unshared.0.saturating_mul(4),
         Err(_) => 0,
     };
+    let (own, peer) = (&own.reading, &peer.reading);
     Axes {
         x: of(&own.x).saturating_add(of(&peer.x)),
         y: of(&own.y).saturating_add(of(&peer.y)),
@@ -173,9 +184,10 @@ mod tests {
     use super::*;
     use crate::profile::Parameter;
     use tilt::chain::Invalid;
-    use tilt::observation::Observation;
+    use tilt::health::Activity;
+    use tilt::turned::Turned;
 
-    const ABSENT: Reading = Observation::absent(Invalid::NoSample).reading;
+    const ABSENT: Observation = Observation::absent(Invalid::NoSample);
 
     fn shifted(units: i32, resolution: Resolution, operating: i32) -> Presentation {
         let mut slope = Slope::new();
@@ -246,13 +258,26 @@ mod tests {
                 latency_us: 0,
             })
         };
-        let vague = Axes {
+        let vague = Observation::from(Axes {
             x: measured(1.0),
             y: measured(1.0),
-        };
+        });
         let room = vagueness([&vague, &vague]);
         assert!(!tenth(0).differs(tenth(80), room));
         assert!(tenth(0).differs(tenth(90), room));
+        // Vague by its motion: an accelerometer of 2 mg, 0.11 deg, was zeroed at a standstill.
+        let moves = Observation {
+            turned: Some(Turned {
+                angle: [0; 3],
+                activity: Activity(0),
+                bias: None,
+                accel: 134_218,
+            }),
+            ..vague
+        };
+        let room = vagueness([&moves, &vague]);
+        assert!(!tenth(0).differs(tenth(13), room));
+        assert!(tenth(0).differs(tenth(15), room));
     }
 
     #[test]

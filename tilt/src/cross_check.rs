@@ -159,6 +159,8 @@ const HEARD_US: i64 = 500_000;
 struct Silence {
     since: Option<Instant>,
     heard_since: Option<Instant>,
+    /// When the channel last followed its gyroscope meanwhile.
+    followed: Option<Instant>,
 }
 
 impl Silence {
@@ -171,13 +173,23 @@ impl Silence {
     /// [`Silence::lasts`] with a patience of its own, us.
     fn lasts_for(&mut self, now: Instant, patience_us: i64) -> bool {
         self.heard_since = None;
-        now.micros_since(*self.since.get_or_insert(now)) > patience_us
+        let since = *self.since.get_or_insert(now);
+        now.micros_since(self.followed.unwrap_or(since)) > patience_us
+    }
+
+    /// The same of a channel that follows its gyroscope: true when it has looked for its vertical
+    /// for too long.
+    fn follows_for(&mut self, now: Instant, patience_us: i64) -> bool {
+        self.followed = None;
+        let lasts = self.lasts_for(now, patience_us);
+        self.followed = Some(now);
+        lasts
     }
 
     /// A pair with both angles at `now`.
     fn hear(&mut self, now: Instant) {
         if now.micros_since(*self.heard_since.get_or_insert(now)) >= HEARD_US {
-            self.since = None;
+            (self.since, self.followed) = (None, None);
         }
     }
 }
@@ -431,5 +443,7 @@ mod product_tests;
 mod random_tests;
 #[cfg(test)]
 mod standstill_tests;
+#[cfg(test)]
+mod starting_tests;
 #[cfg(test)]
 mod tests;

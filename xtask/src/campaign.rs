@@ -1,5 +1,6 @@
-//! The world tries to break the instrument: a fixed set of seeds, a device that is broken on
-//! purpose, and one seed that nobody has seen before, taken from the commit.
+//! The world tries to break the instrument: a fixed set of seeds, with and without a gyroscope, a
+//! device that is broken on purpose, and one seed that nobody has seen before, taken from the
+//! commit.
 //!
 //! In: the workspace. Out: success, or the first command that failed, with what repeats it on its
 //! own output. Left out: the trials themselves, which are `sim`'s (`cargo sim`).
@@ -20,6 +21,7 @@ const FEW: &str = "20";
 pub fn run(workspace: &Workspace) -> Result<(), CommandError> {
     let sim = sim(workspace)?;
     command::pass(sim(&["fixed", "--seeds", FIXED]))?;
+    command::pass(sim(&["fixed", "--gyroscope", "--seeds", FIXED]))?;
     command::pass(sim(&["canary"]))?;
     let seed = commit_seed(workspace).to_string();
     command::pass(sim(&["seed", &seed]))

@@ -53,8 +53,8 @@ pub(super) struct Matching {
     pub(super) misses: u8,
     /// What the peer said last.
     peer: Observation,
-    /// The estimator has begun while a fault of the sensor showed.
-    began_in_fault: bool,
+    /// What the estimator has found may come from a fault of the sensor.
+    follows_fault: bool,
     /// PDOs of this node on their way to the bus.
     pub(super) sending: Sending,
 }
@@ -68,7 +68,7 @@ impl Matching {
             came: [false; 2],
             misses: 0,
             peer: Observation::absent(Invalid::Unconfirmed),
-            began_in_fault: false,
+            follows_fault: false,
             sending: Sending::new(),
         }
     }
@@ -194,11 +194,9 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         }
         if backed && I::PRESETS {
             let own_shown = self.parts.presentation();
-            let readings = [&own.observation.reading, &peer.reading];
+            let pair = [&own.observation, &peer];
             let piece = (received.captured, received.piece());
-            self.parts
-                .pair
-                .compare_shown(piece, own_shown, readings, now);
+            self.parts.pair.compare_shown(piece, own_shown, pair, now);
         }
         self.judge_sync(&own.observation, &peer, (own.at, now));
     }
@@ -237,18 +235,25 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
     /// Restarts the estimator of a sensor that measures wrongly: what it has found is wrong, too.
     ///
     /// It begins anew when the fault shows, and once more when it has not shown for [`SOUND_US`]:
-    /// what it began with may still have been of the fault.
+    /// what it began with may still have been of the fault. Of two that disagree either may be the
+    /// one, once nothing has explained it.
     fn restart_estimator(&mut self, own: &Reading) {
         if !I::Moment::FITTED {
             return;
         }
+        let pair = &self.parts.pair;
+        let Some(sound_us) = pair.own_sound_us() else {
+            self.matching.follows_fault = false;
+            return;
+        };
+        let follows_fault = sound_us < SOUND_US;
+        let followed = core::mem::replace(&mut self.matching.follows_fault, follows_fault);
         // While it starts it shows nothing.
         let starts = own.x.is_err_and(Invalid::is_transient);
-        self.matching.began_in_fault = match self.parts.pair.own_sound_us() {
-            Some(0) if !starts => true,
-            Some(SOUND_US..) if self.matching.began_in_fault => false,
-            _ => return,
-        };
+        let shows = sound_us == 0 && !starts && !pair.may_be_explained();
+        if !shows && (follows_fault || !followed) {
+            return;
+        }
         self.parts.channel.forget_motion();
     }
 

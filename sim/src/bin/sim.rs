@@ -41,7 +41,7 @@ enum Verb {
         /// Print every message on the bus beside the truth
         #[arg(long)]
         trace: bool,
-        /// Take the variant with a gyroscope, whose promise is not kept yet
+        /// Take the variant with a gyroscope
         #[arg(long)]
         gyroscope: bool,
     },
@@ -56,6 +56,9 @@ enum Verb {
         /// Go on after a failure, and list all that fail
         #[arg(long)]
         keep_going: bool,
+        /// Take the variant with a gyroscope
+        #[arg(long)]
+        gyroscope: bool,
     },
     /// Run so many seeds, one after the other
     Fixed {
@@ -68,7 +71,7 @@ enum Verb {
         /// Go on after a failure, and list all that fail
         #[arg(long)]
         keep_going: bool,
-        /// Take the variant with a gyroscope, whose promise is not kept yet
+        /// Take the variant with a gyroscope
         #[arg(long)]
         gyroscope: bool,
     },
@@ -128,7 +131,8 @@ fn main() -> ExitCode {
             minutes,
             from,
             keep_going,
-        } => for_a_time(minutes, from, keep_going),
+            gyroscope,
+        } => for_a_time(minutes, from, keep_going, gyroscope),
         Verb::Fixed {
             seeds,
             from,
@@ -196,13 +200,13 @@ fn canary() -> Result<bool, Problem> {
     Ok(caught.is_some())
 }
 
-fn for_a_time(minutes: f64, from: u64, keep_going: bool) -> Result<bool, Problem> {
+fn for_a_time(minutes: f64, from: u64, keep_going: bool, gyroscope: bool) -> Result<bool, Problem> {
     let many = Many {
         from,
         last: u64::MAX,
         time: Some(time(minutes)?),
         keep_going,
-        gyroscope: false,
+        gyroscope,
     };
     many.run()
 }

@@ -11,7 +11,7 @@ mod service;
 use crate::bench::Mode;
 use crate::can_bus::Rates;
 use crate::excavator::{ExcavatorSetup, Scene};
-use crate::fault::{NodeFault, SensorFault};
+use crate::fault::{NodeFault, RateFault, SensorFault};
 use crate::rng::Rng;
 use crate::trial::inject::{Injection, What};
 use crate::trial::sabotage::Sabotage;
@@ -27,6 +27,9 @@ const PAPER_ONE_IN: u32 = 8;
 pub const MAINTAINED_ONE_IN: u32 = 3;
 /// One seed in so many has no fault at all.
 const HEALTHY_ONE_IN: u32 = 6;
+
+/// One fault of a sensor in so many is of its gyroscope, where it has one.
+const OF_GYROSCOPE_ONE_IN: u32 = 3;
 
 /// When the first fault begins, s: the instrument is in order by then.
 const FIRST_S: (f64, f64) = (6.0, 10.0);
@@ -95,13 +98,42 @@ pub fn draw(seed: u64) -> Setup {
 }
 
 /// The same trial with a gyroscope in the product: its promise is the product's, with the angle as
-/// right as it states ([`COVERAGE`](crate::trial::checks::COVERAGE)). It is not kept yet.
+/// right as it states ([`COVERAGE`](crate::trial::checks::COVERAGE)). One fault of a sensor in
+/// [`OF_GYROSCOPE_ONE_IN`] is one of the gyroscope instead.
 pub fn draw_with_gyroscope(seed: u64) -> Setup {
     let mut setup = draw(seed);
-    if setup.mode == Mode::Product {
-        setup.mode = Mode::Dynamic;
+    if setup.mode != Mode::Product {
+        return setup;
+    }
+    setup.mode = Mode::Dynamic;
+    let mut rng = stream(seed, "gyroscope");
+    for injection in &mut setup.faults {
+        let of_sensor = matches!(injection.what, What::Sensor(_));
+        if of_sensor && one_in(&mut rng, OF_GYROSCOPE_ONE_IN) {
+            let fault = rate_fault(&mut rng);
+            injection.what = What::Sensor(SensorFault::Gyroscope(fault));
+        }
     }
     setup
+}
+
+fn rate_fault(rng: &mut Rng) -> RateFault {
+    let axis = below(rng, 3) as usize;
+    let sign = rng.sign();
+    match below(rng, 5) {
+        0 => RateFault::Stuck,
+        1 => RateFault::Noise {
+            factor: any(rng, [3.0, 10.0]),
+        },
+        2 => RateFault::Bias {
+            axis,
+            dps: sign * any(rng, [0.5, 2.0, 10.0]),
+        },
+        3 => RateFault::Scale {
+            ratio: sign * any(rng, [0.02, 0.05, 0.2]),
+        },
+        _ => RateFault::SwappedAxes,
+    }
 }
 
 fn machine(seed: u64) -> ExcavatorSetup {

@@ -59,6 +59,8 @@ const MOST_CREDIT_US: u32 = 250_000;
 pub enum Comparison {
     /// At least one of them gives no angle.
     Absent,
+    /// The same; but both measure, and what is behind the angles agrees.
+    Alike,
     /// They agree.
     Agree,
     /// They differ by more than they may, not yet for long.
@@ -196,8 +198,9 @@ impl Findings {
             // runs out meanwhile. A silence is no report.
             let reported = against
                 .is_some_and(|against| against.told && !against.reason.passes_with_its_cause());
+            let alike = agrees || evidence.comparison == Comparison::Alike;
             let sound = if faulty.was_compared() {
-                agrees || reported
+                alike || reported
             } else {
                 measures
             };
@@ -209,8 +212,13 @@ impl Findings {
             }
         }
         if let Some(held) = &mut self.disagreement {
+            let counts = match evidence.comparison {
+                Comparison::Alike => evidence.against == [None, None],
+                _ => true,
+            };
             held.agreed_us = match evidence.comparison {
-                Comparison::Agree => held.agreed_us.saturating_add(credit_us),
+                _ if !counts => held.agreed_us,
+                Comparison::Agree | Comparison::Alike => held.agreed_us.saturating_add(credit_us),
                 // A silence shows neither that the cause is gone nor that it is there.
                 Comparison::Absent => held.agreed_us,
                 Comparison::Excess | Comparison::Differ => 0,
@@ -220,7 +228,7 @@ impl Findings {
         if agrees {
             self.agreed_us = self.agreed_us.saturating_add(credit_us).min(PROOF_US);
         }
-        if evidence.comparison != Comparison::Absent {
+        if !matches!(evidence.comparison, Comparison::Absent | Comparison::Alike) {
             self.contested = !agrees;
         }
     }
@@ -291,11 +299,18 @@ impl Findings {
     }
 
     /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
-    /// not held to do so.
+    /// not held to do so, and no disagreement says that it may.
     pub fn own_sound_us(&self) -> Option<u32> {
         let [own, _] = &self.faulty;
         let wrong = own.as_ref().filter(|faulty| faulty.explains());
-        wrong.map(|faulty| faulty.sound_us)
+        let wrong = wrong.map(|faulty| faulty.sound_us);
+        wrong.or(self.disagreement.map(|held| held.agreed_us))
+    }
+
+    /// True for a disagreement that the peer's fault may still explain.
+    pub fn may_be_explained(&self) -> bool {
+        self.disagreement
+            .is_some_and(|held| held.age_us < ONE_CAUSE_US)
     }
 
     /// True for what lasts as long as the latch says, the peer's included.

@@ -154,29 +154,29 @@ impl ProductState {
 }
 
 impl ProductState {
-    /// What a missing angle says against either channel, and the reason that is waited for; a
-    /// channel that `follows` tells how far it has turned.
+    /// What a missing angle says against either channel, and the reason that is waited for;
+    /// `measure` is what [`measures`] says.
     fn miss(
         &mut self,
         absent: [Option<Invalid>; 2],
-        follows: [bool; 2],
+        measure: [bool; 2],
         now: Instant,
     ) -> ([Option<Against>; 2], Option<Invalid>) {
         let patience_us = self.patience_us(absent, now);
         let mut against = [None; 2];
         let mut waiting = None;
-        let whys = absent.into_iter().zip(follows);
+        let whys = absent.into_iter().zip(measure);
         let channels = self.silence.iter_mut().zip(whys).zip(&mut against);
-        for (node, ((silence, (why, follows)), against)) in
+        for (node, ((silence, (why, measures)), against)) in
             [Member::Own, Member::Peer].into_iter().zip(channels)
         {
-            let patience_us = match why {
-                Some(Invalid::Settling | Invalid::NoSample) if follows => FOLLOWING_PATIENCE_US,
-                _ => patience_us,
+            let mut lasts = || match measures {
+                true => silence.follows_for(now, FOLLOWING_PATIENCE_US),
+                false => silence.lasts_for(now, patience_us),
             };
             match why {
                 None => silence.hear(now),
-                Some(why) if why.is_transient() && !silence.lasts_for(now, patience_us) => {
+                Some(why) if why.is_transient() && !lasts() => {
                     waiting = Some(why);
                 }
                 Some(reason) => {
@@ -223,9 +223,10 @@ impl ProductCheck {
         let elapsed_us = pause(state.before.replace(now), now);
         let paused = elapsed_us == LONGEST_PAUSE_US;
         let absent = [reason(&own.reading), reason(&peer.reading)];
-        let follows = [own.turned.is_some(), peer.turned.is_some()];
-        let (mut against, waiting) = state.miss(absent, follows, now);
-        let (mut comparison, vectors) = if absent == [None, None] {
+        let [a, b] = absent;
+        let measure = [measures(a, own), measures(b, peer)];
+        let (mut against, waiting) = state.miss(absent, measure, now);
+        let (mut comparison, vectors) = if measure == [true; 2] {
             self.compare(state, own, peer, &mut against, (now, elapsed_us))
         } else {
             state.lapse(absent);
@@ -246,7 +247,7 @@ impl ProductCheck {
         }
         let evidence = Evidence {
             against,
-            measures: absent.map(|why| why.is_none()),
+            measures: measure,
             comparison,
             elapsed_us: if paused { 0 } else { elapsed_us },
         };
@@ -262,7 +263,8 @@ impl ProductCheck {
         self.activity.is_shaken(activity) || activity.quiet_us() < self.rates.calm_us
     }
 
-    /// Both channels measure: how they compare, and whether it is their vectors that differ.
+    /// Both channels measure: how they compare, and whether it is their vectors that differ. An
+    /// angle that is not known yet is not compared; what is behind it is.
     fn compare(
         &self,
         state: &mut ProductState,
@@ -278,10 +280,17 @@ impl ProductCheck {
             .activity
             .step(&mut state.activity, own.activity, peer.activity, elapsed_us);
         accuse(against, loud);
-        let angles = self
-            .window
-            .compare(&mut state.window, &own.reading, &peer.reading, now);
-        let mut differ = angles == Judgement::Disagree;
+        let angles = [own, peer].map(|channel| reason(&channel.reading)) == [None; 2];
+        let window = &mut state.window;
+        let mut differ = if angles {
+            let judged = self
+                .window
+                .compare(window, &own.reading, &peer.reading, now);
+            judged == Judgement::Disagree
+        } else {
+            window.interrupt();
+            false
+        };
         let mut vectors = false;
         if let (Some(a), Some(b)) = (&own.vector, &peer.vector) {
             let shaken = self.activity.is_shaken(&state.activity);
@@ -304,6 +313,8 @@ impl ProductCheck {
         }
         let comparison = if differ {
             Comparison::Differ
+        } else if !angles {
+            Comparison::Alike
         } else if state.window.exceeds() {
             Comparison::Excess
         } else {
@@ -336,6 +347,16 @@ impl ProductCheck {
             state.standstill.learn(beyond);
         }
         None
+    }
+}
+
+/// True for a channel that measures, by why it has no angle: one that follows its gyroscope and
+/// looks for its vertical does.
+fn measures(why: Option<Invalid>, observation: &Observation) -> bool {
+    match why {
+        None => true,
+        Some(Invalid::Settling | Invalid::NoSample) => observation.turned.is_some(),
+        Some(_) => false,
     }
 }
 

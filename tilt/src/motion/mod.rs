@@ -277,22 +277,26 @@ impl Motion {
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
         let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
-        let speed = (mean_square(state.velocity) >> 31).max(fade(state.speed << 16) >> 16);
-        state.change = change;
-        state.speed = if state.quiet.at_rest() {
+        let held = fade(state.speed << 16) >> 16;
+        let speed = if state.quiet.at_rest() {
+            // What was seen while it moved may come again, though less likely after a rest.
+            state.speed = fade(held << 16) >> 16;
             // Whatever velocity is left has come from a wrong vertical.
             i64::from(self.rest_variance)
         } else {
-            speed.max(self.least_speed)
+            let speed = (mean_square(state.velocity) >> 31).max(held);
+            state.speed = speed.max(self.least_speed);
+            state.speed
         };
+        state.change = change;
         // Blocks for which it keeps its direction, 2^-8.
-        let speed = state.speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
-        let blocks = speed.checked_div(change.max(1).unsigned_abs());
+        let ratio = speed.unsigned_abs().min(u64::from(u32::MAX)) << 32;
+        let blocks = ratio.checked_div(change.max(1).unsigned_abs());
         let blocks = i64::from(root(blocks.unwrap_or(0)));
         // A clamp of two variables could panic.
         let weight = (2 * blocks).min(self.most_weight_q8);
         let weight = weight.max(self.least_weight_q8);
-        let noise = (state.speed * weight) >> 8;
+        let noise = (speed * weight) >> 8;
         noise.clamp(1 << 8, 1 << 37)
     }
 

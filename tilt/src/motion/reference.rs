@@ -171,15 +171,18 @@ impl Reference {
         let mean = |v: [f64; 2]| v.iter().map(|v| v * v).sum::<f64>() / 2.0;
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
-        let speed = mean(self.velocity).max(self.speed * fade);
-        self.speed = if self.at_rest {
+        let held = self.speed * fade;
+        let speed = if self.at_rest {
+            self.speed = held * fade;
             e.rest_speed.powi(2)
         } else {
-            speed.max(e.least_speed.powi(2))
+            let speed = mean(self.velocity).max(held);
+            self.speed = speed.max(e.least_speed.powi(2));
+            self.speed
         };
         let [least, most] = e.swing_s.map(|s| s / block_s);
-        let blocks = (self.speed / self.change).sqrt().clamp(least, most);
-        let noise = self.speed * 2.0 * blocks;
+        let blocks = (speed / self.change).sqrt().clamp(least, most);
+        let noise = speed * 2.0 * blocks;
         let mut x = [0.0; N];
         for a in 0..2 {
             let variance = self.p[a][a] + noise;

@@ -4,7 +4,7 @@
 //! when the angles of safety frames are wrong for longer than the reaction time, and when a
 //! channel goes on sending while it accuses somebody.
 //!
-//! A safety frame has no SYNC: its angle is of any instant within [`AGE_S`] before it.
+//! A safety frame has no SYNC: its angle is of any instant within its [`ages_s`] before it.
 //!
 //! Left out: the inverted twins and the cycle time, which are the receiver's to check.
 
@@ -12,8 +12,10 @@ use super::angle::{Angles, At};
 use super::{Rule, Violation};
 use crate::trial::CHANNELS;
 
-/// Age of the angle in a safety frame, least and most, s.
-pub const AGE_S: (f64, f64) = (0.024, 0.060);
+/// A safety frame may be younger than an angle that answers a SYNC by this, s.
+const YOUNGER_S: f64 = 0.001;
+/// From one refresh of a safety frame to the next, and on the way, s.
+const REFRESH_S: f64 = 0.035;
 /// Steps in which the truth is looked up.
 const STEPS: u32 = 6;
 /// States (2021h) that accuse somebody.
@@ -21,9 +23,15 @@ const ACCUSING: std::ops::RangeInclusive<u8> = 6..=9;
 /// What had been handed to the controller before may still go out, s.
 const UNDER_WAY_S: f64 = 0.05;
 
+/// Age of the angle in a safety frame, least and most, s, of an instrument with this latency.
+pub fn ages_s(latency_s: f64) -> (f64, f64) {
+    (latency_s - YOUNGER_S, latency_s + REFRESH_S)
+}
+
 /// What the rule remembers.
 #[derive(Clone, Debug)]
 pub struct Safety {
+    latency_s: f64,
     angles: Angles,
     /// Since when a channel accuses somebody, s.
     accuses: [Option<f64>; CHANNELS],
@@ -32,8 +40,9 @@ pub struct Safety {
 
 impl Safety {
     /// Nothing heard yet; a wrong angle may be sent for `reaction_s`.
-    pub fn new(reaction_s: f64) -> Self {
+    pub fn new(reaction_s: f64, latency_s: f64) -> Self {
         Self {
+            latency_s,
             angles: Angles::new(reaction_s),
             accuses: [None; CHANNELS],
             told: [false; CHANNELS],
@@ -63,7 +72,8 @@ impl Safety {
         deg: [f64; 2],
         ideal: impl Fn(f64) -> Option<[f64; 2]>,
     ) -> Vec<Violation> {
-        let nearest = nearest(at_s, deg, ideal);
+        let ages_s = ages_s(self.latency_s);
+        let nearest = nearest(at_s, ages_s, deg, ideal);
         let valid = deg.map(Some);
         let at = At {
             at_s,
@@ -85,8 +95,12 @@ impl Safety {
 }
 
 /// Of all true slopes that a frame may mean, those next to what it says.
-fn nearest(at_s: f64, deg: [f64; 2], ideal: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
-    let (youngest, oldest) = AGE_S;
+fn nearest(
+    at_s: f64,
+    (youngest, oldest): (f64, f64),
+    deg: [f64; 2],
+    ideal: impl Fn(f64) -> Option<[f64; 2]>,
+) -> Option<[f64; 2]> {
     let step_s = (oldest - youngest) / f64::from(STEPS);
     let mut range: Option<[(f64, f64); 2]> = None;
     for step in 0..=STEPS {

@@ -10,7 +10,7 @@
 //! shock may be off for one; and a channel that is faulty itself, whose angle may be wrong for the
 //! reaction time without being old.
 
-use super::safety::AGE_S;
+use super::safety::ages_s;
 use super::{Rule, Violation};
 use crate::trial::CHANNELS;
 
@@ -25,6 +25,7 @@ const LONGEST_S: f64 = 0.9;
 #[derive(Clone, Debug)]
 pub struct Stale {
     reaction_s: f64,
+    latency_s: f64,
     faulty: [bool; CHANNELS],
     told: [bool; CHANNELS],
     /// By channel and kind of frame.
@@ -50,9 +51,10 @@ pub enum Kind {
 
 impl Stale {
     /// Nothing heard yet; an angle may be as old as `reaction_s`.
-    pub fn new(reaction_s: f64) -> Self {
+    pub fn new(reaction_s: f64, latency_s: f64) -> Self {
         Self {
             reaction_s,
+            latency_s,
             faulty: [false; CHANNELS],
             told: [false; CHANNELS],
             heard: Default::default(),
@@ -119,7 +121,8 @@ impl Stale {
         (deg, within_deg): (f64, f64),
         ideal: impl Fn(f64) -> Option<f64>,
     ) -> Option<(f64, f64)> {
-        let newest_s = at_s - AGE_S.0;
+        let (youngest_s, _) = ages_s(self.latency_s);
+        let newest_s = at_s - youngest_s;
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for step in 0..=(self.reaction_s / STEP_S).round() as u32 {
             let truth = ideal(newest_s - f64::from(step) * STEP_S)?;

@@ -43,12 +43,19 @@ const fn pair(
     })
 }
 
-/// Every kind of pair: both measure and compare in each way, with each kind of finding against
-/// either; one or both give no angle for each kind of reason; one starts and is waited for.
+/// Every kind of pair: both measure and compare in each way, by their angles or by what is behind
+/// them, with each kind of finding against either; one or both give no angle for each kind of
+/// reason; one starts and is waited for.
 fn events() -> Vec<Event> {
     use Invalid::{Biased, Noise, Silent, Stuck, Unconfirmed};
     let mut all = vec![Event::OwnAway, Event::PeerRestarted, Event::Reset];
-    for comparison in [Comparison::Agree, Comparison::Excess, Comparison::Differ] {
+    let compared = [
+        Comparison::Alike,
+        Comparison::Agree,
+        Comparison::Excess,
+        Comparison::Differ,
+    ];
+    for comparison in compared {
         for own in [None, found(Noise), found(Biased)] {
             for peer in [None, found(Noise), found(Biased)] {
                 all.push(pair([own, peer], [true; 2], comparison, STEP_US));
@@ -74,7 +81,7 @@ fn events() -> Vec<Event> {
 /// more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 struct Past {
-    /// Agreeing pairs in a row, us.
+    /// Pairs in a row that agree, or are alike behind their angles, us.
     agreeing_us: u32,
     /// Agreeing pairs since this channel was away, us.
     agreed_us: u32,
@@ -112,18 +119,21 @@ impl Past {
         let before_us = std::mem::replace(&mut self.before_us, evidence.elapsed_us);
         let passed_us = evidence.elapsed_us.min(before_us);
         let comparison = evidence.comparison;
-        let compared = comparison != Comparison::Absent;
+        let compared = !matches!(comparison, Comparison::Absent | Comparison::Alike);
         self.disagreed_us = match before.disagree() {
             true => (self.disagreed_us + passed_us).min(ONE_CAUSE_US + STEP_US),
             false => 0,
         };
+        let alike = matches!(comparison, Comparison::Agree | Comparison::Alike);
         match comparison {
-            Comparison::Agree => {
+            Comparison::Agree | Comparison::Alike => {
                 self.agreeing_us = (self.agreeing_us + passed_us).min(latch_us(latch));
-                self.agreed_us = (self.agreed_us + passed_us).min(PROOF_US);
             }
             Comparison::Absent => {}
             Comparison::Excess | Comparison::Differ => self.agreeing_us = 0,
+        }
+        if comparison == Comparison::Agree {
+            self.agreed_us = (self.agreed_us + passed_us).min(PROOF_US);
         }
         if compared {
             self.contested = comparison != Comparison::Agree;
@@ -143,7 +153,7 @@ impl Past {
             };
             let reports =
                 |against: Against| against.told && !against.reason.passes_with_its_cause();
-            let counts = comparison == Comparison::Agree || against.is_some_and(reports);
+            let counts = alike || against.is_some_and(reports);
             self.compared_us[n] = if by_this_node || comparison == Comparison::Differ {
                 0
             } else if counts {
