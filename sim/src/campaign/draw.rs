@@ -99,7 +99,7 @@ pub fn draw(seed: u64) -> Setup {
 
 /// The same trial with a gyroscope in the product: its promise is the product's, with the angle as
 /// right as it states ([`COVERAGE`](crate::trial::checks::COVERAGE)). One fault of a sensor in
-/// [`OF_GYROSCOPE_ONE_IN`] is one of the gyroscope instead.
+/// three is one of the gyroscope instead.
 pub fn draw_with_gyroscope(seed: u64) -> Setup {
     let mut setup = draw(seed);
     if setup.mode != Mode::Product {
