@@ -21,7 +21,7 @@ use instant::Instant;
 use tilt::angle::{Angle, Axes};
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::{Composition, Whole};
-use tilt::cross_check::{CrossCheck, Findings, Judgement, Latch, Member, Verdict};
+use tilt::cross_check::{CrossCheck, Judgement, Latch, Member, Verdict};
 use tilt::observation::Observation;
 
 use crate::presentation::{PeerPresentation, Presentation};
@@ -265,18 +265,6 @@ impl<C: Composition> Pair<C> {
     /// Why this channel is held faulty; the peer is told so instead of an angle.
     pub fn own_fault(&self) -> Option<Invalid> {
         self.check.own_fault()
-    }
-
-    /// For how long nothing has shown that this channel measures wrongly, us; `None` where it is
-    /// not held to do so, and no disagreement says that it may.
-    pub fn own_sound_us(&self) -> Option<u32> {
-        self.check.findings()?.own_sound_us()
-    }
-
-    /// True for a disagreement that the peer's fault may still explain.
-    pub fn may_be_explained(&self) -> bool {
-        let findings = self.check.findings();
-        findings.is_some_and(Findings::may_be_explained)
     }
 
     /// True while the two differ and nobody is known to be the wrong one.

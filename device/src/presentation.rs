@@ -33,6 +33,9 @@ const MOST_US: u32 = 250_000;
 /// 0.001 deg in one step of a code.
 const STEP: i32 = 20;
 
+/// Steps of an angle, 2^-32 of a circle, in a step of an acceleration, 2^-26 g: 10.2.
+const ANGLE_STEPS: u32 = 10;
+
 /// Half a circle in steps of a code.
 const HALF_TURN: i32 = 180_000 / STEP;
 
@@ -163,9 +166,8 @@ impl PeerPresentation {
 /// what motion adds now was not in it.
 fn vagueness([own, peer]: [&Observation; 2]) -> Axes<u32> {
     if let Some(turned) = &own.turned {
-        // A step of 2^-26 g is 10.2 steps of an angle. Both channels are calibrated alike.
-        let each = turned.accel.saturating_mul(4 * 10);
-        let both = each.saturating_mul(2);
+        // Both channels are calibrated alike.
+        let both = turned.accel.saturating_mul(2 * 4 * ANGLE_STEPS);
         return Axes { x: both, y: both };
     }
     let of = |axis: &Result<Measurement, _>| match axis {

@@ -172,18 +172,21 @@ impl Silence {
 
     /// [`Silence::lasts`] with a patience of its own, us.
     fn lasts_for(&mut self, now: Instant, patience_us: i64) -> bool {
-        self.heard_since = None;
-        let since = *self.since.get_or_insert(now);
+        let since = self.since(now);
         now.micros_since(self.followed.unwrap_or(since)) > patience_us
     }
 
     /// The same of a channel that follows its gyroscope: true when it has looked for its vertical
     /// for too long.
     fn follows_for(&mut self, now: Instant, patience_us: i64) -> bool {
-        self.followed = None;
-        let lasts = self.lasts_for(now, patience_us);
         self.followed = Some(now);
-        lasts
+        now.micros_since(self.since(now)) > patience_us
+    }
+
+    /// Since when the channel has had no angle; from `now` on at the latest.
+    fn since(&mut self, now: Instant) -> Instant {
+        self.heard_since = None;
+        *self.since.get_or_insert(now)
     }
 
     /// A pair with both angles at `now`.

@@ -9,7 +9,7 @@ use std::process::Command;
 use std::{fmt, fs, io};
 
 use crate::command;
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, remove_folder};
 
 /// Names under which Python is called, the usual one first.
 const PYTHONS: [&str; 2] = ["python3", "python"];
@@ -97,12 +97,8 @@ fn query(workspace: &Workspace, python: &Path) -> Command {
 
 /// Makes an empty environment in place of what is there.
 fn make(workspace: &Workspace, python: &str, folder: &Path) -> Result<(), EnvironmentError> {
-    match fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            return Err(EnvironmentError::File(folder.to_path_buf(), error));
-        }
-        _ => {}
-    }
+    let failed = |error| EnvironmentError::File(folder.to_path_buf(), error);
+    remove_folder(folder).map_err(failed)?;
     // Debian ships `venv` without what it needs to work; `virtualenv` brings its own.
     let made = ["venv", "virtualenv"].into_iter().any(|module| {
         let mut command = workspace.program(python, &["-m", module]);

@@ -13,7 +13,7 @@ use crate::built;
 use crate::command::{self, CommandError, Tally};
 use crate::environment::{self, EnvironmentError};
 use crate::pytest;
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, remove_folder};
 
 /// The packages of the tests, each with its exact release.
 const REQUIREMENTS: &str = "python/requirements.txt";
@@ -94,7 +94,8 @@ pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> 
 /// Puts the package's files and the library side by side; the folder for `PYTHONPATH`.
 fn lay_out(workspace: &Workspace, library: &Path) -> Result<PathBuf, PythonError> {
     let folder = workspace.target().join("python");
-    empty(&folder)?;
+    let failed = |error| PythonError::File(folder.clone(), error);
+    remove_folder(&folder).map_err(failed)?;
     let (package, about) = (folder.join("plumb"), folder.join("plumb-0.0.0.dist-info"));
     for folder in [&package, &about] {
         fs::create_dir_all(folder).map_err(|error| PythonError::File(folder.clone(), error))?;
@@ -130,23 +131,14 @@ fn copy(from: &Path, to: &Path) -> Result<(), PythonError> {
     copied.map(drop)
 }
 
-/// Removes a folder with all that is in it.
-fn empty(folder: &Path) -> Result<(), PythonError> {
-    match fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(PythonError::File(folder.to_path_buf(), error))
-        }
-        _ => Ok(()),
-    }
-}
-
 /// Builds the wheel in the profile of the tests, installs it and runs [`SCRIPT`] on it.
 ///
 /// Errors: see [`PythonError`].
 pub fn wheel(workspace: &Workspace) -> Result<(), PythonError> {
     let python = environment::python(workspace, WHEEL_REQUIREMENTS, "wheel-venv")?;
     let folder = workspace.target().join("wheels");
-    empty(&folder)?;
+    let failed = |error| PythonError::File(folder.clone(), error);
+    remove_folder(&folder).map_err(failed)?;
     let words = [
         "-m",
         "maturin",
@@ -158,7 +150,6 @@ pub fn wheel(workspace: &Workspace) -> Result<(), PythonError> {
     let mut maturin = workspace.program(&python.to_string_lossy(), &words);
     maturin.arg("python/Cargo.toml").arg("--out").arg(&folder);
     command::pass(maturin)?;
-    let failed = |error| PythonError::File(folder.clone(), error);
     let found = fs::read_dir(&folder).map_err(failed)?;
     let found: Vec<_> = found.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let [wheel] = &found[..] else {

@@ -3,10 +3,10 @@
 //! Every step calls cargo from the root of the workspace with the environment this process was
 //! given, so all steps share one target directory and one set of compiler flags.
 
-use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::{env, fs, io};
 
 /// The checkout this command belongs to.
 pub struct Workspace {
@@ -84,6 +84,16 @@ impl Workspace {
 
 fn from_environment(variable: &str, otherwise: &str) -> OsString {
     env::var_os(variable).unwrap_or_else(|| OsString::from(otherwise))
+}
+
+/// Removes a folder with all that is in it; where there is none, nothing is left to do.
+///
+/// Errors: it could not be removed.
+pub fn remove_folder(folder: &Path) -> io::Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use canopen::nmt::State;
 use instant::Instant;
 use tilt::chain::{Invalid, Reading};
 use tilt::composition::Place;
-use tilt::cross_check::CrossCheck;
+use tilt::cross_check::{CrossCheck, Findings};
 use tilt::observation::Observation;
 
 use super::sending::Sending;
@@ -241,8 +241,9 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         if !I::Moment::FITTED {
             return;
         }
-        let pair = &self.parts.pair;
-        let Some(sound_us) = pair.own_sound_us() else {
+        let findings = self.parts.pair.check().findings();
+        let sound_us = findings.and_then(Findings::own_sound_us);
+        let (Some(findings), Some(sound_us)) = (findings, sound_us) else {
             self.matching.follows_fault = false;
             return;
         };
@@ -250,11 +251,11 @@ impl<P: Part, M: Memory, I: Instrument> Device<P, M, I> {
         let followed = core::mem::replace(&mut self.matching.follows_fault, follows_fault);
         // While it starts it shows nothing.
         let starts = own.x.is_err_and(Invalid::is_transient);
-        let shows = sound_us == 0 && !starts && !pair.may_be_explained();
-        if !shows && (follows_fault || !followed) {
-            return;
+        let shows = sound_us == 0 && !starts && !findings.may_be_explained();
+        let has_ended = followed && !follows_fault;
+        if shows || has_ended {
+            self.parts.channel.forget_motion();
         }
-        self.parts.channel.forget_motion();
     }
 
     /// Judges at `now` what was said at the SYNC of `at`, and keeps it.

@@ -190,6 +190,7 @@ impl Findings {
     /// Time goes by without evidence, or with evidence that the cause is gone.
     fn count(&mut self, evidence: &Evidence, credit_us: u32) {
         let agrees = evidence.comparison == Comparison::Agree;
+        let alike = agrees || evidence.comparison == Comparison::Alike;
         let differs = evidence.comparison == Comparison::Differ;
         let channels = evidence.against.iter().zip(evidence.measures);
         for (place, (against, measures)) in self.faulty.iter_mut().zip(channels) {
@@ -198,7 +199,6 @@ impl Findings {
             // runs out meanwhile. A silence is no report.
             let reported = against
                 .is_some_and(|against| against.told && !against.reason.passes_with_its_cause());
-            let alike = agrees || evidence.comparison == Comparison::Alike;
             let sound = if faulty.was_compared() {
                 alike || reported
             } else {
@@ -212,12 +212,8 @@ impl Findings {
             }
         }
         if let Some(held) = &mut self.disagreement {
-            let counts = match evidence.comparison {
-                Comparison::Alike => evidence.against == [None, None],
-                _ => true,
-            };
             held.agreed_us = match evidence.comparison {
-                _ if !counts => held.agreed_us,
+                Comparison::Alike if evidence.against != [None, None] => held.agreed_us,
                 Comparison::Agree | Comparison::Alike => held.agreed_us.saturating_add(credit_us),
                 // A silence shows neither that the cause is gone nor that it is there.
                 Comparison::Absent => held.agreed_us,

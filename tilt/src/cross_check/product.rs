@@ -227,7 +227,8 @@ impl ProductCheck {
         let measure = [measures(a, own), measures(b, peer)];
         let (mut against, waiting) = state.miss(absent, measure, now);
         let (mut comparison, vectors) = if measure == [true; 2] {
-            self.compare(state, own, peer, &mut against, (now, elapsed_us))
+            let angles = absent == [None, None];
+            self.compare(state, own, peer, angles, &mut against, (now, elapsed_us))
         } else {
             state.lapse(absent);
             (Comparison::Absent, false)
@@ -263,13 +264,14 @@ impl ProductCheck {
         self.activity.is_shaken(activity) || activity.quiet_us() < self.rates.calm_us
     }
 
-    /// Both channels measure: how they compare, and whether it is their vectors that differ. An
-    /// angle that is not known yet is not compared; what is behind it is.
+    /// Both channels measure: how they compare, and whether it is their vectors that differ.
+    /// Without `angles` one of them looks for its vertical, and what is behind both is compared.
     fn compare(
         &self,
         state: &mut ProductState,
         own: &Observation,
         peer: &Observation,
+        angles: bool,
         against: &mut [Option<Against>; 2],
         (now, elapsed_us): (Instant, u32),
     ) -> (Comparison, bool) {
@@ -280,7 +282,6 @@ impl ProductCheck {
             .activity
             .step(&mut state.activity, own.activity, peer.activity, elapsed_us);
         accuse(against, loud);
-        let angles = [own, peer].map(|channel| reason(&channel.reading)) == [None; 2];
         let window = &mut state.window;
         let mut differ = if angles {
             let judged = self

@@ -107,10 +107,11 @@ pub struct MotionState {
     gyroscope: Gyroscope,
     /// Velocity along the frame's two level axes, 2^-30 g s per step.
     velocity: [i32; 2],
-    /// Mean square of the velocity along one axis, held for a while; 2^-31 of (2 g s)^2.
-    speed: i64,
-    /// The same without what was expected at the start.
+    /// Mean square of the velocity along one axis that was seen, held for a while; 2^-31 of
+    /// (2 g s)^2.
     seen: i64,
+    /// The same that was expected at the start, until the first rest.
+    expected: i64,
     /// The same of the velocity gained in a block; 2^-47 of (2 g s)^2.
     change: i64,
     quiet: Quiet,
@@ -197,8 +198,8 @@ impl Motion {
         }
         (state.running, state.learned) = (true, true);
         state.frame = frame;
-        (state.velocity, state.speed) = ([0; 2], self.start_speed);
-        state.seen = 0;
+        state.velocity = [0; 2];
+        (state.seen, state.expected) = (0, self.start_speed);
         state.change = 0;
         state.quiet = Quiet::default();
         state.block = Block::default();
@@ -280,18 +281,16 @@ impl Motion {
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
         let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
-        let fade_speed = |held: i64| fade(held << 16) >> 16;
+        let [seen, expected] = [state.seen, state.expected].map(|held| fade(held << 16) >> 16);
         let speed = if state.quiet.at_rest() {
             // What was seen may come again, but what was expected at the start has not come.
-            state.seen = fade_speed(state.seen);
-            state.speed = state.seen;
+            (state.seen, state.expected) = (seen, 0);
             // Whatever velocity is left has come from a wrong vertical.
             i64::from(self.rest_variance)
         } else {
-            let square = mean_square(state.velocity) >> 31;
-            state.seen = square.max(fade_speed(state.seen));
-            state.speed = square.max(fade_speed(state.speed)).max(self.least_speed);
-            state.speed
+            let seen = seen.max(mean_square(state.velocity) >> 31);
+            (state.seen, state.expected) = (seen, expected);
+            seen.max(expected).max(self.least_speed)
         };
         state.change = change;
         // Blocks for which it keeps its direction, 2^-8.

@@ -41,8 +41,8 @@ pub(super) struct Reference {
     pub(super) bias: Vec3,
     gain: [Vec3; 3],
     velocity: [f64; 2],
-    speed: f64,
     seen: f64,
+    expected: f64,
     change: f64,
     gained: [f64; 2],
     before: [f64; 2],
@@ -85,8 +85,8 @@ impl Reference {
             bias: [0.0; 3],
             gain: [[0.0; 3]; 3],
             velocity: [0.0; 2],
-            speed: e.start_speed.powi(2),
             seen: 0.0,
+            expected: e.start_speed.powi(2),
             change: 0.0,
             gained: [0.0; 2],
             before: [0.0; 2],
@@ -173,15 +173,13 @@ impl Reference {
         let mean = |v: [f64; 2]| v.iter().map(|v| v * v).sum::<f64>() / 2.0;
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
+        (self.seen, self.expected) = (self.seen * fade, self.expected * fade);
         let speed = if self.at_rest {
-            self.seen *= fade;
-            self.speed = self.seen;
+            self.expected = 0.0;
             e.rest_speed.powi(2)
         } else {
-            let square = mean(self.velocity);
-            self.seen = square.max(self.seen * fade);
-            self.speed = square.max(self.speed * fade).max(e.least_speed.powi(2));
-            self.speed
+            self.seen = self.seen.max(mean(self.velocity));
+            self.seen.max(self.expected).max(e.least_speed.powi(2))
         };
         let [least, most] = e.swing_s.map(|s| s / block_s);
         let blocks = (speed / self.change).sqrt().clamp(least, most);
