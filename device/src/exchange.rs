@@ -228,6 +228,7 @@ pub const fn reason_code(reason: Invalid) -> u8 {
         Invalid::Unconfirmed => 18,
         Invalid::Alone => 19,
         Invalid::Unlike => 20,
+        Invalid::Uncertain => 21,
     }
 }
 
@@ -254,6 +255,7 @@ pub const fn reason(code: u8) -> Option<Invalid> {
         18 => Invalid::Unconfirmed,
         19 => Invalid::Alone,
         20 => Invalid::Unlike,
+        21 => Invalid::Uncertain,
         _ => return None,
     })
 }
@@ -410,7 +412,7 @@ mod tests {
             assert_eq!(told(Err(why)), Err(why));
             count += 1;
         }
-        assert_eq!(count, 20);
+        assert_eq!(count, 21);
     }
 
     #[test]

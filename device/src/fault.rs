@@ -282,7 +282,8 @@ impl Faults {
             | Invalid::Refused
             | Invalid::Unconfirmed
             | Invalid::Alone
-            | Invalid::Unlike => {}
+            | Invalid::Unlike
+            | Invalid::Uncertain => {}
         }
     }
 

@@ -32,25 +32,28 @@ use tilt::uncertainty::Uncertainty;
 /// Says of each instant: slope X is as many hundredths of a degree as milliseconds have passed.
 struct Clockwork {
     moment: Result<[f64; 3], Invalid>,
+    /// Of X and Y, 0.001 deg.
+    uncertainty: [f64; 2],
     turned: MeasuredSum,
 }
 
 impl Clockwork {
     fn of(&self, now: Instant) -> Moment {
-        let angle = |deg: f64| {
+        let angle = |deg: f64, uncertainty: f64| {
             self.moment.map(|_| Measurement {
                 angle: Angle::from_degrees(deg),
-                uncertainty: Uncertainty::from_degrees(0.02),
+                uncertainty: Uncertainty::from_degrees(uncertainty * 1e-3),
                 unshared: Uncertainty(0),
                 at: now,
                 latency_us: 0,
             })
         };
+        let [of_x, of_y] = self.uncertainty;
         let steps = |dps: f64| (dps.to_radians() * RATE_STEPS).round() as i32;
         Moment {
             reading: Axes {
-                x: angle(now.0 as f64 * 1e-5),
-                y: angle(-1.5),
+                x: angle(now.0 as f64 * 1e-5, of_x),
+                y: angle(-1.5, of_y),
             },
             rate: self.moment.map(|dps| Rate {
                 rate: dps.map(steps),
@@ -104,6 +107,7 @@ fn parts(moment: Result<[f64; 3], Invalid>) -> Parts<Nothing, Clockwork, Dynamic
         identity,
         Clockwork {
             moment,
+            uncertainty: [19.9; 2],
             turned: MeasuredSum::default(),
         },
         Nothing::NEW,
@@ -197,6 +201,39 @@ fn in_operational_they_count_when_the_slopes_do() {
     assert_eq!(read(&mut parts, 20, 0x2029, 4), reason);
     assert_eq!(read(&mut parts, 20, 0x202A, 4), reason);
     assert_eq!(read(&mut parts, 20, 0x202A, 1), i32::from(NO_RATE));
+}
+
+#[test]
+fn each_axis_keeps_2007h_by_itself_at_the_sync_and_of_the_moment() {
+    let mut parts = parts(Ok([1.0; 3]));
+    parts.channel.uncertainty = [19.9, 499.9];
+    let now = at_ms(20);
+    let reading = parts.channel.of(now).reading;
+    let observation = Observation::from(reading);
+    sync(&mut parts, 20);
+    parts.values.process.measure(&reading, now);
+    parts.values.state = State::Operational;
+    let policy = parts.values.parameters.policy();
+    parts
+        .pair
+        .judge(&observation, &observation, (now, now), policy);
+    let stated = [1, 2].map(|sub| read(&mut parts, 20, 0x2022, sub));
+    for limit in 0..=600_u16 {
+        parts.values.parameters.uncertainty_limit = limit;
+        for axis in [0, 1] {
+            let within = limit == 0 || stated[axis] <= i32::from(limit);
+            let (sub, expected) = (axis as u8 + 1, if within { 0 } else { 21 });
+            assert_eq!(
+                read(&mut parts, 20, 0x2025, sub),
+                expected,
+                "{limit}, {axis}"
+            );
+            let of_moment = read(&mut parts, 20, 0x2029, sub + 3);
+            assert_eq!(of_moment, expected, "{limit}, {axis}");
+            let valid = read(&mut parts, 20, 0x2020, 0) >> axis & 1 == 1;
+            assert_eq!(valid, within, "{limit}, {axis}");
+        }
+    }
 }
 
 #[test]

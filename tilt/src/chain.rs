@@ -78,6 +78,8 @@ pub enum Invalid {
     Alone,
     /// Both channels measure alike and are set to show different angles.
     Unlike,
+    /// The standard uncertainty is above the limit that the user has set.
+    Uncertain,
 }
 
 impl Invalid {
@@ -91,6 +93,7 @@ impl Invalid {
                 | Self::OverRange
                 | Self::NoTemperature
                 | Self::Unconfirmed
+                | Self::Uncertain
         )
     }
 

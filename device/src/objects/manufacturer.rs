@@ -195,7 +195,7 @@ pub const MANUFACTURER: &[Row] = &[
          the temperature jumps, 13 moved alone or gravity of the wrong length, 14 the \
          calibration is damaged, 15 silent, 16 late, 17 the channels differ, 18 the other channel \
          has not been heard, 19 degraded operation is forbidden, 20 presets, offsets or inversion \
-         differ.",
+         differ, 21 the uncertainty is above 2007h.",
     ),
     member(0x2025, 1, "Reason X", Unsigned8, "See sub-index 0.").tpdo(),
     member(0x2025, 2, "Reason Y", Unsigned8, "See sub-index 0.").tpdo(),
@@ -418,18 +418,32 @@ pub const CHECK: &[Row] = &[var(
 .limits(0, 2)
 .value(0)];
 
-/// 2006h, where both channels can be set to show different angles.
-pub const PRESENTATION: &[Row] = &[var(
-    0x2006,
-    "Presentation check",
-    Unsigned8,
-    "1: where presets, offsets or inversion make the two channels show different angles, \
+/// What else an angle has to keep to be valid, as the user decides: 2006h, where both channels can
+/// be set to show different angles, and 2007h, where there is an uncertainty.
+pub const VALIDITY: &[Row] = &[
+    var(
+        0x2006,
+        "Presentation check",
+        Unsigned8,
+        "1: where presets, offsets or inversion make the two channels show different angles, \
          neither is valid. 0: that is meant so.",
-)
-.rw()
-.stored()
-.limits(0, 1)
-.value(1)];
+    )
+    .rw()
+    .stored()
+    .limits(0, 1)
+    .value(1),
+    var(
+        0x2007,
+        "Uncertainty limit",
+        Unsigned16,
+        "Largest standard uncertainty (k = 1) of a valid angle. 0: no limit.",
+    )
+    .rw()
+    .stored()
+    .unit(MILLIDEGREE)
+    .limits(0, UNKNOWN_UNCERTAINTY as i64 - 1)
+    .value(0),
+];
 
 /// 2040h.
 pub const RANGES: &[Row] = &[

@@ -13,7 +13,6 @@
 
 use canopen::object::DataType::{Integer16, Unsigned8, Unsigned16, Unsigned64};
 use canopen::object::{Abort, Address, Number, Value};
-use tilt::angle::Axes;
 use tilt::chain::{Invalid, Measurement, Reading};
 use tilt::composition::Place;
 use tilt::fusion::MeasuredSum;
@@ -155,9 +154,7 @@ impl<M: Memory, S: Source<I>, I: Instrument> DeviceObjects<'_, M, S, I> {
     /// The angle of the moment, X or Y, as far as it may be used: as with the aligned one.
     fn angle_now(&self, axis: usize) -> Result<Measurement, Invalid> {
         let moment = self.parts.moment.as_ref().ok_or(Invalid::NotMeasured)?;
-        let Axes { x, y } = moment.get().reading;
-        let measured = if axis == 0 { x } else { y }?;
-        self.shown().usable().map(|()| measured)
+        self.shown().of(&moment.get().reading, axis).copied()
     }
 
     /// The rates, as far as they may be used: like the angle, but how the slopes are shown makes no

@@ -30,6 +30,8 @@ pub struct Parameters {
     pub degraded: u8,
     /// 2006h: 1 when both channels have to show the same angle as the same number.
     pub alike: u8,
+    /// 2007h: largest standard uncertainty of a valid angle, 0.001 deg; 0: no limit.
+    pub uncertainty_limit: u16,
     /// 2040h: lowest and highest X, lowest and highest Y, 0.001 deg.
     pub range: [i32; 4],
     /// 2050h sub 1.
@@ -76,6 +78,7 @@ impl Parameters {
         latch_s: 0,
         degraded: 0,
         alike: 0,
+        uncertainty_limit: 0,
         range: [0; 4],
         fallback_ms: 0,
         fallback_period_us: 0,
@@ -99,6 +102,7 @@ impl Parameters {
             0x2004 => Place::U16(&mut self.latch_s),
             0x2005 => Place::U8(&mut self.degraded),
             0x2006 => Place::U8(&mut self.alike),
+            0x2007 => Place::U16(&mut self.uncertainty_limit),
             0x2012 => Place::I16(self.safe_received.get_mut(member)?),
             0x2040 => Place::I32(self.range.get_mut(member)?),
             0x2050 if at.sub == 1 => Place::U16(&mut self.fallback_ms),

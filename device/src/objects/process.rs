@@ -22,6 +22,13 @@ use crate::objects::manufacturer::{NO_DIFFERENCE, UNKNOWN_UNCERTAINTY};
 use crate::pair::Pair;
 use crate::profile::state::state_code;
 
+/// Thousandths of a degree in steps of 2^-32 of a circle, of which one has 11 930.46: rounded down,
+/// so that what is within a limit is never shown above it.
+const fn steps(thousandths: u16) -> u32 {
+    let thousandths = thousandths as u32;
+    thousandths * 11_930 + ((thousandths * 118) >> 8)
+}
+
 /// 2021h before the first comparison, and when comparisons have stopped.
 pub const NOT_JUDGED: u8 = 0;
 
@@ -205,23 +212,56 @@ impl<'a, C: Composition> Shown<'a, C> {
         self.pair.usable(self.now, self.values.parameters.policy())
     }
 
+    /// Whether an angle is as certain as 2007h demands. Like [`Shown::usable`], it is shown as
+    /// measured outside OPERATIONAL.
+    fn certain(&self, measured: &Measurement) -> Result<(), Invalid> {
+        let limit = steps(self.values.parameters.uncertainty_limit);
+        let operational = self.values.state == State::Operational;
+        if operational && limit != 0 && measured.uncertainty.0 > limit {
+            return Err(Invalid::Uncertain);
+        }
+        Ok(())
+    }
+
     /// This channel's X or Y for a safety frame, which has neither preset nor offset, and a second
     /// time from the copy that was kept inverted.
     pub fn measured(&self, axis: usize) -> Option<(Angle, Angle)> {
         self.measured_usable().ok()?;
         let Axes { x, y } = &self.values.process.measured;
         let measured = if axis == 0 { x } else { y }.as_ref().ok()?;
+        self.certain(measured).ok()?;
         let inverted = self.values.process.inverted.get(axis)?;
         Some((measured.angle, Angle(!inverted)))
     }
 
-    /// This channel's X or Y as far as it may be used.
-    pub fn own(&self, axis: usize) -> Result<&'a Measurement, Invalid> {
-        let Axes { x, y } = &self.values.process.measured;
+    /// X or Y of a reading of this channel, as far as it may be used.
+    #[cfg_attr(target_pointer_width = "32", inline(never))]
+    pub fn of<'m>(
+        &self,
+        Axes { x, y }: &'m Reading,
+        axis: usize,
+    ) -> Result<&'m Measurement, Invalid> {
         // A channel that measures nothing says why, whatever is found of it.
         let measured = if axis == 0 { x } else { y }.as_ref();
         let measured = measured.map_err(|reason| *reason)?;
-        self.usable().map(|()| measured)
+        self.usable()?;
+        self.certain(measured).map(|()| measured)
+    }
+
+    /// This channel's X or Y as far as it may be used.
+    pub fn own(&self, axis: usize) -> Result<&'a Measurement, Invalid> {
+        self.of(&self.values.process.measured, axis)
+    }
+
+    /// The peer's X and Y as far as they may be used.
+    fn peer(&self) -> [Option<Angle>; 2] {
+        let Some(Axes { x, y }) = self.pair.peer(self.now) else {
+            return [None; 2];
+        };
+        [x, y].map(|axis| {
+            let measured = axis.as_ref().ok()?;
+            self.certain(measured).ok().map(|()| measured.angle)
+        })
     }
 
     /// Slopes X and Y of this channel, then of the peer, without preset and offset.
@@ -229,8 +269,8 @@ impl<'a, C: Composition> Shown<'a, C> {
         if which < 2 {
             return self.own(which).ok().map(|m| m.angle);
         }
-        let Axes { x, y } = self.pair.peer(self.now)?;
-        if which == 2 { x } else { y }.ok().map(|m| m.angle)
+        let [x, y] = self.peer();
+        if which == 2 { x } else { y }
     }
 
     /// [`Shown::slope`] as a preset takes it: a preset is what ends that the two are set to show
@@ -246,15 +286,12 @@ impl<'a, C: Composition> Shown<'a, C> {
     #[cfg_attr(target_pointer_width = "32", inline(never))]
     pub fn validity(&self) -> u8 {
         let Axes { x, y } = self.pair.difference(self.now);
-        let measured = &self.values.process.measured;
-        let may_be_used = self.usable().is_ok();
-        let peer = self.pair.peer(self.now);
-        let peer = peer.map_or((false, false), |peer| (peer.x.is_ok(), peer.y.is_ok()));
+        let [peer_x, peer_y] = self.peer().map(|angle| angle.is_some());
         let flags = [
-            may_be_used && measured.x.is_ok(),
-            may_be_used && measured.y.is_ok(),
-            peer.0,
-            peer.1,
+            self.own(0).is_ok(),
+            self.own(1).is_ok(),
+            peer_x,
+            peer_y,
             x.is_some(),
             y.is_some(),
             self.values.calibrated,
@@ -384,5 +421,7 @@ mod tests {
         assert_eq!(small_thousandths(Angle::from_degrees(-40.0)), -i16::MAX);
         assert_eq!(thousandths(Uncertainty::from_degrees(0.0001)), 1);
         assert_eq!(thousandths(Uncertainty(u32::MAX)), UNKNOWN_UNCERTAINTY - 1);
+        let within = |limit| thousandths(Uncertainty(steps(limit))) <= limit;
+        assert!((0..UNKNOWN_UNCERTAINTY).all(within));
     }
 }

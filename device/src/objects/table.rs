@@ -12,7 +12,7 @@ use canopen::object::{Access, DataType, DefaultKind, Dictionary, Entry, Table, a
 use super::calibration::{CALIBRATION, MOTOR_RUN};
 use super::communication::{COMMUNICATION, PROGRAM};
 use super::manufacturer::{
-    CHECK, CHECK_AS_BUILT, HISTORY, MANUFACTURER, PRESENTATION, RANGES, SAFE_SLOPES, VECTORS,
+    CHECK, CHECK_AS_BUILT, HISTORY, MANUFACTURER, RANGES, SAFE_SLOPES, VALIDITY, VECTORS,
 };
 use super::moment::MOMENT;
 use super::pdo;
@@ -99,7 +99,7 @@ const PARTS: &[(Models, &[Row])] = &[
     (Models::BUT_PAPER, &RESOLUTIONS),
     (Models::BUT_PAPER, LOGICAL.as_flattened().as_flattened()),
     (Models::PAPER, &AS_MEASURED),
-    (Models::BUT_PAPER, PRESENTATION),
+    (Models::BUT_PAPER, VALIDITY),
     (Models::WHOLE, CHECK),
     (Models::BUT_WHOLE, CHECK_AS_BUILT),
     (Models::BUT_PAPER, RANGES),

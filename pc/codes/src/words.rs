@@ -77,6 +77,7 @@ const fn invalid(reason: Invalid) -> &'static str {
         Invalid::Unconfirmed => "not compared with the other channel",
         Invalid::Alone => "degraded operation is forbidden",
         Invalid::Unlike => "the channels are set to show different angles",
+        Invalid::Uncertain => "the uncertainty is above its limit",
     }
 }
 

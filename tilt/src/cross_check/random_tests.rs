@@ -86,6 +86,7 @@ fn any_reason() -> impl Strategy<Value = Invalid> {
         Invalid::Unconfirmed,
         Invalid::Alone,
         Invalid::Unlike,
+        Invalid::Uncertain,
     ])
 }
 

@@ -113,6 +113,7 @@ fn reason_words(reason: Invalid) -> &'static str {
         Invalid::Unconfirmed => "the other channel was not received",
         Invalid::Alone => "the other channel is faulty, and this one must not go on alone",
         Invalid::Unlike => "the channels are set to show different angles",
+        Invalid::Uncertain => "the uncertainty is above its limit",
     }
 }
 

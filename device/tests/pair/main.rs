@@ -2,11 +2,14 @@
 //!
 //! In: a healthy or unhealthy peer, and faults of the device's own. Out: what the bus is told.
 
+mod certainty;
+#[path = "../played/mod.rs"]
 mod played;
 #[expect(
     dead_code,
     reason = "only the memory of the other tests' site is of use here"
 )]
+#[path = "../site/mod.rs"]
 mod site;
 
 use canopen::node::BusState;
@@ -537,7 +540,7 @@ fn an_event_between_two_syncs_left_a_frame_twice_and_shortened_the_period() {
 #[test]
 fn no_safety_frame_goes_out_in_any_fault() {
     type Begin = fn(&mut Pair);
-    let faults: [(&str, Begin); 10] = [
+    let faults: [(&str, Begin); 11] = [
         ("disagreement", |pair| pair.peer.says = tilted(2.0)),
         ("peer faulty", |pair| {
             pair.peer.says = level().refused(Invalid::Stuck)
@@ -560,6 +563,9 @@ fn no_safety_frame_goes_out_in_any_fault() {
         ("frames late", |pair| pair.blocked = true),
         ("outside the range", |pair| {
             pair.write(at(0x2040, 1), Value::i32(10_000));
+        }),
+        ("above the uncertainty limit", |pair| {
+            pair.write(at(0x2007, 0), Value::u16(1));
         }),
     ];
     for (name, begin) in faults {
