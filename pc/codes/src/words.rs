@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn the_document_s_reasons_are_these() {
-        let rows = table("| reason | | reason | |");
+        let rows = table("| reason | | reason | | reason | |");
         let cells = rows.iter().flat_map(|row| row.chunks(2));
         let mut listed: Vec<_> = cells.map(|c| (c[0].parse::<u8>().unwrap(), c[1])).collect();
         listed.sort_unstable();
