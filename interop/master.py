@@ -32,6 +32,9 @@ MODE = os.environ.get("PLUMB_MODE", "product")
 # The data sheets of what is served: the virtual instrument has the objects of both.
 SHEETS = "plumb-paper" if EMULATED and MODE == "paper" else "plumb"
 
+# The instrument's own data sheets: a master of the product's uses that with a gyroscope unchanged.
+OWN_SHEETS = "plumb-dynamic" if MODE == "dynamic" else SHEETS
+
 # It warns whenever a piece of TCP ends within a frame, which is no fault.
 logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
 
@@ -118,7 +121,9 @@ class Plumb:
 class Master(can.Listener):
     """A client of the bus with an SDO client for each node; keeps what it receives."""
 
-    def __init__(self, plumb: Plumb, nodes: Iterable[int] = (1, 2)) -> None:
+    def __init__(
+        self, plumb: Plumb, nodes: Iterable[int] = (1, 2), sheets: str = SHEETS
+    ) -> None:
         self.frames: list[can.Message] = []
         self.network = canopen.Network()
         self.network.listeners.append(self)
@@ -126,8 +131,8 @@ class Master(can.Listener):
             interface="socketcand", host="127.0.0.1", port=plumb.port, channel="plumb"
         )
         self.network.connect(**self.address)
-        sheets = [ROOT / "eds" / f"{SHEETS}-{channel}.eds" for channel in "ba"]
-        self.nodes = {id: self.network.add_node(id, str(sheets[id % 2])) for id in nodes}
+        paths = [ROOT / "eds" / f"{sheets}-{channel}.eds" for channel in "ba"]
+        self.nodes = {id: self.network.add_node(id, str(paths[id % 2])) for id in nodes}
         for node in self.nodes.values():
             node.sdo.RESPONSE_TIMEOUT = 5.0
 

@@ -9,10 +9,11 @@ from typing import Callable, Iterator, NamedTuple
 import canopen
 import pytest
 from canopen.objectdictionary import ODVariable, datatypes, eds
-from master import EMULATED, MODE, ROOT, SHEETS, Master, Plumb
+from master import EMULATED, MODE, OWN_SHEETS, ROOT, Master, Plumb
 
 NO_DATA = 0x0800_0024
-PAPER = SHEETS == "plumb-paper"
+PAPER = OWN_SHEETS == "plumb-paper"
+DYNAMIC = OWN_SHEETS == "plumb-dynamic"
 # The virtual instrument in the paper's mode lets a tool choose (docs/canopen.md).
 BOTH_RULES = MODE == "paper" and not EMULATED
 CHANNELS = {1: "a", 2: "b"}
@@ -35,7 +36,7 @@ class Row(NamedTuple):
 def rows() -> dict[tuple[int, int], Row]:
     """Every object of docs/objects.md, or of the paper's page."""
     table = {}
-    for line in (ROOT / "docs" / SHEETS.replace("plumb", "objects")).with_suffix(".md").read_text().splitlines():
+    for line in (ROOT / "docs" / OWN_SHEETS.replace("plumb", "objects")).with_suffix(".md").read_text().splitlines():
         cells = [cell.strip() for cell in line.split("|")[1:-1]]
         if len(cells) != 12 or not re.fullmatch("[0-9A-F]{4}", cells[0]):
             continue
@@ -65,7 +66,7 @@ def number(text: str, node: int) -> int:
 @pytest.fixture(scope="module")
 def fresh() -> Iterator[Master]:
     """Both nodes as delivered; nothing is written to them."""
-    with Plumb() as plumb, Master(plumb) as master:
+    with Plumb() as plumb, Master(plumb, sheets=OWN_SHEETS) as master:
         yield master
 
 
@@ -184,7 +185,7 @@ def by_the_book(
 @pytest.mark.parametrize("order", [ascending, by_the_book])
 def test_every_default_can_be_written_back(order: Callable) -> None:
     """A tool that downloads the whole sheet must not be stopped by what was delivered."""
-    with Plumb() as plumb, Master(plumb) as master:
+    with Plumb() as plumb, Master(plumb, sheets=OWN_SHEETS) as master:
         for node in CHANNELS:
             objects = variables(master.nodes[node].object_dictionary)
             writable = {at: v for at, v in sorted(objects.items()) if v.writable}
@@ -214,7 +215,7 @@ def test_a_number_without_a_default_has_an_empty_key(node: int) -> None:
     """Where it is missing a widespread master has no size for the number, and fails. Of numbers of
     24 bit it refuses any value, and of a DOMAIN an empty value is a content."""
     for ending in ("eds", "dcf"):
-        text = (ROOT / "eds" / f"{SHEETS}-{CHANNELS[node]}.{ending}").read_text()
+        text = (ROOT / "eds" / f"{OWN_SHEETS}-{CHANNELS[node]}.{ending}").read_text()
         empty = 0
         for section in re.split(r"^\[", text, flags=re.M):
             keys = dict(re.findall(r"^(\w+)=(.*)$", section, re.M))
@@ -243,12 +244,13 @@ def test_the_device_information_is_the_device_s(fresh: Master, node: int) -> Non
     assert about.product_number == fresh.read(node, 0x1018, 2)
     assert about.revision_number == fresh.read(node, 0x1018, 3)
     assert about.LSS_supported != PAPER
-    assert (about.nr_of_TXPDO, about.nr_of_RXPDO) == (4, 2 if PAPER else 4)
+    tpdos = 7 if DYNAMIC else 4
+    assert (about.nr_of_TXPDO, about.nr_of_RXPDO) == (tpdos, 2 if PAPER else 4)
     assert about.allowed_baudrates == {k * 1000 for k in (10, 20, 50, 125, 250, 500, 800, 1000)}
 
 
 def test_the_configuration_files_name_node_and_bit_rate(node: int) -> None:
-    path = ROOT / "eds" / f"{SHEETS}-{CHANNELS[node]}.dcf"
+    path = ROOT / "eds" / f"{OWN_SHEETS}-{CHANNELS[node]}.dcf"
     dictionary = eds.import_eds(str(path), None)
     assert (dictionary.node_id, dictionary.bitrate) == (node, 250_000)
     loaded, sheet = variables(dictionary), variables(
@@ -260,7 +262,7 @@ def test_the_configuration_files_name_node_and_bit_rate(node: int) -> None:
 @pytest.mark.sheets("no safety, and no presets")
 def test_safety_keys_are_in_the_sheet(node: int) -> None:
     """python-canopen doesn't know them; a safety tool does (EN 50325-5)."""
-    text = pathlib.Path(ROOT / "eds" / f"{SHEETS}-{CHANNELS[node]}.eds").read_text()
+    text = pathlib.Path(ROOT / "eds" / f"{OWN_SHEETS}-{CHANNELS[node]}.eds").read_text()
     assert re.search("^CANopenSafetySupported=1$", text, re.M)
     slope = text.partition("[6210]")[2].partition("[")[0]
     assert "SRDOMapping=1" in slope and "InvertedSRAD=0x621100" in slope
@@ -273,3 +275,5 @@ def test_pdos_decode_by_the_sheet(fresh: Master, node: int) -> None:
     names = [variable.name for variable in remote.tpdo[1]]
     assert names == ["Slope long16", "Slope lateral16", "Validity", "State of the pair"]
     assert [len(remote.tpdo[n]) for n in (2, 3, 4)] == [6, 4, 5]
+    if DYNAMIC:
+        assert [len(remote.tpdo[n]) for n in (5, 6, 7)] == [5, 4, 5]
