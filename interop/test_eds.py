@@ -9,7 +9,7 @@ from typing import Callable, Iterator, NamedTuple
 import canopen
 import pytest
 from canopen.objectdictionary import ODVariable, datatypes, eds
-from master import EMULATED, MODE, OWN_SHEETS, ROOT, Master, Plumb
+from master import EMULATED, MODE, OWN_SHEETS, ROOT, Master, Plumb, until
 
 NO_DATA = 0x0800_0024
 PAPER = OWN_SHEETS == "plumb-paper"
@@ -65,8 +65,10 @@ def number(text: str, node: int) -> int:
 
 @pytest.fixture(scope="module")
 def fresh() -> Iterator[Master]:
-    """Both nodes as delivered; nothing is written to them."""
+    """Both nodes as delivered, with valid angles; nothing is written to them."""
     with Plumb() as plumb, Master(plumb, sheets=OWN_SHEETS) as master:
+        for id in master.nodes:
+            until(lambda: master.read(id, 0x2020) & 0x03, f"angles of node {id}", 10)
         yield master
 
 
