@@ -100,14 +100,7 @@ fn lay_out(workspace: &Workspace, library: &Path) -> Result<PathBuf, PythonError
     for folder in [&package, &about] {
         fs::create_dir_all(folder).map_err(|error| PythonError::File(folder.clone(), error))?;
     }
-    let sources = workspace.root().join("python").join("plumb");
-    let failed = |error| PythonError::File(sources.clone(), error);
-    for entry in fs::read_dir(&sources).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        if entry.path().is_file() {
-            copy(&entry.path(), &package.join(entry.file_name()))?;
-        }
-    }
+    copy_all(&workspace.root().join("python").join("plumb"), &package)?;
     copy(library, &package.join(native()))?;
     for (name, text) in [("METADATA", METADATA), ("entry_points.txt", ENTRY_POINTS)] {
         let path = about.join(name);
@@ -123,6 +116,22 @@ const fn native() -> &'static str {
     } else {
         "_plumb.abi3.so"
     }
+}
+
+/// Copies the files of a folder, and of the folders in it but Python's own.
+fn copy_all(from: &Path, to: &Path) -> Result<(), PythonError> {
+    let failed = |error| PythonError::File(from.to_path_buf(), error);
+    fs::create_dir_all(to).map_err(|error| PythonError::File(to.to_path_buf(), error))?;
+    for entry in fs::read_dir(from).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let (path, name) = (entry.path(), entry.file_name());
+        if path.is_file() {
+            copy(&path, &to.join(name))?;
+        } else if name != "__pycache__" {
+            copy_all(&path, &to.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), PythonError> {
