@@ -30,6 +30,54 @@ def sql(name: str) -> str:
     return importlib.resources.files(__package__).joinpath(f"queries/{name}.sql").read_text()
 
 
+class Figures:
+    """The figures in a folder, opened for questions; close it, or use it in a `with`.
+
+    Errors: `FleetError` where the folder has none.
+    """
+
+    def __init__(self, out: str | os.PathLike[str]) -> None:
+        import duckdb
+
+        folder = pathlib.Path(out)
+        tables = {
+            "figures": _figures(folder),
+            "machines": _one(folder / "machines.parquet", MACHINES),
+            "logs": _one(folder / "logs.parquet", LEDGER),
+        }
+        self._refusal = duckdb.Error
+        self._today = max(path.name.removeprefix("day=") for path in folder.glob("figures/day=*"))
+        self._base = duckdb.connect()
+        for name, table in tables.items():
+            self._base.register(name, table)
+        self._base.execute(sql("views"))
+
+    def ask(self, question: str, **parameters: Any) -> pyarrow.Table:
+        """The answer to a question of `QUESTIONS`, or to SQL; see `query`."""
+        text = sql(question) if question in QUESTIONS else question
+        given = {"recent_days": 7, "least_days": 5, "band_deg": None, "today": self._today}
+        given |= parameters
+        used = {name: given[name] for name in set(re.findall(r"\$(\w+)", text)) & set(given)}
+        try:
+            return self._base.sql(text, params=used or None).to_arrow_table()
+        except (self._refusal, AttributeError) as why:
+            raise FleetError(f"DuckDB refuses the question: {_short(why)}") from None
+
+    def rows(self, question: str, **parameters: Any) -> list[dict[str, Any]]:
+        """The same as a list of rows."""
+        return self.ask(question, **parameters).to_pylist()
+
+    def close(self) -> None:
+        """Lets the folder go."""
+        self._base.close()
+
+    def __enter__(self) -> Figures:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
 def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyarrow.Table:
     """Asks the figures in a folder: the name of a question, or SQL.
 
@@ -37,25 +85,8 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
     with data, `recent_days` 7, `least_days` 5 and `band_deg` null.
     Errors: `FleetError` where the folder has no figures, or DuckDB refuses the SQL.
     """
-    import duckdb
-
-    folder = pathlib.Path(out)
-    text = sql(question) if question in QUESTIONS else question
-    with duckdb.connect() as base:
-        tables = [_figures(folder), _one(folder / "machines.parquet", MACHINES)]
-        tables.append(_one(folder / "logs.parquet", LEDGER))
-        for name, table in zip(("figures", "machines", "logs"), tables):
-            base.register(name, table)
-        try:
-            base.execute(sql("views"))
-            given = {"recent_days": 7, "least_days": 5, "band_deg": None} | parameters
-            if "today" not in given:
-                given["today"] = _last_day(folder)
-            used = set(re.findall(r"\$(\w+)", text))
-            used_ones = {name: value for name, value in given.items() if name in used}
-            return base.sql(text, params=used_ones or None).to_arrow_table()
-        except duckdb.Error as why:
-            raise FleetError(f"DuckDB refuses the question: {_short(why)}") from None
+    with Figures(out) as figures:
+        return figures.ask(question, **parameters)
 
 
 def _figures(folder: pathlib.Path) -> Any:
@@ -69,7 +100,3 @@ def _one(path: pathlib.Path, schema: pyarrow.Schema) -> Any:
     if not path.exists():
         return schema.empty_table()
     return pyarrow.dataset.dataset(str(path), schema=schema, format="parquet")
-
-
-def _last_day(folder: pathlib.Path) -> str:
-    return max(path.name.removeprefix("day=") for path in folder.glob("figures/day=*"))

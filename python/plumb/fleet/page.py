@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import _plumb
-from .asking import query
+from .asking import Figures
 from .store import Store
-from .visits import Rules, Visit, visits
+from .visits import Rules, Visit
+from .visits import found as visits
 
 FORMAT = "plumb-fleet"
 VERSION = 1
@@ -49,11 +50,12 @@ def folder_of(machine: str) -> str:
 
 def write(store: Store, rules: Rules, lines: list[Row]) -> Made:
     """Makes the page of what the folder holds; the pages of machines stand before it."""
-    found = visits(store.folder, rules)
+    with Figures(store.folder) as figures:
+        found = visits(figures, rules)
+        report = _report(figures, rules, found, lines)
     for visit in found:
         target = store.folder / "machines" / folder_of(visit.machine)
         _plumb.report(_plumb.merge(store.summaries(visit.machine)), str(target), None)
-    report = _report(store.folder, rules, found, lines)
     html, _ = _plumb.fleet_page(json.dumps(report).encode(), str(store.folder))
     _remove_others(store.folder / "machines", {folder_of(visit.machine) for visit in found})
     return Made(pathlib.Path(html), report["verdict"], [visit.machine for visit in found])
@@ -66,12 +68,12 @@ def _remove_others(folder: pathlib.Path, wanted: set[str]) -> None:
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
-def _report(out: pathlib.Path, rules: Rules, found: list[Visit], lines: list[Row]) -> Row:
+def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Row]) -> Row:
     def ask(question: str) -> list[Row]:
-        return query(out, question, **rules.parameters()).to_pylist()
+        return figures.rows(question, **rules.parameters())
 
-    [total] = query(out, TOTAL).to_pylist()
-    known = {row["machine"]: row for row in query(out, KNOWN).to_pylist()}
+    [total] = figures.rows(TOTAL)
+    known = {row["machine"]: row for row in figures.rows(KNOWN)}
     bad = [line for line in lines if line["status"] in ("failed", "incomplete")]
     return {
         "format": FORMAT,
@@ -84,9 +86,9 @@ def _report(out: pathlib.Path, rules: Rules, found: list[Visit], lines: list[Row
         "visits": [_visit(visit, known.get(visit.machine, {})) for visit in found],
         "sections": [
             _faults(ask("faults")),
-            _drift(out, ask("drift")),
-            _histories(out, ask("histories")),
-            _calibration(out, ask("calibration")),
+            _drift(figures, ask("drift")),
+            _histories(figures, ask("histories")),
+            _calibration(figures, ask("calibration")),
             _restarts(ask("restarts"), ask("silent")),
             _logs(lines),
         ],
@@ -189,14 +191,18 @@ def _faults(rows: list[Row]) -> Row:
         ("Incidents per hour", _of("incidents_per_hour"), 3),
     ]
     tables = []
-    for key, title in [("model", "By model"), ("firmware", "By firmware"), ("machine", "By machine")]:
+    for key in ("model", "firmware", "machine"):
         own = [row for row in rows if row["grouped_by"] == key]
-        note = "Both channels report most faults; an incident counts once." if not tables else ""
-        tables.append(_table(title, own, columns, note))
+        note = "Both channels report most faults; an incident counts once."
+        if key == "machine":
+            some = [row for row in own if row["warnings"] or row["faults"]]
+            note = f"{len(own) - len(some)} machines have neither warnings nor faults."
+            own = some
+        tables.append(_table(f"By {key}", own, columns, note))
     return _section("Warnings and faults per hour", [], tables)
 
 
-def _drift(out: pathlib.Path, rows: list[Row]) -> Row:
+def _drift(figures: Figures, rows: list[Row]) -> Row:
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Instrument", _of("instrument"), 0),
@@ -209,11 +215,11 @@ def _drift(out: pathlib.Path, rows: list[Row]) -> Row:
         ("Leaves it on", _leaves, None),
     ]
     moving = [row for row in rows if row["outside"] or row["significant"]]
-    text = ["A line through the daily means of A \u2212 B. A drift is listed where it exceeds three "
+    text = ["A line through the daily means of A \u2212 B. A drift is listed where it exceeds four "
             "standard errors, or the difference is outside its band."]
     if not moving:
         text = ["No machine has a difference that drifts or is outside its band."]
-    charts = _drawn(out, moving)
+    charts = _drawn(figures, moving)
     return _section("Drift of A \u2212 B", text, [_table("Drift", moving, columns)], charts)
 
 
@@ -230,9 +236,9 @@ MEANS = """select date_diff('day', (select min(date) from machine_days), date) a
     from machine_days order by date"""
 
 
-def _drawn(out: pathlib.Path, moving: list[Row]) -> list[Row]:
+def _drawn(figures: Figures, moving: list[Row]) -> list[Row]:
     """The first of them over time, all in one chart's manner."""
-    points = query(out, MEANS).to_pylist()
+    points = figures.rows(MEANS)
     keys = ("machine", "interface", "instrument")
     charts = []
     for row in moving[:DRAWN]:
@@ -263,7 +269,7 @@ def _names(points: list[Row]) -> list[list[Any]]:
     return [[point["t"], point["date"].isoformat()[5:]] for point in points[::step]]
 
 
-def _histories(out: pathlib.Path, rows: list[Row]) -> Row:
+def _histories(figures: Figures, rows: list[Row]) -> Row:
     by_machine: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         key = (row["machine"], row["interface"], row["instrument"])
@@ -280,7 +286,7 @@ def _histories(out: pathlib.Path, rows: list[Row]) -> Row:
     ]
     note = "Vibration is the energy above 150 Hz, in multiples of the channel's own noise."
     table = _table("The most vibration first", spans, columns, note)
-    return _section("Temperature and vibration", [], [table], _over_days(out))
+    return _section("Temperature and vibration", [], [table], _over_days(figures))
 
 
 def _span(rows: list[Row]) -> Row:
@@ -306,9 +312,9 @@ SPREAD = """select date_diff('day', min(date) over (), date) as t, date,
     from machine_days group by date order by date"""
 
 
-def _over_days(out: pathlib.Path) -> list[Row]:
+def _over_days(figures: Figures) -> list[Row]:
     """Temperature and vibration of the whole fleet, day by day."""
-    days = query(out, SPREAD).to_pylist()
+    days = figures.rows(SPREAD)
     charts = []
     for name, unit in [("temperature", "degC"), ("vibration", "times the own noise")]:
         keys = ("t", f"{name}_least", f"{name}_most")
@@ -327,7 +333,7 @@ def _over_days(out: pathlib.Path) -> list[Row]:
     return charts
 
 
-def _calibration(out: pathlib.Path, rows: list[Row]) -> Row:
+def _calibration(figures: Figures, rows: list[Row]) -> Row:
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Due", _of("due"), None),
@@ -335,7 +341,7 @@ def _calibration(out: pathlib.Path, rows: list[Row]) -> Row:
         ("Check sum", lambda row: "another" if row["other_calibration"] else "matches", None),
         ("Report", lambda row: "another" if row["other_report"] else "matches", None),
     ]
-    [known] = query(out, "select count(*) as n from machines").to_pylist()
+    [known] = figures.rows("select count(*) as n from machines")
     if rows:
         text = ["Overdue, or not the calibration of the certificate in the manifest."]
     elif known["n"]:

@@ -98,6 +98,7 @@ def run(
         machines = store.machines() | found.machines
         store.write_machines(machines)
         store.write_ledger(lines)
+        store.end_journal()
         made = page.write(store, rules, lines)
     return _outcome(made, lines, days, len(todo), len(entries))
 
@@ -132,13 +133,12 @@ def _finished(
 ) -> tuple[list[layout.Log], list[filing.Entry]]:
     """The logs that have to be read, and those that are finished."""
     todo, entries = [], []
-    ledger = store.ledger()
+    ledger = store.ledger() | store.journal()
     for log in found.logs:
         line = ledger.get(log.url, {})
-        same = line.get("stamp") and (line["stamp"], line["size"], line["key"]) == (
-            log.stamp, log.size, how.key,
-        )
-        known = store.get(line["sha256"], log.url) if same else None
+        seen = [line.get(name) for name in ("stamp", "size", "key")]
+        same = log.stamp != "" and seen == [log.stamp, log.size, how.key]
+        known = store.get(line.get("sha256"), log.url) if same else None
         if known is None:
             todo.append(log)
         else:
@@ -171,8 +171,9 @@ def _read(
         if isinstance(outcome, Exception):
             sentence = f"{work.HERE} can't be read: {outcome}"
             outcome = [work.Read(log.url, None, False, error=sentence) for log in group]
-        for result in outcome:
+        for log, result in zip(group, outcome):
             store.put(result)
+            store.note(log, result, how.key)
             results[result.url] = filing.without_summary(result)
         done += sum(log.size for log in group)
         progress("reading", len(results), len(todo), done, total)

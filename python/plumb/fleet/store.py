@@ -30,7 +30,7 @@ import pyarrow
 import pyarrow.parquet
 
 from .errors import FleetError
-from .layout import ABOUT, _short
+from .layout import ABOUT, Log, _short
 from .work import Read, unpack
 
 LEDGER = pyarrow.schema(
@@ -57,6 +57,8 @@ SUMMARIES = pyarrow.schema(
     [(name, pyarrow.string()) for name in ("machine", "day")] + [("summary", pyarrow.binary())]
 )
 """Columns of the summaries."""
+
+JOURNAL = ".journal"
 
 FORMAT = "1"
 """Version of the tables."""
@@ -128,6 +130,30 @@ class Store:
             return {}
         table = _read_table(path)
         return {row["log"]: row for row in table.to_pylist()}
+
+    def note(self, log: Log, result: Read, key: str) -> None:
+        """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
+        if not result.settled or result.sha256 is None:
+            return
+        line = {"log": log.url, "stamp": log.stamp, "size": log.size, "key": key}
+        line["sha256"] = result.sha256
+        with (self.folder / JOURNAL).open("a", encoding="utf-8", errors="surrogateescape") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def journal(self) -> dict[str, dict[str, Any]]:
+        """The logs of a run that was interrupted; a line that was cut is left out."""
+        path = self.folder / JOURNAL
+        found: dict[str, dict[str, Any]] = {}
+        if path.exists():
+            for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
+                with contextlib.suppress(ValueError, KeyError, TypeError):
+                    line = json.loads(text)
+                    found[line["log"]] = line
+        return found
+
+    def end_journal(self) -> None:
+        """The lines of the run are written: the journal has ended."""
+        (self.folder / JOURNAL).unlink(missing_ok=True)
 
     def write_ledger(self, lines: list[dict[str, Any]]) -> None:
         """Writes the lines, in the order of the logs."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .asking import query
+from .asking import Figures
 
 
 @dataclass(frozen=True)
@@ -79,27 +79,29 @@ class Visit:
 
 def visits(out: str | os.PathLike[str], rules: Rules = Rules()) -> list[Visit]:
     """The machines of the folder `out` that need a visit, the most urgent first."""
+    with Figures(out) as figures:
+        return found(figures, rules)
+
+
+def found(figures: Figures, rules: Rules) -> list[Visit]:
+    """The same of figures that are open."""
     reasons: dict[str, list[Reason]] = defaultdict(list)
     for judge in (_faults, _silence, _drift, _calibration, _restarts):
-        for machine, kind, text in judge(out, rules):
+        for machine, kind, text in judge(figures, rules):
             reasons[machine].append(Reason(machine, kind, URGENCY[kind], text))
-    found = [
+    all_of_them = [
         Visit(machine, tuple(sorted(set(why), key=lambda one: (-one.urgency, one.text))))
         for machine, why in reasons.items()
     ]
     key = lambda visit: (-visit.urgency, -len(visit.reasons), visit.machine)  # noqa: E731
-    return sorted(found, key=key)
+    return sorted(all_of_them, key=key)
 
 
 Found = Iterator[tuple[str, str, str]]
 
 
-def _rows(out: str | os.PathLike[str], question: str, rules: Rules) -> list[dict[str, Any]]:
-    return query(out, question, **rules.parameters()).to_pylist()
-
-
-def _faults(out: str | os.PathLike[str], rules: Rules) -> Found:
-    for row in _rows(out, "standing", rules):
+def _faults(figures: Figures, rules: Rules) -> Found:
+    for row in figures.rows("standing", **rules.parameters()):
         if row["standing"]:
             text = f"a fault stands at the end of {row['last_day']}: {row['standing_text']}"
             yield row["machine"], "fault", text
@@ -108,15 +110,15 @@ def _faults(out: str | os.PathLike[str], rules: Rules) -> Found:
             yield row["machine"], "fault", text
 
 
-def _silence(out: str | os.PathLike[str], rules: Rules) -> Found:
-    for row in _rows(out, "silent", rules):
+def _silence(figures: Figures, rules: Rules) -> Found:
+    for row in figures.rows("silent", **rules.parameters()):
         if row["silent_now"] >= rules.silent_days:
             text = f"no data for {row['silent_now']} days, since {row['last_day']}"
             yield row["machine"], "silent", text
 
 
-def _drift(out: str | os.PathLike[str], rules: Rules) -> Found:
-    for row in _rows(out, "drift", rules):
+def _drift(figures: Figures, rules: Rules) -> Found:
+    for row in figures.rows("drift", **rules.parameters()):
         axis = f"A \u2212 B of slope {row['axis'].upper()}"
         slope = f"{row['deg_per_day']:+.4f} \u00b1 {2 * row['deg_per_day_error']:.4f} deg/day"
         if row["outside"]:
@@ -133,8 +135,8 @@ def _days_until(row: dict[str, Any]) -> int:
     return until.days
 
 
-def _calibration(out: str | os.PathLike[str], rules: Rules) -> Found:
-    for row in _rows(out, "calibration", rules):
+def _calibration(figures: Figures, rules: Rules) -> Found:
+    for row in figures.rows("calibration", **rules.parameters()):
         if row["other_calibration"]:
             yield row["machine"], "hash", "the calibration is not that of its certificate"
         elif row["other_report"]:
@@ -143,8 +145,8 @@ def _calibration(out: str | os.PathLike[str], rules: Rules) -> Found:
             yield row["machine"], "overdue", f"the calibration was due on {row['due']}"
 
 
-def _restarts(out: str | os.PathLike[str], rules: Rules) -> Found:
-    for row in _rows(out, "restarts", rules):
+def _restarts(figures: Figures, rules: Rules) -> Found:
+    for row in figures.rows("restarts", **rules.parameters()):
         if (row["recent_restarts"] or 0) >= rules.restarts:
             text = f"{row['recent_restarts']} restarts in the last {rules.recent_days} days"
             yield row["machine"], "restarts", text

@@ -3,7 +3,7 @@
 -- Parameters: $band_deg, half the width of the band, null for the expanded uncertainty of the
 -- difference (k = 2) out of the standard uncertainties that the nodes have sent; $least_days,
 -- days that a line needs.
--- A drift is significant beyond three standard errors. leaves_on is null where it is not, and
+-- A drift is significant beyond four standard errors. leaves_on is null where it is not, and
 -- where it goes towards zero; the earliest and the latest day are those of two standard errors.
 with axes as (
     select machine, interface, instrument, date, 'x' as axis, difference_x_count as syncs,
@@ -33,7 +33,7 @@ lines as (
     from sums
 ),
 judged as (
-    select *, abs(slope) > 3 * error as significant, abs(level_deg) > band_deg as outside,
+    select *, abs(slope) > 4 * error as significant, abs(level_deg) > band_deg as outside,
         sign(slope) * band_deg - level_deg as way
     from lines
 ),
