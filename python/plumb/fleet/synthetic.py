@@ -106,7 +106,7 @@ def machines(count: int, days: int, seed: int) -> list[Machine]:
         since = draw.randrange(days // 3, max(days // 3 + 1, 2 * days // 3))
         if kind == "broken":
             since = draw.randrange(days // 2, days)
-        drift_mg = draw.choice((-1, 1)) * draw.uniform(4, 8) / days if kind == "drift" else 0.0
+        drift_mg = draw.choice((-1, 1)) * draw.uniform(1.5, 6) / days if kind == "drift" else 0.0
         name = f"machine {number + 1:03}"
         model = draw.choice(MODELS)
         drawn.append(Machine(name, draw.randrange(2**31), kind, since, drift_mg, model))

@@ -28,6 +28,9 @@ from .layout import Log, _short
 PIECE = 1 << 20
 """Bytes that are read at once."""
 
+BESIDE = 4 << 20
+"""Files of this size and more are hashed beside being counted, where a processor is free."""
+
 SETTLED_S = 2.0
 """A file that was written less than this before it was read may be written again unseen."""
 
@@ -101,15 +104,23 @@ def read_all(logs: list[Log], how: How) -> list[Read]:
 
 def _read_local(log: Log, how: How) -> Read:
     before = os.stat(log.url)
-    with concurrent.futures.ThreadPoolExecutor(1) as beside:
-        sha256 = beside.submit(_hash, log.url)
-        counted = _count(log.url, how)
+    sha256, counted = _hash_and_count(log.url, before.st_size, how)
     after = os.stat(log.url)
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         error = f"{HERE} is being written: the next run counts it"
         return Read(log.url, None, False, error=error)
     settled = time.time() - after.st_mtime > SETTLED_S and str(after.st_mtime) == log.stamp
-    return Read(log.url, sha256.result(), settled, **counted)
+    return Read(log.url, sha256, settled, **counted)
+
+
+def _hash_and_count(path: str, size: int, how: How) -> tuple[str, dict[str, Any]]:
+    """Both at once where that is worth a thread."""
+    if size < BESIDE:
+        return _hash(path), _count(path, how)
+    with concurrent.futures.ThreadPoolExecutor(1) as beside:
+        sha256 = beside.submit(_hash, path)
+        counted = _count(path, how)
+        return sha256.result(), counted
 
 
 def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
