@@ -7,6 +7,7 @@
 //! own, since cargo chooses other features for a package alone.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::{env, fmt, fs, io};
 
 use crate::built;
@@ -17,6 +18,9 @@ use crate::workspace::{Workspace, remove_folder};
 
 /// The packages of the tests, each with its exact release.
 const REQUIREMENTS: &str = "python/requirements.txt";
+
+/// The same with Spark.
+const SPARK_REQUIREMENTS: &str = "python/spark-requirements.txt";
 
 /// The same for the wheel alone.
 const WHEEL_REQUIREMENTS: &str = "python/wheel-requirements.txt";
@@ -76,11 +80,51 @@ impl From<CommandError> for PythonError {
 /// The count stands in `tally` even when a test fails. Errors: see [`PythonError`].
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
     let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
+    tests(workspace, &python, "python/tests", tally)
+}
+
+/// Runs the tests of the fleet on Spark, which needs Java, in an environment of their own.
+///
+/// Errors: see [`PythonError`].
+pub fn spark(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
+    let python = environment::python(workspace, SPARK_REQUIREMENTS, "spark-venv")?;
+    tests(workspace, &python, "python/tests/spark_fleet.py", tally)
+}
+
+/// Measures the fleet and writes the last section of `docs/fleet.md`; logs and results stay in
+/// `target/fleet` until all is done.
+///
+/// Errors: see [`PythonError`].
+pub fn fleet(workspace: &Workspace) -> Result<(), PythonError> {
+    let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
+    let work = workspace.target().join("fleet");
+    let words = ["python/tests/bench_fleet.py", "--write", "docs/fleet.md"];
+    let mut bench = workspace.program(&python.to_string_lossy(), &words);
+    bench.arg(&work);
+    equip(workspace, &mut bench)?;
+    command::pass(bench)?;
+    remove_folder(&work).map_err(|error| PythonError::File(work, error))
+}
+
+/// Lays the package out for a command, and tells it where that and the program are.
+fn equip(workspace: &Workspace, command: &mut Command) -> Result<(), PythonError> {
     let program = built::binary(workspace, "plumb")?;
     let library = built::library(workspace, "_plumb")?;
     let package = lay_out(workspace, &library)?;
-    let mut tests = pytest::command(workspace, &python, "python/tests");
-    tests.env("PYTHONPATH", package).env("PLUMB", program);
+    command.env("PYTHONPATH", package).env("PLUMB", program);
+    command.env("PYTHONDONTWRITEBYTECODE", "1");
+    Ok(())
+}
+
+/// Runs a file or a folder of tests on the package.
+fn tests(
+    workspace: &Workspace,
+    python: &Path,
+    which: &str,
+    tally: &mut Tally,
+) -> Result<(), PythonError> {
+    let mut tests = pytest::command(workspace, python, which);
+    equip(workspace, &mut tests)?;
     let (counted, last, outcome) = pytest::run(tests);
     println!("      {last}");
     *tally = tally.plus(counted);

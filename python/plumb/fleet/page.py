@@ -215,8 +215,8 @@ def _drift(figures: Figures, rows: list[Row]) -> Row:
         ("Leaves it on", _leaves, None),
     ]
     moving = [row for row in rows if row["outside"] or row["significant"]]
-    text = ["A line through the daily means of A \u2212 B. A drift is listed where it exceeds four "
-            "standard errors, or the difference is outside its band."]
+    text = ["A line through the daily means of A \u2212 B. A drift is listed where chance gives "
+            "such a one in fewer than one of 10 000 lines, or the difference is outside its band."]
     if not moving:
         text = ["No machine has a difference that drifts or is outside its band."]
     charts = _drawn(figures, moving)

@@ -64,7 +64,7 @@ def run(
     *,
     pattern: str = layout.PATTERN,
     manifest: str | os.PathLike[str] | None = None,
-    scheduler: str | None = None,
+    scheduler: str | schedulers.Place | None = None,
     workers: int | None = None,
     nodes: Iterable[int] = (),
     eds: Iterable[str] = (),
@@ -74,8 +74,9 @@ def run(
     """Counts the logs of a fleet into the folder `out`; what is finished there is not done again.
 
     `logs` is a folder or an fsspec URL, `pattern` tells machine and day out of the paths below it,
-    or `manifest` is a Parquet table of them. `scheduler` is the address of a Dask scheduler; without
-    one `workers` processes of this machine are used, by default one for each processor.
+    or `manifest` is a Parquet table of them. `scheduler` is the address of a Dask scheduler, or
+    what has a `map` as `schedulers.Place`; without one `workers` processes of this machine are
+    used, by default one for each processor.
     Errors: `FleetError` with one sentence; what was there before is still there.
     """
     folder = pathlib.Path(out)

@@ -14,7 +14,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from typing import Any, Protocol
 
 from .errors import FleetError
 from .layout import _short
@@ -32,6 +32,18 @@ ANSWER_S = 10.0
 """A scheduler that does not answer within this is given up."""
 
 Function = Callable[..., list]
+
+
+class Place(Protocol):
+    """Where work is done."""
+
+    def map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list | Exception]]:
+        """Calls the function with lists of the jobs; each list with what came of it, in any order.
+
+        Jobs have their bytes with them, and are taken as they are needed.
+        """
 
 
 def groups(jobs: Iterable[tuple[Any, int]], most_bytes: int = GROUP_BYTES) -> Iterator[list[Any]]:
@@ -132,13 +144,16 @@ def _first(waiting: Iterator[Any], count: int) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def opened(scheduler: str | None, workers: int) -> Iterator[Here | Dask]:
+def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
     """A scheduler: that at an address, or so many processes of this machine, or this process.
 
     Errors: `FleetError` where none answers, or Dask is not installed.
     """
     if scheduler is None and workers <= 1:
         yield Here()
+        return
+    if scheduler is not None and not isinstance(scheduler, str):
+        yield scheduler
         return
     try:
         import distributed  # noqa: F401

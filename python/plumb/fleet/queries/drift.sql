@@ -3,8 +3,10 @@
 -- Parameters: $band_deg, half the width of the band, null for the expanded uncertainty of the
 -- difference (k = 2) out of the standard uncertainties that the nodes have sent; $least_days,
 -- days that a line needs.
--- A drift is significant beyond four standard errors. leaves_on is null where it is not, and
--- where it goes towards zero; the earliest and the latest day are those of two standard errors.
+-- A drift is significant where chance gives such a one in fewer than about one of 10 000 lines, by
+-- Student's t with days - 2 degrees of freedom (the first terms of its expansion about the normal
+-- quantile 3.89). leaves_on is null where it is not significant, and where it goes towards zero; the
+-- earliest and the latest day are those of two standard errors.
 with axes as (
     select machine, interface, instrument, date, 'x' as axis, difference_x_count as syncs,
         difference_x_mean as mean, a_uncertainty_deg_mean as a_u, b_uncertainty_deg_mean as b_u
@@ -33,7 +35,10 @@ lines as (
     from sums
 ),
 judged as (
-    select *, abs(slope) > 4 * error as significant, abs(level_deg) > band_deg as outside,
+    select *,
+        abs(slope) > error * (3.89 + 15.69 / (days - 2) + 56.3 / ((days - 2) * (days - 2)))
+            as significant,
+        abs(level_deg) > band_deg as outside,
         sign(slope) * band_deg - level_deg as way
     from lines
 ),
