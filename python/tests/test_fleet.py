@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 import pathlib
 import random
 
@@ -299,6 +300,30 @@ def test_a_kept_summary_that_is_damaged_or_of_another_version_is_made_anew(
     with pytest.raises(FleetError, match="was damaged and is removed: run again"):
         run(root, out)
     assert run(root, out).read == 1 and results(out) == before
+
+
+def test_odd_names_and_files_that_are_none_stop_nothing(tmp_path: pathlib.Path) -> None:
+    root, long = tmp_path / "logs", "ö" * 120
+    put(root / "m1/2026-11-20.log", text("2026-11-20"))
+    for name in (long, "con.", "  ", "a\nb\x1b[31m", "..."):
+        put(root / name / "2026-11-20.log", text("2026-11-20", 2, hour=len(name) % 23))
+    for name in ("2026-11-21.log", "2026-11-22.log"):
+        (root / "m1" / name).symlink_to(tmp_path / "nowhere")
+    os.mkfifo(root / "m1/2026-11-23.log")
+    with open(os.fsencode(root / "m1/2026-11-24") + b"\xff.log", "w") as file:
+        file.write(text("2026-11-24"))
+    manifest = [{"path": str(path), "machine": path.parent.name, "calibration_due": "2000-01-01"}
+                for path in root.rglob("2026-11-20.log")]
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(manifest), tmp_path / "m.parquet")
+    outcome = run(root, tmp_path / "all", pattern="{machine}/{day}*")
+    # A name that begins with a dot is hidden: "...".
+    assert outcome.logs == 5 and len(outcome.notes) == 4 and not outcome.failed
+    assert sum("is no file" in why for why in outcome.notes.values()) == 3
+    assert sum("is not UTF-8" in why for why in outcome.notes.values()) == 1
+    outcome = run(root, tmp_path / "out", manifest=tmp_path / "m.parquet")
+    assert outcome.logs == 6
+    folders = list((tmp_path / "out/machines").iterdir())
+    assert len(folders) == len(outcome.visits) == outcome.machines
 
 
 def test_a_bar_tells_the_time_left() -> None:

@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         )
     except Error as why:
         bar.close()
-        print(f"plumb.fleet: {why}", file=sys.stderr)
+        print(_printable(f"plumb.fleet: {why}"), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         bar.close()
@@ -86,9 +86,14 @@ def _list(title: str, sentences: dict[str, str]) -> None:
         return
     print(f"{title}: {len(sentences)}")
     for log, sentence in list(sentences.items())[:LISTED]:
-        print(f"  {sentence}" if log in sentence else f"  {log}: {sentence}")
+        print(_printable(f"  {sentence}" if log in sentence else f"  {log}: {sentence}"))
     if len(sentences) > LISTED:
         print(f"  and {len(sentences) - LISTED} more, in logs.parquet")
+
+
+def _printable(text: str) -> str:
+    """Text of others without what a terminal might take for a command."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 if __name__ == "__main__":

@@ -107,7 +107,9 @@ def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Found:
         match = wanted.fullmatch(below)
         day = match.groupdict().get("day") if match else None
         url = _url(system, path)
-        if match is None:
+        if unusable := _unusable(system, path):
+            found.strays[shown(url)] = unusable
+        elif match is None:
             found.strays[url] = f"{below} is not of the form {pattern}: no machine owns it"
         elif day is not None and day_of(day) is None:
             found.strays[url] = f"{day} in {below} is no day of the calendar"
@@ -116,6 +118,21 @@ def find(logs: str | os.PathLike[str], pattern: str = PATTERN) -> Found:
             found.logs.append(_log(system, path, info, machine, day and day_of(day)))
     _refuse_nothing(found, os.fspath(logs), pattern)
     return found
+
+
+def _unusable(system: Any, path: str) -> str | None:
+    """Why a file can be no log whatever is in it: pipes and links to nowhere, and names that no
+    table can hold."""
+    if shown(path) != path:
+        return "its name is not UTF-8: rename it"
+    if _is_local(system) and not os.path.isfile(path):
+        return "is no file: it is a link to nowhere, a pipe or a device"
+    return None
+
+
+def shown(name: str) -> str:
+    """A name with what is no UTF-8 in it as escapes."""
+    return name.encode("utf-8", "backslashreplace").decode()
 
 
 def _refuse_nothing(found: Found, logs: str, pattern: str) -> None:

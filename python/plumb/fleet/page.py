@@ -6,6 +6,7 @@ of the other reports, and `machines/NAME/report.html`. The same tables give the 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import pathlib
@@ -27,6 +28,9 @@ VERSION = 1
 ROWS = 60
 """Rows of a table that are shown; the Parquet has them all."""
 
+LONGEST = 200
+"""Bytes of a folder's name."""
+
 DRAWN = 4
 """Machines whose drift is drawn."""
 
@@ -45,7 +49,11 @@ class Made:
 def folder_of(machine: str) -> str:
     """A machine's folder in `machines/`: its name, what a file system might refuse replaced."""
     safe = urllib.parse.quote(machine, safe=" +,-=@_()[]äöüÄÖÜß")
-    return safe.replace(".", "%2E") if safe.strip(". ") == "" or safe.endswith(".") else safe
+    if safe.strip(". ") == "" or safe.endswith("."):
+        safe = safe.replace(".", "%2E").replace(" ", "%20")
+    if len(safe.encode()) > LONGEST:
+        return safe[: LONGEST // 4] + "-" + hashlib.sha256(machine.encode()).hexdigest()[:16]
+    return safe
 
 
 def write(store: Store, rules: Rules, lines: list[Row]) -> Made:

@@ -29,7 +29,8 @@ Progress = Callable[[str, int, int, float, float], None]
 """Told the stage, the jobs that are done and all of them, and the same of the work."""
 
 MERGE_BYTES = 1 << 16
-"""What a merge counts for in a group of jobs, besides its summaries."""
+"""What a merge counts for in a group of jobs, besides its summaries, which count four times: they
+are sent with it."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def _found(
 ) -> layout.Found:
     found = layout.find(logs, pattern) if manifest is None else layout.read_manifest(manifest, logs)
     # The results may stand below the logs.
-    own = f"{out.resolve()}{os.sep}"
+    own = (f"{out.resolve()}{os.sep}", f"{os.path.abspath(out)}{os.sep}")
     found.logs = [log for log in found.logs if not (log.local and log.url.startswith(own))]
     found.strays = {url: why for url, why in found.strays.items() if not url.startswith(own)}
     if not found.logs:
@@ -215,7 +216,7 @@ def _days(changed: list[str], days: dict, store: Store) -> Iterator[tuple[work.D
         for machine, parts in sorted(days[day].items()):
             packed = tuple((store.summary(sha256), name) for sha256, name in parts)
             size = sum(len(one) for one, _ in packed)
-            yield work.Day(machine, day, packed), MERGE_BYTES * len(packed) + size
+            yield work.Day(machine, day, packed), MERGE_BYTES * len(packed) + 4 * size
 
 
 def _digest(machines: dict[str, filing.Parts]) -> str:
