@@ -33,8 +33,9 @@ const ENTRY_POINTS: &str = "[can.interface]\nplumb = plumb.bus:TwinBus\n";
 
 /// What has to work where nothing but the wheel is installed.
 const SCRIPT: &str = "import importlib.resources, plumb; \
-                      sheets = importlib.resources.files('plumb') / 'fleet' / 'queries'; \
-                      assert 'regr_slope' in (sheets / 'drift.sql').read_text(); twin = plumb.Twin(calibrated=False); \
+                      queries = importlib.resources.files('plumb') / 'fleet' / 'queries'; \
+                      assert 'regr_slope' in (queries / 'drift.sql').read_text(); \
+                      twin = plumb.Twin(calibrated=False); \
                       assert {0x701, 0x702} <= {frame.id for frame in twin.run(1.0)}; \
                       assert plumb.Chain().run([[0, 0, 16384]]).reason.tolist() == [[2, 2]]";
 

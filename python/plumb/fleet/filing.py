@@ -24,7 +24,7 @@ Parts = list[tuple[str, str]]
 """Of a machine's day: content and name of each log."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """A log and what it has come to."""
 
@@ -94,8 +94,8 @@ def _day(log: Log, read: Read) -> tuple[str | None, str | None]:
     if read.first_ns is None or read.last_ns is None:
         note = None if log.day else "has no date, and its path has no day: put {day} in --pattern"
         return log.day, note
-    own = [datetime.date(1970, 1, 1) + datetime.timedelta(ns // DAY_NS) for ns in
-           (read.first_ns, read.last_ns)]
+    ends_ns = (read.first_ns, read.last_ns)
+    own = [datetime.date(1970, 1, 1) + datetime.timedelta(ns // DAY_NS) for ns in ends_ns]
     if log.day is None:
         return own[0].isoformat(), None
     filed, near = datetime.date.fromisoformat(log.day), datetime.timedelta(1)

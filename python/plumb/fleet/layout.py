@@ -33,7 +33,7 @@ LISTED = 3
 """Names that a sentence has room for."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Log:
     """A file that should be a log."""
 

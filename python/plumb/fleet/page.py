@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import _plumb
-from .asking import Figures
+from .asking import Figures, sql
 from .store import Store
 from .visits import Rules, Visit
 from .visits import found as visits
@@ -95,7 +95,7 @@ def _report(figures: Figures, rules: Rules, found: list[Visit], lines: list[Row]
         "sections": [
             _faults(ask("faults")),
             _drift(figures, ask("drift")),
-            _histories(figures, ask("histories")),
+            _histories(figures),
             _calibration(figures, ask("calibration")),
             _restarts(ask("restarts"), ask("silent")),
             _logs(lines),
@@ -240,17 +240,17 @@ def _leaves(row: Row) -> str | None:
 
 
 MEANS = """select date_diff('day', (select min(date) from machine_days), date) as t, date,
-    machine, interface, instrument, difference_x_mean as x, difference_y_mean as y
-    from machine_days order by date"""
+    difference_x_mean as x, difference_y_mean as y from machine_days
+    where machine = $machine and interface = $interface and instrument = $instrument
+    order by date"""
 
 
 def _drawn(figures: Figures, moving: list[Row]) -> list[Row]:
     """The first of them over time, all in one chart's manner."""
-    points = figures.rows(MEANS)
     keys = ("machine", "interface", "instrument")
     charts = []
     for row in moving[:DRAWN]:
-        own = [point for point in points if all(point[key] == row[key] for key in keys)]
+        own = figures.rows(MEANS, **{key: row[key] for key in keys})
         series = {
             "name": "daily mean of A \u2212 B",
             "kind": "markers",
@@ -277,13 +277,16 @@ def _names(points: list[Row]) -> list[list[Any]]:
     return [[point["t"], point["date"].isoformat()[5:]] for point in points[::step]]
 
 
-def _histories(figures: Figures, rows: list[Row]) -> Row:
-    by_machine: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        key = (row["machine"], row["interface"], row["instrument"])
-        by_machine.setdefault(key, []).append(row)
-    spans = [_span(own) for own in by_machine.values()]
-    spans.sort(key=lambda span: (-(span["vibration_max"] or 0), span["machine"]))
+SPANS = """select machine, instrument,
+    min(temperature_min_degc) as temperature_min_degc,
+    max(temperature_max_degc) as temperature_max_degc,
+    avg(vibration_middle) as vibration_middle, max(vibration_max) as vibration_max
+    from ({histories}) group by machine, interface, instrument
+    order by vibration_max desc nulls last, machine, interface, instrument"""
+
+
+def _histories(figures: Figures) -> Row:
+    spans = figures.rows(SPANS.format(histories=sql("histories")))
     columns: list[Column] = [
         ("Machine", _of("machine"), None),
         ("Instrument", _of("instrument"), 0),
@@ -295,21 +298,6 @@ def _histories(figures: Figures, rows: list[Row]) -> Row:
     note = "Vibration is the energy above 150 Hz, in multiples of the channel's own noise."
     table = _table("The most vibration first", spans, columns, note)
     return _section("Temperature and vibration", [], [table], _over_days(figures))
-
-
-def _span(rows: list[Row]) -> Row:
-    def known(name: str) -> list[float]:
-        return [row[name] for row in rows if row[name] is not None]
-
-    middle = known("vibration_middle")
-    return {
-        "machine": rows[0]["machine"],
-        "instrument": rows[0]["instrument"],
-        "temperature_min_degc": min(known("temperature_min_degc"), default=None),
-        "temperature_max_degc": max(known("temperature_max_degc"), default=None),
-        "vibration_middle": sum(middle) / len(middle) if middle else None,
-        "vibration_max": max(known("vibration_max"), default=None),
-    }
 
 
 SPREAD = """select date_diff('day', min(date) over (), date) as t, date,

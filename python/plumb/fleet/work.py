@@ -56,7 +56,7 @@ class How:
         return known.hexdigest()[:12]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Read:
     """What a log has come to; `summary` or `error` is there, never both."""
 
