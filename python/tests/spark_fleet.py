@@ -42,5 +42,5 @@ def test_a_function_that_fails_is_one_sentence(session: SparkSession) -> None:
     def fail(jobs: list[int]) -> list[int]:
         raise ValueError("no")
 
-    with pytest.raises(FleetError, match="Spark has given up: ValueError: no"):
+    with pytest.raises(FleetError, match="Spark can't do it: ValueError: no"):
         list(spark.Spark(session).map(fail, [(1, 1)]))

@@ -119,6 +119,8 @@ def no_log(root: pathlib.Path) -> None:
 def no_manifest(root: pathlib.Path) -> None:
     put(root / "logs/m1/2026-11-20.log", text("2026-11-20"))
     pyarrow.parquet.write_table(pyarrow.table({"path": ["m1/x"]}), root / "m.parquet")
+    gone = pyarrow.table({"path": ["m1/x"], "machine": ["m1"]})
+    pyarrow.parquet.write_table(gone, root / "gone.parquet")
     put(root / "junk.parquet", b"PAR1 junk")
 
 
@@ -138,6 +140,8 @@ BAD = [
     (["{root}/logs", "--nodes", "one"], no_manifest, "is no list of node-ids"),
     (["{root}/logs", "--nodes", "1"], no_manifest, "no log could be counted"),
     (["{root}/logs", "--eds", "{root}/none.eds@1"], no_manifest, "none.eds can't be read"),
+    (["{root}/logs", "--manifest", "{root}/gone.parquet"], no_manifest, "there is no log to count"),
+    (["{root}/logs", "--today", "soon"], no_manifest, "soon is no day such as 2026-11-20"),
     (["nothing://bucket"], None, "is of a kind that is not installed"),
 ]
 

@@ -208,7 +208,7 @@ def test_a_question_that_is_none_is_told(tmp_path: pathlib.Path) -> None:
         query(tmp_path, "faults")
     out = folder(tmp_path, [row("m", 0)])
     for text_of_it in ("select nonsense from figures", "this is no SQL", "select $what"):
-        with pytest.raises(FleetError, match="DuckDB refuses the question"):
+        with pytest.raises(FleetError, match="DuckDB can't answer the question"):
             query(out, text_of_it)
 
 

@@ -61,7 +61,7 @@ class Figures:
         try:
             return self._base.sql(text, params=used or None).to_arrow_table()
         except (self._refusal, AttributeError) as why:
-            raise FleetError(f"DuckDB refuses the question: {_short(why)}") from None
+            raise FleetError(f"DuckDB can't answer the question: {_short(why)}") from None
 
     def rows(self, question: str, **parameters: Any) -> list[dict[str, Any]]:
         """The same as a list of rows."""
@@ -83,7 +83,7 @@ def query(out: str | os.PathLike[str], question: str, **parameters: Any) -> pyar
 
     Parameters of the SQL (`$today`) are given by name; where they are not, `today` is the last day
     with data, `recent_days` 7, `least_days` 5 and `band_deg` null.
-    Errors: `FleetError` where the folder has no figures, or DuckDB refuses the SQL.
+    Errors: `FleetError` where the folder has no figures, or the SQL is not valid.
     """
     with Figures(out) as figures:
         return figures.ask(question, **parameters)

@@ -256,6 +256,6 @@ def _url(system: Any, path: str) -> str:
 
 
 def _short(why: BaseException) -> str:
-    """The first line of what another library says."""
+    """The first line of another library's message."""
     lines = str(why).strip().splitlines()
     return lines[0].rstrip(".") if lines else type(why).__name__

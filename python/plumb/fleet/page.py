@@ -343,7 +343,7 @@ def _calibration(figures: Figures, rows: list[Row]) -> Row:
     elif known["n"]:
         text = ["No calibration is overdue, and none is another than the manifest has."]
     else:
-        text = ["No manifest has told when the calibrations are due, nor their certificates."]
+        text = ["No manifest states when the calibrations are due, or their certificates."]
     return _section("Calibration", text, [_table("To be calibrated", rows, columns)])
 
 

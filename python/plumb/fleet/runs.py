@@ -26,7 +26,7 @@ from .store import SUMMARIES, Store, owned, write_table
 from .visits import Rules
 
 Progress = Callable[[str, int, int, float, float], None]
-"""Told the stage, the jobs that are done and all of them, and the same of the work."""
+"""Called with the stage, the jobs that are done and all of them, and the same of the work."""
 
 MERGE_BYTES = 1 << 16
 """What a merge counts for in a group of jobs, besides its summaries, which count four times: they
@@ -74,7 +74,7 @@ def run(
 ) -> Outcome:
     """Counts the logs of a fleet into the folder `out`; what is finished there is not done again.
 
-    `logs` is a folder or an fsspec URL, `pattern` tells machine and day out of the paths below it,
+    `logs` is a folder or an fsspec URL, `pattern` is the form of the paths below it,
     or `manifest` is a Parquet table of them. `scheduler` is the address of a Dask scheduler, or
     what has a `map` as `schedulers.Place`; without one `workers` processes of this machine are
     used, by default one for each processor.
@@ -116,6 +116,9 @@ def _found(
     own = (f"{out.resolve()}{os.sep}", f"{os.path.abspath(out)}{os.sep}")
     found.logs = [log for log in found.logs if not (log.local and log.url.startswith(own))]
     found.strays = {url: why for url, why in found.strays.items() if not url.startswith(own)}
+    if not found.logs and found.strays:
+        url, why = min(found.strays.items())
+        raise FleetError(f"there is no log to count, of {len(found.strays)} files: {url}: {why}")
     if not found.logs:
         raise FleetError(f"{logs} holds no log but results: name the folder of the machines")
     return found

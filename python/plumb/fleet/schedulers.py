@@ -3,7 +3,7 @@
 In: a function of a list of jobs, and the jobs with their sizes. Out: what came of them, as it comes.
 Jobs go out in groups, so many at a time that neither the scheduler's nor this process's memory
 grows with their number. A job whose worker is lost is done again elsewhere; what loses its worker
-time and again is told by its sentence.
+time and again is listed with its sentence.
 
 Left out: what the jobs are (`work`).
 """
@@ -29,7 +29,7 @@ AHEAD = 3
 """Groups that wait for each worker."""
 
 ANSWER_S = 10.0
-"""A scheduler that does not answer within this is given up."""
+"""A scheduler has to answer within this time, s."""
 
 Function = Callable[..., list]
 
@@ -210,7 +210,7 @@ def _local(workers: int) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what Dask tells its operators: an error is told once, in a sentence."""
+    """Without the log messages of Dask: an error is one sentence."""
     loud = [logging.getLogger(name) for name in ("distributed", "tornado.application")]
     levels = [logger.level for logger in loud]
     for logger in loud:

@@ -33,7 +33,7 @@ class Spark:
     ) -> Iterator[tuple[list[Any], list]]:
         """Each group with what came of it.
 
-        Errors: `FleetError` where Spark gives a group up.
+        Errors: `FleetError` where Spark can't do a group.
         """
         wave: list[list[Any]] = []
         most = AHEAD * max(1, self._context.defaultParallelism)
@@ -54,7 +54,7 @@ class Spark:
         try:
             found = self._context.parallelize(wave, len(wave)).map(call).collect()
         except Exception as why:  # noqa: BLE001 - py4j's errors have no base of their own
-            raise FleetError(f"Spark has given up: {_cause(why)}") from None
+            raise FleetError(f"Spark can't do it: {_cause(why)}") from None
         yield from zip(wave, found)
 
 

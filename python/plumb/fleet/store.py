@@ -4,7 +4,7 @@
     logs.parquet               every log: machine, day, content, status and sentence
     figures/day=D/rows.parquet   a row per machine and instrument
     summaries/day=D/rows.parquet  the merged summary of each machine
-    machines.parquet           what a manifest has told of the machines
+    machines.parquet           what manifests have on the machines
     machines/NAME/             the period page of a machine
     report.html, report.json   the page
 

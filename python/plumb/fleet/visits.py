@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from .asking import Figures
+from .errors import FleetError
+from .layout import day_of
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,10 @@ class Rules:
     """Days that a line of drift needs."""
     band_deg: float | None = None
     """Half the band of A - B, deg; None for the expanded uncertainty of the difference."""
+
+    def __post_init__(self) -> None:
+        if self.today is not None and day_of(self.today) != self.today:
+            raise FleetError(f"{self.today} is no day such as 2026-11-20")
 
     def parameters(self) -> dict[str, Any]:
         """What the questions are given."""

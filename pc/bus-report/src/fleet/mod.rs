@@ -73,9 +73,9 @@ mod tests {
     #[test]
     fn figures_of_another_form_are_refused_and_nothing_is_written() {
         let folder = std::env::temp_dir().join("plumb-no-fleet");
-        let told = write(b"{\"format\": \"plumb-fleet\"}", &folder).unwrap_err();
+        let why = write(b"{\"format\": \"plumb-fleet\"}", &folder).unwrap_err();
         assert!(
-            told.to_string()
+            why.to_string()
                 .starts_with("these are no figures of a fleet: ")
         );
         assert!(!folder.exists());

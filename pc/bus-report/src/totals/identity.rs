@@ -1,7 +1,7 @@
 //! What a node has answered about itself, as far as a log has the answers.
 //!
 //! In: the node's answers to SDOs (CiA 301, 7.2.4.3) with their times, ns. Out: the last value of
-//! each object that tells which piece it is: vendor, product code, revision and serial number
+//! each object that identifies the piece: vendor, product code, revision and serial number
 //! (1018h), software (100Ah), check sum of the calibration (2062h sub 1) and hash of its report
 //! (2063h). Identities of parts of a period, merged in any order, are that of the whole.
 //!
@@ -161,7 +161,7 @@ impl Identity {
 mod tests {
     use super::*;
 
-    fn told(answers: &[[u8; 8]]) -> Identity {
+    fn after(answers: &[[u8; 8]]) -> Identity {
         let mut identity = Identity::default();
         for (now_ns, answer) in (1..).zip(answers) {
             identity.take(now_ns, answer);
@@ -192,7 +192,7 @@ mod tests {
             .chain(SOFTWARE)
             .chain(HASH)
             .collect();
-        let known = told(&all);
+        let known = after(&all);
         assert_eq!(
             known.numbers(),
             [None, None, None, Some(12345), Some(0x0403_0201)]
@@ -206,18 +206,18 @@ mod tests {
     fn a_cut_or_repeated_transfer_gives_nothing_and_no_data_is_known_as_such() {
         let mut twice = SOFTWARE.to_vec();
         twice.insert(1, [0x10, b'x', 0, 0, 0, 0, 0, 0]);
-        assert_eq!(told(&twice).software(), None);
-        assert_eq!(told(&SOFTWARE[1..]).software(), None);
-        assert!(told(&HASH[..5]).is_empty());
+        assert_eq!(after(&twice).software(), None);
+        assert_eq!(after(&SOFTWARE[1..]).software(), None);
+        assert!(after(&HASH[..5]).is_empty());
         let none = [0x80, 0x63, 0x20, 0, 0x24, 0, 0, 8];
-        assert_eq!(told(&[none]).report_hash(), Some(""));
+        assert_eq!(after(&[none]).report_hash(), Some(""));
         let refused = [0x80, 0x63, 0x20, 0, 0, 0, 2, 6];
-        assert!(told(&[refused]).is_empty());
+        assert!(after(&[refused]).is_empty());
     }
 
     #[test]
     fn the_later_value_counts_in_either_order() {
-        let one = told(&SOFTWARE);
+        let one = after(&SOFTWARE);
         let mut other = Identity::default();
         other.take(9, &[0x4F, 0x0A, 0x10, 0, b'2', 0, 0, 0]);
         for (mut own, other) in [(one.clone(), &other), (other.clone(), &one)] {
