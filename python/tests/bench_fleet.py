@@ -24,7 +24,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-import cloudpickle
 import pyarrow.parquet
 from conftest import PLUMB, candump, shift
 from distributed import Client
@@ -322,7 +321,6 @@ def section(work: pathlib.Path, given: argparse.Namespace) -> str:
 
 def main() -> None:
     """The command line."""
-    cloudpickle.register_pickle_by_value(sys.modules[__name__])
     words = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     words.add_argument("work", type=pathlib.Path, help="folder for logs and results")
     words.add_argument("--write", type=pathlib.Path, help="the document whose last section it is")

@@ -6,10 +6,8 @@ from __future__ import annotations
 import os
 import pathlib
 import signal
-import sys
 from collections.abc import Iterator
 
-import cloudpickle
 import pyarrow
 import pyarrow.parquet
 import pytest
@@ -86,17 +84,14 @@ def test_a_worker_that_is_killed_loses_nothing_and_counts_nothing_twice(
     assert victim not in pids(scheduler)
 
 
-def end(jobs: list[int]) -> list[int]:
-    """Ends the worker at the job 13."""
-    if 13 in jobs:
-        os._exit(1)
-    return jobs
-
-
 def test_a_job_that_ends_its_worker_each_time_is_told_and_the_others_are_done(
     scheduler: str,
 ) -> None:
-    cloudpickle.register_pickle_by_value(sys.modules[__name__])
+    def end(jobs: list[int]) -> list[int]:
+        if 13 in jobs:
+            os._exit(1)
+        return jobs
+
     with schedulers.opened(scheduler, 1) as place:
         done = {}
         for group, outcome in place.map(end, ((number, 1) for number in (12, 13, 14))):

@@ -93,6 +93,7 @@ class Dask:
 
         waiting = groups(jobs)
         under_way: dict[str, list[Any]] = {}
+        suspects: list[Any] = []
         done = as_completed(loop=self._client.loop)
 
         def start(group: list[Any]) -> None:
@@ -106,14 +107,17 @@ class Dask:
             for future in done:
                 group = under_way.pop(future.key)
                 why = future.exception()
-                if isinstance(why, KilledWorker) and len(group) > 1:
-                    for job in group:
-                        start([job])
-                    continue
-                yield group, self._result(future, why, KilledWorker)
+                if isinstance(why, KilledWorker):
+                    suspects += group
+                else:
+                    yield group, self._result(future, why, KilledWorker)
                 future.release()
                 for more_work in _first(waiting, 1):
                     start(more_work)
+            # Each alone, so that none is blamed for what another one did to its worker.
+            for job in suspects:
+                future = self._client.submit(function, [job], *more, pure=False)
+                yield [job], self._result(future, future.exception(), KilledWorker)
         except (OSError, asyncio.CancelledError) as why:
             raise FleetError(self._lost(why)) from None
 
