@@ -28,7 +28,7 @@ mod _plumb {
     #[pymodule_export]
     use super::fit::{Fitted, fit_motor, fit_poses};
     #[pymodule_export]
-    use super::summary::{merge, report, summarise};
+    use super::summary::{extent, figures, fleet_page, merge, merge_named, report, summarise};
     #[pymodule_export]
     use super::twin::World;
 }

@@ -5,7 +5,8 @@
 
 use std::path::PathBuf;
 
-use bus_report::period::Kept;
+use bus_report::fleet;
+use bus_report::period::{Kept, KeptError};
 use listen::PlanOptions;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -42,15 +43,70 @@ pub fn summarise(
 /// Errors: `plumb.Error` where one is none, is of another version, or there is none at all.
 #[pyfunction]
 pub fn merge(py: Python<'_>, summaries: Vec<PyBackedBytes>) -> PyResult<Bound<'_, PyBytes>> {
+    let merged = py.detach(|| bytes_of(summaries.iter().map(|bytes| Kept::from_bytes(bytes))));
+    Ok(PyBytes::new(py, &merged.map_err(said)?))
+}
+
+/// Merges the summaries of single logs, each under the name that its log has now.
+///
+/// Errors: as [`merge`].
+#[pyfunction]
+pub fn merge_named(
+    py: Python<'_>,
+    summaries: Vec<(PyBackedBytes, String)>,
+) -> PyResult<Bound<'_, PyBytes>> {
     let merged = py.detach(|| {
-        let all = summaries.iter().map(|bytes| Kept::from_bytes(bytes));
-        let all = all
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|why| why.to_string())?;
-        let merged = Kept::merged(all).map_err(|why| why.to_string())?;
-        merged.to_bytes().map_err(|why| why.to_string())
+        let all = summaries.iter().map(|(bytes, name)| {
+            let kept = Kept::from_bytes(bytes);
+            kept.map(|kept| kept.renamed(name))
+        });
+        bytes_of(all)
     });
     Ok(PyBytes::new(py, &merged.map_err(said)?))
+}
+
+/// All of them as one.
+fn bytes_of(all: impl Iterator<Item = Result<Kept, KeptError>>) -> Result<Vec<u8>, String> {
+    let all = all.collect::<Result<Vec<_>, _>>();
+    let merged = Kept::merged(all.map_err(|why| why.to_string())?);
+    let merged = merged.map_err(|why| why.to_string())?;
+    merged.to_bytes().map_err(|why| why.to_string())
+}
+
+/// The figures of a summary: the JSON of `plumb report`.
+///
+/// Errors: `plumb.Error`.
+#[pyfunction]
+pub fn figures(py: Python<'_>, summary: PyBackedBytes) -> PyResult<Bound<'_, PyBytes>> {
+    let json = py.detach(|| {
+        let kept = Kept::from_bytes(&summary).map_err(|why| why.to_string())?;
+        kept.figures(None).map_err(|why| why.to_string())
+    });
+    Ok(PyBytes::new(py, &json.map_err(said)?))
+}
+
+/// How many frames a summary has, and first and last time of them, ns; none without a date.
+///
+/// Errors: `plumb.Error`.
+#[pyfunction]
+pub fn extent(py: Python<'_>, summary: PyBackedBytes) -> PyResult<(u64, Option<u64>, Option<u64>)> {
+    let kept = py.detach(|| Kept::from_bytes(&summary)).map_err(said)?;
+    let (first, last) = kept.dated_ns().unzip();
+    Ok((kept.frames(), first, last))
+}
+
+/// Writes the page of a fleet and its data into a folder.
+///
+/// Errors: `plumb.Error`; the old page is untouched then.
+#[pyfunction]
+pub fn fleet_page(
+    py: Python<'_>,
+    json: PyBackedBytes,
+    folder: PathBuf,
+) -> PyResult<(PathBuf, PathBuf)> {
+    let written = py.detach(|| fleet::write(&json, &folder).map_err(|why| why.to_string()));
+    let written = written.map_err(said)?;
+    Ok((written.html, written.json))
 }
 
 /// Writes the report of a summary into a folder; the page and its data.

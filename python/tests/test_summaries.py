@@ -136,7 +136,7 @@ def test_what_can_not_be_read_is_told_and_the_rest_counted(
         (b'{"format": "plumb-period", "version": 1}', "their format is not plumb-summary"),
         (
             b'{"format": "plumb-summary", "version": 7, "more": []}',
-            "this summary is of version 7, and version 1 is read: summarise its log anew",
+            "this summary is of version 7, and version 2 is read: summarise its log anew",
         ),
     ],
 )

@@ -24,4 +24,6 @@ def test_the_scripts_of_the_tour_run(
     assert re.search(r"EMCY FF\d\dh", said) and "nothing skipped" in said, said
     assert "the filter settles until sample 127" in said, said
     assert b"deg" in names["table"].schema.field("slope_x_deg").metadata.values()
+    assert "3 machines, 24 machine-days" in said and "crane 2 needs a visit: A \u2212 B" in said, said
+    assert (tmp_path / "fleet.png").stat().st_size > 5_000
     assert (tmp_path / "fault.png").stat().st_size > 5_000

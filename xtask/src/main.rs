@@ -57,6 +57,9 @@ usage: cargo xtask COMMAND
   program             length of the released plumb, and how soon it answers
   interop             plumb serve against python-canopen, in an environment made for it
   python              tests of the Python package, in an environment made for them
+  fleet               speed, memory and findings of the fleet, written to docs/fleet.md; half an
+                      hour and 12 GB of disk
+  fleet-spark         the fleet as a Spark job; needs Java
   wheel               its wheel, built by maturin and installed; a build of its own
   fuzz-long           the property tests with 100 000 cases each
   help                this text";
@@ -84,6 +87,8 @@ fn main() -> ExitCode {
         ["program"] => plan::alone(&steps::PROGRAM_RELEASED, &workspace),
         ["interop"] => plan::equipped(&steps::INTEROP, &workspace),
         ["python"] => plan::alone(&steps::PYTHON, &workspace),
+        ["fleet"] => plan::alone(&steps::FLEET, &workspace),
+        ["fleet-spark"] => plan::alone(&steps::FLEET_SPARK, &workspace),
         ["wheel"] => plan::alone(&steps::WHEEL, &workspace),
         ["fuzz-long"] => plan::equipped(&steps::FUZZ_LONG, &workspace),
         ["help" | "--help" | "-h"] => {

@@ -7,6 +7,7 @@
 //! own, since cargo chooses other features for a package alone.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::{env, fmt, fs, io};
 
 use crate::built;
@@ -18,6 +19,9 @@ use crate::workspace::{Workspace, remove_folder};
 /// The packages of the tests, each with its exact release.
 const REQUIREMENTS: &str = "python/requirements.txt";
 
+/// The same with Spark.
+const SPARK_REQUIREMENTS: &str = "python/spark-requirements.txt";
+
 /// The same for the wheel alone.
 const WHEEL_REQUIREMENTS: &str = "python/wheel-requirements.txt";
 
@@ -28,7 +32,10 @@ const METADATA: &str = "Metadata-Version: 2.1\nName: plumb\nVersion: 0.0.0\n";
 const ENTRY_POINTS: &str = "[can.interface]\nplumb = plumb.bus:TwinBus\n";
 
 /// What has to work where nothing but the wheel is installed.
-const SCRIPT: &str = "import plumb; twin = plumb.Twin(calibrated=False); \
+const SCRIPT: &str = "import importlib.resources, plumb; \
+                      queries = importlib.resources.files('plumb') / 'fleet' / 'queries'; \
+                      assert 'regr_slope' in (queries / 'drift.sql').read_text(); \
+                      twin = plumb.Twin(calibrated=False); \
                       assert {0x701, 0x702} <= {frame.id for frame in twin.run(1.0)}; \
                       assert plumb.Chain().run([[0, 0, 16384]]).reason.tolist() == [[2, 2]]";
 
@@ -76,11 +83,51 @@ impl From<CommandError> for PythonError {
 /// The count stands in `tally` even when a test fails. Errors: see [`PythonError`].
 pub fn run(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
     let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
+    tests(workspace, &python, "python/tests", tally)
+}
+
+/// Runs the tests of the fleet on Spark, which needs Java, in an environment of their own.
+///
+/// Errors: see [`PythonError`].
+pub fn spark(workspace: &Workspace, tally: &mut Tally) -> Result<(), PythonError> {
+    let python = environment::python(workspace, SPARK_REQUIREMENTS, "spark-venv")?;
+    tests(workspace, &python, "python/tests/spark_fleet.py", tally)
+}
+
+/// Measures the fleet and writes the last section of `docs/fleet.md`; logs and results stay in
+/// `target/fleet` until all is done.
+///
+/// Errors: see [`PythonError`].
+pub fn fleet(workspace: &Workspace) -> Result<(), PythonError> {
+    let python = environment::python(workspace, REQUIREMENTS, "python-venv")?;
+    let work = workspace.target().join("fleet");
+    let words = ["python/tests/bench_fleet.py", "--write", "docs/fleet.md"];
+    let mut bench = workspace.program(&python.to_string_lossy(), &words);
+    bench.arg(&work);
+    equip(workspace, &mut bench)?;
+    command::pass(bench)?;
+    remove_folder(&work).map_err(|error| PythonError::File(work, error))
+}
+
+/// Lays the package out for a command, and tells it where that and the program are.
+fn equip(workspace: &Workspace, command: &mut Command) -> Result<(), PythonError> {
     let program = built::binary(workspace, "plumb")?;
     let library = built::library(workspace, "_plumb")?;
     let package = lay_out(workspace, &library)?;
-    let mut tests = pytest::command(workspace, &python, "python/tests");
-    tests.env("PYTHONPATH", package).env("PLUMB", program);
+    command.env("PYTHONPATH", package).env("PLUMB", program);
+    command.env("PYTHONDONTWRITEBYTECODE", "1");
+    Ok(())
+}
+
+/// Runs a file or a folder of tests on the package.
+fn tests(
+    workspace: &Workspace,
+    python: &Path,
+    which: &str,
+    tally: &mut Tally,
+) -> Result<(), PythonError> {
+    let mut tests = pytest::command(workspace, python, which);
+    equip(workspace, &mut tests)?;
     let (counted, last, outcome) = pytest::run(tests);
     println!("      {last}");
     *tally = tally.plus(counted);
@@ -100,14 +147,7 @@ fn lay_out(workspace: &Workspace, library: &Path) -> Result<PathBuf, PythonError
     for folder in [&package, &about] {
         fs::create_dir_all(folder).map_err(|error| PythonError::File(folder.clone(), error))?;
     }
-    let sources = workspace.root().join("python").join("plumb");
-    let failed = |error| PythonError::File(sources.clone(), error);
-    for entry in fs::read_dir(&sources).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        if entry.path().is_file() {
-            copy(&entry.path(), &package.join(entry.file_name()))?;
-        }
-    }
+    copy_all(&workspace.root().join("python").join("plumb"), &package)?;
     copy(library, &package.join(native()))?;
     for (name, text) in [("METADATA", METADATA), ("entry_points.txt", ENTRY_POINTS)] {
         let path = about.join(name);
@@ -123,6 +163,22 @@ const fn native() -> &'static str {
     } else {
         "_plumb.abi3.so"
     }
+}
+
+/// Copies the files of a folder, and of the folders in it but Python's own.
+fn copy_all(from: &Path, to: &Path) -> Result<(), PythonError> {
+    let failed = |error| PythonError::File(from.to_path_buf(), error);
+    fs::create_dir_all(to).map_err(|error| PythonError::File(to.to_path_buf(), error))?;
+    for entry in fs::read_dir(from).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let (path, name) = (entry.path(), entry.file_name());
+        if path.is_file() {
+            copy(&path, &to.join(name))?;
+        } else if name != "__pycache__" {
+            copy_all(&path, &to.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), PythonError> {

@@ -202,6 +202,22 @@ pub const PYTHON: Step = Step {
     run: check_python,
 };
 
+/// The fleet as a Spark job.
+pub const FLEET_SPARK: Step = Step {
+    key: "fleet-spark",
+    name: "the fleet of the Python package as a Spark job",
+    advice: "Spark needs Java 17 or newer; the failing tests stand above",
+    run: check_spark,
+};
+
+/// What the fleet takes, measured.
+pub const FLEET: Step = Step {
+    key: "fleet",
+    name: "the fleet measured: speed, memory, and what it finds",
+    advice: "what stands above; logs and results are in target/fleet",
+    run: measure_fleet,
+};
+
 /// The wheel of the Python package, which maturin builds by itself.
 pub const WHEEL: Step = Step {
     key: "wheel",
@@ -475,6 +491,14 @@ fn write_size(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
 
 fn check_interop(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
     Ok(interop::run(workspace, tally)?)
+}
+
+fn check_spark(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {
+    Ok(python::spark(workspace, tally)?)
+}
+
+fn measure_fleet(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
+    Ok(python::fleet(workspace)?)
 }
 
 fn check_python(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> {

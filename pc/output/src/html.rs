@@ -195,7 +195,11 @@ fn body_cell(table: &Table, cell: Option<&Cell>, index: usize) -> String {
     } else {
         ("td", "td")
     };
-    format!("<{open}{class}>{}</{close}>", escape(text))
+    let text = match cell.map_or("", |cell| cell.link.as_str()) {
+        "" => escape(text),
+        link => format!("<a href=\"{}\">{}</a>", escape(link), escape(text)),
+    };
+    format!("<{open}{class}>{text}</{close}>")
 }
 
 /// The class attribute: alignment, a rule before a new group, and what the cell means.
@@ -259,6 +263,16 @@ mod tests {
         assert!(html.contains("<td class=\"number\">0.25</td><td class=\"pass\">pass</td>"));
         assert!(html.contains("<td class=\"fail\">FAIL</td>"));
         assert!(html.contains("<th scope=\"row\">a&lt;b</th>"));
+    }
+
+    #[test]
+    fn a_cell_with_a_link_leads_there_and_is_text_all_the_same() {
+        let mut made = Table::new("T", vec![Column::text("Machine")]);
+        made.rows = vec![vec![Cell::text("a&b").to("machines/a%26b/\"report.html")]];
+        let html = table(&made);
+        let link = "<a href=\"machines/a%26b/&quot;report.html\">a&amp;b</a>";
+        assert!(html.contains(link), "{html}");
+        check::assert_balanced(&page("T", &html));
     }
 
     #[test]

@@ -70,6 +70,8 @@ pub struct Cell {
     pub text: String,
     /// What it means.
     pub tone: Tone,
+    /// Where a page leads from here; nowhere where empty. A terminal does not show it.
+    pub link: String,
 }
 
 impl Cell {
@@ -78,7 +80,14 @@ impl Cell {
         Self {
             text: text.into(),
             tone: Tone::Plain,
+            link: String::new(),
         }
+    }
+
+    /// The same cell as a link to a page, by its relative URL.
+    pub fn to(mut self, url: &str) -> Self {
+        self.link = url.to_owned();
+        self
     }
 
     /// A number with this many decimals; a dash when it is absent or not finite.
@@ -90,8 +99,8 @@ impl Cell {
     pub fn verdict(pass: bool, kept: &str, broken: &str) -> Self {
         let tone = if pass { Tone::Pass } else { Tone::Fail };
         Self {
-            text: if pass { kept } else { broken }.to_owned(),
             tone,
+            ..Self::text(if pass { kept } else { broken })
         }
     }
 }

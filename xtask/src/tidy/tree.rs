@@ -103,8 +103,26 @@ impl Tree {
 
     /// The names of all `#[test]` functions.
     pub fn test_names(&self) -> BTreeSet<String> {
-        self.sources.iter().flat_map(Source::test_names).collect()
+        let rust = self.sources.iter().flat_map(Source::test_names);
+        let files = self.files.iter().filter(|file| is_python_test(&file.path));
+        let texts = files.filter_map(|file| file.text.as_deref());
+        rust.chain(texts.flat_map(python_tests)).collect()
     }
+}
+
+/// Whether pytest collects this file by itself.
+fn is_python_test(path: &str) -> bool {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.starts_with("test_") && name.ends_with(".py")
+}
+
+/// The names of the tests in a file of Python.
+fn python_tests(text: &str) -> impl Iterator<Item = String> {
+    let functions = text.lines().filter_map(|line| line.strip_prefix("def "));
+    let names = functions.filter_map(|rest| rest.split_once('(').map(|(name, _)| name));
+    names
+        .filter(|name| name.starts_with("test_"))
+        .map(str::to_owned)
 }
 
 /// The places where the test modules that a file declares may live.
@@ -181,6 +199,24 @@ fn walked(root: &Path) -> io::Result<Vec<String>> {
 mod tests {
     use super::*;
     use crate::workspace::Workspace;
+
+    #[test]
+    fn tests_in_python_have_names_where_pytest_collects_them() {
+        let code = "def test_one(\n    x: int,\n) -> None:\ndef helper():\n  def test_in():\n";
+        let tree = Tree::of(&[
+            ("python/tests/test_x.py", code),
+            ("python/tests/y.py", code),
+        ]);
+        assert_eq!(
+            tree.test_names().into_iter().collect::<Vec<_>>(),
+            ["test_one"]
+        );
+        assert!(
+            Tree::of(&[("python/tests/y.py", code)])
+                .test_names()
+                .is_empty()
+        );
+    }
 
     #[test]
     fn a_walk_finds_this_file_and_no_build_output() {

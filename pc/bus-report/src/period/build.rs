@@ -10,7 +10,7 @@ use super::verdict;
 use crate::blackbox::data::{PlotReport, PlotRow};
 use crate::totals::{
     Bins, Capture, ChannelSummary, Collected, Day, DifferenceSummary, End, Event, Extremes, Gaps,
-    Instrument, Kind, Last, Recorder, Summary, Tally, Traffic, Unusable, What,
+    Identity, Instrument, Kind, Last, Recorder, Summary, Tally, Traffic, Unusable, What,
 };
 use codes::words;
 use listen::Round;
@@ -222,7 +222,9 @@ fn channel(
     channel: &ChannelSummary,
     instrument: &Instrument,
 ) -> ChannelReport {
-    let [vendor_id, product_code, revision, serial_number] = instrument.identity(side);
+    let identity = instrument.identity(side);
+    let numbers = identity.map_or([None; 5], Identity::numbers);
+    let [vendor_id, product_code, revision, serial_number, sum] = numbers;
     let axes = channel.slope.iter().zip(&channel.slope_bins);
     let codes = channel.emergencies.iter();
     ChannelReport {
@@ -233,6 +235,9 @@ fn channel(
         product_code,
         revision,
         serial_number,
+        software: identity.and_then(Identity::software).map(str::to_owned),
+        calibration_crc32: sum.map(|sum| format!("{sum:08X}")),
+        report_sha256: identity.and_then(Identity::report_hash).map(str::to_owned),
         slopes: (0..)
             .zip(axes)
             .map(|(axis, (tally, bins))| slope(axis, tally, bins))
@@ -246,6 +251,7 @@ fn channel(
         uncertainty: quantity(&channel.uncertainty, &channel.uncertainty_bins, 1e-3),
         uncertainty_unknown: channel.uncertainty_unknown,
         temperature: quantity(&channel.temperature, &channel.temperature_bins, 1.0),
+        activity: quantity(&channel.activity, &channel.activity_bins, 1.0),
         emergencies: codes
             .map(|(code, count)| CodeReport {
                 code: format!("{code:04X}h"),

@@ -258,7 +258,7 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
             .collect::<Vec<_>>()
     };
     let number = instrument.number;
-    vec![
+    let mut charts = vec![
         over_time(
             report,
             format!("uncertainty-{number}"),
@@ -273,7 +273,18 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
             "degC",
             plots(|channel| &channel.temperature),
         ),
-    ]
+    ];
+    let activity = plots(|channel| &channel.activity);
+    if !activity.is_empty() {
+        charts.push(over_time(
+            report,
+            format!("vibration-{number}"),
+            "Vibration: energy above 150 Hz",
+            "8 steps per doubling, 64 is the own noise",
+            activity,
+        ));
+    }
+    charts
 }
 
 /// What was on the bus over time.

@@ -200,6 +200,12 @@ pub struct ChannelReport {
     pub revision: Option<u32>,
     /// Serial number (1018h sub 4).
     pub serial_number: Option<u32>,
+    /// Version of the software (100Ah).
+    pub software: Option<String>,
+    /// Check sum of the calibration (2062h sub 1), eight hexadecimal digits.
+    pub calibration_crc32: Option<String>,
+    /// SHA-256 of the calibration's report (2063h); empty when the node has none.
+    pub report_sha256: Option<String>,
     /// Slope X and slope Y.
     pub slopes: Vec<SlopeReport>,
     /// Time with a slope that could be used.
@@ -212,6 +218,8 @@ pub struct ChannelReport {
     pub uncertainty_unknown: u64,
     /// Temperature of the sensor, degC.
     pub temperature: QuantityReport,
+    /// Energy above 150 Hz (2010h sub 9), 8 steps per doubling, 64 for the channel's own noise.
+    pub activity: QuantityReport,
     /// EMCY messages by code.
     pub emergencies: Vec<CodeReport>,
     /// Boot-up messages.

@@ -1,7 +1,7 @@
 //! What logs came to, kept as bytes that can be merged.
 //!
 //! In: logs, or the bytes of summaries. Out: a [`Kept`], and its bytes: one JSON object, of which
-//! version 1 is read. Every figure is a whole number, so summaries merged in any order and in any
+//! version 2 is read. Every figure is a whole number, so summaries merged in any order and in any
 //! groups have the same bytes. The size does not grow with a log, but for a row per day and the
 //! name of each log. The report of a summary is that of its logs, except that time between two
 //! logs that were summarised apart is in no gap.
@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::data::{LogsReport, Skipped};
+use super::data::{LogsReport, PeriodReport, Skipped};
 use super::error::PeriodError;
 use super::input::collect;
 use super::{build, page};
 use crate::totals::Collected;
-use bus_logs::{LogError, PartOptions};
+use bus_logs::{LogError, PartOptions, is_dated};
 use listen::PlanOptions;
 use output::progress::Progress;
 use output::write::{self, Written};
@@ -27,7 +27,7 @@ use output::write::{self, Written};
 const FORMAT: &str = "plumb-summary";
 
 /// Version of the form. It rises when a field changes its meaning or goes away.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Why bytes are no summary that can be used.
 #[derive(Debug, thiserror::Error)]
@@ -120,6 +120,39 @@ impl Kept {
         all.into_iter().reduce(both).ok_or(KeptError::Nothing)
     }
 
+    /// Frames that were read.
+    pub const fn frames(&self) -> u64 {
+        self.logs.frames
+    }
+
+    /// First and last frame, ns since 1970; none where their times are no dates.
+    pub fn dated_ns(&self) -> Option<(u64, u64)> {
+        let spans = self.buses.values();
+        let spans = spans.filter_map(|bus| bus.traffic.span_ns());
+        let dated = spans.filter(|(first_ns, _)| is_dated(*first_ns));
+        dated.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))
+    }
+
+    /// The same of a log that has another name now: the summary of one log is found by what is in
+    /// the log, not by its name.
+    pub fn renamed(mut self, name: &str) -> Self {
+        let logs = &mut self.logs;
+        for damaged in &mut logs.damaged {
+            let files = logs.files.iter();
+            let how = files
+                .filter_map(|file| damaged.strip_prefix(file.as_str()))
+                .max_by_key(|how| how.len());
+            *damaged = format!("{name}{}", how.unwrap_or_default());
+        }
+        for kind in &mut logs.skipped {
+            name.clone_into(&mut kind.file);
+        }
+        for one in logs.files.iter_mut().chain(&mut logs.undated) {
+            name.clone_into(one);
+        }
+        self
+    }
+
     fn merge(&mut self, other: &Self) {
         merge_logs(&mut self.logs, &other.logs);
         for (interface, bus) in &other.buses {
@@ -136,14 +169,26 @@ impl Kept {
         }
     }
 
+    /// The report of it, as the JSON of `plumb report`.
+    ///
+    /// Errors: [`PeriodError::Json`].
+    pub fn figures(self, bit_rate: Option<f64>) -> Result<Vec<u8>, PeriodError> {
+        serde_json::to_vec(&self.concluded(bit_rate)).map_err(PeriodError::Json)
+    }
+
+    fn concluded(self, bit_rate: Option<f64>) -> PeriodReport {
+        let buses: Vec<_> = self.buses.into_iter().collect();
+        let mut report = build::report(&buses, Some(self.logs), bit_rate);
+        build::conclude(&mut report);
+        report
+    }
+
     /// Writes the report of it, as `plumb report` makes it, into a folder; `bit_rate` in bit/s
     /// where it is known.
     ///
     /// Errors: [`PeriodError::Write`].
     pub fn report(self, folder: &Path, bit_rate: Option<f64>) -> Result<Written, PeriodError> {
-        let buses: Vec<_> = self.buses.into_iter().collect();
-        let mut report = build::report(&buses, Some(self.logs), bit_rate);
-        build::conclude(&mut report);
+        let report = self.concluded(bit_rate);
         write::both(folder, &page::page(&report), &report).map_err(PeriodError::Write)
     }
 }

@@ -13,6 +13,7 @@ use super::capture::Recorder;
 use super::days::DAY_NS;
 use super::events::{End, Events, What};
 use super::gaps::Gap;
+use super::identity::Identity;
 use super::kind::Kind;
 use super::summary::{ChannelSummary, Summary, Unusable};
 use listen::{
@@ -24,6 +25,10 @@ const HOLD_NS: u64 = 1_000_000_000;
 
 /// Events closer than this to the one before are one incident, ns.
 const INCIDENT_NS: u64 = 1_000_000_000;
+
+/// Activity without a value: too few samples, and samples that are missing.
+const TOO_FEW: u8 = 0;
+const MISSING: u8 = 255;
 
 /// Where a frame stands in the log.
 #[derive(Clone, Copy, Debug)]
@@ -47,9 +52,8 @@ struct Under {
     /// When it was seen first.
     #[serde(skip)]
     first_ns: Option<u64>,
-    /// Vendor-ID, product code, revision and serial number (1018h), where the log has them, each
-    /// with the time at which it was read last, ns.
-    identity: [Option<(u64, u32)>; 4],
+    /// What it has answered about itself, where the log has it.
+    identity: Identity,
 }
 
 /// One instrument.
@@ -101,9 +105,14 @@ impl Instrument {
                     self.difference_sent(side, pair);
                 }
             }
-            Meaning::Exchange(_, part) if part.has_angles() => {
+            Meaning::Exchange(_, part) => {
                 if let Some(told) = sent.told {
-                    self.measured(side, Measured::of(&told.exchange));
+                    if part.has_angles() {
+                        self.measured(side, Measured::of(&told.exchange));
+                    }
+                    if part.has_vector() {
+                        self.activity(now_ns, side, told.exchange.activity);
+                    }
                 }
             }
             Meaning::Emergency(_, emergency) => {
@@ -225,6 +234,17 @@ impl Instrument {
         }
     }
 
+    /// TPDO 4.
+    fn activity(&mut self, now_ns: u64, number: usize, activity: u8) {
+        let is_measured = !matches!(activity, TOO_FEW | MISSING);
+        if let (true, Some(channel)) = (is_measured, self.summary.channels.get_mut(number)) {
+            let activity = i32::from(activity);
+            channel.activity.add(activity);
+            let bins = &mut channel.activity_bins;
+            bins.add(now_ns, Extremes::of(activity));
+        }
+    }
+
     /// TPDO 2.
     fn detail(&mut self, now_ns: u64, number: usize, detail: &Detail) {
         let Some(channel) = self.summary.channels.get_mut(number) else {
@@ -340,24 +360,19 @@ impl Instrument {
 
     /// An answer to an SDO: what it has of the identity is kept.
     pub fn sdo(&mut self, now_ns: u64, number: usize, bytes: &[u8]) {
-        if let (&[0x43, 0x18, 0x10, sub @ 1..=4, a, b, c, d], Some(side)) =
-            (bytes, self.sides.get_mut(number))
-            && let Some(place) = side.identity.get_mut(usize::from(sub) - 1)
-        {
-            *place = Some((now_ns, u32::from_le_bytes([a, b, c, d])));
+        if let Some(side) = self.sides.get_mut(number) {
+            side.identity.take(now_ns, bytes);
         }
     }
 
-    /// Vendor-ID, product code, revision and serial number (1018h) of a channel.
-    pub fn identity(&self, number: usize) -> [Option<u32>; 4] {
-        self.sides
-            .get(number)
-            .map_or([None; 4], |side| side.identity.map(|known| Some(known?.1)))
+    /// What a channel has answered about itself.
+    pub fn identity(&self, number: usize) -> Option<&Identity> {
+        self.sides.get(number).map(|side| &side.identity)
     }
 
     /// True when nothing of it was seen.
     pub fn is_empty(&self) -> bool {
-        let is_known = |side: &Under| side.identity.iter().any(Option::is_some);
+        let is_known = |side: &Under| !side.identity.is_empty();
         self.span_ns.is_none()
             && self.summary == Summary::default()
             && !self.sides.iter().any(is_known)
@@ -373,9 +388,7 @@ impl Instrument {
             (own, other) => own.or(other),
         };
         for (own, other) in self.sides.iter_mut().zip(&other.sides) {
-            for (own, other) in own.identity.iter_mut().zip(other.identity) {
-                *own = (*own).max(other);
-            }
+            own.identity.merge(&other.identity);
         }
     }
 

@@ -58,6 +58,10 @@ pub struct ChannelSummary {
     pub temperature: Tally,
     /// The same over time.
     pub temperature_bins: Bins<Extremes>,
+    /// Energy above 150 Hz (2010h sub 9), 8 steps per doubling, 64 for the channel's own noise.
+    pub activity: Tally,
+    /// The same over time.
+    pub activity_bins: Bins<Extremes>,
     /// EMCY messages by code; 0 is "gone".
     pub emergencies: BTreeMap<u16, u64>,
     /// Boot-up messages.
@@ -93,6 +97,8 @@ impl ChannelSummary {
         self.uncertainty_unknown += other.uncertainty_unknown;
         self.temperature.merge(&other.temperature);
         self.temperature_bins.merge(&other.temperature_bins);
+        self.activity.merge(&other.activity);
+        self.activity_bins.merge(&other.activity_bins);
         add_all(&mut self.emergencies, &other.emergencies);
         self.boots += other.boots;
         self.heartbeat_losses += other.heartbeat_losses;
@@ -216,6 +222,8 @@ mod tests {
         channel.uncertainty_unknown += 1;
         channel.temperature.add(value % 90);
         channel.temperature_bins.add(time_ns, Extremes::of(value));
+        channel.activity.add(value % 255);
+        channel.activity_bins.add(time_ns, Extremes::of(value));
         *channel.emergencies.entry(number as u16 % 7).or_default() += 1;
         channel.boots += 1;
         channel.heartbeat_losses += 2;

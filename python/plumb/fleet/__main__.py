@@ -1,0 +1,100 @@
+"""`python -m plumb.fleet LOGS OUT`: counts the logs of a fleet.
+
+The exit status is 0 whatever the machines have done, and 2 where it can't be done, or, with the
+page of all the rest, where a log can't be read or only in part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from .._plumb import Error
+from .layout import PATTERN
+from .progress import Bar
+from .runs import Outcome, run
+from .visits import Rules
+
+LISTED = 20
+"""Logs that the terminal lists; logs.parquet has them all."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    words = argparse.ArgumentParser(prog="python -m plumb.fleet", description=__doc__.split("\n")[0])
+    words.add_argument("logs", metavar="LOGS", help="folder or URL of the logs")
+    words.add_argument("out", metavar="OUT", help="folder for tables and page")
+    words.add_argument("--pattern", default=PATTERN, help="paths of the logs (default: %(default)s)")
+    words.add_argument("--manifest", help="Parquet table of the logs and machines")
+    words.add_argument("--scheduler", help="address of a Dask scheduler, such as tcp://host:8786")
+    words.add_argument("--workers", type=int, help="processes of this machine")
+    words.add_argument("--nodes", default="", help="node-ids A,B,A,B of the instruments")
+    words.add_argument("--eds", action="append", default=[], help="FILE@NODE: a node's data sheet")
+    words.add_argument("--today", help="the day that all is seen from, such as 2026-11-20")
+    words.add_argument("--band", type=float, help="half the band of A - B, deg")
+    return words
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Does it; the exit status."""
+    given = parser().parse_args(arguments)
+    bar = Bar()
+    try:
+        outcome = run(
+            given.logs,
+            given.out,
+            pattern=given.pattern,
+            manifest=given.manifest,
+            scheduler=given.scheduler,
+            workers=given.workers,
+            nodes=_nodes(given.nodes),
+            eds=given.eds,
+            rules=Rules(today=given.today, band_deg=given.band),
+            progress=bar,
+        )
+    except Error as why:
+        bar.close()
+        print(_printable(f"plumb.fleet: {why}"), file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        bar.close()
+        print("plumb.fleet: interrupted: what is finished is kept, run again", file=sys.stderr)
+        return 130
+    bar.close()
+    return _tell(outcome)
+
+
+def _nodes(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise Error(f"--nodes {text} is no list of node-ids: write it as 1,2") from None
+
+
+def _tell(outcome: Outcome) -> int:
+    print(outcome.verdict)
+    print(f"{outcome.logs} logs, {outcome.read} read now, {outcome.skipped} finished before")
+    _list("Not counted", outcome.failed)
+    _list("Counted in part", outcome.incomplete)
+    _list("To be noted", outcome.notes)
+    print(f"Page: {outcome.page}")
+    return 2 if outcome.failed or outcome.incomplete else 0
+
+
+def _list(title: str, sentences: dict[str, str]) -> None:
+    if not sentences:
+        return
+    print(f"{title}: {len(sentences)}")
+    for log, sentence in list(sentences.items())[:LISTED]:
+        print(_printable(f"  {sentence}" if log in sentence else f"  {log}: {sentence}"))
+    if len(sentences) > LISTED:
+        print(f"  and {len(sentences) - LISTED} more, in logs.parquet")
+
+
+def _printable(text: str) -> str:
+    """Text of others without what a terminal might take for a command."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,261 @@
+"""A run over a fleet: logs to summaries, to the days of the machines, to tables and a page.
+
+In: where the logs are, and the folder that the results go to. Out: an `Outcome`. Results are kept
+by the content of the log, so that what is finished is not done again; the same logs give the same
+bytes with any number of workers.
+
+Left out: each step (`layout`, `work`, `filing`, `store`, `page`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pathlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import fsspec
+
+from . import filing, layout, page, schedulers, work
+from .errors import FleetError
+from .figures import SCHEMA, rows
+from .store import SUMMARIES, Store, owned, write_table
+from .visits import Rules
+
+Progress = Callable[[str, int, int, float, float], None]
+"""Called with the stage, the jobs that are done and all of them, and the same of the work."""
+
+MERGE_BYTES = 1 << 16
+"""What a merge counts for in a group of jobs, besides its summaries, which count four times: they
+are sent with it."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run has done."""
+
+    page: pathlib.Path
+    """report.html."""
+    verdict: str
+    """The fleet in one sentence."""
+    machines: int
+    logs: int
+    """Logs that count."""
+    frames: int
+    read: int
+    """Logs that were read in this run; the others were finished."""
+    skipped: int
+    """Logs that were finished before."""
+    failed: dict[str, str]
+    """Logs that could not be counted, each with its sentence."""
+    incomplete: dict[str, str]
+    """Logs of which a part could not be read; the rest counts."""
+    notes: dict[str, str]
+    """Logs that are duplicates, of another day than their path, or of no machine."""
+    visits: list[str]
+    """Machines that need a visit, the most urgent first."""
+
+
+def run(
+    logs: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    pattern: str = layout.PATTERN,
+    manifest: str | os.PathLike[str] | None = None,
+    scheduler: str | schedulers.Place | None = None,
+    workers: int | None = None,
+    nodes: Iterable[int] = (),
+    eds: Iterable[str] = (),
+    rules: Rules = Rules(),
+    progress: Progress = lambda *_: None,
+) -> Outcome:
+    """Counts the logs of a fleet into the folder `out`; what is finished there is not done again.
+
+    `logs` is a folder or an fsspec URL, `pattern` is the form of the paths below it,
+    or `manifest` is a Parquet table of them. `scheduler` is the address of a Dask scheduler, or
+    what has a `map` as `schedulers.Place`; without one `workers` processes of this machine are
+    used, by default one for each processor.
+    Errors: `FleetError` with one sentence; what was there before is still there.
+    """
+    folder = pathlib.Path(out)
+    found = _found(logs, pattern, manifest, folder)
+    how = work.How(tuple(nodes), tuple(os.path.abspath(sheet) for sheet in eds))
+    try:
+        store = Store(folder, how.key)
+    except OSError as why:
+        raise FleetError(f"{why.filename} can't be read: {why.strerror}") from None
+    with owned(folder):
+        todo, entries = _finished(found, store, how)
+        count = _workers(workers, todo)
+        with schedulers.opened(scheduler, count) as place:
+            read = _read(place, todo, how, store, progress)
+            entries += [filing.Entry(log, read[log.url]) for log in todo]
+            entries += _gone(found, store, how)
+            lines, days = filing.file(entries, found.strays, how.key)
+            _refuse_nothing(lines, days)
+            _merge(place, days, store, progress)
+        machines = store.machines() | found.machines
+        store.write_machines(machines)
+        store.write_ledger(lines)
+        store.end_journal()
+        made = page.write(store, rules, lines)
+    return _outcome(made, lines, days, len(todo), len(entries))
+
+
+def _found(
+    logs: str | os.PathLike[str],
+    pattern: str,
+    manifest: str | os.PathLike[str] | None,
+    out: pathlib.Path,
+) -> layout.Found:
+    found = layout.find(logs, pattern) if manifest is None else layout.read_manifest(manifest, logs)
+    # The results may stand below the logs.
+    own = (f"{out.resolve()}{os.sep}", f"{os.path.abspath(out)}{os.sep}")
+    found.logs = [log for log in found.logs if not (log.local and log.url.startswith(own))]
+    found.strays = {url: why for url, why in found.strays.items() if not url.startswith(own)}
+    if not found.logs and found.strays:
+        url, why = min(found.strays.items())
+        raise FleetError(f"there is no log to count, of {len(found.strays)} files: {url}: {why}")
+    if not found.logs:
+        raise FleetError(f"{logs} holds no log but results: name the folder of the machines")
+    return found
+
+
+def _workers(wanted: int | None, todo: list[layout.Log]) -> int:
+    if wanted is not None:
+        if wanted < 1:
+            raise FleetError(f"{wanted} workers can't work: give one or more")
+        return wanted
+    work_groups = sum(log.size for log in todo) // schedulers.GROUP_BYTES
+    return max(1, min(os.cpu_count() or 1, work_groups))
+
+
+def _finished(
+    found: layout.Found, store: Store, how: work.How
+) -> tuple[list[layout.Log], list[filing.Entry]]:
+    """The logs that have to be read, and those that are finished."""
+    todo, entries = [], []
+    ledger = store.ledger() | store.journal()
+    for log in found.logs:
+        line = ledger.get(log.url, {})
+        seen = [line.get(name) for name in ("stamp", "size", "key")]
+        same = log.stamp != "" and seen == [log.stamp, log.size, how.key]
+        known = store.get(line.get("sha256"), log.url) if same else None
+        if known is None:
+            todo.append(log)
+        else:
+            entries.append(filing.Entry(log, known))
+    return todo, entries
+
+
+def _gone(found: layout.Found, store: Store, how: work.How) -> list[filing.Entry]:
+    """Logs of earlier runs that are no longer there, and were counted."""
+    there = {log.url for log in found.logs} | set(found.strays)
+    entries = []
+    for url, line in store.ledger().items():
+        if url in there or line["day"] is None or line["key"] != how.key:
+            continue
+        known = store.get(line["sha256"], url)
+        if known is not None:
+            entries.append(filing.left_over(line, known))
+    return entries
+
+
+def _read(
+    place: Any, todo: list[layout.Log], how: work.How, store: Store, progress: Progress
+) -> dict[str, work.Read]:
+    """What each log comes to; each result is kept at once."""
+    results: dict[str, work.Read] = {}
+    total, done = sum(log.size for log in todo), 0
+    progress("reading", 0, len(todo), 0, total)
+    jobs = ((log, log.size) for log in todo)
+    for group, outcome in place.map(work.read_all, jobs, how):
+        if isinstance(outcome, Exception):
+            sentence = f"{work.HERE} can't be read: {outcome}"
+            outcome = [work.Read(log.url, None, False, error=sentence) for log in group]
+        for log, result in zip(group, outcome):
+            store.put(result)
+            store.note(log, result, how.key)
+            results[result.url] = filing.without_summary(result)
+        done += sum(log.size for log in group)
+        progress("reading", len(results), len(todo), done, total)
+    return results
+
+
+def _refuse_nothing(lines: list[filing.Line], days: dict) -> None:
+    if days:
+        return
+    failed = [line["sentence"] for line in lines if line["status"] == "failed"]
+    others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
+    raise FleetError(f"no log could be counted: {failed[0]}{others}")
+
+
+def _merge(place: Any, days: dict, store: Store, progress: Progress) -> None:
+    """Writes each day whose logs are others than before."""
+    for day in set(store.days()) - set(days):
+        store.drop_day(day)
+    digests = {day: _digest(machines) for day, machines in days.items()}
+    changed = [day for day in sorted(days) if store.digest(day) != digests[day]]
+    all_jobs = sum(len(days[day]) for day in changed)
+    waiting: dict[str, list[work.Counted]] = {day: [] for day in changed}
+    jobs = _days(changed, days, store)
+    done = 0
+    for group, outcome in place.map(work.join, jobs):
+        if isinstance(outcome, Exception):
+            raise outcome
+        for counted in outcome:
+            waiting[counted.day].append(counted)
+            if len(waiting[counted.day]) == len(days[counted.day]):
+                _write_day(store, counted.day, waiting.pop(counted.day), digests[counted.day])
+        done += len(group)
+        progress("merging", done, all_jobs, done, all_jobs)
+
+
+def _days(changed: list[str], days: dict, store: Store) -> Iterator[tuple[work.Day, int]]:
+    for day in changed:
+        for machine, parts in sorted(days[day].items()):
+            packed = tuple((store.summary(sha256), name) for sha256, name in parts)
+            size = sum(len(one) for one, _ in packed)
+            yield work.Day(machine, day, packed), MERGE_BYTES * len(packed) + 4 * size
+
+
+def _digest(machines: dict[str, filing.Parts]) -> str:
+    known = [SCHEMA.to_string(), sorted(machines.items())]
+    return hashlib.sha256(json.dumps(known).encode()).hexdigest()
+
+
+def _write_day(store: Store, day: str, counted: list[work.Counted], digest: str) -> None:
+    counted.sort(key=lambda one: one.machine)
+    figures = [row for one in counted for row in rows(one.machine, day, one.figures)]
+    write_table(store.partition("figures", day), figures, SCHEMA, digest)
+    summaries = [
+        {"machine": one.machine, "day": day, "summary": work.unpack(one.summary)}
+        for one in counted
+    ]
+    write_table(store.partition("summaries", day), summaries, SUMMARIES, digest)
+
+
+def _outcome(
+    made: page.Made, lines: list[filing.Line], days: dict, read: int, entries: int
+) -> Outcome:
+    def of(*statuses: str) -> dict[str, str]:
+        wanted = [line for line in lines if line["status"] in statuses and line["sentence"]]
+        return {line["log"]: line["sentence"] for line in wanted}
+
+    counted = [line for line in lines if line["status"] in ("counted", "incomplete")]
+    return Outcome(
+        page=made.path,
+        verdict=made.verdict,
+        machines=len({machine for machines in days.values() for machine in machines}),
+        logs=len(counted),
+        frames=sum(line["frames"] for line in counted),
+        read=read,
+        skipped=entries - read,
+        failed=of("failed"),
+        incomplete=of("incomplete"),
+        notes=of("counted", "duplicate", "stray"),
+        visits=made.visits,
+    )

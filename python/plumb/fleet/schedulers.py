@@ -1,0 +1,226 @@
+"""Where the work is done: in this process, in processes of this machine, or on a Dask cluster.
+
+In: a function of a list of jobs, and the jobs with their sizes. Out: what came of them, as it comes.
+Jobs go out in groups, so many at a time that neither the scheduler's nor this process's memory
+grows with their number. A job whose worker is lost is done again elsewhere; what loses its worker
+time and again is listed with its sentence.
+
+Left out: what the jobs are (`work`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Protocol
+
+from .errors import FleetError
+from .layout import _short
+
+GROUP_BYTES = 32 << 20
+"""Jobs go out in groups of about this many bytes."""
+
+GROUP = 64
+"""Jobs of a group, at most."""
+
+AHEAD = 3
+"""Groups that wait for each worker."""
+
+ANSWER_S = 10.0
+"""A scheduler has to answer within this time, s."""
+
+Function = Callable[..., list]
+
+
+class Place(Protocol):
+    """Where work is done."""
+
+    def map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list | Exception]]:
+        """Calls the function with lists of the jobs; each list with what came of it, in any order.
+
+        Jobs have their bytes with them, and are taken as they are needed.
+        """
+
+
+def groups(jobs: Iterable[tuple[Any, int]], most_bytes: int = GROUP_BYTES) -> Iterator[list[Any]]:
+    """Jobs with their bytes, in groups that keep their order."""
+    group: list[Any] = []
+    held = 0
+    for job, size in jobs:
+        if group and (held + size > most_bytes or len(group) >= GROUP):
+            yield group
+            group, held = [], 0
+        group.append(job)
+        held += size
+    if group:
+        yield group
+
+
+class Here:
+    """This process."""
+
+    def map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list]]:
+        """Each group with what came of it."""
+        for job, _ in jobs:
+            yield [job], function([job], *more)
+
+
+class Dask:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client = client
+        self._address = address
+
+    @property
+    def workers(self) -> int:
+        """How many there are by now."""
+        return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+
+    def map(
+        self, function: Function, jobs: Iterable[tuple[Any, int]], *more: Any
+    ) -> Iterator[tuple[list[Any], list | Exception]]:
+        """Each group with what came of it, in any order; an exception where its worker was lost
+        every time."""
+        from distributed import as_completed
+        from distributed.scheduler import KilledWorker
+
+        waiting = groups(jobs)
+        under_way: dict[str, list[Any]] = {}
+        suspects: list[Any] = []
+        done = as_completed(loop=self._client.loop)
+
+        def start(group: list[Any]) -> None:
+            future = self._client.submit(function, group, *more, pure=False)
+            under_way[future.key] = group
+            done.add(future)
+
+        try:
+            for group in _first(waiting, AHEAD * self.workers):
+                start(group)
+            for future in done:
+                group = under_way.pop(future.key)
+                why = future.exception()
+                if isinstance(why, KilledWorker):
+                    suspects += group
+                else:
+                    yield group, self._result(future, why, KilledWorker)
+                future.release()
+                for more_work in _first(waiting, 1):
+                    start(more_work)
+            # Each alone, so that none is blamed for what another one did to its worker.
+            for job in suspects:
+                future = self._client.submit(function, [job], *more, pure=False)
+                yield [job], self._result(future, future.exception(), KilledWorker)
+        except (OSError, asyncio.CancelledError) as why:
+            raise FleetError(self._lost(why)) from None
+
+    def _result(self, future: Any, why: BaseException | None, killed: type) -> list | Exception:
+        if why is None:
+            return future.result()
+        if isinstance(why, killed):
+            return FleetError("its worker was lost each time: look at the memory of the workers")
+        if isinstance(why, ImportError):
+            raise FleetError(
+                f"a worker of {self._address} can't load the package: install plumb[fleet] there "
+                f"({_short(why)})"
+            )
+        if isinstance(why, (asyncio.CancelledError, OSError)):
+            raise FleetError(self._lost(why))
+        raise why
+
+    def _lost(self, why: BaseException) -> str:
+        return (
+            f"the scheduler {self._address} was lost ({_short(why)}): run again, what is finished "
+            "is not done again"
+        )
+
+
+def _first(waiting: Iterator[Any], count: int) -> Iterator[Any]:
+    for _, one in zip(range(count), waiting):
+        yield one
+
+
+@contextlib.contextmanager
+def opened(scheduler: str | Place | None, workers: int) -> Iterator[Place]:
+    """A scheduler: that at an address, or so many processes of this machine, or this process.
+
+    Errors: `FleetError` where none answers, or Dask is not installed.
+    """
+    if scheduler is None and workers <= 1:
+        yield Here()
+        return
+    if scheduler is not None and not isinstance(scheduler, str):
+        yield scheduler
+        return
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise FleetError("Dask is not installed: type pip install 'plumb[fleet]'") from None
+    with _quiet(), contextlib.ExitStack() as stack:
+        address = scheduler or stack.enter_context(_local(workers))
+        client = stack.enter_context(_client(address))
+        try:
+            client.wait_for_workers(1 if scheduler else workers, timeout=3 * ANSWER_S)
+        except (TimeoutError, OSError):
+            raise FleetError(f"the scheduler {address} has no worker: start one there") from None
+        yield Dask(client, address)
+
+
+@contextlib.contextmanager
+def _client(address: str) -> Iterator[Any]:
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError):
+        raise FleetError(
+            f"no Dask scheduler answers at {address}: start one, check the address, or leave "
+            "--scheduler out"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+@contextlib.contextmanager
+def _local(workers: int) -> Iterator[str]:
+    """Processes of this machine with a scheduler of their own; its address.
+
+    They are programs and no forks, so that a script needs no guard around its call.
+    """
+    from distributed.deploy.subprocess import SubprocessCluster
+
+    cluster = SubprocessCluster(
+        host="127.0.0.1",
+        n_workers=workers,
+        threads_per_worker=1,
+        scheduler_kwargs={"dashboard": False},
+        worker_kwargs={"dashboard": False, "memory_limit": 0},
+        silence_logs=logging.CRITICAL,
+    )
+    try:
+        yield cluster.scheduler_address
+    finally:
+        cluster.close()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the log messages of Dask: an error is one sentence."""
+    loud = [logging.getLogger(name) for name in ("distributed", "tornado.application")]
+    levels = [logger.level for logger in loud]
+    for logger in loud:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loud, levels):
+            logger.setLevel(level)

@@ -1,0 +1,300 @@
+"""What is kept in the folder of a fleet, each file complete or not there.
+
+    logs/KEY/ab/SHA-256        summary of a log, or why there is none, by the log's content
+    logs.parquet               every log: machine, day, content, status and sentence
+    figures/day=D/rows.parquet   a row per machine and instrument
+    summaries/day=D/rows.parquet  the merged summary of each machine
+    machines.parquet           what manifests have on the machines
+    machines/NAME/             the period page of a machine
+    report.html, report.json   the page
+
+In: results. Out: files, each written under another name in the same folder and renamed when it is
+complete. One run at a time owns the folder.
+
+Left out: what is in them (`work`, `figures`, `page`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import pyarrow
+import pyarrow.parquet
+
+from .errors import FleetError
+from .layout import ABOUT, Log, _short
+from .work import Read, unpack
+
+LEDGER = pyarrow.schema(
+    [
+        ("log", pyarrow.string()),
+        ("machine", pyarrow.string()),
+        ("day", pyarrow.string()),
+        ("status", pyarrow.string()),
+        ("sentence", pyarrow.string()),
+        ("frames", pyarrow.int64()),
+        ("size", pyarrow.int64()),
+        ("sha256", pyarrow.string()),
+        ("stamp", pyarrow.string()),
+        ("path_day", pyarrow.string()),
+        ("key", pyarrow.string()),
+    ]
+)
+"""Columns of logs.parquet; status is counted, incomplete, duplicate, failed or stray."""
+
+MACHINES = pyarrow.schema([(name, pyarrow.string()) for name in ("machine", *ABOUT)])
+"""Columns of machines.parquet."""
+
+SUMMARIES = pyarrow.schema(
+    [(name, pyarrow.string()) for name in ("machine", "day")] + [("summary", pyarrow.binary())]
+)
+"""Columns of the summaries."""
+
+JOURNAL = ".journal"
+
+FORMAT = "1"
+"""Version of the tables."""
+
+VERSION = 2
+"""Version of what is kept of a log: that of the summaries. Another one is counted anew."""
+
+
+class Store:
+    """The folder of a fleet."""
+
+    def __init__(self, folder: pathlib.Path, key: str) -> None:
+        self.folder = folder
+        self._logs = folder / "logs" / key
+
+    # Summaries of logs, by content.
+
+    def _place(self, sha256: str) -> pathlib.Path:
+        return self._logs / sha256[:2] / sha256
+
+    def put(self, result: Read) -> None:
+        """Keeps what a log has come to, once for all logs of the same content."""
+        if result.sha256 is None:
+            return
+        head = {
+            "version": VERSION,
+            "frames": result.frames,
+            "first_ns": result.first_ns,
+            "last_ns": result.last_ns,
+            "incomplete": result.incomplete,
+            "error": result.error,
+        }
+        body = json.dumps(head).encode() + b"\n" + (result.summary or b"")
+        write(self._place(result.sha256), body)
+
+    def get(self, sha256: str | None, url: str) -> Read | None:
+        """What a log of this content has come to, without the summary; None where that is not kept,
+        damaged, or of another version."""
+        if sha256 is None:
+            return None
+        try:
+            with self._place(sha256).open("rb") as file:
+                fields = json.loads(file.readline())
+            version = fields.pop("version")
+            return Read(url, sha256, True, **fields) if version == VERSION else None
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
+            return None
+
+    def summary(self, sha256: str) -> bytes:
+        """The packed summary of a log.
+
+        Errors: `FleetError` where it is damaged; it is removed then.
+        """
+        place = self._place(sha256)
+        try:
+            packed = place.read_bytes().partition(b"\n")[2]
+            unpack(packed)
+        except (OSError, zlib.error):
+            place.unlink(missing_ok=True)
+            raise FleetError(f"{place} was damaged and is removed: run again") from None
+        return packed
+
+    # Tables.
+
+    def ledger(self) -> dict[str, dict[str, Any]]:
+        """The lines of the last run, by log; none where there was no run."""
+        path = self.folder / "logs.parquet"
+        if not path.exists():
+            return {}
+        table = _read_table(path)
+        return {row["log"]: row for row in table.to_pylist()}
+
+    def note(self, log: Log, result: Read, key: str) -> None:
+        """Keeps in a journal which content a log has, so that an interrupted run is gone on with."""
+        if not result.settled or result.sha256 is None:
+            return
+        line = {"log": log.url, "stamp": log.stamp, "size": log.size, "key": key}
+        line["sha256"] = result.sha256
+        with (self.folder / JOURNAL).open("a", encoding="utf-8", errors="surrogateescape") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def journal(self) -> dict[str, dict[str, Any]]:
+        """The logs of a run that was interrupted; a line that was cut is left out."""
+        path = self.folder / JOURNAL
+        found: dict[str, dict[str, Any]] = {}
+        if path.exists():
+            for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
+                with contextlib.suppress(ValueError, KeyError, TypeError):
+                    line = json.loads(text)
+                    found[line["log"]] = line
+        return found
+
+    def end_journal(self) -> None:
+        """The lines of the run are written: the journal has ended."""
+        (self.folder / JOURNAL).unlink(missing_ok=True)
+
+    def write_ledger(self, lines: list[dict[str, Any]]) -> None:
+        """Writes the lines, in the order of the logs."""
+        lines = sorted(lines, key=lambda line: line["log"])
+        write_table(self.folder / "logs.parquet", lines, LEDGER)
+
+    def machines(self) -> dict[str, dict[str, Any]]:
+        """What is known of the machines from manifests."""
+        path = self.folder / "machines.parquet"
+        if not path.exists():
+            return {}
+        rows = _read_table(path).to_pylist()
+        return {row.pop("machine"): row for row in rows}
+
+    def write_machines(self, machines: dict[str, dict[str, Any]]) -> None:
+        """Writes what is known of the machines."""
+        rows = [{"machine": name} | about for name, about in sorted(machines.items())]
+        write_table(self.folder / "machines.parquet", rows, MACHINES)
+
+    def partition(self, kind: str, day: str) -> pathlib.Path:
+        """The file of a day, of `figures` or `summaries`."""
+        return self.folder / kind / f"day={day}" / "rows.parquet"
+
+    def days(self) -> list[str]:
+        """The days that are there."""
+        folders = (self.folder / "figures").glob("day=*")
+        return sorted(folder.name.removeprefix("day=") for folder in folders)
+
+    def digest(self, day: str) -> str | None:
+        """What a day was made of; None where it is not there as a whole."""
+        digests = set()
+        for kind in ("figures", "summaries"):
+            try:
+                metadata = pyarrow.parquet.read_metadata(self.partition(kind, day)).metadata
+            except (OSError, pyarrow.ArrowException):
+                return None
+            digests.add((metadata or {}).get(b"plumb-inputs", b"").decode())
+        return digests.pop() if len(digests) == 1 else None
+
+    def drop_day(self, day: str) -> None:
+        """Removes a day that has no log any more."""
+        for kind in ("figures", "summaries"):
+            shutil.rmtree(self.partition(kind, day).parent, ignore_errors=True)
+
+    def summaries(self, machine: str) -> list[bytes]:
+        """The summaries of a machine's days, in the order of the days."""
+        found = []
+        for day in self.days():
+            table = pyarrow.parquet.read_table(
+                self.partition("summaries", day), filters=[("machine", "=", machine)]
+            )
+            found += table.column("summary").to_pylist()
+        return found
+
+
+def _read_table(path: pathlib.Path) -> pyarrow.Table:
+    try:
+        return pyarrow.parquet.ParquetFile(path).read()
+    except (OSError, pyarrow.ArrowException) as why:
+        raise FleetError(
+            f"{path} can't be read ({_short(why)}): remove it, and it is made anew"
+        ) from None
+
+
+def write_table(
+    path: pathlib.Path, rows: list[dict[str, Any]], schema: pyarrow.Schema, inputs: str = ""
+) -> None:
+    """Writes rows as Parquet; `inputs` stands in the metadata for what they were made of."""
+    schema = schema.with_metadata({"plumb-format": FORMAT, "plumb-inputs": inputs})
+    table = pyarrow.Table.from_pylist(rows, schema=schema)
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, sink, compression="zstd")
+    write(path, sink.getvalue().to_pybytes())
+
+
+def write(path: pathlib.Path, content: bytes) -> None:
+    """Writes a file: under another name beside it first, renamed when it is complete.
+
+    Errors: `FleetError` where there is no room or no right.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
+            try:
+                file.write(content)
+                file.close()
+                os.chmod(file.name, 0o644)
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError as why:
+        raise FleetError(
+            f"cannot write {path}: {why.strerror or why}; make room or choose another folder"
+        ) from None
+
+
+@contextlib.contextmanager
+def owned(folder: pathlib.Path) -> Iterator[None]:
+    """The folder for one run alone; it is made where it is not there.
+
+    Errors: `FleetError` where another run has it, or it can't be made.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = open(folder / ".lock", "a")
+    except OSError as why:
+        raise FleetError(
+            f"cannot make the folder {folder}: {why.strerror or why}; choose another one"
+        ) from None
+    with file:
+        if not _lock(file) or os.fstat(file.fileno()).st_nlink == 0:
+            raise FleetError(f"another run writes to {folder}: wait for it, or choose another one")
+        try:
+            yield
+        finally:
+            _tidy_up(folder, made)
+
+
+def _tidy_up(folder: pathlib.Path, made: bool) -> None:
+    """Leaves nothing behind where the folder was made and nothing was written."""
+    if made and os.listdir(folder) == [".lock"]:
+        with contextlib.suppress(OSError):
+            (folder / ".lock").unlink()
+            folder.rmdir()
+
+
+def _lock(file: Any) -> bool:
+    try:
+        import fcntl
+    except ImportError:
+        import msvcrt
+
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        except OSError:
+            return False
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

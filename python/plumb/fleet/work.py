@@ -1,0 +1,189 @@
+"""What a worker does: a log to its summary, and the summaries of a machine's day to one.
+
+In: a `Log` and how it is to be read, or summaries. Out: plain values that can be sent. Nothing is
+written here, and a log that can't be read is a result as any other, with its sentence; so a worker
+may be lost and its work be done again elsewhere.
+
+Left out: who calls it (`schedulers`, `spark`), and what is done with it (`store`).
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import hashlib
+import json
+import os
+import pathlib
+import tempfile
+import time
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import fsspec
+
+from .. import _plumb
+from .layout import Log, _short
+
+PIECE = 1 << 20
+"""Bytes that are read at once."""
+
+BESIDE = 4 << 20
+"""Files of this size and more are hashed beside being counted, where a processor is free."""
+
+SETTLED_S = 2.0
+"""A file that was written less than this before it was read may be written again unseen."""
+
+HERE = "\0"
+"""Stands for the log's own place in a sentence, which is kept by content."""
+
+
+@dataclass(frozen=True)
+class How:
+    """How logs are read: node-ids A, B, A, B, and data sheets, as `plumb.summarise` takes them."""
+
+    nodes: tuple[int, ...] = ()
+    eds: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Stands for this reading: the same log read otherwise has another summary."""
+        known = hashlib.sha256(json.dumps(self.nodes).encode())
+        for sheet in self.eds:
+            path, at, node = sheet.rpartition("@")
+            path = path if at and node.isdigit() else sheet
+            known.update(pathlib.Path(path).read_bytes() + node.encode())
+        return known.hexdigest()[:12]
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """What a log has come to; `summary` or `error` is there, never both."""
+
+    url: str
+    sha256: str | None
+    """Of the bytes of the file; None where they can't be read, or change while they are."""
+    settled: bool
+    """Whether size and stamp of the file stand for its content from now on."""
+    frames: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+    summary: bytes | None = None
+    """Compressed."""
+    incomplete: str | None = None
+    """The sentence on what could not be read."""
+    error: str | None = None
+    """The sentence on why there is no summary."""
+
+
+def pack(summary: bytes) -> bytes:
+    """A summary as it is stored and sent."""
+    return zlib.compress(summary, 1)
+
+
+def unpack(packed: bytes) -> bytes:
+    """A summary that was packed. Errors: zlib.error."""
+    return zlib.decompress(packed)
+
+
+def read(log: Log, how: How) -> Read:
+    """Counts a log; whatever is wrong with it is in the result."""
+    try:
+        if log.local:
+            return _read_local(log, how)
+        with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
+            return _read_remote(log, how, pathlib.Path(folder))
+    except Exception as why:  # noqa: BLE001 - one log, however odd, must not end a run
+        return Read(log.url, None, False, error=f"{HERE} can't be read: {_short(why)}")
+
+
+def read_all(logs: list[Log], how: How) -> list[Read]:
+    """Counts some logs, one after the other."""
+    return [read(log, how) for log in logs]
+
+
+def _read_local(log: Log, how: How) -> Read:
+    before = os.stat(log.url)
+    sha256, counted = _hash_and_count(log.url, before.st_size, how)
+    after = os.stat(log.url)
+    if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+        error = f"{HERE} is being written: the next run counts it"
+        return Read(log.url, None, False, error=error)
+    settled = time.time() - after.st_mtime > SETTLED_S and str(after.st_mtime) == log.stamp
+    return Read(log.url, sha256, settled, **counted)
+
+
+def _hash_and_count(path: str, size: int, how: How) -> tuple[str, dict[str, Any]]:
+    """Both at once where that is worth a thread."""
+    if size < BESIDE:
+        return _hash(path), _count(path, how)
+    with concurrent.futures.ThreadPoolExecutor(1) as beside:
+        sha256 = beside.submit(_hash, path)
+        counted = _count(path, how)
+        return sha256.result(), counted
+
+
+def _read_remote(log: Log, how: How, folder: pathlib.Path) -> Read:
+    path = folder / (log.name or "log")
+    known = hashlib.sha256()
+    with fsspec.open(log.url, "rb") as source, path.open("wb") as copy:
+        while piece := source.read(PIECE):
+            known.update(piece)
+            copy.write(piece)
+    settled = path.stat().st_size == log.size and log.stamp != ""
+    return Read(log.url, known.hexdigest(), settled, **_count(str(path), how))
+
+
+def _hash(path: str) -> str:
+    known = hashlib.sha256()
+    with open(path, "rb", buffering=0) as file:
+        while piece := file.read(PIECE):
+            known.update(piece)
+    return known.hexdigest()
+
+
+def _count(path: str, how: How) -> dict[str, Any]:
+    try:
+        summary, incomplete = _plumb.summarise([path], list(how.eds), list(how.nodes))
+    except _plumb.Error as why:
+        return {"error": str(why).replace(path, HERE)}
+    frames, first_ns, last_ns = _plumb.extent(summary)
+    return {
+        "frames": frames,
+        "first_ns": first_ns,
+        "last_ns": last_ns,
+        "summary": pack(summary),
+        "incomplete": None if incomplete is None else incomplete.replace(path, HERE),
+    }
+
+
+@dataclass(frozen=True)
+class Day:
+    """The logs of a machine's day: packed summaries, each with the name of its log."""
+
+    machine: str
+    day: str
+    parts: tuple[tuple[bytes, str], ...]
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A machine's day: its summary, packed, and its figures as JSON."""
+
+    machine: str
+    day: str
+    summary: bytes
+    figures: bytes
+
+
+def join(days: list[Day]) -> list[Counted]:
+    """Merges the summaries of each day, and takes the figures out of them.
+
+    Errors: `plumb.Error` where one is no summary.
+    """
+    joined = []
+    for day in days:
+        parts = [(unpack(packed), name) for packed, name in day.parts]
+        summary = _plumb.merge_named(parts)
+        joined.append(Counted(day.machine, day.day, pack(summary), _plumb.figures(summary)))
+    return joined

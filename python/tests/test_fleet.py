@@ -1,0 +1,334 @@
+"""A fleet in one process: whatever happens to a tree of logs, each content counts once."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import pathlib
+import random
+
+import fsspec
+import pyarrow.parquet
+import pytest
+from fleets import frames, put, results, text, tree
+
+import plumb
+from plumb.fleet import FleetError, filing, layout, query, run, store, work
+from plumb.fleet.progress import Bar, left
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return tree(tmp_path_factory.mktemp("fleet") / "logs")
+
+
+def lines(out: pathlib.Path) -> dict[str, dict]:
+    """The lines of logs.parquet, by the log's path from its machine on."""
+    rows = pyarrow.parquet.ParquetFile(out / "logs.parquet").read().to_pylist()
+    return {"/".join(row["log"].split("/")[-2:]): row for row in rows}
+
+
+def frames_counted(out: pathlib.Path) -> int:
+    """Frames in the merged summaries of all days."""
+    table = [pyarrow.parquet.ParquetFile(path).read() for path in (out / "summaries").rglob("*.parquet")]
+    summaries = [summary for one in table for summary in one.column("summary").to_pylist()]
+    return json.loads(plumb.merge(summaries))["logs"]["frames"]
+
+
+def test_a_tree_of_logs_comes_to_days_and_a_page(logs: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    outcome = run(logs, tmp_path / "out")
+    assert (outcome.machines, outcome.logs, outcome.read, outcome.skipped) == (3, 12, 12, 0)
+    assert not outcome.failed and not outcome.incomplete and not outcome.notes
+    assert outcome.visits == ["m3"] and "1 machine needs a visit" in outcome.verdict
+    assert frames_counted(tmp_path / "out") == outcome.frames == sum(
+        len(path.read_text().splitlines()) for path in logs.rglob("*.log")
+    )
+    page = outcome.page.read_text()
+    assert 'href="machines/m3/report.html"' in page and "<script" not in page
+    assert (tmp_path / "out/machines/m3/report.html").read_text().startswith("<!doctype html>")
+    assert [path.name for path in (tmp_path / "out/machines").iterdir()] == ["m3"]
+    table = query(tmp_path / "out", "select machine, day from machine_days")
+    assert table.num_rows == 12
+
+
+def test_a_day_of_a_machine_is_what_plumb_merge_makes_of_its_logs(tmp_path: pathlib.Path) -> None:
+    parts = [
+        put(tmp_path / "logs/m/2026-11-20" / f"{hour}.log", text("2026-11-20", 1, hour=hour))
+        for hour in (6, 9, 12)
+    ]
+    run(tmp_path / "logs", tmp_path / "out")
+    [row] = pyarrow.parquet.ParquetFile(
+        tmp_path / "out/summaries/day=2026-11-20/rows.parquet"
+    ).read().to_pylist()
+    assert row["summary"] == plumb.merge(plumb.summarise(part) for part in reversed(parts))
+
+
+def test_a_run_that_is_repeated_reads_nothing_and_changes_nothing(
+    logs: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    out = tmp_path / "out"
+    run(logs, out)
+    before = results(out)
+    times = {path: path.stat().st_mtime_ns for path in (out / "figures").rglob("*.parquet")}
+    outcome = run(logs, out)
+    assert (outcome.read, outcome.skipped, outcome.logs) == (0, 12, 12)
+    assert results(out) == before
+    assert times == {path: path.stat().st_mtime_ns for path in times}
+
+
+def test_an_interrupted_run_is_gone_on_with(logs: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    def interrupt(stage: str, jobs: int, *_: float) -> None:
+        if stage == "reading" and jobs == 5:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        run(logs, out, progress=interrupt)
+    assert not (out / "report.html").exists() and not (out / "figures").exists()
+    (out / store.JOURNAL).open("a").write('{"log": "cut')
+    outcome = run(logs, out)
+    assert (outcome.read, outcome.skipped) == (7, 5)
+    run(logs, tmp_path / "fresh")
+    assert results(out) == results(tmp_path / "fresh")
+
+
+def happen(draw: random.Random, root: pathlib.Path, step: int) -> None:
+    """Something that happens to a tree of logs."""
+    there = sorted(path for path in root.rglob("*") if path.is_file())
+    day = f"2026-11-{draw.randint(20, 23)}"
+    machine = draw.choice(["m1", "m 2", "mä'3%"])
+    where = root / machine / f"{day}-{step}.log"
+    age_s = 1000.0 - step
+    what = draw.choice(["new", "new", "append", "copy", "move", "cut", "zip", "junk", "jump"])
+    some = draw.choice(there) if there else None
+    if what == "new" or some is None:
+        put(where, text(day, draw.randint(1, 3), hour=draw.randint(0, 23)), age_s)
+    elif what == "append":
+        put(some, some.read_bytes() + text(day, 1, hour=23).encode(), age_s)
+    elif what == "copy":
+        put(where, some.read_bytes(), age_s)
+    elif what == "move":
+        where.parent.mkdir(exist_ok=True)
+        some.rename(where)
+    elif what == "cut":
+        put(where, text(day, 2, hour=step % 24)[: 20_000 - 7 * step], age_s)
+    elif what == "zip":
+        put(where, gzip.compress(text(day, 3, hour=step % 24).encode(), mtime=0), age_s)
+    elif what == "junk":
+        put(where, draw.choice([b"", b"no log\n" * 30, bytes(range(256)) * 9]), age_s)
+    else:
+        put(where, text("2031-01-05", 1, hour=step % 24), age_s)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_happens_to_the_tree_the_result_is_that_of_its_contents(
+    seed: int, tmp_path: pathlib.Path
+) -> None:
+    draw = random.Random(seed)
+    root, out = tmp_path / "logs", tmp_path / "out"
+    put(root / "m1/2026-11-20.log", text("2026-11-20"))
+    for step in range(12):
+        happen(draw, root, step)
+        if step % 3 == 2:
+            outcome = run(root, out)
+    run(root, tmp_path / "fresh")
+    assert results(out) == results(tmp_path / "fresh")
+    own = lines(out)
+    files = [path for path in root.rglob("*") if path.is_file()]
+    assert sorted(own) == sorted(f"{path.parent.name}/{path.name}" for path in files)
+    contents = {}
+    for line in own.values():
+        if line["status"] in ("counted", "incomplete"):
+            assert contents.setdefault(line["sha256"], line["frames"]) == line["frames"]
+    counted = [line for line in own.values() if line["status"] in ("counted", "incomplete")]
+    assert len(counted) == len(contents) == outcome.logs
+    assert frames_counted(out) == sum(contents.values())
+    assert all(line["sentence"] for line in own.values() if line["status"] != "counted")
+
+
+def test_days_merged_in_any_order_and_grouping_give_the_same_bytes(
+    logs: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    how = work.How()
+    parts = []
+    for path in sorted(logs.rglob("*.log")):
+        [read] = work.read_all([layout.Log(str(path), "m", None, 0, "", True)], how)
+        assert read.summary is not None
+        parts.append((read.summary, path.name))
+    [whole] = work.join([work.Day("m", "2026-11-20", tuple(parts))])
+    draw = random.Random(7)
+    for _ in range(10):
+        draw.shuffle(parts)
+        [one] = work.join([work.Day("m", "2026-11-20", tuple(parts))])
+        assert one == whole
+        cut = draw.randint(1, len(parts) - 1)
+        halves = work.join([work.Day("m", "d", tuple(half)) for half in (parts[:cut], parts[cut:])])
+        merged = plumb.merge(work.unpack(half.summary) for half in halves)
+        assert merged == work.unpack(whole.summary)
+
+
+@pytest.mark.parametrize(
+    ("path_day", "first", "last", "day", "is_noted"),
+    [
+        ("2026-11-20", "2026-11-20T08", "2026-11-20T09", "2026-11-20", False),
+        ("2026-11-20", "2026-11-19T13", "2026-11-20T13", "2026-11-20", False),
+        ("2026-11-20", "2026-11-21T05", "2026-11-21T10", "2026-11-20", False),
+        ("2026-11-20", "2026-11-23T00", "2026-11-23T01", "2026-11-23", True),
+        ("2026-11-20", "2031-01-05T00", "2031-01-05T00", "2031-01-05", True),
+        (None, "2026-11-22T23", "2026-11-23T01", "2026-11-22", False),
+        ("2026-11-20", None, None, "2026-11-20", False),
+        (None, None, None, None, True),
+    ],
+)
+def test_a_log_counts_on_the_day_of_its_path_unless_its_frames_are_of_another(
+    path_day: str | None, first: str | None, last: str | None, day: str | None, is_noted: bool
+) -> None:
+    import datetime
+
+    def ns(when: str | None) -> int | None:
+        if when is None:
+            return None
+        at = datetime.datetime.strptime(when, "%Y-%m-%dT%H").replace(tzinfo=datetime.timezone.utc)
+        return int(at.timestamp()) * 10**9
+
+    log = layout.Log("/l/m/x.log", "m", path_day, 1, "1", True)
+    read = work.Read(log.url, "0" * 64, True, 5, ns(first), ns(last))
+    [line], days = filing.file([filing.Entry(log, read)], {}, "key")
+    assert line["day"] == day and (line["sentence"] is not None) == is_noted
+    assert list(days) == ([] if day is None else [day])
+
+
+def test_what_is_gone_still_counts_and_what_was_moved_counts_once(tmp_path: pathlib.Path) -> None:
+    root, out = tree(tmp_path / "logs", 2, 2), tmp_path / "out"
+    before = run(root, out)
+    (root / "m1/2026-11-20.log").unlink()
+    (root / "m2/2026-11-20.log").rename(root / "m2/2026-11-20 moved.log")
+    after = run(root, out)
+    assert (after.logs, after.frames) == (before.logs, before.frames)
+    assert not after.notes and "m2/2026-11-20.log" not in lines(out)
+
+
+def test_a_copy_on_another_machine_is_listed_and_counts_once(tmp_path: pathlib.Path) -> None:
+    for name in ("m1", "m2"):
+        put(tmp_path / "logs" / name / "2026-11-20.log", text("2026-11-20"))
+    outcome = run(tmp_path / "logs", tmp_path / "out")
+    [(log, sentence)] = outcome.notes.items()
+    assert log.endswith("m2/2026-11-20.log") and "m1/2026-11-20.log: counted once" in sentence
+    assert (outcome.machines, outcome.logs, outcome.frames) == (1, 1, len(frames(1)))
+
+
+def test_the_same_machine_in_two_folders_is_one(tmp_path: pathlib.Path) -> None:
+    put(tmp_path / "logs/north/m1/2026-11-20.log", text("2026-11-20", hour=6))
+    put(tmp_path / "logs/south/m1/20261120_b.log", text("2026-11-20", hour=9))
+    outcome = run(tmp_path / "logs", tmp_path / "out", pattern="*/{machine}/{day}*")
+    assert (outcome.machines, outcome.logs) == (1, 2)
+    assert query(tmp_path / "out", "from figures").num_rows == 1
+
+
+def test_a_bucket_gives_the_bytes_of_a_folder(logs: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    bucket = fsspec.filesystem("memory")
+    bucket.rm("/bucket", recursive=True) if bucket.exists("/bucket") else None
+    bucket.put(str(logs), "/bucket", recursive=True)
+    outcome = run("memory://bucket", tmp_path / "bucket")
+    assert outcome.logs == 12
+    run(logs, tmp_path / "folder")
+    assert results(tmp_path / "bucket") == results(tmp_path / "folder")
+    assert run("memory://bucket", tmp_path / "bucket").read == 0
+
+
+def test_a_manifest_names_logs_and_machines(tmp_path: pathlib.Path) -> None:
+    put(tmp_path / "logs/a b.log", text("2026-11-20"))
+    put(tmp_path / "logs/x/y.log", text("2026-11-21", 2))
+    rows = [
+        {"path": "a b.log", "machine": "M/1", "model": "crane", "calibration_due": "2026-01-01"},
+        {"path": str(tmp_path / "logs/x/y.log"), "machine": "M 2", "model": None},
+        {"path": "not there.log", "machine": "M 2", "model": "truck"},
+    ]
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), tmp_path / "m.parquet")
+    outcome = run(tmp_path / "logs", tmp_path / "out", manifest=tmp_path / "m.parquet")
+    assert (outcome.machines, outcome.logs) == (2, 2)
+    assert [key.split("/")[-1] for key in outcome.notes] == ["not there.log"]
+    assert outcome.visits == ["M/1"]
+    page = outcome.page.read_text()
+    assert 'href="machines/M%252F1/report.html"' in page and "due on 2026-01-01" in page
+    assert (tmp_path / "out/machines/M%2F1/report.html").exists()
+    models = query(tmp_path / "out", "select machine, model from machine_days order by machine")
+    assert models.to_pylist() == [
+        {"machine": "M 2", "model": "truck"},
+        {"machine": "M/1", "model": "crane"},
+    ]
+
+
+def test_a_log_that_is_written_while_it_is_read_is_left_for_the_next_run(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = put(tmp_path / "logs/m/2026-11-20.log", text("2026-11-20"))
+    put(tmp_path / "logs/m/2026-11-21.log", text("2026-11-21"))
+    counted = work._count
+
+    def count_and_append(name: str, how: work.How) -> dict:
+        found = counted(name, how)
+        if name == str(path):
+            with path.open("a") as file:
+                file.write("(1.0) can0 080#\n")
+        return found
+
+    monkeypatch.setattr(work, "_count", count_and_append)
+    outcome = run(tmp_path / "logs", tmp_path / "out")
+    assert list(outcome.failed) == [str(path)] and outcome.logs == 1
+    assert outcome.failed[str(path)] == f"{path} is being written: the next run counts it"
+    monkeypatch.undo()
+    assert run(tmp_path / "logs", tmp_path / "out").logs == 2
+
+
+def test_a_kept_summary_that_is_damaged_or_of_another_version_is_made_anew(
+    tmp_path: pathlib.Path,
+) -> None:
+    root, out = tree(tmp_path / "logs", 1, 2), tmp_path / "out"
+    run(root, out)
+    before = results(out)
+    kept = [path for path in (out / "logs").rglob("*") if path.is_file()]
+    assert json.loads(plumb.summarise(root / "m1/2026-11-20.log"))["version"] == store.VERSION
+    kept[0].write_bytes(kept[0].read_bytes().replace(b'"version": 2', b'"version": 7'))
+    kept[1].write_bytes(b"{}")
+    outcome = run(root, out)
+    assert outcome.read == 2 and results(out) == before
+    kept[0].write_bytes(kept[0].read_bytes()[:-20])
+    (out / "figures/day=2026-11-20/rows.parquet").unlink()
+    (out / "figures/day=2026-11-21/rows.parquet").unlink()
+    with pytest.raises(FleetError, match="was damaged and is removed: run again"):
+        run(root, out)
+    assert run(root, out).read == 1 and results(out) == before
+
+
+def test_odd_names_and_files_that_are_none_stop_nothing(tmp_path: pathlib.Path) -> None:
+    root, long = tmp_path / "logs", "ö" * 120
+    put(root / "m1/2026-11-20.log", text("2026-11-20"))
+    for name in (long, "con.", "  ", "a\nb\x1b[31m", "..."):
+        put(root / name / "2026-11-20.log", text("2026-11-20", 2, hour=len(name) % 23))
+    for name in ("2026-11-21.log", "2026-11-22.log"):
+        (root / "m1" / name).symlink_to(tmp_path / "nowhere")
+    os.mkfifo(root / "m1/2026-11-23.log")
+    with open(os.fsencode(root / "m1/2026-11-24") + b"\xff.log", "w") as file:
+        file.write(text("2026-11-24"))
+    manifest = [{"path": str(path), "machine": path.parent.name, "calibration_due": "2000-01-01"}
+                for path in root.rglob("2026-11-20.log")]
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(manifest), tmp_path / "m.parquet")
+    outcome = run(root, tmp_path / "all", pattern="{machine}/{day}*")
+    # A name that begins with a dot is hidden: "...".
+    assert outcome.logs == 5 and len(outcome.notes) == 4 and not outcome.failed
+    assert sum("is no file" in why for why in outcome.notes.values()) == 3
+    assert sum("is not UTF-8" in why for why in outcome.notes.values()) == 1
+    outcome = run(root, tmp_path / "out", manifest=tmp_path / "m.parquet")
+    assert outcome.logs == 6
+    folders = list((tmp_path / "out/machines").iterdir())
+    assert len(folders) == len(outcome.visits) == outcome.machines
+
+
+def test_a_bar_tells_the_time_left() -> None:
+    assert left(0, 10, 5) == "" and left(5, 10, 60) == "1 min 00 s left"
+    assert left(1, 3, 3600) == "2 h 00 min left"
+    bar = Bar()
+    line = bar.line(3, 4, 30, 40, 6.0)
+    assert line.endswith("3 of 4, 2 s left") and line.count("#") == 22

@@ -1,0 +1,206 @@
+"""A fleet on a Dask scheduler with two worker processes: the bytes of one process, also when a
+worker is killed; and what can't be done ends in one sentence, with nothing written."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+from collections.abc import Iterator
+
+import pyarrow
+import pyarrow.parquet
+import pytest
+from distributed import Client
+from distributed.deploy.subprocess import SubprocessCluster
+from fleets import put, results, text, tree
+
+from plumb.fleet import FleetError, run, schedulers, store
+from plumb.fleet.__main__ import main
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return tree(tmp_path_factory.mktemp("fleet") / "logs", 3, 4)
+
+
+@pytest.fixture(scope="module")
+def wanted(logs: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """What one process makes of the logs."""
+    out = tmp_path_factory.mktemp("one") / "out"
+    run(logs, out, workers=1)
+    return results(out)
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """A scheduler and two worker processes, which are started again when they are lost."""
+    os.environ["DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"] = "1"
+    cluster = SubprocessCluster(
+        host="127.0.0.1",
+        n_workers=2,
+        threads_per_worker=1,
+        scheduler_kwargs={"dashboard": False},
+        worker_kwargs={"dashboard": False, "memory_limit": 0},
+    )
+    del os.environ["DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"]
+    with Client(cluster.scheduler_address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=30)
+        yield cluster.scheduler_address
+    cluster.close()
+
+
+def pids(address: str) -> set[int]:
+    with Client(address, set_as_default=False) as client:
+        return set(client.run(os.getpid).values())
+
+
+def test_two_workers_give_the_bytes_of_one_process(
+    scheduler: str, logs: pathlib.Path, wanted: dict[str, bytes], tmp_path: pathlib.Path
+) -> None:
+    outcome = run(logs, tmp_path / "out", scheduler=scheduler)
+    assert outcome.read == 12 and results(tmp_path / "out") == wanted
+    assert run(logs, tmp_path / "out", scheduler=scheduler).skipped == 12
+
+
+def test_a_worker_that_is_killed_loses_nothing_and_counts_nothing_twice(
+    scheduler: str,
+    logs: pathlib.Path,
+    wanted: dict[str, bytes],
+    tmp_path: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(schedulers, "GROUP", 1)
+    before = pids(scheduler)
+    victim = min(before)
+
+    def kill(stage: str, jobs: int, *_: float) -> None:
+        if stage == "reading" and jobs == 2:
+            os.kill(victim, signal.SIGKILL)
+
+    outcome = run(logs, tmp_path / "out", scheduler=scheduler, progress=kill)
+    assert (outcome.read, outcome.logs) == (12, 12) and not outcome.failed
+    assert results(tmp_path / "out") == wanted
+    assert victim not in pids(scheduler)
+
+
+def test_a_job_that_ends_its_worker_each_time_is_told_and_the_others_are_done(
+    scheduler: str,
+) -> None:
+    def end(jobs: list[int]) -> list[int]:
+        if 13 in jobs:
+            os._exit(1)
+        return jobs
+
+    with schedulers.opened(scheduler, 1) as place:
+        done = {}
+        for group, outcome in place.map(end, ((number, 1) for number in (12, 13, 14))):
+            done |= dict.fromkeys(group, outcome)
+    assert sorted(done) == [12, 13, 14] and [done[12], done[14]] == [[12], [14]]
+    assert "its worker was lost each time" in str(done[13])
+
+
+def test_processes_of_this_machine_are_used_without_set_up(
+    logs: pathlib.Path, wanted: dict[str, bytes], tmp_path: pathlib.Path
+) -> None:
+    run(logs, tmp_path / "out", workers=2)
+    assert results(tmp_path / "out") == wanted
+
+
+def no_log(root: pathlib.Path) -> None:
+    put(root / "logs/m1/2026-11-20.log", b"no log\n" * 40)
+
+
+def no_manifest(root: pathlib.Path) -> None:
+    put(root / "logs/m1/2026-11-20.log", text("2026-11-20"))
+    pyarrow.parquet.write_table(pyarrow.table({"path": ["m1/x"]}), root / "m.parquet")
+    gone = pyarrow.table({"path": ["m1/x"], "machine": ["m1"]})
+    pyarrow.parquet.write_table(gone, root / "gone.parquet")
+    put(root / "junk.parquet", b"PAR1 junk")
+
+
+BAD = [
+    (["{root}/logs"], None, "holds no file: name the folder of the machines"),
+    (["{root}/nowhere"], None, "is not there"),
+    (["{root}/logs/m1/2026-11-20.log"], no_log, "is a file"),
+    (["{root}/logs"], no_log, "no log could be counted: {root}/logs/m1/2026-11-20.log is no log"),
+    (["{root}/logs", "--pattern", "{{day}}/*"], no_log, "has no {{machine}}"),
+    (["{root}/logs", "--pattern", "{{machine}}.log"], no_log, "give another --pattern"),
+    (["{root}/logs", "--manifest", "{root}/m.parquet"], no_manifest, "has no column machine"),
+    (["{root}/logs", "--manifest", "{root}/junk.parquet"], no_manifest, "can't be read as Parquet"),
+    (["{root}/logs", "--manifest", "{root}/none.parquet"], no_manifest, "can't be read as Parquet"),
+    (["{root}/logs", "--scheduler", "tcp://127.0.0.1:9"], no_manifest, "no Dask scheduler answers"),
+    (["{root}/logs", "--scheduler", "nonsense"], no_manifest, "no Dask scheduler answers"),
+    (["{root}/logs", "--workers", "0"], no_manifest, "0 workers"),
+    (["{root}/logs", "--nodes", "one"], no_manifest, "is no list of node-ids"),
+    (["{root}/logs", "--nodes", "1"], no_manifest, "no log could be counted"),
+    (["{root}/logs", "--eds", "{root}/none.eds@1"], no_manifest, "none.eds can't be read"),
+    (["{root}/logs", "--manifest", "{root}/gone.parquet"], no_manifest, "there is no log to count"),
+    (["{root}/logs", "--today", "soon"], no_manifest, "soon is no day such as 2026-11-20"),
+    (["nothing://bucket"], None, "is of a kind that is not installed"),
+]
+
+
+@pytest.mark.parametrize(("words", "prepare", "sentence"), BAD)
+def test_what_can_not_be_done_is_one_sentence_and_nothing_is_written(
+    words: list[str],
+    prepare: object,
+    sentence: str,
+    tmp_path: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(schedulers, "ANSWER_S", 1.0)
+    (tmp_path / "logs").mkdir()
+    if callable(prepare):
+        prepare(tmp_path)
+    given = [word.format(root=tmp_path) for word in words]
+    before = sorted(tmp_path.rglob("*"))
+    status = main([given[0], str(tmp_path / "out"), *given[1:]])
+    said = capfd.readouterr()
+    assert status == 2 and said.out == ""
+    [line] = said.err.splitlines()
+    assert line.startswith("plumb.fleet: ") and sentence.format(root=tmp_path) in line
+    there = [path for path in sorted(tmp_path.rglob("*")) if "logs" not in path.parts[-3:]]
+    assert not [path for path in there if path.name in ("report.html", "rows.parquet")]
+    if "could be counted" not in sentence:
+        assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_bad_logs_among_good_ones_are_listed_and_the_status_is_2(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tree(tmp_path / "logs", 1, 2)
+    cut = put(root / "m1/2026-11-22.log", text("2026-11-22")[:-9])
+    junk = put(root / "m1/2026-11-23.log", b"\x00\x01" * 500)
+    assert main([str(root), str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().out
+    assert "Not counted: 1\n" in said and f"{junk} is no log of a CAN bus" in said
+    assert "Counted in part: 1\n" in said and f"the first in {cut} line" in said
+    page = (tmp_path / "out/report.html").read_text()
+    assert "is no log of a CAN bus" in page and "2 logs could not be read" in page
+    assert main([str(root), str(tmp_path / "out")]) == 2
+    assert "0 read now, 4 finished before" in capsys.readouterr().out
+
+
+def test_two_runs_at_once_on_one_folder_are_refused(tmp_path: pathlib.Path) -> None:
+    root, out = tree(tmp_path / "logs", 1, 1), tmp_path / "out"
+    with store.owned(out):
+        with pytest.raises(FleetError, match="another run writes to"):
+            run(root, out)
+    assert run(root, out).logs == 1
+
+
+def test_a_folder_that_can_not_be_made_is_told(tmp_path: pathlib.Path) -> None:
+    root = tree(tmp_path / "logs", 1, 1)
+    file = put(tmp_path / "file", b"")
+    for out in (file, file / "out"):
+        with pytest.raises(FleetError, match="cannot make the folder"):
+            run(root, out)
+
+
+def test_results_below_the_logs_are_no_logs(tmp_path: pathlib.Path) -> None:
+    root = tree(tmp_path / "logs", 1, 2)
+    for _ in range(2):
+        outcome = run(root, root / "results of today")
+        assert outcome.logs == 2 and not outcome.notes
