@@ -250,7 +250,7 @@ fn numbers_and_validity_bits_that_contradict_each_other_are_counted() {
 fn codes_without_a_meaning_are_counted() {
     let mut bus = bus();
     bus.see(0x181, &slopes(0, 0x3F, 10));
-    bus.see(0x381, &[0, 0, 0, 0, 0, 0, 21, 0x70]);
+    bus.see(0x381, &[0, 0, 0, 0, 0, 0, 31, 0x70]);
     bus.see(0x081, &[0x01, 0xFF, 0x81, 0, 0, 0x80, 0, 1]);
     assert_eq!(bus.see(0x701, &[9]), Meaning::Malformed(PLACES[0]));
     assert_eq!(bus.found(0), [(Check::Reserved, 3)]);

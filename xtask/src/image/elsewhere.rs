@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
 use super::build_into;
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, remove_folder};
 
 /// Copies what cargo needs; a file that is the same already keeps its time, by which cargo goes.
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
@@ -28,6 +28,19 @@ fn copy(from: &Path, to: &Path) -> io::Result<()> {
             if !fs::read(&copied).is_ok_and(|old| old == bytes) {
                 fs::write(&copied, bytes)?;
             }
+        }
+    }
+    remove_what_is_gone(from, to)
+}
+
+/// What was copied before and is no longer there: cargo would take a file of tests for one more.
+fn remove_what_is_gone(from: &Path, to: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(to)? {
+        let (path, name) = entry.map(|entry| (entry.path(), entry.file_name()))?;
+        match from.join(name) {
+            there if there.exists() => {}
+            _ if path.is_dir() => fs::remove_dir_all(path)?,
+            _ => fs::remove_file(path)?,
         }
     }
     Ok(())
@@ -78,4 +91,20 @@ fn two_checkouts_in_different_folders_give_the_same_images() {
         // Bytes of a hundred kilobytes tell nobody anything.
         assert!(theirs[name] == *bytes, "{name} depends on the folder");
     }
+}
+
+#[test]
+fn a_file_that_was_moved_stayed_in_the_copy_and_no_image_was_built() {
+    let folder = Workspace::locate().target().join("moved");
+    remove_folder(&folder).expect("a folder that goes");
+    let (from, to) = (folder.join("from"), folder.join("to"));
+    fs::create_dir_all(from.join("tests")).expect("a folder");
+    fs::write(from.join("tests/pair.rs"), "old").expect("a file");
+    copy(&from, &to).expect("a copy");
+    fs::remove_file(from.join("tests/pair.rs")).expect("a file that goes");
+    fs::create_dir_all(from.join("tests/pair")).expect("a folder");
+    fs::write(from.join("tests/pair/main.rs"), "new").expect("a file");
+    copy(&from, &to).expect("a copy");
+    assert!(to.join("tests/pair/main.rs").exists());
+    assert!(!to.join("tests/pair.rs").exists());
 }
