@@ -264,7 +264,7 @@ def _drawn(figures: Figures, moving: list[Row]) -> list[Row]:
                 "x_label": "day",
                 "y_label": "deg",
                 "series": [series],
-                "levels": [{"at": at, "name": "band"} for at in limits[: 1 + bool(limits)]],
+                "levels": [{"at": at, "name": "band"} for at in limits],
                 "x_names": _names(own),
             }
         )
@@ -301,10 +301,10 @@ def _histories(figures: Figures) -> Row:
 
 
 SPREAD = """select date_diff('day', min(date) over (), date) as t, date,
-    min(least(a_temperature_degc_min, b_temperature_degc_min)) as temperature_least,
-    max(greatest(a_temperature_degc_max, b_temperature_degc_max)) as temperature_most,
-    min(pow(2, ((a_activity_mean + b_activity_mean) / 2 - 64) / 8)) as vibration_least,
-    max(pow(2, (greatest(a_activity_max, b_activity_max) - 64) / 8)) as vibration_most
+    min(temperature_min_degc) as temperature_least,
+    max(temperature_max_degc) as temperature_most,
+    min(vibration_middle) as vibration_least,
+    max(vibration_max) as vibration_most
     from machine_days group by date order by date"""
 
 

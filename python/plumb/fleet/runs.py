@@ -14,10 +14,8 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import fsspec
 
 from . import filing, layout, page, schedulers, work
 from .errors import FleetError
