@@ -179,10 +179,12 @@ mod unix {
         let Some(outlet) = client.outlet() else {
             return;
         };
-        if outlet.is_open() {
+        let was_open = outlet.is_open();
+        master.forget_unread(outlet.leave());
+        // Whoever reads the notice may open the terminal at once, and must find it as new.
+        if was_open {
             shared.notice_of(client, "left without closing its channel");
         }
-        master.forget_unread(outlet.leave());
         while !shared.is_stopped() && master.look(PollFlags::IN).contains(PollFlags::HUP) {
             thread::sleep(LOOK);
         }
