@@ -16,9 +16,8 @@ from typing import Any
 import pyarrow
 import pyarrow.dataset
 
-from .errors import FleetError
+from .errors import FleetError, first_line
 from .figures import SCHEMA
-from .layout import _short
 from .store import LEDGER, MACHINES
 
 QUESTIONS = ("faults", "drift", "histories", "calibration", "restarts", "silent", "standing")
@@ -61,7 +60,7 @@ class Figures:
         try:
             return self._base.sql(text, params=used or None).to_arrow_table()
         except (self._refusal, AttributeError) as why:
-            raise FleetError(f"DuckDB can't answer the question: {_short(why)}") from None
+            raise FleetError(f"DuckDB can't answer the question: {first_line(why)}") from None
 
     def rows(self, question: str, **parameters: Any) -> list[dict[str, Any]]:
         """The same as a list of rows."""

@@ -7,3 +7,9 @@ from .._plumb import Error
 
 class FleetError(Error):
     """A run over a fleet could not be done; the text is one sentence with what to do."""
+
+
+def first_line(why: BaseException) -> str:
+    """The first line of another library's message."""
+    lines = str(why).strip().splitlines()
+    return lines[0].rstrip(".") if lines else type(why).__name__

@@ -18,7 +18,7 @@ import fsspec
 import pyarrow
 import pyarrow.parquet
 
-from .errors import FleetError
+from .errors import FleetError, first_line
 
 PATTERN = "{machine}/{day}*"
 """The default: a folder for each machine, in it files or folders whose names begin with the day."""
@@ -173,7 +173,7 @@ def _table(manifest: str) -> pyarrow.Table:
         with fsspec.open(manifest, "rb") as file:
             table = pyarrow.parquet.read_table(file)
     except (OSError, ValueError, ImportError, pyarrow.ArrowException) as why:
-        raise FleetError(f"{manifest} can't be read as Parquet: {_short(why)}") from None
+        raise FleetError(f"{manifest} can't be read as Parquet: {first_line(why)}") from None
     missing = [name for name in NEEDED if name not in table.column_names]
     if missing:
         raise FleetError(
@@ -216,7 +216,7 @@ def _enter(found: Found, system: Any, root: str, row: dict[str, Any]) -> None:
     try:
         info = system.info(path)
     except (OSError, ValueError) as why:
-        found.strays[url] = f"the manifest lists it, and it can't be read: {_short(why)}"
+        found.strays[url] = f"the manifest lists it, and it can't be read: {first_line(why)}"
         return
     found.logs.append(_log(system, path, info, str(row["machine"]), named))
 
@@ -225,7 +225,7 @@ def _open(url: str) -> tuple[Any, str]:
     try:
         return fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as why:
-        raise FleetError(f"{url} is of a kind that is not installed: {_short(why)}") from None
+        raise FleetError(f"{url} is of a kind that is not installed: {first_line(why)}") from None
 
 
 def _files(system: Any, root: str, name: str) -> dict[str, dict[str, Any]]:
@@ -236,7 +236,7 @@ def _files(system: Any, root: str, name: str) -> dict[str, dict[str, Any]]:
             raise FleetError(f"{name} is a file: name the folder of the machines")
         return system.find(root, detail=True)
     except OSError as why:
-        raise FleetError(f"{name} can't be listed: {_short(why)}") from None
+        raise FleetError(f"{name} can't be listed: {first_line(why)}") from None
 
 
 def _log(system: Any, path: str, info: dict[str, Any], machine: str, day: str | None) -> Log:
@@ -253,9 +253,3 @@ def _is_local(system: Any) -> bool:
 
 def _url(system: Any, path: str) -> str:
     return path if _is_local(system) else system.unstrip_protocol(path)
-
-
-def _short(why: BaseException) -> str:
-    """The first line of another library's message."""
-    lines = str(why).strip().splitlines()
-    return lines[0].rstrip(".") if lines else type(why).__name__

@@ -16,8 +16,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
-from .errors import FleetError
-from .layout import _short
+from .errors import FleetError, first_line
 
 GROUP_BYTES = 32 << 20
 """Jobs go out in groups of about this many bytes."""
@@ -129,7 +128,7 @@ class Dask:
         if isinstance(why, ImportError):
             raise FleetError(
                 f"a worker of {self._address} can't load the package: install plumb[fleet] there "
-                f"({_short(why)})"
+                f"({first_line(why)})"
             )
         if isinstance(why, (asyncio.CancelledError, OSError)):
             raise FleetError(self._lost(why))
@@ -137,7 +136,7 @@ class Dask:
 
     def _lost(self, why: BaseException) -> str:
         return (
-            f"the scheduler {self._address} was lost ({_short(why)}): run again, what is finished "
+            f"the scheduler {self._address} was lost ({first_line(why)}): run again, what is finished "
             "is not done again"
         )
 

@@ -15,8 +15,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from .errors import FleetError
-from .layout import _short
+from .errors import FleetError, first_line
 from .runs import Outcome
 from .runs import run as run_on
 from .schedulers import AHEAD, Function, groups
@@ -61,7 +60,7 @@ class Spark:
 def _cause(why: BaseException) -> str:
     """The line that names the error among those of Python and of Java."""
     lines = [line for line in str(why).splitlines() if re.match(r"[\w.]+(Error|Exception): ", line)]
-    return lines[0].rstrip(".") if lines else _short(why)
+    return lines[0].rstrip(".") if lines else first_line(why)
 
 
 def run(

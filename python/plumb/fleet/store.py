@@ -29,8 +29,8 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-from .errors import FleetError
-from .layout import ABOUT, Log, _short
+from .errors import FleetError, first_line
+from .layout import ABOUT, Log
 from .work import Read, unpack
 
 LEDGER = pyarrow.schema(
@@ -214,7 +214,7 @@ def _read_table(path: pathlib.Path) -> pyarrow.Table:
         return pyarrow.parquet.ParquetFile(path).read()
     except (OSError, pyarrow.ArrowException) as why:
         raise FleetError(
-            f"{path} can't be read ({_short(why)}): remove it, and it is made anew"
+            f"{path} can't be read ({first_line(why)}): remove it, and it is made anew"
         ) from None
 
 

@@ -23,7 +23,8 @@ from typing import Any
 import fsspec
 
 from .. import _plumb
-from .layout import Log, _short
+from .errors import first_line
+from .layout import Log
 
 PIECE = 1 << 20
 """Bytes that are read at once."""
@@ -94,7 +95,7 @@ def read(log: Log, how: How) -> Read:
         with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
             return _read_remote(log, how, pathlib.Path(folder))
     except Exception as why:  # noqa: BLE001 - one log, however odd, must not end a run
-        return Read(log.url, None, False, error=f"{HERE} can't be read: {_short(why)}")
+        return Read(log.url, None, False, error=f"{HERE} can't be read: {first_line(why)}")
 
 
 def read_all(logs: list[Log], how: How) -> list[Read]:
