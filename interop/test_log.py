@@ -122,6 +122,8 @@ def pair(plumb: Plumb, joined: Master) -> Iterator[Master]:
 
 
 def power_cycle(plumb: Plumb, master: Master, who: str, nodes: tuple[int, ...]) -> None:
+    # The end of a block transfer has no answer: a node would get it when it is on again.
+    master.settle()
     plumb.type(f"power {who} off")
     time.sleep(0.2)
     mark = master.mark()

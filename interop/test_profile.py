@@ -164,6 +164,7 @@ def test_the_temperature_is_in_degrees(plumb: Plumb, master: Master) -> None:
 
 def start_at(plumb: Plumb, master: Master, shown: dict[int, int], degc: int) -> None:
     """The nodes are left there without power for long, then started; what each then shows."""
+    master.settle()
     plumb.type("power all off", f"temp {degc} now")
     time.sleep(0.1)
     mark = master.mark()
