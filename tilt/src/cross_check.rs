@@ -450,3 +450,5 @@ mod standstill_tests;
 mod starting_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod vibration_tests;

@@ -21,15 +21,21 @@ impl Dice {
     }
 
     /// Mean 0, standard deviation 1.
-    fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         let length = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         length * (core::f64::consts::TAU * self.uniform()).cos()
     }
 
     /// A look at noise of a channel's own level, whose energy scatters by half.
     fn look(&mut self) -> Activity {
-        let energy = (0..8).map(|_| self.normal().powi(2)).sum::<f64>() / 8.0;
-        Activity((64.0 + 8.0 * energy.log2()).round().clamp(1.0, 255.0) as u8)
+        self.look_at(1.0, 8)
+    }
+
+    /// A look of so many samples at noise of so many times the energy of the channel's own.
+    pub(super) fn look_at(&mut self, energy: f64, samples: u32) -> Activity {
+        let squares: f64 = (0..samples).map(|_| self.normal().powi(2)).sum();
+        let energy = energy * squares / f64::from(samples);
+        Activity((64.0 + 8.0 * energy.log2()).round().clamp(1.0, 254.0) as u8)
     }
 
     /// A healthy channel with its noise behind the filter and an offset of its own, mg.

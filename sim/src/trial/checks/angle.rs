@@ -107,7 +107,10 @@ impl Angles {
             };
             if let Some(rule) = self.lasts((compared_s, allowed_s), channel, axis, old) {
                 let name = ["X", "Y"][axis];
-                let what = format!("slope {name} reads {deg:.2} deg, the truth is {newest:.2} deg");
+                let what = format!(
+                    "slope {name} reads {deg:.2} deg, the truth is {newest:.2} deg, allowed are \
+                     {within_deg:.2} deg"
+                );
                 found.push(Violation {
                     rule,
                     at_s,
