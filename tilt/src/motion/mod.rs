@@ -281,7 +281,7 @@ impl Motion {
     fn zero_velocity_noise(&self, state: &mut MotionState, gained: [i64; 2]) -> i64 {
         let fade = |held: i64| held - ((held >> 16) * i64::from(self.decay_q16));
         let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
-        let [seen, expected] = [state.seen, state.expected].map(|held| fade(held << 16) >> 16);
+        let seen = fade(state.seen << 16) >> 16;
         let speed = if state.quiet.at_rest() {
             // What was seen may come again, but what was expected at the start has not come.
             (state.seen, state.expected) = (seen, 0);
@@ -289,8 +289,8 @@ impl Motion {
             i64::from(self.rest_variance)
         } else {
             let seen = seen.max(mean_square(state.velocity) >> 31);
-            (state.seen, state.expected) = (seen, expected);
-            seen.max(expected).max(self.least_speed)
+            state.seen = seen;
+            seen.max(state.expected).max(self.least_speed)
         };
         state.change = change;
         // Blocks for which it keeps its direction, 2^-8.
