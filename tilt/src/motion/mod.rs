@@ -110,7 +110,7 @@ pub struct MotionState {
     /// Mean square of the velocity along one axis that was seen, held for a while; 2^-31 of
     /// (2 g s)^2.
     seen: i64,
-    /// The same that was expected at the start, until the first rest.
+    /// The same that was expected at the start, until a rest before which hardly any was seen.
     expected: i64,
     /// The same of the velocity gained in a block; 2^-47 of (2 g s)^2.
     change: i64,
@@ -283,8 +283,12 @@ impl Motion {
         let change = (mean_square(gained.map(saturate)) >> 15).max(fade(state.change));
         let seen = fade(state.seen << 16) >> 16;
         let speed = if state.quiet.at_rest() {
-            // What was seen may come again, but what was expected at the start has not come.
-            (state.seen, state.expected) = (seen, 0);
+            // What was seen may come again. What was expected at the start has not come where
+            // hardly any was seen before this rest.
+            state.seen = seen;
+            if seen <= self.least_speed {
+                state.expected = 0;
+            }
             // Whatever velocity is left has come from a wrong vertical.
             i64::from(self.rest_variance)
         } else {

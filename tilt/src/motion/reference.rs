@@ -173,9 +173,11 @@ impl Reference {
         let mean = |v: [f64; 2]| v.iter().map(|v| v * v).sum::<f64>() / 2.0;
         let fade = 1.0 - (block_s / e.hold_s * 65536.0).round() / 65536.0;
         self.change = mean(self.before).max(self.change * fade);
-        (self.seen, self.expected) = (self.seen * fade, self.expected * fade);
+        self.seen *= fade;
         let speed = if self.at_rest {
-            self.expected = 0.0;
+            if self.seen <= e.least_speed.powi(2) {
+                self.expected = 0.0;
+            }
             e.rest_speed.powi(2)
         } else {
             self.seen = self.seen.max(mean(self.velocity));
