@@ -13,7 +13,7 @@
 mod arm;
 
 use crate::TICK_S;
-use crate::motion::vibration::{BandNoise, Ring, Tone};
+use crate::motion::vibration::{BandNoise, Burst, Tone};
 use crate::motion::{Attitude, Motion, Mover, STANDARD_GRAVITY_M_S2, add, rate_dps};
 use crate::rng::Rng;
 use arm::{Arm, Pose};
@@ -207,7 +207,7 @@ struct Shaking {
     engine: Tone,
     share: f64,
     keep: f64,
-    shock: Ring,
+    shock: Burst,
     shock_along: [f64; 3],
     rng: Rng,
     shock_rng: Rng,
@@ -221,7 +221,7 @@ impl Shaking {
             engine: Tone::new(setup.engine_g, ENGINE_HZ, &mut rng),
             share: if works { 1.0 } else { IDLE_SHARE },
             keep: (-TICK_S / ENGINE_LAG_S).exp(),
-            shock: Ring::default(),
+            shock: Burst::default(),
             shock_along: [0.0; 3],
             shock_rng: rng.fork(),
             rng,
@@ -241,7 +241,7 @@ impl Shaking {
         let peak_g = rng.range(peak_g.0, peak_g.1);
         let frequency_hz = rng.range(SHOCK_HZ.0, SHOCK_HZ.1);
         let duration_s = rng.range(SHOCK_S.0, SHOCK_S.1);
-        self.shock = Ring::burst(peak_g, frequency_hz, duration_s);
+        self.shock = Burst::new(peak_g, frequency_hz, duration_s);
         self.shock_along = rng.direction();
     }
 

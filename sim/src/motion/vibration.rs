@@ -279,20 +279,6 @@ impl Ring {
         }
     }
 
-    /// A burst at `frequency_hz` whose envelope is down to 5 % after `duration_s` and whose
-    /// highest peak is `peak_g`. It has started.
-    pub fn burst(peak_g: f64, frequency_hz: f64, duration_s: f64) -> Ring {
-        let decay_s = duration_s / 3.0;
-        let mut ring = Ring {
-            phasor: Phasor::new(frequency_hz, decay_s),
-        };
-        // exp(-t/d) sin(wt) is highest where tan(wt) = wd.
-        let wd = TAU * frequency_hz * decay_s;
-        let peak = (-wd.atan() / wd).exp() * wd / (1.0 + wd * wd).sqrt();
-        ring.kick(peak_g / peak);
-        ring
-    }
-
     /// Adds a sine of this amplitude that starts at zero now, g; the sign is its direction.
     pub fn kick(&mut self, amplitude_g: f64) {
         self.phasor.re += amplitude_g;
@@ -314,6 +300,41 @@ impl Ring {
         }
         self.phasor.step();
         self.phasor.im
+    }
+}
+
+/// A blow and the ringing after it, on one line: what shakes comes back to where it was, so its
+/// force adds up to nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Burst {
+    /// The velocity, of which the force is the change in a tick.
+    velocity: Ring,
+}
+
+impl Burst {
+    /// A blow of `peak_g` in its first tick that rings at `frequency_hz`; the envelope is down to
+    /// 5 % after `duration_s`. It has started.
+    pub fn new(peak_g: f64, frequency_hz: f64, duration_s: f64) -> Burst {
+        let decay_s = duration_s / 3.0;
+        let mut velocity = Ring {
+            phasor: Phasor::new(frequency_hz, decay_s),
+        };
+        let first = (-TICK_S / decay_s).exp() * (TAU * frequency_hz * TICK_S).sin();
+        velocity.kick(peak_g / first);
+        Burst { velocity }
+    }
+
+    /// Whether the burst is still worth a step.
+    #[inline]
+    pub fn sounds(&self) -> bool {
+        self.velocity.sounds()
+    }
+
+    /// The next tick's force along the burst's line, g; exactly 0 once it has died away.
+    #[inline]
+    pub fn step(&mut self) -> f64 {
+        let before = self.velocity.phasor.im;
+        self.velocity.step() - before
     }
 }
 
@@ -435,15 +456,30 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_reaches_its_peak_and_is_over_after_its_duration() {
+    fn a_burst_begins_with_its_peak_and_is_over_after_its_duration() {
         for (frequency_hz, duration_s) in [(30.0, 0.020), (60.0, 0.060), (45.0, 0.040)] {
-            let mut ring = Ring::burst(3.0, frequency_hz, duration_s);
-            let signal: Vec<f64> = (0..400).map(|_| ring.step().abs()).collect();
-            let peak = signal.iter().fold(0.0, |m: f64, x| m.max(*x));
-            assert!((2.9..=3.0001).contains(&peak), "{frequency_hz} Hz: {peak}");
+            let mut burst = Burst::new(3.0, frequency_hz, duration_s);
+            let signal: Vec<f64> = (0..400).map(|_| burst.step()).collect();
+            assert!((signal[0] - 3.0).abs() < 1e-12, "{frequency_hz} Hz");
+            assert!(signal.iter().all(|x| x.abs() <= 3.0), "{frequency_hz} Hz");
             let end = (duration_s / TICK_S) as usize;
-            let late = signal[end..].iter().fold(0.0, |m: f64, x| m.max(*x));
-            assert!(late < 0.12 * peak, "{frequency_hz} Hz: {late}");
+            let late = signal[end..].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            assert!(late < 0.12 * 3.0, "{frequency_hz} Hz: {late}");
+        }
+    }
+
+    #[test]
+    fn a_shock_left_the_housing_a_velocity_that_it_does_not_have() {
+        for frequency_hz in [30.0, 45.0, 60.0] {
+            for duration_s in [0.020, 0.040, 0.060] {
+                let mut burst = Burst::new(5.0, frequency_hz, duration_s);
+                let gained: f64 = (0..2000).map(|_| burst.step() * TICK_S).sum();
+                assert!(
+                    gained.abs() < 1e-8,
+                    "{frequency_hz} Hz, {duration_s} s: {gained} g s"
+                );
+                assert!(!burst.sounds());
+            }
         }
     }
 }
