@@ -637,9 +637,14 @@ impl<T: Tpdos> Node<T> {
     }
 
     /// Frames were lost because nobody took them out of the controller in time.
+    ///
+    /// They are counted. Of those before the boot-up message there is no EMCY: whoever sent them did
+    /// not expect this node yet.
     pub fn overrun(&mut self, lost: u16) {
         self.overruns = self.overruns.saturating_add(lost);
-        self.emergency(0x8110, [lost as u8, (lost >> 8) as u8, 0, 0, 0]);
+        if self.boot_up == BootUp::Sent {
+            self.emergency(0x8110, [lost as u8, (lost >> 8) as u8, 0, 0, 0]);
+        }
     }
 
     /// The processor stood still until `now`, so frames may have been lost that were sent: nobody

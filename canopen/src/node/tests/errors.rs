@@ -176,6 +176,17 @@ fn errors_of_the_device_have_a_class_and_bits_of_their_own() {
 }
 
 #[test]
+fn frames_that_were_lost_before_the_boot_up_message_were_an_emcy_before_it() {
+    let mut bench = Bench::new();
+    bench.nmt(130);
+    bench.node.overrun(3);
+    assert_eq!(bench.says(), [spoken(0x705, &[0])]);
+    assert_eq!(bench.node.overruns(), 3, "they count");
+    bench.node.overrun(1);
+    assert_eq!(bench.says(), [emergency(0x8110, 1, 1)]);
+}
+
+#[test]
 fn sub_0_of_1003_not_clearing() {
     let mut bench = Bench::new();
     bench.node.overrun(3);
