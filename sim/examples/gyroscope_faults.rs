@@ -15,6 +15,10 @@ use sim::trial::inject::{Injection, What};
 use sim::trial::pool::Pool;
 use sim::trial::{self, Setup};
 
+#[path = "faults/spread.rs"]
+mod spread;
+use spread::spread;
+
 /// Units that the runs are drawn from.
 const UNITS: u32 = 4;
 
@@ -75,18 +79,18 @@ fn setup(scene: Scene, seed: u64) -> Setup {
     }
 }
 
-/// What came of the runs of one line in one scene.
-#[derive(Default)]
-struct Row {
-    runs: u32,
-    told_s: Vec<f64>,
-    right_s: Vec<f64>,
-    wrong: u32,
-    early: u32,
+/// What came of one run.
+struct Run {
+    told_s: Option<f64>,
+    /// When the right channel was named.
+    right_s: Option<f64>,
+    wrong: bool,
+    /// Something was reported before the fault began.
+    early: bool,
 }
 
-impl Row {
-    fn add(&mut self, scene: Scene, fault: SensorFault, seed: u64, pool: &Pool) {
+impl Run {
+    fn of(scene: Scene, fault: SensorFault, seed: u64, pool: &Pool) -> Self {
         let mut rng = Rng::stream(seed, "gyroscope fault");
         let from_s = rng.range(20.0, 30.0);
         let setup = Setup {
@@ -100,24 +104,43 @@ impl Row {
         };
         let report = trial::run(&setup, pool, |_| {}).expect("a unit of the pool");
         let detection = &report.detections[0];
-        self.runs += 1;
-        self.told_s.extend(detection.told_s());
         let named = detection.by.iter().filter_map(|found| found.named);
         let named_s = named.map(|(after_s, _)| after_s).reduce(f64::min);
-        match detection.blame() {
-            Blame::Right => self.right_s.extend(named_s),
-            Blame::Wrong => self.wrong += 1,
-            Blame::Unknown => {}
-        }
         let early = |v: &Violation| v.at_s < from_s && !is_of_angles(v);
-        self.early += u32::from(report.violations.iter().any(early));
+        Self {
+            told_s: detection.told_s(),
+            right_s: named_s.filter(|_| detection.blame() == Blame::Right),
+            wrong: detection.blame() == Blame::Wrong,
+            early: report.violations.iter().any(early),
+        }
+    }
+}
+
+/// What came of the runs of one line in one scene.
+struct Row {
+    runs: usize,
+    told_s: Vec<f64>,
+    right_s: Vec<f64>,
+    wrong: usize,
+    early: usize,
+}
+
+impl Row {
+    fn of(runs: &[Run]) -> Self {
+        Self {
+            runs: runs.len(),
+            told_s: runs.iter().filter_map(|run| run.told_s).collect(),
+            right_s: runs.iter().filter_map(|run| run.right_s).collect(),
+            wrong: runs.iter().filter(|run| run.wrong).count(),
+            early: runs.iter().filter(|run| run.early).count(),
+        }
     }
 
     fn print(&mut self, name: &str, scene: &str) {
         for times in [&mut self.told_s, &mut self.right_s] {
             times.sort_by(f64::total_cmp);
         }
-        let share = |count: usize| 100.0 * count as f64 / f64::from(self.runs);
+        let share = |count: usize| 100.0 * count as f64 / self.runs as f64;
         println!(
             "| {name} | {scene} | {} | {:.1} % | {} | {} | {:.1} % | {} | {} |",
             self.runs,
@@ -141,23 +164,22 @@ fn at(sorted: &[f64], share: f64, digits: usize) -> String {
 /// What came of so many hours without a fault: the hours, how often somebody was accused, and how
 /// often an angle was off by more than 0.6 deg for longer than the reaction time.
 fn healthy(scene: Scene, hours: u32, pool: &Pool) -> (f64, usize, usize) {
-    let runs = (f64::from(hours) * 3600.0 / HEALTHY_S).ceil() as u64;
-    let (mut alarms, mut angles) = (0, 0);
-    for seed in 0..runs {
+    let runs = (f64::from(hours) * 3600.0 / HEALTHY_S).ceil() as usize;
+    let found = spread(runs, |seed| {
         let setup = Setup {
             safety_s: HEALTHY_S,
-            ..setup(scene, 1_000_000 + seed)
+            ..setup(scene, 1_000_000 + seed as u64)
         };
         let report = trial::run(&setup, pool, |_| {}).expect("a unit of the pool");
-        for violation in &report.violations {
-            if is_of_angles(violation) {
-                angles += 1;
-            } else {
-                alarms += 1;
-                eprintln!("{scene:?}, seed {seed}: {violation}");
-            }
+        let (angles, alarms): (Vec<_>, Vec<_>) =
+            report.violations.iter().partition(|v| is_of_angles(v));
+        for violation in &alarms {
+            eprintln!("{scene:?}, seed {seed}: {violation}");
         }
-    }
+        (alarms.len(), angles.len())
+    });
+    let alarms = found.iter().map(|(alarms, _)| alarms).sum();
+    let angles = found.iter().map(|(_, angles)| angles).sum();
     (runs as f64 * HEALTHY_S / 3600.0, alarms, angles)
 }
 
@@ -197,7 +219,7 @@ until the machine has paused.
 fn main() {
     let mut numbers = std::env::args().skip(1).map(|arg| arg.parse());
     let (runs, hours) = match (numbers.next(), numbers.next()) {
-        (Some(Ok(runs)), Some(Ok(hours))) => (u64::from(runs), hours),
+        (Some(Ok(runs)), Some(Ok(hours))) => (runs as usize, hours),
         _ => {
             eprintln!("gyroscope_faults RUNS HOURS");
             std::process::exit(2);
@@ -208,11 +230,10 @@ fn main() {
     println!("{HEAD}");
     for (name, faults) in lines() {
         for (scene, called) in SCENES {
-            let mut row = Row::default();
-            for seed in 0..runs {
-                let fault = faults[(seed as usize / 2) % faults.len()];
-                row.add(scene, fault, seed, &pool);
-            }
+            let mut row = Row::of(&spread(runs, |seed| {
+                let fault = faults[(seed / 2) % faults.len()];
+                Run::of(scene, fault, seed as u64, &pool)
+            }));
             row.print(name, called);
             if row.early > 0 {
                 eprintln!(

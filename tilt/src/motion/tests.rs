@@ -268,6 +268,39 @@ fn the_uncertainty_grows_with_speed_and_shrinks_at_rest() {
 }
 
 #[test]
+fn a_start_in_motion_expected_the_speed_of_a_machine_for_some_seconds_only() {
+    let e = INDUSTRIAL;
+    let expected = motion(&e).start_speed;
+    let swing = |t: f64| [(2.0 * PI * 0.2 * t).sin(), 0.0, 0.0];
+    let mut state = MotionState::default();
+    let mut housing = Housing::new([0.0, 0.0, 1.0], [0.0, 1.4, 0.0]);
+    let mut after = |seconds, rate: &dyn Fn(f64) -> Vec3| {
+        run(
+            &e,
+            &mut state,
+            &mut housing,
+            [seconds, seconds],
+            rate,
+            STILL,
+        );
+        state.expected
+    };
+    assert_eq!(after(40.0, &swing), expected, "it has not rested");
+    assert_eq!(
+        after(2.0, &|_| STILL),
+        expected,
+        "it may move as fast again"
+    );
+    assert_eq!(after(60.0, &|_| STILL), 0, "it has rested for long");
+    assert_eq!(after(40.0, &swing), 0, "what is seen counts now");
+    // At rest from the start there is nothing to expect.
+    let mut state = MotionState::default();
+    let mut housing = Housing::new([0.0, 0.0, 1.0], [0.0, 1.4, 0.0]);
+    run(&e, &mut state, &mut housing, [2.0, 2.0], |_| STILL, STILL);
+    assert_eq!(state.expected, 0);
+}
+
+#[test]
 fn a_gyroscope_that_is_late_is_made_up_for() {
     let e = Expected {
         delay_s: 0.0025,
