@@ -638,8 +638,8 @@ impl<T: Tpdos> Node<T> {
 
     /// Frames were lost because nobody took them out of the controller in time.
     ///
-    /// They are counted. Of those before the boot-up message there is no EMCY: whoever sent them did
-    /// not expect this node yet.
+    /// They are counted. Of those before the boot-up message there is no EMCY: whoever sent them
+    /// did not expect this node yet.
     pub fn overrun(&mut self, lost: u16) {
         self.overruns = self.overruns.saturating_add(lost);
         if self.boot_up == BootUp::Sent {
