@@ -256,12 +256,10 @@ was named.
         writeln!(
             f,
             "
-Of {} trials {wrong} named the wrong channel at some time; {lying} of them first did so while the
-board lay still, the others when it was turned and put down: the shock is larger at one end of the
-board, and a channel that loses samples records less of it. An offset of 5 or 10 mg is detected
-and not named, because {:.0} mg of length are needed here. Which pose the
-board is in decides whether gravity shows the error at all. One sample in ten lost is filled in
-by the chain and is no fault by itself.
+Of {} trials {wrong} named the wrong channel at some time, {lying} of them first while the board
+lay still. An offset of 5 or 10 mg is detected and not named, because {:.0} mg of length are needed
+here. Which pose the board is in decides whether gravity shows the error at all. One sample in ten
+lost is filled in by the chain and is no fault by itself.
 
 ### Faults that begin while the board is shaken
 
