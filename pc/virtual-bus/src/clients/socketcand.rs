@@ -23,7 +23,7 @@ const COMMAND_LIMIT: usize = 96;
 
 /// How long frames are held back after the answer to `rawmode`. python-can reads that answer
 /// with one receive call and gives up when anything else comes with it.
-pub const HOLD: Duration = Duration::from_millis(20);
+pub const HOLD: Duration = Duration::from_millis(150);
 
 /// What a client is told at first.
 pub const GREETING: &[u8] = b"< hi >";
