@@ -187,12 +187,14 @@ fn is_of_angles(violation: &Violation) -> bool {
     matches!(violation.rule, Rule::WrongAngle | Rule::OldAngle)
 }
 
-const HEAD: &str = "\
+fn head(runs: usize, hours: u32) -> String {
+    format!(
+        "\
 # Faults of the variant with a gyroscope
 
 For those who judge the redundancy of the variant with a gyroscope: how soon two channels report a
 fault of a gyroscope or of an accelerometer, and which channel they name. Everything on this page is
-simulated and printed by `cargo run --release -p sim --example gyroscope_faults -- 1000 100`; the
+simulated and printed by `cargo run --release -p sim --example gyroscope_faults -- {runs} {hours}`; the
 first number is that of the runs of each line, the second one the hours without a fault.
 Calibrated units, 250 kbit/s, 50 SYNCs a second, the sensor 1 m from the boom's pivot. The fault
 begins after 20 to 30 s and stays for 40 s; axis, sign, channel, unit and moment are drawn. Only
@@ -204,7 +206,9 @@ is named. *Right* are the runs in which the faulty channel was named and the hea
 in order while nothing turns, and so is one with swapped axes.
 
 | fault | scene | runs | reported | median, s | 95 %, s | right | median, s | wrong |
-|---|---|---|---|---|---|---|---|---|";
+|---|---|---|---|---|---|---|---|---|"
+    )
+}
 
 const HEALTHY: &str = "
 Without a fault. An *alarm* is any accusation of a channel, any EMCY without a cause and any other
@@ -227,7 +231,7 @@ fn main() {
     };
     let units: Vec<_> = (0..UNITS).map(|unit| (Mode::Dynamic, unit)).collect();
     let pool = Pool::of(&units).expect("sound units");
-    println!("{HEAD}");
+    println!("{}", head(runs, hours));
     for (name, faults) in lines() {
         for (scene, called) in SCENES {
             let mut row = Row::of(&spread(runs, |seed| {

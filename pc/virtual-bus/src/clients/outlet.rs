@@ -127,6 +127,13 @@ impl Outlet {
         }
     }
 
+    /// Holds nothing back any longer.
+    pub fn release(&self) {
+        let mut queue = self.queue();
+        queue.held_until = None;
+        self.news.notify_one();
+    }
+
     /// Queues a frame of the bus, when the channel is open.
     pub fn offer(&self, frame: &Frame, time_us: u64) -> Result<(), Full> {
         let mut queue = self.queue();
@@ -247,6 +254,20 @@ mod tests {
         assert_eq!(taken(&outlet), "\r");
         assert_eq!(taken(&outlet), "t0800\r");
         assert!(asked.elapsed() >= Duration::from_millis(20));
+    }
+
+    #[test]
+    fn frames_that_are_held_back_go_out_when_they_are_released() {
+        let outlet = Outlet::new();
+        let asked = Instant::now();
+        outlet.tap(Tap::Socketcand, Duration::from_secs(600));
+        outlet.offer(&Frame::data_frame(0x80, &[]), 0).unwrap();
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(|| taken(&outlet));
+            outlet.release();
+            assert_eq!(writer.join().unwrap(), "< frame 080 0.000000  >");
+        });
+        assert!(asked.elapsed() < Duration::from_secs(60));
     }
 
     #[test]

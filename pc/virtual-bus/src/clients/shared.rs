@@ -209,6 +209,10 @@ impl Shared {
             heard.close = Some("it doesn't read the answers to its commands".to_owned());
         }
         heard.answer.clear();
+        if !heard.frames.is_empty() {
+            // A client that sends has read its answer, and may wait for what comes of its frame.
+            outlet.release();
+        }
         if let Some(notice) = heard.notice.take() {
             self.notice_of(client, &notice);
         }

@@ -21,8 +21,9 @@ const FAULTS_LIMIT: u32 = 8;
 /// The longest command, bytes between `<` and `>`: twice a `send` with 8 bytes.
 const COMMAND_LIMIT: usize = 96;
 
-/// How long frames are held back after the answer to `rawmode`. python-can reads that answer
-/// with one receive call and gives up when anything else comes with it.
+/// How long frames are held back at most after the answer to `rawmode`, until the client sends
+/// one. python-can reads that answer with one receive call and gives up when anything else comes
+/// with it, which on a loaded machine takes its time.
 pub const HOLD: Duration = Duration::from_millis(150);
 
 /// What a client is told at first.
