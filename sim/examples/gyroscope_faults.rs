@@ -194,8 +194,9 @@ fn head(runs: usize, hours: u32) -> String {
 
 For those who judge the redundancy of the variant with a gyroscope: how soon two channels report a
 fault of a gyroscope or of an accelerometer, and which channel they name. Everything on this page is
-simulated and printed by `cargo run --release -p sim --example gyroscope_faults -- {runs} {hours}`; the
-first number is that of the runs of each line, the second one the hours without a fault.
+simulated and printed by
+`cargo run --release -p sim --example gyroscope_faults -- {runs} {hours}`; the first number is that
+of the runs of each line, the second one the hours without a fault.
 Calibrated units, 250 kbit/s, 50 SYNCs a second, the sensor 1 m from the boom's pivot. The fault
 begins after 20 to 30 s and stays for 40 s; axis, sign, channel, unit and moment are drawn. Only
 what is reported on the bus counts.
