@@ -23,8 +23,8 @@ const COMMAND_LIMIT: usize = 96;
 
 /// How long frames are held back at most after the answer to `rawmode`, until the client sends
 /// one. python-can reads that answer with one receive call and gives up when anything else comes
-/// with it, which on a loaded machine takes its time.
-pub const HOLD: Duration = Duration::from_millis(150);
+/// with it. Longer than this, and boot-up messages of before pass for new ones.
+pub const HOLD: Duration = Duration::from_millis(20);
 
 /// What a client is told at first.
 pub const GREETING: &[u8] = b"< hi >";
