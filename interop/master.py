@@ -118,6 +118,17 @@ class Plumb:
         self.stop()
 
 
+def opened(address: dict) -> can.BusABC:
+    """A connection to the bus. python-can reads the answer to its command at once and gives up when
+    frames have come with it, as they may on a loaded machine."""
+    for _ in range(4):
+        try:
+            return can.Bus(**address)
+        except can.CanError:
+            pass
+    return can.Bus(**address)
+
+
 class Master(can.Listener):
     """A client of the bus with an SDO client for each node; keeps what it receives."""
 
@@ -156,7 +167,7 @@ class Master(can.Listener):
         """Returns when the frames of this master have been on the bus, and when it has received all
         that was there. A loaded machine may take its time for either: what another program was
         answered would pass for an answer to this master, and an old state for the one commanded."""
-        other = can.Bus(**self.address)
+        other = opened(self.address)
         try:
             self.send(PROBE, b"\x01")
             end = time.monotonic() + 6
