@@ -28,7 +28,7 @@
 //! shrinks when the machine is quiet. It is that of the vertical in one direction, so of one slope.
 //!
 //! Quiet gravity beside the vertical is in it as soon as it is seen; where it stays there, the
-//! vertical is found anew (module `quiet`).
+//! vertical is found anew (module `quiet`). So it is where the velocity is more than a machine's.
 //!
 //! Left out: samples that are missing (who knows of a gap starts anew), heading, and
 //! accelerations that last for longer than the machine's motion usually does, like the long curve

@@ -12,8 +12,11 @@
 //! uncertainty contains what is seen. No machine gains speed at a steady rate for seconds; after
 //! that the vertical is wrong.
 //!
-//! Left out: contradiction while the machine moves, which one channel alone cannot tell from the
-//! machine's own acceleration (`cross_check::gravity` compares two).
+//! While the machine moves, gravity in a wrong frame is a velocity without end, and what is more
+//! than any machine's contradicts the vertical as well.
+//!
+//! Left out: less contradiction than that while the machine moves, which one channel alone cannot
+//! tell from the machine's own acceleration (`cross_check::gravity` compares two).
 
 use super::block::Shown;
 use super::{Motion, MotionState, mean_square};
@@ -120,13 +123,14 @@ impl Motion {
     }
 
     /// True where quiet gravity has contradicted for too long: at once where the vertical is not
-    /// known yet, so that nothing is lost with it.
+    /// known yet, so that nothing is lost with it. And where the vertical gives the machine a
+    /// velocity that none has.
     pub(super) fn refuted(&self, state: &MotionState) -> bool {
         let most = match self.is_vague(state) {
             true => CONTRADICTS,
             false => self.refuted_blocks,
         };
-        state.quiet.against >= most
+        state.quiet.against >= most || state.seen > self.most_speed.into()
     }
 
     /// True where the vertical is not known yet, whatever contradicts it.

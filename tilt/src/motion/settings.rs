@@ -47,6 +47,10 @@ pub struct Expected {
     pub start_speed: f64,
     /// The least velocity that a machine is believed to have while it moves, g s.
     pub least_speed: f64,
+    /// Velocity that no machine of this kind has, g s, root mean square of both axes: what is seen
+    /// beyond it has come from a wrong vertical, which is found anew. The same happens to a machine
+    /// that gains more speed than that.
+    pub most_speed: f64,
     /// Rate about each axis below which it may be at rest, rad/s.
     pub rest_rate: f64,
     /// Change of the acceleration, from one block to the next, below which it may be at rest, g.
@@ -92,6 +96,7 @@ impl Expected {
         hold_s: 5.0,
         start_speed: 0.1,
         least_speed: 0.01,
+        most_speed: 0.5,
         rest_rate: 0.03,
         rest_accel: 0.005,
         rest_after_s: 0.4,
@@ -110,7 +115,8 @@ impl Expected {
     /// acceleration it is twice that of the part, 60 ug per root of Hz. What calibration leaves
     /// \[ASSUME\]: 0.1 % of scale and alignment, and 0.17 deg/s of bias, from one power-on to the
     /// next and over the years; the bias wanders with what gravity does to it as the housing turns.
-    /// A machine at rest moves by 3 mm/s at most, its engine idling \[ASSUME\].
+    /// A machine at rest moves by 3 mm/s at most, its engine idling, and a boom by 4 m/s
+    /// \[ASSUME\].
     pub const CALIBRATED: Self = Self {
         rate_noise: 1.0e-4,
         rate_defect: 3.0e-4,
@@ -119,6 +125,7 @@ impl Expected {
         gain: 0.001,
         accel_noise: 1.5e-4,
         rest_speed: 0.0003,
+        most_speed: 0.3,
         // The calibration's budget has it.
         accel_offset: 0.0,
         ..Self::INDUSTRIAL
@@ -152,9 +159,10 @@ pub struct Motion {
     /// Variance of a block's velocity for its mean square, the least and the most, 2^-8.
     pub(super) least_weight_q8: i64,
     pub(super) most_weight_q8: i64,
-    /// Mean squares of velocities: at the start, the least, at rest.
+    /// Mean squares of velocities: at the start, the least, the most, at rest.
     pub(super) start_speed: i64,
     pub(super) least_speed: i64,
+    pub(super) most_speed: i32,
     pub(super) rest_variance: i32,
     /// The largest turn of a block at rest, 2^-30 rad.
     pub(super) rest_turn: u32,
@@ -229,6 +237,7 @@ impl Motion {
             most_weight_q8: (2.0 * e.swing_s[1] / block_s * 256.0 + 0.5) as i64,
             start_speed: variance(e.start_speed, VELOCITY) as i64,
             least_speed: variance(e.least_speed, VELOCITY) as i64,
+            most_speed: variance(e.most_speed, VELOCITY),
             rest_variance: variance(e.rest_speed, VELOCITY),
             rest_turn: (e.rest_rate * block_s * 1_073_741_824.0) as u32,
             rest_gain: (e.rest_accel * block_s * 1_073_741_824.0) as i64,
@@ -320,6 +329,7 @@ const fn sound(e: &Expected) -> bool {
         (e.hold_s, 0.5, 1e3),
         (e.start_speed, 0.001, 1.0),
         (e.least_speed, 0.001, 1.0),
+        (e.most_speed, 0.001, 1.0),
         (e.rest_rate, 0.0, 1.0),
         (e.rest_accel, 0.0, 1.0),
         (e.rest_after_s, 0.0, 1e3),
