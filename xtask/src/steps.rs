@@ -36,6 +36,29 @@ const DOCUMENTED_TESTS: [&str; 6] = [
     "--show-output",
 ];
 
+/// What is documented: what cargo would take by itself, with an example for the features that
+/// clippy has checked the dependencies with. Without one cargo checks them all a second time, which
+/// is half of the step.
+const DOCUMENTED: [&str; 17] = [
+    "doc",
+    "--quiet",
+    "--workspace",
+    "--no-deps",
+    "--lib",
+    "--bin",
+    "emulate",
+    "--bin",
+    "footprint-canary",
+    "--bin",
+    "footprint-instrument",
+    "--bin",
+    "footprint-stack",
+    "--bin",
+    "xtask",
+    "--example",
+    "sdo_upload",
+];
+
 /// Crates that run on the part.
 const PARTS_CRATES: [&str; 5] = ["instant", "tilt", "canopen", "flash", "device"];
 
@@ -428,7 +451,7 @@ fn fuzz_long(workspace: &Workspace, tally: &mut Tally) -> Result<(), StepError> 
 }
 
 fn documentation(workspace: &Workspace, _: &mut Tally) -> Result<(), StepError> {
-    let mut cargo = workspace.cargo(&["doc", "--quiet", "--workspace", "--no-deps"]);
+    let mut cargo = workspace.cargo(&DOCUMENTED);
     cargo.env("RUSTDOCFLAGS", "-D warnings");
     Ok(command::pass(cargo)?)
 }
@@ -546,5 +569,48 @@ impl Drop for Temporary {
     fn drop(&mut self) {
         // It may never have been made, and a folder left behind is no reason to fail.
         let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
+    use super::*;
+
+    /// The names of a package's targets of a kind that cargo documents by itself.
+    fn documented(package: &Value, kind: &str) -> BTreeSet<String> {
+        let targets = package["targets"].as_array().into_iter().flatten();
+        let wanted = targets.filter(|target| {
+            let kinds = target["kind"].as_array().into_iter().flatten();
+            let of_kind = kinds.filter_map(Value::as_str).any(|other| other == kind);
+            of_kind && target["doc"] == Value::Bool(true)
+        });
+        let names = wanted.filter_map(|target| target["name"].as_str());
+        names.map(str::to_owned).collect()
+    }
+
+    /// A program of its own name is in the documentation; one of its library's name is not.
+    #[test]
+    fn every_program_that_cargo_documents_by_itself_is_documented() {
+        let words = [
+            "metadata",
+            "--no-deps",
+            "--format-version",
+            "1",
+            "--offline",
+        ];
+        let said = command::capture(Workspace::locate().cargo(&words)).expect("the workspace");
+        let said: Value = serde_json::from_str(&said).expect("JSON");
+        let mut programs = BTreeSet::new();
+        for package in said["packages"].as_array().expect("packages") {
+            let libraries = documented(package, "lib");
+            programs.extend(&documented(package, "bin") - &libraries);
+        }
+        let named = DOCUMENTED.windows(2).filter(|words| words[0] == "--bin");
+        let named: BTreeSet<_> = named.map(|words| words[1].to_owned()).collect();
+        assert_eq!(named, programs);
     }
 }
