@@ -33,9 +33,14 @@ pub struct Site {
 }
 
 impl Site {
-    /// An instrument as it is delivered, in OPERATIONAL, settled and compared.
+    /// The product as it is delivered, in OPERATIONAL, settled and compared.
     pub fn working() -> Self {
-        let delivered = Delivered::calibrated(Mode::Product, &World::NOMINAL, 1, 0).unwrap();
+        Self::of(Mode::Product)
+    }
+
+    /// An instrument of this mode in the same state.
+    pub fn of(mode: Mode) -> Self {
+        let delivered = Delivered::calibrated(mode, &World::NOMINAL, 1, 0).unwrap();
         let mut network = Network::new(250_000, 1);
         let fittings = [1, 2].map(|node_id| Fitting {
             node_id,

@@ -10,7 +10,8 @@ use super::verdict;
 use crate::blackbox::data::{PlotReport, PlotRow};
 use crate::totals::{
     Bins, Capture, ChannelSummary, Collected, Day, DifferenceSummary, End, Event, Extremes, Gaps,
-    Identity, Instrument, Kind, Last, Recorder, Summary, Tally, Traffic, Unusable, What,
+    Identity, Instrument, Kind, Last, MotionSummary, Recorder, Summary, Tally, Traffic, Unusable,
+    What,
 };
 use codes::words;
 use listen::Round;
@@ -21,6 +22,9 @@ const PERCENTILES: [f64; 5] = [1.0, 5.0, 50.0, 95.0, 99.0];
 
 /// Bars of a histogram, about.
 const BARS: usize = 60;
+
+/// A step of the rates on the bus, deg/s.
+const CENTIDEGREE: f64 = 0.01;
 
 /// Days between which those without data are told one by one; beyond them only days with data.
 const MOST_DAYS: u64 = 800;
@@ -252,6 +256,7 @@ fn channel(
         uncertainty_unknown: channel.uncertainty_unknown,
         temperature: quantity(&channel.temperature, &channel.temperature_bins, 1.0),
         activity: quantity(&channel.activity, &channel.activity_bins, 1.0),
+        motion: channel.motion.as_deref().map(motion),
         emergencies: codes
             .map(|(code, count)| CodeReport {
                 code: format!("{code:04X}h"),
@@ -273,6 +278,31 @@ fn channel(
                 first_s: seconds(finding.first_ns),
             })
             .collect(),
+    }
+}
+
+fn motion(summary: &MotionSummary) -> MotionReport {
+    let slopes = (0..).zip(&summary.slope);
+    let rates = ["x", "y", "z"].into_iter().zip(&summary.rate);
+    MotionReport {
+        angles: summary.angles,
+        slopes: slopes.map(|(axis, tally)| figures(axis, tally)).collect(),
+        uncertainty: quantity(&summary.uncertainty, &summary.uncertainty_bins, 1e-3),
+        messages: summary.rates,
+        rates: rates.map(|(axis, tally)| rate(axis, tally)).collect(),
+        fastest_bins: bins(&summary.fastest_bins, CENTIDEGREE),
+    }
+}
+
+fn rate(axis: &str, tally: &Tally) -> RateReport {
+    let scaled = |value: f64| rounded(value * CENTIDEGREE);
+    RateReport {
+        axis: axis.to_owned(),
+        count: tally.count(),
+        min_dps: tally.extremes().map(|both| scaled(both.0.into())),
+        max_dps: tally.extremes().map(|both| scaled(both.1.into())),
+        mean_dps: tally.mean().map(scaled),
+        rms_dps: tally.rms().map(scaled),
     }
 }
 

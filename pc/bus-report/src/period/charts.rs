@@ -287,6 +287,36 @@ pub fn quantities(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<C
     charts
 }
 
+/// Rates of turn and the uncertainty of the angle now over time, where there is a gyroscope.
+pub fn motion(report: &PeriodReport, instrument: &InstrumentReport) -> Vec<Chart> {
+    let plots = |of: fn(&MotionReport) -> &[Bin]| {
+        let channels = instrument.channels.iter().zip(INKS);
+        let plots = channels.filter_map(|(channel, ink)| {
+            let motion = channel.motion.as_ref()?;
+            let name = format!("Channel {}", channel.channel);
+            Some(Plot::new(name, ink, band(of(motion))))
+        });
+        plots.collect::<Vec<_>>()
+    };
+    let number = instrument.number;
+    vec![
+        over_time(
+            report,
+            format!("rate-{number}"),
+            "Rate of turn about the fastest axis",
+            "deg/s",
+            plots(|motion| &motion.fastest_bins),
+        ),
+        over_time(
+            report,
+            format!("uncertainty-now-{number}"),
+            "Standard uncertainty of the angle now (k = 1)",
+            "deg",
+            plots(|motion| &motion.uncertainty.bins),
+        ),
+    ]
+}
+
 /// What was on the bus over time.
 pub fn load(report: &PeriodReport, number: usize, bus: &BusReport) -> Chart {
     let (unit, y) = match bus.bit_rate_bit_s {

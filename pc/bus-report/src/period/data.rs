@@ -220,6 +220,8 @@ pub struct ChannelReport {
     pub temperature: QuantityReport,
     /// Energy above 150 Hz (2010h sub 9), 8 steps per doubling, 64 for the channel's own noise.
     pub activity: QuantityReport,
+    /// Angle now and rates of turn, of a channel with a gyroscope.
+    pub motion: Option<MotionReport>,
     /// EMCY messages by code.
     pub emergencies: Vec<CodeReport>,
     /// Boot-up messages.
@@ -232,6 +234,40 @@ pub struct ChannelReport {
     pub malformed: u64,
     /// What does not fit together in what it says.
     pub findings: Vec<FindingReport>,
+}
+
+/// The motion of a channel with a gyroscope.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionReport {
+    /// Messages with the angle now (TPDO 5).
+    pub angles: u64,
+    /// Slope X and slope Y at the SYNC itself (2029h).
+    pub slopes: Vec<AxisFigures>,
+    /// Its standard uncertainty (2029h sub 3), deg.
+    pub uncertainty: QuantityReport,
+    /// Messages with rates of turn (TPDO 6).
+    pub messages: u64,
+    /// About the housing's X, Y and Z (202Ah).
+    pub rates: Vec<RateReport>,
+    /// Least and greatest size of the fastest of the three per bin of time, deg/s.
+    pub fastest_bins: Vec<Bin>,
+}
+
+/// A rate of turn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RateReport {
+    /// `x`, `y` or `z`.
+    pub axis: String,
+    /// Values.
+    pub count: u64,
+    /// Least, deg/s.
+    pub min_dps: Option<f64>,
+    /// Greatest.
+    pub max_dps: Option<f64>,
+    /// Mean: over a long time, what is left of the gyroscope's bias.
+    pub mean_dps: Option<f64>,
+    /// Root of the mean square.
+    pub rms_dps: Option<f64>,
 }
 
 /// Something that does not fit together.

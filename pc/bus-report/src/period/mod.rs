@@ -173,6 +173,7 @@ fn shown(report: &PeriodReport, written: &Written) -> String {
             tables::days(instrument),
             tables::events(report, instrument, true),
             tables::angles(instrument),
+            tables::rates(instrument),
             tables::difference(instrument),
         ];
         for table in all.iter().filter(|table| !table.rows.is_empty()) {

@@ -163,6 +163,11 @@ fn what_was_measured(report: &PeriodReport, instrument: &InstrumentReport) -> St
     out += &row_of(&charts::histograms(instrument));
     let availability = tables::availability(instrument);
     out += &table_or(&availability, "No stretch of time has angles.");
+    let rates = tables::rates(instrument);
+    if !rates.rows.is_empty() {
+        out += &html::table(&rates);
+        out += &row_of(&charts::motion(report, instrument));
+    }
     out += &html::table(&tables::channels(instrument));
     let findings = tables::findings(report, instrument);
     out += &table_or(&findings, "All data of the channels are consistent.");

@@ -142,17 +142,16 @@ fn how_long(event: &EventReport) -> String {
 
 /// The angles of both channels.
 pub fn angles(instrument: &InstrumentReport) -> Table {
-    let channels = instrument.channels.iter();
-    let slopes: Vec<_> = channels
-        .flat_map(|channel| channel.slopes.iter().map(move |slope| (channel, slope)))
-        .collect();
+    let slopes: Vec<_> = instrument.channels.iter().flat_map(angles_of).collect();
     let rows = Rows::of("Angles while they could be used", &slopes)
-        .text("Channel", |(channel, _)| {
+        .text("Channel", |(channel, ..)| {
             named(&channel.channel, channel.node_id)
         })
-        .text("Slope", |(_, slope)| slope.values.axis.to_uppercase())
-        .count("Values", |(_, slope)| slope.values.count);
-    let mut table = figures(rows, 2, |(_, slope)| &slope.values).table();
+        .text("Slope", |(_, when, values)| {
+            values.axis.to_uppercase() + when
+        })
+        .count("Values", |(.., values)| values.count);
+    let mut table = figures(rows, 2, |(.., values)| *values).table();
     let steps = instrument
         .channels
         .iter()
@@ -165,6 +164,39 @@ pub fn angles(instrument: &InstrumentReport) -> Table {
         table.notes.push(note);
     }
     table
+}
+
+/// The slopes of a channel, then those now where it has a gyroscope.
+fn angles_of(channel: &ChannelReport) -> Vec<(&ChannelReport, &'static str, &AxisFigures)> {
+    let slopes = channel.slopes.iter().map(|slope| ("", &slope.values));
+    let now = channel.motion.iter().flat_map(|motion| &motion.slopes);
+    let all = slopes.chain(now.map(|values| (" now", values)));
+    all.map(|(when, values)| (channel, when, values)).collect()
+}
+
+/// The rates of turn of channels with a gyroscope.
+pub fn rates(instrument: &InstrumentReport) -> Table {
+    let rates: Vec<_> = instrument.channels.iter().flat_map(rates_of).collect();
+    Rows::of("Rates of turn", &rates)
+        .text("Channel", |(channel, _)| {
+            named(&channel.channel, channel.node_id)
+        })
+        .text("About", |(_, rate)| rate.axis.to_uppercase())
+        .count("Values", |(_, rate)| rate.count)
+        .number("Mean", 2, |(_, rate)| rate.mean_dps)
+        .under("deg/s")
+        .number("Root mean square", 2, |(_, rate)| rate.rms_dps)
+        .under("deg/s")
+        .number("Least", 2, |(_, rate)| rate.min_dps)
+        .under("deg/s")
+        .number("Greatest", 2, |(_, rate)| rate.max_dps)
+        .under("deg/s")
+        .table()
+}
+
+fn rates_of(channel: &ChannelReport) -> impl Iterator<Item = (&ChannelReport, &RateReport)> {
+    let rates = channel.motion.iter().flat_map(|motion| &motion.rates);
+    rates.map(move |rate| (channel, rate))
 }
 
 /// A figure of an axis, deg.

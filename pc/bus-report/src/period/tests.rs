@@ -455,6 +455,8 @@ mod documented {
     fn every_field_is_documented_and_no_other() {
         let mut found = keys(&super::full());
         found.insert("saved".to_owned());
+        let turned = super::collected(super::turned(), super::PartOptions::default());
+        found.extend(keys(&turned));
         let documented = documented(DOCUMENT);
         let missing: Vec<_> = found.difference(&documented).collect();
         assert!(missing.is_empty(), "not documented: {missing:?}");
@@ -499,5 +501,88 @@ mod documented {
         assert!(text.starts_with("{\"format\":\"plumb-period\",\"version\":1,"));
         let read: super::PeriodReport = serde_json::from_str(&text).unwrap();
         assert_eq!(read, report);
+    }
+}
+
+/// A housing with gyroscopes that turns by 20 deg at 20 deg/s.
+fn turned() -> &'static Vec<(u64, Frame)> {
+    static FRAMES: LazyLock<Vec<(u64, Frame)>> = LazyLock::new(|| {
+        let mut site = Site::of(sim::bench::Mode::Dynamic);
+        for (index, base) in [(0x04, 0x02), (0x05, 0x03)] {
+            for node in [1, 2] {
+                // TPDO 5 and 6 are off as delivered (1804h and 1805h sub 1).
+                let on = [0x23, index, 0x18, 1, node, base, 0, 0];
+                site.send(0x600 + u16::from(node), &on);
+                site.run_ms(20);
+            }
+        }
+        site.tilt(20.0, 0.0);
+        site.run_ms(3000);
+        site.frames
+    });
+    &FRAMES
+}
+
+#[test]
+fn angle_now_and_rates_of_turn_are_in_the_report_of_an_instrument_with_a_gyroscope() {
+    let report = collected(turned(), PartOptions::default());
+    let [instrument] = &report.instruments[..] else {
+        panic!("one instrument");
+    };
+    for channel in &instrument.channels {
+        let motion = channel.motion.as_ref().unwrap();
+        let [x, y] = &motion.slopes[..] else {
+            panic!("two slopes");
+        };
+        let last = motion.uncertainty.bins.last().unwrap();
+        assert!(x.count > 200 && motion.angles >= x.count, "{motion:?}");
+        assert!((x.max_deg.unwrap() - 20.0).abs() < 0.5, "{x:?}");
+        assert!(y.max_deg.unwrap().abs() < 0.5, "{y:?}");
+        assert!(last.2 < 1.0, "{last:?}");
+        let size = |dps: Option<f64>| dps.unwrap().abs();
+        let rates = motion.rates.iter();
+        let sizes = rates.flat_map(|rate| [size(rate.min_dps), size(rate.max_dps)]);
+        let fastest = sizes.fold(0.0, f64::max);
+        assert!((fastest - 20.0).abs() < 2.0, "{fastest}");
+        let most = motion.fastest_bins.iter().map(|bin| bin.2);
+        assert_eq!(most.fold(0.0, f64::max), fastest);
+    }
+    assert_eq!(tables::angles(instrument).rows.len(), 8);
+    assert_eq!(tables::rates(instrument).rows.len(), 6);
+    let page = page::page(&report);
+    check::assert_balanced(&page);
+    check::assert_stands_alone(&page);
+    assert!(page.contains("Rate of turn about the fastest axis"));
+    assert!(page.contains("X now"));
+}
+
+#[test]
+fn the_report_of_an_instrument_without_gyroscopes_has_no_motion() {
+    let channels = &report().instruments[0].channels;
+    assert!(channels.iter().all(|channel| channel.motion.is_none()));
+    assert!(!page::page(report()).contains("Rate of turn"));
+}
+
+/// The motion of two halves, merged in either order, is that of the whole.
+#[test]
+fn motion_merges_as_all_else_does() {
+    let collect = |frames: &[(u64, Frame)]| {
+        let mut collector = Collector::new(&Plan::default());
+        for (at_ns, frame) in frames {
+            collector.take(START_NS + at_ns, frame);
+        }
+        let collected = collector.finish();
+        let (_, instrument) = collected.instruments.into_iter().next().unwrap();
+        instrument.summary
+    };
+    let (first, second) = turned().split_at(turned().len() / 2);
+    let [first, second] = [collect(first), collect(second)];
+    let whole = collect(turned());
+    for (mut one, other) in [(first.clone(), &second), (second.clone(), &first)] {
+        one.merge(other);
+        for (own, whole) in one.channels.iter().zip(&whole.channels) {
+            assert!(own.motion.is_some());
+            assert_eq!(own.motion, whole.motion);
+        }
     }
 }

@@ -15,6 +15,7 @@ use super::events::{End, Events, What};
 use super::gaps::Gap;
 use super::identity::Identity;
 use super::kind::Kind;
+use super::motion::MotionSummary;
 use super::summary::{ChannelSummary, Summary, Unusable};
 use listen::{
     Beat, Detail, Emergency, GAP_NS, Meaning, Measured, Pair, Round, SAME_START_NS, Slopes,
@@ -115,6 +116,8 @@ impl Instrument {
                     }
                 }
             }
+            Meaning::Angle(_) => self.motion(side, |motion| motion.take_angle(now_ns, &sent.now)),
+            Meaning::Rates(_) => self.motion(side, |motion| motion.take_rates(now_ns, &sent.now)),
             Meaning::Emergency(_, emergency) => {
                 self.emergency(now_ns, side, &emergency, sent.faults);
             }
@@ -242,6 +245,13 @@ impl Instrument {
             channel.activity.add(activity);
             let bins = &mut channel.activity_bins;
             bins.add(now_ns, Extremes::of(activity));
+        }
+    }
+
+    /// TPDO 5 or 6.
+    fn motion(&mut self, number: usize, take: impl FnOnce(&mut MotionSummary)) {
+        if let Some(channel) = self.summary.channels.get_mut(number) {
+            take(channel.motion.get_or_insert_default());
         }
     }
 

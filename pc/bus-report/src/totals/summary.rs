@@ -15,6 +15,7 @@ use super::bins::{Bins, Extremes};
 use super::days::Days;
 use super::gaps::Gaps;
 use super::kind::Kind;
+use super::motion::MotionSummary;
 use super::tally::Tally;
 use listen::Checks;
 
@@ -62,6 +63,9 @@ pub struct ChannelSummary {
     pub activity: Tally,
     /// The same over time.
     pub activity_bins: Bins<Extremes>,
+    /// Its motion, where it has a gyroscope. Summaries of before this was counted are without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Box<MotionSummary>>,
     /// EMCY messages by code; 0 is "gone".
     pub emergencies: BTreeMap<u16, u64>,
     /// Boot-up messages.
@@ -99,6 +103,9 @@ impl ChannelSummary {
         self.temperature_bins.merge(&other.temperature_bins);
         self.activity.merge(&other.activity);
         self.activity_bins.merge(&other.activity_bins);
+        if let Some(other) = &other.motion {
+            self.motion.get_or_insert_default().merge(other);
+        }
         add_all(&mut self.emergencies, &other.emergencies);
         self.boots += other.boots;
         self.heartbeat_losses += other.heartbeat_losses;
